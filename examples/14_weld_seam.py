@@ -25,7 +25,7 @@ t = np.linspace(0.0, motion.duration, 3000)
 q, qd, _ = motion.at(t)
 speed = np.linalg.norm(np.einsum("kij,kj->ki", aw.compile(arm).jacobian(q), qd)[:, :3], axis=1)
 (x, y, z), (off, angle) = aw.compile(arm).forward_kinematics(q)[:, :3, 3].T, motion.solution.deviation
-print(f"{seam.length:.3f} m in {motion.duration:.2f} s, {motion.slowed:.2f} times slower than asked")
+print(f"{seam.length:.3f} m in {motion.duration:.2f} s, {motion.slowed:.2f} times slower than requested")
 print(f"off the path by less than {np.ceil(1e6 * off):.0f} µm and {np.ceil(1e6 * angle):.0f} µrad")
 
 axes = (figure := Figure(figsize=(11.0, 3.2), layout="constrained")).subplots(1, 3)

@@ -21,7 +21,7 @@ ABSENT: Any = type("Absent", (), {"__repr__": lambda self: "ABSENT", "__bool__":
 
 @dataclass(frozen=True)
 class Problem:
-    """One thing that is wrong, or a note about something worth knowing; `str` gives it as one sentence.
+    """One mistake, or a note; `str` gives it as one sentence.
 
     Attributes:
         what: the problem in words, where "expected" does not say it all.
@@ -52,12 +52,12 @@ class Problem:
 
     @property
     def line(self) -> float:
-        """The line of the file, inf where it is not known."""
+        """The line of the file, inf if unknown."""
         _, _, number = self.file.rpartition(":")
         return float(number) if number.isdecimal() else math.inf
 
     def within(self, place: str = "", file: Any = "") -> Problem:
-        """The problem as seen from outside: `place` is put before its own place, a missing `file` is filled in."""
+        """The problem as seen from an outer record: `place` is put before its own place, a missing `file` is filled in."""
         separator = "" if not place or not self.place or self.place.startswith(("[", " ")) else "."
         if separator and place.endswith("'"):  # of a table with a name: joint 'elbow' motor
             separator = " "
@@ -85,7 +85,7 @@ class Findings:
 
 
 class ArmwrightError(Exception):
-    """Root of all exceptions that Armwright raises for its users' sake.
+    """Root of all exceptions that Armwright raises for its users.
 
     Args:
         what, place, value, expected, choices, file: as in `Problem`.   others: further problems of the same input.
@@ -179,11 +179,11 @@ class ArmwrightError(Exception):
 
 
 class DescriptionError(ArmwrightError):
-    """A robot's description cannot be believed: a missing key, a wrong unit, an impossible inertia."""
+    """A robot's description is wrong: a missing key, a wrong unit, an impossible inertia."""
 
 
 class ModelError(ArmwrightError):
-    """The arm is well described, but cannot do what was asked: no tip, no motor constant, a closed chain."""
+    """The arm cannot be used as requested: no tip, no motor constant, a closed chain."""
 
 
 class ShapeError(ArmwrightError):
@@ -195,15 +195,15 @@ class ScheduleError(ArmwrightError):
 
 
 class ScenarioError(ArmwrightError):
-    """A simulation cannot be run as it was asked for, found before it runs."""
+    """A simulation cannot be run as described; found before the run."""
 
 
 class DivergenceError(ArmwrightError):
-    """A simulation left the finite numbers."""
+    """A simulation diverged: infinite or not a number."""
 
 
 class SessionError(ArmwrightError):
-    """A line of a session cannot be understood, or done now."""
+    """A line of a session cannot be understood, or not be executed now."""
 
 
 class RunError(ArmwrightError):
@@ -215,23 +215,23 @@ class LogError(ArmwrightError):
 
 
 class IdentificationError(ArmwrightError):
-    """Parameters cannot be fitted as asked: too few rows, a method that needs more than the log has."""
+    """Parameters cannot be fitted as requested: too few rows, or a method that needs more than the log has."""
 
 
 class BusError(ArmwrightError):
-    """An arm cannot be reached over a bus, or must not be driven over it: no such bus, a wrong node, a limit, a fault."""
+    """An arm cannot be reached over a bus, or must not be moved over it: no such bus, a wrong node, a limit, a fault."""
 
 
 class OutputError(ArmwrightError):
-    """A result cannot be written where it was asked to go."""
+    """A result cannot be written to the given path."""
 
 
 class ProgramError(ArmwrightError):
-    """A function cannot be traced or compiled: an operation that has no row in the table."""
+    """A function cannot be traced or compiled, for example because of an unknown operation."""
 
 
 class HiddenStateError(ProgramError):
-    """A traced function computes with what another call left behind; its result is no function of its arguments."""
+    """A traced function depends on something left by another call, not on its arguments alone."""
 
 
 class ExpressionError(ArmwrightError):
@@ -251,7 +251,7 @@ class Interrupted(KeyboardInterrupt):
 
 
 def shown(value: Any) -> str:
-    """A value as a sentence repeats it: on one line, shortened; text in quotes, arrays as lists."""
+    """A value as text for an error: on one line, shortened; text in quotes, arrays as lists."""
     if hasattr(value, "tolist") and hasattr(value, "dtype"):
         few = slice(0, 20)  # of each axis of a large array, which is never turned into a list as a whole
         value = (value if value.size <= 1000 else value[(few,) * value.ndim]).tolist()
@@ -266,7 +266,7 @@ def shown(value: Any) -> str:
 
 
 def nearest(name: str, choices: Iterable[str]) -> str:
-    """The end of an error sentence: the nearest names, or all there are. `nearest("pma560", …)` → "did you mean puma560?"."""
+    """The end of an error sentence: similar names, or all valid ones. `nearest("pma560", …)` → "did you mean puma560?"."""
     import difflib  # only those who err need it
 
     choices = sorted(choices)

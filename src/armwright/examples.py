@@ -1,4 +1,4 @@
-"""The example programs and files: where they are, what each is, and copies of them."""
+"""The example programs and files: their paths, their titles, and copies of them."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def example_title(path: Path) -> str:
 
 
 def copy_examples(folder: str | os.PathLike[str]) -> list[Path]:
-    """Copies of all examples in a folder, which is made if it is not there. No file is overwritten.
+    """Copies all examples into a folder, which is created if absent. No file is overwritten.
 
     Args:
         folder: where they go, with their folders below it.

@@ -1,4 +1,4 @@
-"""Formulas as text: `0.3*sin(2*pi*t)`, `30 deg`. Python's own parser reads them, and nothing but arithmetic is evaluated."""
+"""Formulas as text: `0.3*sin(2*pi*t)`, `30 deg`. Python's parser reads them; only arithmetic is evaluated."""
 
 from __future__ import annotations
 

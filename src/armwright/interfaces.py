@@ -1,4 +1,4 @@
-"""Protocols of what users write: controllers, sensors and trajectories, as plain functions and small frozen dataclasses.
+"""Protocols for users' controllers, sensors and trajectories, as plain functions and small frozen dataclasses.
 
 All are written with `armwright.scalar` on the arrays of one lane, and are traced into the compiled loop.
 """
@@ -47,7 +47,7 @@ class Measurement:
 
 @runtime_checkable
 class Controller(Protocol):
-    """A control law with memory: `init` gives its state at the beginning, `step` what it commands and its next state.
+    """A control law with memory: `init` gives its initial state, `step` its command and next state.
 
     A law without memory may be a plain function (t, r, y) → u. Fields of a dataclass may be of any shape; one that is
     given as a `Batch` has a value a lane, and `init` and `step` see that of their lane.
@@ -76,7 +76,7 @@ class Controller(Protocol):
 
 
 class Sensor(Protocol):
-    """A sensor: what of the plant it measures, and how well. Delays and losses are the loop's own, as `Timing` says.
+    """A sensor: a measurement of the plant, with its errors. Delays and losses belong to the loop's `Timing`.
 
     Three further methods are optional. `init(plant)` gives what the sensor remembers before the first tick, (k,) numbers; a
     sensor without it remembers nothing. `draws(arm)` is the number of random numbers that a measurement takes. `exact()` is
@@ -113,7 +113,7 @@ class Trajectory(Protocol):
 
 
 def called(function: Any) -> str:
-    """The name of a function or, of an object that stands for one, of its class."""
+    """The name of a function, or the class name of an object used as one."""
     return getattr(function, "__name__", type(function).__name__)
 
 

@@ -1,4 +1,4 @@
-"""Tables that few robot files have: their records are imported, and what checks them is built, when the first one is met.
+"""Records of rare tables of robot files: imported, with their validators, when the first one is read.
 
 Pydantic turns every type that a record names into a checker. For all that a robot file may hold, this takes as long as to
 read several robots.
@@ -17,7 +17,7 @@ from pydantic_core import CoreSchema, core_schema
 
 @dataclass(frozen=True)
 class Later:
-    """A record, or one of several, by the place where it is written."""
+    """A type of record, or one of several, by its import path."""
 
     module: str
     name: str

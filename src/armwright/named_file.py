@@ -1,4 +1,4 @@
-"""Files that other files name: their paths start in a folder and stay below it, or below one that the user named."""
+"""Files named by other files: paths relative to a folder and below it, or below one that the user allowed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Names that Pinocchio, MuJoCo, the Robotics Toolboxes and Drake have for what is called otherwise here."""
+"""Names of other toolboxes (Pinocchio, MuJoCo, Robotics Toolboxes, Drake) with their names in Armwright."""
 
 from __future__ import annotations
 
@@ -45,13 +45,13 @@ HERE = {other: name for name, others in OTHERS.items() for other in (*others.spl
 
 
 def advice(name: str, known: Container[str]) -> str:
-    """The end of a sentence about a name that is not there: what it is called here, or nothing."""
+    """The end of an error about an unknown name: its name in Armwright, or nothing."""
     here = HERE.get(name.replace("_", "").lower(), "")
     return f"; here it is {here}" if here in known else ""
 
 
 def answering(function: Callable[P, R]) -> Callable[P, R]:
-    """The function, whose unknown keywords of other toolboxes are answered with the name here.
+    """The function with errors that translate unknown keywords of other toolboxes.
 
     Raises:
         TypeError: such a keyword; names the one here.

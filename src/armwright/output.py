@@ -1,4 +1,4 @@
-"""Output files: checked before long work, and written whole or not at all.
+"""Output files: checked before long work, and written completely or not at all.
 
 A file is written under a temporary name, `.armwright-HOST-PROCESS-RANDOM.ending`, and then takes its place. What a killed process
 left under such a name is removed by the next write into that folder.
@@ -25,7 +25,7 @@ STALE = 86400.0  # [s] after which a temporary file is nobody's, where its proce
 def check_destination(
     path: str | os.PathLike[str], endings: Sequence[str] = (), *, read: Sequence[str | os.PathLike[str] | None] = ()
 ) -> Path:
-    """The path, if a file can be written there; to be asked before long work.
+    """The path, if a file can be written there; to be called before long work.
 
     Args:
         path: where a result should go; a file that is there already will be replaced.
@@ -61,7 +61,7 @@ def check_destination(
 def whole_file(
     path: str | os.PathLike[str], endings: Sequence[str] = (), *, follow_link: bool = True
 ) -> Iterator[Path]:
-    """A temporary path in the same folder, which replaces `path` when the block ends well.
+    """A temporary path in the same folder, renamed to `path` if the block succeeds.
 
     If the block fails, the temporary file is removed, and a file that was at `path` stays as it was.
 

@@ -1,4 +1,4 @@
-"""Values that differ by lane: a `Batch` or a `Draw`, wherever a scenario or one of its parts takes a number or an array."""
+"""Values that differ by lane: a `Batch` or a `Draw`, in place of any number or array of a scenario."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class Batch:
 
     @property
     def shape(self) -> tuple[int, ...] | None:
-        """Shape of one lane's value; None of values that are no numbers."""
+        """Shape of one lane's value; None if values are not numbers."""
         return self.values.shape[1:] if isinstance(self.values, np.ndarray) else None
 
     def __array__(self, *args: Any, **kwargs: Any) -> Any:
@@ -64,7 +64,7 @@ class Batch:
 
 @dataclass(frozen=True, eq=False)
 class Draw:
-    """A random value for each lane, wherever a `Batch` may stand; lane k's depends on seed, place and k alone.
+    """A random value for each lane, in place of a `Batch`; lane k's value depends on seed, place and k alone.
 
     `Draw()` follows the standard deviation that the robot's record gives, for numbers in `vary`. Others are made by
     `Draw.normal`, `Draw.uniform` and `Draw.lognormal`. Values are drawn by inverting the distribution, one uniform number of a

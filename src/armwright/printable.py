@@ -1,4 +1,4 @@
-"""Text that a terminal shows as it is: characters that would steer the terminal, or turn text round, as backslash escapes."""
+"""Text made safe for a terminal: control characters and text-direction marks as backslash escapes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Progress bars for work that takes over a second, in terminals and notebooks; nothing for quicker work and without either.
+"""Progress bars in terminals and notebooks, for work that takes over a second.
 
 A library must not write into other people's pipes: a bar is shown only where standard error is a terminal, or in a notebook, by
 the main thread, one at a time. `progress=False` of the functions that have one keeps them silent there too.
@@ -26,7 +26,7 @@ _shown = threading.local()  # whether a bar of this thread is open: what it call
 
 @contextlib.contextmanager
 def progress(words: str, unit: str = "") -> Iterator[Progress]:
-    """Shows `words` and how far the work in the block is, which may call what it is given with (done, total).
+    """Shows `words` and the progress of the block, which reports it by calling the yielded function with (done, total).
 
     Args:
         words: what is done.   unit: of what is counted; where it is given, the rate is shown too.
@@ -54,7 +54,7 @@ def progress(words: str, unit: str = "") -> Iterator[Progress]:
 def automatic(
     given: Progress | Literal[False] | None, words: str, unit: str = ""
 ) -> Iterator[Progress | Literal[False]]:
-    """What a function's argument `progress` means: the caller's function, a bar where a person can see it, or nothing.
+    """Progress function for an argument `progress`: the caller's own, a bar in a terminal or notebook, or none.
 
     Args:
         given: the argument; None: a bar, if any is seen.   words, unit: of the bar.

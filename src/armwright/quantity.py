@@ -51,7 +51,7 @@ class Record(BaseModel):
 
 
 def check_together(record: Record, *keys: str) -> None:
-    """Refuses a record that has some of these keys and not all.
+    """Refuses a record with some but not all of these keys.
 
     Raises:
         Invalid: names one that is there and those that are missing.
@@ -192,7 +192,7 @@ def _points(value: Any) -> tuple[tuple[float, ...], ...]:
 
 @dataclass(frozen=True)
 class Reading:
-    """Values that a file may give for a quantity: `read` understands one, `test` allows it, `expected` says so in errors.
+    """Form of a quantity in files: `read` parses a value, `test` accepts or rejects it, `expected` describes it in errors.
 
     A single number's test takes arrays of them as well; `bounds` are those of what it allows.
     """

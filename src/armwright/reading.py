@@ -1,4 +1,4 @@
-"""Files that a user, or a user's file, names: regular files of a limited size are read, nothing else is opened or waited for."""
+"""Reading of files named by a user or by a user's file: regular files of limited size only."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def _unreadable(fault: OSError | ValueError, name: str, error: type[ArmwrightErr
 
 
 def real_path(path: Path) -> Path:
-    """The path behind symbolic links, absolute; of a link to itself its own, which no reader opens."""
+    """The absolute path with symbolic links resolved; for a link to itself, the link."""
     return Path(os.path.realpath(path))  # Path.resolve raises where links go round
 
 

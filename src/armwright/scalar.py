@@ -215,7 +215,7 @@ def round(value: Array) -> Array:
 
 
 def clip(value: Array, lowest: Array, highest: Array) -> Array:
-    """The value held between two limits; NaN stays NaN."""
+    """The value limited to an interval; NaN stays NaN."""
     return minimum(maximum(value, lowest), highest)
 
 
@@ -228,7 +228,7 @@ def array(nested: Any) -> np.ndarray:
 
 
 def real_numbers(value: Any, dtype: Any = float) -> np.ndarray:
-    """An array of numbers of one type from what a user hands in: a number, an array, or lists of numbers.
+    """An array of numbers of one type from a user's number, array, or lists of numbers.
 
     Args:
         value: real numbers of any type.   dtype: NumPy's type of the result.

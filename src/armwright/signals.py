@@ -1,4 +1,4 @@
-"""Signals: named quantities side by side in one vector, wherever a vector crosses a border of the simulation.
+"""Signals: named quantities side by side in one vector, for every vector that enters or leaves a part of the simulation.
 
 The state x of a plant, its inputs u, measurements y, references r: each is one flat vector in the compiled loop, and a
 `Layout` says what stands where. Datasets, recordings and readers of measurements are made from layouts, so that no slice is

@@ -1,4 +1,4 @@
-"""The one place that writes to the terminal. What it writes may come from any file, and is made printable here.
+"""The only writer to the terminal; all text, from whatever file, is made printable here.
 
 Texts that go into a pipe or a file have the ASCII minus, so that other programs can read their numbers.
 """

@@ -1,4 +1,4 @@
-"""A TOML text read statement by statement: the tables, the lines that keys stand on, every mistake of its syntax."""
+"""A TOML text parsed statement by statement: tables, line numbers of keys, and all syntax errors."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ Statement = tuple[int, str, dict[str, Any]]  # line from 1 on, text, its tables 
 
 
 class TomlText:
-    """A TOML text whose mistakes are all reported, with their lines.
+    """A TOML text; all syntax errors are reported with their lines.
 
     Args:
         text: the text.   file: its path, for errors.
@@ -65,7 +65,7 @@ class TomlText:
 
     @contextmanager
     def checked(self, error: type[ArmwrightError]) -> Iterator[None]:
-        """A block that makes something of the tables; what it raises gets lines, and the mistakes of the syntax beside it.
+        """A block that converts the tables; its errors get line numbers, and are reported together with the syntax errors.
 
         Raises:
             error: where the syntax alone has mistakes.   ArmwrightError: as the block raised it, with lines.

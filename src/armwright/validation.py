@@ -1,4 +1,4 @@
-"""Data as records: a file's tables are checked, and what is wrong is reported with place, value and expectation."""
+"""Tables of a file checked against records; each mistake is reported with place, value and expectation."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ def validated(
 
 
 def readable(record: type[AnyRecord], data: Mapping[str, Any], folder: Path | None = None) -> AnyRecord | None:
-    """The record without the keys that are wrong, in which further mistakes are looked for; None where it needs them.
+    """The record without its wrong keys, so that further mistakes can be found; None if those keys are needed.
 
     Args:
         record: its type.   data: what `validated` refuses.   folder: as there.
@@ -325,7 +325,7 @@ def _plain(value: Any) -> Any:
 
 
 def place_of(location: Location, data: Any, *, is_missing: bool = False) -> str:
-    """A place in the file in its reader's words: `joint 'elbow' motor.resistance_ohm`.
+    """A place in the file in the reader's words: `joint 'elbow' motor.resistance_ohm`.
 
     Pydantic puts names of its own into a location (the branch of a union, a validator): what is no key there is left out.
 

@@ -32,7 +32,7 @@ def test_column_of_zeros_is_a_direction_by_itself():
     (direction,) = weak_directions(np.diag([1.0, 0.0, 2.0]), ["m6", "mcz6", "fv1"])
     assert direction.names == ("mcz6",)
     assert np.isinf(direction.condition)
-    assert "cannot be told from this motion" in in_words(direction, ABOUT)
+    assert "cannot be identified from this motion" in in_words(direction, ABOUT)
 
 
 def test_gain_is_the_growth_of_the_smallest_singular_value():

@@ -65,9 +65,9 @@ def test_where_a_tool_is_slower_than_asked_is_said(tmp_path):
     slow, local = (planned(tmp_path, "", SEAM.format(line)) for line in ("", 'slow = "where needed"'))
     assert local.motion.duration < slow.motion.duration
     assert re.search(
-        r"segments\[0\] is [\d.]+ times slower than asked: s = .* m: [\d.]+ times too fast, joint", str(slow)
+        r"segments\[0\] is [\d.]+ times slower than requested: s = .* m: [\d.]+ times too fast, joint", str(slow)
     )
-    assert re.search(r"segments\[0\] is up to [\d.]+ times slower than asked: s = ", str(local))
+    assert re.search(r"segments\[0\] is up to [\d.]+ times slower than requested: s = ", str(local))
     with pytest.raises(ScenarioError, match=r"segments\[0\].path at s = .*: joint '\w+' would need"):
         planned(tmp_path, "", SEAM.format("constant = true"))
     with pytest.raises(ScenarioError, match=r"slow = 'there'"):

@@ -1,4 +1,4 @@
-"""All drives of an arm: what they make of their commands, what torques ask of them, and the command that holds the arm."""
+"""All drives of an arm: torques for commands, commands for torques, and the command that holds the arm at rest."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def limited_drive(model: Model, qd: Array, u: Array) -> DriveOutput:
 
 
 def demanded_drive(model: Model, qd: Array, tau: Array) -> DriveOutput:
-    """Voltages and currents that torques ask of the motors, eq. (11) and i = tau / (n Kt), without limits.
+    """Voltages and currents necessary for torques, eq. (11) and i = tau / (n Kt), without limits.
 
     Args:
         model: the arm.   qd: (n, …) of the joints [rad/s | m/s].
@@ -66,14 +66,14 @@ def demanded_drive(model: Model, qd: Array, tau: Array) -> DriveOutput:
 
 
 def in_command_units(model: Model, output: DriveOutput) -> np.ndarray:
-    """Commands (n,) that make the drives' output, each in its joint's own unit [V | A | N m | N]."""
+    """Commands (n,) for given drive outputs, each in its joint's own unit [V | A | N m | N]."""
     parts = {"voltage": output.voltage, "current": output.current, "torque": output.tau}
     drives = [body.drive for body in model.coordinates]
     return scalar.array([command_for(parts[drive.command][i], drive.dead_zone) for i, drive in enumerate(drives)])
 
 
 def holding_command(model: Model, torques: Array) -> np.ndarray:
-    """Commands whose torques balance the arm's weight and springs at rest, as far as the drives' limits allow.
+    """Commands that balance the arm's weight and springs at rest, as far as the drives' limits allow.
 
     Args:
         model: the arm.   torques: (n,) [N m | N] that hold it at its pose.

@@ -44,7 +44,7 @@ class GearLoss:
         return slope * t + offset
 
     def input(self, torque: Scalar) -> Scalar:
-        """The t for which G(t) is that torque."""
+        """The input torque t with G(t) equal to a given torque."""
         slope, offset = self.line_of_output(torque)
         return (torque - offset) / slope
 

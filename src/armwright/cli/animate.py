@@ -1,4 +1,4 @@
-"""`armwright animate`: a run as an arm that moves."""
+"""`armwright animate`: a run as a moving arm."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def animate(
         option("--lane", "K", "Which lane of a run that has several."),
     ] = None,
 ) -> None:
-    """Write a run as an arm that moves in real time: a page that plays it, or an animated glTF file.
+    """Write a run as a moving arm, in real time: a page with a player, or an animated glTF file.
 
     The page needs no network: time slider, speed, camera, the reference of a controlled run as a ghost, curves below.
 

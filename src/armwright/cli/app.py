@@ -55,7 +55,7 @@ UsageError: Any = typer.BadParameter.__mro__[1]  # typer keeps it to itself
 
 
 class Commands(TyperGroup):
-    """Commands whose errors are shown in one line, or one a mistake of a file."""
+    """Command group that shows errors in one line, or several mistakes of a file in one line each."""
 
     def main(self, *args: Any, standalone_mode: bool = True, **extra: Any) -> Any:
         """Runs a command; ends the process with its exit code."""

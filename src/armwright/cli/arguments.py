@@ -26,12 +26,12 @@ MOTION = ".motion.toml"
 
 
 def option(names: str, metavar: str, text: str) -> Any:
-    """An option whose default needs no mention."""
+    """An option whose help does not show the default."""
     return typer.Option(*names.split(), metavar=metavar, help=text, show_default=False)
 
 
 def complete_robot(incomplete: str) -> list[str]:
-    """Names of built-in arms and paths of files that begin like this, for the completion of shells."""
+    """Names of built-in arms and paths of files with this beginning, for the completion of shells."""
     from armwright.description.database import builtin_names
 
     typed = Path(incomplete)
@@ -74,7 +74,7 @@ ANGLE = re.compile(r"^(?P<factor>[+-]?[\d.]*)\*?pi(?:/(?P<by>[\d.]+))?$")
 
 
 def vector(option: str, text: str, names: Sequence[str], units: Sequence[str]) -> np.ndarray:
-    """`"1,2,3"` as one number a joint; a single number is meant for every joint.
+    """Numbers of text such as `"1,2,3"`, one for each joint; a single number is used for every joint.
 
     Angles may be written `30deg` or `pi/2` where the joint's unit is rad (or rad/s).
 
@@ -167,7 +167,7 @@ def commands_of(arm: Model, schedule: Path | None, constants: dict[str, str | No
 
 
 def refuse_options(file: str, options: dict[str, Any]) -> None:
-    """Refuses options beside a scenario file, which says all of it.
+    """Refuses options that a scenario file already decides.
 
     Raises:
         ScenarioError: one of them was given.
@@ -180,7 +180,7 @@ def refuse_options(file: str, options: dict[str, Any]) -> None:
 
 
 def refuse_allow(folders: list[Path] | None) -> None:
-    """Refuses --allow without a scenario file, the only one that names files.
+    """Refuses --allow without a scenario file: only a scenario file names other files.
 
     Raises:
         ScenarioError: it was given.

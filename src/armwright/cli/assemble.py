@@ -1,4 +1,4 @@
-"""`armwright assemble`: modules in, an arm out; or all arms that a set of modules makes, and the best one for a task."""
+"""`armwright assemble`: an arm from modules; or all arms that a set of modules makes, and the best one for a task."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def assemble(
     limit: Annotated[int, typer.Option("--limit", metavar="N", help="With --all: how many are computed.")] = 1000,
     show: Annotated[int, typer.Option("--show", metavar="N", help="With --all: how many are printed.")] = 20,
 ) -> None:
-    """Put modules together: check that they fit, and write the arm that they make.
+    """Put modules together, check that they fit, and write the resulting arm.
 
     Every number of the arm keeps its source, which names the module. Without -o the arm is only shown.
 

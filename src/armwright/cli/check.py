@@ -1,4 +1,4 @@
-"""`armwright check`: whether a record can be that of a real arm."""
+"""`armwright check`: physical plausibility of a robot file."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def check(
 
 
 def _with_lines(problems: Sequence[Problem], summary: str) -> str:
-    """The summary, then each problem with the line that it stands on; of a single one the summary says it."""
+    """The summary, then each problem with its line of the file; a single problem is part of the summary."""
     ordered = sorted(problems, key=lambda problem: problem.line)
     told = [f"  {problem}" for problem in ordered] if len(ordered) > 1 else [""]
     pairs = zip(told, map(excerpt, ordered), strict=True)

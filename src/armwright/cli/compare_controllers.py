@@ -1,4 +1,4 @@
-"""`armwright compare-controllers`: controllers of several scenario files follow the same motions; a table and a picture."""
+"""`armwright compare-controllers`: controllers of several scenario files on the same motions, as a table and a picture."""
 
 from __future__ import annotations
 

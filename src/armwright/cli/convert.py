@@ -28,7 +28,7 @@ def convert(
         ),
     ] = None,
 ) -> None:
-    """Write a robot file in the format of OUT's ending, and list what that format cannot hold and what was doubtful in IN.
+    """Write a robot file in the format of OUT's ending; list what that format cannot store and what in IN was doubtful.
 
     Robots: .toml, .urdf, .xml or .mjcf. Runs, of a saved .nc: .mcap for Foxglove, PlotJuggler and Rerun, .mat for MATLAB, .csv,
     .parquet.

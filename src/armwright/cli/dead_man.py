@@ -1,4 +1,4 @@
-"""A dead-man key: the space bar, which has to be held down while an arm moves."""
+"""A dead-man key: the space bar, which a user keeps pressed while an arm moves."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ PATIENCE = 30.0  # [s] that the first press is waited for
 
 
 class Key:
-    """The key: called once a cycle, True while it is held.
+    """The key: called once a cycle, True while it is pressed.
 
     Args:
         pressed: gives the characters that came since it was asked last.   clock: [s].

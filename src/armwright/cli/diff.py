@@ -1,4 +1,4 @@
-"""`armwright diff`: two records number by number, and what the difference does."""
+"""`armwright diff`: two robot files compared number by number, and the effect on the dynamics."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def _arm(which: str) -> Any:
 
 
 def diff(a: Annotated[str, _arm("first")], b: Annotated[str, _arm("second")]) -> None:
-    """Compare two arms parameter by parameter, with sources, and show what the difference does.
+    """Compare two arms parameter by parameter, with sources, and show the effect on the dynamics.
 
     What it does: total mass, and the largest changes of gravity torques and inertias (of the mass matrix's diagonal, rotors
     included) at q = 0 and at 32 poses within the limits of A.

@@ -1,4 +1,4 @@
-"""`armwright inverse-dynamics` and `armwright forward-dynamics`: tables of states in, torques or accelerations out."""
+"""`armwright inverse-dynamics` and `forward-dynamics`: torques and voltages, or accelerations, for tables of states."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def inverse_dynamics(robot: Robot, table: Table, output: Out = None) -> None:
-    """Torques and voltages that give the motions of a table: the inverse arm, one set of data a row.
+    """Inverse dynamics of a table: torques and voltages for the motion in each row.
 
     The table has the columns q_JOINT, qd_JOINT and qdd_JOINT in rad, rad/s and rad/s² (m for sliding joints), in any order;
     or no header row and the columns in just that order. The result has tau_JOINT, the motor's torque referred to the
@@ -50,7 +50,7 @@ def inverse_dynamics(robot: Robot, table: Table, output: Out = None) -> None:
 
 
 def forward_dynamics(robot: Robot, table: Table, output: Out = None) -> None:
-    """Accelerations that drive commands give in the states of a table: the forward arm, one set of data a row.
+    """Forward dynamics of a table: accelerations for the state and drive commands in each row.
 
     The table has the columns q_JOINT, qd_JOINT in rad and rad/s (m for sliding joints) and u_JOINT, the command in the
     drive's own unit (V, A, or N m), in any order; or no header row and the columns in just that order. The result has

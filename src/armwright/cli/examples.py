@@ -43,7 +43,7 @@ def list_examples() -> None:
 
 @examples.command("copy")
 def copy(folder: Folder) -> None:
-    """Copy all examples into a folder, to be run and changed. A file that is there already is not overwritten.
+    """Copy all examples into a folder, to run and change. Existing files are not overwritten.
 
     \b
     Examples:

@@ -1,4 +1,4 @@
-"""Lines of a file that is refused, with a mark below what is meant."""
+"""Lines of a file with an error, with carets below the key or value that is wrong."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ WIDEST = 160  # letters of a line that are shown
 
 
 def excerpt(problem: Problem) -> str:
-    """The line that a problem stands on and carets below its key or value; "" where the line is not known."""
+    """The line that a problem is on, with carets below its key or value; "" if the line is unknown."""
     path, _, number = problem.file.rpartition(":")
     try:
         lines = Path(path).read_text(encoding="utf-8").split("\n")
         line = lines[int(number) - 1].rstrip().expandtabs(4)[:WIDEST]
     except (OSError, ValueError, IndexError):
         return ""
-    begin, end = _marked(line, problem)
+    begin, end = _mark_of(line, problem)
     margin = " " * len(number)
     return f"  {number} | {line}\n  {margin} | {' ' * begin}{'^' * max(end - begin, 1)}"
 
 
-def _marked(line: str, problem: Problem) -> tuple[int, int]:
-    """Where in a line the mark begins and ends: at a column, at the last key of the place, at the value, else all of it."""
+def _mark_of(line: str, problem: Problem) -> tuple[int, int]:
+    """Begin and end of the mark in a line: a column, the last key of the place, the value, or the whole line."""
     key = re.split(r"[.\s]", re.sub(r"(\[\d+\])+$", "", problem.place))[-1].strip("'")
     column = re.search(r"^not TOML: .* at column (\d+)", problem.what)
     if column and int(column[1]) <= len(line):

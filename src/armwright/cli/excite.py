@@ -21,7 +21,7 @@ class ArmByDefault(TyperGroup):
     """Commands `arm` and `motor`; `excite ROBOT` is `excite arm ROBOT`."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Puts "arm" before a robot, where no command is named."""
+        """Puts "arm" before a robot if no command is named."""
         if args and args[0] not in self.commands and "--help" not in args[:1]:
             args = ["arm", *args]
         return super().parse_args(ctx, args)
@@ -70,7 +70,7 @@ def arm(
     plot: Picture = None,
     seed: Seed = 0,
 ) -> None:
-    """Design a motion of the whole arm that identifies it: a Fourier series from rest to rest with a small condition number.
+    """Design a motion that identifies a whole arm: a Fourier series from rest to rest with a small condition number.
 
     Limits of position, speed, acceleration, torque and voltage are the record's where no option says otherwise. Look at the
     motion before it runs: self-collision is not checked.
@@ -139,7 +139,7 @@ def motor(
     plot: Picture = None,
     seed: Seed = 0,
 ) -> None:
-    """Design the command of one motor, sized from a coarse first guess: of its record, or by options.
+    """Design the command of one motor, sized by a coarse first guess from the robot file or from options.
 
     \b
     Examples:

@@ -37,7 +37,7 @@ def friction(
         Path | None, option("--report", "FILE.html", "Write a page: verdict, remarks, parameters, fits.")
     ] = None,
 ) -> None:
-    """Identify friction of an arm's joints: viscous and Coulomb, and what else a held-out part of the log asks for.
+    """Identify joint friction: viscous and Coulomb, and further terms if they lower the error on held-out data.
 
     Candidates are Stribeck's fall, load-proportional friction, the sigmoid law, a spring and a counterbalance, and slopes over
     temperature where the log has temperatures or runs a warming; each stays only if it lowers the held-out error by 1 %.

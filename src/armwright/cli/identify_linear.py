@@ -35,7 +35,7 @@ def linear(
         Path | None, option("--report", "FILE.html", "Write a page: verdict, remarks, gain, time constants, fits.")
     ] = None,
 ) -> None:
-    """Fit a black-box model: how an output follows from an input.
+    """Fit a black-box model (ARX, OE, ARMAX or state space) from an input of a log to an output.
 
     Fits are those of the free simulation, on the runs that were fitted and on those that were held out. Exit code: 0 identified,
     1 the output does not answer to the input, 2 bad input.
@@ -65,7 +65,7 @@ def show_linear(
     picture: Path | None = None,
     report: Path | None = None,
 ) -> None:
-    """Fits and shows a black-box model; for every command that offers one.
+    """Fits a black-box model and shows it; shared by all commands with that option.
 
     Raises:
         LogError: no such model, or a report of a frequency response, which has no parameters.

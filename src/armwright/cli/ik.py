@@ -1,4 +1,4 @@
-"""`armwright ik`: a table of poses in, joint positions out."""
+"""`armwright ik`: joint positions for a table of poses."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def ik(
     ] = "auto",
     every: Annotated[bool, typer.Option("--all", help="All solutions of the closed form, a row each.")] = False,
 ) -> None:
-    """Joint positions within the limits for a table of poses: inverse kinematics, one pose a row.
+    """Inverse kinematics of a table: joint positions within the limits for the pose in each row.
 
     The table has the columns x, y, z in m, alone or with roll, pitch, yaw in rad (about fixed axes, as in a URDF) or with the
     quaternion qw, qx, qy, qz. The result has q_JOINT, and how far off the pose is in mm and mrad; q_JOINT is nan where

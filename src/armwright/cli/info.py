@@ -26,7 +26,7 @@ Operations = Annotated[
 
 
 def info(robot: Robot, operations: Operations = False) -> None:
-    """Show what is known of an arm: frames, masses, motors, friction, limits, the source of every number, and warnings.
+    """Show all about an arm: frames, masses, motors, friction, limits, the source of every number, and warnings.
 
     \b
     Examples:

@@ -1,4 +1,4 @@
-"""`--json`: what a command shows, as one JSON document on standard output.
+"""Option `--json`: the results of a command as one JSON document on standard output.
 
     {"command": "simulate",
      "tables": [{"title": "at the end, t = 1 s", "units": {"q": "rad"}, "rows": [{"joint": "joint1", "q": 0.27041…}]}],
@@ -38,7 +38,7 @@ JSON = Annotated[
 
 
 def with_json(command: Callable[..., None], name: str) -> Callable[..., None]:
-    """The command with an option --json, whose document is written at its end, also where that is another exit code.
+    """The command with an option --json; the document is written when the command ends, whatever its exit code.
 
     Args:
         command: the function, whose parameters typer reads.   name: how users call it.
@@ -68,7 +68,7 @@ def with_json(command: Callable[..., None], name: str) -> Callable[..., None]:
 
 
 def document(command: str, things: Iterable[Any]) -> dict[str, Any]:
-    """The JSON document of what a command has shown.
+    """The JSON document of a command's results.
 
     Args:
         command: its name.   things: texts, tables and results, in order.
@@ -87,7 +87,7 @@ def document(command: str, things: Iterable[Any]) -> dict[str, Any]:
 
 
 def _flat(things: Iterable[Any]) -> Iterator[Any]:
-    """What is in groups of rich, one after the other."""
+    """The items of nested rich groups as one flat list."""
     from rich.console import Group
 
     for thing in things:

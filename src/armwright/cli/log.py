@@ -1,4 +1,4 @@
-"""`armwright log`: measurements, read and checked."""
+"""`armwright log`: a log of measurements, read and checked."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def log(
     cutoff: Annotated[float | None, option("--cutoff", "HZ", "Cut-off of the low-pass; by default chosen.")] = None,
     decimate: Annotated[int | None, option("--decimate", "K", "Keep every k-th row; by default chosen.")] = None,
 ) -> None:
-    """Read a log of measurements, check it, and tell how it would be prepared for a fit.
+    """Read a log of measurements, check it, and show how it would be filtered for a fit.
 
     Errors are what makes a log unusable: time that goes backwards, units, sides or signs that contradict each other. Warnings
     say what may make a fit wrong: saturation, rows that repeat, forces against the motion; notes what else to know: gaps,

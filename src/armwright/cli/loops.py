@@ -1,4 +1,4 @@
-"""`armwright loops`: is a sampled loop stable over the workspace, with which margins, and how slow may it be?"""
+"""`armwright loops`: stability, margins and the lowest sampling rate of a sampled loop over the workspace."""
 
 from __future__ import annotations
 

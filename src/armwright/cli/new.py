@@ -1,4 +1,4 @@
-"""`armwright new`: files to start from."""
+"""`armwright new`: a robot file to fill in."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def robot(
     ] = "current",
     drive: Annotated[Path | None, option("--drive", "FILE", "Its drive file; by default the one beside it.")] = None,
 ) -> None:
-    """Write a robot file to fill in. Every number that its drives need and that is not known is marked TODO.
+    """Write a robot file to fill in; every number that the drives need and that is unknown is marked TODO.
 
     `armwright check ARM.toml` then names each TODO with its line, what is wanted, and where a datasheet has it.
 

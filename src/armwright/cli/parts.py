@@ -1,4 +1,4 @@
-"""`armwright parts`: an arm's file from the parts that it is made of."""
+"""`armwright parts`: an arm's file from a parts database."""
 
 from __future__ import annotations
 

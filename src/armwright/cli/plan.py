@@ -1,4 +1,4 @@
-"""`armwright plan`: a motion file in, a motion and how much of its limits it uses out."""
+"""`armwright plan`: a motion planned from a motion file, and the share of each limit that it uses."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def plan(
     rate: Annotated[float, option("--rate", "HZ", "Rows in a second, 500 by default.")] = 500.0,
     allow: Allow = None,
 ) -> None:
-    """Plan the motion of a motion file: segments one after the other, within the limits of the record or of the file.
+    """Plan the motion of a motion file, segment by segment, within the limits of the robot file or the motion file.
 
     Shows when each segment begins and the largest part of every limit that is used; torques and voltages are those of the
     arm with what it carries. Exit code: 0 all known limits are kept, 1 one is exceeded, 2 bad input.

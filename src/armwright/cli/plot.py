@@ -39,7 +39,7 @@ def plot(
         ),
     ] = None,
 ) -> None:
-    """Draw runs: in the terminal, as a picture, or as a page to zoom into that needs no network.
+    """Draw runs: in the terminal, as a picture, or as an offline page with zoom.
 
     Runs of the same joints are compared, each with a line style of its own.
 

@@ -1,4 +1,4 @@
-"""A bar on stderr for anything over a second, and nothing at all for what is quicker or has no terminal to see it."""
+"""Progress bar on stderr for work that takes over a second, in a terminal."""
 
 from armwright.progress import PATIENCE, progress, rate
 

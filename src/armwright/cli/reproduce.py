@@ -1,4 +1,4 @@
-"""`armwright reproduce`: a saved run, done again."""
+"""`armwright reproduce`: a saved run computed again and compared bit by bit."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def reproduce(
         option("--output -o", "FILE", "Where the new run goes: .nc, .csv, .parquet, .mcap or .mat."),
     ] = None,
 ) -> None:
-    """Do a saved run again, from the scenario that it keeps, and tell whether every bit is the same.
+    """Compute a saved run again from the scenario stored in it, and compare all bits.
 
     Bits are the same where processor, its features and versions are those that the run was made with; what differs is told.
     Exit code 1 where numbers differ.

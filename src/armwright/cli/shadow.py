@@ -1,4 +1,4 @@
-"""`armwright shadow`: the model beside its arm, over a log or on the bus of its drives."""
+"""`armwright shadow`: a model run beside its arm, over a log or on the bus of the drives."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def shadow(
         float | None, option("--period", "S", "Time from SYNC to SYNC of a bus; by default by the clock.")
     ] = None,
 ) -> None:
-    """Run a model beside its arm: residuals of torque and position, and alarms for contacts and wrong payloads.
+    """Run a model beside its arm: residuals of torque and position, with alarms for contacts and wrong payloads.
 
     Limits of the alarms come from the record's verdict (see `armwright validate`), else from the fit or the standard deviations
     in the record. No row sees a later one, so alarms are as early as they are beside the arm. A bus is listened to: nothing is
@@ -143,7 +143,7 @@ def _whole(text: str) -> list[int]:
 
 
 def _refuse(options: dict[str, Any], source: str, expected: str) -> None:
-    """Refuses options of the other kind of source.
+    """Refuses options that belong to the other kind of source.
 
     Raises:
         ScenarioError: names the first.

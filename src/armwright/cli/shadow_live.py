@@ -1,4 +1,4 @@
-"""Residuals of a shadow in the terminal as they come: at the pace of a log, or of a bus."""
+"""Residuals of a shadow shown live in the terminal, at the pace of a log or of a bus."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ BAR = 20  # letters
 
 
 def replay(shadow: Shadow) -> None:
-    """Shows a table of every joint's residuals, renewed ten times a second, run by run.
+    """Shows a table of every joint's residuals, run by run, renewed ten times a second.
 
     Args:
         shadow: what `shadow_log` returned.
@@ -59,7 +59,7 @@ def frame(
     largest: np.ndarray,
     alarms: list[ShadowAlarm],
 ) -> Any:
-    """Table of the residuals of one row.
+    """Table of the residuals at one row.
 
     Args:
         arm: the model.   run: its name.   t: [s].   torque: (n,) [N m | N] residuals.   limits: (n,) [N m | N].
@@ -90,7 +90,7 @@ def listen(
     period: float | None,
     output: Path | None,
 ) -> list[ShadowAlarm]:
-    """The alarms that the drives on a bus raise, shown as they come, with a table of the last residuals.
+    """Shows a table of the last residuals on a bus, and each alarm that they raise.
 
     Args:
         robot: path or name.   bus: its name.   deviation, factor: as of `ArmShadow`.   duration, nodes, counts, period: as of

@@ -1,4 +1,4 @@
-"""`armwright show`: a picture of an arm, or its live page."""
+"""`armwright show`: a picture of an arm, or a live page."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def show(
     ] = None,
     browser: Annotated[bool, typer.Option("--open", help="Open the live page in the browser.")] = False,
 ) -> None:
-    """Draw an arm in one pose, without a display: from its sections and meshes, or as a figure of its joints.
+    """Draw an arm in one pose, from its sections and meshes or as a stick figure; no display needed.
 
     A PNG is a shaded picture; an HTML file is a page with a slider for every joint, which needs no network; a GLB file is a
     scene for Blender and other programs, with a node for each link. --live serves the page at an address that only this

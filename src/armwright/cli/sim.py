@@ -25,7 +25,7 @@ def sim(
     ] = None,
     echo: Annotated[bool, typer.Option("--echo", help="Show each line of a script before what it does.")] = False,
 ) -> None:
-    """A session with an arm: set its vectors, ask the Inverse and the Forward Arm, simulate, plot, print.
+    """Interactive session: set the arm's vectors, compute inverse and forward dynamics, simulate, plot, print.
 
     At a terminal it asks, with completion, help and a tour. Lines that come through a pipe, or with --script, are a script:
     it ends at the first line that fails, with exit code 2.

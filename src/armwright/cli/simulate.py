@@ -1,4 +1,4 @@
-"""`armwright simulate`: voltages in, motion out."""
+"""`armwright simulate`: the motion of an arm for drive commands or a scenario file."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def simulate(
         Path | None, option("--plot", "FILE", "Where its plot goes: .png, .svg, .pdf, or .html to zoom into.")
     ] = None,
 ) -> None:
-    """Move an arm: drive commands in, motion out; or run a scenario file.
+    """Simulate an arm: drive commands in, motion out; or run a scenario file.
 
     Commands come from a schedule, or are constant: one value a joint with commas between, or one for all joints. Each
     is in its drive's own unit, as `armwright info` shows it. Without -o and --plot the state at the end is shown,

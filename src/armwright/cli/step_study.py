@@ -1,4 +1,4 @@
-"""`armwright step-study`: which integration step is small enough."""
+"""`armwright step-study`: the largest integration step that is accurate enough."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def step_study(
     qd0: Velocity = None,
     allow: Allow = None,
 ) -> None:
-    """Try integration steps against CVODES and recommend the largest that is small enough.
+    """Compare integration steps with CVODES and recommend the largest that is accurate enough.
 
     Commands are given as for `armwright simulate`; a file that ends in .scenario.toml says all of it instead, and may name
     files in its folder or below, or in one that --allow names. There a controller keeps its sample period, and substeps

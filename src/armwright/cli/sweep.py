@@ -1,4 +1,4 @@
-"""`armwright sweep`: millions of lanes, on one machine or many, that may be stopped and go on."""
+"""`armwright sweep`: millions of lanes, on one machine or many; a stopped sweep can be continued."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def sweep(
     rows: Annotated[bool, typer.Option("--rows", help="Store recorded rows too, not only what is reduced.")] = False,
     allow: Allow = None,
 ) -> None:
-    """Simulate many lanes of a scenario in chunks, and store what they are reduced to.
+    """Simulate many lanes of a scenario in chunks, and store the results of reducers, such as the largest error.
 
     Where the store is there already, only what is missing is simulated: after Ctrl-C, or any kill, the same command goes
     on. Results are the same bits whatever the chunks, the workers and their order. `aw.load_sweep` reads them.

@@ -21,7 +21,7 @@ OVER_LANES = ("mean", "min", "max")
 
 
 class Cell(str):
-    """A number's text with the number itself, so that --json loses no digits.
+    """Text of a number together with the number, so that --json keeps all digits.
 
     Attributes:
         value: the number; None if not known.
@@ -31,7 +31,7 @@ class Cell(str):
 
 
 def number(value: Any) -> Cell:
-    """A number as people read it; — for one that is not known, ∞ for a limit that there is not."""
+    """A number as text; — if unknown, ∞ for an absent limit."""
     exact = None if value is None or isnan(float(value)) else float(value) + 0.0  # no -0
     cell = Cell("—" if exact is None else f"{exact:.5g}".replace("inf", "∞").replace("-", "−"))
     cell.value = exact
@@ -78,7 +78,7 @@ class Table:
 def table(
     title: str | None, heads: Sequence[str], rows: Iterable[Sequence[str]], left: Sequence[str] = ()
 ) -> Table | None:
-    """A title and a table whose first column, and those named in `left`, hold words.
+    """Table with a title; the first column, and those named in `left`, are words and stand left.
 
     Columns without any entry are left out, and the whole of it where only the first column would be left.
     """
@@ -91,7 +91,7 @@ def table(
 
 
 def show_columns(path: str | os.PathLike[str] | None, columns: Mapping[str, Any]) -> None:
-    """Writes a CSV file of columns of equal length; without a path they go to standard output.
+    """Writes columns of equal length as CSV, to a file or, without a path, to standard output.
 
     Raises:
         OutputError: the file cannot be written.
@@ -130,7 +130,7 @@ def lanes_that_stopped(run: xr.Dataset) -> int:
 
 
 def _of_joints(run: xr.Dataset, shown: Mapping[str, Sequence[str]], title: str) -> Table | Group | None:
-    """A row a joint of variables (joint,), told with the units that occur; of (lane, joint), a row each of some statistics."""
+    """A row for each joint of variables (joint,), with their units; of (lane, joint), a row for each of some statistics."""
     from rich.console import Group
     from rich.text import Text
 

@@ -1,4 +1,4 @@
-"""`armwright tune`: a scenario's controller with gains that track better over uncertain arms, and keep the margins."""
+"""`armwright tune`: gains that track better over uncertain arms and keep the margins."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def tune(
     seed: Annotated[int | None, option("--seed", "N", "Of search, poses and draws; default 0.")] = None,
     allow: Allow = None,
 ) -> None:
-    """Tune a controller's gains over uncertain arms, by compiled simulations, under a margin constraint.
+    """Tune a controller's gains over uncertain arms by simulation, under a margin constraint.
 
     What the file's table tuning states holds where no option says otherwise. A
     scenario without lanes and draws gets masses within

@@ -1,4 +1,4 @@
-"""`armwright twin` and `armwright run-controller`: the simulated arm as drives on a bus, and the controller that drives it."""
+"""`armwright twin` and `run-controller`: a simulated arm as drives on a CAN bus, and a controller run over it."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def twin(
     reference: Reference = None,
     allow: Allow = None,
 ) -> None:
-    """Put the simulated arm of a scenario on a CAN bus, as CiA 402 drives, one node a joint.
+    """Put the simulated arm of a scenario on a CAN bus, as CiA 402 drives, one node for each joint.
 
     Its time is counted in SYNCs, which a master sends. A virtual bus is within one process: `run-controller` brings a twin of
     its own there. At the end it is shown how many cycles there were, and how many late or incomplete.
@@ -124,7 +124,7 @@ def run_controller(
     duration: Seconds = None,
     allow: Allow = None,
 ) -> None:
-    """Run the controller of a scenario over a bus, against its twin or an arm.
+    """Run the controller of a scenario over a CAN bus, against the twin or a real arm.
 
     By default this is a dry run: the run is simulated as the bus would carry it, limits are checked, and nothing is sent. With
     --go it happens: on a virtual bus against a twin in this process, in lock-step and so exactly as simulated; elsewhere in real
@@ -197,7 +197,7 @@ def run_controller(
 def _scenarios(
     path: Path, allow: Sequence[Path] | None, reference: Path | None, duration: float | None
 ) -> tuple[Scenario, Scenario]:
-    """The scenario of a file as it stands there, and as one arm that follows a motion from where that begins.
+    """The scenario of a file unchanged, and with one arm that starts at the beginning of a motion and follows it.
 
     Lanes, and what varies by lane, are left out.
     """

@@ -1,4 +1,4 @@
-"""`armwright validate`: a record against a log, and a verdict."""
+"""`armwright validate`: a robot file compared with a log, and a verdict."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def validate(
     ] = None,
     allow: Allow = None,
 ) -> None:
-    """Compare a record with a log: torque prediction, free simulation, a verdict.
+    """Compare a robot file with a log: torque prediction, free simulation, and a verdict.
 
     Judged are the runs that the log marks use = "hold-out"; without any all runs, and that is said. The verdict is stored
     beside the record, as ARM.verdict.toml, with the checksums of record and log. Exit code: 0 passes, 1 fails its limits, 2

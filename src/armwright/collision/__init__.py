@@ -1,4 +1,4 @@
-"""Distances of an arm's links from each other and from what stands around, by capsules."""
+"""Distances of an arm's links from each other and from obstacles, by capsules."""
 
 from armwright.collision.capsules import Capsule, link_capsules
 from armwright.collision.clearance import Clearance, Nearest, clearance

@@ -1,4 +1,4 @@
-"""Capsules around the links of an arm: segments with a radius that hold every point of the links' shapes."""
+"""Capsules around the links of an arm: segments with a radius that enclose the links' shapes."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Capsule:
 
 
 def link_capsules(arm: Model, radius: float | Mapping[str, float] | None = None, most: int = 3) -> tuple[Capsule, ...]:
-    """Capsules around an arm's links, at most `most` of each: from the shapes of its record, else from joint to joint.
+    """Capsules around an arm's links, at most `most` for each link: from its shapes if it has any, else from joint to joint.
 
     Args:
         arm: the arm.

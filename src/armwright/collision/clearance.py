@@ -1,4 +1,4 @@
-"""Clearance of an arm: how far its links are from each other and from what stands around, for thousands of poses at once."""
+"""Clearance of an arm: distances between links and from obstacles, for thousands of poses at once."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SAMPLES = 2000  # of poses within the joint limits, to find links that always me
 
 @dataclass(frozen=True, eq=False)
 class Nearest:
-    """Least distance over poses: what comes how near to what, and in which pose.
+    """Least distance over poses, with the pair and the pose where it occurs.
 
     Attributes:
         distance: [m]; negative: they overlap.   pair: names of the two.   index: of the pose, in the batch as one row.

@@ -1,4 +1,4 @@
-"""Distances between segments, points, boxes and planes, without a branch: for floats and traced symbols.  [Ericson2004]"""
+"""Distances between segments, points, boxes and planes without branches, for floats and traced symbols.  [Ericson2004]"""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ from armwright.spatial import rotation_rpy
 
 @dataclass(frozen=True, eq=False)
 class PlaneObstacle:
-    """A half-space, as a floor or a wall: all that lies behind a plane is solid.
+    """A half-space such as a floor or a wall, solid behind its plane.
 
     Args:
         point: (3,) [m] any point of the plane.   normal: (3,) out of the solid side, of any length but 0.   name: for reports.

@@ -1,4 +1,4 @@
-"""A proportional-integral stage with limits, whose integrator does not wind up.  [AstromHagglund2006]
+"""A proportional-integral stage with output limits and anti-windup.  [AstromHagglund2006]
 
 u = clip(kp e + I + feedforward, ±limit); then the integrator goes on by one of
 
@@ -22,7 +22,7 @@ ROUNDING = 1e-6  # of a command: a drive that realised it but for this did reali
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """Result of a stage: its output (n,), where it is cut off (n,) as -1, 0 or 1, and the integrator's next value (n,)."""
+    """Result of a stage: output (n,), saturation (n,) as -1, 0 or 1, and the integrator's next value (n,)."""
 
     output: Array
     cut: Array
@@ -30,14 +30,14 @@ class Stage:
 
 
 def shortfall(applied: Array, asked: Array, slack: Array) -> Array:
-    """(n,) by how much less or more a drive did than it was asked; 0 within `slack` and rounding."""
+    """(n,) difference of the drive's output from its command; 0 within `slack` and rounding."""
     missing = applied - asked
     least = scalar.maximum(slack, ROUNDING * scalar.abs(asked))
     return scalar.where(scalar.less(least, scalar.abs(missing)), missing, 0.0 * missing)
 
 
 def within(values: Array, limit: Array) -> Array:
-    """The values (n,) within ±limit (n,); where that is infinite, as they are."""
+    """The values (n,) clipped to ±limit (n,); unchanged for an infinite limit."""
     rows = zip(values, limit, strict=True)
     return scalar.array([v if not scalar.is_symbolic(m) and np.isinf(m) else scalar.clip(v, -m, m) for v, m in rows])
 

@@ -1,4 +1,4 @@
-"""Cascade control as servo drives do it: position, speed and current loops inside each other, each at its own rate."""
+"""Cascade control as in servo drives: nested position, speed and current loops, each at its own rate."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ RATES = ("position", "speed")
 
 @dataclass(frozen=True, eq=False)
 class Cascade:
-    """Position P, speed PI and, where the drives take voltages, current PI; every stage cuts off its own output.
+    """Position P, speed PI and, for drives that take voltages, current PI; every stage limits its output.
 
         ω = kp (q_r - q) + kv q̇_r      every `position_every`-th tick, held in between
         i = PI(ω - q̇)                  every `speed_every`-th tick; in V, A, N m or N, the command where no current loop is
@@ -104,7 +104,7 @@ class Cascade:
         return replace(self, **gains, **limits, signs=command_signs(arm), period=period)
 
     def init(self, arm: Model, y: Measurement) -> Array:
-        """Integrators at 0, no speed asked for, and the commands that were in force."""
+        """Initial state: integrators and speed command 0, and the commands that were in force."""
         n = arm.n
         output = y.applied if self.current_kp is None else y.current
         parts = [scalar.zeros(n), scalar.zeros(n), self.signs * output, scalar.zeros(n), scalar.zeros(n)]

@@ -1,4 +1,4 @@
-"""From torques to commands: each in its joint's own unit, with the sense of its motor."""
+"""Commands of motor torques: each in its joint's own unit, with the sense of its motor."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from armwright.scalar import Array
 
 
 def torque_commands(model: Model, qd: Array, tau: Array) -> np.ndarray:
-    """Commands (n,) that give motor torques: eq. (11) for voltages, tau / (n Kt) for currents, whatever the limits.
+    """Commands (n,) that give motor torques: eq. (11) for voltages, tau / (n Kt) for currents, without limits.
 
     Args:
         model: the arm.   qd: (n,) [rad/s | m/s].   tau: (n,) [N m | N].
@@ -21,7 +21,7 @@ def torque_commands(model: Model, qd: Array, tau: Array) -> np.ndarray:
 
 
 def command_signs(model: Model) -> np.ndarray:
-    """(n,) -1 where a voltage or current above 0 moves the joint backward, through a gear of negative ratio; else 1."""
+    """(n,) -1 for a joint that moves backward at a positive voltage or current (negative gear ratio), else 1."""
     return np.array(
         [
             -1.0 if body.drive.command != "torque" and float(body.drive.gear_ratio) < 0.0 else 1.0

@@ -1,4 +1,4 @@
-"""Computed torque: the model's inverse dynamics makes the arm a set of double integrators.  [SicilianoEtAl2009]"""
+"""Computed torque: inverse dynamics turns the arm into a set of double integrators.  [SicilianoEtAl2009]"""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class ComputedTorque:
         return replace(self, **gains, model=model, period=period)
 
     def init(self, arm: Model, y: Measurement) -> Array:
-        """The integral of the error at 0."""
+        """Initial state: the integral of the error, 0."""
         return scalar.zeros(arm.n)
 
     def step(self, t: Scalar, r: JointReference, y: Measurement, s: Array) -> tuple[Array, Array]:

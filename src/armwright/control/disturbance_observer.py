@@ -1,4 +1,4 @@
-"""Disturbance observer: what acts on a joint beside its nominal inertia, taken off its command.  [OhnishiEtAl1996]"""
+"""Disturbance observer: estimates the torque beside a joint's nominal inertia and compensates it.  [OhnishiEtAl1996]"""
 
 from __future__ import annotations
 
@@ -59,11 +59,11 @@ class DisturbanceObserver(Wrapper):
         return replace(super().configure(arm, period), inertia=inertia)
 
     def memory(self, arm: Model, y: Measurement) -> Array:
-        """No disturbance (n,) [N m | N], the measured speed (n,), and 0: nothing was estimated yet."""
+        """Initial memory: disturbance 0 (n,) [N m | N], the measured speed (n,), and a flag 0 for the first estimate."""
         return scalar.array(np.concatenate([scalar.zeros(arm.n), y.qd, scalar.zeros(1)]))
 
     def changed(self, r: JointReference, y: Measurement, u: Array, s: Array) -> tuple[Array, Array]:
-        """The inner command less that of the disturbance."""
+        """The inner command minus that of the estimated disturbance."""
         assert self.arm is not None
         assert self.period is not None
         n, shares = len(u), shares_of(self.arm)

@@ -1,4 +1,4 @@
-"""Feed-forward: the command that the reference asks for by the model, added to that of any controller.  [SicilianoEtAl2009]"""
+"""Feed-forward: the model's command for the reference, added to that of any controller.  [SicilianoEtAl2009]"""
 
 from __future__ import annotations
 
@@ -69,16 +69,16 @@ class FeedForward(Wrapper):
         return replace(super().configure(arm, period), model=model)
 
     def memory(self, arm: Model, y: Measurement) -> Array:
-        """Nothing."""
+        """Initial memory: empty."""
         return scalar.zeros(0)
 
     def changed(self, r: JointReference, y: Measurement, u: Array, s: Array) -> tuple[Array, Array]:
-        """The inner command and that of the reference."""
+        """The inner command plus that for the reference."""
         assert self.model is not None
         return u + torque_commands(self.model, r.qd, self.torques(r)), s
 
     def torques(self, r: JointReference) -> np.ndarray:
-        """Motor torques (n,) at a reference [N m | N], each referred to its joint."""
+        """Motor torques (n,) at a reference [N m | N], referred to the joints."""
         assert self.model is not None
         model = self.model if self.friction else self.model.replace(friction=None)
         if not self.gravity:

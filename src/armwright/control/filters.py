@@ -1,4 +1,4 @@
-"""Second-order filters in a command's path, discretised by Tustin's rule.  [AstromWittenmark1997]
+"""Second-order filters for commands, discretised by Tustin's rule.  [AstromWittenmark1997]
 
 The rule is prewarped at the filter's own frequency f, where the sampled filter has the gain and phase of the continuous one:
 
@@ -101,7 +101,7 @@ def sampled(filter_: LowPass | Notch, period: float) -> tuple[np.ndarray, np.nda
 
 @dataclass(frozen=True, eq=False)
 class Filtered(Wrapper):
-    """u = the inner command of every joint through filters, one after the other.
+    """u = the inner command of every joint, passed through filters in series.
 
     They begin in steady state at the commands that were in force.
 
@@ -133,7 +133,7 @@ class Filtered(Wrapper):
         return replace(super().configure(arm, period), sections=sections)
 
     def memory(self, arm: Model, y: Measurement) -> Array:
-        """Two numbers of each filter and joint, in steady state."""
+        """Initial memory: two numbers for each filter and joint, in steady state."""
         rows: list[Any] = []
         for b, a in self.sections:
             rows += [(1.0 - b[0]) * y.applied, (a[1] - b[1]) * y.applied]

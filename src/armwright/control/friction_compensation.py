@@ -51,11 +51,11 @@ class FrictionCompensation(Wrapper):
         return replace(super().configure(arm, period), rest_speed=rest_speed, **values)
 
     def memory(self, arm: Model, y: Measurement) -> Array:
-        """Nothing."""
+        """Initial memory: empty."""
         return scalar.zeros(0)
 
     def changed(self, r: JointReference, y: Measurement, u: Array, s: Array) -> tuple[Array, Array]:
-        """The inner command and that of friction."""
+        """The inner command plus that for friction."""
         assert self.arm is not None
         error = r.q - y.q
         beyond = scalar.less(self.dead_band, scalar.abs(error))

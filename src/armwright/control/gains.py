@@ -1,4 +1,4 @@
-"""Gains as a controller takes them: one number for all joints or one for each; a `Batch` of such where lanes differ."""
+"""Gains of a controller, checked: one number for all joints or one for each, or a `Batch` of such."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ GAIN_UNITS = {  # by law and gain; U: the unit of the command, Q: rad or m
 
 
 def gain_units(arm: Model, law: Any, name: str) -> list[str]:
-    """The unit of a law's gain for each joint; "" where it is not known.
+    """The unit of a law's gain for each joint; "" if unknown.
 
     Args:
         arm: the model.   law: the controller.   name: of its gain.
@@ -72,12 +72,12 @@ def per_joint(arm: Model, law: str, name: str, value: Any, *, low: float = 0.0, 
 
 
 def positive_limit(arm: Model, law: str, name: str, value: Any) -> Any:
-    """A limit as `per_joint` gives it, above 0; None: infinite."""
+    """A limit as `per_joint` gives it, above 0; None becomes infinite."""
     return per_joint(arm, law, name, value, low=float(np.nextafter(0.0, 1.0)), limit=True)
 
 
 def check_model(law: str, model: Any) -> None:
-    """Refuses what is no model to reckon with.
+    """Refuses a model argument that is not a `Model`.
 
     Raises:
         ScenarioError: names it.
@@ -87,7 +87,7 @@ def check_model(law: str, model: Any) -> None:
 
 
 def check_whole(law: str, name: str, value: Any, low: int, expected: str) -> None:
-    """Refuses what is no whole number of `low` or more.
+    """Refuses a value that is not a whole number of at least `low`.
 
     Raises:
         ScenarioError: names it and what was expected.
@@ -97,7 +97,7 @@ def check_whole(law: str, name: str, value: Any, low: int, expected: str) -> Non
 
 
 def check_time(law: str, name: str, value: Any) -> None:
-    """Refuses what is no number above 0.
+    """Refuses a value that is not a number above 0.
 
     Raises:
         ScenarioError: names it.

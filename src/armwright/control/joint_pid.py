@@ -1,4 +1,4 @@
-"""PD, PI and PID control of every joint by itself.  [AstromHagglund2006]"""
+"""PD, PI and PID control of single joints.  [AstromHagglund2006]"""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ class JointPID:
         return replace(self, **gains, limit=limit, model=self.model or arm, period=period)
 
     def init(self, arm: Model, y: Measurement) -> Array:
-        """The integrator at 0; the commands before the first tick as those that were in force."""
+        """Initial state: integrator 0, and the commands that were in force."""
         parts = [scalar.zeros(arm.n), *[y.applied] * (1 + self.delay_ticks)]
         if self.cutoff_hz is not None:
             parts += [y.q, y.qd]
@@ -119,7 +119,7 @@ class JointPID:
 
 
 def check_tracking(law: str, rule: str, tracking_time: float | None) -> None:
-    """Refuses a tracking time without back-calculation, and the other way round.
+    """Refuses a tracking time without back-calculation, and back-calculation without a tracking time.
 
     Raises:
         ScenarioError: says which of the two is missing.

@@ -1,4 +1,4 @@
-"""Controllers around another one: what they add to its command, and what of the drives' answer the inner one sees."""
+"""Controllers around an inner one: they change its command and correct the drives' feedback that it sees."""
 
 from __future__ import annotations
 
@@ -39,11 +39,11 @@ class Wrapper(ABC):
 
     @abstractmethod
     def memory(self, arm: Model, y: Measurement) -> Array:
-        """What is remembered before the first tick (k,), k the same in every tick."""
+        """Initial memory (k,), k the same in every tick."""
 
     @abstractmethod
     def changed(self, r: JointReference, y: Measurement, u: Array, s: Array) -> tuple[Array, Array]:
-        """The command (n,) in place of the inner one's u (n,), and what is remembered (k,) for the next tick."""
+        """The command (n,) in place of the inner one's u (n,), and the memory (k,) for the next tick."""
 
     def configure(self, arm: Model, period: float) -> Self:
         """The law for an arm and a sample period [s], its inner one too.
@@ -58,11 +58,11 @@ class Wrapper(ABC):
 
     @property
     def delay_ticks(self) -> int:
-        """Whole ticks that commands take to the drives, as the inner controller has them."""
+        """Whole ticks of delay from command to drive, as in the inner controller."""
         return int(getattr(self.inner, "delay_ticks", 0))
 
     def init(self, arm: Model, y: Measurement) -> Array:
-        """Nothing added yet; this law's memory and the inner one's behind it."""
+        """Initial state: nothing added, this law's memory, then the inner controller's."""
         nothing = scalar.zeros((1 + self.delay_ticks) * arm.n)
         inner = [np.atleast_1d(self.inner.init(arm, y))] if hasattr(self.inner, "init") else []
         return scalar.array(np.concatenate([nothing, self.memory(arm, y), *inner]))

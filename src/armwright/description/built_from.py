@@ -20,7 +20,7 @@ Sha256 = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
 
 
 class BuiltFrom(Record):
-    """The parts or modules that a description was computed from, as they were then."""
+    """The parts or modules from which a description was computed, as they were at that time."""
 
     file: str = Field(
         min_length=1, description="Path of the file, relative to this one's folder; armwright:NAME comes with it."

@@ -42,7 +42,7 @@ def check_robot(robot: Any) -> None:
 
 
 def robot_problems(robot: Any, unread: Collection[str] = ()) -> Iterator[Problem]:
-    """What does not go together in a robot.
+    """Contradictions in a robot.
 
     Args:
         robot: a RobotDescription.   unread: joints of which only the names of their links are known.
@@ -65,7 +65,7 @@ def robot_problems(robot: Any, unread: Collection[str] = ()) -> Iterator[Problem
 
 
 def _joint(robot: Any, joint: Any, moving: list[Any], independent: list[str]) -> Iterator[Problem]:
-    """What does not go together in a joint that moves, seen from there."""
+    """Contradictions in a moving joint, with places as seen from the joint."""
     yield from _command(robot, joint)
     if joint.mimic is not None:
         yield from _mimic(joint, {other.name: other for other in moving})

@@ -189,7 +189,7 @@ class LinearFriction(Record):
 
     source: str | None = None
     side: Literal["joint"] = Field(
-        default="joint", description="A slide's own friction; its motor's is told in N m with side = 'motor'."
+        default="joint", description="A slide's own friction; its motor's is given in N m with side = 'motor'."
     )
     law: LawName = Field(default="coulomb", description="The equation above that holds.")
     viscous_n_s_per_m: NotNegative | None = Field(default=None, description="Slope of the friction over the speed.")

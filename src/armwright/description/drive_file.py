@@ -41,7 +41,9 @@ class JointDrive(Record):
     """Drive of one joint."""
 
     source: str | None = None
-    command: Command | None = Field(default=None, description="What its drive is told; absent: the file's.")
+    command: Command | None = Field(
+        default=None, description="Kind of command that its drive takes; absent: the file's."
+    )
     bus_period_s: Positive | None = Field(default=None, description="Time between two commands on the drive's bus.")
     motor: dict[str, Any] | None = Field(default=None, description="Motor and gear, as in a robot file.")
     friction: dict[str, Any] | None = Field(default=None, description="Takes the place of the other file's.")
@@ -68,13 +70,13 @@ class DriveFile(Record):
 
 
 def drive_file_beside(robot_file: Path) -> Path | None:
-    """The path that the drive file of a robot file has by default; None where there is no file."""
+    """The default path of a robot file's drive file; None if it does not exist."""
     beside = robot_file.with_name(robot_file.stem + ENDING)
     return beside if os.path.isfile(beside) else None
 
 
 def find_drive_file(robot_file: Path, drive: str | os.PathLike[str] | None) -> Path | None:
-    """The drive file that was given, or the one beside the robot file; None where there is none.
+    """The given drive file, or the one beside the robot file; None without any.
 
     Raises:
         DescriptionError: the one beside is a link to another folder, which nobody named.

@@ -1,4 +1,4 @@
-"""Fits to measurements that a description's numbers came from: what their standard deviations do not say."""
+"""Fits of a description's numbers to measurements: correlation and quality, beyond the standard deviations."""
 
 from __future__ import annotations
 

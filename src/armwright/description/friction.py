@@ -1,4 +1,4 @@
-"""Friction laws as a robot file names them: the keys that only one law has, and which keys go together.
+"""Friction laws in robot files: keys of each law, and valid combinations.
 
 The equations are in `armwright.actuators.friction`, under the same names.
 """

@@ -45,7 +45,7 @@ def mesh_folders(meshes: str | os.PathLike[str] | Iterable[str | os.PathLike[str
 
 
 def mesh_below(name: str, folders: tuple[Path, ...]) -> Path | None:
-    """The file below one of the folders that the longest end of a mesh's path means; None where there is none.
+    """The file below one of the folders that matches the longest end of a mesh's path; None if absent.
 
     `package://ur/meshes/visual/base.stl` is ur/meshes/visual/base.stl, or else meshes/visual/base.stl, … or base.stl there.
     """
@@ -63,7 +63,7 @@ def mesh_below(name: str, folders: tuple[Path, ...]) -> Path | None:
 
 
 def find_mesh(element: Element, name: str, file: Path, folders: tuple[Path, ...]) -> Path | None:
-    """The file that `name` means; None where there is none. Nothing is opened.
+    """The file for a mesh `name`; None if absent. Nothing is opened.
 
     `package://P/rest` is `rest` below a folder on the search path that is called P, or below a P in one. Other paths start
     at the robot file's folder, and end below its package: the nearest parent with a package.xml, or else the next one.

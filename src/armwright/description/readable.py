@@ -1,4 +1,4 @@
-"""The part of a refused robot file that can be read, in which further mistakes are looked for."""
+"""The readable part of a refused robot file, in which further mistakes can be found."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def readable_robot(data: Any, folder: Path | None) -> tuple[RobotDescription, li
 
 
 def _instead(key: str, value: Any) -> Any:
-    """What lets the rest be judged where a field cannot be read; None: its default."""
+    """Replacement for an unreadable field, so that the rest can be checked; None: its default."""
     if key == "sources":
         return dict.fromkeys(value) if isinstance(value, Mapping) else None
     return {"name": "robot", "source": "estimate", "command": "torque"}.get(key)

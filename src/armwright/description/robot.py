@@ -166,7 +166,9 @@ class RevoluteJoint(_Joint):
         default=None, description="Direction of the joint in its frame; goes with frame only."
     )
     mimic: RotaryMimic | None = Field(default=None, description="Whom it follows; absent: it has an entry in q.")
-    command: Command | None = Field(default=None, description="What its drive is told; absent: the robot's.")
+    command: Command | None = Field(
+        default=None, description="Kind of command that its drive takes; absent: the robot's."
+    )
     bus_period_s: Positive | None = Field(default=None, description="Time between two commands on the drive's bus.")
     motor: Motor | None = Field(default=None, description="Motor and gear.")
     friction: RotaryFriction | None = Field(default=None, description="Absent: none.")
@@ -189,7 +191,9 @@ class PrismaticJoint(_Joint):
         default=None, description="Direction of the joint in its frame; goes with frame only."
     )
     mimic: LinearMimic | None = Field(default=None, description="Whom it follows; absent: it has an entry in q.")
-    command: Command | None = Field(default=None, description="What its drive is told; absent: the robot's.")
+    command: Command | None = Field(
+        default=None, description="Kind of command that its drive takes; absent: the robot's."
+    )
     bus_period_s: Positive | None = Field(default=None, description="Time between two commands on the drive's bus.")
     motor: Motor | None = Field(default=None, description="Motor and gear.")
     friction: SlideFriction | None = Field(default=None, description="Absent: none.")
@@ -285,7 +289,7 @@ class RobotDescription(Record):
         default_factory=dict, description="[fits.KEY]: the fits that numbers of the kind fit came from."
     )
     remarks: tuple[str, ...] = Field(
-        default=(), description="What was left out or doubtful where it was read from another format; told on load."
+        default=(), description="What was left out or doubtful when read from another format; reported on loading."
     )
     without_masses: tuple[FileName, ...] = Field(
         default=(),

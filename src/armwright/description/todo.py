@@ -17,7 +17,7 @@ _MEASURED = (
 )
 WHERE = {  # key → where to find it
     "text": "maker, type and date of the datasheet",
-    "command": '"voltage", "current" or "torque": what the drive is told',
+    "command": '"voltage", "current" or "torque": kind of command that the drive takes',
     "gear_ratio": 'datasheet of the gear: "ratio", "reduction" or i, times those of belts; 1 for a direct drive',
     "rotor_inertia_kg_m2": 'datasheet of the motor: "rotor inertia" or J; 1 g cm² = 1e-7 kg m²',
     "torque_constant_n_m_per_a": 'datasheet of the motor: "torque constant", Kt or kM; 1 mN m/A = 1e-3 N m/A',

@@ -62,7 +62,7 @@ def joint_torques(model: Model, qd: Array, qdd: Array, tau: Array) -> np.ndarray
 
 @dataclass(frozen=True, eq=False)
 class Gear:
-    """A lossy gear behind a rotor, as Newton's method sees it."""
+    """A lossy gear behind a rotor, in the form used by Newton's method."""
 
     row: list[tuple[int, Scalar]]  # of B: which joints turn the motor, and by how much
     inertia: Scalar  # D [kg m² | kg]

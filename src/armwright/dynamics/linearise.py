@@ -1,4 +1,4 @@
-"""The arm about a state, as a linear system: what a control engineer designs for."""
+"""Linear model of an arm about a state, for control design."""
 
 from __future__ import annotations
 

@@ -101,7 +101,7 @@ class Side:
 
 @dataclass(frozen=True, eq=False)
 class DryElement:
-    """What acts at one speed, of a joint or of a motor, and jumps where it is 0.
+    """Dry elements at one speed, of a joint or of a motor: torques that jump at speed 0.
 
     Attributes:
         row: the speed by those of the coordinates.   inertia: D of a rotor before a lossy gear [kg m² | kg], else 0.
@@ -263,7 +263,7 @@ def as_gears(
 def held_accelerations(
     mass: Array, bias: Array, gears: Sequence[Gear], rows: Sequence[Row], directions: Array
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Accelerations with directions of motion held:  M q̈ + b = Σ Bᵢᵀ Gᵢ + Σ rowᵀ λ,  row · q̈ = 0 where the direction is 0.
+    """Accelerations with given directions of motion:  M q̈ + b = Σ Bᵢᵀ Gᵢ + Σ rowᵀ λ,  row · q̈ = 0 for direction 0.
 
     Args:
         mass, bias, gears: as `gears.through_gears`.   rows: of the elements.   directions: (elements,) 0: it sticks.

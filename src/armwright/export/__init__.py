@@ -1,1 +1,1 @@
-"""An arm or a controller in other programs' languages: C for microcontrollers, URDF, MJCF."""
+"""Export of an arm or a controller: C for microcontrollers, FMU, URDF, MJCF, ROS 2."""

@@ -75,7 +75,7 @@ def c_library(arm: Model, functions: Sequence[str], real: str = "double") -> dic
 
 @contextmanager
 def folder_to_write(folder: Path) -> Iterator[Path]:
-    """A folder to write in; if the block fails, a folder created for it is removed."""
+    """A folder for output; if the block fails, a newly created folder is removed."""
     created = not folder.exists()
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""A function of every exported C file that says whether the file was compiled by the rules of IEEE 754, which its bits rest on.
+"""Runtime test in every exported C file: IEEE 754 arithmetic, on which its bits rest.
 
 A compiler shows only some of its unsafe options by macros, which `kernels.c` refuses. Others let it replace an expression by
 one that only real numbers equal; an optimising compiler then finds both to have the same bits, and calls a function that it
@@ -51,7 +51,7 @@ int {name}_arithmetic(void)
 
 
 def arithmetic(name: str, real: str) -> str:
-    """The text of `int NAME_arithmetic(void)`: 0, or the number of the rule that the file's arithmetic breaks."""
+    """The text of `int NAME_arithmetic(void)`: returns 0, or the number of the violated IEEE 754 rule."""
     dialect = REALS[real]
     precision = np.finfo(dialect.format.dtype)
     numbers = {"zero": 0.0, "half": 0.5, "one": 1.0, "three": 3.0, "third": 1.0 / 3.0}

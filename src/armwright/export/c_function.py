@@ -27,7 +27,7 @@ WRITTEN = "NAME, NAME+INPUT or NAME:OPTION=VALUE"
 
 @dataclass(frozen=True)
 class Form:
-    """One kernel with some of its optional inputs, and values of some of its options.
+    """One kernel with a choice of its optional inputs and options.
 
     Attributes:
         signature: the kernel's row of the table.   optional: the optional inputs that it takes, in the table's order.
@@ -40,13 +40,13 @@ class Form:
 
     @property
     def name(self) -> str:
-        """The word that `parse_form` reads as this form."""
+        """The word for this form, as read by `parse_form`."""
         inputs = "".join(f"+{argument.name}" for argument in self.optional)
         return f"{self.signature.name}{inputs}{''.join(f':{option}={value}' for option, value in self.options)}"
 
     @property
     def words(self) -> tuple[str, ...]:
-        """Kernel, inputs and values, from which its name in C is made."""
+        """Kernel, inputs and values, which together give its name in C."""
         return (self.signature.name, *(a.name for a in self.optional), *(value for _, value in self.options))
 
     @property
@@ -56,7 +56,7 @@ class Form:
 
     @property
     def left_out(self) -> tuple[Argument, ...]:
-        """The optional inputs that it does not take."""
+        """Optional inputs that are left out."""
         return tuple(argument for argument in self.signature.optional if argument not in self.optional)
 
     def trace(self, arm: Model) -> Any:
@@ -77,7 +77,7 @@ class Form:
 
 
 def parse_form(text: str) -> Form:
-    """The form that a word means.
+    """The form for a word.
 
     Raises:
         ModelError: an unknown kernel, input or option, one that is named twice, or an option without a value.
@@ -111,7 +111,7 @@ def _check(text: str, kind: str, names: Sequence[str], known: Sequence[str]) -> 
 
 @dataclass(frozen=True)
 class CFunction:
-    """A kernel's form, its program for the arm, and its name in C behind the library's name."""
+    """A kernel's form, its program for the arm, and the end of its name in C, after the library's name."""
 
     form: Form
     program: Program
@@ -125,7 +125,7 @@ class CFunction:
 
 
 def c_functions(arm: Model, library: str, forms: Sequence[Form]) -> list[CFunction]:
-    """The functions of a library, each form once, no two with the same name.
+    """The functions of a library, without duplicates of form or name.
 
     Raises:
         ModelError: the arm lacks what a kernel needs, or a form's name in C would be that of another form or kernel.

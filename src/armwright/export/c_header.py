@@ -29,7 +29,7 @@ _CORES = {
 
 
 def header(arm: Model, functions: Sequence[CFunction], real: str, waiting: Mapping[str, int]) -> str:
-    """The header's text; `waiting` is how many numbers are on the stack while a function runs, by its name."""
+    """The header's text; `waiting` is the number of values on the stack while a function runs, by its name."""
     name = functions[0].library
     guard = f"{name.upper()}_H"
     parts = [
@@ -46,7 +46,7 @@ def header(arm: Model, functions: Sequence[CFunction], real: str, waiting: Mappi
 
 
 def stack(waiting: int, real: str) -> int:
-    """[bytes] About how much of the stack a function takes on which so many numbers wait."""
+    """Approximate stack of a function [bytes], from the number of values on it."""
     return -(-(waiting * _BYTES[real] + CALLS) // 8) * 8
 
 
@@ -160,12 +160,12 @@ _WORDS = (
 
 
 def comment(lines: Iterable[str]) -> str:
-    """Those lines as one comment."""
+    """Lines as one comment."""
     return "\n".join(["/*", *(f" * {plain(line)}".rstrip() for line in lines), " */"])
 
 
 def plain(line: str) -> str:
-    """A line that can stand in a comment: Greek letters by name, anything else that is not ASCII by number."""
+    """A line in ASCII for a comment: Greek letters by name, other characters by number."""
     line = "".join(c if c.isprintable() else " " for c in line)
     for mark in sorted(_WORDS, key=len, reverse=True):
         line = line.replace(mark, _WORDS[mark])

@@ -1,4 +1,4 @@
-"""The self-test of an exported C library: a program that compares it with the float reference and with the compiled kernels."""
+"""Self-test of an exported C library: a program that compares it with the float reference and the compiled kernels."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _EPSILON = {"double": float(np.finfo(np.float64).eps), "float": float(np.finfo(n
 
 @dataclass(frozen=True)
 class Vectors:
-    """Test vectors of one function, one array a port with a row for each state.
+    """Test vectors of one function: for each port an array with a row for each state.
 
     Attributes:
         inputs: STATES random states, then EDGES.   exact: results of the compiled kernel for all of them, or None where its bits
@@ -86,7 +86,7 @@ def _tolerances(
 
 
 def selftest(arm: Model, name: str, functions: Sequence[CFunction], real: str) -> str:
-    """The program's text. It prints a line on the arithmetic and one a function, and ends with 0 if all is met, else with 1."""
+    """The program's text. It prints a line on the arithmetic and one for each function; exit code 0 if all pass, else 1."""
     compiled = CompiledArm(arm, dtype=REALS[real].format.name)
     calls = [f"    failed += test_{each.short_name}(bits);" for each in functions]
     about = f"Self-test of {name}.c: vectors from Armwright's float reference, and the bits of its compiled kernels."

@@ -1,4 +1,4 @@
-"""The drive file beside a URDF: everything that the URDF cannot hold of motors, friction, limits and place."""
+"""Drive file beside a URDF: motors, friction, limits and gravity, for which URDF has no place."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ CARRIED = [name for name in JointDrive.model_fields if name != "source"]
 
 
 def drive_file(robot: RobotDescription) -> str:
-    """The text of NAME.drive.toml, which `read_urdf` finds beside NAME.urdf."""
+    """The text of NAME.drive.toml, read by `read_urdf` together with NAME.urdf."""
     joints: dict[str, Any] = {}
     for joint in robot.joints:
         if isinstance(joint, FixedJoint):

@@ -1,4 +1,4 @@
-"""Joints of a description as URDF and MJCF have them: every link's frame on its joint, plain limits, damping and dry friction.
+"""Joints in the form of URDF and MJCF: every link's frame on its joint, plain limits, damping and dry friction.
 
 Classic Denavit-Hartenberg parameters put a link's frame elsewhere.
 """
@@ -22,7 +22,7 @@ Z = (0.0, 0.0, 1.0)
 
 @dataclass(frozen=True, eq=False)
 class JointFrame(Frozen):
-    """A joint and the link it moves: the link's frame is the joint's, moved on by q about or along `axis`."""
+    """A joint and the link it moves: the link's frame is the joint's, displaced by q about or along `axis`."""
 
     joint: Joint
     link: Link
@@ -64,7 +64,7 @@ def joint_frames(robot: RobotDescription) -> list[JointFrame]:
 
 
 def moved_tip(robot: RobotDescription, frames: list[JointFrame]) -> str | None:
-    """The name of the tip's frame where the tip is a link whose frame has been moved onto its joint."""
+    """The name of the tip's frame if the tip is a link whose frame was moved onto its joint."""
     tip = tip_of(robot)
     shifts = {entry.link.name: entry.shift for entry in frames}
     if tip not in shifts or is_identity(shifts[tip]):
@@ -77,7 +77,7 @@ def moved_tip(robot: RobotDescription, frames: list[JointFrame]) -> str | None:
 
 
 def place_of(robot: RobotDescription, frames: list[JointFrame], name: str) -> tuple[str, Placement]:
-    """The link that carries a named frame or link, and where that stands in the link's frame here."""
+    """The link that carries a named frame or link, and the frame's pose in that link."""
     shifts = {entry.link.name: entry.shift for entry in frames} | {robot.base: Placement.identity()}
     for frame in robot.frames:
         if frame.name == name:
@@ -87,7 +87,7 @@ def place_of(robot: RobotDescription, frames: list[JointFrame], name: str) -> tu
 
 
 def tip_of(robot: RobotDescription) -> str | None:
-    """The tip's name: as the record has it, or the last link of a chain."""
+    """The tip's name: that of the record, or the last link of a chain."""
     if robot.tip is not None:
         return robot.tip
     parents = {joint.parent for joint in robot.joints}
@@ -108,14 +108,14 @@ def _unit(axis: np.ndarray) -> tuple[float, ...]:
 
 
 def plain_limits(joint: MovingJoint) -> tuple[Limit, Limit, Limit]:
-    """(position [rad | m], velocity [rad/s | m/s], effort [N m | N]); None where no limit is known."""
+    """(position [rad | m], velocity [rad/s | m/s], effort [N m | N]); None for an unknown limit."""
     if isinstance(joint, PrismaticJoint):
         return joint.limits.position_m, joint.limits.velocity_m_per_s, joint.limits.force_n
     return joint.limits.position_rad, joint.limits.velocity_rad_per_s, joint.limits.torque_n_m
 
 
 def plain_friction(joint: MovingJoint) -> tuple[float, float]:
-    """(viscous, dry) friction of a joint, as far as damping and one magnitude can tell it, the motor's referred to the joint."""
+    """(viscous, dry) friction of a joint, reduced to damping and one magnitude, with the motor's referred to the joint."""
     friction = friction_of(joint)
     if friction is None or is_of_coupled_motor(joint):
         return 0.0, 0.0
@@ -123,6 +123,6 @@ def plain_friction(joint: MovingJoint) -> tuple[float, float]:
 
 
 def is_of_coupled_motor(joint: MovingJoint) -> bool:
-    """True if friction acts on a motor that several joints turn: it is then felt at all of them."""
+    """True if friction acts on a motor that turns several joints."""
     on_motor = joint.friction is not None and joint.friction.side == "motor"
     return on_motor and joint.motor is not None and bool(joint.motor.coupling)

@@ -1,4 +1,4 @@
-"""Losses: properties of a description that another format cannot hold, one sentence each."""
+"""Losses: properties of a description that another format cannot represent, one sentence each."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from armwright.quantity import Quantity
 
 
 class Losses:
-    """Losses found on the way, gathered by kind."""
+    """Losses of a conversion, collected by kind."""
 
     def __init__(self) -> None:
         self._names: dict[tuple[str, str], list[str]] = defaultdict(list)
 
     def add(self, what: str, name: str, word: str = "joint") -> None:
-        """One more joint (or link) that loses this."""
+        """Adds one joint or link to a loss."""
         self._names[what, word].append(name)
 
     def sentences(self) -> list[str]:
@@ -33,7 +33,7 @@ EFFECTS = ("current_loop_hz", "pwm", "dead_zone_v", "thermal", "cogging", "coupl
 
 
 def of_all_formats(robot: RobotDescription, kept: str = "") -> list[str]:
-    """Properties for which neither URDF nor MJCF has a place.
+    """Properties that neither URDF nor MJCF can represent.
 
     Args:
         robot: the description.   kept: what is said behind those that a drive file keeps.
@@ -122,6 +122,6 @@ def _beyond_coulomb(friction: RotaryFriction | LinearFriction) -> list[str]:
 
 
 def loss_of(what: str, names: Iterable[str], word: str = "joint") -> str:
-    """One loss with the names of the joints or links that have it; empty where there are none."""
+    """One loss with the names of its joints or links; empty without any."""
     names = list(dict.fromkeys(names))
     return f"{what}: {word}{'s' if len(names) > 1 else ''} {', '.join(names)}" if names else ""

@@ -1,4 +1,4 @@
-"""Springs as other formats have them: MuJoCo's joints and tendons, and tables of a drive file."""
+"""Springs in other formats: MuJoCo's joints and tendons, and tables of a drive file."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from armwright.model.springs import LinearSpring
 
 
 def spring_losses(robot: RobotDescription) -> list[str]:
-    """Springs of a description, for a format that has none, one sentence for each kind."""
+    """Springs of a description as losses of a format without springs, one sentence for each kind."""
     joints = [joint.name for joint in robot.joints if not isinstance(joint, FixedJoint) and joint.spring is not None]
     cylinders = loss_of("forces between two links", [cylinder.name for cylinder in robot.cylinders], "cylinder")
     return [loss for loss in (loss_of("springs", joints), cylinders) if loss]

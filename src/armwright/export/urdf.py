@@ -1,4 +1,4 @@
-"""RobotDescription → URDF, with a drive file for what a URDF cannot hold."""
+"""RobotDescription → URDF, with a drive file for everything else."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def write_urdf(
     drive: bool = True,
     elements: Sequence[ElementTree.Element] = (),
 ) -> list[str]:
-    """Writes a URDF, and beside NAME.urdf the drive file NAME.drive.toml, from which `read_urdf` has the dynamics again.
+    """Writes a URDF and, beside NAME.urdf, the drive file NAME.drive.toml; `read_urdf` reads both.
 
     Link frames are moved onto their joints, as the format wants them; named frames become fixed links without mass.
 
@@ -65,7 +65,7 @@ def write_urdf(
 def urdf_text(
     description: RobotDescription, path: Path, losses: Losses, elements: Sequence[ElementTree.Element] = ()
 ) -> str:
-    """The URDF; what its pictures lose is added to `losses`. Mesh paths are relative to `path` where they are below it."""
+    """The URDF; lost details of its visuals are added to `losses`. Mesh paths are relative to `path` if they are below it."""
     robot = ElementTree.Element("robot", name=description.name)
     ElementTree.SubElement(robot, "link", name=description.base)
     frames = joint_frames(description)

@@ -1,1 +1,1 @@
-"""Identification: from logs of measurements to parameters with error bars, and a verdict on data that was not used."""
+"""Identification: parameters with error bars from logs of measurements, and a verdict on data that the fit did not use."""

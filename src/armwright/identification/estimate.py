@@ -1,4 +1,4 @@
-"""Estimate: the result of every fit to a log, and the robot file that it is written into."""
+"""Estimate: the result of every fit to a log, and the robot file into which it is written."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ TOP = ("gravity_m_s2", "supply")  # tables of a robot file that hold numbers and
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """Numbers that a log gave, with their uncertainty, and how well they predict it.
+    """Parameter values from a log, with their uncertainty and the quality of the prediction.
 
     Attributes:
         names: (n) paths of the record, "joint1.motor.resistance_ohm", or names of what no record has: "base3",
@@ -74,14 +74,14 @@ class Estimate:
 
     @property
     def std(self) -> np.ndarray:
-        """(n,) standard deviations; NaN where they are not known, mean nothing at a bound, or the log tells nothing."""
+        """(n,) standard deviations; NaN if unknown, meaningless at a bound, or not identifiable from the log."""
         with np.errstate(invalid="ignore"):
             std = np.sqrt(np.diag(self.covariance))
         return np.where(self._known, std, np.nan)
 
     @property
     def correlation(self) -> np.ndarray:
-        """(n, n) matrix of correlations, 1 on its diagonal; 0 beside it where it is not known."""
+        """(n, n) matrix of correlations, 1 on its diagonal; off-diagonal 0 if unknown."""
         std = np.sqrt(np.maximum(np.nan_to_num(np.diag(self.covariance)), 0.0))
         scale = np.where(std > 0.0, std, np.inf)
         matrix = np.clip(np.nan_to_num(self.covariance / np.outer(scale, scale)), -1.0, 1.0)
@@ -101,7 +101,7 @@ class Estimate:
         return float(self.values[self.number(name)])
 
     def number(self, name: str) -> int:
-        """Place of a name.
+        """Index of a name.
 
         Raises:
             ModelError: no such name.
@@ -111,12 +111,12 @@ class Estimate:
         return self.names.index(name)
 
     def interval(self, name: str) -> tuple[float, float]:
-        """Ends of the 95 % confidence interval, for a normal error; NaN where it is not known."""
+        """Bounds of the 95 % confidence interval, for a normal error; NaN if unknown."""
         k = self.number(name)
         return self.values[k] - HALF_95 * self.std[k], self.values[k] + HALF_95 * self.std[k]
 
     def select(self, names: Sequence[str]) -> Estimate:
-        """The same estimate with some of its numbers, in that order."""
+        """The estimate reduced to some of its parameters, in the given order."""
         places = [self.number(name) for name in names]
         return replace(
             self,
@@ -164,7 +164,7 @@ def write_into(
     output: str | os.PathLike[str],
     key: str = "fit",
 ) -> Path:
-    """Writes the robot's file with the estimated numbers in it: source of kind `fit`, deviation, log's checksum, correlation.
+    """Writes the robot's file with the estimated numbers: source of kind `fit`, deviation, log's checksum, correlation.
 
     Numbers that the log cannot tell stay as they are. `[fits.KEY]` lists names, correlations, bounds, measures and all other
     estimates, such as delays. A TOML file keeps its comments and its order.
@@ -188,7 +188,7 @@ def write_into(
 def updated_text(
     robot: str | os.PathLike[str] | Arm | RobotDescription, estimate: Estimate, folder: Path, key: str = "fit"
 ) -> str:
-    """The text that `write_into` writes into a folder.
+    """The text of the file that `write_into` writes.
 
     Raises:
         OutputError, DescriptionError: as `write_into`.
@@ -210,7 +210,7 @@ def updated_text(
 
 
 def _text_of(robot: Any, folder: Path) -> tuple[str, tuple[str, ...]]:
-    """The robot's own file where its text may stand in that folder, else the description as TOML; and what that loses."""
+    """The robot's own file if its text is valid in that folder, else the description as TOML; and what that loses."""
     if isinstance(robot, (str, os.PathLike)):
         description, path = read_description(robot), Path(os.fspath(robot))
         if os.fspath(robot) in builtin_names() and isinstance(robot, str):

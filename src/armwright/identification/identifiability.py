@@ -1,4 +1,4 @@
-"""Identifiability in words: directions of the parameters that a fit's data hardly shows, and motions that would show them.
+"""Identifiability in words: weakly identifiable directions of the parameters, and motions that would identify them.
 
 Of R (the triangular factor of a Jacobian or regressor) with its columns scaled to length 1, singular values near 0 belong to
 combinations of parameters that change the prediction little.
@@ -20,7 +20,7 @@ ENOUGH = 2.0  # factor by which an experiment must raise the smallest singular v
 
 @dataclass(frozen=True)
 class Direction:
-    """A combination of parameters that the data shows weakly.
+    """A weakly identifiable combination of parameters.
 
     Attributes:
         names: of its largest parts, the largest first.   shares: theirs, of unit vectors in scaled parameters.
@@ -62,7 +62,7 @@ def weak_directions(factor: np.ndarray, names: Sequence[str], limit: float = WEA
 
 
 def in_words(direction: Direction, about: Mapping[str, str], remedy: str = "") -> str:
-    """A sentence about a weak direction: "mass of link6 and first moment along z of link6 cannot be told apart …".
+    """A sentence about a weak direction: "mass of link6 and first moment along z of link6 cannot be distinguished …".
 
     Args:
         direction: of `weak_directions`.   about: what each name stands for.   remedy: what would tell, as a clause.
@@ -71,9 +71,9 @@ def in_words(direction: Direction, about: Mapping[str, str], remedy: str = "") -
     listed = words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
     unseen = direction.condition > MEANINGLESS
     if len(words) == 1:
-        verb = "cannot be told from this motion" if unseen else "is told weakly by this motion"
+        verb = "cannot be identified from this motion" if unseen else "is only weakly identifiable from this motion"
     else:
-        verb = "cannot be told apart with this motion" if unseen else "are told apart only weakly by this motion"
+        verb = "cannot be distinguished with this motion" if unseen else "are distinguished only weakly by this motion"
     return f"{listed} {verb} (condition {direction.condition:.3g})" + (f"; {remedy}" if remedy else "")
 
 

@@ -1,4 +1,4 @@
-"""The chain of joints that carries a frame, as inverse kinematics needs it: errors of poses, limits, and good starts."""
+"""The chain of joints to a frame, for inverse kinematics: pose errors, limits, and good starts."""
 
 from __future__ import annotations
 
@@ -219,7 +219,7 @@ class Chain:
         return margin
 
     def start(self, task: Array, attempt: Array) -> np.ndarray:
-        """Where an attempt (n + 1: positions, azimuth) begins for a task: turned to the task's azimuth."""
+        """Start of an attempt (n + 1: positions, azimuth) for a task, turned to the task's azimuth."""
         if self.base is None:
             return self.within(attempt[: self.n])
         angle = attempt[0] + (task[12] - attempt[self.n])

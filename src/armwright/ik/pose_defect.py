@@ -1,4 +1,4 @@
-"""How far (k, 4, 4) arrays are from being poses, in native code: NumPy takes longer for that than a closed form for the arm."""
+"""Deviation of (k, 4, 4) arrays from poses, in native code: NumPy would take longer than the arm's closed form."""
 
 from __future__ import annotations
 

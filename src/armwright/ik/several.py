@@ -67,7 +67,7 @@ def best_different(
     count: int,
     tolerance: float,
 ) -> np.ndarray:
-    """Positions (k, count, n) of candidates (k, d, n) that are solutions and differ, best first; NaN where there are fewer.
+    """Positions (k, count, n): the best distinct solutions among candidates (k, d, n), best first; NaN if fewer.
 
     The first of a target without a solution has the candidate that comes nearest.
     """

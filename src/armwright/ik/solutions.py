@@ -37,7 +37,7 @@ class PoseBranches:
         return replace(self, **{name: part.reshape((*shape, *part.shape[1:])) for name, part in parts.items()})
 
     def obstacle(self, k: tuple[int, ...], tolerance: float) -> str:
-        """Why target k has no solution, in words: the limit that the best branch which meets the pose is beyond."""
+        """Reason why target k has no solution, in words: the limit exceeded by the best branch that reaches the pose."""
         met = np.maximum(self.position_error[k], self.angle_error[k]) <= tolerance
         if not met.any():
             return UNREACHABLE
@@ -49,7 +49,7 @@ class PoseBranches:
 
 @dataclass(frozen=True, eq=False)
 class PoseSolutions:
-    """Joint positions for targets, `…` as the targets have it, with one more axis where several solutions were asked for.
+    """Joint positions for targets, `…` as for the targets, with one more axis if several solutions were requested.
 
     Attributes:
         q: (…, n) [rad | m]; where a target was not solved, the positions that came nearest.
@@ -116,7 +116,7 @@ class PoseSolutions:
         return bool(off.size and self.arm.tip is not None and np.median(off) > FAR * reach(self.arm))
 
     def _way(self) -> str:
-        """How targets were solved, in words."""
+        """Solution method, in words."""
         iterations = self.iterations[self.success]
         numeric = int((iterations > 0).sum())
         many = f"{np.median(iterations[iterations > 0]):.0f} iterations as a rule" if numeric else ""

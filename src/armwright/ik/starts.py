@@ -95,7 +95,7 @@ class Starts:
 
 
 def random_positions(chain: Chain, count: int) -> np.ndarray:
-    """(count, n) joint positions, evenly within the limits; a whole turn, or a metre, where there is none."""
+    """(count, n) random joint positions, uniform within the limits; over a whole turn, or a metre, without limits."""
     from scipy.stats import qmc
 
     low, high = chain.limits

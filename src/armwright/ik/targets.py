@@ -79,7 +79,7 @@ def _rotations(matrices: np.ndarray) -> bool:
 
 
 def _defect(pose: np.ndarray) -> str:
-    """What keeps (4, 4) numbers from being a pose, in words."""
+    """Reason why (4, 4) numbers are not a pose, in words."""
     if not (np.abs(pose) < LARGEST).all():
         return "a number is not finite"
     last = np.array([0.0, 0.0, 0.0, 1.0])

@@ -1,4 +1,4 @@
-"""Workspace of an arm: where its tip comes with random joint positions within the limits, and how well it moves there."""
+"""Workspace of an arm: positions of its tip and manipulability, at random joint positions within the limits."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def _percentiles(values: np.ndarray) -> np.ndarray:
 
 
 def sampled_ranges(arm: Model) -> tuple[np.ndarray, np.ndarray]:
-    """Lowest and highest joint positions (n,) to draw: the limits; a whole turn, or a metre, where there is none."""
+    """Lowest and highest joint positions (n,) for sampling: the limits; a whole turn, or a metre, without limits."""
     low, high = np.array([body.limits.position for body in arm.coordinates]).T
     half = np.where([body.kind == "revolute" for body in arm.coordinates], np.pi, METRE)
     low_known, high_known = np.isfinite(low), np.isfinite(high)

@@ -104,7 +104,7 @@ _EMITTER = _emitter()  # once: a developer may change the sources under a sessio
 
 
 def load(key: bytes | None) -> bytes | None:
-    """The code of that key; None where there is none that can be believed."""
+    """The cached code of a key; None without a trustworthy entry."""
     folder = cache_folder() if key is not None else None
     if key is None or folder is None:
         return None

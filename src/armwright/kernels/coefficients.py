@@ -1,4 +1,4 @@
-"""The numbers that the elementary functions are made of, one table a format; each structure stands once, in `polynomials`.
+"""Coefficients of the elementary functions, one table for each number format; the algorithms are in `polynomials`.
 
 Double. Sine, cosine and logarithm: the minimax sets of Sun's fdlibm (k_sin.c, k_cos.c, e_log.c). Exponential and arctangent:
 interpolation at the Chebyshev nodes, computed with mpmath at 60 digits.

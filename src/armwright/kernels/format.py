@@ -1,4 +1,4 @@
-"""The number formats that code computes in: double precision and, where asked for, single."""
+"""Number formats of compiled code: double precision and, on request, single."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ class Schedules:
 
 @dataclass(frozen=True, eq=False)
 class Tasks:
-    """What the lanes of a searching loop work on.
+    """Work items of the lanes of a searching loop.
 
     Attributes:
         queue: (2,) int64: the task that is taken next, and the one behind the last; the loop counts it up.

@@ -179,7 +179,7 @@ class ArrayFields(ctypes.Structure):
 
 
 def _laid_out_as_known() -> bool:
-    """Whether the fields of some arrays are where they are looked for."""
+    """True if some arrays have their fields at the expected offsets."""
     whole = np.arange(24.0).reshape(2, 3, 4)
     for array in (whole, whole[:, ::2], whole.T, np.zeros((), np.float32), np.zeros(5, np.int16)):
         fields = ArrayFields.from_address(id(array))

@@ -1,4 +1,4 @@
-"""The platform that code is made for: its processor, its vector width, and the functions of libm that code may call.
+"""The target platform of code: processor, vector width, and allowed functions of libm.
 
 Linking code from the cache needs no more than this.
 """
@@ -33,7 +33,7 @@ LIBM = (*(f"{name}{f.suffix}" for f in FORMATS.values() for name in _OF_REALS), 
 
 @dataclass(frozen=True)
 class Target:
-    """The processor that code is made for, and how many numbers it computes at once."""
+    """The target processor of code, and its vector width."""
 
     cpu: str
     features: str

@@ -1,4 +1,4 @@
-"""Masses and tensors against what a link looks like. Opens meshes, so it is asked for and never part of loading.
+"""Masses and tensors compared with a link's shape. It opens meshes, so it runs on request only, not on loading.
 
 The hull is the convex hull of the link's visuals; U is the tensor of the link's mass spread evenly over it, about the link's
 centre of mass. Real links are hollow, with motors at their ends, so I may differ from U by a small factor, not by

@@ -112,7 +112,7 @@ def _cylinder(frames: dict[str, Frame], record: Any) -> Cylinder:
 
 
 def _parents_first(robot: RobotDescription) -> list[Any]:
-    """Joints in the file's order, a child's that stands before its parent's moved behind it."""
+    """Joints in the file's order, but with every parent before its children."""
     placed, waiting, order = {robot.base}, list(robot.joints), []
     while waiting:
         joint = next(joint for joint in waiting if joint.parent in placed)

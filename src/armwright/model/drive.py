@@ -46,7 +46,7 @@ class Friction:
 
 @dataclass(frozen=True, eq=False)
 class Thermal:
-    """Temperatures of a motor; one body where there is no housing. Equations in `actuators.thermal`."""
+    """Temperatures of a motor with one or two bodies (winding, housing). Equations in `actuators.thermal`."""
 
     ambient: Scalar  # [°C]
     reference: Scalar  # [°C] at which the constants were measured
@@ -163,7 +163,7 @@ class Drive:
 
     @property
     def reflected(self) -> Scalar:
-        """n² J_m of the motor's own gear ratio, whatever else turns it [kg m² | kg]."""
+        """n² J_m of the motor's own gear ratio, without coupling [kg m² | kg]."""
         return self.gear_ratio * self.gear_ratio * self.rotor_inertia
 
 

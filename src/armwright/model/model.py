@@ -63,7 +63,7 @@ class Model(Tree):
         return self.record.provenance(path)
 
     def replace(self, **changes: Any) -> Model:
-        """A variant of the arm; the arm itself stays as it is.
+        """A variant of the arm; the original does not change.
 
         Args:
             friction: None takes all joint friction away.   springs: None takes joints' springs and cylinders away.
@@ -93,7 +93,7 @@ class Model(Tree):
         return self._rebuilt(_variants().with_payload(self.record, mass, com, inertia, at, **names), self.changes)
 
     def with_locked(self, positions: Mapping[str, Any]) -> Model:
-        """The arm with joints held, `{"joint3": 0.4}` [rad | m]: q has the others only, the dynamics are the same.
+        """The arm with locked joints, `{"joint3": 0.4}` [rad | m]: q has the others only, the dynamics are the same.
 
         Raises:
             DescriptionError: no such joint, a position that is none, or no joint left.   ModelError: no description.

@@ -42,7 +42,7 @@ class Parameter:
 
     @property
     def bounds(self) -> tuple[float, float]:
-        """Between which the record allows it."""
+        """Bounds of the value in the record."""
         return self.reading.bounds if self.entry is None else (-np.inf, np.inf)
 
 

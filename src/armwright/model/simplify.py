@@ -159,7 +159,7 @@ def _principal(body: Body) -> float:
 
 
 def _reframed(body: Body, frame: Placement) -> Body:
-    """The body told in another frame of its own, that stands in the old one at `frame` and shares its axis."""
+    """The body in another frame, at `frame` in the old one, with the same axis."""
     back, p = frame.rotation.T, frame.position
     inertia = body.inertia + displaced_inertia(body.mass, body.first_moment, -p)
     return replace(

@@ -84,7 +84,7 @@ class Body(Frozen):
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """A named frame: where it stands in the body that carries it (BASE: in the base)."""
+    """A named frame: its pose in the body that carries it (BASE: in the base)."""
 
     body: int
     placement: Placement

@@ -114,7 +114,7 @@ class Varied:
         return f"a parameter of {', '.join(dict.fromkeys(path_name(split_path(known)[0]) for known in self._numbers))}"
 
     def model(self, values: Array) -> Model:
-        """The arm with these values (k,), numbers or symbols, unchecked; what `arm.replace` changed stays changed."""
+        """The arm with these values (k,), numbers or symbols, unchecked; changes by `arm.replace` are kept."""
         return assembled(self._with(values)).replace(**self.arm.changes)
 
     def _with(self, values: Array) -> RobotDescription:

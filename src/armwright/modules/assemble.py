@@ -1,4 +1,4 @@
-"""Arm that modules make: connectors are checked, joint frames placed, and every number keeps its source and says its module."""
+"""Arm from modules: connectors are checked, joint frames placed, and every number keeps its source and names its module."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Assembly: `*.assembly.toml`, which modules stand on which connectors. Reading it, and the libraries it names."""
+"""Reading of an assembly, `*.assembly.toml` (modules on connectors), and of the libraries it names."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Place = Annotated[str, Field(pattern=r"^[^\s.\[\]]+\.[^\s.\[\]]+$")]
 
 
 class Placed(Record):
-    """A module of an assembly, and the connector that it stands on."""
+    """A module of an assembly, and the connector that carries it."""
 
     source: str | None = None
     module: Name = Field(description="Which module of the libraries it is.")

@@ -134,7 +134,7 @@ def possible_modules(library: ModuleLibrary) -> tuple[list[Module], dict[str, st
 
 
 def chains(modules: list[Module], rules: Rules) -> Iterator[Chain]:
-    """Chains from a module with a ground outward, those with fewer modules first; a module as often as there are of it."""
+    """Chains from a ground module outward, those with fewer modules first; each module as often as available."""
     known: dict[tuple[str, str, bool], list[Extension]] = {}
     level = [
         start

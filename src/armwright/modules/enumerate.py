@@ -34,7 +34,7 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Enumeration:
-    """Arms that were found, of how many, and which modules were left out and why."""
+    """Arms found, the number of candidates, and excluded modules with reasons."""
 
     candidates: tuple[Candidate, ...]
     total: int  # arms that the connectors allow; COUNTED: that many or more

@@ -1,4 +1,4 @@
-"""Module library: `*.modules.toml`. A module is a piece of an arm that comes as one: bodies, joints with drives, connectors."""
+"""Module library, `*.modules.toml`. A module is a unit of an arm: bodies, joints with drives, connectors."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ class Connector(Record):
 
 
 class Module(Record):
-    """A piece of an arm that comes as one: bodies in a tree, the joints between them, and connectors."""
+    """A unit of an arm: bodies in a tree, the joints between them, and connectors."""
 
     source: str | None = Field(default=None, description="Source of every number of the module that names none.")
     name: Name = Field(description="Name in assemblies.")

@@ -1,4 +1,4 @@
-"""One module on another: whether two connectors fit, at which angles, and where the module that is put on then is."""
+"""One module on another: fit of two connectors, possible angles, and the pose of the second module."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ MEETING = Placement(rotation_x(HALF_TURN), np.zeros(3))  # one face in the other
 
 
 def misfit(carrier: Connector, other: Connector) -> str | None:
-    """First difference that keeps two connectors from being joined; None where they fit."""
+    """First difference that prevents a connection of two connectors; None if they fit."""
     if carrier.kind != other.kind:
         return f"kind is {carrier.kind!r} and {other.kind!r}"
     if carrier.size != other.size:
@@ -31,7 +31,7 @@ def misfit(carrier: Connector, other: Connector) -> str | None:
 
 
 def angle_steps(carrier: Connector, other: Connector) -> int:
-    """Number of equal steps a turn at which two connectors can be joined: those that both have."""
+    """Number of equal steps in a turn at which two connectors fit: those of both."""
     return gcd(carrier.angle_steps, other.angle_steps)
 
 
@@ -42,7 +42,7 @@ def fitting(carrier: Connector, module: Module) -> list[Connector]:
 
 @dataclass
 class Structure:
-    """The part of an arm that is put together: each body's placement in its link, and which connectors are taken by whom."""
+    """The part of an arm assembled so far: each body's placement in its link, and the occupied connectors."""
 
     base: str
     placements: dict[tuple[str, str], Placement] = field(default_factory=dict)

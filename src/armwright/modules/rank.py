@@ -44,7 +44,7 @@ class Ranked:
 
 @dataclass(frozen=True)
 class Ranking:
-    """Arms in order, of how many, and which modules were left out and why."""
+    """Arms in order of cost, the number of candidates, and excluded modules with reasons."""
 
     ranked: tuple[Ranked, ...]
     total: int  # arms that the connectors allow; COUNTED: that many or more

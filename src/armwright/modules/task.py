@@ -1,4 +1,4 @@
-"""Task of an arm: `*.task.toml`, poses to reach with a payload, in a time."""
+"""Task of an arm, `*.task.toml`: poses to reach with a payload, in a given time."""
 
 from __future__ import annotations
 

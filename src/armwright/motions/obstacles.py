@@ -17,7 +17,7 @@ from armwright.trajectory.motion import Motion
 
 
 def check_clearance(arm: Model, motion: Motion, table: MotionTable, begins: list[float]) -> str:
-    """What comes nearest to what during a motion, and when, in words; "" where the file asks for no distance.
+    """A sentence on the least distance during a motion, the pair and the time; "" if the file sets no distance.
 
     Args:
         arm: the model.   motion: planned.   table: the file, with obstacles and `clearance_m`.   begins: [s] of its segments.
@@ -44,7 +44,7 @@ def check_clearance(arm: Model, motion: Motion, table: MotionTable, begins: list
 
 
 def obstacle(k: int, table: Any) -> Any:
-    """The obstacle of a table, the k-th.
+    """The obstacle of the k-th table.
 
     Raises:
         ScenarioError: a normal or a size that cannot be.

@@ -1,4 +1,4 @@
-"""`*.motion.toml` → a motion: every segment planned within the limits, from where the one before ends."""
+"""Plan of a motion file, `*.motion.toml`: segments within the limits, each from the end of the one before."""
 
 from __future__ import annotations
 
@@ -65,13 +65,13 @@ SAME = 1e-12  # [rad | m] between poses that are one
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """A planned motion file; `str` gives its segments and how much of every limit is used.
+    """A planned motion file; `str` lists its segments and the share of every limit that it uses.
 
     Attributes:
         arm, limits.   motion: of all segments.   kinds: of each segment.   begins: [s] of each.
         payloads: bodies in the hand, each from its time on.   report: use of the limits, payloads included.
         nearest: what comes nearest to what, and when; "" where no distance was asked for.   file: path of the motion file.
-        title: of the file, or "".   slower: where segments of the tool are slower than asked, and why.
+        title: of the file, or "".   slower: where segments of the tool are slower than requested, and why.
         notes: what the planner did not do.
     """
 
@@ -99,7 +99,7 @@ class Plan:
         self.motion.save(path, self.arm, rate)
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | None:
-        """Figure of the motion with its torques and voltages; with a path (.png, .svg, .pdf, .html) it is written there.
+        """Figure of the motion with its torques and voltages, written to a path (.png, .svg, .pdf, .html) if one is given.
 
         Args:
             path: None: the figure is returned.
@@ -130,7 +130,7 @@ class Plan:
 
 
 def plan(path: str | os.PathLike[str], *, allow: Iterable[str | os.PathLike[str]] = ()) -> Plan:
-    """The motion that a motion file describes, planned.
+    """The planned motion of a motion file.
 
     Args:
         path: of the `*.motion.toml`; a robot file that it names stands in its folder or below.
@@ -147,7 +147,7 @@ def plan(path: str | os.PathLike[str], *, allow: Iterable[str | os.PathLike[str]
 
 
 def plan_document(tables: dict[str, Any], place: str, files: Files) -> Plan:
-    """The plan of a parsed motion file; `place` is what errors call it."""
+    """The plan of a parsed motion file; `place` is its name in errors."""
     if "joints" in tables and "segments" not in tables:
         raise ScenarioError(
             "is a robot file", file=place, expected="a motion file, which names a robot and has [[segments]]"
@@ -229,7 +229,7 @@ class _Run:
         self.qd, self.qdd = np.zeros(self.arm.n), np.zeros(self.arm.n)
 
     def add(self, segment: Any) -> None:
-        """Plans a segment from the state that is reached."""
+        """Plans a segment from the state at the end of the last one."""
         self.kinds.append(segment.kind)
         self.begins.append(self.time)
         if segment.kind == "grip":
@@ -241,7 +241,7 @@ class _Run:
             self.follow(self.planned(segment))
 
     def follow(self, motion: Motion) -> None:
-        """Goes to the end of a motion."""
+        """Moves the state on to the end of a motion."""
         self.motions.append(motion)
         self.time = float(motion.time + motion.duration)
         self.q, self.qd, self.qdd = (np.where(np.abs(each) < SAME, 0.0, each) for each in motion.at(self.time))
@@ -262,7 +262,9 @@ class _Run:
         if isinstance(segment, ToolSegment):
             motion = tool_motion(self.arm, segment, self.q, self.limits, self.time)
             if motion.stretches:
-                how = f"{'' if segment.slow == 'everywhere' else 'up to '}{motion.slowed:.3g} times slower than asked"
+                how = (
+                    f"{'' if segment.slow == 'everywhere' else 'up to '}{motion.slowed:.3g} times slower than requested"
+                )
                 place = f"segments[{len(self.kinds) - 1}]"
                 self.slower += [f"{place} is {how}: {each}" for each in motion.stretches]
             return motion

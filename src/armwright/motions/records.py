@@ -1,4 +1,4 @@
-"""Tables of a motion file, `*.motion.toml`. Limits are the record's where the file has none."""
+"""Records of a motion file, `*.motion.toml`. Limits are those of the robot file unless the motion file states its own."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class MoveSegment(Record):
 
 
 class WaypointsSegment(Record):
-    """A curve from where the arm is through waypoints; see `armwright.Waypoints`."""
+    """A curve from the present pose through waypoints; see `armwright.Waypoints`."""
 
     kind: Literal["waypoints"] = Field(description="Which kind of segment.")
     points: Points = Field(description="Waypoints [rad | m], the arm's own pose before them left away.")
@@ -67,7 +67,7 @@ class DwellSegment(Record):
 
 
 class GripSegment(Record):
-    """A body taken up at once, in place of what the hand held; it counts in torques from here on."""
+    """A body picked up at once, in place of the present payload; torques include it from then on."""
 
     kind: Literal["grip"] = Field(description="Which kind of segment.")
     mass_kg: Annotated[Number, Field(gt=0)] = Field(description="Mass of the body.")
@@ -79,13 +79,13 @@ class GripSegment(Record):
 
 
 class ReleaseSegment(Record):
-    """The hand is empty from here on."""
+    """The payload put down."""
 
     kind: Literal["release"] = Field(description="Which kind of segment.")
 
 
 class TimeOptimalSegment(Record):
-    """A smooth path from where the arm is through waypoints, as fast as its motors can; see `armwright.time_optimal`."""
+    """A smooth path from the present pose through waypoints, as fast as the motors allow; see `armwright.time_optimal`."""
 
     kind: Literal["time_optimal"] = Field(description="Which kind of segment.")
     points: Points = Field(description="Waypoints [rad | m], the arm's own pose before them left away.")
@@ -93,7 +93,7 @@ class TimeOptimalSegment(Record):
 
 
 class LinePiece(Record):
-    """A straight way of the tool."""
+    """A straight line of the tool."""
 
     kind: Literal["line"] = Field(description="Which kind of piece.")
     to_m: Three = Field(description="x, y, z where it ends.")
@@ -124,7 +124,7 @@ class CirclePiece(Record):
 
 
 class ToolSegment(Record):
-    """The tool led along lines and arcs at an even speed; see `armwright.follow_path`."""
+    """The tool moved along lines and arcs at a constant speed; see `armwright.follow_path`."""
 
     kind: Literal["tool"] = Field(description="Which kind of segment.")
     path: Annotated[
@@ -162,7 +162,7 @@ Segment = Annotated[
 
 
 class PlaneTable(Record):
-    """A floor or a wall: all behind a plane is solid."""
+    """A floor or a wall, solid behind its plane."""
 
     kind: Literal["plane"] = Field(description="Which kind of obstacle.")
     point_m: Three = Field(description="Any point of the plane, in base axes.")
@@ -193,7 +193,7 @@ ObstacleTable = Annotated[PlaneTable | BoxTable | SphereTable, Field(discriminat
 
 
 class MotionTable(Record):
-    """A motion: segments one after the other, from a pose on."""
+    """A motion: segments one after the other, from a start pose."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 

@@ -1,4 +1,4 @@
-"""Segments in which the tool is led along lines and arcs."""
+"""Segments of a motion file along which the tool follows lines and arcs."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from armwright.trajectory.limits import MotionLimits
 
 
 def tool_motion(arm: Model, segment: ToolSegment, q: np.ndarray, limits: MotionLimits, time: float) -> CartesianMotion:
-    """The motion of the joints that leads the tool along a segment's path.
+    """Joint motion that moves the tool along a segment's path.
 
     Args:
         arm: the model.   segment: its path and speeds.   q: (n,) [rad | m] where it begins.   limits: of the joints.

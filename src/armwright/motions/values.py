@@ -1,4 +1,4 @@
-"""Values of a motion file for its arm, each checked by itself: poses, waypoints and their times, bodies in the hand."""
+"""Values of a motion file, checked against its arm: poses, waypoints and their times, bodies in the hand."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ GRIP = {"mass": "mass_kg", "com": "com_m", "inertia": "inertia_kg_m2"}
 
 
 def mistakes(table: MotionTable, arm: Model) -> list[Problem]:
-    """All that is wrong in the parts of a motion file, each judged by itself, whatever the arm does before it.
+    """All errors in the parts of a motion file, each part checked on its own.
 
     Args:
         table: of the file.   arm: that it names.
@@ -82,7 +82,7 @@ def mistakes(table: MotionTable, arm: Model) -> list[Problem]:
 
 
 def check_held(held: bool) -> None:
-    """Refuses to release nothing.
+    """Refuses a release without a payload.
 
     Raises:
         ScenarioError: the hand is empty.
@@ -97,7 +97,7 @@ def _within(points: Sequence[Sequence[float]], arm: Model, limits: MotionLimits)
 
 
 def as_written(problem: Problem, segment: str) -> Problem:
-    """A problem of a motion's type or of a segment, `Waypoints.times[2]` or `segment.goal`, as the file has it: `times_s[1]`."""
+    """A problem of a motion's type with the place as the file spells it: `Waypoints.times[2]` → `times_s[1]`."""
     place, kind = problem.place, re.match(r"([A-Z][A-Za-z]*|segment|time_optimal)\.", problem.place)
     if place.startswith("limits."):  # of the file or of the record, not of the segment
         return problem
@@ -114,7 +114,7 @@ def as_written(problem: Problem, segment: str) -> Problem:
 
 
 def pose(place: str, value: Any, arm: Model, others: np.ndarray) -> np.ndarray:
-    """(n,) from one number for all joints, one each, or a table by joint whose others are as given."""
+    """(n,) from one number for all joints, one for each, or a table by joint; joints not in the table get those of `others`."""
     if isinstance(value, Mapping):
         for name in value:
             if name not in arm.names:
@@ -140,7 +140,7 @@ def through(points: Sequence[Sequence[float]], arm: Model) -> np.ndarray:
 
 
 def check_goal_velocity(segment: MoveSegment) -> None:
-    """Refuses a move that is to end moving by a law of moves between poses at rest.
+    """Refuses a final speed for a motion law that ends at rest.
 
     Raises:
         ScenarioError: names the laws that may.
@@ -151,7 +151,7 @@ def check_goal_velocity(segment: MoveSegment) -> None:
 
 
 def checked_times(segment: WaypointsSegment) -> tuple[float, ...]:
-    """Times of a segment that states them, one a waypoint, which increase from its beginning on.
+    """Times of a segment's waypoints, one for each, increasing from the segment's start.
 
     Raises:
         ScenarioError: other ones, or a curve or a duration that times do not go with.

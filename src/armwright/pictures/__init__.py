@@ -1,1 +1,1 @@
-"""Pictures that move or can be explored: animated glTF, a page that plays a run, plots to zoom into."""
+"""Moving and interactive pictures: animated glTF, a page with a player, plots with zoom."""

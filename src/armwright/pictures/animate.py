@@ -39,7 +39,7 @@ STYLES = (PLOT_PAGES / "page.css", PAGES / "player.css")
 
 
 def animate(run: xr.Dataset, arm: Model, path: str | os.PathLike[str], *, lane: int | None = None) -> None:
-    """Writes the arm's motion through a run, as animated glTF or as a page that plays it; whole or not at all.
+    """Writes the arm's motion through a run, as animated glTF or as a page with a player; completely or not at all.
 
     Bodies look like the visuals of the arm's links; an arm without any is drawn as a figure of its joints. Between
     keyframes the tip is within 10 µm of the motion that the run's rows describe. In the file the arm is called by its name,
@@ -66,7 +66,7 @@ def animate(run: xr.Dataset, arm: Model, path: str | os.PathLike[str], *, lane: 
 
 
 def check_animation(path: str | os.PathLike[str]) -> Path:
-    """The path, if an animation can be written there; for a check before a long simulation.
+    """The path, if an animation can be written there; to be called before a long simulation.
 
     Raises:
         OutputError: as `animate`.
@@ -75,7 +75,7 @@ def check_animation(path: str | os.PathLike[str]) -> Path:
 
 
 def one_lane(run: xr.Dataset, lane: int | None) -> xr.Dataset:
-    """The lane of a run; the run itself where it has none.
+    """The single lane of a run; a run without lanes unchanged.
 
     Raises:
         RunError: there is no such lane, or several and none chosen.
@@ -99,7 +99,7 @@ def _span(lanes: list[int]) -> str:
 
 
 def drawable_motions(run: xr.Dataset, arm: Model) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """Times (k,) and the joints' positions (k, n) of the run, and of its reference where it has one.
+    """Times (k,) and the joints' positions (k, n) of the run, and of its reference if it has one.
 
     Raises:
         RunError: a run of another arm, or rows that cannot be drawn.

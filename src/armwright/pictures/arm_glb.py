@@ -32,7 +32,7 @@ Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])  # glTF's 
 def animated_arm(
     arm: Model, t: np.ndarray, motions: Mapping[str, np.ndarray], about: Mapping[str, Any] | None = None
 ) -> bytes:
-    """Binary glTF file in which the arm moves as in `motions`; its pose without animation is the start of the first one.
+    """Binary glTF file with the arm moving as in `motions`; without animation it is at the start of the first one.
 
     Args:
         arm: the arm.   t: (k,) [s] strictly increasing; the animation's time starts at 0.

@@ -43,7 +43,7 @@ class Shape:
 def body_shapes(
     arm: Model, travel: Mapping[int, tuple[float, float]] | None = None, more: Iterable[Piece] = ()
 ) -> tuple[dict[int, list[Shape]], tuple[Problem, ...]]:
-    """Shapes of each body, one for each colour; holes are taken out of the solids that they go through.
+    """Shapes of each body, one for each colour; holes are cut out of the solids.
 
     Args:
         arm: the arm; its visuals are those of its description.
@@ -111,7 +111,7 @@ def _place(link: Link, visual: Visual) -> str:
 
 
 def holes_of(link: Link, visual: Visual) -> list[Visual]:
-    """Holes that are taken out of a solid: those of its part, if there are parts, or all of the link.
+    """Holes to cut out of a solid: those of its part, if there are parts, or all of the link.
 
     Visuals that come from parts are called "PART SECTION"; a bushing in the bore of another part is not bored.
     """

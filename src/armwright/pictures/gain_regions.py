@@ -1,4 +1,4 @@
-"""Pictures of gain regions: which gains of a joint keep the margins, and how the region shrinks as the delay grows."""
+"""Pictures of gain regions: gains of a joint that keep the margins, for several delays."""
 
 from __future__ import annotations
 

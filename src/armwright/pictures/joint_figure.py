@@ -65,7 +65,7 @@ def joint_figure(arm: Model, travel: Mapping[int, tuple[float, float]]) -> Itera
 
 
 def bone_size(arm: Model) -> float:
-    """Size [m] that the pieces of a figure are multiples of: a share of the arm's bones put end to end."""
+    """Scale of a figure's pieces [m]: a share of the total length of the arm's bones."""
     placements = [body.placement for body in arm.bodies] + ([arm.frame().placement] if arm.tip is not None else [])
     return THICKNESS * (sum(float(np.linalg.norm(np.asarray(at.position, dtype=float))) for at in placements) or 1.0)
 

@@ -1,4 +1,4 @@
-"""Keyframes of a joint's motion, as few as a tolerance allows, at times that single precision represents."""
+"""Keyframes of a joint's motion: the fewest within a tolerance, at times that single precision represents exactly."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Page of an arm that a program moves: served to browsers of this machine, over HTTP and server-sent events.  [Hickson2015]
+"""Live page of an arm, moved by a program: served to local browsers over HTTP and server-sent events.  [Hickson2015]
 
 The socket is bound to 127.0.0.1, so that no other machine reaches it. Pages of other sites that run in a browser of this one do:
 they are kept out by a random token in the address, and by the headers Host and Origin, which a browser fills in itself (a name
@@ -52,7 +52,7 @@ HEADERS = {
 
 
 class LiveArm:
-    """An arm in a page of this machine, which moves as the program says; a context manager, which closes it.
+    """An arm in a local browser page, moved by the program; a context manager, which closes it.
 
     Attributes:
         url: address of the page, for browsers of this machine.   arm: the arm that it shows.
@@ -87,7 +87,7 @@ class LiveArm:
 
     @property
     def q(self) -> np.ndarray:
-        """(n,) [rad | m] the pose: the last one that the program set, or a reader by the page's sliders. May be set."""
+        """(n,) [rad | m] the pose last set by the program or by a user of the page's sliders. May be assigned."""
         return self._q.copy()
 
     @q.setter
@@ -105,7 +105,7 @@ class LiveArm:
         self._tell(checked_pose(self.arm, q))
 
     def play(self, run: xr.Dataset, *, lane: int | None = None) -> None:
-        """Plays a run in the page, in real time, and returns at once; `q` is then that of its last row.
+        """Plays a run in the page, in real time, and returns at once; `q` becomes that of its last row.
 
         Args:
             run: what `simulate` returned, of this arm.   lane: which of the run's lanes; needed where there are several.
@@ -136,18 +136,18 @@ class LiveArm:
             self._draw(arm, q)
 
     def open(self) -> bool:
-        """Opens the page in the browser of this machine; False if there is none."""
+        """Opens the page in the default browser; False if no browser was found."""
         import webbrowser
 
         return webbrowser.open(self.url)
 
     def wait(self) -> None:
-        """Returns once it is closed; Ctrl-C raises KeyboardInterrupt as ever."""
+        """Waits until the page's server is closed; Ctrl-C raises KeyboardInterrupt as usual."""
         while self._thread.is_alive():
             self._thread.join(0.5)  # without a time Windows would not see Ctrl-C
 
     def close(self) -> None:
-        """Ends the server and frees its port; pages that are open stay, and say that the program has ended."""
+        """Ends the server and frees its port; open pages stay, and show that the program has ended."""
         with self._changed:
             if self._closed:
                 return
@@ -198,7 +198,7 @@ class _Server(socketserver.ThreadingTCPServer):
         self.hosts = [f"{name}:{self.port}".removesuffix(":80") for name in (LOOPBACK, "localhost")]  # as browsers do
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Passes over browsers that have gone; they do so at any time."""
+        """Ignores errors of browsers that disconnect."""
         if not isinstance(sys.exception(), OSError):
             super().handle_error(request, client_address)
 
@@ -277,4 +277,4 @@ class _Handler(BaseHTTPRequestHandler):
         self.wfile.write(content)
 
     def log_message(self, format: str, *arguments: Any) -> None:
-        """Says nothing: the terminal is the program's."""
+        """Logs nothing: the terminal belongs to the program."""

@@ -1,4 +1,4 @@
-"""Gas springs and counterbalance cylinders through a motion: a barrel at one end, and a rod that slides in it from the other."""
+"""Gas springs and counterbalance cylinders through a motion: a barrel at one end, a rod sliding in it at the other."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""HTML that notebooks show of an arm, a compiled arm and a scenario: a small picture beside tables, on light and dark pages."""
+"""HTML for notebooks of an arm, a compiled arm or a scenario: a small picture beside tables, for light and dark pages."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ INK = "#555555"
 
 
 def write_png(posed: PosedArm, path: Path, longer: int) -> None:
-    """Writes a picture of the arm on the ground, whose longer side has so many pixels."""
+    """Writes a picture of the arm on the ground; `longer` is its longer side in pixels."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 

@@ -55,7 +55,7 @@ def upright(arm: Model) -> np.ndarray:
 
 
 def posed_arm(arm: Model, q: Any = None) -> PosedArm:
-    """The arm at q (n,) [rad | m], by default 0, and its cylinders; as a figure of its joints if a mesh cannot be read.
+    """The arm at q (n,) [rad | m], by default 0, and its cylinders; as a stick figure if a mesh cannot be read.
 
     Raises:
         ModelError: it is no arm.   ShapeError: q is no pose of it.

@@ -1,4 +1,4 @@
-"""Files of an arm in one pose: binary glTF, and a page with a slider for every joint, which may follow a program."""
+"""Files of an arm in one pose: binary glTF, and a page with a slider for every joint, which can follow a program."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def write_glb(posed: PosedArm, path: Path) -> None:
 
 
 def write_html(posed: PosedArm, path: Path) -> None:
-    """Writes a page without other files: sliders move the joints, and it tells where the end effector is then."""
+    """Writes an offline page: sliders move the joints, and the end effector's pose is shown."""
     path.write_text(pose_page(posed), encoding="utf-8", newline="\n")
 
 

@@ -1,4 +1,4 @@
-"""Picture of an arm, drawn without a GPU and without a display, or its page in a browser."""
+"""Picture of an arm, drawn without GPU or display, or a live page in a browser."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A page with the cloud of a workspace's points, coloured by manipulability, that turns under the mouse."""
+"""A page with the point cloud of a workspace, coloured by manipulability, to turn with the mouse."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ BAR = "#3B6EA8"
 
 
 def draw_workspace(dataset: xr.Dataset, path: str | os.PathLike[str]) -> None:
-    """Draws a workspace: a still picture of maps and histograms, or a page (.html) with a cloud of points to turn.
+    """Draws a workspace: a still picture of maps and histograms, or a page (.html) with a rotatable point cloud.
 
     Args:
         dataset: what `workspace` returned.   path: ending in .png, .svg, .pdf or .html; replaced where it exists.

@@ -1,4 +1,4 @@
-"""Programs that were traced before, to be used again where the same is asked for."""
+"""Cache of traced programs."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _turn = threading.Lock()
 
 
 def kept(key: Hashable, make: Callable[[], Made]) -> Made:
-    """What `make` gave for an equal key before, if that is still kept; else what it gives now.
+    """The cached result of `make` for an equal key, or a new one.
 
     Args:
         key: everything that the result depends on.   make: traces; it may use nothing but what the key holds.

@@ -1,4 +1,4 @@
-"""Work in a trace that only some lanes need: a program of its own, which compiled code leaves out where no lane of a tile does.
+"""Work that only some lanes need: a separate program, which compiled code skips for tiles without such a lane.
 
 A lane has the same bits either way: results are used where they are needed, and nowhere else.
 """

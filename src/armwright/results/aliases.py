@@ -1,4 +1,4 @@
-"""Names that the session and the 1982 report have for what a run holds."""
+"""Names of a run's variables in the session and in the 1982 report."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ PARTIAL = "partial"  # attribute of a run that was interrupted: after how many s
 
 
 def variables(names: Sequence[str] | None) -> list[str] | None:
-    """Quantities by the names of the run's variables; the session's names are known too."""
+    """Variables of a run by name; names of the session are accepted too."""
     return None if names is None else list(dict.fromkeys(QUANTITIES.get(name, name) for name in names))
 
 
 def joint_names(joints: Sequence[str] | None, known: Sequence[str]) -> list[str] | None:
-    """Joints by name; numbers count from 1, as in the session. What is neither stays as it is."""
+    """Joints by name or number from 1; anything else is returned unchanged."""
     by_number = {str(k): name for k, name in enumerate(known, 1) if str(k) not in known}
     return None if joints is None else [by_number.get(str(joint), str(joint)) for joint in joints]

@@ -1,4 +1,4 @@
-"""Notes of a run about limits: of drives that clipped a command, and of joints that were passed."""
+"""Notes of a run about limits: clipped commands, and joints that exceeded a limit."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ UNREAL = 1e12  # [rad | m, or a second]: sines of such angles are rounding
 def limit_notes(
     arm: Model, q: np.ndarray, qd: np.ndarray, u: np.ndarray, outputs: Mapping[str, np.ndarray], t: np.ndarray
 ) -> list[Problem]:
-    """A note for every limit that a joint or its drive reached.
+    """A note for every limit reached by a joint or its drive.
 
     Args:
         arm: the model.   q, qd, u: (lanes, rows, n), commands in force.   outputs: of the plant, the same shape; empty: only
@@ -63,7 +63,7 @@ def limit_notes(
 
 
 def notes_of(run: xr.Dataset) -> list[str]:
-    """The notes that a run keeps in its attributes."""
+    """The notes in a run's attributes."""
     return str(run.attrs.get("notes", "")).splitlines()
 
 

@@ -101,7 +101,7 @@ def save_figure(figure: Figure, path: Path, ending: str) -> None:
 
 
 def check_plot(path: str | os.PathLike[str]) -> Path:
-    """The path, if `plot` can write there; for a check before a long simulation.
+    """The path, if `plot` can write there; to be called before a long simulation.
 
     Raises:
         OutputError: as `plot`.

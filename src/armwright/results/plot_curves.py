@@ -1,4 +1,4 @@
-"""Panels, curves, names, units, colours and notes of a plot of runs: the one description that every plot is drawn from.
+"""Description of a plot of runs: panels, curves, names, units, colours and notes, shared by all kinds of plot.
 
 Still pictures (`plot`), pages (`plot_page`, `pictures.animate`) and the terminal (`pictures.terminal`) add nothing to it.
 The colours are those of Okabe and Ito, which colour-blind readers can tell apart. [OkabeIto2008]

@@ -1,4 +1,4 @@
-"""Pages that need no network: a plot of runs as JSON, its numbers and the script that draws them, in one HTML file."""
+"""Offline pages: a plot of runs as JSON, its numbers and the drawing script, in one HTML file."""
 
 from __future__ import annotations
 

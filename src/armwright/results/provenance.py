@@ -1,4 +1,4 @@
-"""Origin of a run: versions and processor, on which its last bits depend."""
+"""Versions and processor of a run, which decide its last bits."""
 
 from __future__ import annotations
 

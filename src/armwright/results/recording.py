@@ -1,4 +1,4 @@
-"""Runs: the dataset with names, units and coordinates that a simulation returns, and the files it is saved in.
+"""Runs: the dataset of a simulation, with names, units and coordinates, and the file formats for it.
 
 | ending   | what is written                                                              | read by                         |
 |----------|------------------------------------------------------------------------------|---------------------------------|
@@ -115,7 +115,7 @@ def _known(arm: Model, *constants: str) -> np.ndarray:
 
 
 def in_order(run: xr.Dataset) -> xr.Dataset:
-    """The run, or the part of it that was selected, with the dimensions (time, joint) or (lane, time, joint) in that order.
+    """The run, or a selection of it, with dimensions in the order (time, joint) or (lane, time, joint).
 
     A time or a joint selected alone, `run.isel(joint=0)`, is a dimension again.
 
@@ -176,7 +176,7 @@ def _wide_reduced(run: xr.Dataset) -> dict[str, np.ndarray]:
 
 
 def run_units(run: xr.Dataset, name: str) -> list[str]:
-    """The unit of each joint's part of a variable; its attribute only lists the units that occur."""
+    """The unit of a variable for each joint; its attribute only lists the units that occur."""
     linear = [kind == "prismatic" for kind in run["kind"].values]
     if name == "u":
         commands = [str(command) for command in run["command"].values]
@@ -187,7 +187,7 @@ def run_units(run: xr.Dataset, name: str) -> list[str]:
 
 
 def check_recording(path: str | os.PathLike[str]) -> Path:
-    """The path, if a run can be saved there; for a check before a long simulation.
+    """The path, if a run can be saved there; to be called before a long simulation.
 
     Raises:
         OutputError: as `save`.

@@ -1,4 +1,4 @@
-"""Results of a run that are computed in the compiled loop, so that a million lanes need no memory for their motion.
+"""Reducers: results of a run computed in the compiled loop, without storing the motion, for millions of lanes.
 
 Each reducer updates some numbers a joint with every recorded row of its lane, k = 0, 1, …, and ends as one number a joint:
 
@@ -32,7 +32,7 @@ BAND = 0.02  # of the step, if a settling time says nothing else
 
 @dataclass(frozen=True, eq=False)
 class Row:
-    """A recorded row as a reducer sees it: arrays (n,); `first` the initial position, `final` the last reference."""
+    """A recorded row for a reducer: arrays (n,); `first` is the initial position, `final` the last reference."""
 
     tick: Scalar
     q: Array
@@ -57,7 +57,7 @@ class Ends:
 
 @dataclass(frozen=True, eq=False)
 class Reducer:
-    """A number a joint that follows a run.
+    """A result for each joint, updated row by row.
 
     Attributes:
         about: its meaning.   unit: a quantity of `joint_units`, or a unit.   needs: the plant's output that it uses.
@@ -171,7 +171,7 @@ def reducer(name: str) -> Reducer:
 
 @dataclass(frozen=True, eq=False)
 class Reduction:
-    """The reducers of a run, side by side in one block: for each its values (values, n), then the rows followed.
+    """Several reducers side by side in one block: for each its values (values, n), then the number of rows.
 
     Attributes:
         reducers: by name.   n: joints.

@@ -1,4 +1,4 @@
-"""Files of saved runs: the one place that writes and opens them.
+"""Files of saved runs, written and opened only here.
 
 `save` ends the file with a checksum, which other readers of HDF5 pass over. A file with a right checksum is as it was saved,
 and is opened here; one with a wrong checksum was damaged; one without any (of another program, or changed by one) is read by
@@ -31,7 +31,7 @@ def write_netcdf(run: xr.Dataset, path: Path) -> None:
 
 
 def load_run(path: str | os.PathLike[str]) -> xr.Dataset:
-    """A run that `save` wrote as NetCDF, all of it in memory.
+    """A run saved by `save` as NetCDF, completely in memory.
 
     Args:
         path: the file, ending in .nc.

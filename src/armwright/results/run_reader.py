@@ -1,4 +1,4 @@
-"""Reading of a NetCDF file that nothing vouches for: checked before its data are read, and copied by a process of its own.
+"""Reading of untrusted NetCDF files: checked before their data are read, and copied by a separate process.
 
 HDF5 ends its process (double free, endless loop) on some damaged files. `read_unsealed` therefore lets another Python open such a
 file, which writes what it could read as a new file; this process opens only that. This module is the other process's
@@ -40,14 +40,14 @@ def read_unsealed(path: Path) -> tuple[bytes, str]:
 
 
 def _of_another_process(path: Path, patience: float) -> bytes:
-    """What this module answers as a program, within a time [s]; nothing, or a part, if the process breaks down."""
+    """Output of this module, run as a separate program within a time [s]; empty or partial if the process breaks down."""
     program = [sys.executable, "-P", __file__, os.fspath(path.absolute())]
     done = subprocess.run(program, capture_output=True, timeout=patience, check=False, stdin=subprocess.DEVNULL)
     return done.stdout
 
 
 def undeclared(path: Path) -> str:
-    """The reason why a file is not read: data in other files, or more of them than it can hold; "" if it may be read."""
+    """The reason for refusing a file: data in other files, or more data than its size allows; "" if it may be read."""
     import h5py
 
     most = COMPRESSION * path.stat().st_size + SMALL
@@ -81,7 +81,7 @@ def _processor_time(path: Path) -> float:
 
 
 def copy_or_reason(path: Path) -> bytes:
-    """The copy of a file, or the reason why there is none. From now on this process may take a limited time."""
+    """The copy of a file, or the reason for its absence. From now on this process may take a limited time."""
     import xarray as xr
 
     if sys.platform != "win32":

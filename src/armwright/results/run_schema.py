@@ -1,4 +1,4 @@
-"""Schema of a run: which variables and attributes it has, of what type, along which dimensions, and in what order."""
+"""Schema of a run: its variables and attributes, their types, dimensions and order."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ NUMBER_ATTRIBUTES = ("step_s", "sample_period_s", "seed", "rtol", "atol", "lanes
 
 
 def check_run(run: Any) -> None:
-    """Refuses all that is not a run, or a part of one such as `run.isel(joint=0)`.
+    """Refuses a dataset that is not a run or lacks parts of one, such as `run.isel(joint=0)`.
 
     Raises:
         RunError: no dataset, or one that breaks the schema; names the variable, its value and what was expected.

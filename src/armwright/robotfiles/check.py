@@ -64,7 +64,7 @@ class Report:
 
     @property
     def errors(self) -> tuple[Finding, ...]:
-        """Findings that no real arm has."""
+        """Findings that are impossible for a real arm."""
         return tuple(finding for finding in self.findings if finding.level == "error")
 
     @property
@@ -74,7 +74,7 @@ class Report:
 
 
 def check(name_or_path: str | os.PathLike[str] | Model | RobotDescription, **reading: Any) -> Report:
-    """Makes all physical checks of a record, those that open meshes included.
+    """Physical checks of a robot file, including those that open meshes.
 
     Args:
         name_or_path: a built-in name, a path, an arm, or a description.

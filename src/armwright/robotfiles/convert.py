@@ -1,4 +1,4 @@
-"""Conversion of a robot file to another format or to the canonical form of its own, and of a saved run to another format."""
+"""Conversion of a robot file to another format or to canonical TOML, and of a saved run to another format."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Conversion:
 
 
 def convert(source: str | os.PathLike[str], target: str | os.PathLike[str], **reading: Any) -> Conversion:
-    """Writes a robot file in the format of the target's ending: .toml, .urdf (with its drive file beside it), .xml or .mjcf.
+    """Writes a robot file in the format of the target's ending: .toml, .urdf (with a drive file beside it), .xml or .mjcf.
 
     TOML to TOML gives the canonical form: equal descriptions are equal bytes, and a file in that form stays as it is. A saved
     run, .nc, goes to .csv, .parquet, .mcap or .mat, as `save` writes them.

@@ -1,4 +1,4 @@
-"""Effect of a difference between two arms: mass, holding torques and inertias of the joints that both have."""
+"""Effect of a difference between two arms: mass, holding torques and inertias of their common joints."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ POSES = 32  # beside q = 0
 
 @dataclass(frozen=True, eq=False)
 class DynamicEffect:
-    """Mass, holding torques and inertias of two arms; arrays have one entry for each joint that both have.
+    """Mass, holding torques and inertias of two arms; arrays have one entry for each common joint.
 
     Attributes:
         mass: of all links [kg], of each arm.   joints: the names of the joints.   poses: (k, joints) [rad | m].
@@ -30,12 +30,12 @@ class DynamicEffect:
 
     @property
     def gravity_change(self) -> np.ndarray:
-        """(joints,) [N m | N]: of the second less the first, where that is largest."""
+        """(joints,) [N m | N] largest difference in holding torque, second arm minus first."""
         return _largest(self.gravity[1] - self.gravity[0])
 
     @property
     def inertia_change(self) -> np.ndarray:
-        """(joints,) [-]: of the second over the first, less 1, where that is largest; nan where the first has none."""
+        """(joints,) [-] largest relative difference in inertia, second arm to first; nan if the first has none."""
         one, other = self.inertia
         return _largest(np.divide(other, one, out=np.full_like(one, np.nan), where=one > 0) - 1)
 

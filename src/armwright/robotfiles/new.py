@@ -1,4 +1,4 @@
-"""A robot file to fill in: geometry and masses of another file, or of none, and every key that the drives need as "TODO"."""
+"""A robot file to fill in: geometry and masses of another file, or none, and "TODO" for every key that the drives need."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def new_robot(
     command: str = "current",
     **reading: Any,
 ) -> tuple[str, ...]:
-    """Writes a robot file to start from; what is still to be filled in is "TODO", and `check` says where to find each number.
+    """Writes a robot file to fill in; missing values are "TODO", and `check` says where to find each of them.
 
     Args:
         path: of the TOML file, which must not exist.   source: a URDF, an MJCF or a TOML database, or a built-in name, whose

@@ -24,7 +24,7 @@ FORM = 2  # of a document; Armwright 0.1 wrote none, and no checksums
 
 
 class Document(Record):
-    """What a run was made from, as the run keeps it."""
+    """Files of a run, stored in it for `reproduce`."""
 
     form: Literal[2] = Field(description="How the document is written.")
     scenario: Content = Field(description="The scenario file.")
@@ -53,7 +53,7 @@ class Files(ABC):
         return Document(form=FORM, scenario=self.content(scenario), files=self.read, origins=self.origins)
 
     def content(self, text: str) -> Content:
-        """A text as a run keeps it, if there is room for it beside the others."""
+        """A text for storage in a run, if there is room beside the others."""
         others = (*self.read.values(), *self.origins.values())
         return Content.of(text, LARGEST - sum(each.size for each in others if each.text is not None))
 

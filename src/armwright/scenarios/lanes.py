@@ -1,4 +1,4 @@
-"""Numbers of a scenario file that differ from lane to lane, as batches in their places."""
+"""Batches of a scenario file: numbers that differ from lane to lane."""
 
 from __future__ import annotations
 

@@ -83,7 +83,7 @@ class CommandFilterTable(Record):
 
 
 class TimingTable(Record):
-    """When measurements are taken and commands act; see `armwright.Timing`. Absent: at once."""
+    """Times of measurements and commands; see `armwright.Timing`. Absent: no delays."""
 
     preset: str = Field(default="ideal", description="ideal, one-tick or sync.")
     measurement_delay_s: Number = Field(
@@ -110,7 +110,7 @@ class Tensor(Record):
 
 
 class PayloadTable(Record):
-    """A body in the hand from a time on, in place of what that hand held before; see `armwright.Payload`."""
+    """A body in the hand from a time on, in place of the payload before; see `armwright.Payload`."""
 
     time_s: Number = Field(description="When it is taken up; 0 or later.")
     mass_kg: Number = Field(description="0 puts down what the hand held, and needs no more.")

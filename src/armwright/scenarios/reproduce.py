@@ -94,7 +94,7 @@ def kept_scenario(run: xr.Dataset, path: str | os.PathLike[str]) -> Scenario:
 
 
 def _kept_document(path: str | os.PathLike[str], text: Any) -> Document:
-    """What a run was made from."""
+    """The stored files of a run."""
     try:
         document = json.loads(text)
     except (ValueError, TypeError, RecursionError) as error:

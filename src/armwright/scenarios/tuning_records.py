@@ -1,4 +1,4 @@
-"""Table [tuning] of a scenario file: which gains are searched for, over which arms, and what counts."""
+"""Table [tuning] of a scenario file: the gains to search, the uncertain arms, and the objective."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ START = Literal["scenario", "analytic", "pole-placement", "symmetric-optimum", "
 
 
 class DrawsTable(Record):
-    """What differs between the lanes that gains are tuned over, beside [lanes]; what is absent does not."""
+    """Differences between the lanes of a tuning, beside [lanes]; absent fields do not vary."""
 
     mass: Number | None = Field(
         default=None, gt=0, lt=1, description="Share by which each link's mass differs, evenly."

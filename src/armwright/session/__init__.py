@@ -1,4 +1,4 @@
-"""The session of the report's `sim`: variables, commands and prompts over one arm.  [SwartzReport]
+"""Interactive session after the report's `sim`: variables, commands and prompts over one arm.  [SwartzReport]
 
 `Session` runs lines. `variables.py` and `commands.py` are its two tables, `state.py` its frozen state, `terminal.py` its prompt.
 """

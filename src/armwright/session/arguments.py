@@ -1,4 +1,4 @@
-"""Arguments of a command: words by position or as name=value, each of a kind that says how it is read."""
+"""Arguments of a session command: words by position or as name=value, parsed by kind."""
 
 from __future__ import annotations
 
@@ -42,11 +42,11 @@ class Argument:
     exists: bool = False
 
     def default_for(self, values: Mapping[str, Any]) -> str | None:
-        """The default beside the values of the arguments before it; None where it must be given."""
+        """The default for given values of the arguments before it; None for a required argument."""
         return None if self.needed(values) else self.default
 
     def read(self, command: str, text: str) -> Any:
-        """The value of a text that was typed.
+        """The value of a typed text.
 
         Raises:
             SessionError: with the command and the argument as place.
@@ -76,12 +76,12 @@ def _exists(file: str) -> bool:
 
 
 def same(name: str) -> str:
-    """A name as it is compared: `DAC-Out`, `dac_out` and `DACOut` are one."""
+    """A name in the form used for comparison: `DAC-Out`, `dac_out` and `DACOut` are equal."""
     return name.replace("-", "").replace("_", "").lower()
 
 
 def unknown(what: str, name: str, known: Iterable[str], place: str = "") -> SessionError:
-    """The error of an unknown name, with those that begin like it, else the nearest ones, however they are spelt."""
+    """The error of an unknown name, with names of the same beginning or else the most similar ones, in any spelling."""
     by_same = {same(each): each for each in known}
     close = [each for each in by_same if each.startswith(same(name))] or get_close_matches(same(name), by_same, 3, 0.5)
     choices = [by_same[each] for each in close] if same(name) else []
@@ -91,7 +91,7 @@ def unknown(what: str, name: str, known: Iterable[str], place: str = "") -> Sess
 
 
 def words(line: str) -> list[str]:
-    """A line split at blanks; quotes hold together, a backslash is a character like others, # begins a comment.
+    """A line split at blanks; quotes group words, a backslash is an ordinary character, # begins a comment.
 
     Blanks around = and before a unit do not split: `steps = 100` and `20 ms` are one word each.
 
@@ -132,7 +132,7 @@ def uncommented(line: str) -> str:
 def read_words(
     command: str, arguments: Sequence[Argument], line_words: Sequence[str], *, pairs: bool = False
 ) -> dict[str, str]:
-    """The words behind a command by the names of their arguments, as they were typed.
+    """The words after a command by argument name, as typed.
 
     Args:
         command: its name, for errors.   arguments: of the command.   line_words: behind it.

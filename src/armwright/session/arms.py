@@ -1,4 +1,4 @@
-"""Commands that change the arm: `database-read` loads another one, `payload` puts a load into its hand."""
+"""Commands that change the arm: `database-read` loads another one, `payload` puts a body into its hand."""
 
 from __future__ import annotations
 

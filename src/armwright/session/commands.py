@@ -1,4 +1,4 @@
-"""Commands of the session: the table from which parsing, prompts, help, completion, tests and docs are made."""
+"""Commands of the session: one table for parsing, prompts, help, completion, tests and docs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Controllers whose reference is DACOut: the laws of `armwright.control`, with gains as they are typed."""
+"""Controllers with DACOut as reference: the laws of `armwright.control`, with typed gains."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def controller(session: Workspace, arguments: dict[str, Any]) -> list[Output]:
 
 
 def _output(state: State) -> list[Output]:
-    """The present controller, or the list of all that there are."""
+    """The present controller, or a list of all controllers."""
     settings = state.controller
     if settings is None:
         rows = tuple((name, " ".join(gain_names(kind))) for name, kind in laws().items())
@@ -52,7 +52,7 @@ def _output(state: State) -> list[Output]:
 
 
 def laws() -> dict[str, type]:
-    """Control laws by the names a session gives them: JointPID is joint-pid."""
+    """Control laws by their names in a session: JointPID is joint-pid."""
     from armwright import control  # late: few sessions need it
 
     members = [getattr(control, name) for name in control.__all__]
@@ -64,7 +64,7 @@ def laws() -> dict[str, type]:
 
 
 def gain_names(kind: type) -> list[str]:
-    """The fields of a law that may be typed; those without a default first."""
+    """The fields of a law that may be typed; required ones first."""
     return [field.name for field in dataclasses.fields(kind) if field.name not in BY_THE_LOOP]  # type: ignore[arg-type]
 
 

@@ -61,7 +61,7 @@ Lookup = Callable[[str, str | None], Any]
 
 
 class Formula:
-    """A formula that was typed, and the values of the variables in it.
+    """A typed formula, and the values of its variables.
 
     Attributes:
         text: as it was typed.   plain: with stand-ins for components and units, as `armwright.expressions` takes it.

@@ -187,7 +187,7 @@ def _of_law(kind: str, law: type) -> list[Output]:
 
 
 def needed(law: type) -> list[str]:
-    """The gains of a law that must be given."""
+    """The required gains of a law."""
     fields = {field.name: field for field in dataclasses.fields(law)}  # type: ignore[arg-type]
     return [name for name in gains(law) if fields[name].default is dataclasses.MISSING]
 

@@ -51,7 +51,7 @@ class Sheet:
 
 @dataclass(frozen=True, eq=False)
 class Drawing:
-    """A run, to be drawn where it is shown; joints, quantities: which, as `plot` takes them."""
+    """A run to draw on the screen or into a picture; joints, quantities: selections, as for `plot`."""
 
     run: xr.Dataset
     joints: Sequence[str] | None = None
@@ -71,7 +71,7 @@ class Listing:
 
 @dataclass(frozen=True, eq=False)
 class OutputFile:
-    """The open output file: path, text that was printed into it so far, and names of its columns.
+    """The open output file: path, text printed so far, and names of its columns.
 
     Every printing writes the whole file again, or nothing, so that it is complete at every moment.
     """
@@ -131,7 +131,7 @@ def plain(sheet: Sheet) -> str:
 
 
 def significant(value: float) -> str:
-    """A number by itself, in six digits; — where it is not known."""
+    """A number on its own, in six digits; — if unknown."""
     if not isfinite(value):
         return "—" if value != value else "∞" if value > 0 else "-∞"
     return f"{_without_rounding(value):.{DIGITS}g}"
@@ -143,7 +143,7 @@ def _without_rounding(value: float) -> float:
 
 
 def aligned(values: Sequence[float] | np.ndarray) -> list[str]:
-    """Numbers of one column, all with as many decimals as give the largest of them six digits."""
+    """Numbers of one column, all with the decimals that give the largest of them six digits."""
     sizes = [abs(float(v)) for v in values if isfinite(v) and _without_rounding(v) != 0.0]
     decimals = DIGITS - 1 - floor(log10(max(sizes))) if sizes else 0
     if decimals > MOST_DECIMALS or decimals < -1:
@@ -157,7 +157,7 @@ def _no_minus_zero(text: str) -> str:
 
 
 def shortest(values: Sequence[float] | np.ndarray) -> list[str]:
-    """Times and the like, aligned: as few decimals as tell them apart."""
+    """Times and the like, aligned: with the fewest decimals that distinguish them."""
     texts = [f"{float(v) + 0.0:.9f}".rstrip("0").rstrip(".") for v in values]
     decimals = max((len(text.partition(".")[2]) for text in texts), default=0)
     return [f"{float(v) + 0.0:.{decimals}f}" for v in values]

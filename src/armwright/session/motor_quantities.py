@@ -1,4 +1,4 @@
-"""Torque, voltage and current of the motors: the drive's command is stored, the others follow from it, eqs (11) and (12).
+"""Torque, voltage and current of the motors: the drive's command is stored, the others are computed, eqs (11) and (12).
 
 A voltage drive stores its voltage, so its torque changes with omega; a current drive its current, a torque drive its torque.
 """

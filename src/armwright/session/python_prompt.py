@@ -1,4 +1,4 @@
-"""`python`: a Python prompt with the session's variables; changes to them are set here, and recorded as if they were typed."""
+"""`python`: a Python prompt with the session's variables; changes to them are applied and recorded like typed lines."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ COMMANDS = ("torque", "voltage", "current", "DACOut")  # each of these decides t
 
 
 class Leave:
-    """`exit()` and `quit()`: back to the session. Python's own ones close standard input, which the session reads from."""
+    """`exit()` and `quit()`: return to the session. Python's own versions close standard input, from which the session reads."""
 
     def __repr__(self) -> str:
         return "exit() or Ctrl-D goes back to the session"

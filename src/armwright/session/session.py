@@ -1,4 +1,4 @@
-"""A session: reads a line, does it, and keeps the state before it. Asking and showing are left to its caller."""
+"""A session: reads a line, executes it, and stores the state before it. Prompts and output belong to its caller."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ MAX_DEPTH = 20  # scripts that call scripts
 
 
 class Session(Workspace):
-    """The report's `sim` over one arm, line by line; the command line is a thin shell around it."""
+    """The report's `sim` over one arm, line by line; the command line is a thin layer around it."""
 
     def __init__(self, robot: str = "cmu-dd", *, ask: Ask | None = None):
         """Starts with an arm, everything at zero.
@@ -136,7 +136,7 @@ class Session(Workspace):
         return output
 
     def _arguments(self, command: Command, rest_of_line: str, line_words: list[str]) -> tuple[dict[str, Any], str]:
-        """Values of a command's arguments, asked for where someone answers, and the line that gives all of them."""
+        """Values of a command's arguments, with prompts if possible, and the line with all of them."""
         if command.arguments and command.arguments[0].kind == "rest":
             return {command.arguments[0].name: rest_of_line}, f"{command.name} {rest_of_line}".strip()
         texts = read_words(command.name, command.arguments, line_words, pairs=command.pairs)
@@ -175,7 +175,7 @@ class Session(Workspace):
         return text, argument.read(command.name, text) if text else None
 
     def _answer(self, ask: Ask, command: Command, argument: Argument, default: str | None) -> tuple[str, Any]:
-        """The answer to a prompt; asked again until it can be read."""
+        """The answer to a prompt; repeated until valid."""
         while True:
             try:
                 text = ask(argument, default).strip()

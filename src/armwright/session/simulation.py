@@ -1,4 +1,4 @@
-"""`simulate`: runs the scenario that the session's variables describe, and joins it to the run that it continues."""
+"""`simulate`: runs the scenario of the session's variables, and appends it to the run that it continues."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ def _delayed(rows: Schedule, by: float) -> Schedule:
 
 
 def at_dac_ticks(rows: Schedule, period: float) -> Schedule:
-    """The schedule at the output of a DAC: a row waits for the next tick; of several that wait, the last one comes out."""
+    """The schedule at the output of a DAC: a row waits for the next tick; of several waiting rows the last one is used."""
     ticks = np.ceil(rows.times / period - WHOLE)
     if np.allclose(ticks * period, rows.times, rtol=1e-12, atol=0.0):
         return rows
@@ -224,7 +224,7 @@ def check_continue(session: Workspace, arguments: dict[str, Any]) -> None:
 
 
 def needs_run(command: str) -> Callable[[Workspace, dict[str, Any]], None]:
-    """A check, before the questions of a command of this name, that there is a simulation."""
+    """A check for a simulation, before the prompts of a command."""
 
     def check(session: Workspace, arguments: dict[str, Any]) -> None:
         last_run(session, command)
@@ -259,7 +259,7 @@ def save_run(session: Workspace, arguments: dict[str, Any]) -> list[Output]:
 
 
 def start_of(state: State, before: xr.Dataset | None, period: float) -> aw.Start | aw.LoopState:
-    """Start of the scenario: theta and omega, or the state at the end of the run before.
+    """Initial state of the scenario: theta and omega, or the end of the previous run.
 
     With another controller or another period only the plant and its commands continue.
 
@@ -286,7 +286,7 @@ def _end_of(state: State, before: xr.Dataset | None) -> aw.LoopState | None:
 
 
 def _attributes(state: State) -> dict[str, str]:
-    """Attributes that tell a run's parts apart: controller ("" without one), gravity and payload."""
+    """Attributes that distinguish a run's parts: controller ("" without one), gravity and payload."""
     controller, payload = "", state.loaded.payload
     if state.controller is not None:
         gains = " ".join(f"{name}={text}" for name, text in sorted(state.controller.gains.items()))
@@ -299,7 +299,7 @@ def _attributes(state: State) -> dict[str, str]:
 
 
 def joined_runs(state: State, before: xr.Dataset, run: xr.Dataset) -> xr.Dataset:
-    """A run and its continuation as one; the row where they meet is the later one's, whose commands hold from there on.
+    """A run and its continuation as one; at the common time the later run's row is used, with the commands that follow.
 
     Args:
         state: of the session, before the later run.   before, run: the two.

@@ -1,4 +1,4 @@
-"""State of a session: frozen, so that undo, save and record only have to keep it."""
+"""State of a session: frozen, so that undo, save and record can store it without copying."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Payload:
 
 @dataclass(frozen=True)
 class ControllerSettings:
-    """The controller whose reference is DACOut.
+    """A controller with DACOut as its reference.
 
     Attributes:
         kind: name of a control law, such as joint-pid.   gains: by name, as they were typed.
@@ -73,7 +73,7 @@ class LoadedArm:
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """Everything a session remembers.
+    """All variables and settings of a session.
 
     Attributes:
         loaded: the arm.   q, qd, qdd: (n,) theta, omega, alpha.

@@ -226,11 +226,11 @@ def _matching(names: Iterable[str], typed: str, meta: str, end: str = "") -> Ite
 
 
 class LineHistory(History):
-    """Lines of earlier sessions for the arrow keys, kept beside the cache of compiled code; in memory alone without a cache."""
+    """Lines of earlier sessions for the arrow keys, stored beside the cache of compiled code; without a cache in memory only."""
 
     @cached_property
     def kept(self) -> History:
-        """Storage of the lines, opened once the prompt stands."""
+        """Storage of the lines, opened when the prompt appears."""
         from armwright.kernels.cache import cache_folder  # late: it loads LLVM
 
         folder = cache_folder()
@@ -245,7 +245,7 @@ class LineHistory(History):
             return []
 
     def store_string(self, string: str) -> None:
-        """Keeps a line; a full disk does not end the session."""
+        """Stores a line; a full disk does not end the session."""
         try:
             self.kept.store_string(string)
         except OSError:

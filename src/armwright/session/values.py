@@ -1,4 +1,4 @@
-"""Values as they are typed: `0 0.5 30 deg pi/2`, one number for all joints, `[10 20 30] deg`, `2*theta`.
+"""Typed values: `0 0.5 30 deg pi/2`, one number for all joints, `[10 20 30] deg`, `2*theta`.
 
 Blanks or commas separate values. A sign with a blank on both sides is arithmetic (`1 - 2`); with a blank only before it, it
 begins the next value (`1 -2`). Each value is a formula of `armwright.session.formulas`, in which a unit belongs to its number.
@@ -21,7 +21,7 @@ MOST = 10_000  # characters of a line of values
 
 
 def vector(place: str, text: str, names: Sequence[str], units: Sequence[str], lookup: Lookup) -> np.ndarray:
-    """One number a joint, in that joint's unit.
+    """One number for each joint, in that joint's unit.
 
     Args:
         place: name of the values in errors.   text: what was typed.   names: (n,) the joints.   units: (n,) their units.

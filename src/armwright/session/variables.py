@@ -1,4 +1,4 @@
-"""Variables of the session: the table from which parsing, output, help, completion, tests and docs are made."""
+"""Variables of the session: one table for parsing, output, help, completion, tests and docs."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Variable:
     report: bool = True
 
     def units(self, arm: Model) -> list[str]:
-        """Its unit; of a vector one for each joint."""
+        """The unit; for a vector one for each joint."""
         return [self.unit] if self.quantity is None else joint_units(arm, self.quantity)
 
     def check_index(self, index: str) -> None:
@@ -248,7 +248,7 @@ def show(session: Workspace, values: dict[str, Any]) -> list[Output]:
 
 
 def variable_output(state: State, variable: Variable, joint: int | None = None) -> list[Output]:
-    """A variable with its units; angles in degrees beside them.
+    """A variable with its units; angles also in degrees.
 
     Args:
         state: the session's.   variable: of the table.   joint: the one joint to show; None: all.

@@ -1,4 +1,4 @@
-"""`watch`: a page of this machine's browser that shows the arm at theta and plays each simulation."""
+"""`watch`: a local browser page that shows the arm at theta and plays each simulation."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ NO_BROWSER = "no browser was found; open the address in one"
 
 
 def watch(session: Workspace, arguments: dict[str, Any]) -> list[Output]:
-    """`watch`, `watch off`: opens the page, or closes it; where it is open already, `watch` says where."""
+    """`watch`, `watch off`: opens or closes the page; if already open, `watch` shows its address."""
     if arguments["state"] == "off":
         closed = session.live is not None
         session.stop_watching()

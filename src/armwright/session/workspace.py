@@ -1,4 +1,4 @@
-"""The session as its commands see it: state, undo, recording, and functions that ask and show."""
+"""Session data for its commands: state, undo, recording, and functions for prompts and output."""
 
 from __future__ import annotations
 
@@ -64,14 +64,14 @@ class Workspace(ABC):
 
     @abstractmethod
     def run(self, line: str) -> list[Output]:
-        """Does one line; returns its output."""
+        """Executes one line; returns its output."""
 
     @abstractmethod
     def run_lines(self, lines: Iterable[str], file: str, show: Callable[[Output], None], *, echo: bool = False) -> None:
-        """Does the lines of a script, until one fails or `quit` is reached."""
+        """Executes the lines of a script, until one fails or `quit` is reached."""
 
     def change(self, state: State) -> None:
-        """Replaces the state and pushes the one before onto the undo stack."""
+        """Replaces the state and pushes the old one onto the undo stack."""
         self.undo_stack = [*self.undo_stack[-MAX_UNDO + 1 :], self.state]
         self.state = state
         self.write_recording()
@@ -95,7 +95,7 @@ class Workspace(ABC):
         return [Line(f"undone: {'; '.join(undone)}" if undone else "undone", "good")]
 
     def quit(self) -> list[Output]:
-        """Ends the session after this line; of a simulation that is not saved it asks, in a script it says so."""
+        """Ends the session after this line; for an unsaved simulation it asks first, or warns in a script."""
         unsaved = self.state.run is not None and self.state.run is not self.saved and not self.inner_scripts
         if unsaved and self.ask is not None:
             try:
@@ -109,7 +109,7 @@ class Workspace(ABC):
         return [Line(UNSAVED, "note")] if unsaved else []
 
     def follow(self) -> None:
-        """Shows the arm at theta in the page of `watch`; not once more where a simulation has just led the page there."""
+        """Shows the arm at theta in the page of `watch`, unless a simulation just played there."""
         arm, q = self.state.arm, self.state.q
         if self.live is not None and not (arm is self.live.arm and np.array_equal(q, self.live.q)):
             self.live.show(arm, q)

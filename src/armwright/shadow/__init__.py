@@ -1,1 +1,1 @@
-"""A model that runs beside its arm: residuals of torque and position, alarms, and what caused them."""
+"""Shadow: a model run beside its arm, with residuals of torque and position, and alarms with their cause."""

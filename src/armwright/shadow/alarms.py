@@ -1,4 +1,4 @@
-"""Alarms: residuals beyond their limits, and what explains them: another payload, or a contact.  [HaddadinEtAl2017]
+"""Alarms: residuals beyond their limits, explained by another payload or a contact.  [HaddadinEtAl2017]
 
 A limit is `factor` standard deviations of the residual, and SHARE of the torques that motion asks for: inertias are known
 to some percent, and filters blur what changes fast. An alarm begins where any joint has been beyond its limit for HOLD, and
@@ -63,7 +63,7 @@ class ShadowAlarm:
 
 
 def limits_at(limits: np.ndarray, rows: Residuals) -> np.ndarray:
-    """(rows, n) [N m | N] limits of the torque residual: those of rest, limits (n,), and what motion adds."""
+    """(rows, n) [N m | N] limits of the torque residual: limits (n,) at rest, plus a part that grows with motion."""
     return limits + SHARE * rows.moving
 
 
@@ -86,7 +86,7 @@ class AlarmWatch:
         return bool(self.alarms) and self.alarms[-1].end is None
 
     def update(self, rows: Residuals) -> list[ShadowAlarm]:
-        """The alarms that further rows raise; `alarms` holds all, with what became of them."""
+        """New alarms raised by further rows; `alarms` holds all alarms with their later course."""
         raised = []
         with np.errstate(invalid="ignore"):
             limits = limits_at(self._limits, rows)

@@ -1,4 +1,4 @@
-"""One filter for all signals of an arm, whose states are the filtered signals and their derivatives: nothing is differenced.
+"""One filter for all signals of an arm; its states are the filtered signals and their derivatives, without differencing.
 
     ẍ = w² (u - x) - 2 w ẋ
 

@@ -1,4 +1,4 @@
-"""Generalised-momentum observer: torques that act on an arm and that its model does not know.  [DeLucaMattone2005]
+"""Generalised-momentum observer: external torques on an arm that its model does not explain.  [DeLucaMattone2005]
 
 With the momentum p = M(q) q̇ the equations of motion, in which q̈ does not appear, are
 
@@ -89,7 +89,7 @@ class _Last:
 
 
 class MomentumObserver:
-    """The observer of one arm, fed with blocks of rows of any length: a block goes on where the last one ended.
+    """The observer of one arm, fed with blocks of rows of any length.
 
     Args:
         arm: a full record.   bandwidths: settings.   held: whether torques act until the next row, as commands do.
@@ -105,7 +105,7 @@ class MomentumObserver:
         self.restart()
 
     def restart(self) -> None:
-        """Forgets all rows, as before another run."""
+        """Forgets all rows; to be called before another run."""
         self._filter = SignalFilter(self.bandwidths.filter_hz, self._held)
         self._last: _Last | None = None
         self._time = -math.inf
@@ -194,7 +194,7 @@ class MomentumObserver:
 
 
 def with_kilogram(arm: Model) -> Model | None:
-    """The arm with 1 kg more at its tip, a point mass; None where it has no tip, or numbers that are no record's."""
+    """The arm with a point mass of 1 kg at its tip; None without a tip or if its numbers are not those of a record."""
     if arm.description is None or arm.tip is None or arm.frame().body == BASE:
         return None
     return arm.with_payload(1.0, np.zeros(3), np.zeros((3, 3)), name=KILOGRAM)

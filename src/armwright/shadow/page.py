@@ -1,4 +1,4 @@
-"""Page of a shadow: residuals and limits of every joint over time, alarms, and where the limits come from."""
+"""Page of a shadow: residuals and limits of every joint over time, alarms, and the sources of the limits."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SIZE_OF_PICTURE = (9.2, 3.6)  # [inch]
 
 
 def write_shadow(path: str | os.PathLike[str], shadow: Shadow) -> Path:
-    """Writes the page of a shadow, one file that needs no network.
+    """Writes the page of a shadow as one offline file.
 
     Args:
         path: ending in .html.   shadow: what `shadow_log` returned.

@@ -1,4 +1,4 @@
-"""A model beside its arm: rows of a log, or rows as they come, as residuals and alarms."""
+"""A model run beside its arm: residuals and alarms from the rows of a log, or from live rows."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ ROWS = 4096  # of a log that are handled at once
 
 
 class ArmShadow:
-    """A model that runs beside its arm, fed with rows as they are measured.
+    """A model that runs beside its arm, fed with measured rows.
 
         shadow = aw.ArmShadow("arm.toml")
         for t, q, tau in rows:                          # or blocks of any length
@@ -81,13 +81,13 @@ class ArmShadow:
         return self._watch.active
 
     def restart(self) -> None:
-        """Forgets all rows and alarms, as before another run."""
+        """Forgets all rows and alarms; to be called before another run."""
         self.observer.restart()
         self._watch = AlarmWatch(tuple(self.arm.names), self.limits)
         self.last = None
 
     def update(self, t: Any, q: Any, tau: Any, qd: Any = None) -> list[ShadowAlarm]:
-        """The alarms that further rows raise; `last` has their residuals, `alarms` what became of earlier ones.
+        """New alarms raised by further rows; `last` has their residuals, `alarms` the later course of earlier ones.
 
         Args:
             t: (rows,) [s] increasing.   q: (rows, n) [rad | m].   tau: (rows, n) [N m | N] of the motors, on the joints.
@@ -142,7 +142,7 @@ class Shadow:
         return self._over_rows(signal, lambda values: np.sqrt(np.mean(values**2, axis=0)))
 
     def largest(self, signal: str = "torque") -> np.ndarray:
-        """(n,) largest size of a residual, "torque" or "position"."""
+        """(n,) largest magnitude of a residual, "torque" or "position"."""
         return self._over_rows(signal, lambda values: np.abs(values).max(axis=0))
 
     def _over_rows(self, signal: str, measure: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
@@ -172,7 +172,7 @@ def shadow_log(
     record: str | os.PathLike[str] | None = None,
     progress: Callable[[int, int], object] | None = None,
 ) -> Shadow:
-    """Residuals and alarms of a model along a log, as they would have come beside the arm: no row sees a later one.
+    """Residuals and alarms of a model along a log, computed causally: no row uses a later one.
 
     Args:
         log: what `read_log` returned, with positions, and torques or currents, of all joints.
@@ -231,7 +231,7 @@ def shadow_log(
 
 
 def check_factor(factor: float) -> float:
-    """The factor of the limits.
+    """Refuses an invalid factor of the limits.
 
     Raises:
         ScenarioError: not above 0.

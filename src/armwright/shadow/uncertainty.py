@@ -1,4 +1,4 @@
-"""Standard deviations of an arm's torque residual, from what is known of its record.
+"""Standard deviations of an arm's torque residual, from the uncertainties in its record.
 
 The first of these that there is:
 
@@ -74,7 +74,7 @@ def torque_deviations(arm: Model, record: str | os.PathLike[str] | None = None, 
 
 
 def verdict_of(record: str | os.PathLike[str] | None) -> StoredVerdict | None:
-    """The verdict beside a record's file; None of a built-in arm, or where there is none.
+    """The verdict beside a record's file; None for a built-in arm or without a verdict.
 
     Raises:
         LogError: one that cannot be read.

@@ -43,7 +43,7 @@ class Finished:
 
 
 def handed_out(run: xarray.Dataset, finished: Finished, ticks: int, lanes: int) -> xarray.Dataset:
-    """The run; or, where Ctrl-C ended it, an exception that holds what there is of it.
+    """The run; after Ctrl-C an exception with the finished part.
 
     Raises:
         Interrupted: says how far it came.

@@ -63,7 +63,7 @@ class Recorded:
     origin: int
 
     def last_row(self, simulation: LoopRunner) -> str:
-        """The end of a single run that diverged, in words: where it was, and what the controller asked for."""
+        """The end of a single diverged run, in words: its state and the command."""
         if self.rows is None:
             return ""
         parts = _parts(simulation, self.rows[-1, 0])

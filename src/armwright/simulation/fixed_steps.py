@@ -57,7 +57,7 @@ def coarse_step_note(
     finer: Array,
     accuracy: float = ACCURACY,
 ) -> str | None:
-    """What a run says of a step that is too coarse; None of one that is not.
+    """The note of a run about a step that is too coarse; None for a fine one.
 
     A step's error is the difference to half of it, times 2^p / (2^p - 1) of a rule of order p. [HairerNorsettWanner1993], II.4
 

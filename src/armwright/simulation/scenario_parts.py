@@ -239,7 +239,7 @@ class Recording:
 
 
 def check_part(place: str, value: Any, kind: type) -> None:
-    """Refuses what is not of the kind that stands at a place.
+    """Refuses a value of a wrong kind.
 
     Raises:
         ScenarioError: shows it.

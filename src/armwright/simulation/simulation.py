@@ -67,7 +67,7 @@ class Simulation(LoopRunner):
 
     @property
     def _remedy(self) -> str:
-        """What may help where a run diverges."""
+        """Advice for a run that diverges."""
         return "smaller gains, if the loop is unstable (armwright loops, aw.analyse_loops)" * (
             self.scenario.loop is not None
         )
@@ -86,7 +86,7 @@ class Simulation(LoopRunner):
         real_time: bool = False,
         keep_state: bool = True,
     ) -> xarray.Dataset:
-        """The motion from here on; the simulation then stands at its end.
+        """The motion from the present state on; the simulation then is at its end.
 
         Args:
             duration: [s]; default: the scenario's.

@@ -1,1 +1,1 @@
-"""Sweeps: more simulations than one machine or one sitting can do, in chunks of lanes that are stored as they finish."""
+"""Sweeps: simulations of more lanes than fit one process, in chunks that are stored as they finish."""

@@ -1,4 +1,4 @@
-"""Cluster of a sweep: the one that is given, or one on this machine for the time of the sweep."""
+"""Dask cluster of a sweep: a given one, or a local one for the duration of the sweep."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ ENVIRONMENT = {  # of Dask's programs on this machine: no log, and seldom a look
 
 @contextlib.contextmanager
 def connected(client: Any = None) -> Iterator[Any]:
-    """A Dask client for the time of the block.
+    """A Dask client for the duration of the block.
 
     Args:
         client: a `distributed.Client`, which stays open; the address of a scheduler; or None: a cluster on this machine, with a
@@ -78,7 +78,7 @@ def _check_address(address: str) -> None:
 
 @contextlib.contextmanager
 def local_cluster(workers: int | None = None) -> Iterator[Any]:
-    """A Dask cluster on this machine, with one thread in each worker's process; a worker that dies is started again.
+    """A local Dask cluster, one thread in each worker process; a worker that dies is restarted.
 
     The workers are started by a program of their own, so that a script needs no `if __name__ == "__main__"`.
 

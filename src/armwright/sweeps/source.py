@@ -1,4 +1,4 @@
-"""Sources of a sweep's lanes: a scenario file with all it names, or a scenario made in Python.
+"""Sources of a sweep's lanes: a scenario file with the files that it names, or a scenario made in Python.
 
 A source gives any range of its lanes as a scenario of its own, in which every lane is as it is among the others.
 """
@@ -46,7 +46,7 @@ class Source(ABC):
         """
 
     def sent(self, lanes: range) -> Source:
-        """The source that a worker needs for some lanes; without the values of other lanes."""
+        """The source to send to a worker for some lanes, without the values of other lanes."""
         return self
 
 
@@ -67,7 +67,7 @@ class FileSource(Source):
         return hashlib.sha256(self.document.encode()).hexdigest()
 
     def part(self, lanes: range) -> Scenario:
-        """The scenario of some lanes, whose draws are drawn here."""
+        """The scenario of some lanes, with draws as numbers."""
         kept = Document.model_validate(json.loads(self.document))
         text = kept.scenario.checked("content of the scenario", self.path)
         return parse_scenario(tomllib.loads(text), self.path, KeptFiles(Path(self.path), kept), text, lanes)
@@ -86,7 +86,7 @@ class PythonSource(Source):
 
     @property
     def digest(self) -> str:
-        """Checksum of all fields but the number of lanes."""
+        """Checksum of all fields except the number of lanes."""
         return checksum(replace(self.scenario, lanes=range(1)))
 
     def part(self, lanes: range) -> Scenario:
@@ -96,7 +96,7 @@ class PythonSource(Source):
         return replace(self.scenario, lanes=lanes)
 
     def sent(self, lanes: range) -> Source:
-        """The scenario, or with batches, whose rows of these lanes alone are sent, the resolved one of these lanes."""
+        """The scenario to send to a worker; with batches, the resolved scenario of these lanes alone."""
         parts = (getattr(self.scenario, name) for name in WITH_LANES)
         batched = any(True for part in parts for _ in batches(part, ""))
         return PythonSource(self.part(lanes).resolved) if batched else self

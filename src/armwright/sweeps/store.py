@@ -1,4 +1,4 @@
-"""Zarr store of a sweep: one array for each result, one chunk of each array for each chunk of lanes, and a mark for each chunk.
+"""Zarr store of a sweep: one array for each result, chunked by lanes, with a status for each chunk.
 
 The mark of a chunk is written after its data, so that a process that is killed at any moment leaves either a chunk that is done,
 or one that is done again. Every chunk of data ends in its CRC-32C, so that damage on the disk is found when it is read.
@@ -33,7 +33,7 @@ NAME_ALONE = "processor"  # a name, which changes no bit
 
 @dataclass(frozen=True)
 class About:
-    """Origin of a store; a sweep goes on only where all of it is the same.
+    """Origin of a store; a sweep is continued only if all fields agree.
 
     Attributes:
         scenario: checksum of the scenario.   lanes: of the whole sweep.   chunk: lanes in a chunk.
@@ -57,7 +57,7 @@ class About:
         return range(chunk * self.chunk, min((chunk + 1) * self.chunk, self.lanes))
 
     def check(self, other: About, path: Path) -> None:
-        """Refuses to go on with another sweep's store.
+        """Refuses to continue another sweep's store.
 
         Args:
             other: that of the sweep that is asked for.   path: of the store.
@@ -77,7 +77,7 @@ class About:
 
 
 def difference(then: dict[str, str], now: dict[str, str]) -> str:
-    """The first difference of two surroundings that may change bits, in words; "" if there is none."""
+    """The first difference between two environments that may change bits, in words; "" if equal."""
     names = [name for name in {**then, **now} if name != NAME_ALONE and then.get(name) != now.get(name)]
     return f"{names[0]} {then.get(names[0])}, not {now.get(names[0])}" if names else ""
 
@@ -114,7 +114,7 @@ class SweepStore:
 
     @classmethod
     def create(cls, path: Path, about: About, document: str, first: xr.Dataset) -> SweepStore:
-        """A new store, whole or not at all.
+        """A new store, created completely or not at all.
 
         Args:
             path: of the folder, where there is nothing.   about: what it is made from.   document: as of `Source`.
@@ -162,16 +162,16 @@ class SweepStore:
 
     @property
     def missing(self) -> list[int]:
-        """Chunks that are not done."""
+        """Chunks without results."""
         return np.flatnonzero(self.marks != DONE).tolist()
 
     @property
     def lanes_done(self) -> int:
-        """Number of lanes whose results are there."""
+        """Number of lanes with results."""
         return sum(len(self.about.lanes_of(chunk)) for chunk in np.flatnonzero(self.marks == DONE).tolist())
 
     def write(self, chunk: int, values: dict[str, np.ndarray]) -> None:
-        """Stores the results of a chunk, then its mark.
+        """Stores the results of a chunk, then marks it as done.
 
         Args:
             chunk: its number.   values: (lanes of the chunk, …) by name.
@@ -199,12 +199,12 @@ class SweepStore:
 
 
 def by_lane(run: xr.Dataset) -> dict[str, xr.Variable]:
-    """Variables of a run that have a row for each lane."""
+    """Variables of a run with a row for each lane."""
     return {str(name): run[name].variable for name in run.data_vars if "lane" in run[name].dims}
 
 
 def load_sweep(path: str | os.PathLike[str]) -> xr.Dataset:
-    """Results of a sweep, read from its store as they are used.
+    """Results of a sweep, read lazily from its store.
 
     Args:
         path: of the store that `sweep` wrote; the sweep may still be running.
@@ -257,7 +257,7 @@ def import_zarr() -> Any:
 
 @contextlib.contextmanager
 def as_output_error(path: Path) -> Iterator[None]:
-    """Turns errors of the operating system into ours."""
+    """Converts errors of the operating system into `OutputError`."""
     try:
         yield
     except OSError as error:

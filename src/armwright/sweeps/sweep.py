@@ -1,4 +1,4 @@
-"""Sweep: lanes of a scenario in chunks over a Dask cluster, into a store that a later call goes on from."""
+"""Sweep: lanes of a scenario simulated in chunks on a Dask cluster, into a store from which a later call can continue."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ Result = tuple[dict[str, np.ndarray], dict[str, str]]
 
 @dataclass(frozen=True)
 class Sweep:
-    """What a sweep did.
+    """Summary of a finished or stopped sweep.
 
     Attributes:
         path: of the store.   lanes: of the whole sweep.   done: that this call simulated.   kept: that were there before.
@@ -73,7 +73,7 @@ def sweep(
     retries: int = 2,
     progress: Progress | Literal[False] | None = None,
 ) -> Sweep:
-    """Many lanes of a scenario, simulated chunk by chunk on a Dask cluster and stored as they finish.
+    """Simulates many lanes of a scenario, chunk by chunk on a Dask cluster, and stores each chunk as it finishes.
 
     A lane has the same bits whatever the chunks, workers and their order. Where the store is there already, only chunks that are
     not done are simulated; so a sweep that was stopped or killed goes on with the same call.
@@ -185,7 +185,7 @@ def _unpickled(data: bytes) -> Source:
 
 
 def simulate_chunk(data: bytes, lanes: range, rows: bool) -> Result:
-    """Results of a chunk by name, and what they were made with; the task of a worker.
+    """Results of a chunk by name, with versions and processor; the task of a worker.
 
     Args:
         data: the pickled source.   lanes: of the chunk.   rows: whether recorded rows are wanted.

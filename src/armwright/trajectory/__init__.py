@@ -1,4 +1,4 @@
-"""Motions: where the arm should be, as functions of time, and the limits that they keep."""
+"""Motions: positions of the arm as functions of time, and their limits."""
 
 from armwright.trajectory.fourier import Fourier
 from armwright.trajectory.input_shaper import InputShaper

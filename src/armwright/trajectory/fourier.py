@@ -76,7 +76,7 @@ class Fourier(Motion):
 
     @property
     def duration(self) -> float:
-        """Duration of the motion [s], without the time before it; infinite where it goes on for good."""
+        """Duration of the motion [s], without the time before it; infinite for an endless one."""
         return np.inf if self.periods is None else self.periods * self.period
 
     def __call__(self, t: Scalar) -> tuple[Array, Array, Array]:

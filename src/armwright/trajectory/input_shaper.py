@@ -25,7 +25,7 @@ IMPULSES = {"zv": 1, "zvd": 2}  # powers of (1 + K z) in each kind
 
 @dataclass(frozen=True, eq=False)
 class InputShaper(Motion):
-    """q(t) = Σ a_i q_r(t - t_i): a motion that leaves a mode at rest, later by half a period or a whole one.
+    """q(t) = Σ a_i q_r(t - t_i): a motion that leaves a mode at rest, delayed by half a period or a whole one.
 
     All joints are shaped alike, so synchronised joints stay so.
 

@@ -64,12 +64,12 @@ class Problem(Protocol):
 
     @property
     def rates(self) -> np.ndarray:
-        """Numbers of the unknowns x."""
+        """Indices of the unknowns x."""
         ...
 
     @property
     def pinned(self) -> np.ndarray:
-        """Numbers of the unknowns that stay."""
+        """Indices of the fixed unknowns."""
         ...
 
     @property

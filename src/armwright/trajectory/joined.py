@@ -1,4 +1,4 @@
-"""Motions one after the other."""
+"""Motions in sequence."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ APART = 1e-6  # [rad | m] between the end of a motion and the beginning of the n
 
 @dataclass(frozen=True, eq=False)
 class Joined(Motion):
-    """Motions one after the other: each holds from its own time until that of the next.
+    """Motions in sequence: each is valid from its own time until that of the next.
 
     Args:
         motions: in order; each begins when and where the one before ends.

@@ -1,4 +1,4 @@
-"""Least distances along paths and motions, and the refusal of those that come nearer than they may."""
+"""Least distances along paths and motions, and errors for those below the allowed distance."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ ZOOM, ZOOMS = np.linspace(0.0, 1.0, 11), 3  # between the neighbours of a row, a
 def nearest_along(
     clearance: Clearance, positions: Callable[[np.ndarray], np.ndarray], places: np.ndarray
 ) -> tuple[Nearest, float]:
-    """The least distance along a curve of positions, and the place where it is.
+    """The least distance along a curve of positions, and its place.
 
     The distances of each pair are computed at the places and, wherever they fall and rise again near the least one, closer and
     closer between them.
@@ -52,7 +52,7 @@ def nearest_along(
 
 
 def too_near(clearance: Clearance, found: Nearest, when: str = "") -> ScenarioError | None:
-    """The error that two things come nearer to each other than they may; None where they do not."""
+    """The error for two objects nearer than allowed; None if they keep the distance."""
     if found.distance >= clearance.least:
         return None
     one, two = found.pair
@@ -64,7 +64,7 @@ def too_near(clearance: Clearance, found: Nearest, when: str = "") -> ScenarioEr
 
 
 def check_arm(clearance: Any, arm: Model) -> None:
-    """Refuses what is no clearance, and one of another arm.
+    """Refuses a value that is not a clearance, or is one of another arm.
 
     Raises:
         ScenarioError: shows it.
@@ -74,7 +74,7 @@ def check_arm(clearance: Any, arm: Model) -> None:
 
 
 def check_clearance(arm: Model, motion: Motion, clearance: Clearance) -> tuple[Nearest, float]:
-    """The least distance during a motion, and the time when it is reached [s].
+    """The least distance during a motion, and its time [s].
 
     Args:
         arm: whose joints move.   motion: with an end.   clearance: of the arm, with the least distance that is allowed.

@@ -1,4 +1,4 @@
-"""Times of waypoints at which a cubic spline, or straight lines with parabolic blends, are fastest within limits.
+"""Times of waypoints for the fastest cubic spline, or straight lines with parabolic blends, within limits.
 
 Both are found by an interior-point method over the rates x = 1 / h of the intervals, in which all limits are polynomials.
 """
@@ -60,7 +60,7 @@ class SplineProblem:
 
     @property
     def pinned(self) -> np.ndarray:
-        """Numbers of the unknowns that stay."""
+        """Indices of the fixed unknowns."""
         filler = [len(self.way) * self.block + self.block - 1]  # of the last waypoint's block, in place of a rate
         return np.array(filler if self.natural else [*filler, *self.speeds[0], *self.speeds[-1]])
 
@@ -148,7 +148,7 @@ class BlendProblem:
 
     @property
     def pinned(self) -> np.ndarray:
-        """Numbers of the unknowns that stay: none."""
+        """Indices of the fixed unknowns: none."""
         return np.zeros(0, dtype=int)
 
     def typical(self, y: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Limits that a motion has to keep."""
+"""Limits of joints for motions."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class MotionLimits:
 
     @classmethod
     def of(cls, arm: Model, **overrides: Any) -> MotionLimits:
-        """Limits of the record, or others in their place.
+        """Limits of the record, or given ones in their place.
 
         A limit of the current is one of the torque as well.
 
@@ -66,7 +66,7 @@ class MotionLimits:
         return len(self.names)
 
     def replace(self, **overrides: Any) -> MotionLimits:
-        """The same limits but for those that are given, as in `of`."""
+        """The limits with some replaced, as in `of`."""
         changed = {}
         for name, value in overrides.items():
             if name not in QUANTITIES:
@@ -94,7 +94,7 @@ class MotionLimits:
         return UNIT[QUANTITIES[quantity]][self.prismatic[joint]]
 
     def required(self, *quantities: str, moving: Any = None) -> MotionLimits:
-        """The limits themselves, if every joint that moves has those; see `Raises`.
+        """The limits, if every moving joint has them; see `Raises`.
 
         Args:
             quantities: that a planner needs.   moving: (n,) bool, joints that need them; None: all.

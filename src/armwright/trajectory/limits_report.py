@@ -1,4 +1,4 @@
-"""Report of how much of its limits a motion uses, on a dense grid in time."""
+"""Report of the share of its limits that a motion uses, on a dense grid in time."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SHOWN = 4  # jumps that are listed
 
 @dataclass(frozen=True, eq=False)
 class LimitsReport:
-    """How much of its limits a motion uses; `str` gives the table.
+    """Share of its limits that a motion uses; `str` gives the table.
 
     Attributes:
         limits: that were asked.
@@ -44,16 +44,16 @@ class LimitsReport:
 
     @property
     def largest(self) -> float:
-        """The largest share of all joints and quantities; 0 where nothing has a limit."""
+        """The largest share over joints and quantities; 0 without any limit."""
         return float(np.nanmax([0.0, *np.concatenate(list(self.share.values()))]))
 
     @property
     def kept(self) -> bool:
-        """True if no limit is exceeded by more than 1e-6 of it, and no acceleration jumps where jerk has a limit."""
+        """True if no limit is exceeded by more than 1e-6 of it, and no acceleration jumps under a limit of jerk."""
         return self.largest <= 1.0 + 1e-6 and not self.jumps.size
 
     def worst(self, quantity: str, joint: int) -> float:
-        """The value that uses most of the limit; without one the largest."""
+        """The value with the largest share of its limit; without a limit the largest value."""
         low, high = self.lowest[quantity][joint], self.highest[quantity][joint]
         bounds = getattr(self.limits, quantity)[joint]
         centre = float(np.mean(bounds)) if quantity == "position" and np.isfinite(bounds).all() else 0.0
@@ -102,7 +102,7 @@ def limits_report(
     wrench: Any = None,
     samples: int = IN_A_PIECE,
 ) -> LimitsReport:
-    """Largest use of every limit by a motion, on a dense grid between its breaks; exact extrema of piecewise polynomials.
+    """Largest share of every limit that a motion uses, on a dense grid between its breaks; exact for piecewise polynomials.
 
     Torques and voltages are those of the compiled inverse dynamics and `motor_voltage`, where the record can tell them.
 
@@ -143,7 +143,7 @@ def limits_report(
 
 
 def dense_times(motion: Motion, samples: int = IN_A_PIECE) -> np.ndarray:
-    """(k,) [s] increasing times of a motion: in every piece both of its ends, seen from inside, and `samples` between.
+    """(k,) [s] increasing times of a motion: both ends of every piece, from inside, and `samples` between.
 
     Raises:
         ScenarioError: a motion that does not end.
@@ -158,7 +158,7 @@ def dense_times(motion: Motion, samples: int = IN_A_PIECE) -> np.ndarray:
 
 
 def jumps_of_acceleration(motion: Motion, joints: np.ndarray) -> np.ndarray:
-    """Increasing times [s] beside which an acceleration that is not 0 jumps, where no limit of jerk can be kept.
+    """Increasing times [s] of acceleration jumps, which violate any limit of jerk.
 
     Args:
         motion: one that ends; before and after it the arm stands.   joints: (n,) True for those that are asked about.
@@ -189,7 +189,7 @@ def efforts(
     payload: Payload | Sequence[Payload] | None = None,
     wrench: Any = None,
 ) -> dict[str, np.ndarray]:
-    """Torques and voltages of the motors by quantity, (k, n) [N m | N] and [V], where the record can tell them.
+    """Torques and voltages of the motors by quantity, (k, n) [N m | N] and [V], as far as the record allows.
 
     Args:
         arm: the model.   t: (k,) [s].   q, qd, qdd: (k, n) [rad | m, …/s, …/s²].

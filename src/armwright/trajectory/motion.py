@@ -1,4 +1,4 @@
-"""Motions: positions, speeds and accelerations of all joints over time. Every reference of this room is one."""
+"""Motions: positions, speeds and accelerations of all joints over time; base of every reference in this package."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class Motion(ABC):
         return rows[..., 0, :], rows[..., 1, :], rows[..., 2, :]
 
     def dataset(self, arm: Model, rate: float = 500.0, payload: Any = None) -> xr.Dataset:
-        """Rows of the motion like those of a run: q, qd, qdd and, where the record can tell them, torques and voltages.
+        """Rows of the motion like those of a run: q, qd, qdd and, if the record is complete enough, torques and voltages.
 
         Args:
             arm: whose joints move.   rate: rows in a second [1/s]; the breaks of the motion are rows too.
@@ -83,7 +83,7 @@ class Motion(ABC):
         save_motion(arm, self, path, rate)
 
     def plot(self, arm: Model, path: str | os.PathLike[str] | None = None, payload: Any = None) -> Figure | None:
-        """Figure of positions, speeds, accelerations, torques and voltages; with a path it is written there.
+        """Figure of positions, speeds, accelerations, torques and voltages, written to a path if one is given.
 
         Args:
             arm: whose joints move.   path: .png, .svg, .pdf, or .html to zoom into; None: the figure is returned.

@@ -1,4 +1,4 @@
-"""Rows of motions: as a dataset like that of a run, as CSV or NetCDF, drawn, and read again."""
+"""Rows of motions: as a dataset like that of a run, as CSV or NetCDF files, and as a figure."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ def plot_motion(
 
 
 def load_motion(path: str | os.PathLike[str], arm: Model | None = None) -> PiecewisePolynomial:
-    """The motion in a file: between rows the polynomials of fifth degree that have the states of both (quintic Hermite).
+    """The motion in a file: polynomials of fifth degree between rows (quintic Hermite).
 
     A .nc file that `Motion.save` wrote keeps the pieces themselves, and gives them to the bit; that of a run gives the
     motion of the run.
@@ -135,7 +135,7 @@ def load_motion(path: str | os.PathLike[str], arm: Model | None = None) -> Piece
 
 
 def parse_motion(text: str, place: str, arm: Model | None = None) -> PiecewisePolynomial:
-    """The motion in the text of a CSV file; `place` is what errors call it. See `load_motion`."""
+    """The motion in the text of a CSV file; `place` is its name in errors. See `load_motion`."""
     if arm is None:
         names = _names(text, place)
         units = {name: [()] * len(names) for name in QUANTITIES}

@@ -1,4 +1,4 @@
-"""Any reference, jumping or not, turned into one within limits of speed, acceleration and jerk, tick by tick.
+"""Online filter for any reference, jumps included: limits of speed, acceleration and jerk are kept tick by tick.
 
 The filter moves every joint as the time-optimal control of a triple integrator does.  [KrogerWahl2010], [BiagiottiZanasi2010]
 With S the position at which the joint would stop if it braked now as hard as it may, and r the reference:
@@ -83,7 +83,7 @@ class ReferenceFilter:
         return replace(self, controller=inner, arm=arm, period=period, **limits)
 
     def init(self, arm: Model, y: Measurement) -> Array:
-        """At rest at the measured position; the controller's own state behind it."""
+        """Initial state: at rest at the measured position, and the controller's own state."""
         rest = scalar.zeros(arm.n)
         inner = [self.controller.init(arm, y)] if hasattr(self.controller, "init") else []
         return scalar.array(np.concatenate([y.q, rest, rest, *(np.atleast_1d(each) for each in inner)]))
@@ -105,7 +105,7 @@ class ReferenceFilter:
 def filtered(
     state: Array, q: Array, qd: Array, velocity: Array, acceleration: Array, jerk: Array, period: Scalar
 ) -> np.ndarray:
-    """The filter's state one tick on.
+    """The filter's state one tick later.
 
     Args:
         state: (3, n) positions, speeds and accelerations [rad | m, …/s, …/s²], within the limits.

@@ -96,13 +96,13 @@ class JointPath:
 
     @cached_property
     def turns(self) -> np.ndarray:
-        """(k,) s, increasing, at which a joint turns back or pauses: q' of it is 0."""
+        """(k,) s, increasing, of turning points and pauses of a joint: its q' is 0."""
         roots = self._derivatives[1].roots(discontinuity=False, extrapolate=False)
         s = np.unique(np.concatenate([np.asarray(each, dtype=float) for each in roots]))
         return s[np.isfinite(s)]  # of a joint at rest on a whole piece: NaN
 
     def extremes(self) -> tuple[np.ndarray, np.ndarray]:
-        """s (n, 2) at which each joint is lowest and highest, and its positions there (n, 2) [rad | m]."""
+        """s (n, 2) of each joint's lowest and highest position, and these positions (n, 2) [rad | m]."""
         s = np.concatenate([self.breaks, self.turns])
         q = self.at(s)[0]
         rows = np.stack([q.argmin(axis=0), q.argmax(axis=0)], axis=1)

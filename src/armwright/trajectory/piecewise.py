@@ -1,4 +1,4 @@
-"""Piecewise polynomials: what joint-space motions are computed to once, and evaluated as."""
+"""Piecewise polynomials: the computed form of joint-space motions."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ class PiecewisePolynomial(Motion):
 
     @classmethod
     def of_segments(cls, time: float, durations: Any, derivative: Any, start: Any) -> PiecewisePolynomial:
-        """Motion from rest of one joint whose acceleration or jerk is constant in each segment; empty ones are left away.
+        """Motion from rest of one joint with constant acceleration or jerk in each segment; empty segments are dropped.
 
         Args:
             time: [s].   durations: (k,) [s].
@@ -198,7 +198,7 @@ class PiecewisePolynomial(Motion):
 
 
 class PiecewiseMotion(Motion):
-    """Motion that its dataclass computes to a piecewise polynomial when it is made.
+    """Motion whose dataclass computes a piecewise polynomial on construction.
 
     Attributes:
         polynomial: the motion.
@@ -207,7 +207,7 @@ class PiecewiseMotion(Motion):
     polynomial: PiecewisePolynomial
 
     def set_polynomial(self, polynomial: PiecewisePolynomial) -> None:
-        """Keeps the result; the dataclass's own fields stay what the user wrote."""
+        """Stores the result; the dataclass's own fields stay as given."""
         object.__setattr__(self, "polynomial", polynomial)
 
     @property

@@ -15,7 +15,7 @@ LARGEST = 1e100  # of numbers, and of their reciprocals: squares stay within the
 
 
 def check_poses(reference: str, **poses: Any) -> None:
-    """Refuses what is no pose (n,) [rad | m], or a `Batch` of poses, and poses of different lengths.
+    """Refuses values that are not poses (n,) [rad | m] or a `Batch` of them, and poses of different lengths.
 
     Args:
         reference: who asks, for errors.   poses: values by the name of their field.
@@ -40,7 +40,7 @@ def check_poses(reference: str, **poses: Any) -> None:
 
 
 def check_number(reference: str, name: str, value: Any, *, above: float = -np.inf) -> None:
-    """Refuses what is no finite number above a bound, nor a `Batch` of such.
+    """Refuses a value that is not a finite number above a bound, nor a `Batch` of such.
 
     Raises:
         ScenarioError: names the field, its value and what was expected.
@@ -60,7 +60,7 @@ def joint_count(pose: Any) -> int:
 
 
 def plain_pose(kind: str, name: str, value: Any, n: int | None = None) -> np.ndarray:
-    """(n,) a pose without batches; None: of zeros where n is known.
+    """(n,) a pose without batches; None gives zeros if n is known.
 
     Raises:
         ScenarioError: names the field, its value and what was expected.
@@ -115,7 +115,7 @@ def move_within(kind: str, start: Any, goal: Any, limits: Any) -> tuple[np.ndarr
 
 
 def check_limits(kind: str, limits: Any) -> None:
-    """Refuses what is no `MotionLimits`.
+    """Refuses a value that is not `MotionLimits`.
 
     Raises:
         ScenarioError: shows it.

@@ -59,7 +59,7 @@ class SCurve(PiecewiseMotion):
 
 
 def s_curve_times(h: float, v: float, a: float, j: float) -> np.ndarray:
-    """(7,) durations [s] of the segments of jerk j, 0, -j, 0, -j, 0, j over a way h ≥ 0 within limits v, a and j."""
+    """(7,) durations [s] of the segments of jerk j, 0, -j, 0, -j, 0, j over a distance h ≥ 0 within limits v, a and j."""
     if h == 0.0:
         return np.zeros(7)
     # up to speed v: the acceleration reaches a, or it turns back before

@@ -1,4 +1,4 @@
-"""A motion to and fro."""
+"""Sinusoidal motion."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Sine(Motion):
 
     @property
     def duration(self) -> float:
-        """Infinite [s]: it goes on for good, and does so before `time` too."""
+        """Infinite [s]: the motion is endless, also before `time`."""
         return np.inf
 
     def __call__(self, t: Scalar) -> tuple[Array, Array, Array]:

@@ -1,4 +1,4 @@
-"""Interpolating splines through waypoints, and knot times at which they keep limits. [BiagiottiMelchiorri2008]"""
+"""Interpolating splines through waypoints, and knot times that keep limits. [BiagiottiMelchiorri2008]"""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def _balanced(curve: str, intervals: np.ndarray, points: np.ndarray, limits: Mot
 
 
 def scaled_to_limits(motion: PiecewisePolynomial, limits: MotionLimits) -> PiecewisePolynomial:
-    """The motion in the time in which its largest use of a limit of speed, acceleration or jerk is 1, by exact extrema."""
+    """The motion scaled in time so that its largest use of a limit of speed, acceleration or jerk is 1, by exact extrema."""
     bounds = (limits.velocity, limits.acceleration, limits.jerk)
     used = max(float((motion.largest(order) / most).max()) ** (1.0 / order) for order, most in enumerate(bounds, 1))
     return motion.scaled(used * (1.0 + 1e-12))

@@ -42,7 +42,7 @@ class Step(Motion):
 
     @property
     def duration(self) -> float:
-        """0 [s]: the arm stands again at once."""
+        """0 [s]: the arm is at rest again at once."""
         return 0.0
 
     def __call__(self, t: Scalar) -> tuple[Array, Array, Array]:

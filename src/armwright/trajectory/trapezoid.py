@@ -57,7 +57,7 @@ class Trapezoid(PiecewiseMotion):
 
 
 def trapezoid_times(h: float, v: float, a: float) -> tuple[float, float, float]:
-    """Durations [s] of accelerating, of constant speed and of decelerating over a way h ≥ 0 [rad | m] within limits v and a."""
+    """Durations [s] of acceleration, constant speed and deceleration over a distance h ≥ 0 [rad | m] within limits v and a."""
     if h == 0.0:
         return 0.0, 0.0, 0.0
     if h < v * v / a:  # the speed v is not reached
@@ -66,5 +66,5 @@ def trapezoid_times(h: float, v: float, a: float) -> tuple[float, float, float]:
 
 
 def standing(time: float, duration: float, position: float) -> PiecewisePolynomial:
-    """Motion of one joint that stands."""
+    """Motion of one joint at rest."""
     return PiecewisePolynomial(np.array([time, time + duration]), np.full((1, 1, 1), position))

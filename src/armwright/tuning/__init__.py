@@ -1,4 +1,4 @@
-"""Gains of a scenario's controller, searched for over many simulations under a margin constraint."""
+"""Tuning: search for the gains of a scenario's controller over many simulations, under a margin constraint."""
 
 from armwright.tuning.result import TuningResult
 from armwright.tuning.tune import tune

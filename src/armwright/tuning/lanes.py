@@ -1,4 +1,4 @@
-"""Lanes that candidates are scored in: those of the scenario, with what is drawn beside them."""
+"""Lanes in which candidate gains are simulated: those of the scenario, with draws of the uncertainty."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def _differing(scenario: Scenario) -> list[bool]:
 
 
 def taken(scenario: Scenario, index: np.ndarray) -> Scenario:
-    """The scenario of some lanes of a resolved one, in any order and any number of times.
+    """Some lanes of a resolved scenario, in any order, with repetition.
 
     Args:
         scenario: whose lanes are batches.   index: (lanes,) numbers of lanes.

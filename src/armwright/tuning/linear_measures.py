@@ -1,4 +1,4 @@
-"""Measures of gains that need no simulation: noise gain and peak sensitivity of the linear sampled loop, worst over poses."""
+"""Measures of gains without simulation: noise gain and peak sensitivity of the linear sampled loop, worst over poses."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ MEASURES = ("noise_gain", "sensitivity")
 
 
 def measure(name: str, loop: LinearLoop, poses: np.ndarray, gains: np.ndarray) -> np.ndarray:
-    """(candidates, n) of a measure, the largest over the poses; infinite where the loop is not stable.
+    """(candidates, n) of a measure, the largest over the poses; infinite for an unstable loop.
 
     The noise gain of a command is its standard deviation for white noise of deviation 1 in all measured positions.
 

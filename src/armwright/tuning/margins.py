@@ -1,4 +1,4 @@
-"""Margins as a constraint on gains: the coupled sampled loop keeps them at poses where inertias and gravity are extreme."""
+"""Margin constraint on gains: the coupled sampled loop keeps its margins at the poses of extreme inertia and gravity."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ WATCHED = 6  # poses that all candidates are judged at; each that a best one fai
 
 
 class MarginConstraint:
-    """Which gains keep the margins at all poses.
+    """Test of gains against margins at all poses.
 
     Attributes:
         poses: (k, n) [rad | m].   asked: gain and phase margin [rad].
@@ -54,25 +54,25 @@ class MarginConstraint:
             )
 
     def failing(self, gains: np.ndarray) -> np.ndarray:
-        """(candidates,) share of the watched poses at which gains (candidates, gains * n) fail."""
+        """(candidates,) share of the watched poses at which gains (candidates, gains * n) violate the margins."""
         kept = np.zeros(len(gains))
         for k in self._watched:
             kept += self._loop.keeps(self._loop.slopes(self.poses[k], gains), *self.asked)
         return 1.0 - kept / len(self._watched)
 
     def measured(self, name: str, gains: np.ndarray) -> np.ndarray:
-        """(candidates, n) of a measure of the linear loop, the largest over the poses watched from the beginning."""
+        """(candidates, n) of a measure of the linear loop, the largest over the initially watched poses."""
         return measure(name, self._loop, self.poses[list(self._measured)], gains)
 
     def keeps(self, gains: np.ndarray) -> bool:
-        """True where gains (gains * n,) keep the margins at all poses; else the first pose where they fail is watched too."""
+        """True if gains (gains * n,) keep the margins at all poses; else the first failing pose is added to the watched ones."""
         kept = self._loop.keeps(self._loop.slopes(self.poses, gains[None]), *self.asked)
         failing = [int(k) for k in np.flatnonzero(~kept) if k not in self._watched]
         self._watched += failing[:1]
         return bool(kept.all())
 
     def refusal(self) -> ScenarioError:
-        """The error where no gains that keep the margins were found, with the period or delay at which the start would."""
+        """The error for a search without feasible gains, with the period or delay at which the start gains would be feasible."""
         gain, phase = self.asked
         period, _ = longest_period(self._one, self.poses, gain_margin=gain, phase_margin=phase)
         loop = LinearLoop(self._one)

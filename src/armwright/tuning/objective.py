@@ -1,4 +1,4 @@
-"""Scores of gains from reducers of compiled simulations: relative to the start, and infinite where a run fails.
+"""Scores of gains from reducers of compiled simulations: relative to the start, and infinite for failed runs.
 
     J = Σ_r w_r mean_j (v_rj / s_rj) + 10 Σ_l mean_j max(0, v_lj / limit_lj - 1)
 
@@ -95,7 +95,7 @@ class Objective:
         return simulated_on(self.client, scenario)
 
     def scales(self, start: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """(n,) by reducer that relative scores are measured by, of the start's values (1, lanes, n); 1 of shares."""
+        """(n,) by reducer: scales of relative scores, from the start's values (1, lanes, n); 1 for shares."""
         scales = {}
         for name in self.weights:
             mean = start[name][0].mean(axis=0)
@@ -112,7 +112,7 @@ class Objective:
         return IDLE * np.array([mean[units == unit].max() for unit in units])
 
     def score(self, values: Mapping[str, np.ndarray], scales: Mapping[str, np.ndarray]) -> np.ndarray:
-        """(candidates,) J over the lanes; infinite where any lane fails."""
+        """(candidates,) J over the lanes; infinite if any lane fails."""
         total = np.zeros(next(iter(values.values())).shape[:2])
         for name, weight in self.weights.items():
             total += weight * (values[name] / scales[name]).mean(axis=-1) if weight > 0.0 else 0.0
@@ -133,7 +133,7 @@ class Objective:
 
 
 def is_share(name: str) -> bool:
-    """True of a number that counts as it is, not relative to the start's."""
+    """True for a reducer that is scored absolutely, not relative to the start."""
     return name not in MEASURES and reducer(name).unit == "1"
 
 

@@ -1,4 +1,4 @@
-"""Result of a tuning: gains, what they are worth on held-out lanes, and the scenario file with them."""
+"""Result of a tuning: gains, their scores on held-out lanes, and the scenario file with them."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ PICTURES = (".png", ".svg", ".pdf")
 
 @dataclass(frozen=True, eq=False)
 class TuningResult:
-    """Gains of a controller after a search.
+    """Gains found by a search, with scores.
 
     Attributes:
         scenario: with the gains.   gains, start: (n,) by name, the returned ones and the scenario's own.
@@ -89,7 +89,7 @@ class TuningResult:
 
     @property
     def changed(self) -> bool:
-        """True if the gains are others than the scenario's own, and worth writing."""
+        """True if the gains differ from the scenario's own, so that writing them makes sense."""
         return self.improved or not self.start_keeps or self.begun != "scenario"
 
     def objective_rows(self) -> list[list[str]]:
@@ -124,13 +124,13 @@ class TuningResult:
 
     @property
     def chosen(self) -> np.ndarray:
-        """(objectives,) of the returned gains on the tuned lanes."""
+        """(objectives,) of the returned gains on the lanes of the search."""
         row = np.concatenate([self.gains[name] for name in self.searched])
         same = np.flatnonzero((self.tried.gains == row).all(axis=1)) if len(self.tried.gains) else []
         return self.tried.values[same[0]] if len(same) else self.tried.first
 
     def sentences(self) -> list[str]:
-        """What was found, in words."""
+        """The result in sentences."""
         (before, after), (tuned, held) = self.score, self.lanes
         gain, phase = self.asked
         asked = f"a gain margin of {gain:g} and a phase margin of {np.degrees(phase):.3g}°"
@@ -171,7 +171,7 @@ class TuningResult:
         source: str | os.PathLike[str],
         allow: tuple[str | os.PathLike[str], ...] = (),
     ) -> None:
-        """Writes the scenario file `source` with these gains in place of its own; all else, comments too, stays.
+        """Writes the scenario file `source` with these gains in place of its own; the rest, comments included, stays.
 
         Args:
             path: of the new file; where `source` names files, in the same folder.   source: that the scenario was read from.

@@ -24,7 +24,7 @@ Progress = Callable[[int, int], None]
 
 @dataclass(frozen=True, eq=False)
 class Tried:
-    """Gains that were simulated, keep the margins at the watched poses, and end all their runs; those on the front at all poses.
+    """Gains tried: simulated, within the margins at the watched poses, all runs complete; on the front at all poses.
 
     Attributes:
         names: of the objectives.   values: (k, objectives) on the tuned lanes, relative to the start's.
@@ -37,7 +37,7 @@ class Tried:
     first: np.ndarray
 
     def front(self, names: tuple[str, str] | None = None) -> np.ndarray:
-        """Places of those that none surpasses in both of two objectives, by the first; by default the first two.
+        """Indices of the Pareto-optimal gains of two objectives, sorted by the first; by default the first two objectives.
 
         Raises:
             ScenarioError: names that are no objectives, or a single objective.
@@ -69,7 +69,7 @@ class Search:
         self.tried: list[tuple[np.ndarray, np.ndarray]] = []
 
     def run(self, method: str, generations: int, candidates: int | None, seed: int, progress: Progress | None) -> None:
-        """Goes through the generations."""
+        """Runs all generations."""
         space = self.objective.space
         count = candidates or max(8, 4 + int(3 * np.log(space.free.sum())))
         numbers = np.random.default_rng(seed)  # NumPy's global numbers stay as they are

@@ -1,4 +1,4 @@
-"""Gains that are searched for: one value for each joint, in the logarithm between bounds."""
+"""Search space of gains: one value for each joint, logarithmic between bounds."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class GainSpace:
 
     @classmethod
     def of(cls, scenario: Scenario, gains: Mapping[str, Any] | None) -> GainSpace:
-        """The space about a scenario's own gains.
+        """The search space around a scenario's own gains.
 
         Args:
             scenario: with a controller.   gains: by name, a factor to either side or (low, high); None: all usual ones.
@@ -60,7 +60,7 @@ class GainSpace:
 
     @property
     def free(self) -> np.ndarray:
-        """(gains * n,) true where a gain is searched for."""
+        """(gains * n,) True for the gains to search."""
         return self.start > 0.0
 
     def point(self, row: np.ndarray) -> np.ndarray:
@@ -80,7 +80,7 @@ class GainSpace:
         return dict(zip(self.names, row.reshape(len(self.names), self.n), strict=True))
 
     def controller(self, rows: np.ndarray) -> Any:
-        """The controller with rows (lanes, gains * n), a lane each; or with one row (gains * n,)."""
+        """The controller with gains (lanes, gains * n), one row a lane; or with one row (gains * n,)."""
         parts = np.split(rows, len(self.names), axis=-1)
         values = {name: Batch(part) if rows.ndim == 2 else part for name, part in zip(self.names, parts, strict=True)}
         return replace(self.control, **values)

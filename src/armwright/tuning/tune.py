@@ -55,7 +55,7 @@ def tune(
     client: Any = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> TuningResult:
-    """Gains that track better than the start over uncertain arms, and keep the margins.
+    """Gains that track better than the start over uncertain arms and keep the margins.
 
     A search in the logarithm of the gains, one for each joint. A generation's candidates run in all lanes of uncertainty
     together, in one compiled simulation; those that do not keep the margins are not simulated. Every second lane is held out:
@@ -91,14 +91,14 @@ def tune(
     """
     if not isinstance(scenario, Scenario):
         scenario = read_scenario(scenario)
-    told = {
+    arguments = {
         "start": start, "gains": gains, "draws": draws, "objectives": objectives, "limits": limits, "over": over,
         "improve_each": improve_each, "lanes": lanes, "method": method, "generations": generations,
         "candidates": candidates, "front": front, "gain_margin": gain_margin, "phase_margin": phase_margin,
         "poses": poses, "seed": seed,
     }  # fmt: skip
     asked = {name.removesuffix("_rad"): value for name, value in TuningTable().model_dump().items()}
-    asked |= in_file(scenario) | {name: value for name, value in told.items() if value is not None}
+    asked |= in_file(scenario) | {name: value for name, value in arguments.items() if value is not None}
     _check(asked)
     margins, number = (asked["gain_margin"], asked["phase_margin"]), asked["seed"]
     if scenario.controller is None:
@@ -153,7 +153,7 @@ def _tried(search: Search, first: Mapping[str, np.ndarray]) -> Tried:
 
 
 def in_file(scenario: Scenario) -> dict[str, Any]:
-    """What [tuning] of the scenario's file states, by the names of `tune`; nothing of a scenario made in Python."""
+    """Contents of [tuning] of the scenario's file, by argument names of `tune`; empty for a scenario made in Python."""
     if scenario.document is None:
         return {}
     content = Document.model_validate_json(scenario.document).scenario

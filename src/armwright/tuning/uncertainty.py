@@ -1,4 +1,4 @@
-"""Uncertainty that gains are tuned over: masses, friction, numbers of the record, payloads, poses, and delays, drawn by lane."""
+"""Uncertainty for tuning: masses, friction, any parameters, payloads, poses and delays, drawn for each lane."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ TIMES = {"payload": "payload_kg", "jitter": "jitter_s", "delay": "delay_s"}  # k
 
 @dataclass(frozen=True, eq=False)
 class Uncertainty:
-    """What differs between the lanes; what is absent does not.
+    """Differences between the lanes; absent fields do not vary.
 
     Attributes:
         mass: share of each link's mass, either way, evenly.   friction: factor either way of each joint's friction, all of its
@@ -47,7 +47,7 @@ class Uncertainty:
 
     @classmethod
     def of(cls, draws: Any) -> Uncertainty:
-        """The uncertainty in a mapping: these fields by name, also as files call them, and numbers of the record by name.
+        """The uncertainty in a mapping: these fields by their names in Python or in files, and parameters by path.
 
         Raises:
             ScenarioError: an unknown key, or a value that is none.
@@ -80,7 +80,7 @@ class Uncertainty:
             raise ScenarioError(place=f"draws.{TIMES.get(name, name)}", value=value, expected=between)
 
     def applied(self, scenario: Scenario, lanes: int, seed: int) -> Scenario:
-        """The scenario with this uncertainty as batches, beside those that it has.
+        """The scenario with this uncertainty as batches, beside its own batches.
 
         Args:
             scenario: resolved, of one lane or as many.   lanes: how many.   seed: of the draws.
@@ -117,7 +117,7 @@ class Uncertainty:
         return changed if self.poses is None else self._moved(changed, even("poses", changed.arm.n))
 
     def of_record(self, arm: Model, lanes: int, seed: int) -> dict[str, Any]:
-        """Masses, friction and numbers with a standard deviation by name, a batch or draw each.
+        """Masses, friction and parameters with a standard deviation by name, a batch or draw each.
 
         Args:
             arm: made from a record.   lanes: how many.   seed: of the draws.
@@ -175,7 +175,7 @@ class Uncertainty:
         return replace(scenario, start=replace(start, q=Batch(q + offset)), loop=moved)
 
     def words(self, arm: Model) -> list[str]:
-        """The uncertainty in words, with what of it the arm has nothing of."""
+        """The uncertainty in words, with the items that do not apply to the arm."""
         found = []
         if self.mass is not None:
             found.append(f"masses within ±{100 * self.mass:g} %")
@@ -197,7 +197,7 @@ class Uncertainty:
 
 @dataclass(frozen=True, eq=False)
 class Moved(Motion):
-    """A motion whose positions are moved by an offset.
+    """A motion with its positions shifted by an offset.
 
     Args:
         motion: the motion.   offset: (n,) [rad | m], or a `Batch` of such.

@@ -26,7 +26,7 @@ STUFFED = 34  # bits of a frame without data that stuffing looks at
 
 
 def frame_bits(length: int, *, stuffed: bool) -> int:
-    """Bits of a frame with `length` bytes: with the most that may be stuffed, or with none."""
+    """Number of bits of a frame with `length` bytes, with the most stuff bits or without any."""
     return FRAME + 8 * length + ((STUFFED + 8 * length - 1) // 4) * stuffed
 
 
@@ -52,11 +52,11 @@ class BusLoad:
         return self.answered(stuffed=stuffed) + self.nodes * frame_bits(8, stuffed=stuffed) / self.bitrate
 
     def load(self, *, stuffed: bool) -> float:
-        """Part of the period in which frames are on the bus."""
+        """Share of the period in which frames are on the bus."""
         return self.cycle(stuffed=stuffed) / self.period
 
     def check(self) -> None:
-        """Refuses periods that are too short for all frames, or that object 60C2 does not hold.
+        """Refuses periods that are too short for all frames, or that object 60C2 cannot represent.
 
         Raises:
             BusError: names the load and the shortest period.
@@ -68,7 +68,7 @@ class BusLoad:
         self.interpolation()
 
     def interpolation(self) -> tuple[int, int]:
-        """The period as object 60C2 holds it: 8 bits, and a power of ten.
+        """The period in the form of object 60C2: 8 bits, and a power of ten.
 
         Raises:
             BusError: a period that is no such number.
@@ -90,7 +90,7 @@ class BusLoad:
 
 
 def is_virtual(name: str) -> bool:
-    """True for a bus that lives in this process alone."""
+    """True for a bus within this process."""
     return name.partition(":")[0] == "virtual"
 
 
@@ -111,7 +111,7 @@ def check_bus(name: str) -> tuple[str, str]:
 
 
 def require_twin() -> None:
-    """Refuses to go on without the packages of the extra `twin`.
+    """Refuses to continue without the packages of the extra `twin`.
 
     Raises:
         BusError: says what to install.
@@ -125,7 +125,7 @@ def require_twin() -> None:
 
 
 def open_bus(name: str) -> can.BusABC:
-    """A bus by name, open; who opens it closes it.
+    """A bus by name, open; the caller closes it.
 
     Raises:
         BusError: no such bus; says what the system says.
@@ -149,7 +149,7 @@ def open_bus(name: str) -> can.BusABC:
 
 
 def node_numbers(nodes: Sequence[int] | None, joints: int) -> tuple[int, ...]:
-    """Numbers of the nodes, one for each joint; by default from 3.
+    """Numbers of the nodes, one for each joint; by default from 3 up.
 
     Raises:
         BusError: another number of nodes than joints, one that is none, or one that is there twice.

@@ -1,4 +1,4 @@
-"""What is counted of the cycles of a bus: how late SYNC comes, what is missing, and how much of a processor it takes."""
+"""Statistics of bus cycles: jitter of SYNC, missing frames, and processor load."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ LATE = 0.5  # of a period behind the time at which a SYNC was to come
 
 @dataclass(frozen=True)
 class CycleReport:
-    """What was counted.
+    """Statistics of bus cycles.
 
     Attributes:
         cycles: SYNCs.   incomplete: of them, in how many an expected frame was missing.   late: in how many SYNC came more than
@@ -31,7 +31,7 @@ class CycleReport:
     load: float
 
     def rows(self) -> list[tuple[str, str]]:
-        """The report as a table: what, how much."""
+        """The report as a table: name, value."""
         return [
             ("cycles", f"{self.cycles}"),
             ("incomplete cycles", f"{self.incomplete}"),
@@ -45,7 +45,7 @@ class CycleReport:
 
 
 class Cycles:
-    """Counts cycles while they happen.
+    """Counter of bus cycles.
 
     Args:
         period: [s] from SYNC to SYNC.
@@ -56,28 +56,28 @@ class Cycles:
         self.reset()
 
     def reset(self) -> None:
-        """Counts from here."""
+        """Restarts the counts."""
         self._begun: list[float] = []
         self._worked: list[float] = []
         self._incomplete = 0
         self._clock, self._processor = time.perf_counter(), time.process_time()
 
     def began(self) -> None:
-        """A SYNC came, or was sent."""
+        """Counts a SYNC that was received or sent."""
         self._begun.append(time.perf_counter())
 
     def received(self, expected: int, came: int) -> None:
-        """So many frames were expected in a cycle, and so many came."""
+        """Compares the numbers of expected and received frames of a cycle."""
         self._incomplete += came < expected
 
     def ended(self) -> None:
-        """The cycle's work is done."""
+        """Marks the end of a cycle's work."""
         if self._begun:
             self._worked.append(time.perf_counter() - self._begun[-1])
 
     @property
     def report(self) -> CycleReport:
-        """What was counted so far."""
+        """Statistics of the cycles so far."""
         intervals = np.diff(self._begun) if len(self._begun) > 1 else np.full(1, self.period)
         off = intervals - self.period
         spent = time.perf_counter() - self._clock

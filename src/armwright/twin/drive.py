@@ -1,4 +1,4 @@
-"""One drive: what it does with a controlword and a set-point at every SYNC, in counts and thousandths. [IEC2015]
+"""One drive: its reaction to a controlword and a set-point at every SYNC, in counts and thousandths. [IEC2015]
 
 A drive whose motor has no torque is held by its brake: the twin moves it along the same ramp as a quick stop, and then keeps
 it where it is. The records of arms say nothing about brakes of this kind.
@@ -32,7 +32,7 @@ VOLTS, SAGGING = 24.0, 16.0  # [V] of the supply as object 6079 shows it, and sa
 
 @dataclass
 class SetPoint:
-    """What the servo of a drive follows in a tick: a torque, or a position with its speed.
+    """Set-point of a drive's servo for one tick: a torque, or a position with its speed.
 
     Attributes:
         torque: [thousandths]; None: the position is followed.   position: [counts].   speed: [counts/s].
@@ -80,7 +80,7 @@ class Drive:
 
     @property
     def mode(self) -> int:
-        """The mode of operation that is in force; 0: none."""
+        """The active mode of operation; 0: none."""
         return self.values[od.MODE_DISPLAY]
 
     @property
@@ -90,11 +90,11 @@ class Drive:
 
     @property
     def moves(self) -> bool:
-        """True while its motor has torque, or its brake has not yet stopped the joint."""
+        """True while the motor has torque, or the brake has not yet stopped the joint."""
         return self.state in POWERED or self.demand_speed != 0.0
 
     def read(self, key: Key) -> int | None:
-        """Value of an object as it is now; None of one that the drive does not have."""
+        """Present value of an object; None for an object that the drive does not have."""
         if key == od.STATUSWORD:
             return self.statusword
         if key == od.POSITION:
@@ -115,7 +115,7 @@ class Drive:
 
     @property
     def register(self) -> int:
-        """Object 1001: bit 0 with any error, and one of its kind."""
+        """Object 1001: bit 0 for any error, and one bit for its kind."""
         return 0 if not self.error else 1 | faults.REGISTER.get(self.error >> 12, 0)
 
     # What happens to it.
@@ -139,7 +139,7 @@ class Drive:
             self.fail(faults.ENCODER)
 
     def fail(self, code: int) -> None:
-        """A fault was found: the drive reacts to it and reports it, once."""
+        """Reacts to a fault and reports it, once."""
         if self.machine.happened(Event.FAULT) is None:
             return
         self.error = code
@@ -149,7 +149,7 @@ class Drive:
             self._settle(self.machine.happened(Event.REACTED))
 
     def abort_connection(self, code: int) -> None:
-        """The connection to the master is lost: the reaction that object 6007 says."""
+        """Reacts to a lost connection as object 6007 says."""
         option = self.values[od.ABORT_OPTION]
         if option != 1:
             self.emergencies.append((code, 1 | faults.REGISTER[code >> 12]))
@@ -161,7 +161,7 @@ class Drive:
             self.command(Command.QUICK_STOP.value[1])
 
     def command(self, word: int) -> None:
-        """Takes a controlword."""
+        """Executes a controlword."""
         persists = self.hot or self.sagging or self.stuck
         row = self.machine.command(word, resettable=not persists)
         if row is not None and row.number == 15:
@@ -170,7 +170,7 @@ class Drive:
         self._settle(row)
 
     def _settle(self, row: Transition | None) -> None:
-        """What a transition brings with it."""
+        """Carries out the actions of a transition."""
         if row is None:
             return
         if row.target is State.ENABLED:
@@ -190,7 +190,7 @@ class Drive:
     # A tick.
 
     def tick(self, *, received: bool) -> SetPoint:
-        """What its servo follows until the next SYNC.
+        """Set-point of the servo until the next SYNC.
 
         Args:
             received: True if process data came since the last SYNC.
@@ -246,7 +246,7 @@ class Drive:
         return SetPoint(None, self.demand, self.demand_speed)
 
     def _followed(self) -> SetPoint:
-        """What an enabled drive follows in its mode."""
+        """Set-point of an enabled drive in its mode."""
         values, mode, most = self.values, self.mode, self.values[od.MAX_TORQUE]
         if mode == 10:
             asked = values[od.TARGET_TORQUE] + values[od.TORQUE_OFFSET]

@@ -1,4 +1,4 @@
-"""Faults that are injected into the twin: what happens, for how long, and the error that the drives report. [IEC2015]
+"""Faults injected into the twin: their effect, duration, and the error that the drives report. [IEC2015]
 
 armwright twin arm.scenario.toml --bus virtual --fault stuck-encoder:joint2@1.5
 """
@@ -89,7 +89,7 @@ class Fault:
         return f"{self.kind}{joint}={self.size:g}@{self.at:g}"
 
     def ticks(self, period: float) -> tuple[int, int]:
-        """First tick of the fault, and the one behind its last, at a period [s]."""
+        """First tick of the fault, and the tick after its last, at a period [s]."""
         first = round(self.at / period)
         lasts = self.size if self.kind == "lost-frames" else 1 if self.kind == "late-sync" else self.size / period
         return first, first + round(lasts)

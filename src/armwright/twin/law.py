@@ -1,4 +1,4 @@
-"""A controller's programs in native code, as the simulation has them, called once a tick with what the bus carried."""
+"""A controller's programs in native code, as in the simulation, called once a tick with the values from the bus."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Law:
         self._s = np.zeros(0)
 
     def begin(self, q: np.ndarray, applied: np.ndarray) -> None:
-        """The state before the first tick, from where the arm stands."""
+        """The state before the first tick, from the arm's measured position."""
         self._s = np.asarray(self._begin(self._measured(q, applied), self._c))
 
     def _measured(self, q: np.ndarray, applied: np.ndarray) -> np.ndarray:

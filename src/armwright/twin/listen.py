@@ -1,4 +1,4 @@
-"""Rows of an arm from what its drives send on a bus; the listener itself sends nothing.
+"""Rows of an arm from the frames of its drives on a bus; the listener sends nothing.
 
 A row is a SYNC with the process data that answer it, TPDO 1 of the LWA 4P's mapping: statusword, actual torque in thousandths of
 the rated one, actual position in counts.
@@ -37,7 +37,7 @@ POLL = 0.1  # [s] from look to look whether to stop
 
 
 class BusListener:
-    """Rows of an arm as its drives send them; a context that opens the bus and closes it.
+    """Rows of an arm as its drives send them; a context manager that opens and closes the bus.
 
     Args:
         arm: the model, whose limits are the rated torques.   bus: "socketcan:can0", "udp_multicast:ADDRESS" or "virtual:NAME".
@@ -68,7 +68,7 @@ class BusListener:
         self._stopped = False
 
     def stop(self) -> None:
-        """Ends `rows` when the frames that came are read; from another thread."""
+        """Ends `rows` after the frames received so far; to be called from another thread."""
         self._stopped = True
 
     def __enter__(self) -> BusListener:
@@ -130,7 +130,7 @@ class BusListener:
 def bus_recording(
     arm: Model, rows: Sequence[tuple[float, np.ndarray, np.ndarray]], residuals: Sequence[Residuals] = ()
 ) -> Any:
-    """A run of what was heard, for `save`: q, tau and, where a shadow listened, its residuals.
+    """A run of the recorded rows, for `save`: q, tau and, with a shadow, its residuals.
 
     Args:
         arm: the model.   rows: as of `BusListener.rows`.   residuals: of each row, as `ArmShadow.last` has them.
@@ -155,7 +155,7 @@ def bus_recording(
 def shadow_bus(
     shadow: ArmShadow, listener: BusListener, duration: float | None = None, silence: float = SILENCE
 ) -> Iterator[tuple[tuple[float, np.ndarray, np.ndarray], list[ShadowAlarm]]]:
-    """Rows of a bus with the alarms that each raises, mostly none; `shadow.last` has the row's residuals.
+    """Rows of a bus, each with the alarms that it raises; `shadow.last` has the row's residuals.
 
     Args:
         shadow: of the listener's arm.   listener: open.

@@ -41,7 +41,7 @@ ROUNDING = 1.5  # counts between where the scenario starts and where the arm sta
 
 
 class Master:
-    """A master on a bus; a context manager, which brings the drives to rest and closes the bus at its end.
+    """A master on a bus; a context manager, which finally brings the drives to rest and closes the bus.
 
     Args:
         rehearsal: of the run.   bus: by name.   nodes: of the joints; default: from 3.   eds: paths of the nodes' data sheets;
@@ -106,7 +106,7 @@ class Master:
     # Before anything moves.
 
     def configure(self, heartbeat: float | None) -> None:
-        """Sets up every node, and looks whether it is what was expected; nothing moves.
+        """Sets up every node and checks its identity; nothing moves.
 
         Args:
             heartbeat: [s] from beat to beat; the drives stop where three are missing. None: no heartbeat.
@@ -214,7 +214,7 @@ class Master:
             return bool(complete)
 
     def send(self, word: int, thousandths: np.ndarray) -> None:
-        """Sends controlword and torques to all nodes; they come into force at the next SYNC."""
+        """Sends controlword and torques to all nodes; they take effect at the next SYNC."""
         for number, torque, counts in zip(self.numbers, thousandths, self.counts, strict=True):
             self._network.send_message(0x200 + number, self._sent.pack(word, int(torque), int(counts)))
 
@@ -225,7 +225,7 @@ class Master:
 
     @property
     def applied(self) -> np.ndarray:
-        """(n,) what the drives do [A | N m | N]."""
+        """(n,) measured output of the drives [A | N m | N]."""
         return np.asarray(self.units.command(self.torque))
 
     def states(self) -> list[State | None]:
@@ -233,7 +233,7 @@ class Master:
         return [next((each for each in State if _matches(int(word), each)), None) for word in self.status]
 
     def enable(self) -> np.ndarray:
-        """Enables all drives at one SYNC; what was measured at the SYNC before, with the arm standing, comes back.
+        """Enables all drives at one SYNC; returns the measurement at the SYNC before, with the arm at rest.
 
         Raises:
             BusError: a drive that does not go into the next state; names it and its fault.
@@ -255,7 +255,7 @@ class Master:
         return start
 
     def expect(self, state: State) -> None:
-        """Refuses drives that are in another state.
+        """Refuses to continue if a drive is in another state.
 
         Raises:
             BusError: names the joint, its state, and its fault.
@@ -272,7 +272,7 @@ class Master:
         return BusError(what, place=f"joint {self.names[joint]!r}", expected=f"{_name(state)}; all drives were stopped")
 
     def stop(self) -> None:
-        """Brings all drives to rest by a quick stop, then takes their voltage away; what does not answer is left to its own."""
+        """Brings all drives to rest by a quick stop, then disables their voltage; nodes that do not answer are left alone."""
         self._moves = False
         clock, nothing = time.perf_counter(), np.zeros(len(self.numbers))
         for k in range(CYCLES_TO_REST):

@@ -26,7 +26,7 @@ RECEIVE, TRANSMIT = 0x1400, 0x1800  # first parameters of process data; mappings
 
 @dataclass(frozen=True)
 class Map:
-    """Process data as it is mapped: its identifier, its transmission type, what is in it and how it is packed."""
+    """Mapping of process data: identifier, transmission type, entries and their packing."""
 
     cob: int
     kind: int
@@ -75,7 +75,7 @@ class TwinNode:
         self._boot()
 
     def disconnect(self) -> None:
-        """Ends its heartbeat."""
+        """Ends the node's heartbeat."""
         self.local.nmt.stop_heartbeat()
 
     def _boot(self) -> None:
@@ -84,7 +84,7 @@ class TwinNode:
 
     @property
     def operational(self) -> bool:
-        """True while process data flows."""
+        """True while process data are exchanged."""
         return self.local.nmt.state == "OPERATIONAL"
 
     def _managed(self, can_id: int, data: Any, timestamp: float) -> None:
@@ -140,7 +140,7 @@ class TwinNode:
             raise SdoAbortedError(OUT_OF_RANGE)
 
     def maps(self, first: int) -> list[Map]:
-        """Process data that is valid, to the drive (`RECEIVE`) or from it (`TRANSMIT`)."""
+        """Valid process data, to the drive (`RECEIVE`) or from it (`TRANSMIT`)."""
         if self._maps is None:
             self._maps = {each: [m for k in range(2) if (m := self._map(each + k))] for each in (RECEIVE, TRANSMIT)}
         return self._maps[first]
@@ -187,7 +187,7 @@ class TwinNode:
                 self._pending |= zip(each.keys, each.packing.unpack_from(data), strict=True)
 
     def latch(self, *, lost: bool = False) -> None:
-        """Takes what came since the last SYNC into force.
+        """Puts the data received since the last SYNC into effect.
 
         Args:
             lost: True for a frame that does not arrive.
@@ -199,7 +199,7 @@ class TwinNode:
             self.drive.command(pending[od.CONTROLWORD])
 
     def send(self) -> None:
-        """Sends its process data and emergencies, at a SYNC."""
+        """Sends process data and emergencies, at a SYNC."""
         self._cycle += 1
         for code, register in self.drive.emergencies:
             self.local.emcy.send(code, register)
@@ -220,12 +220,12 @@ class TwinNode:
         self._beat = time.monotonic()
 
     def excuse(self, seconds: float) -> None:
-        """Takes away time [s] in which this process could not listen."""
+        """Subtracts time [s] in which this process could not listen from the heartbeat's timeout."""
         if self._beat is not None:
             self._beat += seconds
 
     def watch(self) -> bool:
-        """Looks for the master's heartbeat; True where it was lost now, and the drive reacts as object 6007 says."""
+        """Checks the master's heartbeat; True if it was lost just now, and the drive reacts as object 6007 says."""
         limit = self.drive.values[od.CONSUMER] & 0xFFFF  # [ms]
         if not limit or self._beat is None or time.monotonic() - self._beat <= 1e-3 * limit:
             return False

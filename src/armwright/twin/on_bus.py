@@ -1,4 +1,4 @@
-"""A scenario as it runs over a bus: what is measured, commanded and delayed is what frames can carry, and when.
+"""A scenario as run over a bus: measurements, commands and delays limited to those that frames can carry.
 
     positions in counts, torques in thousandths ─→ speeds from positions ─→ the law ─→ commands in thousandths
 
@@ -30,7 +30,7 @@ from armwright.twin.units import COUNTS_PER_METRE, COUNTS_PER_TURN, Units
 
 @dataclass(frozen=True, eq=False)
 class OnBus(Wrapper):
-    """A controller that sees and commands what frames carry.
+    """A controller whose measurements and commands are rounded as in frames.
 
     Attributes:
         units: of the bus.   sensors: that make speeds of positions.
@@ -40,7 +40,7 @@ class OnBus(Wrapper):
     sensors: Sensors = field(kw_only=True)
 
     def init(self, arm: Model, y: Measurement) -> Array:
-        """Memory of the speeds, then the inner controller's."""
+        """Initial memory: that of the speed filter, then the inner controller's."""
         seen = self._carried(y)
         memory = self.sensors.init(self._view(seen, scalar.zeros(arm.n)))
         inner = super().init(arm, replace(seen, qd=scalar.zeros(arm.n)))
@@ -57,7 +57,7 @@ class OnBus(Wrapper):
         return u, scalar.array(np.concatenate([memory, state]))
 
     def memory(self, arm: Model, y: Measurement) -> Array:
-        """Nothing."""
+        """Initial memory: empty."""
         return np.zeros(0)
 
     def changed(self, r: JointReference, y: Measurement, u: Array, s: Array) -> tuple[Array, Array]:
@@ -77,12 +77,12 @@ class OnBus(Wrapper):
         return Measurement(self.units.position(self.units.counts(y.q)), y.qd, current, applied)
 
     def _view(self, y: Measurement, qd: Array) -> Any:
-        """What sensors look at, of a plant that is known by its frames alone."""
+        """The plant as sensors see it, known by its frames alone."""
         return SimpleNamespace(arm=self.arm, period=self.period, q=y.q, qd=qd, current=y.current)
 
 
 def scenario_on_bus(scenario: Scenario, *, bitrate: int = BITRATE) -> Scenario:
-    """The scenario as it runs over a bus: commands and measurements in its units, and the delays of its frames.
+    """The scenario as run over a bus: commands and measurements in bus units, with the delays of frames.
 
     Args:
         scenario: with a sampled loop, a controller, and an arm whose drives take currents or torques.
@@ -106,7 +106,7 @@ def scenario_on_bus(scenario: Scenario, *, bitrate: int = BITRATE) -> Scenario:
 
 
 def plant_on_bus(scenario: Scenario, *, bitrate: int = BITRATE) -> Scenario:
-    """The plant's part of `scenario_on_bus`, whose commands come from outside; the scenario needs no controller.
+    """The plant's part of `scenario_on_bus`, with commands from outside; the scenario needs no controller.
 
     Args:
         scenario: with a sampled loop.   bitrate: [bit/s].

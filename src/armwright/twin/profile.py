@@ -1,4 +1,4 @@
-"""Trapezoids of speed, tick by tick, and the position and speed loops of the drives."""
+"""Trapezoidal speed profiles, tick by tick, and the position and speed loops of the drives."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ FASTEST = 50.0  # [rad/s] of the speed loop, also at shorter periods
 def approach(
     position: float, speed: float, target: float, most: float, acceleration: float, deceleration: float, period: float
 ) -> tuple[float, float]:
-    """Position and speed one tick further on a trapezoid of speed that ends at the target, which it reaches exactly.
+    """Position and speed one tick later on a trapezoidal speed profile that reaches the target exactly.
 
     Args:
         position, speed: now.   target: to come to rest at.   most: speed.   acceleration, deceleration: above 0.   period: [s].
@@ -35,13 +35,13 @@ def approach(
 
 
 def slowed(position: float, speed: float, deceleration: float, period: float) -> tuple[float, float]:
-    """Position and speed one tick further on the ramp to rest."""
+    """Position and speed one tick later on the ramp to rest."""
     following = float(np.sign(speed) * max(abs(speed) - deceleration * period, 0.0))
     return position + 0.5 * (speed + following) * period, following
 
 
 class Servo:
-    """Position and speed loops of all drives at once, for the joints that follow positions.
+    """Position and speed loops of all drives, for the joints that follow positions.
 
         ω = kp (q_r - q) + q̇_r      u = clip(kv (ω - q̇) + I, ±limit)
 
@@ -73,5 +73,5 @@ class Servo:
         return self._signs * np.asarray(stage.output, dtype=float)
 
     def begin(self, joint: int, command: float) -> None:
-        """Goes on from the command that is in force at a joint, so that the motor feels no jump."""
+        """Starts a joint's loop at the present command, without a jump at the motor."""
         self.integral[joint] = self._signs[joint] * command

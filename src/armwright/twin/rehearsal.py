@@ -1,4 +1,4 @@
-"""A run over a bus, simulated before it happens: what the controller will command, how far and how fast the arm will move."""
+"""Rehearsal: a run over a bus, simulated beforehand, with its commands, ranges and speeds."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from armwright.twin.units import Units
 
 @dataclass(frozen=True, eq=False)
 class Rehearsal:
-    """A run over a bus as it was simulated.
+    """A simulated run over a bus.
 
     Attributes:
         scenario: as it runs over the bus.   stages: the controller's programs.   recording: references, measurements, commands.
@@ -38,7 +38,7 @@ class Rehearsal:
 
     @property
     def reference(self) -> np.ndarray:
-        """(ticks, n) positions that the controller follows [rad | m]."""
+        """(ticks, n) reference positions [rad | m]."""
         return self.recording.r[:, : self.scenario.arm.n]
 
     @property
@@ -48,14 +48,14 @@ class Rehearsal:
 
     @property
     def largest_speed(self) -> np.ndarray:
-        """(n,) [rad/s | m/s] from one sample that arrived to the next."""
+        """(n,) [rad/s | m/s] between successive samples that arrived."""
         came = np.flatnonzero(~self.recording.lost)
         steps = np.diff(self.q[came], axis=0) / np.diff(came)[:, None]
         return np.abs(steps).max(axis=0, initial=0.0) / self.stages.period
 
     @property
     def largest_command(self) -> np.ndarray:
-        """(n,) the largest command, in parts of the rated one."""
+        """(n,) the largest command, as a share of the rated one."""
         return np.abs(self.recording.u).max(axis=0) / self.units.limit
 
     def rows(self) -> list[tuple[str, str, str, str, str]]:

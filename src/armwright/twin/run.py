@@ -46,19 +46,19 @@ class BusRun:
 
     @property
     def complete(self) -> bool:
-        """True if it came to its end."""
+        """True if the run reached its end."""
         return len(self.q) == self.rehearsal.recording.ticks
 
     @property
     def equal(self) -> bool:
-        """True if positions and commands are those of the simulation to the bit."""
+        """True if positions and commands equal those of the simulation bit by bit."""
         ticks, units = len(self.q), self.rehearsal.units
         did = self.rehearsal.recording.y[:ticks, -self.applied.shape[1] :]
         return self.first_difference is None and np.array_equal(self.applied, units.command(units.thousandths(did)))
 
     @property
     def first_difference(self) -> int | None:
-        """The first tick whose position or command is not that of the simulation; None where all are."""
+        """The first tick whose position or command differs from the simulation; None if all are equal."""
         ticks = len(self.q)
         differs = np.any(self.q != self.rehearsal.q[:ticks], axis=1)
         differs |= np.any(self.u != self.rehearsal.recording.u[:ticks], axis=1)
@@ -77,7 +77,7 @@ def run_controller(
     heartbeat: float = HEARTBEAT,
     bitrate: int = BITRATE,
 ) -> BusRun:
-    """The run of a scenario's controller against the drives on a bus, which it enables, moves, and brings to rest.
+    """The run of a scenario's controller over a bus: enables the drives, moves the arm, and brings it to rest.
 
     Args:
         scenario: with the controller; or its rehearsal.   bus: "virtual", "socketcan:can0" or "udp_multicast:ADDRESS".
@@ -151,7 +151,7 @@ def _run(
 
 
 def _check_start(master: Master) -> None:
-    """Refuses an arm that does not stand where the scenario starts."""
+    """Refuses an arm that is not at the scenario's start."""
     master.cycle()
     wanted = master.rehearsal.scenario.initial_state[0, : len(master.numbers)]
     off = np.abs(master.q - wanted) > ROUNDING * master.units.count

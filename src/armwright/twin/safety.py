@@ -1,4 +1,4 @@
-"""What must hold before a controller may drive an arm over a bus that leaves this process.
+"""Safety conditions before a controller may drive a real arm over a bus.
 
 a twin on such a bus       --arm SERIAL, as object 1018 of every node says
 an arm of metal            that, a passing verdict of `validate` on this very scenario, drives whose rated torque and counts are
@@ -41,7 +41,7 @@ RATED = 0.01  # parts by which the rated torque of a drive may differ from the r
 
 @dataclass(frozen=True, eq=False)
 class Permission:
-    """What a user has said and shown before an arm may move.
+    """Confirmations and tests that a user has provided before an arm may move.
 
     Attributes:
         serial: of the arm, as object 1018 has it; None: not said.   path: of the scenario's file.
@@ -74,18 +74,18 @@ class Permission:
 
     @property
     def reduced(self) -> bool:
-        """True for a run that an arm of metal may begin with."""
+        """True for a run at reduced speed and torque, which a real arm requires first."""
         return self.speed <= REDUCED_SPEED and self.torque <= REDUCED_TORQUE
 
     def has_run_reduced(self) -> bool:
-        """True if a reduced run of this very scenario on this very arm has come to its end."""
+        """True if a reduced run of this scenario on this arm was completed."""
         if self.path is None or not self.path.with_suffix(ENDING).exists():
             return False
         with toml_tables(self.path.with_suffix(ENDING), BusError) as tables:
             return tables.get("serial") == self.serial and tables.get("run_sha256") == self.sha256
 
     def write_reduced(self) -> Path:
-        """Stores beside the scenario that a reduced run has come to its end.
+        """Stores beside the scenario that a reduced run was completed.
 
         Raises:
             OutputError: the file cannot be written.
@@ -104,7 +104,7 @@ class Permission:
 
 
 def check_permission(master: Master, permission: Permission, *, real_time: bool) -> bool:
-    """True for an arm of metal that may move; False for a twin.
+    """True for a real arm that may move; False for a twin.
 
     Args:
         master: on the bus, before anything was enabled.   permission: what the user has said.   real_time: as the run is to be.
@@ -166,7 +166,7 @@ def _check_drives(master: Master) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Slowed:
-    """A reference in slow motion: r(v t), with speeds and accelerations to match.
+    """A reference in slow motion: r(v t), with matching speeds and accelerations.
 
     Attributes:
         reference: a function of time.   speed: v, above 0 and at most 1.

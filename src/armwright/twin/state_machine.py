@@ -1,4 +1,4 @@
-"""The power drive system's state machine of CiA 402, as one table of its transitions. [IEC2015]
+"""State machine of the power drive system of CiA 402, as one table of its transitions. [IEC2015]
 
 A command is what bits 0 to 3 and 7 of the controlword say; an event is something that happens within the drive. The table is
 the whole machine: what has no row changes nothing.
@@ -39,7 +39,7 @@ class Command(Enum):
 
 
 class Event(Enum):
-    """What happens within the drive."""
+    """Events within the drive."""
 
     STARTED = "power is there"
     INITIALISED = "initialisation is done"
@@ -50,7 +50,7 @@ class Event(Enum):
 
 @dataclass(frozen=True)
 class Transition:
-    """A row of the table: its number in the standard, from where, on what, to where."""
+    """A row of the table: number in the standard, state before, trigger, state after."""
 
     number: int
     source: State
@@ -89,7 +89,7 @@ NEXT = {(row.source, row.cause): row for row in TRANSITIONS}
 
 
 def commanded(word: int, last: int) -> Command | None:
-    """The command of a controlword; None where its bits say nothing.
+    """The command of a controlword; None if its bits match no command.
 
     Args:
         word: the controlword.   last: the one before, since a fault is reset by a rising edge.
@@ -113,7 +113,7 @@ class StateMachine:
         self.happened(Event.INITIALISED)
 
     def command(self, word: int, *, resettable: bool = True) -> Transition | None:
-        """The transition that a controlword causes, which is made; None where it causes none.
+        """Makes the transition that a controlword causes, and returns it; None if it causes none.
 
         Args:
             word: the controlword.   resettable: False while the cause of a fault persists, which then stays.
@@ -124,7 +124,7 @@ class StateMachine:
         return self._made(cause)
 
     def happened(self, event: Event) -> Transition | None:
-        """The transition that an event causes, which is made; None where it causes none."""
+        """Makes the transition that an event causes, and returns it; None if it causes none."""
         return self._made(event)
 
     def _made(self, cause: Command | Event) -> Transition | None:

@@ -1,4 +1,4 @@
-"""The twin: the simulated arm as CiA 402 drives on a bus, one node for each joint. Its time is counted in SYNCs.
+"""The twin: the simulated arm as CiA 402 drives on a bus, one node for each joint, with time counted in SYNCs.
 
 At every SYNC, in this order:
 
@@ -181,7 +181,7 @@ class Twin:
             self.cycles.ended()
 
     def _cycle(self) -> None:
-        """What every SYNC brings."""
+        """Work of one SYNC."""
         if self.failure is not None:
             return
         try:

@@ -1,4 +1,4 @@
-"""Units of the bus: positions in counts, torques in thousandths of the rated one.
+"""Units of the bus: positions in counts, torques in thousandths of the rated torque.
 
 One count and one thousandth are a number of [rad | m] and of the command's unit [A | N m | N]. Both ends of the bus multiply
 and round by the functions here, so that a value that crosses it is the same one at both ends, to the bit.
@@ -69,19 +69,19 @@ class Units:
         return THOUSAND * self.thousandth
 
     def counts(self, q: Array) -> Array:
-        """Positions [rad | m] in counts, whole numbers."""
+        """Positions [rad | m] converted to counts, whole numbers."""
         return scalar.floor(q / self.count + 0.5)
 
     def position(self, counts: Array) -> Array:
-        """Positions [rad | m] of counts."""
+        """Counts converted to positions [rad | m]."""
         return counts * self.count
 
     def thousandths(self, u: Array) -> Array:
-        """Commands [A | N m | N] in thousandths of the rated one, whole numbers."""
+        """Commands [A | N m | N] converted to thousandths of the rated one, whole numbers."""
         return scalar.floor(u / self.thousandth + 0.5)
 
     def command(self, thousandths: Array) -> Array:
-        """Commands [A | N m | N] of thousandths."""
+        """Thousandths converted to commands [A | N m | N]."""
         return thousandths * self.thousandth
 
 

@@ -44,14 +44,14 @@ def test_an_experiment_that_moves_one_joint_does_not_tell_the_other():
     assert {"fv2", "fc2", "Ia2"} <= set(silent)
     assert np.isfinite(both.std).all()
     assert found.best == "both"
-    assert "one: fv2 is not told by it; both would do it" in found.remarks
-    assert "not told" in str(found)
+    assert "one: fv2 cannot be identified from it; both would do it" in found.remarks
+    assert "not identifiable" in str(found)
 
 
 def test_the_joint_that_would_tell_is_named():
     t = np.linspace(0.0, 4.0, 200)
     sentences = joints_that_separate(regressor(), regressor().information(*ONE.at(t)), len(t))
-    assert "fv2 is not told by this log; a motion of elbow would do it" in sentences
+    assert "fv2 cannot be identified from this log; a motion of elbow would do it" in sentences
 
 
 def test_directions_of_a_known_information():
@@ -64,7 +64,7 @@ def test_directions_of_a_known_information():
     (direction,) = weak_directions(log)
     np.testing.assert_allclose(jacobian @ (direction / np.linalg.norm(jacobian, axis=0)), 0.0, atol=1e-7)
     (sentence,) = experiments_that_separate(names, log, {"more of the same": log, "a current": current})
-    assert sentence == "Kt and R cannot be told apart with this log; a current would do it"
+    assert sentence == "Kt and R cannot be distinguished with this log; a current would do it"
     (sentence,) = experiments_that_separate(names, log, {"more of the same": log})
     assert sentence.endswith("no other experiment that was compared would do much better")
     assert experiments_that_separate(names, log + current, {}) == ()

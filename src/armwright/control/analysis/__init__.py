@@ -1,4 +1,4 @@
-"""Sampled loops analysed: linear maps of a loop at a pose, margins, and what they are over the workspace."""
+"""Analysis of sampled loops: linear maps at a pose, margins, and their range over the workspace."""
 
 from armwright.control.analysis.hold import Held, sampled_system, zero_order_hold
 from armwright.control.analysis.linear_loop import LinearLoop, Margins

@@ -56,16 +56,16 @@ class LoopAnalysis:
 
     @property
     def keeps_margins(self) -> bool:
-        """True if it keeps the margins asked for there, one joint's command at a time."""
+        """True if the loop keeps the requested margins, one joint's command at a time, at every analysed pose."""
         return self.period_with_margin >= self.loop.period
 
     def extreme_poses(self, joint: int) -> np.ndarray:
-        """(k, n) poses where the inertia of a joint, the others held, and gravity's slope are least and greatest."""
+        """(k, n) poses of least and greatest inertia of a joint, the others fixed, and of its extreme gravity slopes."""
         columns = (self.inertias.held[:, joint], self.inertias.slope[:, joint])
         return self.inertias.q[np.unique([index for each in columns for index in (each.argmin(), each.argmax())])]
 
     def heads(self) -> list[str]:
-        """`HEADS` with their units, where these are the same for all joints."""
+        """`HEADS` with units, for units that all joints share."""
         units = {name: set(each) for name, each in self._units.items()}
         return [f"{head} [{next(iter(units[head]))}]" if len(units.get(head, ())) == 1 else head for head in HEADS]
 
@@ -103,7 +103,7 @@ class LoopAnalysis:
         return rows
 
     def sentences(self) -> list[str]:
-        """The result in sentences, with what is computed for each pose and what is only sampled."""
+        """The result in sentences, which also say how poses were sampled."""
         loop, (gain, phase) = self.loop, self.asked
         worst = int(self.radius.argmax())
         pose = ", ".join(f"{value:.3g}" for value in self.poses[worst])

@@ -1,4 +1,4 @@
-"""A continuous system seen at sample times: a zero-order hold with any delay, exactly.  [AstromWittenmark1997]
+"""Sampled form of a continuous system: zero-order hold with any delay, exactly.  [AstromWittenmark1997]
 
 A command u_k is held for a period T and acts d = (m + φ) T late, m whole and 0 ≤ φ < 1. With  Φ(t) = e^{A t}  and
 Γ(t) = ∫₀ᵗ e^{A s} ds B, the state at the next sample is
@@ -21,7 +21,7 @@ from armwright.simulation.loop.timing import WHOLE
 
 @dataclass(frozen=True, eq=False)
 class Held:
-    """x_{k+1} = a x_k + new u_{k-ticks} + old u_{k-ticks-1}, for any batch of systems.
+    """Sampled system  x_{k+1} = a x_k + new u_{k-ticks} + old u_{k-ticks-1},  or a batch of them.
 
     Attributes:
         a: (…, N, N).   new, old: (…, N, m).   ticks: whole periods of the delay.
@@ -58,7 +58,7 @@ def zero_order_hold(a: Any, b: Any, period: float, delay: float = 0.0) -> Held:
 
 
 def split_delay(periods: float) -> tuple[int, float]:
-    """Whole periods of a delay, and the fraction that is left, 0 ≤ φ < 1; within rounding of a whole number it is that."""
+    """Whole periods of a delay and the remaining fraction, 0 ≤ φ < 1; within rounding of a whole number the fraction is 0."""
     whole = int(np.floor(periods + WHOLE))
     return whole, max(periods - whole, 0.0) if abs(periods - whole) > WHOLE else 0.0
 
@@ -74,7 +74,7 @@ def _transition(a: np.ndarray, b: np.ndarray, t: float) -> tuple[np.ndarray, np.
 
 
 def sampled_system(a: Any, b: Any, c: Any, period: float, delay: float = 0.0) -> Any:
-    """The sampled system with its delay as a `control.StateSpace`, commands that wait being states.
+    """The sampled system with its delay as a `control.StateSpace`; commands under way are states.
 
     Args:
         a: (N, N) [1/s].   b: (N, m).   c: (p, N) what is measured, y_k = C x_k.   period: [s].   delay: [s].

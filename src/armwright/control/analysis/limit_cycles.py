@@ -41,7 +41,7 @@ class LimitCycle:
 
 
 def limit_cycle(loop: LinearLoop, q: Any, joint: int) -> LimitCycle | None:
-    """The largest limit cycle of a joint that its encoder's counts and its Coulomb friction allow about a pose.
+    """The largest limit cycle of a joint caused by its encoder counts and Coulomb friction, about a pose.
 
     Args:
         loop: of a scenario whose encoders have counts.   q: (n,) pose, on a count [rad | m].   joint: its number.

@@ -1,4 +1,4 @@
-"""A sampled loop about poses at rest as one linear map from tick to tick: is it stable, and with which margins?
+"""A sampled loop about poses at rest as one linear map from tick to tick, with stability and margins.
 
 Between ticks the plant goes on exactly (`hold`), with all delays of the loop as one delay of the commands: measuring d earlier
 is the same as moving d later, for a plant that does not depend on time. A loop of several rates repeats itself after a *cycle*
@@ -36,7 +36,7 @@ HALVINGS = 24  # of the interval where a margin ends
 
 @dataclass(frozen=True, eq=False)
 class Margins:
-    """Margins of each joint's loop at poses (…), the others closed; of a loop that is not stable all are NaN.
+    """Margins of each joint's loop at poses (…), the other loops closed; NaN for an unstable loop.
 
     Attributes:
         gain_up, gain_down: (…, n) factors of the command, above and below 1, at which stability ends; inf and 0 if never.
@@ -111,7 +111,7 @@ class LinearLoop:
         return self._small.gains
 
     def slopes(self, q: Any, gains: Any = None, joint: int | None = None, free: bool = False) -> Slopes:
-        """Matrices of plant, sensors and controller at poses q (…, n) [rad | m], with what decides nothing left out.
+        """Matrices of plant, sensors and controller at poses q (…, n) [rad | m], without states that do not matter.
 
         Args:
             q: poses.   gains: in place of the controller's batches.   joint: its loop alone, the others held still, or
@@ -142,22 +142,22 @@ class LinearLoop:
         return Slopes(slopes.e, slopes.a, slopes.b, tuple(tick[..., rows[:, None], columns] for tick in slopes.ticks))
 
     def positions(self, joint: int) -> list[int]:
-        """Places in the plant's state of the positions of a joint, which encoders see."""
+        """Indices of a joint's measured positions in the plant's state."""
         layout = self.plant.plant.layout
         return self.plant.states_of(joint, [name for name in POSITIONS if name in layout]).tolist()
 
     def states_of(self, joint: int) -> np.ndarray:
-        """Places in the plant's state that belong to a joint."""
+        """Indices of a joint's states in the plant's state."""
         return self.plant.states_of(joint)
 
     def held(self, slopes: Slopes, extra: float = 0.0) -> Held:
-        """The plant from tick to tick with all delays of the loop and `extra` [s] more."""
+        """The plant from tick to tick with all delays of the loop, and `extra` [s] on top."""
         ticks, part = split_delay(self._periods + extra / self.period)
         a, b = np.linalg.solve(slopes.e, slopes.a), np.linalg.solve(slopes.e, slopes.b)
         return zero_order_hold(a, b, self.period, (ticks + part) * self.period)
 
     def maps(self, slopes: Slopes, held: Held, factors: np.ndarray | None = None) -> list[np.ndarray]:
-        """Maps of one cycle's ticks, (…, Z, Z) each, of the plant's states, the memories, and commands under way.
+        """Maps of one cycle's ticks, (…, Z, Z) each, for plant states, controller memory, and commands under way.
 
         Args:
             slopes, held: at poses (…).   factors: (…, commands) of the commands at the plant; None: 1.
@@ -187,7 +187,7 @@ class LinearLoop:
         return maps
 
     def radius(self, q: Any, *, gains: Any = None, joint: int | None = None, free: bool = False) -> np.ndarray:
-        """Spectral radius (…,) a tick at poses q (…, n): the loop is stable where it is below 1.
+        """Spectral radius (…,) per tick at poses q (…, n): the loop is stable if below 1.
 
         Args:
             q: (…, n) [rad | m].   gains: in place of the controller's batches.   joint: alone, the others held, or
@@ -221,7 +221,7 @@ class LinearLoop:
         return Margins(up, down, phase, radius)
 
     def keeps(self, slopes: Slopes, gain: float, phase: float) -> np.ndarray:
-        """(…,) true where the loop is stable, and stays so with a factor `gain`, 1/gain or e^{-j phase} in any one command."""
+        """(…,) True if the loop is stable, and remains so with a factor `gain`, 1/gain or e^{-j phase} in any one command."""
         plant, n = self.held(slopes), slopes.b.shape[-1]
         stable = self._radius(slopes, plant) < 1.0
         for factor in {complex(gain), complex(1.0 / gain), complex(np.exp(-1j * phase))} - {1.0 + 0.0j}:
@@ -320,7 +320,7 @@ class LinearLoop:
 def first_lost(
     unstable: Callable[[np.ndarray], np.ndarray], grid: np.ndarray, shape: tuple[int, ...], never: float
 ) -> np.ndarray:
-    """First value on the way along a grid at which a loop becomes unstable, refined by halving; `never` where none does."""
+    """First value along a grid at which a loop becomes unstable, refined by halving; `never` if it stays stable."""
     lost = np.zeros((0, *shape), dtype=bool)
     for part in np.array_split(grid[1:], PARTS):  # most loops are lost early on the way
         more = unstable(np.broadcast_to(part.reshape(-1, *[1] * len(shape)), (len(part), *shape)))
@@ -337,7 +337,7 @@ def first_lost(
 
 
 def moving_states(maps: list[np.ndarray], size: int) -> np.ndarray:
-    """Indices of the states that the plant's, the first `size`, depend on and that depend on them; others decide nothing."""
+    """Indices of the states that the first `size`, the plant's, depend on and that depend on them; others have no effect."""
     links = np.zeros(maps[0].shape[-2:], dtype=bool)
     for each in maps:
         links |= (each != 0).reshape(-1, *links.shape).any(axis=0)

@@ -1,4 +1,4 @@
-"""Noise of measured positions in a sampled loop: H2 norms, what quantised encoders cost, and whether they make limit cycles.
+"""Effects of measurement noise on a sampled loop: H2 norms, tremor by encoder quantisation, and limit cycles.
 
 White noise v of standard deviation 1 in a joint's measured position drives the closed loop  z_{k+1} = F z_k + g v_k;  its
 covariance P = F P Fᵀ + g gᵀ gives the standard deviation of everything that depends on z, the H2 norm of that way. A loop of
@@ -28,7 +28,7 @@ ROUNDED = 2.0  # largest ratio of a rounded number to itself
 
 @dataclass(frozen=True, eq=False)
 class NoiseGain:
-    """Standard deviations for white noise of standard deviation 1 rad or m in measured positions; NaN of an unstable loop.
+    """Standard deviations caused by white position noise of standard deviation 1 rad or m; NaN for an unstable loop.
 
     Attributes:
         position: (…, n, n) of joint i's position for noise in that of joint j [-].
@@ -41,7 +41,7 @@ class NoiseGain:
 
 @dataclass(frozen=True, eq=False)
 class Quantisation:
-    """What the encoders' counts do to a loop about poses (…).
+    """Effects of encoder quantisation on a loop about poses (…): noise while moving, limit cycles at rest.
 
     Attributes:
         count: (n,) one count of each joint's encoder [rad | m]; 0 of one that is not quantised.
@@ -58,7 +58,7 @@ class Quantisation:
 
     @property
     def may_swing(self) -> np.ndarray:
-        """(…, n) true where counts may make a limit cycle at rest."""
+        """(…, n) True if quantisation may cause a limit cycle at rest."""
         ends = (self.gain_up < ROUNDED) | (self.gain_down > 0.0) | np.isnan(self.gain_up)
         return ends & (self.count > 0.0)
 
@@ -96,7 +96,7 @@ def noise_gain(loop: LinearLoop, q: Any, *, gains: Any = None, joint: int | None
 
 
 def quantisation(loop: LinearLoop, q: Any, *, gains: Any = None) -> Quantisation:
-    """What the counts of the scenario's encoders do to its loop: tremor while it moves, limit cycles at rest.
+    """Effects of encoder quantisation on a scenario's loop: tremor while moving, limit cycles at rest.
 
     Dry friction, which stops small limit cycles and makes others with an integrator, is left out: simulate for it.
 

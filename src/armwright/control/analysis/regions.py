@@ -1,4 +1,4 @@
-"""Gains and sample periods with which a loop keeps its margins at all given poses."""
+"""Regions of gains, and sample periods, for which a loop keeps its margins at all given poses."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ GAIN, PHASE = 2.0, np.radians(30.0)  # the margins that are usually asked for
 
 @dataclass(frozen=True, eq=False)
 class GainRegion:
-    """Pairs of gains of one joint that keep the margins at every pose, the other joints held still.
+    """Pairs of gains of one joint that keep the margins at every pose, the other joints fixed.
 
     Attributes:
         joint: its name.   names: of the two gains.   values: of each, (rows,) and (columns,).
@@ -58,7 +58,7 @@ def gain_region(
     gain_margin: float = GAIN,
     phase_margin: float = PHASE,
 ) -> GainRegion:
-    """The gains of one joint that keep the margins at all poses: those of a grid of two gains, all others as they are.
+    """Region of two gains of one joint that keeps the margins at all poses, on a grid; all other gains are fixed.
 
     Args:
         scenario: with a controller.   joint: its name.   gains: two of the controller's fields, name → values.
@@ -148,7 +148,7 @@ def _some_poses(q: Any, n: int) -> np.ndarray:
 
 
 def usual_gains(control: Any) -> tuple[str, str] | None:
-    """The two gains of a controller that a region is drawn over: those of position and of speed; None where it has none."""
+    """The two gains that a region is drawn over: position and speed gain; None if the controller has none."""
     for names in (("position_kp", "speed_kp"), ("kp", "kd"), ("kp", "ki")):
         values = [getattr(control, name, None) for name in names]
         if all(value is not None and np.ndim(value) <= 1 and np.all(np.asarray(value) > 0) for value in values):
@@ -159,7 +159,7 @@ def usual_gains(control: Any) -> tuple[str, str] | None:
 def longest_period(
     scenario: Scenario, q: Any, *, gain_margin: float = 1.0, phase_margin: float = 0.0, others: str = "closed"
 ) -> tuple[float, float | None]:
-    """The longest sample period at which a loop keeps its margins at all poses, its gains staying as they are.
+    """Longest sample period at which a loop keeps its margins at all poses, with unchanged gains.
 
     Delays that the scenario states in seconds stay; those in periods (a preset) grow with the period.
 
@@ -205,7 +205,7 @@ def longest_period(
 
 
 def _bracket(keeps: Callable[[float], bool], low: float, high: float, own: float, least: float) -> tuple[float, float]:
-    """Two periods 0.1 % apart of which the shorter keeps what is asked; 0 where none does, infinite where all do.
+    """Longest feasible and shortest infeasible period, 0.1 % apart; 0 if no period is feasible, infinite if all are.
 
     Args:
         keeps: of a period [s].   low: where the search begins.   high: known to fail, or infinite.   own: of the loop.
@@ -228,7 +228,7 @@ def _bracket(keeps: Callable[[float], bool], low: float, high: float, own: float
 
 
 def longest_delay(scenario: Scenario, q: Any, *, gain_margin: float = 1.0, phase_margin: float = 0.0) -> float | None:
-    """The longest delay, up to the loop's own, with which the coupled loop keeps its margins at all poses.
+    """Longest delay, at most the loop's own, with which the coupled loop keeps its margins at all poses.
 
     Args:
         scenario: with a controller.   q: (poses, n) [rad | m].
@@ -256,7 +256,7 @@ def longest_delay(scenario: Scenario, q: Any, *, gain_margin: float = 1.0, phase
 
 
 def check_margins(gain: Any, phase: Any) -> None:
-    """Refuses margins that are none.
+    """Refuses values that are not valid margins.
 
     Raises:
         ScenarioError: names it.

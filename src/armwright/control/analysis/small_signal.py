@@ -1,4 +1,4 @@
-"""A sampled loop about poses at rest, as matrices: slopes of plant, sensors and controller, from the code that simulates them."""
+"""Linear model of a sampled loop about poses at rest: slopes of plant, sensors and controller, from the simulation's own code."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ LEFT_OUT = (
 
 
 def small_signal_arm(arm: Model) -> Model:
-    """The arm as small motions about rest see it: viscous friction and elasticity stay, what is not smooth or saturates goes."""
+    """The arm for small motions about rest: with viscous friction and elasticity, without non-smooth or saturating terms."""
 
     def body_of(body: Any) -> Any:
         friction, elasticity = body.friction, body.elasticity
@@ -57,7 +57,7 @@ def small_signal_arm(arm: Model) -> Model:
 
 @dataclass(frozen=True, eq=False)
 class Slopes:
-    """Matrices of a loop about poses (…).
+    """Matrices of a loop, linearised about poses (…).
 
     With x the plant's state, E dx/dt = A x + B u; in tick k, u_k and the next memories of sensors and controller are linear in
     (x, memories, u in force), by the rows of `ticks[k]`.
@@ -72,7 +72,7 @@ class Slopes:
     ticks: tuple[np.ndarray, ...]
 
     def alone(self, joint: int, states: np.ndarray, free: bool = False) -> Slopes:
-        """The loop of one joint by itself; `states` are the joint's places in x.
+        """The loop of one joint by itself; `states` are the joint's indices in x.
 
         The others are held still, or `free`, without torque: then E = ((E⁻¹)_ss)⁻¹, which holds 1/(H⁻¹)_jj in place of H_jj.
         """
@@ -88,7 +88,7 @@ class Slopes:
 
 
 class SmallPlant:
-    """Linear model of an arm with its drives about poses at rest, whatever commands it.
+    """Linear model of an arm with its drives about poses at rest, for any controller.
 
     Attributes:
         arm: as `small_signal_arm`.   plant: of the arm.
@@ -121,7 +121,7 @@ class SmallPlant:
         return e, a, b
 
     def states_of(self, joint: int, names: Sequence[str] | None = None) -> np.ndarray:
-        """Places in the plant's state that belong to a joint, of the parts with some names or of all."""
+        """Indices of a joint's states in the plant's state, for parts with some names or for all."""
         layout, states = self.plant.layout, []
         for name in layout.names if names is None else names:
             place = layout.place(name)
@@ -157,12 +157,12 @@ class SmallSignal:
 
     @property
     def gains(self) -> np.ndarray:
-        """(lanes or 1, k) values of the controller's fields that are batches."""
+        """(lanes or 1, k) values of the controller's batched fields."""
         return self._adapter.values
 
     @property
     def memories(self) -> int:
-        """Entries that sensors and the controller remember."""
+        """Number of memory entries of sensors and controller."""
         return self.program.outputs[0].shape[0] - self.plant.model.n
 
     @cached_property
@@ -220,7 +220,7 @@ class SmallSignal:
         return tick
 
     def slopes(self, q: Any, gains: Any = None) -> Slopes:
-        """Slopes at poses q (…, n) [rad | m], with gains (…, k) in place of the controller's batches."""
+        """Slopes at poses q (…, n) [rad | m], with gains (…, k) in place of the controller's batched fields."""
         q = np.asarray(q, dtype=float)
         gains = self._adapter.values[0] if gains is None else np.asarray(gains, dtype=float)
         ticks = interpret(self.program, q, gains)
@@ -229,7 +229,7 @@ class SmallSignal:
 
 
 def cycle_of(control: Any) -> int:
-    """Ticks after which a controller does the same again: the least common multiple of its fields `…_every`.
+    """Number of ticks after which a multirate controller repeats: least common multiple of its fields `…_every`.
 
     Those of the controller inside it count too.
     """

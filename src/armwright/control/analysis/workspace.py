@@ -35,11 +35,11 @@ class JointInertias:
 
     @property
     def coupling(self) -> np.ndarray:
-        """(poses, n) 1 - free / held: 0 where a joint moves by itself, near 1 where the others decide."""
+        """(poses, n) 1 - free / fixed inertia: 0 for a joint that moves independently, near 1 for strong coupling."""
         return 1.0 - self.free / self.held
 
     def extremes(self) -> np.ndarray:
-        """Indices of the poses where any joint's inertia, slope or coupling is least or greatest."""
+        """Indices of the poses of least or greatest inertia, slope or coupling of any joint."""
         columns = np.hstack([self.held, self.free, self.slope, self.coupling])
         return np.unique(np.concatenate([columns.argmin(axis=0), columns.argmax(axis=0)]))
 
@@ -62,7 +62,7 @@ def checked_poses(q: Any, n: int) -> np.ndarray:
 
 
 def sampled_poses(arm: Model, count: int, seed: int = 0) -> np.ndarray:
-    """(count, n) poses drawn evenly within the position limits; a revolute joint without limits within ±π.
+    """(count, n) poses drawn uniformly within the position limits, or within ±π for a revolute joint without limits.
 
     Raises:
         ScenarioError: a count below 1, or a sliding joint without limits.

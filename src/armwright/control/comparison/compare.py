@@ -1,4 +1,4 @@
-"""Controllers compared: the same arm on the same motions with the same payloads and noise, and what became of them."""
+"""Comparison of controllers: the same arm, motions, payloads and noise, with error measures for each."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ class Comparison:
     runs: int
 
     def joint_rows(self) -> tuple[tuple[str, ...], list[list[str]]]:
-        """Heads and rows of a table of joints and drives: the worst joint of every case; — where nothing is known."""
+        """Heads and rows of a table of joints and drives: the worst joint of every case; — if unknown."""
         errors = [(name, unit) for unit in ("rad", "m") for name in ("rms_error", "largest_error", "overshoot")]
         heads = tuple(f"{name.replace('_', ' ')} [{unit}]" for name, unit in errors)
 
@@ -91,13 +91,13 @@ class Comparison:
         return (*CASE, *heads, *more), [[*names, *cells(case)] for names, case in self._cases()]
 
     def tool_rows(self) -> tuple[tuple[str, ...], list[list[str]]]:
-        """Heads and rows of a table of the tool's distances from its path; — where there is no path."""
+        """Heads and rows of a table of the tool's distances from its path; — if the tool does not move."""
         heads = ("mean [mm]", "largest [mm]", "AT_p [mm]", "RT_p [mm]")
         rows = [[*names, *(_worst(case[each].values, 1e3) for each in OF_TOOL)] for names, case in self._cases()]
         return (*CASE, *heads), rows
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Writes the measures: `.csv`, a row for each case and joint, or `.nc`, the whole dataset with units and meanings.
+        """Writes the measures as `.csv`, a row for each case and joint, or as `.nc`, the whole dataset with units and meanings.
 
         Raises:
             ArmwrightError: another ending, or a file that cannot be written.
@@ -184,7 +184,7 @@ class _Course:
 
     @classmethod
     def of(cls, arm: Model, name: str, given: Any) -> _Course:
-        """The motion of a name, with the path of the tool.
+        """The motion with a name, with the tool's path.
 
         Raises:
             ScenarioError: no motion, one of other joints, or one without an end.
@@ -262,7 +262,7 @@ def _followed(loop: Scenario, course: _Course, hand: Any, runs: int, settle: flo
 
 
 def command_limits(arm: Model) -> np.ndarray:
-    """(n,) [V | A | N m | N] largest command that each drive can do; infinite where the record has no limit."""
+    """(n,) [V | A | N m | N] largest command of each drive; infinite for a drive without a limit in the record."""
     found = []
     for body in arm.coordinates:
         drive, limits = body.drive, body.limits
@@ -282,7 +282,7 @@ def _peaks(arm: Model) -> list[str]:
 
 
 def _peak_share(arm: Model, run: xr.Dataset) -> np.ndarray:
-    """(n,) largest command that each drive did in any run, in parts of its limit; NaN where there is no limit."""
+    """(n,) largest command of each drive in any run, as a share of its limit; NaN without a limit."""
     peaks = np.array([float(run[name].values[:, j].max()) for j, name in enumerate(_peaks(arm))])
     limits = command_limits(arm)
     return np.where(np.isfinite(limits), peaks / limits, np.nan)
@@ -295,7 +295,7 @@ def _named(place: str, given: Any) -> dict[str, Any]:
 
 
 def _scenario_of(base: Scenario, name: str, given: Any) -> Scenario:
-    """The scenario that a controller stands for."""
+    """The scenario of a named controller."""
     place = f"controllers[{name!r}]"
     if not isinstance(given, Scenario):
         loop = base.loop or Loop()
@@ -309,7 +309,7 @@ def _scenario_of(base: Scenario, name: str, given: Any) -> Scenario:
 
 
 def _in_runs(loops: Mapping[str, Scenario], asked: int | None) -> tuple[dict[str, Scenario], int]:
-    """Scenarios of as many lanes as there are runs, where they have lanes, and that number: default the least that one has.
+    """Scenarios with one lane for each run, if they are batched, and that number: by default the smallest number of lanes.
 
     Raises:
         ScenarioError: more runs than a scenario has lanes.

@@ -1,4 +1,4 @@
-"""Measures of a motion that was followed: path accuracy and repeatability of the tool, settling, overshoot.  [ISO9283]
+"""Measures of a tracked motion: path accuracy and repeatability of the tool, settling, overshoot.  [ISO9283]
 
 A point of the commanded path is compared with where the tool crosses the plane through it, normal to the path. A tool that is
 late but on the path has no path error; how late it is stands in the errors of the joints.
@@ -47,7 +47,7 @@ class PathErrors:
 
 
 def tool_path(t: np.ndarray, tool: np.ndarray, count: int = POINTS) -> ToolPath | None:
-    """Points at equal lengths along a path; None where the tool does not move.
+    """Points at equal distances along a path; None if the tool does not move.
 
     Args:
         t: (k,) [s].   tool: (k, 3) [m] commanded positions.   count: of points, both ends left out.
@@ -73,7 +73,7 @@ def tool_path(t: np.ndarray, tool: np.ndarray, count: int = POINTS) -> ToolPath 
 
 
 def attained_points(path: ToolPath, t: np.ndarray, tool: np.ndarray) -> np.ndarray:
-    """(runs, m, 3) [m] where each run's tool crosses the planes normal to the path, from behind to ahead.
+    """(runs, m, 3) [m] points at which each run's tool crosses the planes normal to the path, in forward direction.
 
     Of several crossings the one nearest in time counts, unless the commanded path itself crosses the plane again nearer to that
     time; where a tool crosses none, its point nearest to the path's.
@@ -124,7 +124,7 @@ def path_errors(path: ToolPath, attained: np.ndarray) -> PathErrors:
 
 
 def settling_time(t: np.ndarray, error: np.ndarray, end: float, band: np.ndarray) -> np.ndarray:
-    """(runs, n) [s] after the motion's end from which on a joint stays within its band; infinite where it does not.
+    """(runs, n) [s] from the motion's end until a joint stays within its band; infinite if it never does.
 
     Args:
         t: (k,) [s].   error: (runs, k, n) [rad | m].   end: [s] of the motion.   band: (n,) [rad | m].
@@ -138,7 +138,7 @@ def settling_time(t: np.ndarray, error: np.ndarray, end: float, band: np.ndarray
 
 
 def overshoot(q: np.ndarray, goal: np.ndarray, direction: np.ndarray) -> np.ndarray:
-    """(runs, n) [rad | m] by which the joints went past the end of a motion.
+    """(runs, n) [rad | m] overshoot of the joints at the end of a motion.
 
     Args:
         q: (runs, k, n) after the motion's end.   goal: (n,).
@@ -148,7 +148,7 @@ def overshoot(q: np.ndarray, goal: np.ndarray, direction: np.ndarray) -> np.ndar
 
 
 def last_direction(qd: np.ndarray) -> np.ndarray:
-    """(n,) sense in which each joint moved last: -1, 1, or 0 of one that stood still.
+    """(n,) direction of each joint's last movement: -1, 1, or 0 if it did not move.
 
     Args:
         qd: (k, n) commanded speeds over time.

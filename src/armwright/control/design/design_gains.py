@@ -1,4 +1,4 @@
-"""Gains of a scenario's controller by a rule of linear control, the fastest that keep the margins or those of a bandwidth."""
+"""Gains of a scenario's controller by a rule of linear control, at a given bandwidth or at the highest that keeps the margins."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ FASTER = (2.0, 4.0, 8.0, 16.0, 32.0, 64.0)  # sampling, where the loop's own kee
 
 @dataclass(frozen=True, eq=False)
 class GainDesign:
-    """Gains of a controller by a rule.
+    """Gains of a controller from a design rule.
 
     Attributes:
         scenario: with the gains.   gains: (n,) by name.   method: the rule.
@@ -127,7 +127,7 @@ def design_gains(
 
 
 def designed_controller(scenario: Scenario) -> Any:
-    """The controller that a rule can design: the scenario's own, or the one that it wraps.
+    """The controller to design: the scenario's own, or the inner one of a wrapper.
 
     Raises:
         ScenarioError: there is none.
@@ -143,14 +143,14 @@ def designed_controller(scenario: Scenario) -> Any:
 
 
 def with_gains(control: Any, gains: dict[str, Any]) -> Any:
-    """A controller with other gains, (n,) each or a batch; of one that wraps another, in that one."""
+    """A controller with other gains, (n,) each or a batch; for a wrapper, with other gains of its inner controller."""
     if isinstance(control, DESIGNED):
         return replace(control, **gains)
     return replace(control, inner=with_gains(control.inner, gains))
 
 
 def one_lane(scenario: Scenario) -> Scenario:
-    """A scenario of one lane: the first where there are several."""
+    """A scenario of one lane: the first lane of a batched one."""
     whole = scenario.resolved
     if whole.lane_count is None:
         return scenario
@@ -204,18 +204,18 @@ class _Designer:
 
     @property
     def highest(self) -> np.ndarray:
-        """(n,) [rad/s] the highest bandwidth that is tried."""
+        """(n,) [rad/s] highest bandwidth to try."""
         return 1.0 / ((SYMMETRIC if self.method == "symmetric-optimum" else 1.0) * self.task.joints.lag)
 
     def found(self, bandwidth: np.ndarray) -> JointGains:
-        """What the rule gives at bandwidths (…, n); each is computed once."""
+        """Result of the rule at bandwidths (…, n), cached."""
         key = (bandwidth.shape, bandwidth.tobytes())
         if key not in self.known:
             self.known[key] = RULES[self.method](self.task, bandwidth)
         return self.known[key]
 
     def gains(self, bandwidth: np.ndarray) -> dict[str, np.ndarray]:
-        """Gains by name, (…, n) each, at bandwidths (…, n); not numbers where the rule has none."""
+        """Gains by name, (…, n) each, at bandwidths (…, n); NaN if the rule gives none."""
         found = self.found(bandwidth)
         if isinstance(self.law, Cascade):
             gains = {"position_kp": found.position, "speed_kp": found.speed, "speed_ki": found.integral}
@@ -227,13 +227,13 @@ class _Designer:
         return gains
 
     def stiffness(self, bandwidth: np.ndarray) -> np.ndarray:
-        """(k, n) k_s k_p [U/rad | U/m] of bandwidths (k, n): what holds a joint against a load, before any integral."""
+        """(k, n) stiffness k_s k_p [U/rad | U/m] against a load at bandwidths (k, n), without the integral."""
         found = self.found(bandwidth)
         return np.nan_to_num(found.speed * found.position)
 
     @cached_property
     def batched(self) -> LinearLoop:
-        """The bare loop with gains that may be given anew."""
+        """The unwrapped loop with gains as batches."""
         rows = {name: Batch(np.atleast_2d(each)) for name, each in self.gains(0.5 * self.highest).items()}
         ones = {name: Batch(np.ones_like(each.values)) for name, each in rows.items()}  # any finite numbers
         assert self.bare.loop is not None
@@ -241,7 +241,7 @@ class _Designer:
         return LinearLoop(bare, self.loop.period, self.loop.plant)
 
     def keeping(self, bandwidth: np.ndarray, joint: int | None = None) -> np.ndarray:
-        """(k,) true where bandwidths (k, n) keep the margins at all poses; of a joint alone, all others held."""
+        """(k,) True if bandwidths (k, n) keep the margins at all poses; or those of one joint, all others fixed."""
         gains = self.gains(bandwidth)
         ordered = [gains[each.name] for each in fields(self.law) if each.name in gains]
         known = [np.isfinite(each if joint is None else each[:, [joint]]).all(axis=-1) for each in ordered]
@@ -261,7 +261,7 @@ class _Designer:
         return kept
 
     def fastest(self) -> np.ndarray | None:
-        """(n,) [rad/s] bandwidths that keep all margins and make each joint's loop stiffest; None: there are none."""
+        """(n,) [rad/s] bandwidths with the greatest stiffness that keep all margins; None if no bandwidth keeps them."""
         steps = np.geomspace(1.0, SLOWEST, STEPS.get(self.method, 25))
         grid, chosen = steps[:, None] * self.highest, np.zeros(self.scenario.arm.n)
         for joint in range(len(chosen)):

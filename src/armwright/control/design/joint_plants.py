@@ -1,4 +1,4 @@
-"""Each joint as its controller sees it while the others stand still: inertia, damping, slope and lag per unit of its command.
+"""Plant of each joint with the others fixed: inertia, damping, slope and lag per unit of its command.
 
 The inverse of a joint's transfer function from command to position, with the other joints held, is at low frequencies
 
@@ -64,7 +64,7 @@ class JointPlants:
 
     @property
     def worst(self) -> np.ndarray:
-        """(n,) places of the poses where each joint's inertia is largest."""
+        """(n,) indices of the poses of each joint's largest inertia."""
         return self.inertia.argmax(axis=0)
 
     @property
@@ -75,7 +75,7 @@ class JointPlants:
 
 
 def current_driven(arm: Model) -> Model:
-    """The arm with motors that follow their current at once, as a current loop inside a cascade makes them."""
+    """The arm with ideal current sources for motors, as an inner current loop makes them."""
     bodies = (replace(body, drive=replace(body.drive, command="current", inductance=None)) for body in arm.bodies)
     return replace(arm, bodies=tuple(bodies))
 

@@ -1,4 +1,4 @@
-"""Rules that give a joint's gains at a bandwidth, all in the form of a cascade: position P around speed PI.
+"""Design rules: a joint's gains at a bandwidth, as a cascade of position P around speed PI.
 
     ω_r = k_p (q_r - q),   u = k_s (ω_r - q̇) + k_i ∫ (ω_r - q̇) dt,   plant  m q̈ + b q̇ = u  behind a small lag T
 
@@ -35,7 +35,7 @@ class JointGains:
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """A design's conditions.
+    """Arm, joint models and loop timing of a design.
 
     Attributes:
         arm: the model.   joints: its low-frequency models.   damping: ζ of the closed loop.   integral: whether k_i is wanted.
@@ -51,7 +51,7 @@ class Task:
 
     @cached_property
     def weightless(self) -> tuple[np.ndarray, np.ndarray]:
-        """A (n, N, N) and B (n, N, n) of the coupled arm without weight, at each joint's pose of largest inertia."""
+        """A (n, N, N) and B (n, N, n) of the coupled arm without gravity, at each joint's pose of largest inertia."""
         e, a, b = SmallPlant(self.arm.replace(gravity=np.zeros(3))).slopes(self.joints.poses[self.joints.worst])
         return np.linalg.solve(e, a), np.linalg.solve(e, b)
 
@@ -60,7 +60,7 @@ Rule = Callable[[Task, np.ndarray], JointGains]
 
 
 def pole_placement(task: Task, bandwidth: np.ndarray) -> JointGains:
-    """Poles at  s² + 2ζω s + ω²,  with an integral a third one at -ω/10, of the joint with its largest inertia.
+    """Poles at  s² + 2ζω s + ω²,  with an integral a third one at -ω/10, for the joint at its largest inertia.
 
     Without integral  k_s = 2ζωm - b,  k_p k_s = m ω².  With it, of the two k_p of
     k_s k_p² - m(1 + 2ζα)ω² k_p + m α ω³ = 0,  k_s = m(2ζ + α)ω - b,  the larger one. A joint whose own damping b exceeds what the
@@ -104,7 +104,7 @@ def symmetric_optimum(task: Task, bandwidth: np.ndarray) -> JointGains:
 
 
 def loop_shaping(task: Task, bandwidth: np.ndarray) -> JointGains:
-    """Crossover of the sampled loop at ω, with the phase margin φ that belongs to ζ: two gains from magnitude and phase.
+    """Crossover of the sampled loop at ω with the phase margin φ of damping ζ: two gains from magnitude and phase.
 
         (k_s k_p + j ω k_s e^{-jωT_q}) P(e^{jωh}) = -e^{jφ},   tan φ = 2ζ / √(√(1 + 4ζ⁴) - 2ζ²)
 
@@ -139,7 +139,7 @@ def _sampled_joint(task: Task, joint: int, w: np.ndarray) -> np.ndarray:
 
 
 def lqr(task: Task, bandwidth: np.ndarray) -> JointGains:
-    """Linear-quadratic regulator of the coupled arm: of each joint's row its own position and speed.
+    """Linear-quadratic regulator of the coupled arm, reduced to each joint's own position and speed.
 
         min ∫ Σ_j (q_j² + u_j² / (m_j ω_j²)²) dt
 

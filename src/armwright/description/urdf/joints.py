@@ -152,7 +152,7 @@ def _friction(reading: UrdfReading, joint: Element, kind: str) -> dict[str, Any]
 
 
 def with_mimic(reading: UrdfReading, joint: Element, record: dict[str, Any]) -> dict[str, Any]:
-    """A mimic joint by the caller's choice: following its master, independent, or held where it stands while that is at 0.
+    """A mimic joint by the caller's choice: following its master, independent, or locked at its position for master position 0.
 
     Raises:
         DescriptionError: it follows by a multiplier of 0.

@@ -1,4 +1,4 @@
-"""What stands beside an exported controller: how it is built, and how it is used."""
+"""Files beside an exported controller: CMakeLists.txt and README.md."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def cmake(name: str) -> str:
 
 
 def readme(stages: ControllerStages, ticks: int, real: str) -> str:
-    """The text of README.md; `ticks` is how many the self-test has."""
+    """The text of README.md; `ticks` is the number of ticks of the self-test."""
     words = {"name": stages.name, "macro": stages.name.upper(), "law": stages.loop.controller.name}
     words["gave"] = {"double": "it gave", "float": "this code gives in single precision"}[real]
     return _README.format(**words, arm=stages.arm.name, period=stages.period * 1e3, ticks=ticks)

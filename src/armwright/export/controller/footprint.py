@@ -1,4 +1,4 @@
-"""Memory that an exported controller takes: its structs, the stack of a step, and its code with constants."""
+"""Memory of an exported controller: its structs, the stack of a step, and its code with constants."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Footprint:
 
     @property
     def ram(self) -> int:
-        """State, structs and stack."""
+        """Bytes of state, structs and stack."""
         return self.state + self.structs + self.stack
 
     def __str__(self) -> str:

@@ -1,4 +1,4 @@
-"""The header of an exported controller: its structs, made from the layouts of the loop's signals, and its functions."""
+"""Header of an exported controller: its functions, and structs made from the layouts of the loop's signals."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def member(signal: Signal) -> str:
 
 
 def members(layout: Layout, real: str, joints: Sequence[str]) -> list[str]:
-    """One member a signal, with its unit and what it is."""
+    """Struct members, one for each signal, with unit and meaning."""
     rows = []
     for signal in layout:
         sizes = "".join(f"[{size}]" for size in signal.shape)
@@ -124,12 +124,12 @@ def _measurement(stages: ControllerStages, real: str, joints: Sequence[str]) -> 
 
 
 def in_counts(stages: ControllerStages, signal: Signal) -> bool:
-    """True for the measured positions where they come in counts."""
+    """True if measured positions are passed as encoder counts."""
     return signal.name == "q" and stages.count.size > 0
 
 
 def _counts(stages: ControllerStages) -> str:
-    """The member that stands in the place of measured positions."""
+    """The member for encoder counts in place of measured positions."""
     return f"int32_t counts[{stages.arm.n}]; /* [1] counts of the encoders in the joints' sense, 0 at position 0 */"
 
 

@@ -123,7 +123,7 @@ def struct_lines(stages: ControllerStages, real: str) -> list[str]:
 
 
 def default_parameters(stages: ControllerStages, real: str) -> str:
-    """The constant struct of the scenario's numbers."""
+    """The constant struct of the scenario's parameters."""
     lines = []
     for _, shape, _, values in members(stages):
         numbers = [literal(float(value), REALS[real]) for value in np.ravel(values)]
@@ -133,7 +133,7 @@ def default_parameters(stages: ControllerStages, real: str) -> str:
 
 
 def layout_of(stages: ControllerStages, real: str) -> int:
-    """What tells files of this struct from those of others."""
+    """Checksum of the struct's layout, which identifies parameter files of this controller."""
     rows = [f"{name}{shape}" for name, shape, _, _ in members(stages)]
     law = stages.loop.controller.name
     text = "\n".join([law, real, repr(stages.period), *stages.arm.names, *rows])
@@ -141,7 +141,7 @@ def layout_of(stages: ControllerStages, real: str) -> int:
 
 
 def parameter_file(stages: ControllerStages, real: str) -> bytes:
-    """The scenario's numbers as the file that `NAME_load` reads."""
+    """The scenario's parameters as a file for `NAME_load`."""
     dtype = REALS[real].format.dtype.newbyteorder("<")
     numbers = np.concatenate([np.ravel(values) for *_, values in members(stages)]).astype(dtype)
     content = layout_of(stages, real).to_bytes(4, "little") + numbers.tobytes()
@@ -149,13 +149,13 @@ def parameter_file(stages: ControllerStages, real: str) -> bytes:
 
 
 def declared(stages: ControllerStages, real: str) -> str:
-    """Size, layout and the function that loads them, for the header."""
+    """Size, layout and load function of the parameters, for the header."""
     words = {"name": stages.name, "macro": stages.name.upper(), "about": comment(_ABOUT)}
     return _DECLARED.format(**words, size=len(parameter_file(stages, real)), layout=hex(layout_of(stages, real)))
 
 
 def loading(stages: ControllerStages, real: str) -> str:
-    """The functions that load them, for the C file."""
+    """C functions that load parameters, for the C file."""
     bits = REALS[real].format.dtype.itemsize * 8
     numbers = sum(int(np.prod(shape, dtype=int)) for _, shape, _, _ in members(stages))
     words = {"name": stages.name, "macro": stages.name.upper(), "real": real}

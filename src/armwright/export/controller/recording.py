@@ -14,7 +14,7 @@ CHUNK = 4096  # ticks recorded at once: a row takes room for all lanes of a tile
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """What a controller saw and commanded in a simulation.
+    """Inputs and commands of a controller in a simulation.
 
     Attributes:
         y_begin, u_begin: (size,) and (n,) the measurement and the command before the first tick.
@@ -35,13 +35,13 @@ class Recording:
         return len(self.u)
 
     def first(self, ticks: int) -> Recording:
-        """The first of its ticks."""
+        """The recording cut after a number of ticks."""
         rows = (each[:ticks] for each in (self.lost, self.r, self.y, self.u))
         return Recording(self.y_begin, self.u_begin, *rows)
 
 
 def record(stages: ControllerStages, ticks: int) -> Recording:
-    """What the controller sees and commands in so many ticks of its scenario.
+    """Inputs and commands of the controller in a number of ticks of its scenario.
 
     Args:
         stages: the controller's, with the loop.   ticks: how many.

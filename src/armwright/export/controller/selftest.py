@@ -1,4 +1,4 @@
-"""Programs that run an exported controller on recorded inputs: the self-test beside it, and one that reads many from a file.
+"""Programs that run an exported controller on recorded inputs: the self-test, and one that reads longer inputs from a file.
 
 A row of inputs is: 1 where the sample was lost else 0, the reference, the measurement and what the drives applied.
 """
@@ -120,7 +120,7 @@ int main(int count, char **words)
 
 
 def input_rows(stages: ControllerStages, recording: Recording) -> np.ndarray:
-    """(1 + ticks, width) inputs as rows: the one that the controller begins from, then those of the ticks.
+    """(1 + ticks, width) inputs as rows: the initial one, then one for each tick.
 
     Entries of a sample that was lost are `GARBAGE`, as the controller must not read them.
 
@@ -151,7 +151,7 @@ def _in_counts(stages: ControllerStages, y: np.ndarray) -> np.ndarray:
 
 
 def selftest(stages: ControllerStages, recording: Recording, expected: np.ndarray, real: str) -> str:
-    """The self-test's text: recorded inputs, and the commands whose bits it expects. It ends with 0 if all are met, else 1."""
+    """The self-test's text: recorded inputs and expected commands, compared bit by bit. Exit code 0 if all are equal, else 1."""
     rows = input_rows(stages, recording)
     whose = {"double": "the commands that it gave", "float": "the commands in single precision"}[real]
     about = f"Self-test of {stages.name}.c: inputs recorded in a simulation, and {whose}, to the bit."
@@ -179,7 +179,7 @@ def selftest(stages: ControllerStages, recording: Recording, expected: np.ndarra
 
 
 def reader(stages: ControllerStages, recording: Recording, real: str) -> str:
-    """The text of a program that reads rows of inputs from a file, for runs that are too long for a table."""
+    """The text of a program that reads inputs from a file, for runs too long for a table."""
     width = 1 + stages.reference.size + stages.measured.size + stages.applied.size
     parts = [
         "".join(f"#include <{each}.h>\n" for each in ("math", "stdio", "stdlib", "string", "time")),

@@ -1,4 +1,4 @@
-"""Software in the loop: an exported controller, compiled for this computer, on the inputs of a simulation."""
+"""Software in the loop: an exported controller, compiled for this computer and run on the inputs of a simulation."""
 
 from __future__ import annotations
 
@@ -44,12 +44,12 @@ class SoftwareInTheLoop:
 
 
 def find_compiler() -> str | None:
-    """Path of a C compiler of this computer; None where there is none."""
+    """Path of a C compiler on this computer; None if absent."""
     return next((path for path in map(shutil.which, COMPILERS) if path), None)
 
 
 def flags_of_host() -> tuple[str, ...]:
-    """Options with which a compiler of this computer gives the bits, fast: with the instruction for fma() where there is one."""
+    """Compiler options for exact bits and speed on this computer: with the instruction for fma() if available."""
     return (*FLAGS, *(("-mfma",) if "+fma" in select_target(None).features.split(",") else ()))
 
 
@@ -98,14 +98,14 @@ def software_in_the_loop(
 
 
 def relative_error(found: np.ndarray, expected: np.ndarray) -> float:
-    """The largest difference of (ticks, n) commands, each in parts of its range in `expected`; a constant one's of its value."""
+    """Largest difference of commands (ticks, n), relative to their range in `expected`, or to the value of a constant one."""
     spans = np.ptp(expected, axis=0)
     spans = np.where(spans > 0.0, spans, np.maximum(np.abs(expected).max(axis=0), np.finfo(float).tiny))
     return float((np.abs(found - expected).max(axis=0) / spans).max())
 
 
 def run_program(command: list[str]) -> str:
-    """What a program prints.
+    """Standard output of a program.
 
     Args:
         command: the program and its words.

@@ -1,4 +1,4 @@
-"""The C file of an exported controller: the loop's programs, printed as kernels are, and a step that calls them in order.
+"""C file of an exported controller: the loop's programs, printed like kernels, and a step function that calls them.
 
 Blocks of the loop's stages become members of the state, of the parameters, or arrays of the step.
 """
@@ -201,7 +201,7 @@ def copies(layout: Layout, struct: str, flat: str, first: int = 0, *, into: bool
 
 
 def measured_copies(stages: ControllerStages, real: str, flat: str, first: int = 0, *, into: bool = False) -> list[str]:
-    """Statements as of `copies` for what arrives with a sample; counts of encoders become positions."""
+    """Statements as of `copies` for a measurement; encoder counts become positions."""
     lines: list[str] = []
     for signal in stages.measured:
         if not in_counts(stages, signal):

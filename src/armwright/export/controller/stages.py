@@ -1,4 +1,4 @@
-"""The stages of a simulated loop that run on the controller's processor, with the layouts of what crosses its borders.
+"""Stages of a simulated loop that run on the controller's processor, with the layouts of its inputs and outputs.
 
     measured, reference ─→ control law ─→ rate limit, limit, resolution ─→ command
 
@@ -38,7 +38,7 @@ PACKAGE = Path(__file__).parents[2]
 
 
 class RecordedLoop(LoopRunner):
-    """The loop of a scenario that records what its controller sees and what it commands, and nothing of the plant."""
+    """A scenario's loop that records its controller's inputs and commands, and nothing of the plant."""
 
     def _configured(self) -> tuple[LoopConfig, Initialisation]:
         config, initialisation = super()._configured()
@@ -51,7 +51,7 @@ class RecordedLoop(LoopRunner):
         return replace(config, recorded=recorded), initialisation
 
     def lane(self) -> Lanes:
-        """Memory of the one lane."""
+        """Memory of the single lane."""
         return Lanes(1, self.loop.loops[0].target.width, 0, self.scenario.first_lane)
 
     @property
@@ -131,22 +131,22 @@ class ControllerStages:
 
     @property
     def arm(self) -> Model:
-        """The arm that it controls."""
+        """The controlled arm."""
         return self.loop.arm
 
     @property
     def period(self) -> float:
-        """[s] from step to step."""
+        """Sample period [s]."""
         return self.loop.period
 
     @property
     def delay_ticks(self) -> int:
-        """Whole ticks that commands take to the drives, as the law has it."""
+        """Whole ticks of delay from command to drive, as the control law has it."""
         return int(getattr(self.loop.scenario.controller, "delay_ticks", 0))
 
     @property
     def remembers(self) -> bool:
-        """True where the command before rounding is remembered, for the rate limit."""
+        """True if the command before rounding is stored, for the rate limit."""
         return any(port.name == f"u_kept{NEXT}" for port in self.shape.outputs)
 
     @property
@@ -157,7 +157,7 @@ class ControllerStages:
 
     @property
     def ranges(self) -> Mapping[str, np.ndarray]:
-        """Limits (n,) of joints beyond which a measurement or reference is out of range; infinite where the record has none."""
+        """(n,) largest valid measurement or reference of each joint; infinite without a limit in the record."""
         limits = [body.limits for body in self.arm.coordinates]
         return {
             "position_low": np.array([each.position[0] for each in limits]),
@@ -220,7 +220,7 @@ def _is_gain(value: Any) -> bool:
 
 
 def traced_beginning(loop: LoopRunner, sampling: Sampling) -> Program:
-    """The law's state before the first tick as a program (y, c) → s.
+    """The control law's initial state as a program (y, c) → s.
 
     Raises:
         ScenarioError: the law, or its beginning, cannot be traced; names the line that stops it, and why.

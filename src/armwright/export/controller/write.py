@@ -1,4 +1,4 @@
-"""The controller of a scenario as a folder of C99, and the proof that it does what was simulated."""
+"""The controller of a scenario as a folder of C99, compared with the simulation."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ WRITTEN = 256  # of them in the self-test
 
 @dataclass(frozen=True, eq=False)
 class ExportedController:
-    """The C of a controller.
+    """The C files of a controller.
 
     Attributes:
         name: that everything in it begins with.
@@ -57,7 +57,7 @@ def export_controller(
     ram: int | None = None,
     flash: int | None = None,
 ) -> ExportedController:
-    """The controller of a scenario's loop as C99, compared with the simulation to the bit where a compiler is at hand.
+    """The controller of a scenario's loop as C99, compared with the simulation bit by bit if a compiler is available.
 
     Written are `NAME.h`, `NAME.c`, a self-test with recorded inputs, `CMakeLists.txt`, `README.md` and `NAME.parameters`, the
     numbers of the scenario with a checksum, which the code can load: all of them or none. The
@@ -114,7 +114,7 @@ def export_controller(
 
 
 def _compared(stages: ControllerStages, recording: Recording, code: Mapping[str, str], real: str) -> SoftwareInTheLoop:
-    """How header and C file compare with the simulation.
+    """Comparison of header and C file with the simulation.
 
     Raises:
         ModelError: in double, a command with other bits.

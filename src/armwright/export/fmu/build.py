@@ -1,4 +1,4 @@
-"""Binaries of an FMU: its sources as shared libraries, by zig for every platform, or by a compiler of this computer for it."""
+"""Binaries of an FMU: shared libraries built by zig for every platform, or by a local compiler for this computer."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ PLATFORMS = {
 
 
 def host_platform() -> str:
-    """The name of this computer's platform: "x86_64-linux"."""
+    """The FMI name of this computer's platform: "x86_64-linux"."""
     machine = {"amd64": "x86_64", "arm64": "aarch64"}.get(platform.machine().lower(), platform.machine().lower())
     system = {"win32": "windows", "darwin": "darwin"}.get(sys.platform, "linux")
     return f"{machine}-{system}"
@@ -64,7 +64,7 @@ def has_zig() -> bool:
 
 
 def chosen_platforms(asked: Sequence[str] | None) -> tuple[str, ...]:
-    """Platforms to build for: those asked for; by default all with zig, `HOST` with a compiler of this computer, else none.
+    """Platforms to build for: the requested ones; by default all with zig, `HOST` with a local compiler, else none.
 
     Raises:
         ModelError: an unknown platform, or one that nothing here compiles for.

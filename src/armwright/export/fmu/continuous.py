@@ -1,4 +1,4 @@
-"""The plant of an FMU for model exchange: dx/dt and outputs for the tool's own solver, with events where contacts begin and end.
+"""Model exchange: dx/dt and outputs of the plant for the tool's own solver, with events at the begin and end of contacts.
 
 Contacts (joints in their stops, flanks of gears with play) are held between events, so that a solver sees smooth functions only.
 An indicator is a contact's depth, shifted by `BAND` to the side that was left: at an event it is certain which side that is.
@@ -46,7 +46,7 @@ void model_tangent(const model_state *l, const model_direction *along, model_dir
 
 @dataclass(frozen=True, eq=False)
 class ContinuousModel:
-    """What an FMU for model exchange computes.
+    """Programs and variables of an FMU for model exchange.
 
     Attributes:
         arm: the model.   about: for the user.

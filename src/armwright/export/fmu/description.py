@@ -14,7 +14,7 @@ INDEPENDENT = Variable("time", "independent", "continuous", "s", "simulation tim
 
 @dataclass(frozen=True)
 class Description:
-    """What a model description says.
+    """Contents of a model description.
 
     Attributes:
         name: of the model.   identifier: of its files, a C identifier.   token: of this FMU.   about: one line.

@@ -1,4 +1,4 @@
-"""The model of an FMU as C: the struct of its state, the table of its variables, and the functions that the FMI layer calls."""
+"""C code of an FMU's model: its state struct, its table of variables, and the functions called by the FMI layer."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The parts of a simulated loop that an FMU for co-simulation holds, with the variables at their borders.
+"""Co-simulation: the exported parts of a simulated loop, with the variables at their borders.
 
     u ─→ delay, drives, arm ─→ sensors ─→ y          "plant"
     y, r ─→ control law, rate limit, limit, resolution ─→ u    "controller"
@@ -40,7 +40,7 @@ INERTIA_UNITS = ("kg", *["kg m"] * 3, *["kg m²"] * 6)
 
 
 class UnrecordedLoop(LoopRunner):
-    """The loop of a scenario that records nothing, to be printed and not to be run."""
+    """A scenario's loop without recording, for printing only."""
 
     def _compiled(self, target: str | None, *, outputs: bool) -> CompiledLoop:
         return CompiledLoop.of(self.config, target, outputs=False, runs=False)
@@ -52,7 +52,7 @@ class UnrecordedLoop(LoopRunner):
 
 @dataclass(frozen=True, eq=False)
 class SampledModel:
-    """What an FMU for co-simulation computes.
+    """Programs and variables of an FMU for co-simulation.
 
     Attributes:
         part: of `PARTS`.   arm: the model.   clock: of its ticks.   about: for the user.
@@ -88,7 +88,7 @@ class SampledModel:
 
 
 def sampled_model(scenario: Scenario, part: str) -> SampledModel:
-    """The part of a scenario's loop that an FMU for co-simulation holds.
+    """The exported part of a scenario's loop for co-simulation.
 
     Raises:
         ScenarioError: several lanes; a start that goes on from a state; no controller, or one that cannot be traced, where
@@ -213,7 +213,7 @@ def _bare(scenario: Scenario) -> Scenario:
 
 
 def plant_alone(scenario: Scenario) -> Scenario:
-    """The scenario commanded from outside, once a tick, without controller and reference.
+    """The scenario without controller and reference; commands come from outside, once a tick.
 
     Raises:
         ScenarioError: as `sampled_model`.
@@ -232,11 +232,11 @@ def _split(stages: tuple[Stage, ...]) -> tuple[Sequence[Stage], Call, Sequence[S
     """
     names = [stage.program.name if isinstance(stage, Call) else "" for stage in stages]
     shape = names.index("shape")
-    told = names.index("tell")
+    output = names.index("tell")
     inside = [stage for stage in stages if not isinstance(stage, (Rows, Table, Record))]
     place = {id(stage): k for k, stage in enumerate(stages)}
-    control = [stage for stage in inside if told < place[id(stage)] < shape and _name(stage) == "control"]
-    measure = [stage for stage in inside if place[id(stage)] <= told]
+    control = [stage for stage in inside if output < place[id(stage)] < shape and _name(stage) == "control"]
+    measure = [stage for stage in inside if place[id(stage)] <= output]
     move = [stage for stage in inside if place[id(stage)] > shape]
     shaped = stages[shape]
     assert isinstance(shaped, Call)
@@ -248,7 +248,7 @@ def _name(stage: Stage) -> str:
 
 
 def acting_layout(loop: UnrecordedLoop, name: str) -> Layout:
-    """Layout of an input of the plant beside its commands: "wrench", "brake" or "payload"."""
+    """Layout of an optional input of the plant: "wrench", "brake" or "payload"."""
     arm = loop.arm
     if name == "wrench":
         units = ("N",) * 3 + ("N m",) * 3
@@ -275,7 +275,7 @@ def _reference(loop: UnrecordedLoop, layout: Layout) -> np.ndarray:
 
 
 def lane_values(loop: UnrecordedLoop, part: str) -> list[Variable]:
-    """Numbers of record and controller that the scenario leaves open, as parameters."""
+    """Values of the batched numbers of record and controller, as parameters."""
     sampling, varied, rows = loop.config.sampling, loop.config.varied, []
     assert sampling is not None
     if varied is not None and part != "controller":

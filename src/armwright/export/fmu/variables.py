@@ -1,4 +1,4 @@
-"""Variables of an FMU: one number each, named and described after the signals that they are entries of."""
+"""Variables of an FMU: one number each, named and described after its signal."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ PLAIN = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 
 @dataclass(frozen=True)
 class Variable:
-    """A number that tools see.
+    """One scalar variable of an FMU.
 
     Attributes:
         name: structured, as `q.elbow`.   causality: "input", "output", "local", "parameter" or "independent".
@@ -99,7 +99,7 @@ def quoted(label: str) -> str:
 
 
 def base_unit(unit: str) -> dict[str, int] | None:
-    """Exponents of SI base units by name: `base_unit("N m")` → {"kg": 1, "m": 2, "s": -2}; None for what has none."""
+    """Exponents of SI base units by name: `base_unit("N m")` → {"kg": 1, "m": 2, "s": -2}; None for an unknown unit."""
     if unit == "°C":
         return {"K": 1}
     total: dict[str, Fraction] = {}

@@ -34,7 +34,7 @@ NOTHING_BUILT = (
 
 @dataclass(frozen=True, eq=False)
 class ExportedFmu:
-    """An FMU that was written.
+    """A written FMU.
 
     Attributes:
         path: of the file.   name: its model identifier.   version: of FMI.   interface: of `INTERFACES`.   part: of `PARTS`.

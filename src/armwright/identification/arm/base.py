@@ -56,7 +56,7 @@ class BaseParameters:
 
     @property
     def names(self) -> list[str]:
-        """Short names: of the parameter that stays, with "*" where others were added to it."""
+        """Short names: that of the kept parameter, with "*" if others were added to it."""
         return [
             self.columns[k].name + ("*" if np.any(row) else "")
             for k, row in zip(self.independent, self.regroup, strict=True)
@@ -102,7 +102,7 @@ class BaseParameters:
 
 
 def base_parameters(model: TorqueModel, without: Sequence[int] = ()) -> BaseParameters:
-    """The base parameters of an arm, which its structure alone decides: any motion is allowed.
+    """The base parameters of an arm by structure: for all motions.
 
     Args:
         model: the arm and its columns.   without: numbers of columns that count as 0.
@@ -125,7 +125,7 @@ def _without_dust(columns: Sequence[Column], factor: np.ndarray) -> np.ndarray:
 
 
 def regrouped_further(structural: BaseParameters, factor: np.ndarray) -> BaseParameters:
-    """Base parameters that a log tells: those of the structure, regrouped where its motion leaves their columns equal.
+    """Base parameters identifiable from a log: those of the structure, regrouped if their columns coincide in its motion.
 
     Args:
         structural: of the arm.   factor: R (r, p) of the log's columns.

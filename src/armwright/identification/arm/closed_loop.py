@@ -75,7 +75,7 @@ class Feedback:
 
 
 def following(samples: Sequence[Samples], kp: np.ndarray, kd: np.ndarray, period: float) -> Feedback:
-    """The loop of a controller whose reference was not logged: the logged positions stand in for it, by a cubic spline.
+    """The loop of a controller with an unlogged reference: the logged positions, as a cubic spline, replace it.
 
     Args:
         samples: prepared rows of one run.   kp: (n,) [N m/rad | N/m].   kd: (n,) [N m s/rad | N s/m].   period: [s].
@@ -94,7 +94,7 @@ def following(samples: Sequence[Samples], kp: np.ndarray, kd: np.ndarray, period
 def simulated_loop(
     model: TorqueModel, parameters: np.ndarray, feedback: Feedback, begin: float, end: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Ticks t (k,) and q, q̇, q̈ and torque (k, …, n) of loops, just after each; by Runge and Kutta's rule of order 4.
+    """Ticks t (k,), and q, q̇, q̈ and torque (k, …, n) of loops just after each tick; Runge and Kutta's rule of order 4.
 
     Args:
         model: of the arm.   parameters: (…, p) of its columns, a row for each loop.   feedback: that all of them have.
@@ -274,5 +274,5 @@ def _solved(Z: np.ndarray, Y: np.ndarray, tau: np.ndarray, weights: np.ndarray) 
     Q, _ = np.linalg.qr(stacked[0] / size)
     matrix = Q.T @ (stacked[1] / size)
     if np.linalg.cond(matrix) > 1e12:
-        raise IdentificationError("parameters that this motion cannot tell apart", place="reference")
+        raise IdentificationError("parameters that this motion cannot distinguish", place="reference")
     return np.linalg.solve(matrix, Q.T @ (root[:, 0] * tau).ravel()) / size

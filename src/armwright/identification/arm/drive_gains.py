@@ -1,4 +1,4 @@
-"""Drive gains of an arm by a known payload: what a motor's torque really is, of currents or torques of a doubtful scale.
+"""Drive gains of an arm by a known payload: true motor torques from currents or torques of unknown scale.
 
 Masses and torques share one scale: of a log alone, an arm of twice the masses with drives of twice the torque is the same. A body
 that was weighed breaks the tie [GautierBriot2014]. With y_L the known payload's torques in the second log, measured u_j of
@@ -34,7 +34,7 @@ WELL_TOLD = 0.1  # half of a gain's 95 % interval, by the gain: a wider one is n
 
 @dataclass(frozen=True, eq=False)
 class GainModel(TorqueModel):
-    """Columns of an arm, and one for each joint that is the known part of its torque: h_j is its parameter.
+    """Columns of an arm, and for each joint one with its known torque, whose parameter is the gain h_j.
 
     Attributes:
         payload: columns of the known payload; None for rows without it.   parameters: (10,) of it.
@@ -71,7 +71,7 @@ def identify_drive_gains(
     frame: str | None = None,
     preparation: Preparation | None = None,
 ) -> Estimate:
-    """Gain of every joint's drive from two logs, without and with a payload that was weighed.
+    """Gain of every joint's drive from two logs, without and with a known payload.
 
     Args:
         log: of the arm without the payload.   loaded_log: with it; both with currents, or with torques of a doubtful scale.
@@ -129,7 +129,7 @@ def _gain_model(robot: Model) -> GainModel:
 def _inverse_gain(
     j: int, both: Equations, halves: list[Equations], sources: list[Callable[[], Iterable[Samples]]]
 ) -> tuple[float, float, ArmFit] | None:
-    """h_j, its standard deviation and the fit of joint j; None where the logs do not tell it."""
+    """h_j, its standard deviation and the fit of joint j; None if not identifiable from the logs."""
     model, gain = both.model, len(both.model) - both.model.arm.n + j
     factor: Factor = both.factors[j]
     matrix = np.zeros((len(factor.matrix), len(model)))
@@ -167,20 +167,20 @@ def _estimate(
             else f"{body.joint}: drive gain"
         )
         h, std, fit = each if each is not None else (np.nan, np.inf, None)
-        told = bool(h > 0 and HALF_95 * std <= WELL_TOLD * h)
-        if not told:
+        identified = bool(h > 0 and HALF_95 * std <= WELL_TOLD * h)
+        if not identified:
             vague = each is None or HALF_95 * std > WELL_TOLD * abs(h)
             why = (
-                "the payload hardly loads its motor, so its gain is not told; a heavier or longer one would tell it"
+                "the payload hardly loads its motor, so its gain cannot be identified; use a heavier or longer one"
                 if vague
                 else "the payload's torques have the other sign; is the motor's sign right?"
             )
             remarks.append(f"{body.joint}: {why}")
         if fit is not None:
             measures[body.joint] = {"r2": float(fit.r2[j]), "rms": float(fit.rms[j])}
-        values.append(kt / h if told else kt)
-        stds.append(kt * std / h**2 if told else np.nan)
-        known.append(told)
+        values.append(kt / h if identified else kt)
+        stds.append(kt * std / h**2 if identified else np.nan)
+        known.append(identified)
     return Estimate(
         tuple(names), np.array(values), np.diag(np.square(stds)), checksum_of_both(log, loaded_log),
         f"drive gains from two logs, {both_logs(log, loaded_log)} the known payload: least squares by joint",

@@ -1,4 +1,4 @@
-"""Rows of a log as triangular factors: everything that least squares needs of any number of rows, in bounded memory.
+"""Rows of a log reduced to triangular factors: the least-squares problem of any number of rows, in bounded memory.
 
 Per joint and part of the log, R of the QR decomposition of [Y_j τ_j] is kept, updated block by block (TSQR):
 R ← qr([R; block]). Then RᵀR = [Y τ]ᵀ[Y τ] without the loss of digits of normal equations, and weights per joint, fits to
@@ -100,7 +100,7 @@ class Equations:
 
     @property
     def rows(self) -> np.ndarray:
-        """(n,) how many rows each joint has."""
+        """(n,) number of rows of each joint."""
         return np.array([factor.rows for factor in self.factors])
 
 

@@ -1,4 +1,4 @@
-"""Essential parameters: those of a fit that the log tells well; the others are 0. [PhamGautier1991]
+"""Essential parameters: those of a fit with small relative errors; the others are set to 0. [PhamGautier1991]
 
 The parameter with the largest relative deviation 100 σ_i / |β_i| is taken out, the rest is fitted again, and so on until the
 residual has grown by more than a stated share. A parameter that is taken out is not known to be 0: the log does not tell it.
@@ -85,10 +85,14 @@ def _solved(R: np.ndarray, z: np.ndarray, kept: list[int], variance: float) -> t
     """Values of some parameters, all others 0, and their covariance."""
     size = np.linalg.norm(R[:, kept], axis=0)
     if not (size > 0).all():
-        raise IdentificationError("a column of zeros", place="R", expected="base parameters, which the rows tell apart")
+        raise IdentificationError(
+            "a column of zeros", place="R", expected="base parameters, which the rows distinguish"
+        )
     Q, T = np.linalg.qr(R[:, kept] / size)
     if (np.abs(np.diag(T)) < 1e-13).any():
-        raise IdentificationError("dependent columns", place="R", expected="base parameters, which the rows tell apart")
+        raise IdentificationError(
+            "dependent columns", place="R", expected="base parameters, which the rows distinguish"
+        )
     inverse = scipy.linalg.solve_triangular(T, np.eye(len(kept))) / size[:, None]
     return scipy.linalg.solve_triangular(T, Q.T @ z) / size, variance * (inverse @ inverse.T)
 

@@ -161,7 +161,7 @@ def _solved(factors: Sequence[Factor], base: BaseParameters, weights: np.ndarray
     diagonal = np.abs(np.diag(factor)[:b])
     if (diagonal < 1e-13).any():
         raise IdentificationError(
-            "parameters that these rows cannot tell apart",
+            "parameters that these rows cannot distinguish",
             place="log",
             expected="the base parameters of the log itself",
         )
@@ -271,7 +271,7 @@ def residuals_of(samples: Iterable[Samples], fit: ArmFit, rows: int = 4096):
 
 
 def with_correlation(source: SampleSource, fit: ArmFit) -> ArmFit:
-    """The fit with a covariance that counts the residuals' correlation in time and between joints (`correlated`).
+    """The fit with a covariance that accounts for correlation of the residuals in time and between joints (`correlated`).
 
     Residuals of a robust fit count as its weights let them, and H by the weights' slope: ψ(u) = u w(u), H ∝ mean ψ' / mean w.
 
@@ -291,7 +291,7 @@ def with_correlation(source: SampleSource, fit: ArmFit) -> ArmFit:
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Error of a fit on rows that it has not seen.
+    """Error of a fit on held-out rows.
 
     Attributes:
         run, begin, end: which rows [s].   relative: (n,) residual's root mean square by that of the whole log's torque.
@@ -332,7 +332,7 @@ def cross_validated(fit: ArmFit) -> list[HeldOut]:
 
 
 def held_out(part: Part, parameters: np.ndarray, fit: ArmFit) -> HeldOut:
-    """Errors of parameters (p,) on a part of a log, by the torques and speeds of the log that was fitted."""
+    """Errors of parameters (p,) on a part of a log, relative to the torques and speeds of the fitted log."""
     speed = np.sqrt(sum((p.motion for p in fit.equations.parts), np.zeros(1)) / np.maximum(fit.equations.rows, 1))
     rms, _, r2 = measures_of(part.factors, parameters)
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -1,4 +1,4 @@
-"""Friction of an arm's joints against speed, load and temperature, from a log of an arm that is known but for it.
+"""Friction of joints against speed, load and temperature, from a log of an arm with otherwise known dynamics.
 
 The torque that the arm without friction leaves unexplained, row by row, is fitted by the terms of `friction_law`.
 """
@@ -126,7 +126,7 @@ def identify_friction(
     candidates: Sequence[str] = CANDIDATES,
     worth: float = WORTH,
 ) -> Estimate:
-    """Friction of every joint against its speed, load and temperature, from a log of an arm that is known but for it.
+    """Friction of every joint against its speed, load and temperature, from a log of an arm with otherwise known dynamics.
 
     Args:
         log: with positions, and torques, currents or voltages.   robot: the arm; its masses count, its friction does not.
@@ -213,7 +213,7 @@ OFFSET = Term("offset", "torque", level_of, -np.inf)
 
 
 def _is_shifted(law: FrictionLaw) -> bool:
-    """True if a Coulomb level is below 0, which no record has: then the levels are equal and there is an offset."""
+    """True if a Coulomb level is below 0, which no record allows: then one level with an offset is used."""
     return min(law.values.get("coulomb_positive", 0.0), law.values.get("coulomb_negative", 0.0)) < 0
 
 
@@ -266,7 +266,7 @@ def _unit(name: str) -> str:
 
 
 def _said(joint: str, law: FrictionLaw, choice: Choice, worth: float) -> list[str]:
-    """What every candidate brought."""
+    """Held-out errors of all candidates, in words."""
     said = []
     for name, share in choice.tried.items():
         if name in choice.terms:
@@ -299,7 +299,7 @@ def _covariance(rows: FrictionRows, law: FrictionLaw) -> np.ndarray:
 
 
 def with_identified_friction(robot: Model, estimate: Estimate) -> Model:
-    """The arm with the friction of an estimate in place of its own, and with the estimate's springs added to its own.
+    """The arm with the estimated friction in place of its own, and with the estimated springs added to its own.
 
     Raises:
         DescriptionError: the record cannot have these numbers.

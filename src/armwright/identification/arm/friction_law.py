@@ -1,4 +1,4 @@
-"""Friction laws of a joint as terms, and the choice of those that its rows ask for.
+"""Friction laws of a joint as sums of terms, and the choice of terms by cross-validation.
 
     f = offset + viscous q̇ + s [ Fc± + (Fs − Fc) exp(−(q̇/vs)²) + share |load| ],   s = sgn q̇,  [BittencourtGunnarsson2012]
 
@@ -37,13 +37,13 @@ class FrictionRows:
     warming: np.ndarray
 
     def part(self, chosen: np.ndarray) -> FrictionRows:
-        """Some of the rows."""
+        """A selection of the rows."""
         return FrictionRows(*(each[chosen] for each in vars(self).values()))
 
 
 @dataclass(frozen=True)
 class Term:
-    """A number of the friction law.
+    """One parameter of a friction law.
 
     Attributes:
         stem: of the record's key, and its dimension.   start: where the search begins, from rows.   low: its lower bound.
@@ -60,7 +60,7 @@ def _slope(rows: FrictionRows) -> float:
 
 
 def level_of(rows: FrictionRows) -> float:
-    """Mean magnitude of the torque [N m | N]: where a search for a level begins."""
+    """Mean magnitude of the torque [N m | N], the start value of a search for a friction level."""
     return float(np.abs(rows.torque).mean())
 
 
@@ -110,7 +110,7 @@ CANDIDATES = (
 
 @dataclass(frozen=True, eq=False)
 class FrictionLaw:
-    """A friction law with its numbers.
+    """A friction law with parameter values.
 
     Attributes:
         terms: keys of `TERMS`.   values: by the stem of each number.
@@ -142,7 +142,7 @@ def _logistic(x: np.ndarray) -> np.ndarray:
 
 
 def terms_of(names: Sequence[str]) -> tuple[Term, ...]:
-    """The numbers of some terms; the sigmoid takes the place of Coulomb's levels."""
+    """Parameters of some terms; the sigmoid replaces the Coulomb levels."""
     return tuple(term for name in names for term in TERMS[name])
 
 
@@ -160,7 +160,7 @@ def fitted_law(rows: FrictionRows, names: Sequence[str], start: Mapping[str, flo
 
 
 def held_out_error(rows: FrictionRows, names: Sequence[str], folds: int = FOLDS) -> float:
-    """Root mean square error [N m | N] on parts of the rows that were each held out once."""
+    """Root mean square error [N m | N] of a cross-validation: each part held out once."""
     rows = rows.part(np.arange(0, len(rows.speed), max(len(rows.speed) // ENOUGH, 1)))
     parts, square = np.array_split(np.arange(len(rows.speed)), folds), 0.0
     start = fitted_law(rows, names).values
@@ -173,7 +173,7 @@ def held_out_error(rows: FrictionRows, names: Sequence[str], folds: int = FOLDS)
 
 @dataclass(frozen=True)
 class Choice:
-    """Terms of a joint's friction, and why.
+    """Chosen terms of a joint's friction, with reasons.
 
     Attributes:
         terms: those that stay.   error: held-out [N m | N].   tried: candidate → share of the held-out error that it takes away.
@@ -185,7 +185,7 @@ class Choice:
 
 
 def choose_terms(rows: FrictionRows, candidates: Sequence[str] = CANDIDATES, worth: float = WORTH) -> Choice:
-    """Terms that lower the held-out error by `worth` at least, the best one first, until none is left that does."""
+    """Friction terms added one by one, the best first, as long as each lowers the held-out error by `worth` at least."""
     terms: tuple[str, ...] = USUAL
     error, tried = held_out_error(rows, terms), {}
     left = [each for each in candidates if "temperature" not in each or np.ptp(rows.warming) > 0]

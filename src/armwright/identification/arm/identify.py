@@ -215,7 +215,7 @@ def identify_arm(
 
 
 def _lacks(log: Log, lacks: Collection[str] | None) -> Collection[str]:
-    """Terms that the measured torque is without: as asked for, else as the log's file says."""
+    """Terms that the measured torque does not contain: as requested, else as the log's file says."""
     if lacks is not None:
         return lacks
     return tuple(dict.fromkeys(term for signal in log.table.signals for term in signal.lacks))
@@ -256,7 +256,7 @@ class _Rows:
 
 
 def _part_seconds(log: Log, runs: Sequence[str]) -> float:
-    """Length of a part [s]: whole runs where there are several, else a share of the time."""
+    """Length of a part [s]: whole runs if there are several, else a share of the time."""
     if len(runs) >= MANY_RUNS:
         return np.inf
     return max(sum(log.run(run).duration for run in runs) / FOLDS, 1e-9)
@@ -293,7 +293,7 @@ def _held_out_error(equations: Equations, dropped: Sequence[int]) -> float:
 
 
 def _separating(equations: Equations, base: BaseParameters, structural: BaseParameters) -> list[str]:
-    """Sentences on what a motion of one joint more would tell of the structure's parameters that the log does not."""
+    """Sentences on further motions of one joint that would make more of the structure's parameters identifiable."""
     if len(base) == len(structural):
         return []
     from armwright.identification.experiments.columns import BaseRegressor

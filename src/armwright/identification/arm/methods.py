@@ -1,4 +1,4 @@
-"""Methods of fitting base parameters, by name: what `identify_arm` and the command offer."""
+"""Methods of fitting base parameters, by name, for `identify_arm` and its command."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from armwright.identification.arm.recursive import RecursiveEstimate
 
 @dataclass(frozen=True, eq=False)
 class FitProblem:
-    """What a method fits.
+    """Data of a fit.
 
     Attributes:
         source: gives the samples, anew at each call.   equations: of these samples.   base: regrouping of the log.
@@ -44,7 +44,7 @@ class FitProblem:
 
 @dataclass(frozen=True)
 class Method:
-    """A method of fitting.
+    """A fitting method.
 
     Attributes:
         about: in words.   fit: problem → fit.
@@ -100,7 +100,7 @@ def _recursive(problem: FitProblem) -> ArmFit:
         estimate = estimate.with_rows(values[known], (rest + values @ batch.values)[known], weights)
     if not estimate.identifiable:
         raise IdentificationError(
-            "the rows that still count do not tell all parameters", place="forgetting", value=problem.forgetting,
+            "the rows that still count do not determine all parameters", place="forgetting", value=problem.forgetting,
             expected="nearer to 1",
         )  # fmt: skip
     covariance = batch.covariance if problem.forgetting == 1.0 else estimate.covariance
@@ -117,7 +117,7 @@ def _closed_loop(method: ClosedLoopMethod, problem: FitProblem) -> ArmFit:
         raise IdentificationError("several runs or stretches", place="runs", expected="one, with one reference")
     found = fit_closed_loop(samples, problem.equations.model, problem.base, problem.feedback, start.values, method)
     if not found.settled:
-        expected = "a feedback that is the log's own, or a log that tells more"
+        expected = "a feedback that is the log's own, or a log with more motion"
         what = f"no solution after {found.iterations} simulations of the loop"
         raise IdentificationError(what, place="feedback", expected=expected)
     return _with_values(start, found.values, found.covariance, found.method)

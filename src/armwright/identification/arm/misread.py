@@ -1,4 +1,4 @@
-"""Columns that a log's file may describe wrongly: another sign, another order, the motor's values for the joint's.
+"""Likely errors in a log's file: a wrong sign, exchanged columns, or motor values declared as joint values.
 
 A fit of the wrong columns often looks good. Here each likely mistake is undone, and the same base parameters are fitted to some
 rows again: a mistake that explains three quarters of the squares that are left is named.
@@ -23,7 +23,7 @@ EXACT = 1e-4  # of the torques' squares: where no more is left, nothing is in do
 
 
 def misread_columns(fit: ArmFit, samples: Samples) -> list[str]:
-    """Sentences about mistakes in the description of a log that would explain far more of it once undone.
+    """Sentences about likely errors in a log's file, each of whose corrections would explain far more of the log.
 
     What is left is counted over all joints, weighted as the fit, and of each joint by itself where all together gain too.
 
@@ -69,7 +69,7 @@ def misread_columns(fit: ArmFit, samples: Samples) -> list[str]:
 
 
 def late_torques(fit: ArmFit, samples: Samples) -> list[str]:
-    """A sentence where torques that come later or earlier than the motion explain half of the squares that are left, or more.
+    """A sentence about torques delayed against the motion, if the delay explains at least half of the remaining squares.
 
     With a delay d the torques are  Y π - d τ̇,  so that d is one more parameter.
     """

@@ -39,7 +39,7 @@ class NormalEquations:
 
     @cached_property
     def columns(self) -> list[np.ndarray]:
-        """For each joint the base columns that its torque has, as numbers of the model's."""
+        """For each joint, indices of the base columns on which its torque depends."""
         return [np.array([k for k in self.base.independent if used[k]], dtype=int) for used in self.model.of_joint]
 
     @cached_property

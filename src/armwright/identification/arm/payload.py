@@ -1,4 +1,4 @@
-"""A payload's mass, centre and inertia from logs of the arm that carries it. [AtkesonAnHollerbach1986] [KhalilGautierLemoine2007]
+"""A payload's mass, centre and inertia from logs of its arm. [AtkesonAnHollerbach1986] [KhalilGautierLemoine2007]
 
 A body at the tip adds torques that are linear in its parameters π_L = [m, m c, I], the columns of the link that carries it taken
 to the tip's frame:  P_link = H P_L Hᵀ  with H the frame's placement in the link and P the pseudo-inertia, so Y_L = Y_link T.
@@ -79,14 +79,14 @@ class PayloadModel(TorqueModel):
         return values
 
     def known_torques(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
-        """Joint torques (rows, n) [N m | N] of the arm itself where its own columns are not fitted and its gears lose nothing."""
+        """Joint torques (rows, n) [N m | N] of the arm itself, if its own columns are not fitted and its gears have no loss."""
         if len(self.columns) > PER_LINK or is_lossy(self.arm):
             return super().known_torques(q, qd, qdd)
         return self.dyn.inverse_dynamics(q, qd, qdd) @ motor_shares(self.arm)
 
 
 def is_lossy(arm: Model) -> bool:
-    """True if a gear's loss or friction by load makes torques depend on each other's sign."""
+    """True if gear loss or load-dependent friction couples torques nonlinearly."""
     return any(body.drive.efficiency is not None or _by_load(body) for body in arm.coordinates)
 
 
@@ -97,7 +97,7 @@ def replace_columns(model: TorqueModel, columns: tuple[Column, ...]) -> TorqueMo
 
 
 def payload_model(arm: Model, frame: str | None = None, own: TorqueModel | None = None) -> PayloadModel:
-    """The torque model of a payload in a frame, by default the tip; with the columns of the arm where `own` has them.
+    """The torque model of a payload in a frame, by default the tip; with the columns of the arm if `own` contains them.
 
     Raises:
         ModelError: no such frame, or no tip.   IdentificationError: the frame is fixed to the base.
@@ -131,7 +131,7 @@ def identify_payload(
     frame: str | None = None,
     preparation: Preparation | None = None,
 ) -> Estimate:
-    """Mass, centre of mass and inertia of a payload at the tip, from a log of the arm that carries it.
+    """Mass, centre of mass and inertia of a payload at the tip, from a log of its arm.
 
     Args:
         log: of the arm with the payload; or, with `loaded_log`, without it.
@@ -217,12 +217,12 @@ def both_logs(log: Log, loaded_log: Log) -> str:
 
 
 def checksum_of_both(log: Log, loaded_log: Log) -> str:
-    """SHA-256 of the two logs' checksums one after the other: a record has one checksum for a fit."""
+    """SHA-256 of two logs' checksums concatenated: a record has one checksum for a fit."""
     return hashlib.sha256(f"{log.sha256}{loaded_log.sha256}".encode()).hexdigest()
 
 
 def behind_gears(samples: Iterable[Samples], model: PayloadModel) -> Iterator[Samples]:
-    """Samples whose torques are those that the arm leaves unexplained, behind gears that lose part of all that passes them."""
+    """Samples with the torques that the arm does not explain, on the link side of lossy gears."""
     of_motors = np.linalg.inv(motor_shares(model.arm))  # rows of joint torques times this: the motors' own
     for block in samples:
         predicted, logged = model.dyn.inverse_dynamics(block.q, block.qd, block.qdd), block.tau @ of_motors
@@ -240,7 +240,7 @@ def _by_load(body: object) -> bool:
 
 
 def _weighted(equations: Equations) -> ArmFit:
-    """Weighted least squares of all columns that the log and the arm's structure can tell apart."""
+    """Weighted least squares of all columns that the log and the arm's structure can distinguish."""
     base = regrouped(equations.model.columns, stacked(equations.factors, len(equations.model))[0][:, :-1])
     if not len(base):
         raise IdentificationError("no column of the payload moves anything", place="log", expected="motion, or gravity")
@@ -284,7 +284,7 @@ def _estimate(fit: ArmFit, covariance: np.ndarray, method: str, sha256: str, nam
         what = (
             "not above 0"
             if told[0]
-            else "not told by this motion: one that accelerates or turns the payload against gravity would"
+            else "not identifiable from this motion: one that accelerates or turns the payload against gravity would"
         )
         remarks.append(f"the payload's mass is {what}")
     elif half > WELL_TOLD:

@@ -1,4 +1,4 @@
-"""Parameters that a real arm can have: semidefinite programming and the log-Cholesky parametrisation.
+"""Physically possible parameters of an arm: semidefinite programming and the log-Cholesky parametrisation.
 
 Both minimise ‖R π − z‖² + 2 w Σ d(P_i ‖ P0_i) over  π = (links' inertial parameters, rotors and friction, …), where each link's
 pseudo-inertia P = [[Σ, m c], [m cᵀ, m]] is positive semidefinite, [Wensing2018], and rotors' inertia and friction are
@@ -290,7 +290,7 @@ def _slopes_of_divergence(theta: np.ndarray) -> np.ndarray:
 
 
 def divergence(parameters: np.ndarray, prior: np.ndarray) -> np.ndarray:
-    """d(P ‖ P0) = tr(P0⁻¹ P) − log det(P0⁻¹ P) − 4  (…) of links, 0 where they agree. [LeeWensingPark2020]
+    """d(P ‖ P0) = tr(P0⁻¹ P) − log det(P0⁻¹ P) − 4  (…) of links, 0 if equal. [LeeWensingPark2020]
 
     Args:
         parameters: (…, 10) of possible bodies.   prior: (…, 10), too.
@@ -315,7 +315,7 @@ def _checked(R: np.ndarray, z: np.ndarray, bounds: PhysicalBounds) -> tuple[np.n
 
 
 def _prior(prior: Any, weight: float, bounds: PhysicalBounds) -> tuple[np.ndarray, float]:
-    """Prior (p,) and its weight; the neutral body's where there is none."""
+    """Prior (p,) and its weight; the neutral body's if absent."""
     if not weight > 0:
         raise IdentificationError(place="weight", value=weight, expected="above 0; without a prior, leave both out")
     if prior is None:
@@ -389,7 +389,7 @@ def _estimate(
             found.append(f"{bounds.names[j]} is at its bound, 0: {why}")
     if not given and np.linalg.matrix_rank(R * unit, tol=1e-9 * np.linalg.norm(R * unit, 2)) < len(values):
         found.append(
-            "the log does not tell all parameters apart and there is no prior: a neutral body chose among the possible values; "
+            "the log does not distinguish all parameters and there is no prior: a neutral body chose among the possible values; "
             "only base parameters are measured"
         )
     return PhysicalEstimate(values, cost, cost_free, margins, at_bound, tuple(found), method)

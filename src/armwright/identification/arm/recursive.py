@@ -1,4 +1,4 @@
-"""Recursive least squares in square-root form: parameters while a log still runs, with forgetting. [Bierman1977]
+"""Recursive least squares in square-root form: parameters while a log is running, with forgetting. [Bierman1977]
 
 Kept is the triangle [R z; 0 r] of all rows so far, RᵀR their information. A block of rows is one QR decomposition,
 
@@ -88,7 +88,7 @@ class RecursiveEstimate:
 
     @property
     def identifiable(self) -> bool:
-        """True if the rows so far, and the start, tell all parameters."""
+        """True if the rows so far and the start identify all parameters."""
         R = self.factor[:-1, :-1]
         size = np.linalg.norm(R, axis=0)
         if not (size > 0).all():
@@ -98,20 +98,20 @@ class RecursiveEstimate:
 
     @property
     def values(self) -> np.ndarray:
-        """(p,) R⁻¹ z; NaN as long as the rows do not tell all of them."""
+        """(p,) R⁻¹ z; NaN until the rows identify all parameters."""
         if not self.identifiable:
             return np.full(len(self.factor) - 1, np.nan)
         return scipy.linalg.solve_triangular(self.factor[:-1, :-1], self.factor[:-1, -1])
 
     @property
     def variance(self) -> float:
-        """Residual variance r² / (rows that count − p); infinite before there are enough rows."""
+        """Residual variance r² / (effective rows − p); infinite before there are enough rows."""
         free = self.memory - (len(self.factor) - 1)
         return float(self.factor[-1, -1] ** 2 / free) if free > 0 else inf
 
     @property
     def covariance(self) -> np.ndarray:
-        """(p, p) variance · (RᵀR)⁻¹, as if residuals were white; NaN as `values`."""
+        """(p, p) variance · (RᵀR)⁻¹ for white residuals; NaN as for `values`."""
         p = len(self.factor) - 1
         if not self.identifiable:
             return np.full((p, p), np.nan)

@@ -1,4 +1,4 @@
-"""Sentences, measures and verdict of an arm's fit: what a log tells, what it does not, and what is in doubt."""
+"""Remarks, measures and verdict of an arm's fit: identifiable, unidentifiable and doubtful parameters."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ FACTOR = 5.0  # between the record's links and the identified ones, from which t
 
 
 def joints_that_move(equations: Equations) -> np.ndarray:
-    """Which joints (n,) are faster than a hundredth of the fastest, in root mean square."""
+    """(n,) True for joints faster than a hundredth of the fastest, in root mean square."""
     motion = np.sum([part.motion for part in equations.parts], axis=0)
     return motion > AT_REST**2 * motion.max()
 
@@ -39,7 +39,7 @@ def joints_that_move(equations: Equations) -> np.ndarray:
 def unpredicted(
     fit: ArmFit, held_out: Sequence[HeldOut], hold_out: np.ndarray | None, moved: np.ndarray | None
 ) -> list[str]:
-    """Sentences about joints that move and whose torque is not predicted where it was not fitted.
+    """Sentences about moving joints with poorly predicted torque on held-out rows.
 
     That is on the runs that the log holds out, or where there are none on its parts, each by a fit to the others.
     """
@@ -55,14 +55,14 @@ def unpredicted(
     else:
         moving &= moved
     return [
-        f"{joint}: R² {r2:.2f} {where}, below {LEAST_HELD_OUT:g}: its torque is not told by this model"
+        f"{joint}: R² {r2:.2f} {where}, below {LEAST_HELD_OUT:g}: its torque is not explained by this model"
         for joint, r2, moves in zip(fit.equations.model.arm.names, r2s, moving, strict=True)
         if moves and r2 < LEAST_HELD_OUT
     ]
 
 
 def negative_inertias(fit: ArmFit, samples: Samples) -> list[str]:
-    """Sentences about joints whose own inertia M_jj, the mean over poses of the log, comes out below 0 by its 95 % interval.
+    """Sentences about joints whose inertia M_jj, averaged over the log's poses, is below 0 by its 95 % interval.
 
     M_jj(q) = tau_j(q, 0, e_j) - tau_j(q, 0, 0)  is above 0 for every arm, whatever its parameters.
     """
@@ -82,7 +82,7 @@ def negative_inertias(fit: ArmFit, samples: Samples) -> list[str]:
 
 
 def unlike_the_record(fit: ArmFit) -> list[str]:
-    """A sentence where links as identified take 5 times the torque of the record's own or more, or a fifth or less.
+    """A sentence if the identified links take at least 5 times the torque of the record's links, or at most a fifth.
 
     Both are compared by their base parameters, over the rows of the log and weighted as the fit; those that a rotor has part in
     of which the record does not speak are left out.
@@ -104,7 +104,7 @@ def unlike_the_record(fit: ArmFit) -> list[str]:
 
 
 def impossible_parameters(fit: ArmFit, values: RecordParameters | None) -> list[str]:
-    """A sentence where physically possible values predict torques much worse than the log's own parameters.
+    """A sentence if physically possible parameters predict torques much worse than the unconstrained ones.
 
     Those of a real arm are possible, so that noise alone makes the difference, p parameters in N rows: p / N of what is left.
     """
@@ -126,7 +126,7 @@ def impossible_parameters(fit: ArmFit, values: RecordParameters | None) -> list[
 
 
 def driving_frictions(fit: ArmFit) -> list[str]:
-    """Sentences about joints whose friction would drive them: torque and motion do not have the same sense.
+    """Sentences about joints with negative friction: torque and motion have opposite sign conventions.
 
     Its power over the log, Σ q̇ (viscous q̇ + coulomb sgn q̇), is below 0 by 5 standard deviations, and its torque is not small.
     Joints of coupled motors, where frictions of motor and joint trade with each other, are left out.
@@ -173,7 +173,7 @@ def measures_by_joint(
 
 
 def verdict_of(fit: ArmFit, told: int, structural: int) -> Literal["identified", "not identified"]:
-    """ "not identified" where the log tells fewer parameters than the arm has, or too badly for their values to mean anything."""
+    """ "not identified" if the log identifies fewer parameters than the arm has, or with too large errors."""
     poor = told < structural or fit.condition > MEANINGLESS or bool((fit.r2 <= 0).any())
     return "not identified" if poor else "identified"
 
@@ -199,14 +199,14 @@ def remarks_on(
     remarks = [f"{len(base)} of {len(structural)} base parameters, condition number {fit.condition:.3g}"]
     if len(base) < len(structural):
         lost = [base.columns[k].about for k in structural.independent if k not in set(base.independent)]
-        remarks.append(f"this motion tells nothing apart of: {_listed(lost)}")
+        remarks.append(f"this motion does not distinguish: {_listed(lost)}")
     if fit.condition > MEANINGLESS:
         remarks.append("at this condition number single parameters mean nothing; design a motion that excites more")
     if len(fit.base) < len(base):
         names = dict(zip(base.independent, base.names, strict=True))
         left = [name for k, name in names.items() if k not in set(fit.base.independent)]
         remarks.append(
-            f"{len(fit.base)} of them are essential; left out, as the log hardly tells them: {_listed(left)}"
+            f"{len(fit.base)} of them are essential; left out, as the log hardly determines them: {_listed(left)}"
         )
     base = fit.base
     remarks += directions
@@ -214,7 +214,7 @@ def remarks_on(
         name for name, value, std in zip(base.names, fit.values, fit.std, strict=True) if abs(value) < HALF_95 * std
     ]
     if untold:
-        remarks.append(f"not told from 0: {_listed(untold)}")
+        remarks.append(f"not distinguishable from 0: {_listed(untold)}")
     negative = [
         base.columns[k].about
         for k, value, row in zip(base.independent, fit.values, base.regroup, strict=True)

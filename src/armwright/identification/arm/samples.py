@@ -137,7 +137,7 @@ class _Behind:
     first: int  # number of the first row in the stretch
 
     def plus(self, t: np.ndarray, values: dict[str, np.ndarray]) -> _Behind:
-        """With the rows after them."""
+        """The buffer extended by further rows."""
         joined = {name: np.concatenate([each, values[name]]) for name, each in self.values.items()}
         return replace(self, t=np.concatenate([self.t, t]), values=joined)
 
@@ -162,14 +162,14 @@ class _Behind:
         yield Samples(run, self.stretch, self.t[numbers], columns=columns, **filtered)
 
     def after(self, seam: int) -> _Behind:
-        """What is left when all rows but the last `seam` are done, with as many before them for the filter."""
+        """The remaining rows when all but the last `seam` are done, with as many before them for the filter."""
         cut = max(len(self.t) - 2 * seam, 0)
         rest = {name: each[cut:] for name, each in self.values.items()}
         return _Behind(self.stretch, self.t[cut:], rest, len(self.t) - seam - cut, self.first + cut)
 
 
 def joints_of(log: Log, names: Sequence[str]) -> list[int]:
-    """Numbers of the log's joints in the order of an arm's, by name.
+    """Indices of the log's joints in the order of an arm's, by name.
 
     Raises:
         LogError: the log has not all joints of the arm.   IdentificationError: it has no positions of one.
@@ -187,7 +187,7 @@ def joints_of(log: Log, names: Sequence[str]) -> list[int]:
 
 
 def torque_source(log: Log) -> str:
-    """The signal that motor torques come from: "tau", else "current", else "voltage".
+    """The signal used for motor torques: "tau", else "current", else "voltage".
 
     Raises:
         IdentificationError: the log has none of them.
@@ -195,12 +195,12 @@ def torque_source(log: Log) -> str:
     for name in ("tau", "current", "voltage"):
         if name in log.layout:
             return name
-    expected = "a torque, current or voltage: without one no mass can be told"
+    expected = "a torque, current or voltage: without one no mass can be identified"
     raise IdentificationError("no torques", place="signals", expected=expected, file=log.path)
 
 
 def check_efforts(log: Log, names: Sequence[str], runs: Sequence[str]) -> None:
-    """Refuses a joint that moves while its torque, current or voltage never changes: an offset alone would explain it.
+    """Refuses a joint that moves with a constant torque, current or voltage: an offset alone would explain it.
 
     Raises:
         IdentificationError: with the joint.

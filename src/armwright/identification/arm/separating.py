@@ -1,4 +1,4 @@
-"""Motions that would show what a log does not: candidates are tried, and the best is said in words."""
+"""Further motions that would make parameters identifiable: candidates are simulated, and the best is described in words."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ MOST_SENTENCES = 6
 
 
 def sentences(fit: ArmFit, samples: Iterable[Samples]) -> list[str]:
-    """Directions that the log shows weakly, the weakest first, each with the motion that would show it.
+    """Weakly identifiable directions, the weakest first, each with the motion that would identify it.
 
     Args:
         fit: of the log.   samples: of it, for the poses that were used.
@@ -43,7 +43,7 @@ def _remedy(fit: ArmFit, vector: np.ndarray, candidates: dict[str, np.ndarray]) 
 
 
 def motions(fit: ArmFit, samples: Iterable[Samples]) -> dict[str, np.ndarray]:
-    """Candidates in words with their weighted rows (m, b), as many as the log has: the same motion with a joint elsewhere, and
+    """Candidate motions in words with weighted rows (m, b), as many as in the log: the same motion with a joint elsewhere, and
     a joint that swings while the others rest.
     """
     seen = _thinned(samples)

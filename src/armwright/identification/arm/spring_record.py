@@ -1,4 +1,4 @@
-"""Springs and counterbalances of a fit as a joint's spring in the record: a line, or a table over the position."""
+"""Springs and counterbalances of a fit as a joint's spring in the record: linear, or a table over the position."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ POINTS = 73  # of a table over a turn: its straight lines are off by 0.1 % of a 
 
 
 def spring_keys(body: Body, values: Mapping[str, float], key: str) -> tuple[dict[str, Any], str | None]:
-    """The joint's spring with what was fitted added to the one that it has.
+    """The joint's spring with the fitted one added.
 
     A stiffness alone is a line. With a counterbalance, or beside a table, the sum is a table over a turn and the joint's range.
     The fitted spring rests at 0: what it holds there is part of the constant torque in the friction.

@@ -1,4 +1,4 @@
-"""Linear model of an arm's motor torques: which parameters a log of torques can tell, and the column of each.
+"""Linear model of an arm's motor torques: the parameters identifiable from torques, and the column of each.
 
 With B the motors' speeds by the joints' (w = B q̇, `actuators.coupling`) and π the inertial parameters of all links,
 
@@ -149,7 +149,7 @@ class TorqueModel:
         return rows_of(self.dyn, self.columns, q, qd, qdd)
 
     def known_torques(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
-        """Torques (rows, n) [N m | N] that are not fitted, in states of these q, q̇, q̈: of the record's springs."""
+        """Torques (rows, n) [N m | N] that are not fitted, at states q, q̇, q̈: those of the record's springs."""
         return self.dyn.spring_torques(q) if self.sprung else np.zeros_like(q)
 
 
@@ -244,7 +244,7 @@ def _inertial(arm: Model) -> list[Column]:
 
 
 def _shares(arm: Model, gears: np.ndarray | None) -> list[list[tuple[int, float]]]:
-    """For every motor the other joints that turn it and their shares: rows of B - 1."""
+    """For every motor, the other joints that it turns and their shares: rows of B - 1."""
     if gears is None or any(body.drive.coupling for body in arm.coordinates):
         return [[(j, float(share)) for j, share in row] for row in shares_of(arm)]
     gears = np.asarray(gears, dtype=float)
@@ -336,7 +336,7 @@ def _of_joint(dyn: CompiledArm, columns: Sequence[Column]) -> np.ndarray:
 
 
 def random_states(arm: Model, count: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Random q, q̇, q̈, each (count, n), of a few units: they excite all that the arm's structure can tell.
+    """Random q, q̇, q̈, each (count, n), of a few units, which excite all identifiable parameters.
 
     Args:
         arm: its number of joints counts.   count: how many.   seed: of the generator.

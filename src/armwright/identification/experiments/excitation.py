@@ -79,7 +79,7 @@ class Excitation:
 
     @property
     def margins(self) -> dict[str, np.ndarray]:
-        """By quantity (n,) part of each joint's limit that is left."""
+        """By quantity (n,) unused share of each joint's limit."""
         return {name: 1.0 - part for name, part in self.used.items()}
 
     def states(self, rate: float = RATE) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -259,14 +259,14 @@ class Problem:
         return self.columns.information(*self.states(x, count)) / count
 
     def value(self, x: np.ndarray, criterion: Criterion, scaling: Scaling) -> float:
-        """What is minimised, on the dense grid."""
+        """Objective of the optimisation, on the dense grid."""
         information = self.information(x)
         return (
             condition_number(information, scaling) if criterion == "condition" else -np.linalg.slogdet(information)[1]
         )
 
     def solved(self, generator: np.random.Generator, criterion: Criterion, scaling: Scaling) -> np.ndarray | None:
-        """The best x from a random start; None without a motion within the limits."""
+        """The best x from a random start; None if no motion is within the limits."""
         solver, bounds = self._solver(criterion, scaling)
         drawn = [self.random(generator) for _ in range(DRAWN)]
         x = min(drawn, key=lambda each: self.value(each, criterion, scaling))
@@ -291,7 +291,7 @@ class Problem:
         return self.limits.used(q, qd, qdd), self.limits.outside_box(q)
 
     def possible_swing(self, x: np.ndarray) -> np.ndarray:
-        """(n,) part of each joint's swing about its centre, at most 1, that keeps position, speed and acceleration in limits."""
+        """(n,) share of each joint's swing about its centre, at most 1, that keeps position, speed and acceleration limits."""
         q, qd, qdd = self.states(x, DENSER * self.samples)
         limits, centre = self.limits, x.reshape(len(self.scale), -1)[:, 0] * self.scale
         tiny = np.finfo(float).tiny
@@ -304,7 +304,7 @@ class Problem:
         ])  # fmt: skip
 
     def swung(self, x: np.ndarray, part: np.ndarray) -> np.ndarray:
-        """x with parts (n,) of the joints' swings about their centres."""
+        """x with shares (n,) of the joints' swings about their centres."""
         rows = x.reshape(len(self.scale), -1).copy()
         rows[:, 1:] *= part[:, None]
         return rows.ravel()

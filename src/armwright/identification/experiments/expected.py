@@ -1,4 +1,4 @@
-"""What an experiment would tell, before anyone runs it: expected standard deviations, and directions that it separates.
+"""Expected result of an experiment, before it is run: standard deviations, and separable directions.
 
 With Jacobian J of what is measured by the parameters, and noise of standard deviation σ, the Fisher information is
 I = Σ JᵀJ / σ², and no unbiased estimate has a covariance below I⁻¹ (Cramér and Rao). [Ljung1999]
@@ -32,7 +32,7 @@ RANGE, PERIODS, STATES = 0.6, 3.0, 200  # of a probing motion: part of the joint
 
 @dataclass(frozen=True, eq=False)
 class Expected:
-    """What an experiment would tell of parameters.
+    """Expected precision of an experiment for some parameters.
 
     Attributes:
         names: (p,) of the parameters.   values: (p,) of the record; NaN where it says nothing.   units: (p,).
@@ -46,17 +46,17 @@ class Expected:
 
     @property
     def std(self) -> np.ndarray:
-        """(p,) expected standard deviations; infinite where the experiment tells nothing of a parameter by itself."""
+        """(p,) expected standard deviations; infinite for a parameter that the experiment alone does not identify."""
         return deviations(self.information)
 
     @property
     def condition(self) -> float:
-        """Condition number of the Jacobian with columns of length 1; infinite where a direction is not seen."""
+        """Condition number of the Jacobian with columns of length 1; infinite if a direction is not observed."""
         values = np.linalg.eigvalsh(scaled(self.information, "columns"))
         return float(np.sqrt(values[-1] / values[0])) if values[0] > NOTHING * values[-1] else np.inf
 
     def weak(self) -> list[np.ndarray]:
-        """Directions (p,) in parameters that are told `WEAK` times worse than the best or not at all, the worst first.
+        """Directions (p,) in parameters with `WEAK` times the best direction's deviation or unidentifiable, the worst first.
 
         In units of each parameter's deviation if all others were known.
         """
@@ -76,7 +76,7 @@ class Comparison:
 
     @property
     def best(self) -> str:
-        """Name of the experiment with the smallest mean logarithm of deviations; of those that tell everything, if any."""
+        """Name of the experiment with the smallest mean log deviation, if possible of those that identify everything."""
 
         def rank(name: str) -> tuple[int, float]:
             std = self.experiments[name].std
@@ -104,7 +104,7 @@ class Comparison:
 def _deviation(expected: Expected, k: int) -> str:
     std, value = expected.std[k], expected.values[k]
     if np.isinf(std):
-        return "not told"
+        return "not identifiable"
     part = f" {abs(std / value):.2%}" if np.isfinite(value) and value != 0 and abs(std / value) < 10 else ""
     return f"{std:.2g}{part}"
 
@@ -114,7 +114,7 @@ def _number(value: float) -> str:
 
 
 def deviations(information: np.ndarray) -> np.ndarray:
-    """(p,) standard deviations from an information (p, p); infinite where a parameter takes part in an unseen direction."""
+    """(p,) standard deviations from an information (p, p); infinite for a parameter with a part in an unobserved direction."""
     lengths = column_norms(information)
     values, vectors = np.linalg.eigh(scaled(information, "columns"))
     seen = values > NOTHING * max(values[-1], np.finfo(float).tiny)
@@ -124,7 +124,7 @@ def deviations(information: np.ndarray) -> np.ndarray:
 
 
 def weak_directions(information: np.ndarray) -> list[np.ndarray]:
-    """Directions (p,) of the scaled information that are told `WEAK` times worse than the best, the worst first.
+    """Directions (p,) of the scaled information with `WEAK` times the best direction's deviation, the worst first.
 
     Parameters that change nothing that is measured come first, each for itself; then eigenvectors of the others.
     """
@@ -150,7 +150,7 @@ def _named(direction: np.ndarray, names: Sequence[str]) -> str:
 def experiments_that_separate(
     names: Sequence[str], information: np.ndarray, candidates: Mapping[str, np.ndarray]
 ) -> tuple[str, ...]:
-    """Sentences: parameters that a log cannot tell apart, and which experiment beside it would.
+    """Sentences: parameters that a log does not distinguish, and the further experiment that would.
 
     Args:
         names: (p,) of the parameters.   information: (p, p) of the log.
@@ -170,7 +170,7 @@ def experiments_that_separate(
         before = max(float(change @ information @ change), 0.0)
         gains = {name: float(change @ each @ change) for name, each in candidates.items()}
         name = max(gains, key=lambda each: gains[each], default="")
-        head = f"{what} {'cannot be told apart with' if several else 'is not told by'} this log"
+        head = f"{what} {'cannot be distinguished with' if several else 'cannot be identified from'} this log"
         if not name or gains[name] <= max((BETTER**2 - 1.0) * before, 0.0):
             remarks.append(f"{head}, and no other experiment that was compared would do much better")
         elif before <= NOTHING * gains[name]:
@@ -184,7 +184,7 @@ def experiments_that_separate(
 
 
 def joints_that_separate(regressor: BaseRegressor, information: np.ndarray, rows: int) -> tuple[str, ...]:
-    """Sentences: base parameters that a motion tells badly, and the joint whose motion would tell them.
+    """Sentences: base parameters that a motion identifies badly, and the joint whose motion would identify them.
 
     For every joint a probing motion is compared, over part of its range, the others standing in three poses.
 
@@ -199,7 +199,7 @@ def joints_that_separate(regressor: BaseRegressor, information: np.ndarray, rows
 
 
 def probe(regressor: BaseRegressor, joint: int, rows: int) -> np.ndarray:
-    """Information (p, p) of `rows` instants at which one joint moves to and fro, the others standing in three poses."""
+    """Information (p, p) of `rows` instants of one joint moving to and fro, the others fixed in three poses."""
     arm = regressor.model.arm
     bounds = np.array([body.limits.position for body in arm.coordinates], dtype=float)
     bounds = np.where(np.isfinite(bounds), bounds, [-np.pi, np.pi])
@@ -227,7 +227,7 @@ def compare_experiments(
     rate: float = 100.0,
     drives: Sequence[str] = DRIVES,
 ) -> Comparison:
-    """What several experiments would tell, side by side, before one is run.
+    """Expected precision of several experiments, side by side, before any is run.
 
     A candidate is a `Scenario`: its signals are simulated with their sensitivities. Or, with `arm`, a motion such as `Fourier`
     or the result of `design_excitation`: the torques along it tell the arm's base parameters.

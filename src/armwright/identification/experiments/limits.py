@@ -1,4 +1,4 @@
-"""Limits of a designed motion, and how much of them a motion uses."""
+"""Limits of a designed motion, and the share of them that a motion uses."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ MOTION = ("position", "velocity", "acceleration")
 
 @dataclass(frozen=True, eq=False)
 class ExcitationLimits:
-    """Limits that a designed motion has to keep, with the model that checks them; infinite where there is none.
+    """Limits for a designed motion, with the model that checks them; infinite if absent.
 
     Attributes:
         arm: the model.   low, high: (n,) positions.
@@ -55,15 +55,15 @@ class ExcitationLimits:
 
     @property
     def used_names(self) -> tuple[str, ...]:
-        """Names of what `used` gives."""
+        """Names of the quantities of `used`."""
         return ("position", *self.most)
 
     def bounded(self, quantity: str) -> np.ndarray:
-        """(n,) bool: the joint has a limit of that quantity."""
+        """(n,) True for a joint with a limit of that quantity."""
         return np.isfinite(self.most[quantity])
 
     def used(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> dict[str, np.ndarray]:
-        """By quantity (n,) the largest part of its limit that a motion uses, 1: all of it; NaN without a limit.
+        """By quantity (n,) the largest share of its limit that a motion uses, 1: all of it; NaN without a limit.
 
         Args:
             q, qd, qdd: (rows, n) states of the motion.
@@ -83,7 +83,7 @@ class ExcitationLimits:
         return found
 
     def outside_box(self, q: np.ndarray) -> float:
-        """How far the tip leaves the box [m]; 0 inside."""
+        """Distance of the tip from the box [m]; 0 inside."""
         if not self.has_box:
             return 0.0
         tip = self.dyn.forward_kinematics(q)[:, :3, 3]
@@ -91,7 +91,7 @@ class ExcitationLimits:
 
 
 def excitation_limits(arm: Model, box: Any = None, **given: Any) -> ExcitationLimits:
-    """Limits of the record, or those that are given.
+    """Limits for a designed motion: those of the record, or the given ones.
 
     Args:
         arm: the model.   box: (2, 3) lowest and highest x, y, z of the tip in base axes [m]; infinite where free.
@@ -162,7 +162,7 @@ def _numbers(quantity: str, value: Any, n: int) -> np.ndarray:
 
 
 def _drop_unknown(arm: Model, most: dict[str, np.ndarray], given: dict[str, Any], reasons: list[str]) -> None:
-    """Leaves torque and voltage limits away where the record cannot say what a motion takes, and tells why."""
+    """Removes torque and voltage limits that the record is not complete enough to check, and says why."""
     massless = bool(arm.without_masses) or not np.asarray(arm.inertial_parameters, dtype=float).any()
     drives = [body.drive for body in arm.coordinates]
     dark = [

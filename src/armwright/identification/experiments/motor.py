@@ -35,7 +35,7 @@ OUT_OF_ZONE = 2.0  # times the dead zone that a command must reach at least
 
 @dataclass(frozen=True)
 class MotorGuess:
-    """A coarse first guess of a motor with its load, and what must not be exceeded.
+    """A coarse first guess of a motor with its load, and its limits.
 
     Args:
         gain: steady speed for a command beyond the dead zone [rad/s per unit of the command].   time_constant: T [s].
@@ -71,7 +71,7 @@ class MotorGuess:
 
     @classmethod
     def of(cls, arm: Model, joint: str | None = None, q: object = None, most: float | None = None) -> MotorGuess:
-        """The guess that a record gives for one joint's voltage, the others at rest.
+        """The guess from a record for one joint's voltage, the others at rest.
 
         gain = 1 / (n Ke),  T = R J / (n² Kt Ke),  J the joint's entry of the mass matrix,
         dead zone = R Fc / (n Kt) + that of the stage.
@@ -114,7 +114,7 @@ class MotorGuess:
         return 1.0 / (2.0 * np.pi * self.time_constant)
 
     def response(self, values: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray]:
-        """Speed and angle (k + 1,) that the guess predicts for commands (k,) held for `period` [s] each."""
+        """Predicted speed and angle (k + 1,) for commands (k,) held for `period` [s] each."""
         beyond = np.sign(values) * np.maximum(np.abs(values) - self.dead_zone, 0.0)
         decay = np.exp(-period / self.time_constant)
         speed = np.concatenate([[0.0], signal.lfilter([1.0 - decay], [1.0, -decay], self.gain * beyond)])
@@ -125,7 +125,7 @@ class MotorGuess:
 
 @dataclass(frozen=True, eq=False)
 class MotorExperiment:
-    """A command over time, one value held for each period.
+    """A command over time, one value for each period.
 
     Attributes:
         kind: "step", "staircase", "prbs", "multisine" or "chirp".   guess: that it was sized from.
@@ -140,27 +140,27 @@ class MotorExperiment:
 
     @property
     def times(self) -> np.ndarray:
-        """(k,) [s] from which on each value holds."""
+        """(k,) [s] start time of each value."""
         return np.arange(len(self.values)) * self.period
 
     @property
     def duration(self) -> float:
-        """[s]."""
+        """Duration [s]."""
         return len(self.values) * self.period
 
     @property
     def crest(self) -> float:
-        """Peak by RMS."""
+        """Crest factor: peak divided by RMS."""
         return float(np.abs(self.values).max() / np.sqrt(np.mean(self.values**2)))
 
     @property
     def schedule(self) -> Schedule:
-        """The command as `Scenario(command=…)` takes it; rows only where it changes."""
+        """The command for `Scenario(command=…)`; rows only at changes."""
         changed = np.concatenate([[True], np.diff(self.values) != 0.0])
         return Schedule(self.times[changed], self.values[changed][:, None], (self.guess.joint,))
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Writes it as CSV: t and the command, a row for every period, as `read_schedule` reads it.
+        """Writes the experiment as CSV: t and the command, a row for every period, as `read_schedule` reads it.
 
         Raises:
             OutputError: the file cannot be written.
@@ -175,7 +175,7 @@ class MotorExperiment:
 
 
 def motor_experiment(kind: str, guess: MotorGuess, *, sample: float = 1e-3, seed: int = 0) -> MotorExperiment:
-    """An experiment that identifies a motor, as large as its limits allow by the guess.
+    """An experiment that identifies a motor, as large as the limits of the guess allow.
 
     "step": up, back to zero, down, and back, each for 5 T: gain, time constant, delay. "staircase": 8 levels up and down
     either way, each for 5 T: the static curve, dead zone and friction. "prbs": a maximum-length sequence with a clock of T / 3:
@@ -201,8 +201,8 @@ def motor_experiment(kind: str, guess: MotorGuess, *, sample: float = 1e-3, seed
     shape, period, reasons = KINDS[kind](guess, sample, seed)
     size, bound = _size(kind, guess, shape, period)
     values = size * shape
-    told = f"as large as {bound} allows: {size:.4g} {guess.unit}"
-    return MotorExperiment(kind, guess, period, values, (*reasons, told))
+    reason = f"as large as {bound} allows: {size:.4g} {guess.unit}"
+    return MotorExperiment(kind, guess, period, values, (*reasons, reason))
 
 
 def _size(kind: str, guess: MotorGuess, shape: np.ndarray, period: float) -> tuple[float, str]:
@@ -247,7 +247,7 @@ def _steps(levels: np.ndarray, guess: MotorGuess, sample: float, reason: str) ->
 
 
 def step_shape(guess: MotorGuess, sample: float, _seed: int) -> Shaped:
-    """0, up, 0, down, 0."""
+    """Shape of a step experiment: 0, up, 0, down, 0."""
     return _steps(
         np.array([0.0, 1.0, 0.0, -1.0, 0.0]),
         guess,
@@ -308,7 +308,7 @@ def _sum_of_sines(harmonics: np.ndarray, phases: np.ndarray, count: int) -> np.n
 
 
 def chirp_shape(guess: MotorGuess, sample: float, _seed: int) -> Shaped:
-    """A sine whose frequency grows in proportion to itself."""
+    """A sine with an exponentially growing frequency."""
     lowest, highest = SLOWEST * guess.corner_hz, FASTEST * guess.corner_hz
     period = _held(guess.time_constant / FINEST, sample)
     duration = SWEEP / lowest

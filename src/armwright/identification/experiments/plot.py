@@ -21,7 +21,7 @@ ENDINGS = (".png", ".svg", ".pdf")
 
 
 def check_experiment_plot(path: str | os.PathLike[str]) -> None:
-    """Refuses a path where `plot_experiment` could not write.
+    """Refuses a path to which `plot_experiment` cannot write.
 
     Raises:
         OutputError: an unknown ending, a missing folder, no permission.
@@ -30,7 +30,7 @@ def check_experiment_plot(path: str | os.PathLike[str]) -> None:
 
 
 def plot_experiment(experiment: Excitation | MotorExperiment, path: str | os.PathLike[str]) -> None:
-    """Writes a picture: of a motion every quantity in parts of its limit; of a command its values and its spectrum.
+    """Writes a picture: for a motion every quantity relative to its limit; for a command its values and its spectrum.
 
     Args:
         experiment: of `design_excitation` or `motor_experiment`.   path: ending in .png, .svg or .pdf.
@@ -44,7 +44,7 @@ def plot_experiment(experiment: Excitation | MotorExperiment, path: str | os.Pat
 
 
 def draw_motion(excitation: Excitation) -> Figure:
-    """Positions, then speeds, accelerations, torques and voltages in parts of their limits where they have one."""
+    """Positions, then speeds, accelerations, torques and voltages, relative to their limits if they have any."""
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 

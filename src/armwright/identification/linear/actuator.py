@@ -1,4 +1,4 @@
-"""An identified model between a controller and the arm: an amplifier or a torque loop as a log has shown it."""
+"""An identified model between a controller and the arm: an amplifier or a torque loop."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ SAME = 1e-6  # relative difference of two periods
 
 @dataclass(frozen=True, eq=False)
 class IdentifiedActuator(Wrapper):
-    """The inner command of every joint as an identified model passes it on:  x' = A x + B u,  y = C x + D u + offset.
+    """Inner commands of every joint passed through an identified model:  x' = A x + B u,  y = C x + D u + offset.
 
     One model serves all joints, each with a state of its own; it begins at rest at the commands that were in force.
 
@@ -53,7 +53,7 @@ class IdentifiedActuator(Wrapper):
         return super().configure(arm, period)
 
     def memory(self, arm: Model, y: Measurement) -> Array:
-        """States (order × n,) at rest, the outputs as applied; 0 for a model that has no rest."""
+        """Initial states (order × n,) at rest with the applied outputs; 0 for a model without a rest state."""
         order, gain = len(self.model.a), float(self.model.gain[0, 0])
         if gain == 0.0 or not np.isfinite(gain):
             return scalar.zeros(order * arm.n)

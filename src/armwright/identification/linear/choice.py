@@ -1,4 +1,4 @@
-"""Fit of a black-box model that is chosen by name, as the command line asks for it."""
+"""Fit of a black-box model chosen by name, for the command line."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ MODELS = (*FITS, "frequency")
 
 
 def check_model(model: str) -> None:
-    """Refuses a name that is no kind of model.
+    """Refuses an unknown kind of model.
 
     Raises:
         LogError: with the names that there are.
@@ -36,7 +36,7 @@ def fit_linear(
     output: str | None = None,
     joint: str | None = None,
 ) -> LinearModel | FrequencyResponse:
-    """A black-box model of a log by the name of its kind.
+    """A black-box model of a log, by the name of its kind.
 
     Args:
         log: with the runs to fit and to hold out.   model: "arx", "oe", "armax", "n4sid" or "frequency".

@@ -10,7 +10,7 @@ MOST_PAST = 30  # rows of the past in an autoregressive model of errors
 
 
 def covariance_of(fit: Fit) -> np.ndarray:
-    """Covariance (k, k) of the parameters:  (JᵀJ)⁻¹ Jᵀ R J (JᵀJ)⁻¹  with R that of the errors.
+    """Covariance (k, k) of the parameters:  (JᵀJ)⁻¹ Jᵀ R J (JᵀJ)⁻¹,  R the covariance of the errors.
 
     The errors of an OE model are whatever the plant's noise is: R then follows from an autoregressive model of them, and the
     intervals hold for coloured noise too [Ljung1999], section 9.4.

@@ -1,4 +1,4 @@
-"""Delays that the data cannot tell apart, as an interval around the chosen one."""
+"""Interval of delays that the data do not distinguish from the chosen one."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ FEWEST = 10  # rows for each parameter: with fewer the test's distribution does 
 
 
 def delay_interval(fit: Fit, stretches: Sequence[Stretch], initial: bool) -> tuple[int, int] | None:
-    """Smallest and largest delay [samples] of models that fit the data as well as the best one; None if rows are too few.
+    """Smallest and largest delay [samples] of models that fit the data as well as the best one; None for too few rows.
 
     Every delay d gets a model of the same poles and of as many coefficients of B, at least one for each pole: a sampled
     continuous system has that many, and its first ones may be lost in the noise. With S(d) the sum of squares and d* the best

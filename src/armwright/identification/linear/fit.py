@@ -183,7 +183,7 @@ def _result(
     condition = fit.condition
     if condition > SINGULAR:
         remarks.append(
-            f"the parameters cannot be told apart (condition {condition:.1g}): the order is too high for "
+            f"the parameters cannot be distinguished (condition {condition:.1g}): the order is too high for "
             "the input's frequencies, or for data without noise"
         )
         known = False
@@ -243,7 +243,7 @@ def _of_delays(delays: tuple[int, int] | None) -> list[str]:
     if delays is None or delays[0] == delays[1]:
         return []
     return [
-        f"the data cannot tell delays of {delays[0]} to {delays[1]} samples apart (95 %): "
+        f"the data do not distinguish delays of {delays[0]} to {delays[1]} samples (95 %): "
         "the first response is lost in the noise"
     ]
 

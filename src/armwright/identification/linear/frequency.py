@@ -42,7 +42,7 @@ class FrequencyResponse:
     sha256: str = ""
 
     def radius(self, level: float = 0.95) -> np.ndarray:
-        """Radius (k,) of the disc around H that holds the truth with this probability. [BendatPiersol2010], section 9.2."""
+        """Radius (k,) of the confidence disc around H at this probability. [BendatPiersol2010], section 9.2."""
         freedom = max(2.0 * self.averages - 2.0, 1.0)
         return self.std * np.sqrt(2.0 * f_distribution.ppf(level, 2, freedom))
 
@@ -136,7 +136,7 @@ def frequency_response(
 
 
 def closed_loop(method: str) -> str:
-    """The remark on data with feedback."""
+    """The remark on data recorded under feedback."""
     return (
         f"the input follows past disturbances of the output (closed loop): {method} needs an open loop and is biased "
         "here, towards the inverse of the controller; use ARMAX, or log an excitation that is added to the input"

@@ -1,4 +1,4 @@
-"""Models of continuous systems behind a hold and a dead time of whole samples: n poles and m zeros make B. [AstromWittenmark1997]
+"""Models of continuous systems behind a zero-order hold and a dead time of whole samples. [AstromWittenmark1997]
 
 The input is held from row to row. In time counted in samples the system
 
@@ -31,7 +31,7 @@ SLOWEST = 1e-6  # pole in s of a start that integrates
 
 @dataclass(frozen=True, eq=False)
 class Held:
-    """Fit of a held continuous system.
+    """Fit of a continuous system behind a zero-order hold.
 
     Attributes:
         fit: as one of A and a free B: its parameters, errors, derivatives.   zeros: m.   poles: (n,) p_1 … p_n.
@@ -48,7 +48,7 @@ class Held:
 
 
 def held_polynomials(p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A (…, n + 1) and, as rows k, B (…, n, n) of sᵏ / (sⁿ + p_1 sⁿ⁻¹ + … + p_n) with a held input, in powers of q⁻¹ from q⁻¹ on.
+    """A (…, n + 1) and, as rows k, B (…, n, n) of sᵏ / (sⁿ + p_1 sⁿ⁻¹ + … + p_n) behind a hold, in powers of q⁻¹ from q⁻¹ on.
 
     Args:
         p: (…, n), time counted in samples.
@@ -73,7 +73,7 @@ def held_polynomials(p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def best_held(near: Fit, stretches: Sequence[Stretch], skip: int, initial: bool) -> Held | None:
-    """The held system with as many poles as a fit and the lowest BIC over numbers of zeros and delays; None if none.
+    """The held system with the fit's number of poles and the lowest BIC over numbers of zeros and delays; None if none fits.
 
     Args:
         near: a fit of A and B; its poles and its delay are where the search begins.   stretches, skip, initial: as of it.
@@ -111,7 +111,7 @@ def _untried(orders: Orders, delay: int, skip: int, tried: dict[int, Held]) -> l
 def fit_held(
     orders: Orders, zeros: int, stretches: Sequence[Stretch], skip: int, initial: bool, poles: np.ndarray
 ) -> Held:
-    """Least squares fit of a held system of a delay.
+    """Least-squares fit of a held system with a given delay.
 
     Args:
         orders: numbers of poles and of noise, delay; as many coefficients of B as poles are taken.
@@ -166,7 +166,7 @@ def fit_held(
 
 
 def continuous(a: np.ndarray) -> np.ndarray:
-    """p (n,) of the continuous system with the poles of A (n + 1,); poles that no held system has are moved to where one has."""
+    """p (n,) of the continuous system with the poles of A (n + 1,); poles that a hold cannot produce are moved."""
     z = np.asarray(np.roots(a), dtype=complex)
     z = np.where((np.abs(np.imag(z)) < 1e-12) & (np.real(z) < FASTEST), np.maximum(np.abs(z), FASTEST), z)
     s = np.log(np.where(np.abs(z) < FASTEST, FASTEST, z))

@@ -1,4 +1,4 @@
-"""Least squares by Levenberg and Marquardt's method, with steps that a caller may forbid. [Marquardt1963]"""
+"""Least squares by Levenberg and Marquardt's method, with steps that the caller may reject. [Marquardt1963]"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Measures of how well a model's free simulation follows the measured outputs."""
+"""Measures of the agreement between a model's free simulation and the measured outputs."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ from armwright.identification.linear.subspace import initial_state
 
 @dataclass(frozen=True, eq=False)
 class LinearModel:
-    """A sampled linear model from a log, with its uncertainty and how well its free simulation follows the measured output.
+    """A sampled linear model from a log, with its uncertainty and the fit of its free simulation.
 
     Attributes:
         kind: "arx", "oe", "armax" or "n4sid".   period: [s].   delay: [samples], of all inputs.
@@ -151,7 +151,7 @@ class LinearModel:
         return control.tf(b, a, dt=self.period)
 
     def sensor(self, of: str, name: str, unit: str = "") -> FilteredSensor:
-        """The model as a sensor of a simulated loop, which shows a signal of the plant as this model passes it on.
+        """The model as a sensor of a simulated loop: a signal of the plant, filtered by the model.
 
         Args:
             of: what it is fed with, such as "qd" or "current".   name, unit: of what it gives.
@@ -161,7 +161,7 @@ class LinearModel:
         return FilteredSensor(self.state_space, of, name, unit or (self.output_units[0] if self.output_units else ""))
 
     def actuator(self, controller: Any) -> IdentifiedActuator:
-        """The controller of a simulated loop with this model behind it: the drives get its commands as this model passes them on.
+        """The controller of a simulated loop with its commands filtered by this model.
 
         Args:
             controller: any, whose commands have the unit of the model's input; the model's output has that of the drives.
@@ -171,7 +171,7 @@ class LinearModel:
         return IdentifiedActuator(controller, self.state_space)
 
     def estimate(self) -> Estimate:
-        """Gain, time constants, frequencies and damping as the result type of all fits; correlations are not known."""
+        """Gain, time constants, frequencies and damping as an `Estimate`; correlations are unknown."""
         chosen = self.quantities
         return Estimate(
             names=tuple(each.name for each in chosen),
@@ -203,7 +203,7 @@ class LinearModel:
 
 
 def _half_95(std: float) -> str:
-    """Half of a 95 % interval; "unknown" where rounding left no variance: the parameters cannot be told apart."""
+    """Half of a 95 % interval; "unknown" if rounding left no variance: the parameters are not distinguishable."""
     return f"{1.96 * std:.2g}" if std > 0.0 else "unknown"
 
 

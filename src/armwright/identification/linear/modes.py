@@ -11,7 +11,7 @@ SAME = 1e-9  # imaginary part of a root that is real
 
 @dataclass(frozen=True)
 class Quantity:
-    """A number that follows from a model: name, value, standard deviation, unit."""
+    """A quantity derived from a model: name, value, standard deviation, unit."""
 
     name: str
     value: float

@@ -35,7 +35,7 @@ BLOCKS = 10  # that the jackknife leaves out, one after the other
 
 @dataclass(frozen=True)
 class How:
-    """Choices of a subspace fit: rows of the horizon, weighting, and what is estimated beside A, B and C."""
+    """Options of a subspace fit: rows of the horizon, weighting, and what is estimated beside A, B and C."""
 
     rows: int
     weighting: Literal["cva", "moesp"]
@@ -44,7 +44,7 @@ class How:
     initial: bool
 
     def projection(self, stretches: Sequence[Stretch]) -> subspace.Projection:
-        """The projection of these rows."""
+        """The projection for these options."""
         return subspace.project(stretches, self.rows, self.weighting, self.offset)
 
 

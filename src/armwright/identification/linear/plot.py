@@ -27,7 +27,7 @@ MEASURED, MODEL = COLOURS[0], COLOURS[1]
 
 
 def check_linear_plot(path: str | os.PathLike[str]) -> None:
-    """Refuses a path where `plot_linear` could not write.
+    """Refuses a path to which `plot_linear` cannot write.
 
     Raises:
         OutputError: an unknown ending, a missing folder, no permission.

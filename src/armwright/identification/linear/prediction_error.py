@@ -132,7 +132,7 @@ def filtered(b: np.ndarray, a: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 
 def prediction_errors(model: Polynomials, each: Stretch, skip: int, initial: bool) -> np.ndarray:
-    """Errors e (rows - skip,) = [A y - B u - c] / C of one stretch, without what its initial state explains.
+    """Errors e (rows - skip,) = [A y - B u - c] / C of one stretch, with the effect of its initial state removed.
 
     Args:
         each: u and y (rows, 1).   skip: rows that serve as past only, at least `model.past`.
@@ -306,7 +306,7 @@ def estimate(
     begin: np.ndarray | None = None,
     further: Sequence[np.ndarray] = (),
 ) -> Fit:
-    """The best fit from several starts: a few steps from each, then on from the best.
+    """The best fit from several starts: a few steps from each, then to convergence from the best.
 
     Args:
         begin: the only start, where it is known to be near.   further: starts beside those of `starts`.

@@ -29,7 +29,7 @@ class Stretch:
 
 @dataclass(frozen=True, eq=False)
 class Records:
-    """Inputs and outputs to fit and to judge by.
+    """Inputs and outputs for fit and validation.
 
     Attributes:
         fit, hold_out: stretches.   period: [s] from row to row.   inputs, outputs: names.   input_units, output_units: of each.
@@ -48,11 +48,11 @@ class Records:
 
     @property
     def rows(self) -> int:
-        """Number of rows to fit."""
+        """Number of rows of the fit."""
         return sum(len(each.y) for each in self.fit)
 
     def delayed(self, delay: int) -> Records:
-        """The same with inputs `delay` rows later; the rows before the first such input are dropped."""
+        """The records with inputs `delay` rows later; rows before the first such input are dropped."""
         from dataclasses import replace
 
         def shift(each: Stretch) -> Stretch:
@@ -263,7 +263,7 @@ def _stretches(log: Log, run: LogRun, inputs: Any, outputs: Any) -> list[Stretch
 
 
 def check_variation(records: Records) -> None:
-    """Refuses signals that are constant in all rows to fit.
+    """Refuses constant signals.
 
     Raises:
         LogError: names the signal.

@@ -1,4 +1,4 @@
-"""Tests of what a model leaves: is it white, does it follow the input, does the input follow it (feedback)?"""
+"""Tests of a model's residuals: whiteness, correlation with the input, and feedback."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ CERTAIN = 1e-3  # probability below which chance is no explanation
 
 @dataclass(frozen=True)
 class Test:
-    """A statistic that is χ² with `lags` degrees of freedom where there is nothing to find, and its probability there."""
+    """A statistic, χ² with `lags` degrees of freedom under the null hypothesis, and its p-value."""
 
     statistic: float
     lags: int
@@ -80,7 +80,7 @@ def _whitened(values: np.ndarray, model: np.ndarray) -> np.ndarray:
 
 
 def feedback(stretches: Sequence[Stretch], delay: int) -> Test:
-    """Test of feedback: does the input follow what disturbed the output before? [Ljung1999], section 16.6.
+    """Test of feedback: correlation of the input with earlier disturbances of the output. [Ljung1999], section 16.6.
 
     The errors of a long ARX model are what came new into the output; without feedback no later input knows of them.
 

@@ -40,7 +40,7 @@ LARGEST_ORDER = 100
 
 @dataclass(frozen=True)
 class Candidate:
-    """One structure that was tried, with its criteria; lower is better.
+    """One structure with its criteria; lower is better.
 
     Attributes:
         orders: numbers of coefficients and delay.   aic, bic, fpe, mdl: of the errors that the structure minimises.
@@ -77,7 +77,7 @@ def criteria(cost: float, rows: int, count: int, variance: float = 1.0) -> dict[
 
 
 def first_response(stretches: Sequence[Stretch], most: int, least: int = 0) -> int:
-    """Delay [samples] at which an ARX model of many coefficients first answers significantly to its input.
+    """Delay [samples] at which an ARX model of many coefficients first responds significantly to its input.
 
     Args:
         stretches: one input, one output.   most: largest delay that is looked for.   least: smallest.
@@ -95,7 +95,7 @@ def first_response(stretches: Sequence[Stretch], most: int, least: int = 0) -> i
 def trimmed(
     orders: Orders, stretches: Sequence[Stretch], skip: int, initial: bool, further: Sequence[np.ndarray]
 ) -> Fit:
-    """A fit whose B has lost the coefficients at its ends that no criterion would pay for: t² < ln(rows)."""
+    """A fit without the end coefficients of B that no criterion justifies: t² < ln(rows)."""
     fit = estimate(orders, stretches, skip, initial, None, further)
     while fit.orders.nb > 1:
         now = fit.orders
@@ -115,7 +115,7 @@ def trimmed(
 
 
 def cross_validation(fit: Fit, stretches: Sequence[Stretch], skip: int, initial: bool) -> np.ndarray:
-    """Mean squares (folds,) of the free simulation's error on blocks of rows that the fit has not seen."""
+    """Mean squares (folds,) of the free simulation's error on held-out blocks of rows."""
     orders, errors = fit.orders, []
     parts_of_rows = folds(stretches, skip + 2 * orders.count)
     if not parts_of_rows:
@@ -132,13 +132,13 @@ def cross_validation(fit: Fit, stretches: Sequence[Stretch], skip: int, initial:
 
 
 def too_short() -> LogError:
-    """The error for rows that cannot be parted for a cross-validation."""
+    """The error for too few rows for a cross-validation."""
     expected = 'select="bic", which needs fewer, longer runs, or an order'
     return LogError("too few rows to hold blocks of them out", place="select", value="cv", expected=expected)
 
 
 def folds(stretches: Sequence[Stretch], shortest: int, count: int = FOLDS) -> list[tuple[list[Stretch], list[Stretch]]]:
-    """Stretches to fit and to judge by: every fold holds out one block of successive rows.
+    """Stretches for fit and validation: every fold holds out one block of successive rows.
 
     Args:
         shortest: rows below which a part is of no use and is left out.   count: of folds.
@@ -165,7 +165,7 @@ def selected(
     structure: Structure, stretches: Sequence[Stretch], order: int | None, delay: int | None, *, most_order: int,
     most_delay: int, constant: bool, initial: bool, by: Criterion,
 ) -> tuple[Orders, tuple[Candidate, ...]]:  # fmt: skip
-    """Order and delay of a structure, and all that was tried.
+    """Order and delay of a structure, and all candidates.
 
     Args:
         structure: "arx", "oe" or "armax".   order, delay: None: to be found.   most_order, most_delay: to be tried.
@@ -262,7 +262,7 @@ def _simplest(tried: Sequence[Candidate], scores: dict[Orders, np.ndarray], vari
 
 
 def checked_order(order: Any, numbers: int) -> int | tuple[int, ...] | None:
-    """None for "auto".
+    """The order as a number; None for "auto".
 
     Raises:
         LogError: no whole number from 1 on, nor a tuple of them.
@@ -281,7 +281,7 @@ def checked_order(order: Any, numbers: int) -> int | tuple[int, ...] | None:
 
 
 def check_options(delay: Any, by: Any, most_order: Any, most_delay: Any) -> None:
-    """Refuses a delay, a criterion or bounds of the search that are none.
+    """Refuses invalid delays, criteria and search bounds.
 
     Raises:
         LogError: names the option.

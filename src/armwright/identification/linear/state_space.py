@@ -1,4 +1,4 @@
-"""State-space form of a black-box model: simulation, conversion, and the same as a block of a simulated loop."""
+"""State-space form of a black-box model: simulation, conversion, and a block of a simulated loop."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ def realised(a: np.ndarray, b: np.ndarray, offset: float, period: float) -> Stat
 
 @dataclass(frozen=True, eq=False)
 class FilteredSensor:
-    """A sensor whose signal is the output of an identified model: y = C x + D u + offset with u a signal of the plant.
+    """A sensor whose signal is the output of an identified model: y = C x + D u + offset, with u a signal of the plant.
 
     One model serves all joints, each with a state of its own. The loop's period must be the model's, and the model has one input.
 
@@ -136,7 +136,7 @@ class FilteredSensor:
         ]
 
     def init(self, plant: Any) -> Array:
-        """States (order × n,) at rest with the first value of the signal as input, where the model has a rest; else 0."""
+        """States (order × n,) at rest with the first value of the signal as input; 0 for a model without a rest state."""
         order, u = len(self.model.a), _signal(plant, self.of)
         rest = np.linalg.lstsq(np.eye(order) - self.model.a, self.model.b[:, 0], rcond=None)[0]
         return (rest[:, None] * u).ravel()

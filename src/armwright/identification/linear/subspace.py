@@ -16,7 +16,7 @@ FAR = 1e-10  # singular values below this share of the largest are rounding
 
 @dataclass(frozen=True, eq=False)
 class Projection:
-    """Directions in the space of future outputs that past inputs and outputs tell, for every order at once.
+    """Directions of future outputs predictable from past inputs and outputs, for all orders at once.
 
     Attributes:
         observability: (horizon × outputs, k) columns scaled by the roots of the singular values.   singular: (k,) them.

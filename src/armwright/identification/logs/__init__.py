@@ -1,1 +1,1 @@
-"""Logs of measurements: what loggers wrote, as signals of joints in SI units, checked and prepared for fitting."""
+"""Logs of measurements: files of any logger as joint signals in SI units, checked and prepared for fitting."""

@@ -1,4 +1,4 @@
-"""Rows of a run, read from its files block by block: files in step, and those with a clock of their own interpolated."""
+"""Rows of a run, read from its files block by block; files with their own clock are interpolated."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Block:
 
 
 def run_blocks(log: Log, run: LogRun, rows: int) -> Iterator[Block]:
-    """Rows of a run with time and signals: the files in step, those with a clock of their own interpolated."""
+    """Rows of a run with time and signals, block by block; files with their own clock are interpolated."""
     tables = {key: open_table(path, log.table.files[key]) for key, path in run.paths.items()}
     try:
         yield from _blocks(log, run, tables, rows)

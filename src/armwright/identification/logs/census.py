@@ -1,4 +1,4 @@
-"""Census of a run: what one pass over its rows can count in bounded memory, and an excerpt for checks that need rows."""
+"""Census of a run: counts of one pass over its rows in bounded memory, and an excerpt for checks that need rows."""
 
 from __future__ import annotations
 
@@ -215,7 +215,7 @@ def _longest_step(period: float, resolution: float) -> float:
 
 
 def resolution_of(t: np.ndarray, period: float) -> float:
-    """Digit [s] that times (rows,) [s] were rounded to; 0 if it is fine beside the period, or the steps are all alike."""
+    """Digit [s] to which times (rows,) [s] were rounded; 0 if fine beside the period or without effect on the steps."""
     steps = np.diff(t)
     for digit in DIGITS if period else ():
         if digit <= COARSE * period:

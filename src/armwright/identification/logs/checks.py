@@ -1,4 +1,4 @@
-"""Checks of a log: each says what it found with numbers and place, and what that means.
+"""Checks of a log: each finding has numbers, place and consequence.
 
 | check        | what it looks at                                                                                        |
 |--------------|---------------------------------------------------------------------------------------------------------|
@@ -37,7 +37,7 @@ OF_MOTION: dict[str, Callable[[Log, Smoothed], Found]] = {"units": speeds, "dela
 
 
 def check_log(log: Log) -> list[Finding]:
-    """All findings about a log whose runs have their census."""
+    """All findings of the checks of a log with a census of its runs."""
     findings = []
     for run in log.runs:
         if run.census is None:
@@ -56,7 +56,7 @@ def check_log(log: Log) -> list[Finding]:
 
 
 def of_robot(log: Log, arm: Model) -> Log:
-    """A log with a robot that its file does not name, and with what the robot's gears and limits say of its rows.
+    """A log with a robot that its file does not name, and further findings from the robot's gears and limits.
 
     Raises:
         LogError: gears that are not the robot's, positions beyond its limits by a mistake that is known.

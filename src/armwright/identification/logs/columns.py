@@ -79,7 +79,7 @@ def _place_columns(
 
 
 def joint_numbers(signal: SignalTable, joints: tuple[str, ...], place: str) -> list[int]:
-    """Numbers of the joints whose columns a table has.
+    """Indices of the joints of a table's columns.
 
     Raises:
         LogError: an unknown joint, or one column too many or too few.
@@ -95,7 +95,7 @@ def joint_numbers(signal: SignalTable, joints: tuple[str, ...], place: str) -> l
 
 
 def unit_of(signal: SignalTable, table: MeasuredTable, place: str) -> str:
-    """The unit of a table's columns, from the file or from the header; where both state it they agree.
+    """The unit of a table's columns, from the file or from the header; the two must agree.
 
     Raises:
         LogError: none, two that differ, or one that the quantity does not have.
@@ -161,7 +161,7 @@ def to_joints(log: Log, signal: SignalTable, number: int) -> np.ndarray:
 
 
 def gears_of(arm: Model, joints: tuple[str, ...]) -> np.ndarray | None:
-    """(n, n) N of an arm's motors, θ_motor = N q, in the order of a log's joints; None where its record has no motors."""
+    """(n, n) N of an arm's motors, θ_motor = N q, in the order of a log's joints; None for a record without motors."""
     bodies = [body for body in arm.coordinates if body.joint in joints and _has_motor(body)]
     if not bodies:
         return None
@@ -176,7 +176,7 @@ def gears_of(arm: Model, joints: tuple[str, ...]) -> np.ndarray | None:
 
 
 def check_gears(log: Log, arm: Model) -> None:
-    """Refuses gears of a log's file that are not those of the arm's record.
+    """Refuses a log's gears that contradict the arm's record.
 
     Raises:
         LogError: with the joint and both rows of N.

@@ -30,7 +30,7 @@ class Delay:
 
 
 def delay_between(first: np.ndarray, second: np.ndarray) -> Delay | None:
-    """How far the second signal lags behind the first:  second(k) = gain · first(k − d) + offset.
+    """Delay of the second signal behind the first:  second(k) = gain · first(k − d) + offset.
 
     The largest cross-correlation says d to a sample; Gauss-Newton steps on the least squares problem, whose derivative with
     respect to d is −ḟirst, refine it; the standard deviation counts only as many independent residuals as their own correlation

@@ -22,7 +22,7 @@ RETURNED = 0.1  # distance by the motion that is a return
 
 
 def power(log: Log, smooth: Smoothed) -> Found:
-    """Work of the torques over the run, and voltages or currents that push against the motion."""
+    """Findings about the sign of torques, by their work over the run, and of voltages or currents against the motion."""
     if smooth.speeds and "tau" in smooth.values:
         yield from _work(log, smooth)
     for name in ("voltage", "current"):
@@ -62,7 +62,7 @@ def _work(log: Log, smooth: Smoothed) -> Found:
 
 
 def torque_delays(log: Log, smooth: Smoothed) -> Found:
-    """Torques and currents against the motion, by a model of each joint alone: inertia, friction, gravity, offset."""
+    """Findings about delays of torques and currents, by a model of each joint alone: inertia, friction, gravity, offset."""
     positions = dict(smooth.columns("q"))
     for name in ("tau", "current"):
         for j, effort in smooth.columns(name):
@@ -78,7 +78,7 @@ def torque_delays(log: Log, smooth: Smoothed) -> Found:
 
 
 def motion_delay(q: np.ndarray, effort: np.ndarray, period: float, sections: np.ndarray) -> Delay | None:
-    """Delay of a torque or current behind the motion, with which a model of the joint alone explains it best.
+    """Delay of a torque or current behind the motion with the best fit of a one-joint model.
 
     effort(k) ≈ a q̈ + b q̇ + c q̇/√(q̇² + v²) + d sin q + e cos q + f, all at k − d, least squares for each of 13 delays and a
     parabola through the smallest residuals. The right side passes the filter that the effort has passed: friction has jumps.

@@ -43,7 +43,7 @@ def error(what: str, place: str, expected: str = "") -> tuple[Level, Problem]:
 
 
 def warning(what: str, place: str, expected: str = "") -> tuple[Level, Problem]:
-    """A finding for which the numbers of a fit may be wrong."""
+    """A finding that may falsify the numbers of a fit."""
     return "warning", Problem(what, place, expected=expected)
 
 

@@ -128,22 +128,22 @@ class Log:
 
     @property
     def hold_out(self) -> tuple[str, ...]:
-        """Names of the runs that are kept for the verdict."""
+        """Names of the runs reserved for validation."""
         return tuple(run.name for run in self.runs if run.use == "hold-out")
 
     @property
     def held(self) -> frozenset[str]:
-        """Signals that hold their value until the next row, as commands do."""
+        """Signals that are constant until the next row, as commands are."""
         return frozenset(QUANTITIES[each.quantity].signal for each in self.table.signals if each.held)
 
     @property
     def errors(self) -> tuple[Finding, ...]:
-        """Findings for which the log cannot be used."""
+        """Findings that make the log unusable."""
         return tuple(each for each in self.findings if each.level == "error")
 
     @property
     def warnings(self) -> tuple[Finding, ...]:
-        """Findings for which the numbers of a fit may be wrong; every fit repeats them among its remarks."""
+        """Findings that may falsify the numbers of a fit; every fit repeats them among its remarks."""
         return tuple(each for each in self.findings if each.level == "warning")
 
     @property
@@ -163,7 +163,7 @@ class Log:
         return self.runs[0 if name is None else names.index(name)]
 
     def place(self, run: LogRun, signal: str, joint: int, row: int) -> str:
-        """A row in its reader's words: `file.csv:12`, or `row 11` where the file has a clock of its own.
+        """A row in the reader's words: `file.csv:12`, or `row 11` for a file with its own clock.
 
         Args:
             run: one of the log's.   signal: "time" or a name of the layout.   joint: its number.   row: from 0.

@@ -1,4 +1,4 @@
-"""`*.log.toml`: the records that check it. It maps columns of measured files to the signals of joints."""
+"""Records of a log file, `*.log.toml`, which maps columns of measured files to signals of joints."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ Numbers = Annotated[tuple[float, ...], Field(min_length=1), BeforeValidator(_lis
 
 
 class OwnTime(Record):
-    """Clock of one file, where it is not the log's: its signals are interpolated at the log's times."""
+    """Clock of one file, if it differs from the log's: its signals are interpolated at the log's times."""
 
     column: Column | None = Field(default=None, description="Name of the column, or its number from 1.")
     unit: Literal["s", "ms", "us", "µs", "ns", "min"] | None = Field(
@@ -65,13 +65,13 @@ class OwnTime(Record):
 
 
 class TimeTable(OwnTime):
-    """Sampling times: a column with its unit, or a constant rate where there is none."""
+    """Sampling times: a column with its unit, or a constant rate."""
 
     file: Text | None = Field(default=None, description="Key of the file that has the column; absent: the only one.")
 
 
 class FileTable(Record):
-    """A file of every run, and how its text is to be read."""
+    """A file of every run, and its text format."""
 
     path: Text | None = Field(default=None, description="In the run's folder; absent: each run names its own.")
     header: bool = Field(
@@ -90,7 +90,7 @@ class FileTable(Record):
 
 
 class RunTable(Record):
-    """One run, or several of the same kind in a folder each."""
+    """One run, or several of the same kind in separate folders."""
 
     name: Text | None = Field(default=None, description="What results call it; absent: its folder, or a number.")
     folder: Annotated[tuple[Text, ...], BeforeValidator(_listed)] = Field(
@@ -183,7 +183,7 @@ class SignalTable(Record):
                 yield Problem(what, name)
 
     def per_column(self, name: str, otherwise: float) -> np.ndarray:
-        """(columns,) the numbers of a key, of which one may stand for all."""
+        """(columns,) the numbers of a key; a single number is used for all columns."""
         values = getattr(self, name)
         return np.broadcast_to(np.array(otherwise if values is None else values, dtype=float), len(self.columns))
 
@@ -240,7 +240,7 @@ class LogTable(Record):
     )
 
     def contradictions(self) -> Iterator[Problem]:
-        """Joints that nothing names, keys of files that there are not, files without a path, two clocks."""
+        """Contradictions in the file: joints without columns, keys of undeclared files, files without a path, two clocks."""
         if self.robot is None and self.joints is None:
             yield Problem("missing", "joints", expected="names of the joints, or robot")
         if self.joints is not None and len(set(self.joints)) < len(self.joints):
@@ -267,5 +267,5 @@ class LogTable(Record):
             yield Problem("has a clock of its own", "time.file", expected="a file without [files.KEY.time]")
 
     def only(self, key: str | None) -> str:
-        """A file's key, that of the only one where it is absent."""
+        """A file's key; if absent, that of the only file."""
         return next(iter(self.files)) if key is None else key

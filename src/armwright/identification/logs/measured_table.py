@@ -15,7 +15,7 @@ from armwright.results.tables import WITH_UNIT
 
 
 class MeasuredTable(ABC):
-    """A file whose columns are read in blocks of rows.
+    """A file that is read by columns, in blocks of rows.
 
     Attributes:
         path: of the file.   names: of all columns, without units; () where columns have numbers only.
@@ -38,11 +38,11 @@ class MeasuredTable(ABC):
         """
 
     def place(self, row: int) -> str:
-        """A row of the file in its reader's words, rows from 0."""
+        """A row of the file in the reader's words, rows from 0."""
         return f"{self.path} row {row + 1}"
 
     def unit(self, column: int | str) -> str | None:
-        """The unit that the header states of a column; None if absent."""
+        """The unit of a column in the header; None if absent."""
         return self.units.get(self._name(column))
 
     def _name(self, column: int | str) -> str:
@@ -71,7 +71,7 @@ class MeasuredTable(ABC):
 
 
 class as_log_error:
-    """Errors of the libraries that parse Parquet and MCAP, as ours."""
+    """Converts errors of the Parquet and MCAP libraries into `LogError`."""
 
     def __init__(self, path: Path):
         self.path = path

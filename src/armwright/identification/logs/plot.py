@@ -26,7 +26,7 @@ FAINT = 0.35  # opacity of what was logged, behind what was prepared
 
 
 def check_log_plot(path: str | os.PathLike[str]) -> None:
-    """Refuses a path where `plot_log` could not write.
+    """Refuses a path to which `plot_log` cannot write.
 
     Raises:
         OutputError: an unknown ending, a missing folder, no permission.
@@ -37,7 +37,7 @@ def check_log_plot(path: str | os.PathLike[str]) -> None:
 def plot_log(
     log: Log, path: str | os.PathLike[str], run: str | None = None, preparation: Preparation | None = None
 ) -> None:
-    """Writes a picture of a run: left every signal over time, right its spectrum; faint as logged, full as prepared.
+    """Writes a picture of a run: every signal over time on the left, its spectrum on the right; pale as logged, dark as prepared.
 
     The spectra are those of the excerpt with the most motion. A dashed line is the cut-off.
 

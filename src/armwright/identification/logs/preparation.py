@@ -1,4 +1,4 @@
-"""Choice of a zero-phase low-pass, of a way of differentiation and of a decimation for a run of a log, in words.
+"""Choice of zero-phase low-pass, differentiation and decimation for a run of a log, with reasons in words.
 
 All signals of a run pass the same filter, a Butterworth low-pass run forward and backward: it shifts
 nothing in time, and a linear relation between signals (torque = regressor · parameters) holds between the filtered ones too.
@@ -36,7 +36,7 @@ Differentiation = Literal["central", "savgol", "three rows"]
 
 @dataclass(frozen=True)
 class Preparation:
-    """Choices of `prepare_log`, made by `choose_preparation` or by hand.
+    """Choices for `prepare_log`, made by `choose_preparation` or by hand.
 
     Attributes:
         cutoff: of the low-pass, where amplitudes are halved, in Hz.   order: of the Butterworth filter, which runs twice.
@@ -60,7 +60,7 @@ class Preparation:
 
     @property
     def of_motion(self) -> Preparation:
-        """The wider low-pass of a motion on which a model is evaluated, before its torques pass this one.
+        """The wider low-pass for the motion at which a model is evaluated; its torques then pass this one.
 
         The rows that it keeps are those that this one keeps and some between; fewer are dropped at either end.
         """
@@ -189,6 +189,6 @@ def low_pass(order: int, cutoff: float, rate: float) -> np.ndarray:
 
 
 def settling(sections: np.ndarray, left: float) -> int:
-    """Rows after which a share `left` of a disturbance is left: ln(left) / ln(largest pole's magnitude)."""
+    """Number of rows after which a share `left` of a disturbance remains: ln(left) / ln(largest pole's magnitude)."""
     poles = np.concatenate([np.roots(section[3:]) for section in sections])
     return ceil(log(left) / log(max(float(np.abs(poles).max()), 1e-3)))

@@ -137,7 +137,7 @@ def _around_rows(values: np.ndarray) -> np.ndarray:
 
 
 def resting_speeds(log: Log, run: str) -> np.ndarray:
-    """Speeds (joints,) [rad/s | m/s] below which a joint is at rest in a run: their signs are those of noise and rounding.
+    """Speeds (joints,) [rad/s | m/s] below which a joint counts as at rest in a run: noise and rounding decide their signs.
 
     0 for joints without positions.
     """
@@ -174,7 +174,7 @@ def _derivative(values: np.ndarray, period: float, order: int, preparation: Prep
 
 
 class _Rows:
-    """Rows of a run by number; those before the last ones asked for are forgotten."""
+    """Rows of a run by number; rows long before the last request are dropped."""
 
     def __init__(self, log: Log, run: str):
         self.log, census = log, log.run(run).census
@@ -185,7 +185,7 @@ class _Rows:
         self._values: dict[str, np.ndarray] = {}
 
     def rows(self, begin: int, end: int) -> tuple[np.ndarray, Mapping[str, np.ndarray]]:
-        """Times and signals of rows `begin` to `end`; `begin` never goes back by more than was asked for before."""
+        """Times and signals of rows `begin` to `end`; `begin` may go back only a limited distance."""
         while self._begin + len(self._t) < end:
             block = next(self._blocks)
             self._drop(begin)

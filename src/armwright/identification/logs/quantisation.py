@@ -1,4 +1,4 @@
-"""Steps of quantised signals: encoder counts, current converters, speeds that are differences of counts."""
+"""Steps of quantised signals: encoder counts, current converters, differenced counts."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ MOST_LEVELS = 100_000  # between the extremes; a finer grid is none
 
 
 def quantisation_step(values: np.ndarray) -> float | None:
-    """The largest step of which all differences between values are whole multiples; None if there is none.
+    """The largest step such that all differences between values are whole multiples of it; None if absent.
 
     The smallest difference between values is refined by the larger ones, which say the step to more digits.
 

@@ -1,4 +1,4 @@
-"""Logs read from their files: a `*.log.toml`, the robot that it names, the measured files of every run, and the checks."""
+"""Reading of logs: a `*.log.toml`, its robot, the measured files of every run, and the checks."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def read_log(
     on_error: Literal["raise", "keep"] = "raise",
     progress: Callable[[int, int], object] | None = None,
 ) -> Log:
-    """A log of measurements, read once from beginning to end and checked.
+    """A log of measurements, read once completely and checked.
 
     Args:
         path: of the `*.log.toml` that maps columns of files to signals of joints.
@@ -76,7 +76,7 @@ def read_log(
 
 
 def open_log(path: str | os.PathLike[str]) -> Log:
-    """A log whose file is checked and whose rows are not read yet.
+    """A log with a checked file and unread rows.
 
     Raises:
         LogError, DescriptionError: as `read_log`.

@@ -1,4 +1,4 @@
-"""Checks of single rows and cells of a log: its clock, its columns, and whether anything moves."""
+"""Checks of single rows and cells of a log: its clock, its columns, and its motion."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def _rows(places: Places) -> str:
 
 
 def clock(log: Log, run: LogRun, census: Census) -> Found:
-    """Time that goes backwards, is missing, repeats, has gaps, or is uneven."""
+    """Findings about time: backward steps, missing or repeated times, gaps, jitter."""
     rate = 1.0 / census.period
     if census.backwards.count:
         place = log.place(run, "time", 0, census.backwards.rows[0])
@@ -72,7 +72,7 @@ def _columns(log: Log, census: Census) -> Iterator[tuple[str, str, str, SignalCe
 
 
 def cells(log: Log, run: LogRun, census: Census) -> Found:
-    """Empty cells, constant and quantised columns, stays at an extreme, and rows that repeat."""
+    """Findings about cells: empty ones, constant and quantised columns, saturation, and repeated rows."""
     yield from _repeats(census)
     for name, place, unit, counted, k in _columns(log, census):
         if counted.missing[k].count:
@@ -146,7 +146,7 @@ def _clipped(column: np.ndarray, place: str, unit: str) -> Found:
 
 
 def motion(log: Log, run: LogRun, census: Census) -> Found:
-    """Logs without motion, without a force, or without a stretch that is long enough."""
+    """Findings about logs without motion, without a torque signal, or without a long enough stretch."""
     moving = [census.signals[name] for name in ("q", "qd") if name in census.signals]
     found = note if {"voltage", "current"} <= set(log.layout.names) else error  # of locked rotors, they tell R and L
     if not moving:

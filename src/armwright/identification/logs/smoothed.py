@@ -31,7 +31,7 @@ class Smoothed:
     sections: np.ndarray
 
     def columns(self, signal: str) -> Iterator[tuple[int, np.ndarray]]:
-        """(joint, column) of a signal, (rows,) each; none where it is not logged."""
+        """(joint, column) of a signal, (rows,) each; empty if not logged."""
         if signal in self.values:
             yield from zip(self.log.layout[signal].joints or (), self.values[signal].T, strict=True)
 
@@ -42,12 +42,12 @@ class Smoothed:
 
     @property
     def speeds(self) -> dict[int, np.ndarray]:
-        """Joint → speed (rows,), from positions where they are logged."""
+        """Joint → speed (rows,), differentiated from positions if these are logged."""
         return self.rates if "q" in self.values else dict(self.columns("qd"))
 
 
 def smoothed(log: Log, run: LogRun) -> Smoothed | None:
-    """The excerpt's longest part without gaps, all signals through one zero-phase low-pass; None where it is too short."""
+    """The excerpt's longest part without gaps, all signals through one zero-phase low-pass; None if too short."""
     census = run.census
     assert census is not None
     begin = census.excerpt_begin

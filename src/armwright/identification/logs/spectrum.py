@@ -1,4 +1,4 @@
-"""Spectra of logged signals, and the band of frequencies in which they are motion."""
+"""Spectra of logged signals, and the frequency band of the motion."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def spectrum(values: np.ndarray, rate: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def motion_band(values: np.ndarray, rate: float, derivatives: int) -> tuple[float, bool]:
-    """Frequency in Hz up to which a signal's accelerations are motion, and whether that is a valley of their spectrum.
+    """Highest frequency in Hz of the motion in a signal's accelerations, and True if it is a valley of their spectrum.
 
     Motion fades with frequency, while noise of positions grows with its fourth power in accelerations: the spectrum has a valley
     between the two. Where it has none, the band ends where the signal comes down to its noise floor. Gaps between the lines of a
@@ -74,7 +74,7 @@ def motion_band(values: np.ndarray, rate: float, derivatives: int) -> tuple[floa
 
 
 def highest_line(f: np.ndarray, power: np.ndarray, derivatives: int, least: float) -> float:
-    """Highest frequency in Hz of a line of the spectrum, as of a multisine, that has its part in the accelerations; 0: none.
+    """Highest frequency in Hz of a significant spectral line, as of a multisine; 0 without lines.
 
     A line is LINE times as high as the mean of the octave around it without its neighbours, and at least as high as noise.
 

@@ -1,4 +1,4 @@
-"""Measured files of several formats, read in blocks of rows so that a long log never stands in memory as a whole.
+"""Measured files of several formats, read in blocks of rows, so that long logs need little memory.
 
 | ending           | columns                                                                                   | needs  |
 |------------------|-------------------------------------------------------------------------------------------|--------|
@@ -32,7 +32,7 @@ FORMATS: dict[str, type[MeasuredTable]] = {
 
 
 def open_table(path: Path, table: FileTable) -> MeasuredTable:
-    """A measured file by its ending; its columns are known, its rows not read.
+    """A measured file, opened by its ending; its columns are known, its rows unread.
 
     Raises:
         LogError: no such file, an unknown ending, a format whose package is not installed.

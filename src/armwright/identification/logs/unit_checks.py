@@ -43,7 +43,7 @@ FACTORS = {  # speed / derivative of position → the mistake that makes it
 
 
 def limits(log: Log, run: LogRun, census: Census) -> Found:
-    """Positions against the arm's limits, or against what a joint can turn."""
+    """Findings about positions beyond the arm's limits, or beyond what a joint can turn."""
     if "q" not in log.layout:
         return
     signal = log.layout["q"]
@@ -68,7 +68,7 @@ def limits(log: Log, run: LogRun, census: Census) -> Found:
 
 
 def temperatures(log: Log, run: LogRun, census: Census) -> Found:
-    """Temperatures that no motor has."""
+    """Findings about implausible motor temperatures."""
     for k, joint in enumerate(log.layout["temperature"].joints or () if "temperature" in log.layout else ()):
         low, high = census.signals["temperature"].low[k], census.signals["temperature"].high[k]
         if low <= high and (low < COLDEST or high > HOTTEST):
@@ -79,7 +79,7 @@ def temperatures(log: Log, run: LogRun, census: Census) -> Found:
 
 
 def sizes(log: Log, run: LogRun, census: Census) -> Found:
-    """Currents, voltages and torques that no drive of an arm has, and rows too far apart to show a motion."""
+    """Findings about implausible currents, voltages and torques, and about rows too far apart to show a motion."""
     for quantity, most in LARGEST.items():
         if quantity not in log.layout:
             continue
@@ -96,7 +96,7 @@ def sizes(log: Log, run: LogRun, census: Census) -> Found:
 
 
 def _likely(log: Log, joint: int, unit: str, low: float, high: float, bounds: tuple[float, float]) -> str:
-    """The mistake that brings positions beyond their limits, if there is one that explains them."""
+    """The likely mistake behind positions beyond their limits, if one explains them."""
     ways = (
         {"degrees taken for radians": pi / 180, "a wrong sign": -1.0}
         if unit == "rad"
@@ -114,7 +114,7 @@ def _likely(log: Log, joint: int, unit: str, low: float, high: float, bounds: tu
 
 
 def speeds(log: Log, smooth: Smoothed) -> Found:
-    """Speeds against the derivative of positions: unit, side, sign, order of joints and delay."""
+    """Findings about speeds that contradict the derivative of positions: unit, side, sign, order of joints, delay."""
     rates = smooth.rates
     for joint, speed in smooth.columns("qd"):
         if joint not in rates or np.ptp(rates[joint]) == 0:

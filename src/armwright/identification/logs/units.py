@@ -1,4 +1,4 @@
-"""Quantities that a log may hold, and the units that its columns may have."""
+"""Quantities of a log, and the units that their columns may have."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class QuantityKind:
 
     @property
     def units(self) -> tuple[str, ...]:
-        """All units that a column may have."""
+        """All valid units of a column."""
         return tuple(dict.fromkeys((*self.turning, *self.sliding)))
 
 
@@ -75,6 +75,6 @@ OF_SIGNAL = {kind.signal: kind for kind in QUANTITIES.values()}
 
 
 def plain_unit(unit: str) -> str:
-    """The house's spelling of a unit: `Nm` → `N m`."""
+    """Armwright's spelling of a unit: `Nm` → `N m`."""
     text = " ".join(unit.split())
     return ALIASES.get(text, text)

@@ -1,4 +1,4 @@
-"""Records of motors that turn by themselves: on a bench, taken off their arm, or with their rotor locked."""
+"""Records of motors without an arm: on a bench, detached, or with their rotor locked."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from armwright.errors import ModelError
 BENCH = "bench"  # key of the source of a number that no robot's record has
 LOCKED = 1e9  # [kg m²] that a locked rotor turns: no motor moves it
 KEPT = ("name", "type", "source", "motor", "friction", "limits", "elasticity", "command")
-ABOUT = {"kind": "estimate", "text": "assumed by armwright identify motor; the log does not tell it"}
+ABOUT = {"kind": "estimate", "text": "assumed by armwright identify motor; the log does not determine it"}
 
 
 def bench_record(joint: str, command: str, locked: bool = False, ratio: float = 1.0) -> RobotDescription:
-    """A record of one motor of which only the gear is known; its rotor has all of the inertia, its numbers are guessed later."""
+    """A record of one motor with a known gear; its rotor has all of the inertia, other numbers are guessed later."""
     motor = {"gear_ratio": ratio, "rotor_inertia_kg_m2": 1.0, "torque_constant_n_m_per_a": 1.0, "resistance_ohm": 1.0}
     friction = {"viscous_n_m_s_per_rad": 0.0, "coulomb_positive_n_m": 0.0, "coulomb_negative_n_m": 0.0}
     own = {"name": joint, "type": "revolute", "motor": motor, "friction": friction}
@@ -27,7 +27,7 @@ def bench_record(joint: str, command: str, locked: bool = False, ratio: float = 
 
 
 def decoupled_record(record: RobotDescription, joints: Sequence[str], loads: Mapping[str, float]) -> RobotDescription:
-    """The record's motors, gears and friction without the arm: every joint turns an inertia of its own about its axis.
+    """The record's motors, gears and friction without the arm: every joint turns a constant inertia about its axis.
 
     Springs, stops, brakes and couplings stay with the arm. Without an inertia an elastic gear has nothing to bend against, and
     is rigid.

@@ -1,4 +1,4 @@
-"""Wrong signs and exchanged columns of a motor's log, found before a fit makes plausible numbers of them.
+"""Wrong signs and exchanged columns of a motor's log, found before the fit.
 
 A motor obeys  u = R i + Ke w  and follows its command with a lag. With R and Ke of the least squares:
 
@@ -125,7 +125,7 @@ def _exchanged(first: str, second: str, joint: str, why: str, file: Path) -> Log
 
 
 def feedback_remark(data: Measured, joint: int) -> list[str]:
-    """A sentence where the command follows what disturbed the motion before; none without feedback. [Ljung1999]"""
+    """A sentence if the command depends on earlier disturbances of the motion; empty without feedback. [Ljung1999]"""
     if not {"q", "qd", "qd_mean"} & set(data.signals):
         return []
     stretches = [Stretch(s.run, s.inputs.command[:, [joint]], s.speed(joint)[:, None]) for s in data.stretches]

@@ -1,4 +1,4 @@
-"""Numbers of the drives that are fitted: their short names, their paths in the record, and the record with others."""
+"""Fitted numbers of the drives: short names, paths in the record, and the record with new values."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ HOLD_FIRST = (
 
 
 def paths_of(record: RobotDescription, joint: str, name: str) -> tuple[str, ...]:
-    """Paths of the numbers that a short name, or a key of the joint's tables, stands for.
+    """Paths of the numbers for a short name or a key of the joint's tables.
 
     Raises:
         ModelError: no such name.
@@ -85,7 +85,7 @@ def _joint(record: RobotDescription, name: str) -> Any:
 
 
 def with_numbers(record: RobotDescription, values: Mapping[str, Any], command: str | None = None) -> RobotDescription:
-    """The record with other numbers at some paths of joints, missing ones included; their source is `BENCH`.
+    """The record with other numbers at some paths of joints, absent ones included; their source is `BENCH`.
 
     Raises:
         DescriptionError: numbers that no record may have.
@@ -114,7 +114,7 @@ def with_numbers(record: RobotDescription, values: Mapping[str, Any], command: s
 
 
 def complete(record: RobotDescription, joints: Sequence[str]) -> dict[str, tuple[str, ...]]:
-    """Short names of all numbers that the joints' drives have, each with its paths: those that a fit leaves open by default."""
+    """Short names of all numbers of the joints' drives, each with its paths: the default unknowns of a fit."""
     found: dict[str, tuple[str, ...]] = {}
     for joint in joints:
         for name in (*MOTOR_KEYS, *FRICTION_STEMS):

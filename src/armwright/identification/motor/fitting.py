@@ -1,4 +1,4 @@
-"""The fit: starts, the least squares, and in turn what the log cannot tell, which is held at the record's value."""
+"""The fit: starts, least squares, and unidentifiable parameters, which are fixed one after the other at the record's value."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def fitted(
     free: Sequence[str] | None,
     progress: Callable[[int, int], object] | None,
 ) -> Fitted:
-    """The least squares from the best of `count` starts, with all held that the log cannot tell.
+    """Least squares from the best of `count` starts, with unidentifiable parameters fixed.
 
     Raises:
         ModelError: nothing could be simulated from any start.
@@ -68,7 +68,9 @@ def fitted(
     if all(k in done.held for k in wanted):
         names = [labels[k].split(":")[-1] for k in done.held]
         expected = "another log, or more that is known, by fixed=…"
-        raise ModelError("the log tells none of what is to be fitted", place="free", value=names, expected=expected)
+        raise ModelError(
+            "the log determines none of the numbers to be fitted", place="free", value=names, expected=expected
+        )
     kept = [k for k in range(len(first)) if k not in done.held]
     z, cost = many_starts(without(problem.part(ROWS_OF_STARTS), done.held, first), begin[:, kept])
     if not np.isfinite(cost).any():
@@ -131,7 +133,7 @@ def _note_ends(done: Fitted, kept: Sequence[int]) -> None:
 
 
 def _hold_at_zero(done: Fitted, free: Sequence[str] | None) -> None:
-    """Leaves out a delay, and frictions that nobody asked for, which the fit drives to 0, their bound."""
+    """Drops delays and unrequested friction terms that the fit drives to 0, their bound."""
     for k, each in enumerate(done.problem.unknowns):
         name = done.labels[k].split(":")[-1]
         is_friction = not each.nuisance and not each.logarithmic and each.low == 0.0 and name not in (free or ())
@@ -157,7 +159,7 @@ def _scaled(problem: Problem, residuals: np.ndarray) -> np.ndarray:
 
 
 def without(problem: Problem, held: Sequence[int], z: np.ndarray | None = None) -> Problem:
-    """The problem with some unknowns held at coordinates z, by default at their guesses."""
+    """The problem with some unknowns fixed at coordinates z, by default at their guesses."""
     if not held:
         return problem
     z = np.array([each.to_coordinate(each.guess) for each in problem.unknowns]) if z is None else z

@@ -1,4 +1,4 @@
-"""Runs that no fit has seen: their free simulation with the fitted numbers, from their own initial state."""
+"""Held-out runs: their free simulation with the fitted parameters, from their own initial state."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ MARK = " (held out)"  # behind a run's name, among measures
 def held_out(
     log: Log, record: RobotDescription, data: Measured, done: Fitted, locked: bool
 ) -> tuple[dict[str, Any], Measures, list[str]]:
-    """Predictions by run, measures by run and signal, and remarks, of the runs that the log holds out.
+    """Predictions by run, measures by run and signal, and remarks, for the held-out runs.
 
     Numbers that every run has of its own stand at their means. Initial state, and an offset if one was fitted, are the run's.
 

@@ -1,4 +1,4 @@
-"""White-box identification of drives from a log: what is fitted, from where it starts, and the record that it goes into."""
+"""White-box identification of drives from a log, and the fitted record."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def identify_motor(
     seed: int = 0,
     progress: Callable[[int, int], object] | None = None,
 ) -> MotorFit:
-    """Parameters of motors by output error: the free simulation of the record's own drives that comes nearest to a log.
+    """Parameters of motors by output error: free simulation of the record's drives, fitted to a log.
 
     Args:
         log: voltage, current or torque, and position or speed of the joints; a current beside a voltage is compared too.
@@ -132,7 +132,7 @@ def _better_mode(brake: MotorFit, coast: MotorFit) -> MotorFit:
     better = coast if errors[1] < (1.0 - LEAST_GAIN) * errors[0] else brake
     said = "opens while it is off (coast)" if better is coast else "shorts the motor while it is off (brake)"
     if min(errors) > (1.0 - LEAST_GAIN) * max(errors):
-        said = "is not told by this log; brake is kept"
+        said = "cannot be identified from this log; brake is kept"
     what = f"the bridge {said}: the error is {errors[0]:.2%} of what varies with brake, {errors[1]:.2%} with coast"
     return replace(better, estimate=replace(better.estimate, remarks=(*better.estimate.remarks, what)))
 

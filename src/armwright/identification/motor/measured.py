@@ -1,4 +1,4 @@
-"""Measurements of drives for a fit: stretches of a log's runs, what drives them and what is compared."""
+"""Measurements of drives for a fit: stretches of a log's runs, with inputs and compared signals."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Stretch:
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """What a fit compares.
+    """Data of a fit.
 
     Attributes:
         joints: names.   command: what drives the motors.   signals: names that `Response` knows, in its order.
@@ -175,7 +175,7 @@ def _stretches(log: Log, run: str, data, driver: str, names: Sequence[str], plac
 
 
 def rows_of_count(counts: np.ndarray) -> np.ndarray:
-    """(rows,) how many rows in a sequence hold the count of each: they have one rounding error, and say as much as one row."""
+    """(rows,) number of successive rows with the same encoder count: they share one rounding error and count as one row."""
     group = np.cumsum(np.diff(counts, prepend=counts[:1]) != 0.0)
     return np.bincount(group)[group]
 
@@ -185,7 +185,7 @@ LEVEL_TIME = 8.0  # time constants that it is held
 
 
 def steady(log: Log, joints: Sequence[str], data: Measured, time: float) -> Stretch:
-    """A log of steady states as a stretch: every row's command is held until the motor no longer changes, and compared then.
+    """A log of steady states as a stretch: every row's command is applied until the motor is steady, and then compared.
 
     Args:
         log: a row for each steady state, in any time.   joints: names.   data: the other runs.   time: constant of the motor [s].

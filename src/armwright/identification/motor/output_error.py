@@ -129,7 +129,7 @@ class Problem:
         return y, dy * rates[:, None, None, :]
 
     def part(self, rows: int) -> Problem:
-        """The same for as many rows from the beginning."""
+        """The problem reduced to a number of rows from the beginning."""
         stretches, places = [], []
         for stretch, at in zip(self.stretches, self.places, strict=True):
             count = min(len(stretch.t), rows)
@@ -154,7 +154,7 @@ def _first_rows(stretch: Stretch, count: int) -> Stretch:
 
 
 def starts(problem: Problem, guesses: Sequence[np.ndarray], count: int, seed: int) -> np.ndarray:
-    """(count, k) coordinates to begin with: the guesses, then a Latin hypercube about the first; offsets stay as guessed."""
+    """(count, k) start coordinates: the guesses, then a Latin hypercube about the first; offsets stay as guessed."""
     low, high = problem.bounds
     centre = guesses[0]
     sample = (
@@ -177,7 +177,7 @@ def starts(problem: Problem, guesses: Sequence[np.ndarray], count: int, seed: in
 
 
 def many_starts(problem: Problem, z: np.ndarray, steps: int = STEPS_OF_STARTS) -> tuple[np.ndarray, np.ndarray]:
-    """Coordinates (lanes, k) after some Levenberg-Marquardt steps, and the costs (lanes,), of those that went on to the end."""
+    """Coordinates (lanes, k) after some Levenberg-Marquardt steps, and costs (lanes,), of the starts that survived."""
     low, high = problem.bounds
     residuals, jacobian = _finite(*problem.evaluate(z))
     cost, damping = _costs(residuals), np.full(len(z), 1e-2)

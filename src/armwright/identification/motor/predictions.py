@@ -1,4 +1,4 @@
-"""Predictions of a fit of drives beside the measurements, and how good they are."""
+"""Predictions of a fit of drives beside the measurements, with measures of agreement."""
 
 from __future__ import annotations
 

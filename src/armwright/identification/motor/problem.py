@@ -1,4 +1,4 @@
-"""The least squares of a fit: unknowns with bounds and sizes, where each stretch has them, and the signals' weights."""
+"""The least-squares problem of a fit: unknowns with bounds and sizes, their places in each stretch, and signal weights."""
 
 from __future__ import annotations
 
@@ -155,7 +155,7 @@ def _unknown(
 def largest_torque(
     record: RobotDescription, joint: str, command: float, values: Mapping[str, float] | None = None
 ) -> float:
-    """Torque at the joint that the largest command makes at rest [N m | N]: by which friction is measured."""
+    """Torque at the joint of the largest command at rest [N m | N], a scale for friction."""
     known = values or {}
     paths = paths_of(record, joint, "Kt") + paths_of(record, joint, "R")
     constants = [known.get(path, value_at(record, path)) for path in paths]

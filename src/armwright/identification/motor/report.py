@@ -1,4 +1,4 @@
-"""The result of a fit of drives: estimate, measures, predictions, and in words what the log cannot tell."""
+"""Result of a fit of drives: estimate, measures, predictions, and unidentifiable parameters in words."""
 
 from __future__ import annotations
 
@@ -109,10 +109,10 @@ def result(
         *_of_priors(done, values, whole),
     ]
     asked = [labels_name(done, k) for k in held if k not in done.zero and labels_name(done, k) in (free or ())]
-    wrong = [f"{name} was to be fitted, and this log does not tell it" for name in dict.fromkeys(asked)]
+    wrong = [f"{name} was to be fitted, but cannot be identified from this log" for name in dict.fromkeys(asked)]
     ends = [k for k in np.flatnonzero(at_bound) if k not in done.zero and done.labels[k] != "start"]
     wrong += [
-        f"{problem.unknowns[k].name} stands at a bound of its search: the log, or the model, does not tell it"
+        f"{problem.unknowns[k].name} stands at a bound of its search: the log, or the model, does not determine it"
         for k in ends
     ]
     for name, each in measures.items():
@@ -131,7 +131,7 @@ def result(
             wrong.append(f"R² of {name} is {each['r2']:.2g}: the fit does not describe a run that it has not seen")
         elif each["fit_percent"] < min(own["fit_percent"] for own in measures.values()) - WORSE:
             what = f"{name} is described worse than what was fitted: something differs from run to run, such as the friction"
-            remarks.append(f"{what}; fit both runs and give it to --per-run (per_run=…), which tells the drift")
+            remarks.append(f"{what}; fit both runs and give it to --per-run (per_run=…), which gives the drift")
     columns_of_unit = jacobian[0] / np.maximum(np.linalg.norm(jacobian[0], axis=0), 1e-300)
     sizes = np.linalg.svd(columns_of_unit, compute_uv=False)
     estimate = Estimate(
@@ -197,7 +197,7 @@ def _shown(done: Fitted, data: Measured) -> tuple[list[int], list[str], list[str
 
 
 def _of_priors(done: Fitted, values: np.ndarray, covariance: np.ndarray) -> list[str]:
-    """What the record knew before, beside what it and the log know together."""
+    """Comparison of the record's prior values with the combined estimate."""
     if done.problem.prior is None:
         return []
     sentences = []
@@ -261,7 +261,7 @@ def called_in_words(done: Fitted, k: int) -> str:
 
 
 def _in_words(done: Fitted, values: np.ndarray, data: Measured, clauses: Sequence[str]) -> list[str]:
-    """What the log cannot tell apart, which numbers were held for that, and what would tell: `clauses`, one for each reason."""
+    """Indistinguishable parameters in words, the ones fixed for that reason, and remedies: `clauses`, one for each reason."""
     sentences = []
     for (direction, chosen), clause in zip(done.reasons, clauses, strict=True):
         signs = {called_in_words(done, k): x for k, x in zip(direction.unknowns, direction.exponents, strict=True)}
@@ -269,21 +269,21 @@ def _in_words(done: Fitted, values: np.ndarray, data: Measured, clauses: Sequenc
         unit = "" if each.shown_unit == "1" else f" {each.shown_unit}"
         kept = f"the {called_in_words(done, chosen)} is held at {values[chosen]:.4g}{unit}" + (clause and f"; {clause}")
         if len(names) == 1:
-            sentences.append(f"this log does not tell the {names[0]}: {kept}")
+            sentences.append(f"this log does not determine the {names[0]}: {kept}")
             continue
         same = [n for n, x in signs.items() if x > 0]
         other = [n for n, x in signs.items() if x < 0]
         change = f"larger {' and '.join(same)}" + (f" with smaller {' and '.join(other)}" if other else "")
         sentences.append(
-            f"{', '.join(names[:-1])} and {names[-1]} cannot be told apart with this log: {change} predicts the same; {kept}"
+            f"{', '.join(names[:-1])} and {names[-1]} cannot be distinguished with this log: {change} predicts the same; {kept}"
         )
     held = {labels_name(done, k) for d, _ in done.reasons for k in d.unknowns}
     by_voltage = data.command == "voltage"
     if done.reasons and by_voltage and "current" not in data.signals and held & {"R", "Kt", "J", "L"}:
-        what = "a log of the current beside the voltage would tell resistance, torque constant and inertia apart"
+        what = "a log of the current beside the voltage would separate resistance, torque constant and inertia"
         sentences.append(what)
     elif done.reasons and not by_voltage and held & {"Kt", "J"}:
-        what = "a known inertia, or a log of voltage and current, would tell torque constant and inertia apart"
+        what = "a known inertia, or a log of voltage and current, would separate torque constant and inertia"
         sentences.append(what)
     elif done.reasons and not any(clauses):
         sentences.append("a motion with more steps, turns and speeds would tell more")

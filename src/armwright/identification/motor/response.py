@@ -37,7 +37,7 @@ SIGNALS = ("q", "qd", "qd_mean", "current", "tau")  # that a log may be compared
 
 @dataclass(frozen=True, eq=False)
 class Inputs:
-    """What drives a response: one stretch of a log.
+    """Inputs of a response: one stretch of a log.
 
     Attributes:
         period: (rows) [s] from each row to the next; the last is that before.   command: (rows, n) [V | A | N m | N].
@@ -184,7 +184,7 @@ class Response:
         return self._compiled[slopes]
 
     def table(self, inputs: Inputs) -> np.ndarray:
-        """(rows, …) of the loop: the period, that before, then commands u(k), u(k - 1), … ; before the first row, the first."""
+        """(rows, …) of the loop: this period, the last one, then commands u(k), u(k - 1), …; before the first row, the first."""
         rows, lags = len(inputs.period), self.most_delay + 1
         before = np.concatenate([inputs.period[:1], inputs.period[:-1]])
         places = np.maximum(np.arange(rows)[:, None] - np.arange(lags + 1), 0)
@@ -234,7 +234,7 @@ _kept: dict[tuple[object, ...], Response] = {}
 
 
 def response_of(varied: Varied, signals: Sequence[str], most_delay: int, substeps: int) -> Response:
-    """The `Response` of an arm, or one made before of an arm that differs in numbers that vary alone.
+    """The `Response` of an arm; reused if the arm differs only in varied numbers.
 
     Args:
         varied, signals, most_delay, substeps: as of `Response`.

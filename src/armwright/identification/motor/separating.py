@@ -1,4 +1,4 @@
-"""Experiments that would tell what a motor's log does not: their information, simulated with the fitted numbers. [Ljung1999]
+"""Experiments that would identify what a motor's log does not: their information, simulated with the fit. [Ljung1999]
 
 Compared are the same log with the current beside the voltage, a locked rotor with its current, a staircase and a PRBS sized for
 the motor that was found, and the same test with a known inertia on the shaft.
@@ -30,7 +30,7 @@ MOST_ROWS = 4000  # of an experiment that is simulated
 
 
 def separating(record: RobotDescription, data: Measured, done: Fitted, guess: Guess) -> list[str]:
-    """The experiment that would tell each of `done.reasons`, as a clause; "" where none of these is much better.
+    """The experiment that would identify each of `done.reasons`, as a clause; "" if none is much better.
 
     Args:
         record: that was simulated.   data: what was fitted.   done: the fit.   guess: of the motor.

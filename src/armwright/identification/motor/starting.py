@@ -1,4 +1,4 @@
-"""Record that a fit of drives starts from: the log's robot or a bench, with given numbers and first guesses."""
+"""Start record of a fit of drives: the log's robot or a bench, with given numbers and first guesses."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ OF_LOCKED = ("R", "L")  # what the current of a locked rotor follows
 def robot_of(
     log: Log, robot: Any, joint: str | None, load: float | Loads | None, locked: bool
 ) -> tuple[RobotDescription | None, Any, tuple[str, ...], Loads | None]:
-    """The record, what it was read from, the joints that are fitted, and their loads where they move by themselves.
+    """The record, its source, the fitted joints, and their loads if they move separately.
 
     Raises:
         ModelError: joints that the log or the arm does not have, or one of several that move as one.
@@ -87,7 +87,7 @@ def _loads(joints: Sequence[str], load: float | Loads | None, locked: bool) -> L
 def given_numbers(
     record: RobotDescription, joints: Sequence[str], fixed: Mapping[str, float], pwm: str | None
 ) -> dict[str, Any]:
-    """Numbers that are known, by path.
+    """Known numbers, by path.
 
     Raises:
         ModelError: no parameter of a drive.
@@ -109,7 +109,7 @@ def starting_record(
     base: RobotDescription | None, loads: Loads | None, data: Measured, guesses: Sequence[Guess],
     fixed: Mapping[str, float], pwm: str | None, locked: bool, ratio: float | None,
 ) -> RobotDescription:  # fmt: skip
-    """The record that is simulated, with given numbers, and with guesses of what it does not know of a motor by itself.
+    """The simulated record, with given numbers and with guesses for missing ones.
 
     Without a base record the gear is the log's, `ratio`, or else none: the numbers are then those behind the gear.
     """
@@ -157,7 +157,7 @@ def names_to_fit(
     record: RobotDescription, free: Sequence[str] | None, fixed: set[str], guesses: Sequence[Guess], data: Measured,
     locked: bool,
 ) -> tuple[dict[str, tuple[str, ...]], RobotDescription]:  # fmt: skip
-    """Paths by `joint:name` of what is fitted, and the record with a number at each of them.
+    """Paths by `joint:name` of the fitted numbers, and the record with a number at each of them.
 
     Raises:
         ModelError: a name that no drive has, or that has neither a number nor a first guess.

@@ -1,4 +1,4 @@
-"""Covariance of a fit whose residuals are correlated and whose model is not perfect, and what its Jacobian cannot tell apart."""
+"""Covariance of a fit with correlated residuals and an imperfect model, and directions that its Jacobian cannot distinguish."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def _memory(residuals: np.ndarray) -> int:
 
 @dataclass(frozen=True)
 class Direction:
-    """Numbers that a log cannot tell apart: exponents of their product, the largest of which is 1."""
+    """Indistinguishable parameters: exponents of their product, the largest of which is 1."""
 
     unknowns: tuple[int, ...]
     exponents: tuple[float, ...]
@@ -66,7 +66,7 @@ class Direction:
 
 
 def untold(jacobian: np.ndarray, candidates: Sequence[int]) -> list[Direction]:
-    """Directions of the candidates that a log does not tell, nuisances free, the worst first.
+    """Directions of the candidates that are not identifiable from a log, nuisances free, the worst first.
 
     Args:
         jacobian: (m, k) of residuals in standard deviations, by coordinates in their sizes.   candidates: numbers of unknowns.

@@ -15,7 +15,7 @@ RANGE = 1e4  # by which a number that is above 0 may leave its guess either way
 
 @dataclass(frozen=True)
 class Unknown:
-    """One number that is fitted; its coordinate is log(value), or value / scale where it may be 0 or change its sign.
+    """One fitted number; its coordinate is log(value), or value / scale if it may be 0 or change sign.
 
     Attributes:
         name: path in the record, or "delay", "PRBS: offset_v".   paths: of the record's numbers that have this value.
@@ -36,7 +36,7 @@ class Unknown:
 
     @property
     def shown_unit(self) -> str:
-        """Its unit."""
+        """The unit in reports."""
         return self.unit or unit_at(self.paths[0] if self.paths else self.name)
 
     def to_coordinate(self, value: float) -> float:
@@ -51,7 +51,7 @@ class Unknown:
 
 
 def positive(name: str, guess: float, paths: Sequence[str], run: str = "") -> Unknown:
-    """A number above 0."""
+    """A positive number as an unknown."""
     return Unknown(name, guess, guess / RANGE, guess * RANGE, guess, tuple(paths), run, logarithmic=True)
 
 

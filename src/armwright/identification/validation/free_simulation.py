@@ -1,4 +1,4 @@
-"""Free simulation: an arm driven by the logged commands, or a scenario's closed loop, beside the logged motion."""
+"""Free simulation: an arm under the logged commands, or a scenario's closed loop, compared with the logged motion."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class _Driven:
 
 
 def driving_signal(arm: Model, log: Log) -> str | None:
-    """The signal that can drive a simulation: what the record's drives take, else voltage, current or torque; None: none."""
+    """The input signal of a simulation: the record's command, else voltage, current or torque; None if none is logged."""
     own = {command: signal for signal, command in INPUTS.items()}
     kinds = {body.drive.command for body in arm.coordinates}
     first = [own[kind] for kind in kinds] if len(kinds) == 1 else []
@@ -74,14 +74,14 @@ def driving_signal(arm: Model, log: Log) -> str | None:
 
 
 def default_window(log: Log) -> float | None:
-    """[s] of the windows of a free simulation; None: whole stretches, where speeds alone are compared, which do not drift."""
+    """Length [s] of the windows of a free simulation; None for whole stretches if only speeds, without drift, are compared."""
     return WINDOW if is_logged(log, "q") else None
 
 
 def simulate_log(
     arm: Model, log: Log, runs: Sequence[str], window: float | None = WINDOW, dyn: CompiledArm | None = None
 ) -> list[Prediction]:
-    """Motion of an arm that the logged commands drive, held from row to row, in windows that each start from the log.
+    """Motion of an arm under the logged commands, held from row to row, in windows that each start from the log.
 
     A window begins with the position and speed of the filtered log; within it nothing is corrected. Robots drift in open
     loop, so the length of the windows belongs to every number that is made of them. Rows at the ends of a stretch that make
@@ -233,7 +233,7 @@ def _predictions(
 
 
 def simulate_scenario(scenario: Scenario, log: Log, runs: Sequence[str]) -> list[Prediction]:
-    """Motion of a scenario, its loop closed, beside runs of a log that were made with the same reference and controller.
+    """Closed-loop motion of a scenario, compared with runs of a log with the same reference and controller.
 
     Time 0 of the scenario is the first row of a run. Where the scenario states no initial position, it starts where the log
     does. Positions, speeds and torques are compared at the log's rows, as long as both last.

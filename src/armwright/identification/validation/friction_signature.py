@@ -1,4 +1,4 @@
-"""Residual torque against speed: the friction that a record does not have. [ArmstrongHelouvry1991]"""
+"""Residual torque against speed: friction that the record lacks. [ArmstrongHelouvry1991]"""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ TERMS = ("offset", "Coulomb", "viscous", "inertia", "Stribeck")
 
 @dataclass(frozen=True)
 class Term:
-    """A term of friction, or of inertia, in residual torques.
+    """A term of friction or inertia in residual torques.
 
     Attributes:
         name: one of TERMS.   value: what the record lacks; below 0: has too much.   std: its standard deviation.   unit.
@@ -35,7 +35,7 @@ class Term:
 
     @property
     def is_missing(self) -> bool:
-        """True if it stands out from chance and explains 5 % of the residual's power, beside all others."""
+        """True if significant and worth 5 % of the residual's power, beside all other terms."""
         return abs(self.value) > CERTAIN * self.std and self.share >= SHARE
 
 

@@ -1,4 +1,4 @@
-"""Measures of one quantity of one joint over all judged runs, and what they mean in words."""
+"""Measures of one quantity of one joint over all judged runs, with remarks in words."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ LATE = 0.3  # samples: shorter delays are as the differences of counts have them
 
 @dataclass(frozen=True)
 class AtRest:
-    """Rows in which a joint stands still: nothing that R² could be made of.
+    """Rows of a joint at rest, which R² does not count.
 
     Attributes:
         rows: how many.   measured, predicted: means.   rms: of the residual.
@@ -100,7 +100,7 @@ class JointMeasures:
 
 
 def resting(log: Log, joint: str, runs: Sequence[str]) -> set[str]:
-    """Runs in which a joint stands still: its range is a thousandth of that over all runs, a few counts, or noise."""
+    """Runs of a joint at rest: its range is a thousandth of that over all runs, a few counts, or noise."""
     name = next(name for name in ("q", "qd") if name in log.layout)
     places = log.layout[name].joints or ()
     if log.joints.index(joint) not in places:
@@ -168,7 +168,7 @@ def joint_measures(predictions: Sequence[Prediction], column: int, still: set[st
 
 
 def _rests(moving: Sequence[Prediction], column: int) -> list[np.ndarray]:
-    """(rows,) of every run, True where the joint stands still for a while.
+    """(rows,) of every run, True for rows in a period of rest.
 
     Dry friction at rest is whatever holds the joint; its law, which goes by the sign of a speed of mere noise, predicts nothing.
     """
@@ -240,7 +240,7 @@ def _joined(moves: Sequence[tuple[Prediction, np.ndarray]], column: int) -> _Row
 
 
 def remarks(found: JointMeasures) -> list[str]:
-    """What the measures mean, one sentence each, the gravest first."""
+    """Remarks on the measures, one sentence each, the gravest first."""
     all_runs, said = found.overall, []
     if found.diverged:
         said.append(
@@ -279,7 +279,7 @@ def remarks(found: JointMeasures) -> list[str]:
 
 
 def _friction(signature: FrictionSignature) -> list[str]:
-    """What the record lacks, a sentence each; several terms of friction, which stand in for each other, in one."""
+    """Missing terms of the record, a sentence each; several terms of friction, which can replace each other, in one."""
     friction = [term for term in signature.missing if term.name in ("Coulomb", "viscous", "Stribeck")]
     if len(friction) < 2:
         return [_missing(term) for term in signature.missing]

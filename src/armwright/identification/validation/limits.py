@@ -1,4 +1,4 @@
-"""`limits.toml`: what a record has to reach to pass, for all joints or for one."""
+"""Limits of validation, `limits.toml`: requirements on a record, for all joints or for one."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class SpeedLimits(SignalLimits):
 
 
 class JointLimits(Record):
-    """Limits of one joint; what is absent here holds as for all joints."""
+    """Limits of one joint; absent ones are those of all joints."""
 
     torque: TorqueLimits = TorqueLimits()
     position: PositionLimits = PositionLimits()
@@ -89,7 +89,7 @@ DEFAULT = Limits(
 
 @dataclass(frozen=True)
 class Check:
-    """One limit against the value that was found.
+    """One limit compared with the measured value.
 
     Attributes:
         joint, quantity.   key: of the limit.   limit, value: in the measure's unit.   passed: whether the value keeps it.
@@ -150,7 +150,7 @@ def check_limits(limits: Limits, arm: Model, file: Any = "") -> None:
 def checks_of(
     limits: dict[str, float], joint: str, quantity: Quantity, found: Agreement, diverged: bool
 ) -> list[Check]:
-    """Every limit of a quantity of a joint against its measures; a simulation that diverged fails all of them."""
+    """Every limit of a quantity of a joint against its measures; all fail for a simulation that diverged."""
     checks = []
     for key, limit in limits.items():
         name = key.partition("_at_")[0]

@@ -1,4 +1,4 @@
-"""Measures of how well a prediction agrees with what was measured: fit, NRMSE, VAF, R², RMS, gain. [Ljung1999]"""
+"""Measures of agreement between prediction and measurement: fit, NRMSE, VAF, R², RMS, gain. [Ljung1999]"""
 
 from __future__ import annotations
 

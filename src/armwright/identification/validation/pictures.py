@@ -50,7 +50,7 @@ def over_time(prediction: Prediction, column: int) -> str:
 
 
 def spectrum_picture(found: JointMeasures) -> str:
-    """SVG of the residual's spectrum beside that of the measured signal; "" where there is none."""
+    """SVG of the residual's spectrum beside that of the measured signal; "" if absent."""
     if found.spectrum is None:
         return ""
     from matplotlib.ticker import NullFormatter
@@ -73,7 +73,7 @@ def spectrum_picture(found: JointMeasures) -> str:
 
 
 def friction_picture(found: JointMeasures) -> str:
-    """SVG of the residual torque against speed; "" where there is none."""
+    """SVG of the residual torque against speed; "" if absent."""
     signature = found.friction
     if signature is None:
         return ""
@@ -90,7 +90,7 @@ def friction_picture(found: JointMeasures) -> str:
 
 
 def correlation_picture(found: JointMeasures) -> str:
-    """SVG of the residual's autocorrelation and of its correlation with the input, with 99 % bounds; "" where there is none."""
+    """SVG of the residual's autocorrelation and of its correlation with the input, with 99 % bounds; "" if absent."""
     if found.autocorrelation is None:
         return ""
     shown = [("residual", found.autocorrelation, RESIDUAL)]

@@ -1,4 +1,4 @@
-"""Predictions beside measurements, and what an arm and a log need to be compared."""
+"""Predictions beside measurements, and checks that an arm and a log can be compared."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def units_of(arm: Model, quantity: Quantity) -> tuple[str, ...]:
 
 
 def check_match(arm: Model, log: Log) -> None:
-    """Refuses an arm that cannot be the one of the log.
+    """Refuses an arm that does not belong to the log.
 
     Raises:
         LogError: other joints or gears.   ModelError: an arm without masses.

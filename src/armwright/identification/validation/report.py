@@ -42,7 +42,7 @@ MEASURES = (
 
 
 def check_report(path: str | os.PathLike[str]) -> Path:
-    """The path, if a report can be written there; to be asked before long work.
+    """The path, if a report can be written there; to be called before long work.
 
     Raises:
         OutputError: another ending than .html, a missing folder, no permission.
@@ -101,13 +101,13 @@ def report_page(
 
 
 def definitions(heading: str, pairs: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
-    """A section of `write_report` with names and what they mean; none where there are no pairs."""
+    """A section of `write_report` with names and their meanings; empty without pairs."""
     rows = [[escape(name), escape(about)] for name, about in pairs]
     return [(heading, html_table(("", ""), rows, (0, 1)))] if rows else []
 
 
 def steps(estimate: Estimate | None, validation: Validation | None) -> list[str]:
-    """What the findings ask for, in words, the gravest first."""
+    """Next steps for the findings, in words, the gravest first."""
     found = [] if estimate is None else list(estimate.remarks)
     if validation is None:
         return found
@@ -299,7 +299,7 @@ def _tests(found: JointMeasures) -> str:
 
 
 def _method(validation: Validation) -> str:
-    """How the predictions came about, and what the measures are."""
+    """Method of the predictions, and definitions of the measures."""
     notes = [*validation.notes, "Tests of residuals are reported and never decide: what is filtered is never white"]
     terms = "".join(f"<dt>{name}</dt><dd>{escape(about)}</dd>" for name, about in MEASURES)
     symbols = "y is measured, ŷ predicted, e = y − ŷ the residual, ȳ the mean of y."
@@ -326,7 +326,7 @@ def sentence(text: str) -> str:
 
 
 def html_table(heads: Sequence[str], rows: Iterable[Sequence[str]], words: Sequence[int]) -> str:
-    """A table of cells that are HTML already; columns in `words` stand to the left."""
+    """A table of cells that are HTML already; columns in `words` are left-aligned."""
 
     def cells(row: Sequence[str], tag: str) -> str:
         return "".join(

@@ -1,4 +1,4 @@
-"""Tests of residuals: whiteness, correlation with the input, spectrum, delay. They are reported and never decide. [Ljung1999]"""
+"""Tests of residuals: whiteness, correlation with the input, spectrum, delay. They do not affect the verdict. [Ljung1999]"""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Parts = Sequence[slice]  # rows without gaps
 
 @dataclass(frozen=True, eq=False)
 class Correlation:
-    """Correlation of residuals over lags, with the bounds that it keeps to with 99 % if there is none.
+    """Correlation of residuals over lags, with 99 % bounds for uncorrelated signals.
 
     Attributes:
         lags: (k,) in samples.   values: (k,) −1 to 1.   bound: 99 % lie within ± this.   outside: share of values beyond.
@@ -35,7 +35,7 @@ class Correlation:
 
     @property
     def outside(self) -> float:
-        """Share of the values beyond the bounds; 0.01 is what chance gives."""
+        """Share of the values beyond the bounds; 0.01 by chance."""
         return float((np.abs(self.values) > self.bound).mean())
 
     @property
@@ -149,7 +149,7 @@ def delay_of(measured: np.ndarray, predicted: np.ndarray, parts: Parts) -> Delay
     Returns:
         delay: None where no stretch tells one.
     """
-    told = []
+    delays = []
     for part in parts:
         with np.errstate(invalid="ignore", divide="ignore"):
             found = delay_between(predicted[part], measured[part])
@@ -157,11 +157,11 @@ def delay_of(measured: np.ndarray, predicted: np.ndarray, parts: Parts) -> Delay
         if found is None or not np.isfinite(found.std) or not np.isfinite(plain) or found.correlation < ALIKE:
             continue
         if abs(found.samples) < SHORT or 1.0 - found.correlation**2 < (1.0 - REMOVED) * (1.0 - plain**2):
-            told.append(found)
-    if not told:
+            delays.append(found)
+    if not delays:
         return None
-    weights = np.array([1.0 / max(each.std, 1e-9) ** 2 for each in told])
-    mean = {name: float(np.average([getattr(d, name) for d in told], weights=weights)) for name in MEANS}
+    weights = np.array([1.0 / max(each.std, 1e-9) ** 2 for each in delays])
+    mean = {name: float(np.average([getattr(d, name) for d in delays], weights=weights)) for name in MEANS}
     return Delay(mean["samples"], float(weights.sum() ** -0.5), mean["gain"], mean["correlation"])
 
 

@@ -1,4 +1,4 @@
-"""Torque prediction: inverse dynamics of a record along the motion of a log, beside the torques that were measured."""
+"""Torque prediction: inverse dynamics of a record along the motion of a log, compared with measured torques."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ FRICTION: dict[str, dict[str, float | None]] = {  # fields of a term that torque
 
 
 def torque_source(log: Log) -> Source | None:
-    """The signal from which torques are known: "tau", else "current", else "voltage" with positions; None: there is none."""
+    """The signal used for measured torques: "tau", else "current", else "voltage" with positions; None if none is logged."""
     sources: tuple[Source, ...] = ("tau", "current", "voltage")
     for signal in sources:
         if signal in log.layout and (signal != "voltage" or is_logged(log, "q")):
@@ -130,7 +130,7 @@ def _filtered(values: np.ndarray, parts: Sequence[slice], preparation: Preparati
 
 
 def check_constants(arm: Model, source: str, log: Log) -> None:
-    """Refuses currents or voltages of motors whose constants the record does not state.
+    """Refuses currents or voltages of motors without the necessary constants in the record.
 
     Raises:
         LogError: names joint and key.
@@ -159,7 +159,7 @@ def measured_torques(arm: Model, source: Source, values: np.ndarray, qd: np.ndar
 
 
 def as_logged(arm: Model, log: Log, source: str) -> Model:
-    """The arm without the terms that were taken off its torques before they were logged: what the log's tables call `lacks`.
+    """The arm without the terms that were subtracted from its torques before logging: the key `lacks` of the log's file.
 
     Args:
         arm: the whole arm.   log: whose torques these are.   source: the signal that is used; only of "tau" terms are taken away.

@@ -1,4 +1,4 @@
-"""Validation of a record against a log: predictions, measures of every joint, and whether they keep the limits."""
+"""Validation of a record against a log: predictions, measures of every joint, and comparison with the limits."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ class Validation:
 
     @property
     def passed(self) -> bool:
-        """True if at least one limit was judged, and all that were are kept."""
+        """True if at least one limit was judged and all judged limits are kept."""
         return bool(self.checks) and all(check.passed for check in self.checks)
 
     @property
@@ -82,7 +82,7 @@ class Validation:
         return f"fails its limits: {len(failed)} of {len(self.checks)}, for {', '.join(joints)}"
 
     def of(self, quantity: str, joint: str) -> JointMeasures:
-        """Measures of a quantity of a joint.
+        """Measures of one quantity of one joint.
 
         Raises:
             LogError: there are none.
@@ -197,7 +197,7 @@ def validate(
 
 
 def record_sha256(path: Path, scenario: Scenario | None = None) -> str:
-    """Checksum of a record's file; of a scenario, of all that it names."""
+    """Checksum of a record's file; for a scenario, of all files it names."""
     if scenario is not None and scenario.document is not None:
         return hashlib.sha256(scenario.document.encode()).hexdigest()
     return hashlib.sha256(read_file(path, "a record", LogError)).hexdigest()
@@ -302,7 +302,7 @@ def _logged(predictions: Sequence[Prediction], quantity: Quantity) -> list[Predi
 def _checks(
     limits: Limits, by_default: bool, measures: Sequence[JointMeasures], log: Log, closed_loop: bool
 ) -> list[Check]:
-    """Every limit against its measure; joints that stand still are judged by none.
+    """Every limit against its measure; joints at rest are not judged.
 
     By default one quantity decides: torques where they or currents were logged, else positions, else speeds. Where currents and
     voltages were logged, both do: currents judge masses and friction, the motion under the voltages also R and Ke.

@@ -1,4 +1,4 @@
-"""`NAME.verdict.toml`: the verdict of a validation beside the record it belongs to, with the checksums of record and log."""
+"""Verdict of a validation, `NAME.verdict.toml`, stored beside its record with the checksums of record and log."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class VerdictTable(Record):
 
 @dataclass(frozen=True, eq=False)
 class StoredVerdict:
-    """A verdict that was read.
+    """A verdict read from a file.
 
     Attributes:
         path: of its file.   table: what it says.   belongs: whether its checksum is that of the record as it is now.
@@ -57,7 +57,7 @@ class StoredVerdict:
 
     @property
     def passed(self) -> bool:
-        """True if it is a passing verdict on this very record."""
+        """True for a passing verdict on the unchanged record."""
         return self.table.passed and self.belongs
 
     def __str__(self) -> str:
@@ -72,7 +72,7 @@ def verdict_path(record: str | os.PathLike[str]) -> Path:
 
 
 def check_verdict(record: str | os.PathLike[str]) -> None:
-    """Refuses a record beside which no verdict can be written; built-in arms have none. To be asked before long work.
+    """Refuses a record beside which no verdict can be written, such as a built-in arm; to be called before long work.
 
     Raises:
         OutputError: no permission to write there.
@@ -138,7 +138,7 @@ def _head(validation: Validation) -> dict[str, Any]:
 
 
 def stored_verdict(record: str | os.PathLike[str], sha256: str | None = None) -> StoredVerdict | None:
-    """The verdict beside a record; `passed` of it says whether a passing one belongs to this very record.
+    """The verdict beside a record; its `passed` says if it is a passing one for the unchanged record.
 
     Args:
         record: path of a robot's file; of a scenario together with its checksum.
@@ -159,7 +159,7 @@ def stored_verdict(record: str | os.PathLike[str], sha256: str | None = None) ->
 
 
 def passing_verdict(record: str | os.PathLike[str], sha256: str | None = None) -> StoredVerdict:
-    """The passing verdict on a record as it is now; to be asked for before a model may act on an arm.
+    """The passing verdict on a record in its present form; to be called before a model may act on an arm.
 
     Args:
         record: path of its file.   sha256: of a scenario's record, as of `stored_verdict`.

@@ -33,7 +33,7 @@ class Axes:
         return len(self.directions)
 
     def reversed(self) -> Axes:
-        """The arm that stands on its tip and carries its base: same joint positions, from the last joint to the first.
+        """The arm with tip and base exchanged: same joint positions, from the last joint to the first.
 
         T⁻¹ = T₀⁻¹ E_n⁻¹ … E_1⁻¹: axes in the tip's frame, pointing the other way.
         """

@@ -1,4 +1,4 @@
-"""Which closed form an arm has, found from its axes in the zero pose."""
+"""Closed form of an arm, recognised from its axes in the zero pose."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class Geometry:
 
 
 def geometry_of(model: Model, frame: str | None = None, tolerance: float = TOLERANCE) -> Geometry | None:
-    """The closed form of an arm for one of its frames, None if there is none.
+    """The closed form of an arm for one of its frames; None if there is none.
 
     The first that fits, of: last three axes meet and axes 2 and 3 are parallel, 1 and 2 meet, 2 and 3 meet, 1 and 2 are
     parallel; axes 2, 3 and 4 are parallel and 5 and 6 meet; the same counted from the tip.
@@ -116,7 +116,7 @@ def _decompositions(axes: Axes, tolerance: float) -> Iterator[tuple[list[Relatio
 
 
 def _shoulders(axes: Axes, tolerance: float) -> Iterator[tuple[Relation, Axes, Shoulder]]:
-    """What the first three axes allow, the cheapest first."""
+    """Closed forms for the first three axes, the cheapest first."""
     for which, what, shoulder in SHOULDERS:
         point, off = axes.meeting(*which) if what == MEET else axes.parallel(*which)
         if off <= tolerance:

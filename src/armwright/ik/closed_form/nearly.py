@@ -1,4 +1,4 @@
-"""Closed forms of arms that are nearly of a kind, as one with 1.5708 for π/2: branches of the kind, then descents."""
+"""Closed forms of arms with almost exact geometry, such as 1.5708 for π/2: branches of the ideal arm, then iterations."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ class NearlyClosedForm(ClosedForm):
 
 @lru_cache(maxsize=16)
 def closed_form(model: Model, frame: str | None, near: bool) -> ClosedForm | None:
-    """The closed form of an arm, kept for the next call; of one that nearly has one, polished; None if there is none."""
+    """The closed form of an arm, cached; polished by iterations for an almost exact geometry; None if there is none."""
     geometry = geometry_of(model, frame)
     if geometry is not None:
         return ClosedForm(model, frame, geometry, near)

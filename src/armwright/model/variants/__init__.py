@@ -1,4 +1,4 @@
-"""Variants of a description: with a payload, with joints held, a part of it, with other values. Each is a description again."""
+"""Variants of a description: with a payload, with locked joints, a part of it, with other values. Each is a description."""
 
 from armwright.model.variants.locked import with_locked
 from armwright.model.variants.payload import with_payload

@@ -24,7 +24,7 @@ from armwright.spatial import roll_pitch_yaw, rotation_rpy, rotation_to_axis, ro
 
 
 def with_locked(robot: RobotDescription, positions: Mapping[str, Any]) -> RobotDescription:
-    """The description with joints held: fixed joints of the same names, so that q has the others only.
+    """The description with locked joints: fixed joints of the same names, so that q has the others only.
 
     The dynamics are those of the full arm with q_k constant: rows and columns of held joints leave M(q), C(q, q̇) q̇ and g(q).
     A held joint's motor, friction, limits, springs, stops and brake go with it, cylinders whose ends no longer move, and its

@@ -22,7 +22,7 @@ def with_payload(
     name: str = "payload",
     source: str = CHOSEN,
 ) -> RobotDescription:
-    """The description with one more link, fixed to a frame; what it was before stays its tip.
+    """The description with one more link, fixed to a frame; its tip does not change.
 
     Args:
         robot: the description.

@@ -19,7 +19,7 @@ from armwright.spatial import Frozen, Placement, roll_pitch_yaw, rotated, rotati
 
 @dataclass(frozen=True, eq=False)
 class Subchain(Frozen):
-    """A part of a description, and where it stood.
+    """A part of a description, and its place in the whole.
 
     Attributes:
         robot: the part, its base the frame that was asked for.

@@ -23,7 +23,7 @@ from armwright.spatial import displaced_inertia
 
 @dataclass(frozen=True, eq=False)
 class Payload:
-    """A body in the hand from a time on, in place of what that hand held before; as `arm.with_payload` has it.
+    """A body in the hand from a time on, in place of the payload before; as for `arm.with_payload`.
 
     Args:
         time: () [s] when it is taken up; 0 or later.

@@ -33,7 +33,7 @@ FLOORS = {  # the least range of a quantity by its unit: what moves by less is a
 
 @dataclass(frozen=True)
 class Allowed:
-    """What a step may be wrong by: atol + rtol |x|, or a share of each quantity's range where an accuracy is asked for.
+    """Allowed error of a step: atol + rtol |x|, or a share of each quantity's range for a given accuracy.
 
     Attributes:
         rtol, atol: of each entry of the state, in its own unit.
@@ -46,7 +46,7 @@ class Allowed:
 
     @property
     def attributes(self) -> dict[str, float]:
-        """What a run says of it."""
+        """Attributes of a run about the allowed error."""
         return {"rtol": self.rtol, "atol": self.atol} if self.accuracy is None else {"accuracy": self.accuracy}
 
     def share(self, x: Array, new: Array, error: Array) -> Scalar:

@@ -1,4 +1,4 @@
-"""Controllers called in Python, once a tick for every lane, because they cannot be traced or ask for it.
+"""Controllers called in Python, once a tick for every lane, because they cannot be traced or request it.
 
 A lane's call means what it would in the compiled loop: arrays are (n,), its gains are its own, its state is what it returned the
 tick before. Laws that have `vectorised = True` are called once for all lanes instead, with arrays (lanes, n).

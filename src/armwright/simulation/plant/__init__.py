@@ -1,1 +1,1 @@
-"""The arm with its drives as one system ẋ = f(x, u): its state, its flow, what is told of it, and how fast it is."""
+"""The arm with its drives as one system ẋ = f(x, u): state, derivative, outputs, and time constants."""

@@ -1,4 +1,4 @@
-"""Inputs of the plant: what acts on an arm with its drives from outside, all held over a step."""
+"""Inputs of the plant: commands, wrench, brakes and payload, all held over a step."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ Step = Callable[[float], np.ndarray]  # [s] → (size, size) matrix that takes a
 
 
 def step_of(integrator: Integrator, slope: np.ndarray, rate: np.ndarray, stiff: Sequence[int], u: np.ndarray) -> Step:
-    """A rule's own step of a linear plant.
+    """Step of a linear plant by a rule.
 
     Args:
         integrator: with the pairs of the plant's positions and speeds.   slope: (size, size) ∂(dx/dt)/∂x.

@@ -1,4 +1,4 @@
-"""The state of a plant: positions and speeds, then only what the record's drives ask for."""
+"""The state of a plant: positions and speeds, then the states of the record's drives."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""View of the plant at one instant: everything a sensor may look at, computed when it is asked for."""
+"""View of the plant at one instant: all quantities that a sensor may measure, computed on access."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Motions of the tool in space: lines, arcs and poses, solved for the joints along the path."""
+"""Motions of the tool in space: lines, arcs and poses, with joint positions along the path."""

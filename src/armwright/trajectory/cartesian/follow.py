@@ -1,4 +1,4 @@
-"""Motions of the tool along a path at an even speed, with smooth ends, slower where limits ask for it."""
+"""Motions of the tool along a path at constant speed, with smooth ends, slowed down to keep limits."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from armwright.trajectory.limits import MotionLimits
 from armwright.trajectory.piecewise import PiecewisePolynomial
 from armwright.trajectory.s_curve import JERK, s_curve_times
 
-SLOWEST = 100.0  # a motion that must be slower than asked by more is next to a singularity
+SLOWEST = 100.0  # a motion that must be slower than requested by more is next to a singularity
 JERK_TIME = 0.1  # [s] in which an acceleration is reached where no jerk is given
 Slow = Literal["everywhere", "where needed"]
 SLOW = get_args(Slow)
@@ -46,7 +46,7 @@ def follow_path(
     time: float = 0.0,
     clearance: Clearance | None = None,
 ) -> CartesianMotion:
-    """Motion that leads the tool along a path at an even speed, from rest to rest between its stops.
+    """Joint motion that moves the tool along a path at constant speed, from rest to rest between its stops.
 
     Where limits of the joints or of the tool would be exceeded, the whole motion is slower by one factor; with
     `slow="where needed"` the tool is slower there and about there alone, and with `constant` the motion is refused. It tells

@@ -1,4 +1,4 @@
-"""Joint positions along a tool's path, step by step from one solution, and as a spline that keeps a tolerance.
+"""Joint positions along a tool's path, step by step from one solution, and as a spline within a tolerance.
 
 On a smooth part of the path  J q' = V,  J q'' = V' - J' q',  so that positions and both derivatives are known at every node.
 A quintic Hermite spline through them is C² and misses the path by the sixth power of the distance of its nodes.
@@ -30,7 +30,7 @@ EAGER = 5.0  # e-foldings along the path of the way to a posture
 
 @dataclass(frozen=True, eq=False)
 class Stuck(Exception):
-    """The end of a path that cannot be followed: place and positions, and what the joints' rates by s would be."""
+    """Point at which a path cannot be continued: place, positions, and the joint rates by s that it would need."""
 
     s: float
     q: np.ndarray
@@ -62,7 +62,7 @@ class Follower:
         return rates, inverse, least, np.linalg.norm(left, axis=1) / np.linalg.norm(twist, axis=1)
 
     def derivatives(self, q: np.ndarray, s: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """q' and q'' (k, n) at positions on the path, and True (k,) where the joints cannot follow.
+        """q' and q'' (k, n) at positions on the path, and True (k,) for points that the joints cannot follow.
 
         q'' is exact; of a redundant arm its part in the null space of J, which moves no tool, comes from differences along
         the way.

@@ -1,4 +1,4 @@
-"""Motions of the joints that lead the tool along a path."""
+"""Motions of the joints along a path of the tool."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from armwright.trajectory.piecewise import PiecewisePolynomial
 
 @dataclass(frozen=True)
 class SlowStretch:
-    """A part of a path on which the speed that was asked for exceeds a limit; `str` gives it as a sentence.
+    """A part of a path on which the requested speed exceeds a limit; `str` gives it as a sentence.
 
     Attributes:
         begin, end: s [m].   slower: factor by which the tool would have to be slower.   what: the limit, and what was needed.
@@ -35,13 +35,13 @@ class SlowStretch:
 
 @dataclass(frozen=True, eq=False)
 class CartesianMotion(Motion):
-    """Motion of the joints that leads the tool along a path; made by `follow_path`.
+    """Motion of the joints along a path of the tool; made by `follow_path`.
 
     The way s(t) is piecewise of constant jerk; q = q(s), q̇ = q' ṡ, q̈ = q'' ṡ² + q' s̈.
 
     Attributes:
         solution: joint positions along the path.   profile: s(t) [m].
-        slowed: factor by which the motion is slower than asked, where it is slowest.
+        slowed: factor by which the motion is slower than requested, where it is slowest.
         reasons: limits that asked for it, the hardest first.   stretches: where they did.
     """
 

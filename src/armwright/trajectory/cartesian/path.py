@@ -1,4 +1,4 @@
-"""Paths of the tool: segments behind each other, their corners rounded."""
+"""Paths of the tool: segments in sequence with rounded corners."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SHARE = 0.5  # of a segment that a blend may take, on either side
 
 @dataclass(frozen=True, eq=False)
 class CartesianPath:
-    """Path T(s) of the tool, s the length of its way [m]; a turn in place counts 1 m for each rad.
+    """Path T(s) of the tool, s the distance covered [m]; a turn in place counts 1 m for each rad.
 
     Corners are rounded by polynomials of fifth degree, in position and rotation, so that T(s) is C² there. A blend passes its
     corner at `blend`, or nearer where a segment is too short, since it takes at most half of a segment, or where

@@ -1,4 +1,4 @@
-"""Pieces of a tool's path: straight ways, arcs, turns in place and blends, by the length of the way s.
+"""Pieces of a tool's path: straight lines, arcs, turns in place and blends, as functions of the distance s.
 
 Every piece gives the pose at s and its first and second derivative: position p, p', p'', rotation R, and the angular velocity
 per length w (ω = w ṡ) with its derivative w', in base axes.
@@ -42,7 +42,7 @@ class PathPoints:
 
 @dataclass(frozen=True, eq=False)
 class Stretch:
-    """A straight way, an arc or a turn in place, along which the tool turns about one axis at an even rate.
+    """A straight line, an arc or a turn in place, with the tool turning about one axis at a constant rate.
 
     p = position + direction s, or with a centre that point turned about `normal` by s / radius;  R = rotation exp([ρ s]).
 
@@ -152,14 +152,14 @@ class Blend:
         return PathPoints.of(p, pu / speed, puu / speed**2 + pu * bend, rotation, w, dw)
 
     def deviation(self, corner: np.ndarray) -> tuple[float, float]:
-        """Distance [m] and angle [rad] at which the blend passes the corner, which are its largest from the sharp path."""
+        """Distance [m] and angle [rad] of the blend from the corner, its largest from the sharp path."""
         u = np.linspace(0.0, self.position.x[-1], SAMPLES)
         distance = np.linalg.norm(self.position(u) - corner, axis=1).min()
         return float(distance), float(np.linalg.norm(self.turn(u), axis=1).min())
 
 
 def blend(before: Stretch, after: Stretch, cut: float) -> Blend:
-    """The blend that takes the place of the last `cut` of one piece and the first `cut` of the next [m]."""
+    """The blend that replaces the last `cut` of one piece and the first `cut` of the next [m]."""
     ends = before.at(np.array([before.length - cut])), after.at(np.array([cut]))
     corner = after.rotation
     span = np.array([0.0, 2.0 * cut])

@@ -1,4 +1,4 @@
-"""Segments that a tool's path is written with: lines, arcs, circles, and poses in a row."""
+"""Segments of a tool's path: lines, arcs, circles, and sequences of poses."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ PLANE = 1e-6  # of a circle's radius: how far its beginning may be off its plane
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """A straight way to a goal; the tool turns evenly about one axis by the shortest way (SLERP).
+    """A straight line to a goal; the tool turns uniformly about one axis by the shortest way (SLERP).
 
     Without a way it is a turn in place.
 
@@ -41,7 +41,7 @@ class Line:
 
 @dataclass(frozen=True, eq=False)
 class Arc:
-    """An arc of a circle through a point to a goal; the tool turns evenly about one axis by the shortest way (SLERP).
+    """An arc of a circle through a point to a goal; the tool turns uniformly about one axis by the shortest way (SLERP).
 
     Args:
         through: (3,) [m] position that the arc passes.   goal: (4, 4) pose, or (3,) position that keeps the rotation.
@@ -190,7 +190,7 @@ def shortest(start: np.ndarray, goal: np.ndarray, place: str) -> np.ndarray:
 
 
 def numbers(place: str, value: Any, shape: tuple[int, ...]) -> np.ndarray:
-    """Finite numbers of a shape.
+    """Finite numbers in an array of a given shape.
 
     Raises:
         ScenarioError: names the place, the value and what was expected.

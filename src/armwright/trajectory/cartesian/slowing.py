@@ -1,4 +1,4 @@
-"""Ways of the tool over time that keep the speed that is asked for where the limits allow it, and are slower where they do not.
+"""Path timing of the tool: the requested speed, reduced on the stretches that a limit requires.
 
 Under a ceiling of ṡ, by the tool's and the joints' speeds, the fastest ṡ² with bounded accelerations is found as for time-optimal
 motions. Its mean over a moving window of time is smooth: with s̈ that jumps by Δ the window δ makes jerks of Δ / δ. Where that
@@ -29,7 +29,7 @@ WINDOWS = 20  # tries for the shortest window that keeps the jerk
 
 @dataclass(frozen=True)
 class Pace:
-    """Speed [m/s], acceleration [m/s²] and jerk [m/s³] of ṡ that are asked for on a run; of a turn in place in rad."""
+    """Requested speed [m/s], acceleration [m/s²] and jerk [m/s³] of ṡ on a run; for a turn in place in rad."""
 
     speed: float
     acceleration: float
@@ -98,7 +98,7 @@ class _Run:
 def locally_slowed(
     solution: ToolPathSolution, limits: MotionLimits, values: dict[str, float], paces: list[Pace], time: float
 ) -> tuple[PiecewisePolynomial, float]:
-    """s(t) of all runs, as fast as asked where the limits allow it, and the factor by which it is slower as a whole.
+    """s(t) of all runs, as fast as requested within the limits, and the overall factor by which it is slower.
 
     Args:
         solution: joint positions along the path.   limits: velocity, acceleration and jerk of the joints.

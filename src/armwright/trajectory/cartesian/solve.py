@@ -1,4 +1,4 @@
-"""Joint positions for a tool's path: the solution to begin with, the path along it, and why there is none."""
+"""Joint positions for a tool's path: the initial solution, the continuation along it, and reasons for failure."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ BEYOND = 1e-9  # [rad | m] outside of a limit that is rounding
 
 @dataclass(frozen=True, eq=False)
 class SplinePath(JointPath):
-    """A joint path with a spline of its own in place of the natural one through its waypoints."""
+    """A joint path with a given spline in place of the natural one through its waypoints."""
 
     spline: PPoly = field(kw_only=True)
 
@@ -272,7 +272,7 @@ def _past_limit(
 
 
 def place(path: CartesianPath, s: float) -> str:
-    """A place on a path, as errors name it."""
+    """A place on a path in the form used by errors."""
     x, y, z = path.points(np.array([s])).pose[0, :3, 3]
     return f"path at s = {s:.4g} of {path.length:.4g} m ({x:.3f}, {y:.3f}, {z:.3f})"
 
@@ -321,7 +321,7 @@ def _splined(
 
 
 def explained(follower: Follower, stuck: Stuck) -> ScenarioError:
-    """The error of a path whose joints cannot follow it from some place on: out of reach, or a singularity."""
+    """The error of a path that the joints cannot follow from some place on: out of reach, or a singularity."""
     path, tool = follower.path, follower.tool
     ahead = np.clip(stuck.s + AHEAD * path.length, None, path.length)
     s = np.concatenate([ahead, np.linspace(stuck.s, path.length, SAMPLES)])

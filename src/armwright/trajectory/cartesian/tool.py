@@ -1,4 +1,4 @@
-"""A frame of an arm that is led along a path: its compiled kinematics, and joint rates from those of the tool."""
+"""A frame of an arm that follows a path: its compiled kinematics, and joint rates for its twist."""
 
 from __future__ import annotations
 
@@ -40,13 +40,13 @@ class Tool:
 
     @cached_property
     def radian(self) -> float:
-        """Length that an angle of 1 rad counts as [m]."""
+        """Length equivalent to an angle of 1 rad [m]."""
         length = float(reach(self.arm, self.frame))
         return ANGLE_SHARE * length if np.isfinite(length) and length > 0.0 else 1.0
 
     @property
     def rows(self) -> int:
-        """Numbers of a twist that count."""
+        """Indices of the twist entries that the path constrains."""
         return 6 if self.aim == "pose" else 3
 
     @property

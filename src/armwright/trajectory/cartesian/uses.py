@@ -1,4 +1,4 @@
-"""Limits of the joints and of the tool along a motion of the tool, and by how much it would have to be slower for each."""
+"""Utilisation of joint and tool limits along a motion of the tool, and the slow-down factor that each requires."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ ROUNDED = 1e-9  # of a limit
 
 @dataclass(frozen=True, eq=False)
 class Column:
-    """Use of one limit at many times: the factor (k,) by which the motion must be slower for it."""
+    """Utilisation of one limit at many times: the factor (k,) by which the motion must be slower for it."""
 
     what: str
     unit: str
@@ -30,17 +30,17 @@ class Column:
 
     @property
     def slower(self) -> np.ndarray:
-        """(k,) at each time; 1 and less where the limit is kept."""
+        """(k,) at each time; at most 1 if the limit is kept."""
         return (self.values / self.limit) ** (1.0 / self.power)
 
     def said(self, k: int) -> str:
-        """What the motion would need, and the limit."""
+        """The value that the motion would need, and the limit, in words."""
         return f"{self.what.format(f'{self.values[k]:.4g} {self.unit}')}, its limit is {self.limit:.4g}"
 
 
 @dataclass(frozen=True, eq=False)
 class Uses:
-    """Uses of all limits that there are at places s (k,) [m] and times t (k,) [s] of a motion, the largest of all to 1e-8."""
+    """Utilisation of all limits at places s (k,) [m] and times t (k,) [s] of a motion, the largest of all to 1e-8."""
 
     t: np.ndarray
     s: np.ndarray
@@ -52,12 +52,12 @@ class Uses:
         return np.max([np.zeros(len(self.t)), *(column.slower for column in self.columns)], axis=0)
 
     def hardest(self) -> list[tuple[float, Column, int]]:
-        """Of every limit that is exceeded the factor, the limit and its row, the hardest first."""
+        """For every exceeded limit the factor, the limit and its row, the largest factor first."""
         found = [(float(c.slower.max()), c, int(c.slower.argmax())) for c in self.columns]
         return sorted((each for each in found if each[0] > 1.0 + ROUNDED), key=lambda each: -each[0])
 
     def stretches(self) -> list[tuple[float, float, float, str]]:
-        """Where limits are exceeded: begin and end [m], the largest factor, and what would be needed there."""
+        """Stretches beyond a limit: begin and end [m], the largest factor, and the value needed there."""
         over = np.concatenate([[False], self.slower > 1.0 + ROUNDED, [False]])
         begins, ends = np.flatnonzero(over[1:] & ~over[:-1]), np.flatnonzero(over[:-1] & ~over[1:]) - 1
         found = []
@@ -76,7 +76,7 @@ def uses_of(
     values: dict[str, float],
     rounds: int = ROUNDS,
 ) -> Uses:
-    """How much of each limit a motion along a path uses.
+    """Utilisation of each limit by a motion along a path.
 
     Args:
         solution: joint positions along the path.   profile: s(t) [m].   limits: of the joints.
@@ -105,7 +105,7 @@ def uses_of(
 
 
 def _columns(motion: CartesianMotion, limits: MotionLimits, values: dict[str, float], t: np.ndarray) -> list[Column]:
-    """Uses of all limits that there are at times t (k,)."""
+    """Utilisation of all limits at times t (k,)."""
     (s, rate, change), jerk = (each[:, 0] for each in motion.profile.at(t)), motion.profile.derivative().at(t)[2][:, 0]
     _, qd, qdd = motion.at(t)
     third = motion.solution.third(s)

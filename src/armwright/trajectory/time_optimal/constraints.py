@@ -1,4 +1,4 @@
-"""What the limits of an arm allow along a path: for a squared path speed x = ṡ² an interval of path accelerations s̈.
+"""Limits of an arm along a path: for a squared path speed x = ṡ² an interval of path accelerations s̈.
 
 q̇ = q' √x,  q̈ = q' s̈ + q'' x.  [BobrowEtAl1985] At fixed x the inverse dynamics is affine in s̈, through lossy gears piecewise
 linear. In x it is neither: viscous friction and back EMF add terms in √x [VerscheureEtAl2009], other friction any function of it.
@@ -54,7 +54,7 @@ class PathLimits:
         return speed * speed
 
     def bounds(self, x: np.ndarray, shares: Shares) -> tuple[np.ndarray, np.ndarray]:
-        """Lowest and highest s̈ (m, j) that all joints allow at x (m, j); lowest above highest where none is allowed."""
+        """Lowest and highest s̈ (m, j) that all joints allow at x (m, j); lowest above highest if none is allowed."""
         intervals = []
         if np.isfinite(self.limits.acceleration).any():
             most = (self.limits.acceleration * shares["acceleration"])[:, None]
@@ -67,7 +67,7 @@ class PathLimits:
         return low, -high
 
     def used(self, x: np.ndarray, sdd: np.ndarray) -> dict[str, np.ndarray]:
-        """By quantity the part of its limit (m, j, n) that each joint uses at x and s̈ (m, j), signed; 0 without a limit."""
+        """By quantity the share of its limit (m, j, n) that each joint uses at x and s̈ (m, j), signed; 0 without a limit."""
         qd, qdd = self._motion(x, sdd)
         values = {"velocity": qd, "acceleration": qdd}
         if self.has_torques:

@@ -1,4 +1,4 @@
-"""Problems that have no solution: where on the path, which joint, and by how much."""
+"""Reasons for infeasible problems: the place on the path, the joint, and the excess."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def squared_speeds(speeds: Any) -> tuple[float, float]:
 
 
 def check_limits(arm: Model, limits: MotionLimits, path: JointPath) -> None:
-    """Refuses limits that the arm's record cannot tell, that this planner does not keep, and motions that nothing bounds.
+    """Refuses limits that the record is too incomplete for or the planner does not support, and motions without any bound.
 
     Raises:
         ScenarioError: names the quantity and the joints.
@@ -96,7 +96,7 @@ def check_distances(arm: Model, clearance: Any, path: JointPath) -> None:
 
 
 def check_holding(planner: Planner) -> None:
-    """Refuses paths on which the motors cannot even hold the arm still.
+    """Refuses paths on which the motors cannot hold the arm at rest.
 
     Raises:
         ScenarioError: names the joint, the place, the torque and what the limits allow.
@@ -107,7 +107,7 @@ def check_holding(planner: Planner) -> None:
 
 
 def no_way(planner: Planner, profile: Profile) -> ScenarioError:
-    """The reason why no motion leads along the path.
+    """The reason why no motion along the path is feasible.
 
     Args:
         planner: of the path.   profile: that got stuck.
@@ -131,7 +131,7 @@ def no_way(planner: Planner, profile: Profile) -> ScenarioError:
 
 
 def too_weak_to_move(planner: Planner) -> ScenarioError | None:
-    """The error that a motor cannot move the arm along the path at all, however slowly; None where all can."""
+    """The error for a motor too weak to move the arm along the path even slowly; None if all are strong enough."""
     whole = {name: np.ones_like(each) for name, each in planner.shares.items()}
     high = planner.points.bounds(np.zeros((len(planner.s), 1)), whole)[1]
     x = CREEPING**2 * float(np.median(np.clip(high, 0.0, MOST))) * planner.path.length / len(planner.s)

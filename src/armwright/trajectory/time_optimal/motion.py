@@ -1,4 +1,4 @@
-"""A motion along a path at a planned path speed."""
+"""A motion along a path with a planned path speed."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ class PathMotion(Motion):
 
     @property
     def saturated(self) -> float:
-        """Part of the duration in which at least one joint is at a limit."""
+        """Share of the duration with at least one joint at a limit."""
         at_limit = np.max([each.max(axis=1) for each in self.used.values()], axis=0) >= SATURATED
         return float(np.diff(self.breaks) @ at_limit / self.duration)
 

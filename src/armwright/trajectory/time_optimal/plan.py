@@ -47,7 +47,7 @@ def time_optimal(
     time: float = 0.0,
     clearance: Clearance | None = None,
 ) -> PathMotion:
-    """The fastest motion along a path that the arm with its motors can do:  min ∫ ds/ṡ,  all limits kept.
+    """The fastest motion along a path within the limits of arm and motors:  min ∫ ds/ṡ.
 
     |q̇|, |q̈|, |tau(q, q̇, q̈)| and |V| = |R tau/(n Kt) + n Ke q̇| stay below their limits, with tau by the compiled inverse dynamics:
     rotors, friction of every law and lossy gears included. Sets of ṡ² from which the end is reached are found backwards, the

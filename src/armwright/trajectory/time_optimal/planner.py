@@ -65,7 +65,7 @@ class Planner:
         self.shares = {name: np.ones(self.points.q.shape) for name in QUANTITIES}
 
     def plan(self) -> tuple[Profile, dict[str, np.ndarray]]:
-        """The fastest profile that keeps all limits on the judging grid, and what it uses of them (m - 1, n), by quantity.
+        """The fastest profile within all limits on the judging grid, and its share of each limit (m - 1, n), by quantity.
 
         Raises:
             ScenarioError: no profile keeps the limits between grid points.
@@ -90,7 +90,7 @@ class Planner:
         return self._slowed(profile)
 
     def fastest(self) -> Profile:
-        """The fastest profile that keeps the limits, as far as they are shrunk, at grid points."""
+        """The fastest profile within the limits, as tightened so far, at grid points."""
         return self._refined(self._coarse(), FIRST_BAND, LAST_BAND)
 
     def _coarse(self) -> Profile:
@@ -118,7 +118,7 @@ class Planner:
         return v
 
     def highest_last(self) -> float:
-        """The largest x at the end that is reached from the beginning, by coarse levels: the way back, played backwards."""
+        """The largest reachable x at the end, by coarse levels: the reversed path."""
         high = self.points.bounds(np.zeros((len(self.s), 1)), self.shares)[1]
         top = max(4.0 * float(np.median(np.clip(high, 0.0, MOST))) * self.path.length, self.ends[0])
         v = self._levels(np.minimum(self.points.largest_x(self.shares), top))

@@ -1,4 +1,4 @@
-"""Way over time between grid points whose squared path speeds are known."""
+"""Distance over time between grid points with known squared path speeds."""
 
 from __future__ import annotations
 
