@@ -31,7 +31,7 @@ def animate(
         option("--lane", "K", "Which lane of a run that has several."),
     ] = None,
 ) -> None:
-    """Write a run as a moving arm, in real time: a page with a player, or an animated glTF file.
+    """Write a run as a moving arm: a page with a player, or an animated glTF file.
 
     The page needs no network: time slider, speed, camera, the reference of a controlled run as a ghost, curves below.
 

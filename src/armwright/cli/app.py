@@ -57,6 +57,11 @@ UsageError: Any = typer.BadParameter.__mro__[1]  # typer keeps it to itself
 class Commands(TyperGroup):
     """Command group that shows errors in one line, or several mistakes of a file in one line each."""
 
+    def list_commands(self, ctx: Any) -> list[str]:
+        """Names in the order of `PANELS`; typer would put the groups behind all commands."""
+        known = super().list_commands(ctx)
+        return sorted(known, key=ORDER.index)
+
     def main(self, *args: Any, standalone_mode: bool = True, **extra: Any) -> Any:
         """Runs a command; ends the process with its exit code."""
         for stream in (sys.stdout, sys.stderr):
@@ -147,15 +152,16 @@ def _commands(
     \b
     Try:
       armwright robots
-      armwright info cmu-dd
       armwright simulate cmu-dd --voltage 5 --duration 1 --plot run.png
+      armwright new robot my-arm.toml --from my-arm.urdf
+      armwright examples copy examples
     """
     if context.invoked_subcommand is None:
         typer.echo(context.get_help())
 
 
 PANELS: dict[str, tuple[Callable[..., None] | typer.Typer, ...]] = {
-    "Describe an arm": (robots, info, show, check, diff, convert, new, parts, assemble),
+    "Describe an arm": (robots, info, new, check, show, diff, convert, parts, assemble),
     "Compute": (inverse_dynamics, forward_dynamics, ik, workspace, plan),
     "Simulate": (simulate, sim, plot, animate, step_study, reproduce),
     "Identify": (excite, log, identify, validate),
@@ -163,6 +169,7 @@ PANELS: dict[str, tuple[Callable[..., None] | typer.Typer, ...]] = {
     "Deploy": (export, twin, run_controller, shadow),
     "Learn": (examples,),
 }
+ORDER: list[str] = []
 DRAWN = (show, plot, animate, sim)  # these draw, or converse: --json would have nothing to write
 WRITTEN = (new, examples)  # these write or list files
 
@@ -177,8 +184,10 @@ for panel, entries in PANELS.items():
     for entry in entries:
         if isinstance(entry, typer.Typer):
             app.add_typer(entry, rich_help_panel=panel)
+            ORDER.append(str(entry.info.name))
         else:
             app.command(rich_help_panel=panel)(entry)
+            ORDER.append(entry.__name__.replace("_", "-"))
 for commands in (app, examples, excite, export, identify, new, parts):
     for command in commands.registered_commands:
         assert command.callback is not None

@@ -20,11 +20,11 @@ def check(
     robot: Robot,
     strict: Annotated[bool, typer.Option("--strict", help="Exit with 1 on warnings too, not only on errors.")] = False,
 ) -> None:
-    """Make every physical check of a robot file, those that open its meshes included.
+    """Check a robot file: missing numbers, impossible inertias, implausible values, meshes.
 
-    Errors are what no real arm can be: mass properties that are impossible. Warnings look like a mistake, and name it;
-    notes are right on some arms.
-    Exit code: 0 nothing found, 1 errors (with --strict: or warnings), 2 a file that cannot be read at all.
+    Errors are impossible for a real arm, such as a negative inertia. Warnings look like a mistake, and name it; notes are
+    correct on some arms. Exit code: 0 nothing found, 1 errors (with --strict: or warnings), 2 a file that cannot be read at
+    all.
 
     \b
     Examples:

@@ -52,7 +52,7 @@ def compare_controllers(
     plot: Annotated[Path | None, option("--plot", "FILE", "Draw the errors: .png, .svg or .pdf.")] = None,
     allow: Allow = None,
 ) -> None:
-    """Compare controllers on the same motions: errors, path accuracy and repeatability as in ISO 9283, settling, effort.
+    """Compare controllers on the same motions: errors, path accuracy (ISO 9283), settling, effort.
 
     Exit code: 0 compared, 2 bad input.
 

@@ -28,10 +28,10 @@ def convert(
         ),
     ] = None,
 ) -> None:
-    """Write a robot file in the format of OUT's ending; list what that format cannot store and what in IN was doubtful.
+    """Convert a robot file or a run to another format, and list what is lost.
 
-    Robots: .toml, .urdf, .xml or .mjcf. Runs, of a saved .nc: .mcap for Foxglove, PlotJuggler and Rerun, .mat for MATLAB, .csv,
-    .parquet.
+    The ending of OUT decides the format. Robots: .toml, .urdf, .xml or .mjcf. Runs, of a saved .nc: .mcap for Foxglove,
+    PlotJuggler and Rerun, .mat for MATLAB, .csv, .parquet.
 
     A URDF gets its drive train in NAME.drive.toml beside it. From TOML to TOML it is the canonical form: the same arm, and
     the same bytes every time. A built-in arm converted to TOML is a file of yours to change.

@@ -20,10 +20,10 @@ def _arm(which: str) -> Any:
 
 
 def diff(a: Annotated[str, _arm("first")], b: Annotated[str, _arm("second")]) -> None:
-    """Compare two arms parameter by parameter, with sources, and show the effect on the dynamics.
+    """Compare two arms number by number, with the effect on the dynamics.
 
-    What it does: total mass, and the largest changes of gravity torques and inertias (of the mass matrix's diagonal, rotors
-    included) at q = 0 and at 32 poses within the limits of A.
+    The effect is shown as total mass, and the largest changes of gravity torques and inertias (of the mass matrix's
+    diagonal, rotors included) at q = 0 and at 32 poses within the limits of A.
 
     \b
     Examples:

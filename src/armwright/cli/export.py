@@ -83,9 +83,9 @@ def controller(
 ) -> None:
     """Write the controller of a scenario as C99 for a microcontroller, and compare it with the simulation.
 
-    The folder gets a header, a C file, a self-test with recorded inputs, a CMakeLists.txt and a README.md. Where there is a C
-    compiler, the code is compiled and run on what the controller sees in the simulation: its commands must have equal bits, in
-    float be near.
+    The folder gets a header, a C file, a self-test with recorded inputs, a CMakeLists.txt and a README.md. If a C compiler
+    is installed, the code is compiled and run on the controller's inputs in the simulation: its commands must have equal
+    bits (in float: be close).
 
     \b
     Examples:
@@ -182,11 +182,11 @@ def fmu(
     ] = None,
     allow: Allow = None,
 ) -> None:
-    r"""Write an arm, its controller or both as an FMU, for Simulink, Modelica tools, FMPy and others.
+    """Write an arm, its controller or both as an FMU, for Simulink, Modelica tools, FMPy and others.
 
-    For co-simulation it is the simulation itself as C: in another tool it gives the bits of `armwright simulate`. Sources are
-    inside, and binaries for Linux, Windows and macOS where zig is installed (pip install 'armwright\[fmu]'); else one for this
-    computer, by its C compiler.
+    For co-simulation it is the simulation itself as C: in another tool it gives the bits of `armwright simulate`. It holds
+    sources, and binaries for Linux, Windows and macOS if zig is installed (the extra `fmu`), else one for this computer, if
+    it has a C compiler.
 
     \b
     Examples:

@@ -63,9 +63,10 @@ def arm(
         option("--report", "FILE.html", "Write a page; with -o it also compares the written arm with the log."),
     ] = None,
 ) -> None:
-    """Identify an arm: base parameters, rotors and friction with standard deviations, and what the log does not show.
+    """Identify an arm: base parameters, rotors and friction, with standard deviations.
 
-    The robot may be a full record or kinematics alone. Exit code: 0 identified, 1 the log does not tell all of it, 2 bad input.
+    The robot may be a full record or kinematics alone. Exit code: 0 identified, 1 the log does not determine all
+    parameters, 2 bad input.
 
     \b
     Examples:

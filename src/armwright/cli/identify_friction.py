@@ -37,11 +37,11 @@ def friction(
         Path | None, option("--report", "FILE.html", "Write a page: verdict, remarks, parameters, fits.")
     ] = None,
 ) -> None:
-    """Identify joint friction: viscous and Coulomb, and further terms if they lower the error on held-out data.
+    """Identify joint friction: viscous, Coulomb, and further terms that held-out data support.
 
-    Candidates are Stribeck's fall, load-proportional friction, the sigmoid law, a spring and a counterbalance, and slopes over
-    temperature where the log has temperatures or runs a warming; each stays only if it lowers the held-out error by 1 %.
-    Exit code: 0 identified, 1 friction does not explain the torques, 2 bad input.
+    Candidates are Stribeck's fall, load-proportional friction, the sigmoid law, a spring and a counterbalance, and slopes
+    over temperature where the log has temperatures or runs a warming; each stays only if it lowers the held-out error by 1
+    %. Exit code: 0 identified, 1 friction does not explain the torques, 2 bad input.
 
     \b
     Examples:

@@ -37,8 +37,8 @@ def linear(
 ) -> None:
     """Fit a black-box model (ARX, OE, ARMAX or state space) from an input of a log to an output.
 
-    Fits are those of the free simulation, on the runs that were fitted and on those that were held out. Exit code: 0 identified,
-    1 the output does not answer to the input, 2 bad input.
+    The fit in percent is that of the free simulation, on the fitted and on the held-out runs. Exit code: 0 identified,
+    1 the output does not depend on the input, 2 bad input.
 
     \b
     Examples:

@@ -78,8 +78,8 @@ def motor(
 ) -> None:
     """Identify motors: resistance, torque constant, inertia, friction, delay, with standard deviations.
 
-    The free simulation of the record's own drives that comes nearest to the log. What the log cannot tell is named and stays as
-    the record has it. Exit code: 0 identified, 1 not identified, 2 bad input.
+    It fits the free simulation of the record's drives to the log. Parameters that the log does not determine are named and
+    keep the record's value. Exit code: 0 identified, 1 not identified, 2 bad input.
 
     \b
     Examples:

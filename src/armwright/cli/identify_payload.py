@@ -36,8 +36,8 @@ def payload(
 ) -> None:
     """Identify a payload: mass, centre of mass and inertia, with standard deviations.
 
-    From one log of an arm whose record is true, or from two logs, without and with the payload, of an arm of which only the
-    kinematics need be known. Exit code: 0 identified, 1 the log does not tell the mass, 2 bad input.
+    It needs one log of an arm with a correct record, or two logs, without and with the payload, of an arm with known
+    kinematics. Exit code: 0 identified, 1 the log does not determine the mass, 2 bad input.
 
     \b
     Examples:

@@ -50,12 +50,12 @@ def ik(
     ] = "auto",
     every: Annotated[bool, typer.Option("--all", help="All solutions of the closed form, a row each.")] = False,
 ) -> None:
-    """Inverse kinematics of a table: joint positions within the limits for the pose in each row.
+    """Inverse kinematics of a table: joint positions for the pose in each row.
 
-    The table has the columns x, y, z in m, alone or with roll, pitch, yaw in rad (about fixed axes, as in a URDF) or with the
-    quaternion qw, qx, qy, qz. The result has q_JOINT, and how far off the pose is in mm and mrad; q_JOINT is nan where
-    a pose was not reached. With --all, rows have the number of the pose and of the branch, and poses that are not reached
-    have none. Exit code: 0 all were reached, 1 some were not, 2 bad input.
+    Positions are within the limits. The table has the columns x, y, z in m, alone or with roll, pitch, yaw in rad (about
+    fixed axes, as in a URDF) or with the quaternion qw, qx, qy, qz. The result has q_JOINT, and how far off the pose is in
+    mm and mrad; q_JOINT is nan where a pose was not reached. With --all, rows have the number of the pose and of the
+    branch, and poses that are not reached have none. Exit code: 0 all were reached, 1 some were not, 2 bad input.
 
     \b
     Examples:

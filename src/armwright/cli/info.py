@@ -26,7 +26,7 @@ Operations = Annotated[
 
 
 def info(robot: Robot, operations: Operations = False) -> None:
-    """Show all about an arm: frames, masses, motors, friction, limits, the source of every number, and warnings.
+    """Show an arm: frames, masses, motors, friction, limits, sources of all numbers, warnings.
 
     \b
     Examples:

@@ -32,9 +32,9 @@ def log(
 ) -> None:
     """Read a log of measurements, check it, and show how it would be filtered for a fit.
 
-    Errors are what makes a log unusable: time that goes backwards, units, sides or signs that contradict each other. Warnings
-    say what may make a fit wrong: saturation, rows that repeat, forces against the motion; notes what else to know: gaps,
-    quantisation, delays between columns. Exit code: 0 it can be used, 2 it cannot.
+    Errors make a log unusable: time that goes backwards, units, sides or signs that contradict each other. Warnings may
+    make a fit wrong: saturation, rows that repeat, forces against the motion. Notes are good to know: gaps, quantisation,
+    delays between columns. Exit code: 0 it can be used, 2 it cannot.
 
     \b
     Examples:

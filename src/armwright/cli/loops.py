@@ -41,7 +41,7 @@ def loops(
     seed: Annotated[int, option("--seed", "N", "Of the poses; default 0.")] = 0,
     allow: Allow = None,
 ) -> None:
-    """Analyse the sampled loops of a scenario over the workspace: inertias, margins, the longest sample period, gain regions.
+    """Analyse sampled loops over the workspace: margins, lowest sampling rate, gain regions.
 
     Exit code: 0 the coupled loop keeps the margins at all analysed poses, 1 it does not, 2 bad input.
 

@@ -15,7 +15,7 @@ new = typer.Typer(name="new")
 
 @new.callback()
 def _new() -> None:
-    """Write a file to start from."""
+    """Write a robot file to fill in."""
 
 
 @new.command()
@@ -33,7 +33,7 @@ def robot(
 ) -> None:
     """Write a robot file to fill in; every number that the drives need and that is unknown is marked TODO.
 
-    `armwright check ARM.toml` then names each TODO with its line, what is wanted, and where a datasheet has it.
+    `armwright check ARM.toml` then lists each TODO with its line, its meaning, and its place in a datasheet.
 
     \b
     Examples:

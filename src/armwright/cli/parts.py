@@ -32,7 +32,7 @@ def _about() -> None:
 def build(file: File, output: Arm, audit: Audit = None) -> None:
     """Write the arm that a parts database describes, with every link's mass, centre of mass and inertia computed.
 
-    Run it again when the construction changes: an arm's file that is older than its parts says so when it is loaded.
+    Run it again when the construction changes: loading an arm's file that is older than its parts gives a warning.
 
     \b
     Examples:

@@ -27,10 +27,10 @@ def plan(
     rate: Annotated[float, option("--rate", "HZ", "Rows in a second, 500 by default.")] = 500.0,
     allow: Allow = None,
 ) -> None:
-    """Plan the motion of a motion file, segment by segment, within the limits of the robot file or the motion file.
+    """Plan the motion of a motion file, within its limits or those of the robot file.
 
-    Shows when each segment begins and the largest part of every limit that is used; torques and voltages are those of the
-    arm with what it carries. Exit code: 0 all known limits are kept, 1 one is exceeded, 2 bad input.
+    It shows the start of each segment and the largest share of every limit; torques and voltages include the payload. Exit
+    code: 0 all known limits are kept, 1 one is exceeded, 2 bad input.
 
     \b
     Examples:

@@ -20,8 +20,8 @@ def reproduce(
 ) -> None:
     """Compute a saved run again from the scenario stored in it, and compare all bits.
 
-    Bits are the same where processor, its features and versions are those that the run was made with; what differs is told.
-    Exit code 1 where numbers differ.
+    Bits are the same on the same processor with the same versions; differences in these are listed. Exit code: 0 all bits
+    are equal, 1 numbers differ, 2 bad input.
 
     \b
     Example:

@@ -62,12 +62,12 @@ def shadow(
         float | None, option("--period", "S", "Time from SYNC to SYNC of a bus; by default by the clock.")
     ] = None,
 ) -> None:
-    """Run a model beside its arm: residuals of torque and position, with alarms for contacts and wrong payloads.
+    """Run a model beside its arm, with alarms for contacts and wrong payloads.
 
-    Limits of the alarms come from the record's verdict (see `armwright validate`), else from the fit or the standard deviations
-    in the record. No row sees a later one, so alarms are as early as they are beside the arm. A bus is listened to: nothing is
-    sent. Its drives answer each SYNC with statusword, actual torque and position, as those of an LWA 4P or of `armwright twin`.
-    Exit code: 0 no alarm, 1 alarms, 2 input that cannot be used.
+    Limits of the alarms come from the record's verdict (see `armwright validate`), else from the fit or the standard
+    deviations in the record. No row depends on a later one, so alarms come as early as beside the real arm. On a bus it
+    only listens, and sends nothing. Its drives answer each SYNC with statusword, actual torque and position, as those of an
+    LWA 4P or of `armwright twin`. Exit code: 0 no alarm, 1 alarms, 2 input that cannot be used.
 
     \b
     Examples:

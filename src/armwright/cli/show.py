@@ -41,11 +41,12 @@ def show(
     ] = None,
     browser: Annotated[bool, typer.Option("--open", help="Open the live page in the browser.")] = False,
 ) -> None:
-    """Draw an arm in one pose, from its sections and meshes or as a stick figure; no display needed.
+    """Draw an arm in one pose, or serve a live page of it.
 
-    A PNG is a shaded picture; an HTML file is a page with a slider for every joint, which needs no network; a GLB file is a
-    scene for Blender and other programs, with a node for each link. --live serves the page at an address that only this
-    machine reaches; Python programs and `armwright sim` can move the arm in such a page.
+    The arm is drawn from its sections and meshes, or as a stick figure; no display is needed. A PNG is a shaded picture; an
+    HTML file is a page with a slider for every joint, which needs no network; a GLB file is a scene for Blender and other
+    programs, with a node for each link. --live serves the page at an address that only this machine reaches; Python
+    programs and `armwright sim` can move the arm in such a page.
 
     \b
     Examples:

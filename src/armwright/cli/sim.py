@@ -25,10 +25,10 @@ def sim(
     ] = None,
     echo: Annotated[bool, typer.Option("--echo", help="Show each line of a script before what it does.")] = False,
 ) -> None:
-    """Interactive session: set the arm's vectors, compute inverse and forward dynamics, simulate, plot, print.
+    """Start an interactive session: set variables, compute dynamics, simulate, plot.
 
-    At a terminal it asks, with completion, help and a tour. Lines that come through a pipe, or with --script, are a script:
-    it ends at the first line that fails, with exit code 2.
+    At a terminal it has prompts with completion, `help` and a `tour`. Lines from a pipe, or from --script, are a script: it
+    ends at the first line that fails, with exit code 2.
 
     \b
     Examples:

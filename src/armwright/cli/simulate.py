@@ -86,13 +86,13 @@ def simulate(
 ) -> None:
     """Simulate an arm: drive commands in, motion out; or run a scenario file.
 
-    Commands come from a schedule, or are constant: one value a joint with commas between, or one for all joints. Each
-    is in its drive's own unit, as `armwright info` shows it. Without -o and --plot the state at the end is shown,
-    of lanes its mean, least and most.
+    Commands come from a schedule, or are constant: one value for each joint, separated by commas, or one for all joints.
+    Each is in its drive's own unit, as `armwright info` shows it. Without -o and --plot the state at the end is shown, of
+    lanes its mean, least and most.
 
-    A file that ends in .scenario.toml says all of it instead: robot, controller, reference, timing, lanes. The files
-    that it names must stand in its folder or below, or in one that --allow names. With --reference its loop follows a
-    motion file, or a motion that `armwright plan` wrote.
+    A file that ends in .scenario.toml replaces these options: robot, controller, reference, timing, lanes. The files that
+    it names must be in its folder or below, or in a folder given by --allow. With --reference its loop follows a motion
+    file, or a motion written by `armwright plan`.
 
     \b
     Examples:

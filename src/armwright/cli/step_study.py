@@ -61,11 +61,11 @@ def step_study(
     qd0: Velocity = None,
     allow: Allow = None,
 ) -> None:
-    """Compare integration steps with CVODES and recommend the largest that is accurate enough.
+    """Find the largest integration step that is accurate enough, against CVODES.
 
-    Commands are given as for `armwright simulate`; a file that ends in .scenario.toml says all of it instead, and may name
-    files in its folder or below, or in one that --allow names. There a controller keeps its sample period, and substeps
-    are tried. Errors are the largest over time, joints and lanes.
+    Commands are given as for `armwright simulate`; a file that ends in .scenario.toml replaces them, and may name files in
+    its folder or below, or in a folder given by --allow. Its controller keeps its sample period, and substeps are tried.
+    Errors are the largest over time, joints and lanes.
 
     \b
     Examples:

@@ -29,12 +29,12 @@ def sweep(
     rows: Annotated[bool, typer.Option("--rows", help="Store recorded rows too, not only what is reduced.")] = False,
     allow: Allow = None,
 ) -> None:
-    """Simulate many lanes of a scenario in chunks, and store the results of reducers, such as the largest error.
+    """Simulate millions of lanes of a scenario in chunks, and store a few results of each.
 
-    Where the store is there already, only what is missing is simulated: after Ctrl-C, or any kill, the same command goes
-    on. Results are the same bits whatever the chunks, the workers and their order. `aw.load_sweep` reads them.
+    If the store exists, only missing chunks are simulated: after Ctrl-C, or any kill, the same command continues. The bits
+    of the results do not depend on chunks, workers and their order. `aw.load_sweep` reads them.
 
-    Exit code 0: all lanes are there; 1: chunks failed; 2: bad input, or the store cannot be written.
+    Exit code: 0 all lanes are done, 1 chunks failed, 2 bad input, or the store cannot be written.
 
     \b
     Examples:

@@ -74,7 +74,7 @@ def tune(
 ) -> None:
     """Tune a controller's gains over uncertain arms by simulation, under a margin constraint.
 
-    What the file's table tuning states holds where no option says otherwise. A
+    Options replace values of the file's table tuning. A
     scenario without lanes and draws gets masses within
     ±30 % and friction within a factor of two. Half of the lanes judge the result.
     Exit code: 0 better gains were found and written, 1 none were and nothing was written, 2 bad input.

@@ -64,8 +64,8 @@ def twin(
 ) -> None:
     """Put the simulated arm of a scenario on a CAN bus, as CiA 402 drives, one node for each joint.
 
-    Its time is counted in SYNCs, which a master sends. A virtual bus is within one process: `run-controller` brings a twin of
-    its own there. At the end it is shown how many cycles there were, and how many late or incomplete.
+    Its time is counted in SYNCs, which a master sends. A virtual bus exists within one process: there `run-controller`
+    starts its own twin. The end shows the number of cycles, and how many were late or incomplete.
 
     \b
     Examples:
@@ -126,11 +126,12 @@ def run_controller(
 ) -> None:
     """Run the controller of a scenario over a CAN bus, against the twin or a real arm.
 
-    By default this is a dry run: the run is simulated as the bus would carry it, limits are checked, and nothing is sent. With
-    --go it happens: on a virtual bus against a twin in this process, in lock-step and so exactly as simulated; elsewhere in real
-    time, against nodes with the serial number that --arm says. An arm of metal needs a passing verdict of `armwright validate`
-    on the scenario, a first run with at most --speed 0.25 --torque 0.5, and the space bar held down while it moves. Exit code: 0
-    it came to its end, 1 the key was let go, 2 bad input, a fault or a following error, after which all drives were stopped.
+    By default this is a dry run: the run is simulated as the bus would carry it, limits are checked, and nothing is sent.
+    With --go it happens: on a virtual bus against a twin in this process, in lock-step and so exactly as simulated;
+    elsewhere in real time, against nodes with the serial number given by --arm. A real arm needs a passing verdict of
+    `armwright validate` on the scenario, a first run with at most --speed 0.25 --torque 0.5, and the space bar held down
+    while it moves. Exit code: 0 complete, 1 the key was released, 2 bad input, a fault or a following error, after which
+    all drives were stopped.
 
     \b
     Examples:

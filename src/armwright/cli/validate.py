@@ -44,9 +44,9 @@ def validate(
 ) -> None:
     """Compare a robot file with a log: torque prediction, free simulation, and a verdict.
 
-    Judged are the runs that the log marks use = "hold-out"; without any all runs, and that is said. The verdict is stored
-    beside the record, as ARM.verdict.toml, with the checksums of record and log. Exit code: 0 passes, 1 fails its limits, 2
-    input that cannot be used.
+    It judges the runs that the log marks use = "hold-out"; without any it judges all runs, and says so. The verdict is
+    stored beside the record, as ARM.verdict.toml, with the checksums of record and log. Exit code: 0 passes, 1 fails its
+    limits, 2 input that cannot be used.
 
     \b
     Examples:

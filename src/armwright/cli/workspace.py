@@ -27,7 +27,7 @@ def workspace(
     length: Annotated[float, option("--length", "L", "Metres that a turn by 1 rad counts as; default 1.")] = 1.0,
     seed: Annotated[int, option("--seed", "N", "Of the samples; default 0.")] = 0,
 ) -> None:
-    """Draw the workspace of an arm: maps of manipulability and histograms, from random positions within the limits.
+    """Draw the workspace of an arm: reachable positions, and manipulability there.
 
     \b
     Examples:
