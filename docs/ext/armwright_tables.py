@@ -192,8 +192,8 @@ def _single(name: str, command: Any) -> Iterator[tuple[str, Any]]:
     if not hasattr(command, "commands"):
         yield name.strip(), command
         return
-    for word, inner in command.commands.items():
-        yield from _single(f"{name} {word}", inner)
+    for word in command.list_commands(None):  # in the order of the help
+        yield from _single(f"{name} {word}", command.commands[word])
 
 
 def _argument(parameter: Any) -> str:
