@@ -81,7 +81,7 @@ def test_reducers_of_a_single_run_are_shown(tmp_path):
 @pytest.mark.parametrize(("option", "value"), [("--step", "1e-3"), ("--record-every", "1"), ("--duration", "1")])
 def test_options_that_the_file_says_are_refused(tmp_path, option, value):
     message = refused(("simulate", scenario(tmp_path), option, value))
-    assert f"swing.scenario.toml: {option}: a scenario file says all of it" in message
+    assert f"swing.scenario.toml: {option}: the scenario file states this already" in message
 
 
 def test_a_picture_of_no_rows_is_refused_before_the_run(tmp_path, monkeypatch):

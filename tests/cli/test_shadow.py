@@ -85,7 +85,7 @@ REFUSED = [
     (("socketcan:can0",), "--robot: missing; expected the arm whose drives are on the bus"),
     (("socketcan:none0", "--robot", "lwa4p"), "cannot be opened"),
     (("socketcan:can0", "--robot", "lwa4p", "--nodes", "a"), "--nodes = 'a': expected whole numbers"),
-    (("virtual:nobody", "--robot", "lwa4p", "--duration", "0.1"), "nothing was heard"),
+    (("virtual:nobody", "--robot", "lwa4p", "--duration", "0.1"), "no frames were received"),
     (("virtual:nobody", "--robot", "lwa4p", "--period", "0"), "--period = 0.0: expected a time above 0"),
     (("{}/voltages.log.toml", "--robot", "two-link"), "no torques or currents of all joints"),
 ]

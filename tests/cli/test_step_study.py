@@ -73,7 +73,7 @@ def test_a_scenario_file_says_all_of_it(tmp_path):
         ),
         (["two-link", "--torque", "0", "--duration", "1", "--steps", "0"], "--steps = 0: expected a whole number"),
         (["two-link", "--torque", "0"], "error: --duration: expected a time above 0 [s]"),
-        (["x.scenario.toml", "--duration", "1"], "--duration: a scenario file says all of it"),
+        (["x.scenario.toml", "--duration", "1"], "--duration: the scenario file states this already"),
     ],
 )
 def test_what_cannot_be_tried_is_refused_in_one_line(arguments, said):

@@ -74,7 +74,7 @@ def test_damaged_and_foreign_files_are_refused_in_one_line(tmp_path):
         (lambda run: run.assign_coords(time=np.full(21, np.nan)), r"time\[0\] = nan: expected a finite number"),
         (lambda run: run.assign(q=run.q.astype(str)), "q: <U.* values; expected real numbers"),
         (lambda run: run.assign(q=run.q.isel(joint=0)), "q: along lane, time; expected along time, joint"),
-        (lambda run: run.assign_coords(joint=["a", "a"]), "joint = 'a': stands there twice; expected different values"),
+        (lambda run: run.assign_coords(joint=["a", "a"]), "joint = 'a': occurs twice; expected different values"),
         (
             lambda run: run.assign_coords(kind=("joint", ["ball", "revolute"])),
             "kind = 'ball': expected revolute or prismatic",

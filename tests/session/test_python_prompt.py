@@ -72,7 +72,7 @@ def test_a_question_comes_after_what_was_printed_and_before_the_answer(capsys, m
 
 
 def test_python_needs_somebody_or_a_statement(session):
-    with pytest.raises(SessionError, match="nobody is there to type"):
+    with pytest.raises(SessionError, match="no terminal to type at"):
         session.run("python")
 
 

@@ -318,7 +318,7 @@ def test_python_knows_the_same_names(session):
     for line, what in (
         ("python 1/0", "ZeroDivisionError"), ("python for", "SyntaxError"),
         ("python torque = 1; voltage = 2", "torque and voltage were both set"),
-        ("python if 1:", "the statement is not finished"), ("python", "nobody is there"),
+        ("python if 1:", "the statement is not finished"), ("python", "no terminal"),
     ):  # fmt: skip
         error = refused(session, line)
         assert error.place == "python"

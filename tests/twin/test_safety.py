@@ -1,4 +1,4 @@
-"""Nothing moves by a typing error: what a bus that leaves the process, and an arm of metal, ask for before they move."""
+"""Nothing moves by a typing error: what a bus that leaves the process, and a real arm, require before they move."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -29,7 +29,7 @@ def short(scenario):
 
 @pytest.fixture
 def metal(scenario, bus, outside):
-    """Drives that say that they are an arm of metal, with serial number 7."""
+    """Drives that say that they are a real arm, with serial number 7."""
     with Twin(scenario, bus, serial=7) as twin:
         for drive in twin.drives:
             drive.values[od.VENDOR] = 0x1234
@@ -43,7 +43,7 @@ SLOW = {"serial": 7, "verdict": PASSED, "speed": 0.25, "torque": 0.5, "may_move"
 def test_a_twin_outside_needs_its_number(scenario, short, bus, outside):
     with Twin(scenario, bus, serial=7) as twin:
         for permission, message in (
-            (Permission(), "arm = None: the drives on this bus may be an arm of metal; expected its serial number"),
+            (Permission(), "arm = None: the drives on this bus may be those of a real arm; expected its serial number"),
             (
                 Permission(serial=8),
                 "arm = 8: node 3 of shoulder has serial number 7; expected the number of every node",
@@ -65,7 +65,7 @@ def test_a_twin_outside_needs_its_number(scenario, short, bus, outside):
             "verdict: no verdict on this scenario; expected a passing one of `armwright validate",
         ),
         ({"verdict": SimpleNamespace(passed=False)}, True, "verdict: "),
-        ({}, False, "real_time = False: an arm of metal does not wait"),
+        ({}, False, "real_time = False: a real arm runs in real time"),
         ({"may_move": None}, True, "may_move = None: no dead-man key"),
         ({"speed": 1.0}, True, "speed = 1.0: speed 1 and torque 0.5 before a reduced run has come to its end"),
         ({"torque": 1.0}, True, "speed = 0.25: speed 0.25 and torque 1 before a reduced run"),

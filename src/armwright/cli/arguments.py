@@ -175,7 +175,7 @@ def refuse_options(file: str, options: dict[str, Any]) -> None:
     for name, value in options.items():
         if value is not None:
             raise ScenarioError(
-                "a scenario file says all of it", place=f"--{name}", expected="one or the other", file=file
+                "the scenario file states this already", place=f"--{name}", expected="the option or the file", file=file
             )
 
 

@@ -57,7 +57,9 @@ def dead_man_key() -> Iterator[Callable[[], bool] | None]:
         end = time.monotonic() + PATIENCE
         while not key():
             if time.monotonic() > end:
-                raise BusError("the space bar was not pressed", place="standard input", expected="it held down")
+                raise BusError(
+                    "the space bar was not pressed", place="standard input", expected="the space bar held down"
+                )
             time.sleep(0.02)
         yield key
 

@@ -40,7 +40,7 @@ class Estimate:
         values: (n,).   covariance: (n, n); NaN where it is not known.   units: (n).
         at_bound: (n,) True where a value stands at a bound of its search: its deviation means nothing.
         identifiable: (n,) False where the log cannot tell the number, which stays at the record's value.
-        remarks: sentences for the user: what cannot be told apart, what stands at a bound, what would tell.
+        remarks: sentences for the user: indistinguishable numbers, numbers at a bound, and remedies.
         condition: number of the scaled Jacobian or regressor.   fit: measures by signal or joint: fit_percent, r2, rms.
         sha256: of the log.   method: one line.   verdict: "identified" or "not identified".   log: its file's name.
     """

@@ -28,7 +28,9 @@ def tool_motion(arm: Model, segment: ToolSegment, q: np.ndarray, limits: MotionL
         ScenarioError: as `follow_path`.
     """
     if segment.frame is None and arm.tip is None:
-        raise ScenarioError("missing", place="segment.frame", expected="the frame that is led", choices=arm.frames)
+        raise ScenarioError(
+            "missing", place="segment.frame", expected="the frame that follows the path", choices=arm.frames
+        )
     start = np.asarray(forward_kinematics(arm, q, segment.frame), dtype=float)
     offset = start[:3, 3] if segment.origin == "start" else np.zeros(3)
     pieces: list[Any] = []

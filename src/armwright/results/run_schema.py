@@ -142,7 +142,7 @@ def _check_values(name: str, variable: Any, rule: Rule) -> None:
         raise RunError(what, place=f"{name}[{row}]", value=float(flat[row]), expected="increasing values")
     if rule.unique and len(np.unique(flat)) < len(flat):
         first, count = np.unique(flat, return_counts=True)
-        raise RunError("stands there twice", place=name, value=first[np.argmax(count)], expected="different values")
+        raise RunError("occurs twice", place=name, value=first[np.argmax(count)], expected="different values")
     for value in flat if rule.choices else ():
         if str(value) not in rule.choices:
             raise RunError(place=name, value=str(value), expected=" or ".join(rule.choices))

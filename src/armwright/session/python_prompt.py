@@ -62,7 +62,7 @@ def python(session: Workspace, arguments: dict[str, Any]) -> list[Output]:
     if arguments["code"]:
         return [*_one_line(session, names, arguments["code"]), *_read_back(session, before, names)]
     if session.ask is None:
-        raise SessionError("nobody is there to type", place="python", expected="python STATEMENT")
+        raise SessionError("no terminal to type at", place="python", expected="python STATEMENT")
     banner = f"Python: {', '.join(names)} (counted from 0 here); exit() or Ctrl-D goes back"
     names |= {"exit": Leave(), "quit": Leave()}
     with contextlib.suppress(SystemExit):
@@ -77,7 +77,7 @@ def _one_line(session: Workspace, names: dict[str, Any], text: str) -> list[Outp
     def ask(prompt: object = "") -> str:
         """Python's `input`: asks on the screen, below what was printed before."""
         if session.ask is None:
-            raise EOFError("nobody is there to answer input(…)")
+            raise EOFError("no terminal to answer input(…)")
         with contextlib.redirect_stdout(screen):
             print(printed.getvalue(), end="", flush=True)
             printed.seek(0)

@@ -229,7 +229,7 @@ class Recording:
             reducer(name)
         if self.what == "none" and not self.reduce:
             raise ScenarioError(
-                "keeps nothing", place="recording.what", value="none", expected="reduce = ['rms_error', …] beside it"
+                "stores nothing", place="recording.what", value="none", expected="reduce = ['rms_error', …] beside it"
             )
         if self.reference is not None and not self.reduce:
             raise ScenarioError(

@@ -104,7 +104,7 @@ def sweep(
     source.part(range(count - 1, count))  # refuses lanes that batches do not have
     if not rows and not reduced.recording.reduce:
         expected = f"what is kept of a lane, of {', '.join(REDUCERS)}"
-        raise ScenarioError("keeps nothing", place="recording.reduce", value=[], expected=expected)
+        raise ScenarioError("stores nothing", place="recording.reduce", value=[], expected=expected)
     first = simulate(_part(source, range(1), rows))
     about = About(source.digest, count, min(chunk or count, count), rows, json.loads(first.attrs["made_with"]))
     store = _begun(path, about)

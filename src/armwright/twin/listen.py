@@ -118,7 +118,7 @@ class BusListener:
                 at = None
         if not heard:
             expected = f"a SYNC within {min(silence, duration or silence):g} s, by a master that drives the arm"
-            raise BusError("nothing was heard", place="bus", value=self.name, expected=expected)
+            raise BusError("no frames were received", place="bus", value=self.name, expected=expected)
 
     def _row(self, answers: dict[int, tuple[int, int]]) -> tuple[np.ndarray, np.ndarray]:
         torque, counts = np.array([answers[k] for k in range(self.arm.n)], dtype=float).T

@@ -127,7 +127,7 @@ def _carried(scenario: Scenario, bitrate: int) -> tuple[Units, Sensors, Loop]:
         what = f"{scenario.lane_count} lanes"
         raise BusError(what, place="lanes", expected="one arm: a scenario without batches and draws")
     if scenario.started is not None:
-        raise BusError("goes on from a state", place="start", expected="initial positions")
+        raise BusError("continues from a saved state", place="start", expected="initial positions")
     units, load = Units.of(scenario), BusLoad(arm.n, scenario.tick, bitrate)
     load.check()
     sensors = _speeds(scenario)

@@ -34,7 +34,7 @@ from armwright.twin.units import Units
 if TYPE_CHECKING:
     from armwright.twin.master import Master
 
-REDUCED_SPEED, REDUCED_TORQUE = 0.25, 0.5  # of the scenario's, in the first runs of an arm of metal
+REDUCED_SPEED, REDUCED_TORQUE = 0.25, 0.5  # of the scenario's, in the first runs of a real arm
 ENDING = ".bus.toml"
 RATED = 0.01  # parts by which the rated torque of a drive may differ from the record's
 
@@ -114,7 +114,7 @@ def check_permission(master: Master, permission: Permission, *, real_time: bool)
     if is_virtual(master.bus):
         return False
     if permission.serial is None:
-        what = "the drives on this bus may be an arm of metal"
+        what = "the drives on this bus may be those of a real arm"
         raise BusError(
             what, place="arm", value=None, expected="its serial number, as object 1018 says it (--arm SERIAL)"
         )
@@ -129,7 +129,7 @@ def check_permission(master: Master, permission: Permission, *, real_time: bool)
     _check_verdict(permission)
     _check_drives(master)
     if not real_time:
-        raise BusError("an arm of metal does not wait", place="real_time", value=False, expected="True (--real-time)")
+        raise BusError("a real arm runs in real time", place="real_time", value=False, expected="True (--real-time)")
     if permission.may_move is None:
         raise BusError(
             "no dead-man key", place="may_move", value=None, expected="a key that is held while the arm moves"

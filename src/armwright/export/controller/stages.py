@@ -174,7 +174,7 @@ def _check(scenario: Scenario) -> None:
         what = f"{scenario.lane_count} lanes, and a controller's code is that of one"
         raise ScenarioError(what, place="lanes", expected="a scenario without batches and draws")
     if scenario.started is not None:
-        raise ScenarioError("goes on from a state", place="start", expected="initial positions and speeds")
+        raise ScenarioError("continues from a saved state", place="start", expected="initial positions and speeds")
 
 
 def _with_gains(scenario: Scenario, gains: tuple[str, ...]) -> Scenario:

@@ -206,7 +206,7 @@ def _bare(scenario: Scenario) -> Scenario:
         what = f"{scenario.lane_count} lanes, and an FMU is one"
         raise ScenarioError(what, place="lanes", expected="a scenario without batches and draws")
     if scenario.started is not None:
-        raise ScenarioError("goes on from a state", place="start", expected="initial positions and speeds")
+        raise ScenarioError("continues from a saved state", place="start", expected="initial positions and speeds")
     if scenario.solver.events:
         scenario = replace(scenario, solver=replace(scenario.solver, events={}))
     return replace(scenario, recording=Recording())

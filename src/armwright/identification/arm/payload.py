@@ -294,7 +294,7 @@ def _estimate(fit: ArmFit, covariance: np.ndarray, method: str, sha256: str, nam
         )
     vague = [name for k, name in enumerate(NAMES[4:], start=4) if known[k] and spread[k, k] > numbers[k] ** 2]
     if vague and known[0]:
-        remarks.append(f"{', '.join(vague)}: as uncertain as large; a motion that turns the payload faster would tell")
+        remarks.append(f"{', '.join(vague)}: as uncertain as large; use a motion that turns the payload faster")
     measures = {
         joint: {"r2": float(fit.r2[j]), "rms": float(fit.rms[j])}
         for j, joint in enumerate(fit.equations.model.arm.names)

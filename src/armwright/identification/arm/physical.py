@@ -375,7 +375,7 @@ def _estimate(
             at_bound[link] = True
             found.append(
                 f"link {k + 1} ({bounds.names[link[0]]}, …) is at the edge of what a body can be: "
-                "the log alone would have it impossible, or cannot tell its shape"
+                "the log alone would have it impossible, or does not determine its shape"
             )
         for limit in bounds.mass.get(k, ()):
             if np.isfinite(limit) and abs(values[link[0]] - limit) <= ACTIVE * max(abs(limit), unit[link[0]]):

@@ -178,7 +178,7 @@ def experiments_that_separate(
         else:
             factor = np.sqrt(1.0 + gains[name] / before)
             remarks.append(
-                f"{head}; {name} would tell {'their combination' if several else 'it'} {factor:.3g} times as well"
+                f"{head}; {name} would determine {'their combination' if several else 'it'} {factor:.3g} times as precisely"
             )
     return tuple(remarks)
 

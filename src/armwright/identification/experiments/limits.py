@@ -175,7 +175,10 @@ def _drop_unknown(arm: Model, most: dict[str, np.ndarray], given: dict[str, Any]
         what = "links without masses" if massless else f"no motor constants of {', '.join(dark)}"
         if given.get(quantity) is not None:
             raise ScenarioError(
-                f"the record has {what}", place=quantity, value=given[quantity], expected="a record that can tell it"
+                f"the record has {what}",
+                place=quantity,
+                value=given[quantity],
+                expected="a record with all numbers for it",
             )
         if massless or np.isfinite(most[quantity]).any():
             reasons.append(f"{quantity} limits are not honoured: the record has {what}")

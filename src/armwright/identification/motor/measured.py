@@ -94,13 +94,13 @@ def measured(
     driver = next((name for name in COMMANDS if name in given), None)
     if driver is None:
         expected = "a voltage, a current or a torque of every joint that is fitted"
-        raise LogError("nothing says what drives the motors", place="signals", expected=expected, file=log.path)
+        raise LogError("no signal drives the motors", place="signals", expected=expected, file=log.path)
     moving = [] if locked else [name for name in ("q", "qd") if name in given]
     if locked and not (driver == "voltage" and "current" in given):
         expected = "voltage and current: nothing else changes while the rotor is held"
         raise LogError("a locked rotor", place="signals", expected=expected, file=log.path)
     if not moving and not locked:
-        raise LogError("nothing says how the joints move", place="signals", expected="position or speed", file=log.path)
+        raise LogError("no motion is logged", place="signals", expected="position or speed", file=log.path)
     sensed = [name for name in ("current", "tau") if name in given and name != driver and driver == "voltage"]
     sensed = [name for name in sensed if not (locked and name == "tau")]
     columns = {
@@ -118,12 +118,14 @@ def measured(
             )
     if moving == ["q", "qd"] and all(_is_difference(data, places) for data in datasets.values()):
         names.remove("qd")
-        remarks.append("the speed is the difference of the positions, and says nothing more: positions are compared")
+        remarks.append("the speed is the difference of the positions, and adds no information: positions are compared")
     difference = speed == "difference" or (speed == "auto" and "qd" in names and bool(steps["qd"].all()))
     if used is not None:
         for name in used:
             if name not in names:
-                raise LogError("not logged, or what drives", place="signals", value=name, choices=names, file=log.path)
+                raise LogError(
+                    "not logged, or the input itself", place="signals", value=name, choices=names, file=log.path
+                )
         names = [name for name in names if name in used]
     if difference and "qd" in names:
         remarks.append("the speed is quantised: it is predicted as the difference of positions over the sample")
@@ -197,7 +199,7 @@ def steady(log: Log, joints: Sequence[str], data: Measured, time: float) -> Stre
     driver = next(name for name, command in COMMANDS.items() if command == data.command)
     for name in (driver, "qd"):
         if name not in rows:
-            raise LogError("is not logged", place=f"signal {name}", expected="what drives and the speed", file=log.path)
+            raise LogError("is not logged", place=f"signal {name}", expected="the input and the speed", file=log.path)
     command, speed = rows[driver].values[:, places], rows["qd"].values[:, places]
     finite = np.isfinite(np.concatenate([command, speed], axis=1)).all(axis=1)
     command, speed = command[finite], speed[finite]

@@ -286,5 +286,5 @@ def _in_words(done: Fitted, values: np.ndarray, data: Measured, clauses: Sequenc
         what = "a known inertia, or a log of voltage and current, would separate torque constant and inertia"
         sentences.append(what)
     elif done.reasons and not any(clauses):
-        sentences.append("a motion with more steps, turns and speeds would tell more")
+        sentences.append("a motion with more steps, turns and speeds would identify more")
     return sentences

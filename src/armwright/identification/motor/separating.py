@@ -76,7 +76,11 @@ def _clause(free: Sequence[int], information: np.ndarray, candidates: Mapping[st
     ]  # told too weakly, though not by the measure of `experiments_that_separate`
     after = {name: deviations(information[part] + each)[0] for name, each in others.items()}
     name = min(after, key=lambda each: after[each])
-    return f"{name} would tell it {before / after[name]:.3g} times as well" if before > BETTER * after[name] else ""
+    return (
+        f"{name} would determine it {before / after[name]:.3g} times as precisely"
+        if before > BETTER * after[name]
+        else ""
+    )
 
 
 def _information(jacobian: np.ndarray, own: Sequence[int], size: np.ndarray) -> np.ndarray:

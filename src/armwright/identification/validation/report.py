@@ -120,7 +120,7 @@ def steps(estimate: Estimate | None, validation: Validation | None) -> list[str]
         found.append("Inertia is missing or too large: identify the arm again, with the rotors free.")
     if not validation.held_out:
         found.append(
-            'Mark a run that no fit has seen use = "hold-out" in the log, and validate again: this verdict flatters.'
+            'Mark a run that no fit has seen use = "hold-out" in the log, and validate again: this verdict is too optimistic.'
         )
     if validation.passed and not found:
         found.append(

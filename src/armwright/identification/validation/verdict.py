@@ -93,7 +93,7 @@ def write_verdict(validation: Validation) -> Path:
     """
     if validation.record is None:
         raise LogError(
-            "has no file that a verdict could stand beside", place="record", value=validation.arm.name,
+            "has no file, so no verdict can be stored beside it", place="record", value=validation.arm.name,
             expected="the path of a robot or scenario file",
         )  # fmt: skip
     path = verdict_path(validation.record)

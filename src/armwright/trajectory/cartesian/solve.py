@@ -337,7 +337,7 @@ def explained(follower: Follower, stuck: Stuck) -> ScenarioError:
         f"{rate:.3g} {unit}/s for each m/s of the tool, and more beyond" if rate < BOUNDLESS else "an infinite speed"
     )
     what = f"singular: joint {tool.arm.names[joint]!r} would need {speed}"
-    return ScenarioError(what, place=place(path, stuck.s), expected="a path at some distance from the singularity")
+    return ScenarioError(what, place=place(path, stuck.s), expected="a path farther from the singularity")
 
 
 def _solved(tool: Tool, path: CartesianPath, s: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
