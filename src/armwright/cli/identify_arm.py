@@ -128,6 +128,8 @@ def _words(text: str) -> tuple[str, ...]:
 
 def show(found: ArmEstimate) -> None:
     """Prints base parameters, measures by joint, remarks and verdict."""
+    from armwright.identification.validation.report import sentence
+
     estimate, fit, console = found.estimate, found.fit, console_for_tables()
     rows = []
     for formula, value, std, unit in zip(found.formulas, estimate.values, estimate.std, estimate.units, strict=True):
@@ -145,5 +147,5 @@ def show(found: ArmEstimate) -> None:
     console.print(table("\njoints", JOINTS, joints, ("unit",)))
     say("")
     for remark in estimate.remarks:
-        say(f"{remark[0].upper()}{remark[1:]}{'' if remark.endswith('?') else '.'}")
+        say(sentence(remark))
     say(f"\n{estimate.verdict}")

@@ -24,7 +24,8 @@ POINTS = 1200  # of a curve: of more rows the lowest and the highest of each gro
 FINE = 8  # points to a row of a signal with few rows
 SIZE = 9.0
 WIDE, SMALL = (9.2, 3.9), (4.3, 2.6)  # [inch]
-MARGINS = (0.75, 0.5, 0.12, 0.3)  # left, below, right, above [inch]
+MARGINS = (0.75, 0.5, 0.12, 0.3)  # left (at least), below, right, above [inch]
+BESIDE, CHARACTER = 0.33, 0.076  # [inch] of the left margin: an axis's name, and each character of its numbers
 
 
 def over_time(prediction: Prediction, column: int) -> str:
@@ -141,6 +142,19 @@ def words(axis: Axes, below: str, left: str) -> None:
     axis.spines[["left", "bottom"]].set_color(QUIET)
 
 
+def _longest_number(figure: Figure) -> int:
+    """Characters of the longest number beside the vertical axes on the left."""
+    from matplotlib.axes import Axes
+
+    longest = 0
+    for axis in figure.axes:
+        if isinstance(axis, Axes) and axis.get_ylabel():
+            low, high = sorted(axis.get_ylim())
+            places = [place for place in axis.yaxis.get_majorticklocs() if low <= place <= high]
+            longest = max([longest, *map(len, axis.yaxis.get_major_formatter().format_ticks(places))])
+    return longest
+
+
 def page_svg(draw: Callable[[Figure], None], size: Sequence[float], layout: str | None = None) -> str:
     """The picture as an SVG element with the page's colours and its font.
 
@@ -163,6 +177,8 @@ def page_svg(draw: Callable[[Figure], None], size: Sequence[float], layout: str 
             left, below, right, above = (inches / size[k % 2] for k, inches in enumerate(MARGINS))
             figure.subplots_adjust(left, below, 1.0 - right, 1.0 - above, wspace=0.12, hspace=0.12)
         draw(figure)
+        if layout is None:
+            figure.subplots_adjust(left=max(left, (BESIDE + CHARACTER * _longest_number(figure)) / size[0]))
         file = io.StringIO()
         figure.savefig(file, format="svg", metadata={"Date": None, "Creator": None})
     text = file.getvalue()

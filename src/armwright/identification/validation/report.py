@@ -30,6 +30,7 @@ STRONG = 0.95  # correlation from which on two parameters are named
 PAIRS = 12  # of strongly correlated parameters that are listed
 SMALL = 1e-3  # of a probability: less is shown as that
 BOUNDS = "beyond 99 % bounds"
+NAME = re.compile(r"\w*[\d_]")  # at the beginning of a remark: of a joint or a parameter
 DRAWN = 2  # runs of each joint that are drawn
 MEASURES = (
     ("R²", "1 − ‖e‖² / ‖y − ȳ‖²: the share of the signal's power that is explained; below 0 the mean would be better"),
@@ -103,7 +104,8 @@ def report_page(
 def definitions(heading: str, pairs: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
     """A section of `write_report` with names and their meanings; empty without pairs."""
     rows = [[escape(name), escape(about)] for name, about in pairs]
-    return [(heading, html_table(("", ""), rows, (0, 1)))] if rows else []
+    table = html_table(("", ""), rows, (0, 1)).replace('</td><td class="word">', '</td><td class="word wrap">')
+    return [(heading, table)] if rows else []
 
 
 def steps(estimate: Estimate | None, validation: Validation | None) -> list[str]:
@@ -112,7 +114,7 @@ def steps(estimate: Estimate | None, validation: Validation | None) -> list[str]
     if validation is None:
         return found
     for each in validation.measures:
-        found += [f"{each.joint}, {each.quantity}: {remark}." for remark in each.remarks]
+        found += [f"{each.quantity} of {each.joint}: {remark}" for remark in each.remarks]
     missing = {term.name for each in validation.measures if each.friction for term in each.friction.missing}
     if missing & {"Coulomb", "viscous", "Stribeck"}:
         found.append("Friction is missing or too large: `armwright identify friction` fits it to the same log.")
@@ -321,8 +323,9 @@ def _list(texts: Iterable[str]) -> str:
 
 
 def sentence(text: str) -> str:
-    """A remark as a sentence, with a capital letter and a full stop."""
-    return f"{text[:1].upper()}{text[1:]}{'' if text.endswith(('.', '?')) else '.'}"
+    """A remark as a sentence, with a full stop and, unless it begins with the name of a joint or a parameter, a capital letter."""
+    begun = text if NAME.match(text) else f"{text[:1].upper()}{text[1:]}"
+    return f"{begun}{'' if text.endswith(('.', '?')) else '.'}"
 
 
 def html_table(heads: Sequence[str], rows: Iterable[Sequence[str]], words: Sequence[int]) -> str:
