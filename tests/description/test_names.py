@@ -70,6 +70,21 @@ def test_parameters_of_such_names_vary(path):
         aw.compile(arm, vary=["joint_0.0.friction.viscous_n_m_s_per_rad"])
 
 
+def test_numbers_of_such_names_are_replaced(path):
+    """What `with_values` changes is what a kernel takes as an input, for every number of the arm's dynamics."""
+    arm = aw.load(path)
+    q, qd, qdd = np.array([[0.1, 0.2], [0.3, -0.4], [0.5, 0.6]])
+    for name, value in {
+        '"joint_0.0".friction.viscous_n_m_s_per_rad': 0.7, '"it\'s.link_m".mass_kg': 2.0, '"link 1".com_m[2]': 0.05,
+    }.items():  # fmt: skip
+        changed = aw.inverse_dynamics(arm.with_values({name: value}), q, qd, qdd)
+        expected = aw.compile(arm, vary=[name]).inverse_dynamics(q, qd, qdd, np.array([value]))
+        np.testing.assert_allclose(changed, expected, rtol=1e-12)
+        assert np.abs(changed - aw.inverse_dynamics(arm, q, qd, qdd)).max() > 0.01
+    with pytest.raises(DescriptionError, match=r'with_values: "link 1"\.mass_kg'):
+        arm.with_values({'"link 1".mass_kg': -1.0})
+
+
 def test_runs_and_files_keep_them(path, tmp_path):
     arm = aw.load(path)
     run = aw.simulate(aw.Scenario(arm, 0.003, [0.0, 0.0]))

@@ -238,7 +238,7 @@ def _inertial(arm: Model) -> list[Column]:
     columns = []
     for i, body in enumerate(arm.bodies, start=1):
         for name, unit, word in zip(INERTIAL, INERTIAL_UNITS, words, strict=True):
-            path = f"{body.link}.mass_kg" if name == "m" else None
+            path = f"{path_name(body.link)}.mass_kg" if name == "m" else None
             columns.append(Column(f"{name}{i}", unit, body.joint, "inertial", f"{word} of {body.link}", path))
     return columns
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from armwright.description.paths import quantities, reading_at
+from armwright.description.paths import path_name, quantities, reading_at
 from armwright.description.robot import RobotDescription
 from armwright.errors import DescriptionError, Problem
 from armwright.model.variants.edits import CHOSEN, replaced
@@ -46,7 +46,7 @@ def with_values(robot: RobotDescription, values: Mapping[str, Any], source: str 
         changes[path] = Quantity(**{"source": source, **(read if isinstance(read, dict) else dict(read))})
     fields = {name: _with(getattr(robot, name), changes, name) for name in ("gravity_m_s2", "supply")}
     lists = {
-        name: tuple(_with(item, changes, item.name) for item in getattr(robot, name))
+        name: tuple(_with(item, changes, path_name(item.name)) for item in getattr(robot, name))
         for name in ("joints", "links", "frames", "cylinders")
     }
     return replaced(robot, "with_values", **fields, **lists)
