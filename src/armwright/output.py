@@ -57,6 +57,11 @@ def check_destination(
     return path
 
 
+def file_stem(name: str) -> str:
+    """The name of a file for something of that name, such as an arm: no separator of folders or mark of a system in it."""
+    return re.sub(r'[/\\:*?"<>|\x00-\x1f]+', "_", name).strip(". ") or "_"
+
+
 @contextlib.contextmanager
 def whole_file(
     path: str | os.PathLike[str], endings: Sequence[str] = (), *, follow_link: bool = True

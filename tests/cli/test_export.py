@@ -51,8 +51,11 @@ def test_help_teaches_by_example():
 LANES = EXAMPLES / "bus-4ms.scenario.toml"
 REFUSED = [
     (("export", "controller", "none.scenario.toml", "-o", "x"), "none.scenario.toml"),
-    (("export", "controller", str(LANES), "-o", "x"), "lanes: 64 lanes, and a controller's code is that of one"),
-    (("export", "controller", str(SWING), "-o", "x", "--gains", "kq"), "gains = 'kq': did you mean kp or kd?"),
+    (
+        ("export", "controller", str(LANES), "-o", "x"),
+        "lanes: 64 lanes; expected one arm: a scenario without batches and draws",
+    ),
+    (("export", "controller", str(SWING), "-o", "x", "--gains", "kq"), "--gains = 'kq': did you mean kp or ki or kd?"),
     (("export", "controller", str(SWING), "-o", "file"), "file: cannot be created, or is no folder"),
     (("export",), "Missing command"),
     (("export", "rust"), "No such command 'rust'"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import math
 import re
@@ -358,7 +359,7 @@ class Vectorised:
         ({"controller": None}, r"^loop\.controller: no controller; expected one to export$"),
         (
             {"controller": aw.JointPID(kp=aw.Batch([1.0, 2.0]))},
-            r"^lanes: 2 lanes, and a controller's code is that of one; expected a scenario without batches and draws$",
+            r"^lanes: 2 lanes; expected one arm: a scenario without batches and draws$",
         ),
     ],
 )
@@ -368,7 +369,40 @@ def test_what_cannot_be_exported_is_refused(tmp_path, changes, message):
     assert not list(tmp_path.iterdir())
 
 
+@dataclasses.dataclass(frozen=True)
+class WholeGains:
+    kp: float = 20
+    every: int = 2
+
+    def init(self, arm, y):
+        return np.zeros(0)
+
+    def step(self, t, r, y, s):
+        return self.kp * (r.q - y.q), s
+
+
+@pytest.mark.parametrize("law", [aw.JointPID(kp=20, kd=2), aw.JointPID(kp=[20, 30]), WholeGains()])
+def test_gains_that_are_whole_numbers_become_parameters(tmp_path, law):
+    exported = aw.export_controller(pid_loop(controller=law), tmp_path, gains="kp", ticks=20)
+    assert exported.comparison is None or exported.comparison.others == 0
+    assert "    double kp" in (tmp_path / f"{exported.name}.h").read_text()
+    with pytest.raises(ScenarioError, match=r"^gains = 'every': "):
+        aw.export_controller(pid_loop(controller=WholeGains()), tmp_path, gains=("every",))
+
+
+def test_a_law_that_branches_is_told_what_to_write(tmp_path):
+    message = r"cannot be traced \(test_controller\.py, line \d+\): a comparison of .* known yet; expected scalar\.less\(a, b\)$"
+    with pytest.raises(ScenarioError, match=message):
+        aw.export_controller(pid_loop(controller=branching), tmp_path)
+
+
 def test_other_refusals(tmp_path):
+    for options in ({"ticks": 0}, {"ticks": 1.5}, {"ram": "1k"}):
+        (name,) = options
+        with pytest.raises(ModelError, match=rf"^{name} = .*: expected a whole number of 1 or more$"):
+            aw.export_controller(pid_loop(), tmp_path / "out", **options)
+    with pytest.raises(ScenarioError, match=r"^scenario = .*: expected a Scenario"):
+        aw.export_controller(arm("two-link"), tmp_path / "out")
     with pytest.raises(ModelError, match=r"^real = 'half': there is double, float$"):
         aw.export_controller(pid_loop(), tmp_path / "out", real="half")
     with pytest.raises(ScenarioError, match=r"^loop\.controller: no controller"):

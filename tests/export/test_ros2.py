@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
@@ -70,6 +71,18 @@ def test_controllers_name_the_joints_and_the_command(tmp_path):
     assert own["command_interfaces"] == ["effort"]
     root = ElementTree.parse(exported.paths[0]).getroot()
     assert root.findtext("ros2_control/hardware/plugin") == "schunk/Powerball"
+
+
+def test_names_of_any_kind_stay_in_the_folder_and_come_back(tmp_path):
+    text = (Path(aw.__file__).parent / "robots" / "two-link.toml").read_text()
+    for old, new in (("two-link", "../../up: 1"), ("shoulder", "off"), ("elbow", "Ellbogen 🤖")):
+        text = text.replace(f'name = "{old}"', f'name = "{new}"')
+    (tmp_path / "arm.toml").write_text(text, encoding="utf-8")
+    exported = aw.export_ros2(aw.load(tmp_path / "arm.toml"), tmp_path / "out")
+    assert {path.parent for path in exported.paths} == {tmp_path / "out"}
+    assert aw.load(exported.paths[0]).names == ["off", "Ellbogen 🤖"]
+    table = yaml.safe_load((tmp_path / "out" / "joint_limits.yaml").read_text(encoding="utf-8"))
+    assert list(table["joint_limits"]) == ["off", "Ellbogen 🤖"]
 
 
 def test_a_mimic_joint_has_states_only(tmp_path):

@@ -163,8 +163,8 @@ def test_only_what_is_used_is_printed():
         (1 / 3, "0.3333333333333333", "0.33333334f"),
         (5e-324, "0x0.0000000000001p-1022", "0.0f"),
         (1e300, "1e+300", "INFINITY"),
-        (-np.inf, "-INFINITY", "-INFINITY"),
-        (np.nan, "NAN", "NAN"),
+        (-np.inf, "-(double)INFINITY", "-INFINITY"),
+        (np.nan, "(double)NAN", "NAN"),
     ],
 )
 def test_numbers_read_back_to_the_bit(value, double, single):

@@ -79,6 +79,18 @@ def test_data_sheets_are_written(file, tmp_path):
     assert found[0x1018][4].default == 1
 
 
+def test_data_sheets_of_any_name_stay_in_their_folder(file, tmp_path):
+    robot = tmp_path / "two.toml"
+    text = robot.read_text(encoding="utf-8")
+    robot.write_text(text.replace('name = "two-link"', 'name = "../räum"', 1), encoding="utf-8")
+    result = invoked("twin", file, "--eds", tmp_path / "sheets")
+    assert result.exit_code == 0, result.output
+    assert sorted(path.name for path in (tmp_path / "sheets").iterdir()) == ["_räum-3.eds", "_räum-4.eds"]
+    refused = invoked("twin", file, "--eds", robot)
+    assert refused.exit_code == 2
+    assert "is no folder" in refused.output
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

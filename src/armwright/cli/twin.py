@@ -25,6 +25,10 @@ if TYPE_CHECKING:
     from armwright.twin.twin import Twin
 
 CYCLES = ("what", "how much")  # heads of a table
+ALONE = (
+    "no other program reaches a virtual bus, so nothing will move; --bus udp_multicast:239.74.163.2 is one that "
+    "other programs reach, and `armwright run-controller … --go` has a twin of its own on a virtual bus"
+)
 Bus = Annotated[
     str,
     option("--bus", "BUS", "virtual (default), socketcan:CHANNEL such as socketcan:can0, or udp_multicast:ADDRESS."),
@@ -82,7 +86,7 @@ def twin(
         _write_sheets(made, eds)
         return
     if is_virtual(bus):
-        say("armwright: note: nobody outside of this process reaches a virtual bus", err=True)
+        say(f"armwright: note: {ALONE}", err=True)
     with made:
         numbers = ", ".join(f"{name} {node.number}" for name, node in zip(made.arm.names, made.nodes, strict=True))
         say(f"{made.arm.name} on {bus}: {numbers}; {made.load}")
@@ -243,15 +247,15 @@ def _numbers(nodes: str | None) -> list[int] | None:
 
 
 def _write_sheets(made: Twin, folder: Path) -> None:
-    from armwright.output import check_destination, whole_file
+    from armwright.export.c import folder_to_write
+    from armwright.output import file_stem, whole_file
 
-    folder.mkdir(parents=True, exist_ok=True)
-    for node in made.nodes:
-        path = folder / f"{made.arm.name}-{node.number}.eds"
-        check_destination(path)
-        with whole_file(path) as temporary:
-            temporary.write_text(node.eds, encoding="ascii", newline="\n")
-        say(f"wrote {path}")
+    with folder_to_write(folder):
+        for node in made.nodes:
+            path = folder / f"{file_stem(made.arm.name)}-{node.number}.eds"
+            with whole_file(path) as temporary:
+                temporary.write_text(node.eds, encoding="ascii", newline="\n")
+            say(f"wrote {path}")
 
 
 def _wait(made: Twin, duration: float | None) -> None:

@@ -27,12 +27,13 @@ from armwright.errors import ModelError
 from armwright.export.c import folder_to_write
 from armwright.export.joints import Limit, plain_limits
 from armwright.export.urdf import write_urdf
-from armwright.output import whole_file
+from armwright.output import file_stem, whole_file
 
 HARDWARE = (
     "mock_components/GenericSystem"  # of ros2_control: state follows command; stands for the driver of the real arm
 )
 COMMANDS = ("position", "velocity", "effort")
+WORDS = ("y", "n", "yes", "no", "on", "off", "true", "false", "null")  # names that YAML 1.1 reads as values
 UPDATE_RATE = 100  # [Hz] of controller_manager where nothing else is set
 
 
@@ -86,7 +87,7 @@ def export_ros2(
         "controllers.yaml": _yaml(_controllers([joint.name for joint in driven], command, rate)),
     }
     with folder_to_write(Path(directory)) as folder, ExitStack() as files:
-        urdf = folder / f"{robot.name}.urdf"
+        urdf = folder / f"{file_stem(robot.name)}.urdf"
         for name, text in texts.items():
             temporary = files.enter_context(whole_file(folder / name, follow_link=False))
             temporary.write_text(text, encoding="utf-8", newline="\n")
@@ -164,7 +165,7 @@ def _yaml(value: Any, indent: int = 0) -> str:
     """Nested tables as YAML; names, texts and lists are written as JSON, which YAML contains."""
     lines = []
     for key, inner in value.items():
-        name = key if key.isidentifier() else json.dumps(key)
+        name = key if key.isidentifier() and key.lower() not in WORDS else json.dumps(key, ensure_ascii=False)
         if isinstance(inner, dict):
             lines.append(f"{'  ' * indent}{name}:\n{_yaml(inner, indent + 1)}")
         else:
@@ -174,5 +175,5 @@ def _yaml(value: Any, indent: int = 0) -> str:
 
 def _number(value: Any) -> str:
     """A scalar or list as JSON; YAML 1.1 takes `1e-05` for a text, so exponents get a point."""
-    text = json.dumps(value)
+    text = json.dumps(value, ensure_ascii=False)
     return text.replace("e", ".0e") if isinstance(value, float) and "e" in text and "." not in text else text

@@ -41,8 +41,8 @@ class Dialect:
     literal: str = "UINT64_C(0x{:016x})"
     function: str = "static "
     never_inlined: str = "static NEVER_INLINED "
-    infinity: str = "INFINITY"
-    nan: str = "NAN"
+    infinity: str = "(double)INFINITY"  # which is a float, and clang warns of a promotion
+    nan: str = "(double)NAN"
     guarded: bool = True
 
     @property
@@ -51,7 +51,8 @@ class Dialect:
         return self.format.real
 
 
-C_DOUBLE, C_FLOAT = Dialect(), Dialect(SINGLE, "uint32_t", "UINT32_C(0x{:08x})")
+C_DOUBLE = Dialect()
+C_FLOAT = Dialect(SINGLE, "uint32_t", "UINT32_C(0x{:08x})", infinity="INFINITY", nan="NAN")
 
 
 def identifier(text: str) -> str:

@@ -194,6 +194,7 @@ def eds_text(node: int, name: str, defaults: Mapping[Key, int | str]) -> str:
     Returns:
         text: of a file that `canopen` and other tools import.
     """
+    name = name.encode("ascii", "backslashreplace").decode("ascii")  # the format knows nothing else
     return "\n".join(_lines(node, name, defaults)) + "\n"
 
 

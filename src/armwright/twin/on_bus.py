@@ -8,6 +8,8 @@ bits in the simulation, from the plant's exact state, and at the master, from fr
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 from typing import Any
@@ -17,6 +19,7 @@ import numpy as np
 from armwright import scalar
 from armwright.control.wrapper import Wrapper
 from armwright.errors import BusError, ScenarioError
+from armwright.export.controller.stages import check_one_arm
 from armwright.interfaces import JointReference, Measurement
 from armwright.model import Model
 from armwright.scalar import Array, Scalar
@@ -94,6 +97,8 @@ def scenario_on_bus(scenario: Scenario, *, bitrate: int = BITRATE) -> Scenario:
         BusError: no loop; a measurement that frames do not carry; an arm without limits, or with drives that take voltages; a
             period that the bus or object 60C2 does not hold.
     """
+    with _as_bus_error():
+        check_one_arm(scenario)
     if scenario.controller is None:
         raise BusError("no controller", place="loop.controller", expected="one that drives the arm over the bus")
     units, sensors, loop = _carried(scenario, bitrate)
@@ -113,6 +118,8 @@ def plant_on_bus(scenario: Scenario, *, bitrate: int = BITRATE) -> Scenario:
     Raises:
         BusError: as `scenario_on_bus`.
     """
+    with _as_bus_error():
+        check_one_arm(scenario)
     _, _, loop = _carried(scenario, bitrate)
     loop = replace(loop, controller=None, reference=None, command_filter=CommandFilter())
     return _replaced(scenario, loop=loop, duration=None, recording=Recording(what="state"))
@@ -123,11 +130,6 @@ def _carried(scenario: Scenario, bitrate: int) -> tuple[Units, Sensors, Loop]:
     loop, arm = scenario.loop, scenario.arm
     if loop is None:
         raise BusError("no sampled loop", place="loop", expected="one with a period, that drives the arm over the bus")
-    if (scenario.lane_count or 1) > 1:
-        what = f"{scenario.lane_count} lanes"
-        raise BusError(what, place="lanes", expected="one arm: a scenario without batches and draws")
-    if scenario.started is not None:
-        raise BusError("continues from a saved state", place="start", expected="initial positions")
     units, load = Units.of(scenario), BusLoad(arm.n, scenario.tick, bitrate)
     load.check()
     sensors = _speeds(scenario)
@@ -138,8 +140,15 @@ def _carried(scenario: Scenario, bitrate: int) -> tuple[Units, Sensors, Loop]:
 
 
 def _replaced(scenario: Scenario, **changes: Any) -> Scenario:
-    try:
+    with _as_bus_error():
         return replace(scenario, **changes)
+
+
+@contextlib.contextmanager
+def _as_bus_error() -> Iterator[None]:
+    """Refuses a scenario as one that a bus cannot carry."""
+    try:
+        yield
     except ScenarioError as error:
         raise BusError.of(*error.problems) from None
 

@@ -192,7 +192,7 @@ def test_units_are_made_of_base_units(unit, base):
 
 @pytest.mark.parametrize(
     ("label", "name"),
-    [("elbow", "elbow"), ("joint-1", "'joint-1'"), ("0", "at0"), ("a'b", "'a_b'"), ("Gelenk ä", "'Gelenk _'")],
+    [("elbow", "elbow"), ("joint-1", "'joint-1'"), ("0", "at0"), ("a'b", "'a_27b'"), ("Gelenk ä", "'Gelenk _e4'")],
 )
 def test_names_of_joints_are_quoted_where_they_must_be(label, name):
     assert quoted(label) == name
@@ -202,6 +202,17 @@ def test_joints_of_any_name_pass_the_validator(tmp_path):
     arm = pendulum(motor=MOTOR, friction=COULOMB, name="joint-1 (base)")
     path = aw.export_fmu(aw.Scenario(arm, loop=aw.Loop(period=1e-3)), tmp_path / "odd.fmu", platforms=[]).path
     assert validate_fmu(str(path)) == []
+
+
+def test_a_controller_of_an_arm_without_motors_passes_the_validator(tmp_path):
+    arm = pendulum("torque", name="ä")  # its current is not known: NaN
+    loop = aw.Loop(aw.JointPID(kp=1.0), period=1e-3)
+    path = aw.export_fmu(
+        aw.Scenario(arm, duration=0.1, loop=loop), tmp_path / "law.fmu", part="controller", platforms=[]
+    ).path
+    assert validate_fmu(str(path)) == []
+    starts = {each.name: each.start for each in read_model_description(str(path)).modelVariables}
+    assert starts["y.current.'_e4'"] == "NaN"
 
 
 def branching(t, r, y):
@@ -224,7 +235,7 @@ SLOW = aw.Loop(period=1e-3, timing=aw.Timing(command_delay=900.0))
         ({"part": "both"}, {}, r"^loop\.controller: no controller; expected one to export; an FMU of the plant needs none$"),
         ({"part": "both", "interface": "model-exchange"}, {}, r"^part = 'both': a controller acts at its ticks"),
         ({"part": "both"}, {"loop": UNTRACED, "duration": 0.1}, r"cannot be traced \(test_files\.py, line \d+\)"),
-        ({}, {"start": aw.Batch([[0.0], [0.1]])}, r"^lanes: 2 lanes, and an FMU is one"),
+        ({}, {"start": aw.Batch([[0.0], [0.1]])}, r"^lanes: 2 lanes; expected one arm: a scenario without batches"),
         ({}, {"loop": SLOW}, r"^loop\.timing: 7\.2 MB .* shorter delays$"),
         ({}, {"solver": aw.Solver("cvodes")}, r"^solver\.integrator = 'cvodes': is not part of the code"),
     ],

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from armwright.errors import ScenarioError
+from armwright.errors import ScenarioError, SymbolError
 from armwright.interfaces import UNTRACEABLE, why
 from armwright.kernels.c_syntax import identifier
 from armwright.kernels.loop import Lanes
@@ -102,7 +102,9 @@ class ControllerStages:
             ScenarioError: no controller, several lanes, a state to go on from, a law that cannot be traced, no such field,
                 counts of encoders that have none.
         """
-        _check(scenario)
+        check_one_arm(scenario)
+        if scenario.controller is None:
+            raise ScenarioError("no controller", place="loop.controller", expected="one to export")
         scenario = _with_gains(scenario, gains)
         loop = RecordedLoop(scenario)
         sampling, arm = loop.config.sampling, loop.arm
@@ -166,13 +168,17 @@ class ControllerStages:
         }
 
 
-def _check(scenario: Scenario) -> None:
-    """Refuses scenarios that have not one controller, from its beginning."""
-    if scenario.controller is None:
-        raise ScenarioError("no controller", place="loop.controller", expected="one to export")
+def check_one_arm(scenario: Scenario) -> None:
+    """Refuses scenarios of several arms, and those that go on from another run, for what is made of one arm from its beginning.
+
+    Raises:
+        ScenarioError: no scenario, several lanes, a state to go on from.
+    """
+    if not isinstance(scenario, Scenario):
+        raise ScenarioError(place="scenario", value=scenario, expected="a Scenario, as aw.read_scenario(FILE) gives")
     if (scenario.lane_count or 1) > 1:
-        what = f"{scenario.lane_count} lanes, and a controller's code is that of one"
-        raise ScenarioError(what, place="lanes", expected="a scenario without batches and draws")
+        what = f"{scenario.lane_count} lanes"
+        raise ScenarioError(what, place="lanes", expected="one arm: a scenario without batches and draws")
     if scenario.started is not None:
         raise ScenarioError("continues from a saved state", place="start", expected="initial positions and speeds")
 
@@ -195,9 +201,10 @@ def _with_gains(scenario: Scenario, gains: tuple[str, ...]) -> Scenario:
 
 def _gains_of(control: Any, path: str = "") -> Iterator[tuple[str, Any]]:
     """Fields of a controller that may become parameters, and those of the controller inside it as `inner.kp`."""
-    for name in getattr(control, "__dataclass_fields__", {}):
+    for name, field in getattr(control, "__dataclass_fields__", {}).items():
         value = getattr(control, name)
-        if isinstance(value, Batch) or _is_gain(value):
+        counted = "int" in str(field.type)  # ticks, which select what is compiled
+        if isinstance(value, Batch) or (_is_gain(value) and not counted):
             yield f"{path}{name}", value
         elif hasattr(value, "step"):
             yield from _gains_of(value, f"{path}{name}.")
@@ -211,7 +218,7 @@ def _with_field(control: Any, path: str, value: Any) -> Any:
 
 def _is_gain(value: Any) -> bool:
     """True for what may become a parameter: a real number, or real numbers."""
-    if isinstance(value, (bool, int, str)) or value is None:
+    if isinstance(value, (bool, str)) or value is None:
         return False
     try:
         return bool(np.asarray(value, dtype=float).size)
@@ -241,10 +248,11 @@ def traced_beginning(loop: LoopRunner, sampling: Sampling) -> Program:
     except UNTRACEABLE as error:
         if isinstance(error, ScenarioError):
             raise
-        what = f"cannot be traced{_line(error)}: {why(error)}"
-        raise ScenarioError(
-            what, place=place_of(adapter.name), expected="a law written with armwright.scalar"
-        ) from None
+        cause, expected = why(error), "a law written with armwright.scalar"
+        if isinstance(error, SymbolError):  # which knows what to write in its place
+            cause, expected = error.problems[0].what, error.problems[0].expected
+        what = f"cannot be traced{_line(error)}: {cause}"
+        raise ScenarioError(what, place=place_of(adapter.name), expected=expected) from None
     return program
 
 

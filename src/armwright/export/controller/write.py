@@ -21,6 +21,7 @@ from armwright.export.controller.source import source
 from armwright.export.controller.stages import ControllerStages
 from armwright.kernels.c import REALS
 from armwright.output import whole_file
+from armwright.simulation.checks import is_whole
 from armwright.simulation.scenario import Scenario
 
 COMPARED = 100_000  # ticks that are compared behind an export, at most
@@ -88,7 +89,11 @@ def export_controller(
         raise ModelError(place="real", value=real, choices=REALS)
     if real == "float" and find_compiler() is None:
         raise ModelError("needs a C compiler to say what it costs", place="real", value=real, expected="'double'")
-    stages = ControllerStages.of(scenario, name, tuple(gains), counts=counts)
+    for place, value in (("ticks", ticks), ("ram", ram), ("flash", flash)):
+        if value is not None and not is_whole(value, 1):
+            raise ModelError(place=place, value=value, expected="a whole number of 1 or more")
+    fields = (gains,) if isinstance(gains, str) else tuple(gains)
+    stages = ControllerStages.of(scenario, name, fields, counts=counts)
     recording = record(stages, ticks or min(scenario.ticks, COMPARED))
     code = {f"{stages.name}.h": header(stages, real), f"{stages.name}.c": source(stages, real)}
     taken = None if ram is None and flash is None else footprint(stages.name, code)

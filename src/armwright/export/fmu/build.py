@@ -73,6 +73,7 @@ def chosen_platforms(asked: Sequence[str] | None) -> tuple[str, ...]:
     here = own in PLATFORMS and find_compiler() is not None
     if asked is None:
         return tuple(PLATFORMS) if zig else (HOST,) if here else ()
+    asked = [asked] if isinstance(asked, str) else asked
     for name in asked:
         if name not in (*PLATFORMS, HOST):
             raise ModelError(place="platforms", value=name, choices=[*PLATFORMS, HOST])

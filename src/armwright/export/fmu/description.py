@@ -53,7 +53,9 @@ def _tag(element: str, end: str = "/", /, **attributes: object) -> str:
 def _text(value: object) -> str:
     if isinstance(value, bool):
         return str(value).lower()
-    return repr(value) if isinstance(value, float) else str(value)
+    if isinstance(value, float):
+        return repr(value).replace("nan", "NaN").replace("inf", "INF")  # as XML Schema writes them
+    return str(value)
 
 
 def _head(it: Description, version: str, key: str, **further: object) -> str:

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armwright.errors import ScenarioError
-from armwright.export.controller.stages import traced_beginning
+from armwright.export.controller.stages import check_one_arm, traced_beginning
 from armwright.export.fmu.variables import Variable, quoted, variables_of
 from armwright.kernels.c_loop import Clock
 from armwright.kernels.loop import Lanes
@@ -202,11 +202,7 @@ def _bare(scenario: Scenario) -> Scenario:
     Raises:
         ScenarioError: as `sampled_model`.
     """
-    if (scenario.lane_count or 1) > 1:
-        what = f"{scenario.lane_count} lanes, and an FMU is one"
-        raise ScenarioError(what, place="lanes", expected="a scenario without batches and draws")
-    if scenario.started is not None:
-        raise ScenarioError("continues from a saved state", place="start", expected="initial positions and speeds")
+    check_one_arm(scenario)
     if scenario.solver.events:
         scenario = replace(scenario, solver=replace(scenario.solver, events={}))
     return replace(scenario, recording=Recording())

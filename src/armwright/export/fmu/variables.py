@@ -89,12 +89,16 @@ def variables_of(
 
 
 def quoted(label: str) -> str:
-    """A label as a part of a structured name: digits and letters as they are, anything else between apostrophes."""
+    """A label as a part of a structured name: digits and letters as they are, anything else between apostrophes.
+
+    A character that FMI does not allow there becomes its number, so that two names stay two.
+    """
     if not label or PLAIN.fullmatch(label):
         return label
     if label.isdigit():
         return f"at{label}"
-    word = "".join(each if each.isascii() and each.isprintable() and each not in "'\\" else "_" for each in label)
+    plain = (each.isascii() and each.isprintable() and each not in "'\\" for each in label)
+    word = "".join(each if kept else f"_{ord(each):x}" for each, kept in zip(label, plain, strict=True))
     return f"'{word}'"
 
 
