@@ -323,7 +323,7 @@ def _list(texts: Iterable[str]) -> str:
 
 
 def sentence(text: str) -> str:
-    """A remark as a sentence, with a full stop and, unless it begins with the name of a joint or a parameter, a capital letter."""
+    """A remark as a sentence, with a full stop and, a capital letter unless a joint or parameter is named first."""
     begun = text if NAME.match(text) else f"{text[:1].upper()}{text[1:]}"
     return f"{begun}{'' if text.endswith(('.', '?')) else '.'}"
 
