@@ -173,8 +173,8 @@ def page_svg(draw: Callable[[Figure], None], size: Sequence[float], layout: str 
     }
     with matplotlib.rc_context(style):
         figure = Figure(figsize=(size[0], size[1]), facecolor="none", layout=layout)  # type: ignore[arg-type]
+        left, below, right, above = (inches / size[k % 2] for k, inches in enumerate(MARGINS))
         if layout is None:
-            left, below, right, above = (inches / size[k % 2] for k, inches in enumerate(MARGINS))
             figure.subplots_adjust(left, below, 1.0 - right, 1.0 - above, wspace=0.12, hspace=0.12)
         draw(figure)
         if layout is None:
