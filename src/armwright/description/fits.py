@@ -41,7 +41,7 @@ class Fit(Record):
     method: str = Field(min_length=1, description="How it was fitted.")
     log_sha256: Sha256 = Field(description="Checksum of the log, as `armwright log` shows it.")
     verdict: Literal["identified", "not identified"] = Field(
-        description='"not identified" where the log cannot tell a number that was asked for, or one is at its bound.'
+        description='"not identified" if the log does not determine a requested number, or one is at its bound.'
     )
     names: tuple[str, ...] = Field(
         default=(), description="Paths of the numbers that the log gave, `joint1.motor.resistance_ohm`."
@@ -53,7 +53,7 @@ class Fit(Record):
         default=(), description="Those of them that stand at a bound: their standard deviations mean nothing."
     )
     unidentified: tuple[str, ...] = Field(
-        default=(), description="Paths of numbers that were asked for and the log cannot tell: kept as they were."
+        default=(), description="Paths of requested numbers that the log does not determine: kept as they were."
     )
     condition: float | None = Field(
         default=None, ge=1.0, description="Condition number of the fit's scaled Jacobian, or of its regressor."

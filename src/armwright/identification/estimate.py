@@ -39,7 +39,7 @@ class Estimate:
             "delay_s", "prbs: offset_v".
         values: (n,).   covariance: (n, n); NaN where it is not known.   units: (n).
         at_bound: (n,) True where a value stands at a bound of its search: its deviation means nothing.
-        identifiable: (n,) False where the log cannot tell the number, which stays at the record's value.
+        identifiable: (n,) False if the log does not determine the number, which stays at the record's value.
         remarks: sentences for the user: indistinguishable numbers, numbers at a bound, and remedies.
         condition: number of the scaled Jacobian or regressor.   fit: measures by signal or joint: fit_percent, r2, rms.
         sha256: of the log.   method: one line.   verdict: "identified" or "not identified".   log: its file's name.
@@ -166,7 +166,7 @@ def write_into(
 ) -> Path:
     """Writes the robot's file with the estimated numbers: source of kind `fit`, deviation, log's checksum, correlation.
 
-    Numbers that the log cannot tell stay as they are. `[fits.KEY]` lists names, correlations, bounds, measures and all other
+    Numbers that the log does not determine are unchanged. `[fits.KEY]` lists names, correlations, bounds, measures and all other
     estimates, such as delays. A TOML file keeps its comments and its order.
 
     Args:

@@ -104,7 +104,7 @@ def test_too_few_rows_and_motions_that_tell_too_little_are_refused(model, base):
         fit_arm(equations_of([samples(model.arm, count=5)], model), base)
     still = samples(model.arm)
     still.qd[:] = 0
-    with pytest.raises(IdentificationError, match="cannot tell apart"):
+    with pytest.raises(IdentificationError, match="cannot distinguish"):
         fit_arm(equations_of([still], model), base)
 
 

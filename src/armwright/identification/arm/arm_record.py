@@ -50,7 +50,7 @@ class RecordParameters:
 def record_parameters(fit: ArmFit) -> RecordParameters:
     """Physically possible parameters nearest to the fit, of the columns that a record can hold.
 
-    The record's own links are the prior for what the log cannot tell; an arm of which only the kinematics are known has none.
+    The record's own links are the prior for what the log does not determine; an arm with kinematics alone has none.
 
     Args:
         fit: of a log.

@@ -186,7 +186,7 @@ def fit_closed_loop(
         feedback: the log's loop, or one that follows the logged positions.   start: β (b,), as of least squares or of CAD.
         method: "idim-iv", "didim" or "cloe".
     Raises:
-        IdentificationError: a simulated loop that diverges, too few rows, parameters that the motion cannot tell.
+        IdentificationError: a simulated loop that diverges, too few rows, parameters that the motion does not determine.
     """
     if method not in CLOSED_LOOP:
         raise IdentificationError(place="method", value=method, choices=CLOSED_LOOP)

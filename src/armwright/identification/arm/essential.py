@@ -50,7 +50,7 @@ def essential_parameters(
             or less is never taken out.
         inflation: (b,) factors from white standard deviations to robust ones; None: 1.
     Raises:
-        IdentificationError: parameters that the rows cannot tell apart, or no freedom left.
+        IdentificationError: parameters that the rows cannot distinguish, or no freedom left.
     """
     R, z = np.asarray(R, dtype=float), np.asarray(z, dtype=float)
     b = R.shape[1]

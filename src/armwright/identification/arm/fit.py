@@ -92,7 +92,7 @@ def fit_arm(
     Returns:
         fit: its covariance is (YᵀWY)⁻¹ with the residuals' variances, as if they were white: `with_correlation` counts more.
     Raises:
-        IdentificationError: fewer rows than parameters, or parameters that the rows cannot tell.
+        IdentificationError: fewer rows than parameters, or parameters that the rows do not determine.
     """
     factors = equations.factors
     rows = np.array([factor.rows for factor in factors])
@@ -150,7 +150,7 @@ def _solved(factors: Sequence[Factor], base: BaseParameters, weights: np.ndarray
     """β (b,) and R (b, b) of the weighted problem.
 
     Raises:
-        IdentificationError: columns that the rows cannot tell apart.
+        IdentificationError: columns that the rows cannot distinguish.
     """
     matrix, _ = stacked(factors, len(base.columns), weights)
     chosen = matrix[:, [*base.independent, -1]]
@@ -325,7 +325,7 @@ def cross_validated(fit: ArmFit) -> list[HeldOut]:
         others = (fit.weighted or equations).only([i for i in range(len(equations.parts)) if i != k])
         try:
             parameters = fit_arm(others, fit.base, fit.method, fit.weights).parameters
-        except IdentificationError:  # the others cannot tell all of them
+        except IdentificationError:  # the others do not determine all of them
             parameters = np.full(len(equations.model), np.nan)
         result.append(held_out(part, parameters, fit))
     return result

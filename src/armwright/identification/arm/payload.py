@@ -324,7 +324,7 @@ def _numbers(parameters: np.ndarray) -> np.ndarray:
 def with_identified_payload(robot: Model, estimate: Estimate, frame: str | None = None) -> Model:
     """The arm with the payload of an estimate at its tip, or at a frame.
 
-    A coordinate of the centre that is not known is 0: a planar arm cannot tell the one across its plane. An inertia that is not
+    An unknown coordinate of the centre is 0: on a planar arm the one across its plane has no effect. An inertia that is not
     known is 0: a point mass.
 
     Raises:

@@ -6,7 +6,7 @@ not negative. d is the entropic divergence from a prior P0, as of CAD:  d(P ‖ 
 divergence of −log det, [LeeWensingPark2020]: 0 at the prior, infinite for an impossible body, the same in all units and frames.
 
 Without a prior a neutral body stands in for it, with a weight that the data does not feel: a typical mass and a typical radius
-of gyration. It keeps every link possible and chooses among the values that the data cannot tell apart.
+of gyration. It keeps every link possible and chooses among the values that the data do not distinguish.
 
 `physical_by_sdp` finds the global minimum. `physical_by_log_cholesky` writes P = U0 V Vᵀ U0ᵀ with V upper triangular, its
 diagonal exponentials, [RuckerWensing2022], in coordinates where the prior U0 U0ᵀ is the unit matrix: there
@@ -142,7 +142,7 @@ def physical_by_sdp(
         min ‖R π − z‖² + 2 weight Σ d(P_i ‖ P0_i)   subject to   P_i ⪰ 0,  π_k ≥ 0 for rotors and friction,  bounds of masses
 
     Rows of R and z count in standard deviations of the noise, so that `weight` has a meaning: 1 counts the prior as much as one
-    measurement of each number that is as uncertain as itself. What the data cannot tell comes from the prior, or without one
+    measurement of each number that is as uncertain as itself. What the data do not determine comes from the prior, or without one
     from the neutral body, and a remark says so.
 
     Args:
@@ -385,7 +385,7 @@ def _estimate(
         if values[j] <= ACTIVE * unit[j]:
             at_bound[j] = True
             wanted = _wanted(R, z, j, unit)
-            why = "the log cannot tell it" if wanted is None else f"the log alone wants {wanted:.3g}"
+            why = "the log does not determine it" if wanted is None else f"the log alone wants {wanted:.3g}"
             found.append(f"{bounds.names[j]} is at its bound, 0: {why}")
     if not given and np.linalg.matrix_rank(R * unit, tol=1e-9 * np.linalg.norm(R * unit, 2)) < len(values):
         found.append(

@@ -239,7 +239,7 @@ def _result(
 
 
 def _of_delays(delays: tuple[int, int] | None) -> list[str]:
-    """Sentence about delays that the data cannot tell apart."""
+    """Sentence about delays that the data do not distinguish."""
     if delays is None or delays[0] == delays[1]:
         return []
     return [

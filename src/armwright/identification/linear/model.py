@@ -27,7 +27,7 @@ class LinearModel:
 
     Attributes:
         kind: "arx", "oe", "armax" or "n4sid".   period: [s].   delay: [samples], of all inputs.
-        delays: smallest and largest [samples] that the data cannot tell apart, in 95 % of logs around the true one; None of
+        delays: smallest and largest [samples] that the data do not distinguish, in 95 % of logs around the true one; None of
             "n4sid" and where rows are too few.
         inputs, outputs, input_units, output_units: names and units.
         core: the model without its delay.   wait: [samples] by which it is fed late: `delay`, less one where D is 0.

@@ -97,7 +97,7 @@ def fitted(
 
 
 def _hold(done: Fitted, jacobian: np.ndarray, first: np.ndarray) -> None:
-    """Holds as many unknowns as the log cannot tell, in the order of `HOLD_FIRST`, at their first values.
+    """Fixes as many unknowns as the log does not determine, in the order of `HOLD_FIRST`, at their first values.
 
     Args:
         jacobian: (m, k) by coordinates in the unknowns' sizes.   first: (k,) first coordinates.

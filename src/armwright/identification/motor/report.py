@@ -80,7 +80,7 @@ def result(
 
     Args:
         log, data: what was fitted.   record: with the first guesses.   done: the fit.   free: the names that were asked for.
-        bench: no record says what numbers are that the log cannot tell.   locked: the rotors were held.
+        bench: no record has values for numbers that the log does not determine.   locked: the rotors were held.
         first: the coarse guess of the first motor.
     """
     problem, held = done.problem, done.held
