@@ -89,7 +89,7 @@ SCENARIO_TABLES: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...] = (
     ("[solver]", "", (scenario.SolverTable,)),
     ("[recording]", "", (scenario.RecordingTable,)),
     ("[lanes]", "", (scenario.Lanes,)),
-    ("What a number is in the lanes", "", (scenario.Values,)),
+    ("Numbers that differ by lane", "", (scenario.Values,)),
     ("[tuning]", "", (tuning.TuningTable,)),
     ("[tuning.draws]", "", (tuning.DrawsTable,)),
 )
