@@ -29,7 +29,7 @@ SAYS = {  # lines that must come out, and files that must be there
         [],
     ),
     "13": (
-        ["designed", "elbow rests: fv2 is not told by it; designed would do it", "prbs: "],
+        ["designed", "elbow rests: fv2 cannot be identified from it; designed would do it", "prbs: "],
         ["excite.png", "prbs.png"],
     ),
     "14": (["1.124 m in 6.03 s, 1.00 times slower than requested", "less than 1 µm and 1 µrad"], ["weld_seam.png"]),

@@ -53,5 +53,5 @@ def test_bad_input_is_refused():
     with pytest.raises(IdentificationError, match="rows"):
         essential_parameters(R, z, residual, 8)
     R[:, 3] = R[:, 2]
-    with pytest.raises(IdentificationError, match="tell apart"):
+    with pytest.raises(IdentificationError, match="distinguish"):
         essential_parameters(R, z, residual, rows)

@@ -202,7 +202,7 @@ def test_a_sine_does_not_tell_a_third_order():
     y = lfilter(B, A, u) + 0.01 * np.random.default_rng(0).standard_normal(800)
     model = aw.fit_oe(u[300:], y[300:], 1.0, order=np.int64(3), delay=2)
     assert model.verdict == "not identified"
-    assert "cannot be told apart" in " ".join(model.remarks)
+    assert "cannot be distinguished" in " ".join(model.remarks)
     assert aw.fit_oe(u, y, 1.0, order=1, delay=2, offset=False).verdict == "identified"
 
 

@@ -51,7 +51,7 @@ def test_without_a_current_only_products_are_found_and_it_says_so(tmp_path):
     assert not estimate.identifiable[estimate.number(R)]
     assert estimate[R] == 1.0
     text = str(estimate)
-    for words in ("resistance", "rotor inertia", "cannot be told apart", "a log of the current"):
+    for words in ("resistance", "rotor inertia", "cannot be distinguished", "a log of the current"):
         assert words in text
     known = aw.identify_motor(
         tmp_path / "log.log.toml", fixed={"viscous": TRUE["viscous"], "R": TRUE["R"]}, starts=STARTS

@@ -36,7 +36,7 @@ def test_the_prbs_log_alone(log):
     found = aw.identify_motor(log).estimate
     assert found.fit["prbs: qd"]["fit_percent"] > 80.3
     text = str(found)
-    for words in ("resistance", "rotor inertia", "cannot be told apart", "a log of the current"):
+    for words in ("resistance", "rotor inertia", "cannot be distinguished", "a log of the current"):
         assert words in text
     assert not found.identifiable[found.number("motor.motor.resistance_ohm")]
 
