@@ -160,3 +160,43 @@ def test_the_band_of_a_multisine_reaches_its_highest_line(rate, lines, slope):
     for signal, derivatives in ((q, 2), (np.gradient(q, 1.0 / rate), 1)):
         band, _ = motion_band(signal, rate, derivatives)
         assert highest <= band <= 4.5 * highest
+
+
+def with_lost_rows(t, rng):
+    return np.delete(t, rng.choice(np.arange(10, len(t) - 10), len(t) // 100, replace=False))
+
+
+def with_jitter(t, rng):
+    return np.sort(t + rng.uniform(-0.3, 0.3, len(t)) / RATE)
+
+
+@pytest.mark.parametrize("change", [with_lost_rows, with_jitter, None])
+def test_gaps_of_a_few_rows_are_bridged(tmp_path, change):
+    """Lost rows, an uneven clock or empty cells: prepared rows are those of the motion, in one stretch, in any blocks."""
+    rng, t = np.random.default_rng(5), columns(20.0)["t"]
+    t = t if change is None else change(t, rng)
+    q = motion(t)[0] + 1e-5 * rng.normal(size=(len(t), 2))
+    table = {"t": t, "q1": q[:, 0], "q2": q[:, 1], "m1": np.cos(t), "m2": np.sin(t)}
+    if change is None:
+        table["m2"] = np.where(rng.random(len(t)) < 0.01, np.nan, table["m2"])
+    log = aw.read_log(written(tmp_path, TWO, {"arm.csv": table}))
+    assert len(log.run().stretches) > 20
+    assert any("preparation makes 1" in str(each) for each in log.findings)
+    chosen = aw.choose_preparation(log, cutoff=10.0)
+    data = aw.prepare_log(log, None, chosen)
+    assert set(data["stretch"].values) == {0}
+    assert np.ptp(np.diff(data["time"])) < 1e-9
+    q, _, qdd, _ = motion(data["time"].values + t[0])
+    assert np.abs(data["q"] - q).max() < 1e-3
+    assert float(((data["qdd"] - qdd) ** 2).mean() / (qdd**2).mean()) < 0.02**2
+    parts = [block.values["q"] for _, block in prepared_blocks(log, "run1", chosen, rows=500)]
+    np.testing.assert_allclose(np.concatenate(parts), data["q"], atol=1e-7)
+
+
+def test_gaps_of_commands_are_not_bridged(tmp_path):
+    """What was commanded in the gap is not known."""
+    table = columns(20.0)
+    table = {name: np.delete(each, [1000]) for name, each in table.items()}
+    held = TWO.replace('quantity = "torque"', 'quantity = "torque"\nheld = true')
+    log = aw.read_log(written(tmp_path, held, {"arm.csv": table}))
+    assert set(aw.prepare_log(log, None, aw.choose_preparation(log, cutoff=10.0))["stretch"].values) == {0, 1}

@@ -22,7 +22,7 @@ from armwright.identification.arm.torque_model import TorqueModel
 from armwright.identification.logs.columns import check_gears
 from armwright.identification.logs.log import Log
 from armwright.identification.logs.preparation import Preparation, choose_preparation, settling
-from armwright.identification.logs.prepared import SEAM, prepared_blocks, resting_speeds, zero_phase
+from armwright.identification.logs.prepared import SEAM, bridged, prepared_blocks, resting_speeds, zero_phase
 
 CHUNK_VALUES = 2**21  # of the columns that pass the filter at once: 16 MB
 
@@ -92,7 +92,7 @@ def samples_of(
             is_empty = False
             yield block
         if is_empty and run == (log.fit if runs is None else runs)[-1]:
-            longest = max((stretch.rows for stretch in log.run(run).stretches), default=0)
+            longest = max((stretch.rows for stretch in bridged(log, log.run(run))), default=0)
             expected = f"more than {2 * chosen.edge} rows without a gap; or a higher cut-off"
             raise LogError(
                 f"the longest stretch has {longest} rows", place=f"run {run!r}", expected=expected, file=log.path

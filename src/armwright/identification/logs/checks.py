@@ -52,7 +52,7 @@ def check_log(log: Log) -> list[Finding]:
         if smooth is not None:
             found += [(name, each) for name, check in OF_MOTION.items() for each in check(log, smooth)]
         findings += [Finding(level, name, run.name, problem) for name, (level, problem) in found]
-    return _once(findings, log)
+    return _once(_of_joints(findings, log), log)
 
 
 def of_robot(log: Log, arm: Model) -> Log:
@@ -73,6 +73,23 @@ def of_robot(log: Log, arm: Model) -> Log:
     if errors:
         raise LogError.of(*errors).within(file=log.path)
     return replace(known, findings=(*log.findings, *fresh))
+
+
+def _of_joints(findings: list[Finding], log: Log) -> list[Finding]:
+    """Findings with the notes that columns of a signal share in a run, but for their numbers, as one with the first one's."""
+    alike: dict[Any, list[Finding]] = {}
+    for k, each in enumerate(findings):
+        signal, _, joint = each.problem.place.partition(" ")
+        shared = each.level == "note" and joint in log.joints
+        alike.setdefault((each.run, signal, NUMBERS.sub("#", each.problem.what)) if shared else k, []).append(each)
+    kept = []
+    for first, *others in alike.values():
+        if others:
+            names = [each.problem.place.partition(" ")[2] for each in others]
+            what = f"{first.problem.what}; alike: {', '.join(names)}"
+            first = replace(first, problem=replace(first.problem, what=what))
+        kept.append(first)
+    return kept
 
 
 def _once(findings: list[Finding], log: Log) -> list[Finding]:

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import signal as sp
+from scipy.interpolate import CubicSpline
 
 from armwright.errors import LogError
 from armwright.identification.logs.blocks import ROWS, Block
 from armwright.identification.logs.findings import number_of
-from armwright.identification.logs.log import Log, Stretch
+from armwright.identification.logs.log import Log, LogRun, Stretch
 from armwright.identification.logs.preparation import (
     EDGE,
     FIRST_DIFFERENCE,
@@ -29,6 +31,8 @@ SEAM = 1e-9  # what is left of a disturbance where windows of rows meet
 ROUNDED = 2.0  # digits that times are off even ones, where a clock was rounded, in the row and where the stretch begins
 REST = 1e-2  # of a joint's range by the run's duration: slower is at rest
 UNEVEN = 1e-3  # of a period: rows further from even times are interpolated
+BRIDGED = 3  # rows: gaps of so many are bridged
+BESIDE_GAP = 8  # rows beyond a window that a spline goes through
 RATES = {"q": ("qd", "qdd"), "qd": ("qdd",)}  # what follows from a signal by differentiation, in order
 
 
@@ -49,7 +53,7 @@ def prepare_log(log: Log, run: str | None = None, preparation: Preparation | Non
     preparation = preparation or choose_preparation(log, chosen.name)
     parts = list(prepared_blocks(log, chosen.name, preparation))
     if not parts:
-        longest = max((stretch.rows for stretch in chosen.stretches), default=0)
+        longest = max((stretch.rows for stretch in bridged(log, chosen)), default=0)
         expected = f"more than {2 * preparation.edge} rows without a gap; or a higher cut-off"
         raise LogError(
             f"the longest stretch has {number_of(longest, 'row')}",
@@ -89,6 +93,38 @@ def _rate_unit(unit: str, source: str, name: str) -> str:
     )
 
 
+def bridged(log: Log, run: LogRun) -> tuple[Stretch, ...]:
+    """Stretches of a run, those with at most three rows missing between them joined; `rows` of these count the missing ones.
+
+    Logs of voltages or of held commands stay cut: a command may have changed in the gap.
+    """
+    if "voltage" in log.layout or log.held:
+        return run.stretches
+    joined: list[Stretch] = []
+    for each in run.stretches:
+        if joined and _is_short(joined[-1], each, run.period):
+            each = _Bridged(joined[-1].begin, each.end, joined[-1].start, each.stop, run.period)
+            joined.pop()
+        joined.append(each)
+    return tuple(joined)
+
+
+def _is_short(before: Stretch, after: Stretch, period: float) -> bool:
+    """True of a gap of three rows at most, lost or with empty cells."""
+    return after.begin - before.end <= BRIDGED and 0 < after.start - before.stop < (BRIDGED + 1.5) * period
+
+
+@dataclass(frozen=True)
+class _Bridged(Stretch):
+    """Rows with short gaps, as the evenly timed rows that they are interpolated at; `usual` is the log's period [s]."""
+
+    usual: float = 0.0
+
+    @property
+    def rows(self) -> int:
+        return max(round((self.stop - self.start) / self.usual), 1) + 1
+
+
 def prepared_blocks(log: Log, run: str, preparation: Preparation, rows: int = ROWS) -> Iterator[tuple[int, Block]]:
     """Prepared rows of a run with the number of their stretch, block by block in bounded memory.
 
@@ -98,7 +134,7 @@ def prepared_blocks(log: Log, run: str, preparation: Preparation, rows: int = RO
     chosen, first = log.run(run), 0
     seam = settling(preparation.sections, SEAM) + SAVGOL
     window = max(rows // preparation.decimate, 1) * preparation.decimate
-    for number, stretch in enumerate(chosen.stretches):
+    for number, stretch in enumerate(bridged(log, chosen)):
         low, high = preparation.edge, stretch.rows - preparation.edge
         if high <= low:
             continue
@@ -113,8 +149,11 @@ def _window(
 ) -> Block:
     """Prepared rows `begin` to `end` of a stretch, from rows beyond them either way."""
     low, high = max(begin - seam, 0), min(end + seam, stretch.rows)
-    times, values = reader.rows(stretch.begin + low, stretch.begin + high)
     even = stretch.start + stretch.period * np.arange(low, high)
+    if isinstance(stretch, _Bridged):
+        times, values = even, reader.between(stretch, even)
+    else:
+        times, values = reader.rows(stretch.begin + low, stretch.begin + high)
     if np.abs(times - even).max() > max(UNEVEN * stretch.period, ROUNDED * reader.resolution):
         even = np.clip(even, times[0], times[-1])
         values = {n: np.stack([np.interp(even, times, c) for c in v.T], axis=1) for n, v in values.items()}
@@ -184,21 +223,45 @@ class _Rows:
         self._t = np.zeros(0)
         self._values: dict[str, np.ndarray] = {}
 
+    def between(self, stretch: Stretch, times: np.ndarray) -> dict[str, np.ndarray]:
+        """Signals at some times of a stretch with short gaps, by cubic splines through the cells that are there."""
+        while self._begin + len(self._t) < stretch.end and not (len(self._t) and self._t[-1] > times[-1]):
+            late = self._begin + int(np.searchsorted(_increasing(self._t), times[0])) - BESIDE_GAP
+            self._add(next(self._blocks), late)
+        first, end = (min(max(row - self._begin, 0), len(self._t)) for row in (stretch.begin, stretch.end))
+        low, high = np.searchsorted(_increasing(self._t[first:end]), times[[0, -1]])
+        part = slice(first + max(int(low) - BESIDE_GAP, 0), min(first + int(high) + BESIDE_GAP, end))
+        t = self._t[part]
+        newer = np.isfinite(t) & (np.diff(_increasing(t), prepend=-np.inf) > 0)
+        found = {}
+        for name, values in self._values.items():
+            columns = []
+            for column in values[part].T:
+                known = newer & np.isfinite(column)
+                columns.append(CubicSpline(t[known], column[known])(np.clip(times, t[known][0], t[known][-1])))
+            found[name] = np.stack(columns, axis=1)
+        return found
+
     def rows(self, begin: int, end: int) -> tuple[np.ndarray, Mapping[str, np.ndarray]]:
         """Times and signals of rows `begin` to `end`; `begin` may go back only a limited distance."""
         while self._begin + len(self._t) < end:
-            block = next(self._blocks)
-            self._drop(begin)
-            self._t = np.concatenate([self._t, block.t])
-            self._values = {
-                name: np.concatenate([self._values[name], each]) if name in self._values else each
-                for name, each in block.values.items()
-            }
+            self._add(next(self._blocks), begin)
         part = slice(begin - self._begin, end - self._begin)
         return self._t[part], {name: each[part] for name, each in self._values.items()}
 
-    def _drop(self, begin: int) -> None:
+    def _add(self, block: Block, begin: int) -> None:
+        """Adds rows and forgets those before `begin`."""
         count = min(max(begin - self._begin, 0), len(self._t))
         self._begin += count
         self._t = self._t[count:]
         self._values = {name: each[count:] for name, each in self._values.items()}
+        self._t = np.concatenate([self._t, block.t])
+        self._values = {
+            name: np.concatenate([self._values[name], each]) if name in self._values else each
+            for name, each in block.values.items()
+        }
+
+
+def _increasing(t: np.ndarray) -> np.ndarray:
+    """Times (rows,), those that are missing or go back as the latest before them."""
+    return np.maximum.accumulate(np.where(np.isfinite(t), t, -np.inf))

@@ -10,6 +10,7 @@ import numpy as np
 from armwright.identification.logs.census import Census, Places, SignalCensus
 from armwright.identification.logs.findings import Found, error, note, number_of, warning
 from armwright.identification.logs.log import Log, LogRun
+from armwright.identification.logs.prepared import BRIDGED, bridged
 from armwright.identification.logs.quantisation import quantisation_step
 from armwright.identification.logs.spectrum import longest_finite
 
@@ -47,8 +48,9 @@ def clock(log: Log, run: LogRun, census: Census) -> Found:
         what = f"{rows} ({share:.2%}) at the time of the row before: {_rows(census.same_time)}"
         yield (error if share > 0.5 else note)(f"{what}; times are too coarse, or rows were written twice", "time")
     if census.gaps.count:
-        parts = f"the run falls into {len(census.stretches)} stretch{'es' * (len(census.stretches) != 1)}"
-        missing = f"{number_of(census.gaps.count, 'gap')} of about {number_of(census.lost, 'row')}"
+        parts = f"the run falls into {_stretches(log, run)}"
+        each = "" if census.gaps.count == 1 else " in all"
+        missing = f"{number_of(census.gaps.count, 'gap')} of about {number_of(census.lost, 'row')}{each}"
         what = f"{missing}; the widest is {census.widest:.4g} s: before {_rows(census.gaps)}; {parts}"
         yield note(what, "time")
     share = census.jitter / census.period
@@ -62,6 +64,13 @@ def clock(log: Log, run: LogRun, census: Census) -> Found:
             yield error(what, "time", "steps of time that are nearly equal; is it the clock of the samples?")
         else:
             yield note(f"{what}; preparation interpolates at even times", "time")
+
+
+def _stretches(log: Log, run: LogRun) -> str:
+    """`3 stretches`, and how many are left for the fit of an arm."""
+    count, joined = len(run.stretches), len(bridged(log, run))
+    cut = f"{count} stretch{'es' * (count != 1)}"
+    return cut if joined == count else f"{cut}, of which preparation makes {joined}: it bridges up to {BRIDGED} rows"
 
 
 def _columns(log: Log, census: Census) -> Iterator[tuple[str, str, str, SignalCensus, int]]:
@@ -82,7 +91,7 @@ def cells(log: Log, run: LogRun, census: Census) -> Found:
             first = log.place(run, name, (log.layout[name].joints or ())[k], counted.missing[k].rows[0])
             places = f"{_rows(counted.missing[k])}; first at {first}"
             what = f"{counted.missing[k].count} cells are empty or not finite: {places}"
-            yield note(f"{what}; the run is cut there, into {len(census.stretches)} stretches", place)
+            yield note(f"{what}; the run falls into {_stretches(log, run)}", place)
         low, high = counted.low[k], counted.high[k]
         if low == high:
             yield note(f"constant, {low:.6g} {unit}: this run says nothing about it", place)
