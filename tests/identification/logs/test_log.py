@@ -25,6 +25,7 @@ from identification.logs.example_logs import (
     written,
 )
 
+TWO = HEAD + POSITIONS + TORQUES
 UNITS = {"rad": 1.0, "deg": np.pi / 180, "turn": 2 * np.pi, "counts": 2 * np.pi / 4096}
 
 
@@ -245,3 +246,51 @@ def test_one_cell_far_beyond_all_others_is_no_warning():
     near = np.concatenate([np.arange(40) * 1e-12, np.arange(6.0), np.zeros(60)])
     with np.errstate(all="raise"):
         quantisation_step(near)
+
+
+PARTS = '\n[[runs]]\nname = "fit"\nto_s = 5.0\n\n[[runs]]\nname = "held"\nfrom_s = 5.0\nto_s = 7.0\nuse = "hold-out"\n'
+
+
+def test_runs_that_are_parts_of_a_file_are_its_rows(tmp_path):
+    table = columns(8.0)
+    log = aw.read_log(written(tmp_path, TWO + PARTS, {"arm.csv": table}))
+    assert (log.fit, log.hold_out) == (("fit",), ("held",))
+    rows = {"fit": slice(0, 2500), "held": slice(2500, 3500)}  # at 500 Hz
+    for name, part in rows.items():
+        data = log.dataset(name)
+        np.testing.assert_allclose(data["q"].values[:, 0], table["q1"][part], atol=1e-9)
+        np.testing.assert_allclose(data["time"], np.arange(part.stop - part.start) / 500, atol=1e-9)
+        blocks = list(log.blocks(name, rows=300))
+        np.testing.assert_array_equal(np.concatenate([b.values["q"] for b in blocks]), data["q"])
+        assert [b.row for b in blocks] == list(np.cumsum([0, *(len(b.t) for b in blocks[:-1])]))
+        assert log.run(name).rows == part.stop - part.start
+
+
+def test_a_share_of_every_run_is_held_out(tmp_path):
+    log = aw.read_log(written(tmp_path, "hold_out = 0.25\n" + TWO, {"arm.csv": columns(8.0)}))
+    assert (log.fit, log.hold_out) == (("run1",), ("run1-held",))
+    assert [run.rows for run in log.runs] == [3000, 1001]
+    whole = aw.read_log(written(tmp_path, TWO, {"arm.csv": columns(8.0)}))
+    assert log.sha256 != whole.sha256
+
+
+def test_places_of_a_part_are_lines_of_its_file(tmp_path):
+    table = columns(8.0)
+    table["q1"][3000] = np.nan
+    log = aw.read_log(written(tmp_path, TWO + PARTS, {"arm.csv": table}))
+    assert any("arm.csv:3002" in str(each) for each in log.findings)
+
+
+@pytest.mark.parametrize(
+    ("head", "tail", "words"),
+    [
+        ("", PARTS.replace("from_s = 5.0", "from_s = 4.9"), "holds out rows that are fitted"),
+        ("", PARTS.replace("to_s = 7.0", "to_s = 4.0"), "above from_s"),
+        ("", PARTS.replace("5.0", "500.0").replace("7.0", "700.0"), "a part of 0 to 8 s"),
+        ("hold_out = 0.2\n", PARTS, "all to be fitted"),
+        ("hold_out = 1.5\n", "", "less than 1"),
+    ],
+)
+def test_parts_that_cannot_be_are_refused(tmp_path, head, tail, words):
+    with pytest.raises(LogError, match=words):
+        aw.read_log(written(tmp_path, head + TWO + tail, {"arm.csv": columns(8.0)}))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from math import inf
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,6 +24,7 @@ ROWS = 65536  # of a block: a few megabytes for a whole arm
 # Larger numbers are damage, and their squares would overflow.
 LARGEST = 1e30  # of a signal in SI units
 LATEST = 1e12  # [s] of a time
+ON_THE_EDGE = 1e-9  # [s]: rows so near the beginning or the end of a run are at it
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,20 +34,47 @@ class Block:
     Attributes:
         row: number of the first, from 0.   t: (rows,) [s] since the run's first row.
         values: signal → (rows, joints that have it), in the units of the log's layout.
+        before: rows of the files that come before the run's first.
     """
 
     row: int
     t: np.ndarray
     values: Mapping[str, np.ndarray]
+    before: int = 0
 
 
 def run_blocks(log: Log, run: LogRun, rows: int) -> Iterator[Block]:
     """Rows of a run with time and signals, block by block; files with their own clock are interpolated."""
     tables = {key: open_table(path, log.table.files[key]) for key, path in run.paths.items()}
     try:
-        yield from _blocks(log, run, tables, rows)
+        whole = _blocks(log, run, tables, rows)
+        yield from whole if (run.begin, run.end) == (0.0, inf) else _between(whole, run)
     except LogError as error:
         raise error.within(f"run {run.name!r}" if not error.file else "", file=log.path) from None
+
+
+def _between(blocks: Iterator[Block], run: LogRun) -> Iterator[Block]:
+    """Rows of a run that is a part of its files; their time counts from the first of them.
+
+    Raises:
+        LogError: there are none.
+    """
+    first, begun, block = 0, np.nan, None
+    for block in blocks:
+        inside = (block.t >= run.begin - ON_THE_EDGE) & (block.t < run.end - ON_THE_EDGE)
+        rows = np.flatnonzero(inside)
+        if len(rows):
+            part = slice(int(rows[0]), int(rows[-1]) + 1)
+            if np.isnan(begun):
+                first, begun = block.row + part.start, float(block.t[part.start])
+            values = {name: each[part] for name, each in block.values.items()}
+            yield Block(block.row + part.start - first, block.t[part] - begun, values, first)
+        if (block.t >= run.end).any():
+            break
+    if np.isnan(begun):
+        last = 0.0 if block is None else float(np.nanmax(block.t))
+        upto = "its end" if run.end == inf else f"{run.end:g} s"
+        raise LogError(f"no rows from {run.begin:g} s to {upto}", place="runs", expected=f"a part of 0 to {last:g} s")
 
 
 def _blocks(log: Log, run: LogRun, tables: Mapping[str, MeasuredTable], rows: int) -> Iterator[Block]:

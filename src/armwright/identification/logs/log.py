@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -59,6 +60,7 @@ class LogRun:
     Attributes:
         name, use: "fit" or "hold-out".   paths: of its files, by key.   sha256: of each file, by key.
         census: numbers about all of its rows; None before the log was checked.
+        begin, end: of its part of the files [s], from their first row.
     """
 
     name: str
@@ -66,6 +68,8 @@ class LogRun:
     paths: Mapping[str, Path]
     sha256: Mapping[str, str] = field(default_factory=dict)
     census: Census | None = None
+    begin: float = 0.0
+    end: float = inf
 
     @property
     def rows(self) -> int:
@@ -178,7 +182,8 @@ class Log:
                 keys.append(self.table.only(each.file))
         if not keys or self.table.files[keys[0]].time is not None:
             return f"row {row + 1}"
-        return open_table(run.paths[keys[0]], self.table.files[keys[0]]).place(row)
+        before = 0 if run.census is None else run.census.excerpt.before
+        return open_table(run.paths[keys[0]], self.table.files[keys[0]]).place(before + row)
 
     def blocks(self, run: str | None = None, rows: int = ROWS) -> Iterator[Block]:
         """Rows of a run, block by block, read from its files: a log of any length in bounded memory.

@@ -100,12 +100,29 @@ class RunTable(Record):
     )
     files: dict[str, Text] = Field(default_factory=dict, description="KEY = path, where runs name files differently.")
     use: Literal["fit", "hold-out"] = Field(default="fit", description="For fitting, or kept for the verdict.")
+    from_s: Annotated[float, Field(ge=0)] = Field(
+        default=0.0,
+        description="Begins at the first row so long after the file's first, or later; for a part of a file.",
+    )
+    to_s: Above0 | None = Field(default=None, description="Ends before the row so long after the file's first.")
+
+    @model_validator(mode="after")
+    def _in_order(self) -> RunTable:
+        if self.to_s is not None and self.to_s <= self.from_s:
+            raise Invalid(place="to_s", value=self.to_s, expected=f"above from_s, {self.from_s:g} s")
+        return self
 
     @model_validator(mode="after")
     def _named(self) -> RunTable:
         if self.name is not None and len(self.folder) > 1:
             raise Invalid("one name for several runs", place="name", value=self.name, expected="one folder, or no name")
         return self
+
+    def overlaps(self, other: RunTable) -> bool:
+        """True of a run that shares rows with another."""
+        same = bool(set(self.folder) & set(other.folder)) and self.files == other.files
+        ends = [float("inf") if each.to_s is None else each.to_s for each in (self, other)]
+        return same and self.from_s < ends[1] and other.from_s < ends[0]
 
 
 class SignalTable(Record):
@@ -233,6 +250,9 @@ class LogTable(Record):
     )
     files: dict[str, FileTable] = Field(min_length=1, description="[files.KEY]: one table for each file of a run.")
     runs: tuple[RunTable, ...] = Field(default=(RunTable(),), min_length=1, description="[[runs]]; absent: one run.")
+    hold_out: Annotated[float, Field(gt=0, lt=1)] | None = Field(
+        default=None, description="Share of every run's time, at its end, that becomes a hold-out run of its own."
+    )
     time: TimeTable = Field(description="The log's clock.")
     gears: GearsTable | None = Field(default=None, description="Between motor and joint side.")
     signals: tuple[SignalTable, ...] = Field(
@@ -245,6 +265,13 @@ class LogTable(Record):
             yield Problem("missing", "joints", expected="names of the joints, or robot")
         if self.joints is not None and len(set(self.joints)) < len(self.joints):
             yield Problem("a name twice", "joints", self.joints)
+        if self.hold_out is not None and any(run.use == "hold-out" for run in self.runs):
+            yield Problem("goes with runs that are all to be fitted", "hold_out", self.hold_out)
+        for k, run in enumerate(self.runs):
+            if run.use == "hold-out" and any(run.overlaps(each) for each in self.runs if each.use == "fit"):
+                yield Problem(
+                    "holds out rows that are fitted", f"runs[{k}]", expected="from_s, to_s or files of its own"
+                )
         if self.kinematics_only and self.robot is None:
             yield Problem("goes with robot", "kinematics_only")
         places = [(f"signals[{k}].file", signal.file) for k, signal in enumerate(self.signals)]

@@ -5,9 +5,10 @@ from __future__ import annotations
 import hashlib
 import os
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
+from math import inf
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
@@ -59,6 +60,7 @@ def read_log(
     if on_error not in ("raise", "keep"):
         raise LogError(place="on_error", value=on_error, expected='"raise" or "keep"')
     log, begun = open_log(path), []
+    log = log if log.table.hold_out is None else replace(log, runs=tuple(_with_hold_outs(log, log.table.hold_out)))
     for k, run in enumerate(log.runs):
         if progress is not None:
             progress(k, len(log.runs))
@@ -189,8 +191,18 @@ def _runs(table: LogTable, folder: Path) -> tuple[LogRun, ...]:
                     "a second run of that name", place=f"runs[{number - 1}]", value=name, expected="a name of its own"
                 )
             paths = {key: folder / part / (each.files.get(key) or str(file.path)) for key, file in table.files.items()}
-            runs.append(LogRun(name, each.use, paths))
+            end = inf if each.to_s is None else each.to_s
+            runs.append(LogRun(name, each.use, paths, begin=each.from_s, end=end))
     return tuple(runs)
+
+
+def _with_hold_outs(log: Log, share: float) -> Iterator[LogRun]:
+    """Every run cut in two: its beginning to be fitted, and a share of its time, at its end, to be held out."""
+    for run in log.runs:
+        duration = max((float(np.nanmax(b.t, initial=0.0)) for b in log.blocks(run.name)), default=0.0)
+        cut = run.begin + (1.0 - share) * duration
+        yield replace(run, end=cut)
+        yield replace(run, name=f"{run.name}-held", use="hold-out", begin=cut)
 
 
 def _check_sides(log: Log) -> None:
