@@ -11,6 +11,7 @@ import pytest
 import armwright as aw
 from armwright.errors import OutputError
 from armwright.identification.estimate import Estimate
+from armwright.identification.validation.pictures import page_svg, words
 from armwright.identification.validation.report import report_page, write_report
 from armwright.identification.validation.validate import validate
 from identification.validation.made_logs import driven, motor_file, random_steps, written_log
@@ -99,3 +100,15 @@ def test_runs_at_rest_are_shown_apart(tmp_path):
     assert not found.passed
     assert "at rest" in report_page("Rest", validation=found)
     assert "nothing moved" in str(found)
+
+
+def test_names_of_axes_stand_inside_the_picture_beside_long_numbers():
+    def draw(figure):
+        axis = figure.subplots()
+        axis.plot([0.0, 1.0], [-4e-5, 4e-5])
+        axis.yaxis.set_major_formatter("{x:g}")
+        words(axis, "time [s]", "residual [N m]")
+
+    label = re.search(r'x="([-\d.]+)"[^>]*rotate\(-90[^>]*>residual', page_svg(draw, (4.3, 2.6)))
+    assert label is not None
+    assert float(label[1]) > 8.0  # the height of the letters above their line, in points

@@ -98,7 +98,8 @@ def fit_arm(
     rows = np.array([factor.rows for factor in factors])
     if rows.sum() < 2 * len(base):  # with fewer, residuals say nothing about the deviations
         expected = f"twice the {len(base)} parameters at least: a longer log, or a higher cut-off"
-        raise IdentificationError("too few rows", place="log", value=int(rows.sum()), expected=expected)
+        what = f"too few rows: {int(rows.sum())} torques of all joints are left after low-pass and decimation"
+        raise IdentificationError(what, place="log", expected=expected)
     known = rows > 0
     chosen = known.astype(float) if weights is None else weights
     values, information = _solved(factors, base, chosen)

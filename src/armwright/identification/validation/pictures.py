@@ -25,7 +25,7 @@ FINE = 8  # points to a row of a signal with few rows
 SIZE = 9.0
 WIDE, SMALL = (9.2, 3.9), (4.3, 2.6)  # [inch]
 MARGINS = (0.75, 0.5, 0.12, 0.3)  # left (at least), below, right, above [inch]
-BESIDE, CHARACTER = 0.33, 0.076  # [inch] of the left margin: an axis's name, and each character of its numbers
+BESIDE, CHARACTER = 0.35, 0.082  # [inch] of the left margin: an axis's name, and each character of its numbers
 
 
 def over_time(prediction: Prediction, column: int) -> str:
