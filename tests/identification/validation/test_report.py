@@ -73,8 +73,8 @@ def test_the_page_of_a_validation(found, tmp_path):
 def test_the_page_of_an_estimate(found):
     text = report_page("Fit", ESTIMATE, found, [("Of its own", "<p>more</p>")])
     assert text.index("Not identified") < text.index("Parameters") < text.index("Of its own")
-    for words in ("at its bound", "Strong correlations", "R &amp; Kt &lt;cannot&gt;", "80.3", "0.990"):
-        assert words in text
+    for phrase in ("at its bound", "Strong correlations", "R &amp; Kt &lt;cannot&gt;", "80.3", "0.990"):
+        assert phrase in text
     alone = report_page("Fit", ESTIMATE)
     assert "Every joint" not in alone
     assert "made.log.toml" in alone

@@ -43,7 +43,7 @@ MEASURES = (
 
 
 def check_report(path: str | os.PathLike[str]) -> Path:
-    """The path, if a report can be written there; to be asked before long work.
+    """The path, if a report can be written there; to be called before long work.
 
     Raises:
         OutputError: another ending than .html, a missing folder, no permission.
@@ -102,14 +102,14 @@ def report_page(
 
 
 def definitions(heading: str, pairs: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
-    """A section of `write_report` with names and what they mean; none where there are no pairs."""
+    """A section of `write_report` with names and their meanings; empty without pairs."""
     rows = [[escape(name), escape(about)] for name, about in pairs]
     table = html_table(("", ""), rows, (0, 1)).replace('</td><td class="word">', '</td><td class="word wrap">')
     return [(heading, table)] if rows else []
 
 
 def steps(estimate: Estimate | None, validation: Validation | None) -> list[str]:
-    """What the findings ask for, in words, the gravest first."""
+    """Next steps for the findings, in words, the gravest first."""
     found = [] if estimate is None else list(estimate.remarks)
     if validation is None:
         return found
@@ -122,7 +122,7 @@ def steps(estimate: Estimate | None, validation: Validation | None) -> list[str]
         found.append("Inertia is missing or too large: identify the arm again, with the rotors free.")
     if not validation.held_out:
         found.append(
-            'Mark a run that no fit has seen use = "hold-out" in the log, and validate again: this verdict flatters.'
+            'Mark a run that no fit has seen use = "hold-out" in the log, and validate again: this verdict is too optimistic.'
         )
     if validation.passed and not found:
         found.append(
@@ -301,7 +301,7 @@ def _tests(found: JointMeasures) -> str:
 
 
 def _method(validation: Validation) -> str:
-    """How the predictions came about, and what the measures are."""
+    """Method of the predictions, and definitions of the measures."""
     notes = [*validation.notes, "Tests of residuals are reported and never decide: what is filtered is never white"]
     terms = "".join(f"<dt>{name}</dt><dd>{escape(about)}</dd>" for name, about in MEASURES)
     symbols = "y is measured, ŷ predicted, e = y − ŷ the residual, ȳ the mean of y."
@@ -329,7 +329,7 @@ def sentence(text: str) -> str:
 
 
 def html_table(heads: Sequence[str], rows: Iterable[Sequence[str]], words: Sequence[int]) -> str:
-    """A table of cells that are HTML already; columns in `words` stand to the left."""
+    """A table of cells that are HTML already; columns in `words` are left-aligned."""
 
     def cells(row: Sequence[str], tag: str) -> str:
         return "".join(
