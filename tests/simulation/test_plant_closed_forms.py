@@ -105,6 +105,21 @@ def test_a_coasting_bridge_is_the_mean_of_on_and_off():
     assert out["electrical_power"] == pytest.approx(duty * 24.0 * on)
 
 
+def test_a_coasting_bridge_switches_the_bus_also_where_its_own_limit_is_lower():
+    """D = |V| / V_bus: a limit of 24 V on a bus at 40 V bounds V, and is not what the bridge puts on the motor while on."""
+    limits = {"voltage_v": 24.0, "current_a": 100.0}
+    plant = free(motor={**MOTOR, "pwm": "coast"}, limits=limits, robot={"supply": SUPPLY})
+    x = plant.initial([0.0], [3.0])
+    x[-1] = 40.0
+    assert plant.part(x, "bus_voltage") == 40.0
+    for u in (9.0, 30.0):
+        out = plant.outputs(x, [u])
+        duty, on = min(u, 24.0) / 40.0, (40.0 - N * KT * 3.0) / R
+        assert out["current"] == pytest.approx(duty * on)
+        assert out["heat"] == pytest.approx(duty * R * on**2)
+        assert out["electrical_power"] == pytest.approx(duty * 40.0 * on)
+
+
 @pytest.mark.parametrize("speed", [-6.0, 0.0, 5.0])
 def test_a_coasting_bridge_keeps_its_current_limit(speed):
     plant = free(motor={**MOTOR, "pwm": "coast"}, limits={"voltage_v": 24.0, "current_a": 3.0})

@@ -39,7 +39,13 @@ class Winding:
 
 
 def driven_winding(
-    body: Body, drive: Drive, speed: Scalar, u: Scalar, supply: Scalar, current: Scalar | None = None
+    body: Body,
+    drive: Drive,
+    speed: Scalar,
+    u: Scalar,
+    supply: Scalar,
+    current: Scalar | None = None,
+    bus: Scalar | None = None,
 ) -> Winding:
     """Torque, voltage and current that a drive gives for its command.
 
@@ -48,6 +54,7 @@ def driven_winding(
         drive: the same at its present temperature (`thermal.warmed`).
         speed: of the motor, referred to the joint [rad/s | m/s].   u: [V | A | N m | N], by the drive's command.
         supply: the highest voltage there is [V].   current: i [A], where it is a state.
+        bus: the voltage that a bridge switches [V], which a limit of voltage may be below; by default `supply`.
     """
     if drive.torque_constant is None:
         torque = clipped(u, body.limits.torque)
@@ -60,9 +67,10 @@ def driven_winding(
         return Winding(torque, np.nan, joint_current(drive, torque), torque * speed)
     if drive.coasts:  # the record has it with a command of voltage and without inductance only
         emf = drive.gear_ratio * drive.back_emf_constant * speed
-        voltage = scalar.clip(u, *coasting_limits(most, supply, emf, drive.resistance)) if is_limit(most) else u
+        switched = supply if bus is None else bus
+        voltage = scalar.clip(u, *coasting_limits(most, switched, emf, drive.resistance)) if is_limit(most) else u
         voltage = clipped(voltage, supply)
-        current, heat, power = coasting(voltage, supply, emf, drive.resistance)
+        current, heat, power = coasting(voltage, switched, emf, drive.resistance)
         return Winding(constant * current, voltage, current, power, heat)
     if drive.command == "voltage":
         voltage = u

@@ -246,7 +246,8 @@ class RotaryBrake(Record):
     """A holding brake, which the simulator applies and releases. [Dahl1968]
 
     With a stiffness it gives way like a spring until it slips: torque = k z + d ż,  ż = q̇ - k |q̇| / holding_torque z while
-    applied, ż = -z / release_time while released. Without one it is rigid: any torque up to holding_torque at rest, at once.
+    applied; torque = k z,  ż = -z / release_time while released.
+    Without one it is rigid: any torque up to holding_torque at rest, at once.
     """
 
     source: str | None = None

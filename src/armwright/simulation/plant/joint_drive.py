@@ -213,7 +213,7 @@ def _winding(body: Body, states: JointStates, speed: Scalar, u: Scalar, volts: S
         supply = scalar.minimum(supply, volts) if is_limit(supply) else volts
     if states.winding_temperature is not None:
         drive = warmed(drive, states.winding_temperature, states.housing_temperature)
-    return driven_winding(body, drive, speed, u, supply, states.current)
+    return driven_winding(body, drive, speed, u, supply, states.current, volts)
 
 
 def _warming(body: Body, states: JointStates, heat: Scalar | None, change: dict[str, Scalar]) -> Scalar | None:
