@@ -88,8 +88,8 @@ class Inputs:
     """Inputs of the arm beside its commands.
 
     Args:
-        wrench: of the environment on the tip, in base axes: (6,) [N, N m], or a Schedule with the columns
-            `inputs.WRENCH`, held from row to row.
+        wrench: of the environment on the tip, in base axes: (6,) [N, N m], or a Schedule of the columns fx, fy, fz, mx, my,
+            mz, held from row to row.
         brake: 1 where the holding brakes of the record are applied, 0 where they are released: one for all, (brakes,),
             or a Schedule with a column for every joint that has one; absent: released.
         payload: what the end effector takes up and puts down: a `Payload` or several, in the order of their times.

@@ -192,7 +192,8 @@ class Simulation(LoopRunner):
         try:
             return np.empty(shape)
         except (MemoryError, ValueError):
-            size = f"{shape[0]} rows of {self.count} lanes, {8e-9 * np.prod(shape, dtype=float):.3g} GB"
+            lanes = f" of {self.count} lanes" if self.count > 1 else ""
+            size = f"{shape[0]} rows{lanes}, {8e-9 * np.prod(shape, dtype=float):.3g} GB"
             what, scenario = f"the run would record {size}, more than there is memory for", self.scenario
             longer = f"recording.every above {every}"
             if scenario.recording.period is not None or scenario.solver.rule == "auto":
