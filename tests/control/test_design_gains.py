@@ -260,3 +260,18 @@ def test_a_law_that_no_rule_designs():
 def test_no_state_space(arm, changes):
     with pytest.raises(aw.ArmwrightError):
         aw.state_space(arm, **changes)
+
+
+@pytest.mark.parametrize("wrapped", [False, True])
+def test_a_designed_cascade_arrives_though_its_commands_are_late(wrapped):
+    """Kessler's rule lives on its integral, which must not take a late command for one that was cut off."""
+    start, goal = np.array([0.2, 0.5]), np.array([1.0, -0.4])
+    law = aw.FeedForward(CASCADE) if wrapped else CASCADE
+    bodies = tuple(replace(body, friction=Friction(viscous=100.0)) for body in aw.load("two-link").bodies)
+    one = scenario(law, period=4e-3, reference=aw.Quintic(start, goal, 1.0))
+    one = replace(one, arm=replace(one.arm, bodies=bodies), start=start)
+    run = aw.simulate(aw.design_gains(one, poses=50).scenario)
+    assert np.abs(run.q.values[-1] - goal).max() < 2e-3
+    known = replace(law, inner=replace(CASCADE, delay_ticks=1)) if wrapped else replace(CASCADE, delay_ticks=1)
+    stated = replace(one, loop=replace(one.loop, controller=known))
+    assert (aw.simulate(aw.design_gains(stated, poses=50).scenario).q.values == run.q.values).all()

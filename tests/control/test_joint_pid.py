@@ -112,9 +112,12 @@ def test_a_command_that_is_late_is_compared_with_its_own():
     """One tick late, what the drive did belongs to the command before the last: nothing is missing."""
     common = {"reference": np.full(6, 1e-3), "period": PERIOD, "duration": 0.2, "timing": aw.Timing("one-tick")}
     rule = {"anti_windup": "back-calculation", "tracking_time": 0.05}
-    laws = [JointPID(kp=100.0, ki=50.0, kd=10.0, **more) for more in ({}, rule | {"delay_ticks": 1}, rule)]
-    plain, knows, ignores = [aw.simulate(scenario_of(arm("cmu-dd"), controller=law, **common)).q.values for law in laws]
+    more = ({}, rule | {"delay_ticks": 1}, rule, rule | {"delay_ticks": 0})
+    laws = [JointPID(kp=100.0, ki=50.0, kd=10.0, **each) for each in more]
+    runs = [aw.simulate(scenario_of(arm("cmu-dd"), controller=law, **common)) for law in laws]
+    plain, knows, fitted, ignores = [run.q.values for run in runs]
     np.testing.assert_allclose(knows, plain, atol=1e-12)
+    assert (fitted == knows).all()  # absent: those of the loop's timing
     assert np.abs(ignores - plain).max() > 1e-9
 
 

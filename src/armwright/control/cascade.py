@@ -10,7 +10,7 @@ import numpy as np
 from armwright import scalar
 from armwright.control.anti_windup import RULES, Stage, limited_stage, shortfall, within
 from armwright.control.commands import command_signs
-from armwright.control.gains import check_whole, per_joint, positive_limit
+from armwright.control.gains import check_delay_ticks, check_whole, per_joint, positive_limit
 from armwright.control.joint_pid import check_tracking
 from armwright.errors import ScenarioError
 from armwright.interfaces import JointReference, Measurement
@@ -41,7 +41,8 @@ class Cascade:
         speed_limit: [rad/s | m/s].   effort_limit: [U] of the speed stage.   voltage_limit: [V]; absent: none.
         position_every, speed_every: ticks from one of the loop's own to the next.   position_phase, speed_phase: its first tick.
         anti_windup: "none", "clamping" or "back-calculation".   tracking_time: [s] of the latter.
-        delay_ticks: whole ticks that commands take to the drives.   slack: [U] by which a drive may miss a command.
+        delay_ticks: whole ticks that commands take to the drives, for anti-windup; absent: those of the loop's timing.
+        slack: [U] by which a drive may miss a command.
     Raises:
         ScenarioError: names the field, its value and what was expected.
     """
@@ -61,7 +62,7 @@ class Cascade:
     speed_phase: int = 0
     anti_windup: str = "clamping"
     tracking_time: float | None = None
-    delay_ticks: int = 0
+    delay_ticks: int | None = None
     slack: Any = 0.0
     signs: Any = None  # (n,) of the drives, which the loop fits
     period: float | None = None  # [s] of the loop, which fits the law to it
@@ -69,7 +70,7 @@ class Cascade:
     def __post_init__(self) -> None:
         check_choice("Cascade.anti_windup", self.anti_windup, RULES)
         check_tracking("Cascade", self.anti_windup, self.tracking_time)
-        check_whole("Cascade", "delay_ticks", self.delay_ticks, 0, "a whole number of ticks, 0 or more")
+        check_delay_ticks("Cascade", self.delay_ticks)
         for loop in RATES:
             every, phase = getattr(self, f"{loop}_every"), getattr(self, f"{loop}_phase")
             check_whole("Cascade", f"{loop}_every", every, 1, "a whole number of ticks, 1 or more")
@@ -101,14 +102,15 @@ class Cascade:
         limits: dict[str, Any] = {name: positive_limit(arm, "Cascade", name, getattr(self, name)) for name in LIMITS}
         if self.current_kp is None:
             limits["voltage_limit"] = None
-        return replace(self, **gains, **limits, signs=command_signs(arm), period=period)
+        ticks = self.delay_ticks or 0  # the loop has filled them in
+        return replace(self, **gains, **limits, delay_ticks=ticks, signs=command_signs(arm), period=period)
 
     def init(self, arm: Model, y: Measurement) -> Array:
         """Initial state: integrators and speed command 0, and the commands that were in force."""
         n = arm.n
         output = y.applied if self.current_kp is None else y.current
         parts = [scalar.zeros(n), scalar.zeros(n), self.signs * output, scalar.zeros(n), scalar.zeros(n)]
-        return scalar.array(np.concatenate([*parts, *[y.applied] * (1 + self.delay_ticks)]))
+        return scalar.array(np.concatenate([*parts, *[y.applied] * (1 + (self.delay_ticks or 0))]))
 
     def step(self, t: Scalar, r: JointReference, y: Measurement, s: Array) -> tuple[Array, Array]:
         """One tick: commands (n,) and the next state."""

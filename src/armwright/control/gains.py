@@ -96,6 +96,16 @@ def check_whole(law: str, name: str, value: Any, low: int, expected: str) -> Non
         raise ScenarioError(place=f"{law}.{name}", value=value, expected=expected)
 
 
+def check_delay_ticks(law: str, ticks: Any) -> None:
+    """Refuses what is neither a whole number of ticks, 0 or more, nor absent.
+
+    Raises:
+        ScenarioError: names it.
+    """
+    if ticks is not None:
+        check_whole(law, "delay_ticks", ticks, 0, "a whole number of ticks, 0 or more, or none: the loop's")
+
+
 def check_time(law: str, name: str, value: Any) -> None:
     """Refuses a value that is not a number above 0.
 

@@ -12,7 +12,7 @@ from armwright import scalar
 from armwright.actuators.coupling import from_joints, shares_of
 from armwright.control.anti_windup import RULES, limited_stage, shortfall
 from armwright.control.commands import command_signs, torque_commands
-from armwright.control.gains import check_model, check_time, check_whole, per_joint, positive_limit
+from armwright.control.gains import check_delay_ticks, check_model, check_time, per_joint, positive_limit
 from armwright.dynamics import holding_torques
 from armwright.errors import ScenarioError
 from armwright.interfaces import JointReference, Measurement
@@ -40,7 +40,7 @@ class JointPID:
         limit: [U] the most that is commanded, either way; absent: no limit of its own.
         anti_windup: "none", "clamping" or "back-calculation", by the limit and by what the drives really did.
         tracking_time: [s] in which back-calculation takes the integrator back.
-        delay_ticks: whole ticks that commands take to the drives, which what they did is compared with.
+        delay_ticks: whole ticks that commands take to the drives, for anti-windup; absent: those of the loop's timing.
         slack: [U] by how much a drive may miss a command and still do it, such as half of a converter's resolution.
         model: the arm that gravity is reckoned with; absent: the simulated one as its record has it.
     Raises:
@@ -58,7 +58,7 @@ class JointPID:
     limit: Any = None
     anti_windup: str = "none"
     tracking_time: float | None = None
-    delay_ticks: int = 0
+    delay_ticks: int | None = None
     slack: Any = 0.0
     model: Model | None = None
     period: float | None = None  # [s] of the loop, which fits the law to it
@@ -66,7 +66,7 @@ class JointPID:
     def __post_init__(self) -> None:
         check_choice("JointPID.derivative", self.derivative, ("error", "measurement"))
         check_choice("JointPID.anti_windup", self.anti_windup, RULES)
-        check_whole("JointPID", "delay_ticks", self.delay_ticks, 0, "a whole number of ticks, 0 or more")
+        check_delay_ticks("JointPID", self.delay_ticks)
         check_model("JointPID", self.model)
         if not isinstance(self.gravity, (bool, np.bool_)):
             raise ScenarioError(place="JointPID.gravity", value=self.gravity, expected="true or false")
@@ -84,11 +84,12 @@ class JointPID:
         """
         gains = {name: per_joint(arm, "JointPID", name, getattr(self, name)) for name in GAINS}
         limit = positive_limit(arm, "JointPID", "limit", self.limit)
-        return replace(self, **gains, limit=limit, model=self.model or arm, period=period)
+        ticks = self.delay_ticks or 0  # the loop has filled them in
+        return replace(self, **gains, limit=limit, model=self.model or arm, delay_ticks=ticks, period=period)
 
     def init(self, arm: Model, y: Measurement) -> Array:
         """Initial state: integrator 0, and the commands that were in force."""
-        parts = [scalar.zeros(arm.n), *[y.applied] * (1 + self.delay_ticks)]
+        parts = [scalar.zeros(arm.n), *[y.applied] * (1 + (self.delay_ticks or 0))]
         if self.cutoff_hz is not None:
             parts += [y.q, y.qd]
         return scalar.array(np.concatenate(parts))
@@ -98,7 +99,8 @@ class JointPID:
         assert self.model is not None
         assert self.period is not None
         n, h, signs = len(r.q), self.period, command_signs(self.model)
-        integral, asked, rest = s[:n], s[n : (2 + self.delay_ticks) * n], s[(2 + self.delay_ticks) * n :]
+        end = (2 + (self.delay_ticks or 0)) * n
+        integral, asked, rest = s[:n], s[n:end], s[end:]
         speed = y.qd
         if self.cutoff_hz is not None:
             keep = math.exp(-2.0 * math.pi * self.cutoff_hz * h)

@@ -59,7 +59,7 @@ class Wrapper(ABC):
     @property
     def delay_ticks(self) -> int:
         """Whole ticks of delay from command to drive, as in the inner controller."""
-        return int(getattr(self.inner, "delay_ticks", 0))
+        return int(getattr(self.inner, "delay_ticks", 0) or 0)
 
     def init(self, arm: Model, y: Measurement) -> Array:
         """Initial state: nothing added, this law's memory, then the inner controller's."""

@@ -37,6 +37,7 @@ from armwright.simulation.inputs.input_schedule import (
 from armwright.simulation.inputs.payload import Payload, carried, payload_of
 from armwright.simulation.loop.controller import configured
 from armwright.simulation.loop.state import LoopState, state_to_continue
+from armwright.simulation.loop.timing import Delays
 from armwright.simulation.scenario_parts import Inputs, Loop, Recording, Solver, Start, check_part
 
 MOST_STEPS = 2**53
@@ -398,7 +399,10 @@ class Scenario:
     @cached_property
     def controller_fields(self) -> LaneFields:
         """The controller, configured for the arm and its sample period, with its fields that vary by lane."""
-        return LaneFields(None) if self.controller is None else configured(self.controller, self.arm, self.tick)
+        if self.loop is None or self.controller is None:
+            return LaneFields(None)
+        ticks = int(Delays.of(self.loop.timing, self.tick).commanded.max())
+        return configured(self.controller, self.arm, self.tick, ticks)
 
     @cached_property
     def started(self) -> LoopState | None:

@@ -144,7 +144,7 @@ class ControllerStages:
     @property
     def delay_ticks(self) -> int:
         """Whole ticks of delay from command to drive, as the control law has it."""
-        return int(getattr(self.loop.scenario.controller, "delay_ticks", 0))
+        return int(getattr(self.loop.scenario.controller_fields.owner, "delay_ticks", 0))
 
     @property
     def remembers(self) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -87,15 +87,37 @@ class ControllerAdapter:
         return result
 
 
-def configured(control: ControlLaw, arm: Model, period: float) -> LaneFields:
+def configured(control: ControlLaw, arm: Model, period: float, ticks: int = 0) -> LaneFields:
     """A controller, configured for its arm and sample period where it can be, with its fields that vary.
 
+    Args:
+        control: the controller.   arm: the model.   period: [s].
+        ticks: whole ticks from a command to its drive, for a controller that leaves its `delay_ticks` open.
     Raises:
         ScenarioError: no controller, or one that takes other arguments; lanes of its gains that do not fit together.
     """
+    control = _timed(control, ticks)
     if hasattr(control, "configure"):
         control = control.configure(arm, period)
     return LaneFields.of(control, "loop.controller")
+
+
+def _timed(control: ControlLaw, ticks: int) -> ControlLaw:
+    """A controller whose `delay_ticks`, or those of the one that it wraps, are the loop's where they were None.
+
+    Anti-windup compares what the drives did with what was asked of them `delay_ticks` before: with too few, each moving command
+    looks as if it had been cut off, and the integrator waits.
+    """
+    if not is_dataclass(control) or isinstance(control, type):
+        return control
+    names = {each.name for each in fields(control)}
+    law: Any = control
+    if "delay_ticks" in names and law.delay_ticks is None:
+        return replace(law, delay_ticks=ticks)
+    if "inner" in names:
+        inner = _timed(law.inner, ticks)
+        return law if inner is law.inner else replace(law, inner=inner)
+    return law
 
 
 def place_of(name: str) -> str:
