@@ -159,6 +159,7 @@ def test_runs_that_fail_count_as_infinite():
         (None, {"objectives": {"rms_error": -1.0}}, "0 or more"),
         (None, {"objectives": {"rms_error": 0.0}}, "above 0"),
         (None, {"limits": {"peak_torque": 0.0}}, "above 0"),
+        (None, {"limits": {"peak_force": 1.0}}, "limits = 'peak_force': unknown"),
         (None, {"limits": {"peak_voltage": 1.0}}, "voltage"),
         (None, {"lanes": 2}, "lanes"),
         (None, {"generations": 0}, "generations"),

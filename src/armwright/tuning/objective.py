@@ -183,7 +183,7 @@ def _of_absent(name: str, scenario: Scenario) -> float:
     return scenario.ticks * scenario.tick if name.startswith("settling_time") else np.inf
 
 
-def _known(name: str) -> None:
+def _known(place: str, name: str) -> None:
     """Refuses what is neither a reducer nor a measure of the linear loop.
 
     Raises:
@@ -194,7 +194,7 @@ def _known(name: str) -> None:
             reducer(name)
         except ScenarioError:
             choices = (*REDUCERS, *MEASURES)
-            raise ScenarioError("unknown", place="objectives", value=name, choices=choices) from None
+            raise ScenarioError("unknown", place=place, value=name, choices=choices) from None
 
 
 def checked_weights(objectives: Any) -> dict[str, float]:
@@ -208,7 +208,7 @@ def checked_weights(objectives: Any) -> dict[str, float]:
             place="objectives", value=objectives, expected="weights by name, such as {'rms_error': 1.0}"
         )
     for name, weight in objectives.items():
-        _known(name)
+        _known("objectives", name)
         number = scalar.real_number(weight)
         if number is None or not 0.0 <= number < np.inf:
             raise ScenarioError(place=f"objectives[{name!r}]", value=weight, expected="a weight of 0 or more")
@@ -227,7 +227,7 @@ def checked_limits(limits: Any, n: int) -> dict[str, np.ndarray]:
         raise ScenarioError(place="limits", value=limits, expected="limits by name, such as {'peak_torque': 40.0}")
     found = {}
     for name, limit in limits.items():
-        _known(name)
+        _known("limits", name)
         try:
             found[name] = np.broadcast_to(scalar.real_numbers(limit), (n,))
         except ValueError:

@@ -10,7 +10,7 @@ from armwright.control.analysis.linear_loop import LinearLoop, Margins
 from armwright.control.analysis.noise import NoiseGain, noise_gain
 from armwright.control.analysis.regions import GAIN, OTHERS, PHASE, check_margins, longest_period
 from armwright.control.analysis.workspace import JointInertias, joint_inertias
-from armwright.model.joint_signals import joint_units
+from armwright.model.joint_signals import command_unit, joint_units
 from armwright.simulation.scenario import Scenario
 
 HEADS = (
@@ -139,7 +139,9 @@ class LoopAnalysis:
         counts = self.loop.scenario.loop.joint_sensors.counts_of(self.loop.scenario.arm)  # type: ignore[union-attr]
         if counts.any() and self.stable:
             tremor = np.sqrt(self.noise.command**2 @ (counts**2 / 12.0)).max(axis=0)
-            listed = ", ".join(f"{value:.2g}" for value in tremor)
+            bodies = self.loop.scenario.arm.coordinates
+            units = [command_unit(body.drive.command, body.kind == "prismatic") for body in bodies]
+            listed = ", ".join(f"{value:.2g} {unit}" for value, unit in zip(tremor, units, strict=True))
             lines.append(f"counts of encoders make the commands of moving joints tremble, by up to {listed} (1 σ)")
         lines.append(f"left out: {'; '.join(loop.left_out)}")
         return lines

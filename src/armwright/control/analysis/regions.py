@@ -266,4 +266,5 @@ def check_margins(gain: Any, phase: Any) -> None:
         raise ScenarioError(place="gain_margin", value=gain, expected="a factor of 1 or more")
     number = scalar.real_number(phase)
     if number is None or not 0.0 <= number < np.pi:
-        raise ScenarioError(place="phase_margin", value=phase, expected="an angle from 0 to below π [rad]")
+        what = "" if number is None else f"{np.degrees(number):.6g}°"
+        raise ScenarioError(what, place="phase_margin", value=phase, expected="an angle from 0 to below π rad, 180°")
