@@ -235,6 +235,7 @@ def _driven(arm, drive):
         ({"damping": 0.0}, "0.1 to 3"),
         ({"poses": 0}, "poses"),
         ({"gain_margin": 0.5}, "gain_margin"),
+        ({"phase_margin": 3.5}, "200.535°; expected an angle from 0 to below"),
     ],
 )
 def test_bad_input(changes, words):
@@ -275,3 +276,23 @@ def test_a_designed_cascade_arrives_though_its_commands_are_late(wrapped):
     known = replace(law, inner=replace(CASCADE, delay_ticks=1)) if wrapped else replace(CASCADE, delay_ticks=1)
     stated = replace(one, loop=replace(one.loop, controller=known))
     assert (aw.simulate(aw.design_gains(stated, poses=50).scenario).q.values == run.q.values).all()
+
+
+def test_what_is_left_at_rest_without_an_integral_is_said():
+    start = np.array([0.3, 0.4])
+    friction = Friction(viscous=1.0, coulomb_positive=3.0, coulomb_negative=2.0)
+    bodies = [replace(body, friction=friction) for body in aw.load("two-link").bodies]
+    one = scenario(replace(CASCADE, speed_ki=0.0), period=4e-3, reference=aw.Quintic(start, start + 0.5, 0.6))
+    one = replace(one, arm=replace(one.arm, bodies=tuple(bodies)), start=start, duration=2.0)
+    design = aw.design_gains(one, poses=200)
+    stiffness = design.gains["position_kp"] * design.gains["speed_kp"]
+    assert design.friction_error == pytest.approx(3.0 / stiffness)
+    error = np.abs(aw.simulate(design.scenario).q.values[-1] - start - 0.5)
+    assert (error > 0.0).all()
+    assert (error <= design.friction_error + design.weight_error).all()
+    assert "without an integral, dry friction up to" in design.sentences()[-1]
+    for law, left in ((CASCADE, False), (PD, True)):
+        other = aw.design_gains(replace(one, loop=replace(one.loop, controller=law)), poses=50)
+        assert other.friction_error.all() == left
+        assert not other.weight_error.any()  # PD: gravity = True
+        assert len(other.sentences()) == 2 + left

@@ -14,6 +14,7 @@ from armwright.control.analysis.regions import GAIN, PHASE, check_margins
 from armwright.control.cascade import Cascade
 from armwright.control.computed_torque import ComputedTorque
 from armwright.control.design.joint_plants import JointPlants, current_lag
+from armwright.control.design.rest_errors import rest_errors, rest_sentences
 from armwright.control.design.rules import RULES, SYMMETRIC, JointGains, Task
 from armwright.control.joint_pid import JointPID
 from armwright.errors import ScenarioError
@@ -40,6 +41,8 @@ class GainDesign:
             (symmetric optimum), the position loop's crossover (loop shaping).
         inertia: (n,) [U s²/rad | U s²/m] the largest of each joint over the poses, per unit U of its command.
         lag: (n,) [s] small delays of each joint's speed loop.
+        friction_error, weight_error: (n,) [rad | m] by how much dry friction, and weight that nothing compensates, may leave a
+            joint beside its goal; 0 with an integral, which takes both away.
         keeps: whether the coupled loop keeps the margins at all poses.   asked: gain and phase margin [rad].   poses: how many.
     """
 
@@ -49,6 +52,8 @@ class GainDesign:
     bandwidth: np.ndarray
     inertia: np.ndarray
     lag: np.ndarray
+    friction_error: np.ndarray
+    weight_error: np.ndarray
     keeps: bool
     asked: tuple[float, float]
     poses: int
@@ -72,6 +77,7 @@ class GainDesign:
             f"{self.method}: bandwidths {speeds} rad/s, small delays {1e3 * self.lag.max():.3g} ms",
             f"the gains {keeps} a gain margin of {gain:g} and a phase margin of {np.degrees(phase):.3g}° at {self.poses} "
             "extreme poses; between them nothing is proven",
+            *rest_sentences(self.scenario.arm, self.friction_error, self.weight_error),
         ]
 
 
@@ -293,9 +299,15 @@ class _Designer:
         scenario = replace(self.scenario, loop=replace(self.scenario.loop, controller=control))
         loop, joints = LinearLoop(scenario), self.task.joints
         keeps = all(loop.keeps(loop.slopes(q), *self.asked) for q in joints.poses)
+        friction = weight = np.zeros(scenario.arm.n)
+        if not self.task.integral:
+            friction, weight = rest_errors(
+                scenario.arm, control, self.law, self.stiffness(bandwidth[None])[0], joints.poses
+            )
         return GainDesign(
-            scenario, gains, self.method, bandwidth, joints.largest[0], joints.lag, keeps, self.asked, len(joints.poses)
-        )
+            scenario, gains, self.method, bandwidth, joints.largest[0], joints.lag, friction, weight, keeps, self.asked,
+            len(joints.poses),
+        )  # fmt: skip
 
 
 def current_gains(scenario: Scenario, period: float | None = None) -> dict[str, np.ndarray]:

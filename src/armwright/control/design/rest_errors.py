@@ -1,0 +1,50 @@
+"""Errors at rest of a controller without an integral: commands of dry friction and weight over the joint's stiffness."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from armwright.control.commands import torque_commands
+from armwright.control.computed_torque import ComputedTorque
+from armwright.control.design.joint_plants import current_driven
+from armwright.dynamics import holding_torques, mass_matrix
+from armwright.model import Model
+
+
+def rest_errors(arm: Model, control: Any, law: Any, stiffness: np.ndarray, poses: np.ndarray) -> np.ndarray:
+    """(2, n) [rad | m] errors that dry friction, and weight that the controller does not compensate, may leave at rest.
+
+    Args:
+        arm: the model.   control: the whole controller.   law: the one within it that is designed.
+        stiffness: (n,) k_s k_p of it.   poses: (k, n) [rad | m] among which weights are largest.
+    """
+    n, frictions = arm.n, [body.friction for body in arm.coordinates]
+    levels = [0.0 if f is None else max(f.coulomb_positive, f.coulomb_negative, f.stribeck or 0.0) for f in frictions]
+    weights = np.zeros(n)
+    if not (isinstance(law, ComputedTorque) or _compensates(control)):
+        weights = np.max([np.abs(holding_torques(arm, q)) for q in poses], axis=0)
+    torques = np.array([levels, weights], dtype=float)
+    if isinstance(law, ComputedTorque):  # its gains act through the mass matrix
+        return torques / (stiffness * np.min([np.diagonal(mass_matrix(arm, q)) for q in poses], axis=0))
+    driven = arm if getattr(law, "current_kp", None) is None else current_driven(arm)
+    return np.array([np.abs(torque_commands(driven, np.zeros(n), each)) for each in torques], dtype=float) / stiffness
+
+
+def rest_sentences(arm: Model, friction: np.ndarray, weight: np.ndarray) -> list[str]:
+    """The largest of the errors (n,) in words, and what would take them away; none where there are none."""
+    found = []
+    for cause, error in (("dry friction", friction), ("weight that nothing compensates", weight)):
+        worst = int(np.argmax(error))
+        if error[worst] > 0.0:
+            body = arm.coordinates[worst]
+            unit = "m" if body.kind == "prismatic" else "rad"
+            found.append(f"{cause} up to {error[worst]:.2g} {unit} (joint {body.joint!r})")
+    remedy = "an integral gain above 0 in the scenario takes that away"
+    return [f"without an integral, {' and '.join(found)} may be left at rest; {remedy}"] if found else []
+
+
+def _compensates(control: Any) -> bool:
+    """True where a controller, or one within it, adds the commands that hold the arm."""
+    return getattr(control, "gravity", False) is True or (hasattr(control, "inner") and _compensates(control.inner))
