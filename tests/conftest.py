@@ -10,6 +10,9 @@ from hypothesis import settings
 settings.register_profile("armwright", deadline=None, derandomize=True)
 settings.load_profile("armwright")
 
+# Before NumPy is imported: workers fill the cores already, and threads for small matrices only wait for each other there.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 CACHE = pytest.StashKey[str]()
 
 
