@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import os
 import re
+import runpy
+import shlex
 import subprocess
 import sys
+import tempfile
+import warnings
 from pathlib import Path
 
 import pytest
+
+from armwright.cli import main
 
 ROOT = Path(__file__).parents[2]
 FILE = re.compile(r"^\*\*`(?P<name>\S+)`\*\*\n\n```\w+\n(?P<text>.*?)^```", re.DOTALL | re.MULTILINE)
@@ -43,8 +51,39 @@ def sessions(text: str) -> list[tuple[str, list[str]]]:
     return found
 
 
+def run_here(words: list[str], folder: Path) -> subprocess.CompletedProcess[str]:
+    """What `armwright …` or `python FILE …` writes and returns in that folder, run in this process, which has its imports."""
+    out, err = (io.TextIOWrapper(io.BytesIO(), encoding="utf-8", write_through=True) for _ in range(2))
+    argv, path, modules = sys.argv, [*sys.path], {*sys.modules}
+    code: object = 0
+    with contextlib.ExitStack() as stack:
+        for context in (contextlib.chdir(folder), contextlib.redirect_stdout(out), contextlib.redirect_stderr(err)):
+            stack.enter_context(context)
+        stack.enter_context(warnings.catch_warnings())
+        warnings.simplefilter("default")  # printed, as in a process of its own; here they are errors
+        warnings.simplefilter("ignore", DeprecationWarning)
+        try:
+            if words[0] == "armwright":
+                sys.argv = words
+                main()
+            else:
+                sys.argv, sys.path[:0] = words[1:], [str(folder)]
+                runpy.run_path(words[1], run_name="__main__")
+        except SystemExit as end:
+            code = end.code or 0
+        finally:
+            sys.argv, sys.path[:] = argv, path
+    for name in {*sys.modules} - modules:  # the next page may have a file of the same name
+        if str(getattr(sys.modules[name], "__file__", "")).startswith(str(folder)):
+            del sys.modules[name]
+    written = [stream.buffer.getvalue().decode() for stream in (out, err)]  # type: ignore[attr-defined]
+    return subprocess.CompletedProcess(words, code if isinstance(code, int) else 1, *written)
+
+
 def shell(command: str, folder: Path) -> subprocess.CompletedProcess[str]:
-    """A command of a page in that folder, with this environment's programs first."""
+    """A command of a page in that folder; in a shell, with this environment's programs first, where it takes one."""
+    if command.startswith("armwright ") and not re.search(r"[|&;<>$*`~(]", command):
+        return run_here(shlex.split(command), folder)
     if os.name == "nt":
         pytest.skip("the pages show a POSIX shell")
     path = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", "")])
@@ -55,9 +94,10 @@ def shell(command: str, folder: Path) -> subprocess.CompletedProcess[str]:
 
 def python(code: str, folder: Path) -> str:
     """What a page's Python prints."""
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, timeout=120, encoding="utf-8"
-    )
+    with tempfile.TemporaryDirectory() as elsewhere:
+        program = Path(elsewhere) / "program.py"
+        program.write_text(code, encoding="utf-8")
+        done = run_here(["python", str(program)], folder)
     assert done.returncode == 0, done.stderr
     return done.stdout
 

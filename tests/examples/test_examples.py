@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
+import shlex
 from pathlib import Path
 
 import pytest
 
+from docs.pages import run_here
+from pictures.gallery import TABLE
+
+PICTURES = {words[1]: picture for picture in TABLE if (words := shlex.split(picture.commands[0]))[0] == "python"}
 EXAMPLES = sorted((Path(__file__).parents[2] / "examples").glob("[0-9]*.py"))
 SAYS = {  # lines that must come out, and files that must be there
     "01": (["joint2  q = -0.0461 rad"], ["first_motion.nc", "first_motion.png"]),
@@ -46,10 +49,7 @@ SAYS = {  # lines that must come out, and files that must be there
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
 def test_example(example: Path, tmp_path: Path) -> None:
     folder = tmp_path / "out"
-    done = subprocess.run(
-        [sys.executable, str(example), str(folder)],
-        cwd=tmp_path, capture_output=True, text=True, encoding="utf-8", timeout=120,
-    )  # fmt: skip
+    done = run_here(["python", str(example), str(folder)], tmp_path)
     assert done.returncode == 0, done.stderr
     assert "Warning" not in done.stderr
     assert not [path for path in tmp_path.iterdir() if path != folder]
@@ -59,6 +59,9 @@ def test_example(example: Path, tmp_path: Path) -> None:
     for name in files:
         assert (folder / name).stat().st_size > 1000
     assert 2 <= len(done.stdout.splitlines()) <= 12
+    if picture := PICTURES.get(f"examples/{example.name}"):  # which the docs show
+        told = picture.changed(folder / picture.file)
+        assert told is None, f"{picture.file}: {told}; if it is meant to: make pictures, and look at it"
 
 
 def test_examples_are_numbered_and_short() -> None:

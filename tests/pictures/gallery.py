@@ -7,14 +7,13 @@ from __future__ import annotations
 
 import shlex
 import shutil
-import subprocess
 import sys
 import tempfile
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 
-from docs.pages import write_files
+from docs.pages import run_here, write_files
 from pictures.alike import OTHER_FONTS, SHARE, unlike
 from pictures.browser import CHROMIUM, Browser
 
@@ -48,9 +47,7 @@ class Picture:
         if self.page is not None:
             write_files(self.page, folder)
         for command in self.commands:
-            program, *words = shlex.split(command)
-            start = {"armwright": [sys.executable, "-m", "armwright"], "python": [sys.executable]}[program]
-            done = subprocess.run([*start, *words], cwd=folder, capture_output=True, encoding="utf-8", timeout=300)
+            done = run_here(shlex.split(command), folder)
             assert done.returncode == 0, f"{command}: {done.stderr}"
         made = folder / (self.made or self.file)
         return made if self.opened is None else self._photographed(made, folder)
