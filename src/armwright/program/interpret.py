@@ -25,15 +25,25 @@ def interpret(program: Program, *arguments: Any) -> Any:
     lead = np.broadcast_shapes(*leads)
     count = int(np.prod(lead, dtype=int))
     columns = [
-        np.broadcast_to(a, (*lead, *port.shape)).reshape(count, port.size).T
+        np.broadcast_to(a, (*lead, *port.shape)).reshape(count, port.size)
         for a, port in zip(arrays, program.inputs, strict=True)
     ]
-    mapped = program.graph.map(count) if count > 1 else program.graph
-    results = mapped.call([np.ascontiguousarray(column) for column in columns])
-    shaped = [
-        np.array(result).reshape(port.size, count).T.reshape(*lead, *port.shape)
-        for result, port in zip(results, program.outputs, strict=True)
-    ]
+    results = [np.empty((count, port.size)) for port in program.outputs]
+    # Numbers pass through buffers, row by row: CasADi's matrices would make a Python float of each.
+    buffer, run = program.graph.buffer()
+    row_in = [np.zeros(port.size) for port in program.inputs]
+    row_out = [np.zeros(port.size) for port in program.outputs]
+    for lend, rows in ((buffer.set_arg, row_in), (buffer.set_res, row_out)):
+        for k, array in enumerate(rows):
+            if array.size:
+                lend(k, array.data)  # pyright: ignore[reportCallIssue]  # a buffer is address and size in one
+    for row in range(count):
+        for array, column in zip(row_in, columns, strict=True):
+            array[:] = column[row]
+        run()
+        for result, array in zip(results, row_out, strict=True):
+            result[row] = array
+    shaped = [result.reshape(*lead, *port.shape) for result, port in zip(results, program.outputs, strict=True)]
     return shaped[0] if len(shaped) == 1 else tuple(shaped)
 
 
