@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import re
-import subprocess
-import sys
 
 import pytest
 
 import armwright as aw
 from armwright.errors import DescriptionError
+from docs.pages import run_here
 
 FILE = """\
 name = "bad"
@@ -98,9 +97,7 @@ def test_all_mistakes_are_told_with_their_lines(path):
 
 
 def test_check_shows_the_lines_with_marks(path):
-    done = subprocess.run(
-        [sys.executable, "-m", "armwright", "check", path], capture_output=True, text=True, check=False
-    )
+    done = run_here(["armwright", "check", str(path)], path.parent)
     assert (done.returncode, done.stdout) == (2, "")
     first, *lines = done.stderr.splitlines()
     told = [line for line in lines if line.startswith(f"  {path}:")]

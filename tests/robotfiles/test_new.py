@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import re
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -13,6 +11,7 @@ import armwright as aw
 from armwright.errors import TO_FILL_IN, ArmwrightError, DescriptionError, OutputError
 from description.urdf_files import joint as urdf_joint
 from description.urdf_files import link, robot, written
+from docs.pages import run_here
 
 LINE = re.compile(r'^(?P<key>\w+) = (?P<value>.*"TODO".*?)(?:  #.*)?$', re.MULTILINE)
 VALUES = {"text": '"RD 50/08, 2021"', "gear_ratio": "50", "axis": "[0, 0, 1]", "com_m": "[0.1, 0, 0]", "mass_kg": "2",
@@ -133,8 +132,7 @@ def test_refusals(tmp_path):
 
 def test_the_commands(tmp_path):
     def run(*words):
-        command = [sys.executable, "-m", "armwright", *words]
-        return subprocess.run(command, capture_output=True, encoding="utf-8", check=False, cwd=tmp_path)
+        return run_here(["armwright", *words], tmp_path)
 
     chain(tmp_path)
     done = run("new", "robot", "arm.toml", "--from", "arm.urdf", "--command", "voltage")

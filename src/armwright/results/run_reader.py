@@ -82,8 +82,6 @@ def _processor_time(path: Path) -> float:
 
 def copy_or_reason(path: Path) -> bytes:
     """The copy of a file, or the reason for its absence. From now on this process may take a limited time."""
-    import xarray as xr
-
     if sys.platform != "win32":
         import resource
 
@@ -93,6 +91,8 @@ def copy_or_reason(path: Path) -> bytes:
         reason = undeclared(path)
         if reason:
             return BAD + reason.encode("utf-8", "replace")
+        import xarray as xr  # which takes a second, and not for a file that is refused before
+
         copy = xr.load_dataset(path, engine="h5netcdf", decode_cf=False)
         return GOOD + bytes(copy.to_netcdf(engine="h5netcdf", format="NETCDF4"))
     except UNREADABLE as error:
