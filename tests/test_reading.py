@@ -47,7 +47,7 @@ def test_what_is_no_file_is_never_waited_for(what, ending, tmp_path):
     start = time.monotonic()
     with pytest.raises(ArmwrightError) as error:
         READERS[ending](path)
-    assert time.monotonic() - start < 5
+    assert time.monotonic() - start < 60  # what waits does so for ever
     assert error.value.what.startswith(what)
     assert str(path) in str(error.value)
     assert len(str(error.value).splitlines()) == 1

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import ctypes
 import functools
+import os
 import re
 import shutil
 import subprocess
-import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -301,9 +301,9 @@ def test_a_long_arm_compiles_in_seconds(tmp_path):
     text = source.read_text()
     assert text.count("static NEVER_INLINED void long60_piece") > 5
     assert not re.search(r"\b(malloc|free|goto|while|for)\b", re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL))
-    began = time.perf_counter()
+    began = os.times().children_user
     used = stack_usage([compiler("gcc"), *BITS, *STRICT], source, tmp_path)
-    assert time.perf_counter() - began < 30.0  # a few seconds on an idle machine
+    assert os.times().children_user - began < 30.0  # [s] of the processor, of which it takes a few
     (said,) = map(int, re.findall(r"Stack: about (\d+) bytes", header.read_text()))
     deepest = max(size for name, size in used.items() if "piece" in name)
     assert 0.5 * said <= used["long60_inverse_dynamics"] + deepest <= 1.1 * said

@@ -72,10 +72,10 @@ def test_what_no_lane_needs_costs_next_to_nothing(lanes):
     for sign in (-1.0, 1.0):
         values = np.full((lanes, 1), sign)
         kernel(values)
-        began = time.perf_counter()
+        began = time.process_time()
         for _ in range(20):
             kernel(values)
-        seconds.append(time.perf_counter() - began)
+        seconds.append(time.process_time() - began)
     assert 3.0 * seconds[0] < seconds[1]
 
 
