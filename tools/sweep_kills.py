@@ -19,7 +19,6 @@ import subprocess
 import sys
 import tempfile
 import time
-import tomllib
 from collections import Counter
 from pathlib import Path
 
@@ -173,7 +172,7 @@ def main() -> int:
         finally:
             cluster.stop()
         stored = aw.load_sweep(folder / STORE)
-        parsed = parse_scenario(tomllib.loads(LONGER), "arm", FolderFiles(folder), LONGER, range(options.lanes))
+        parsed = parse_scenario(LONGER, "arm", FolderFiles(folder), range(options.lanes))
         run = aw.simulate(parsed)
         names = [each for each in stored.data_vars if "lane" in stored[each].dims and each != "finished"]
         wrong = [each for each in names if not np.array_equal(stored[each].values, run[each].values, equal_nan=True)]

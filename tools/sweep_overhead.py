@@ -20,7 +20,6 @@ import subprocess
 import sys
 import tempfile
 import time
-import tomllib
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -64,7 +63,7 @@ def overhead(lanes: int, repetitions: int) -> None:
     text = ROBUST.read_text(encoding="utf-8")
 
     def alone() -> None:
-        every = parse_scenario(tomllib.loads(text), str(ROBUST), FolderFiles(ROBUST.parent), text, range(lanes))
+        every = parse_scenario(text, str(ROBUST), FolderFiles(ROBUST.parent), range(lanes))
         keep = replace(every.recording, what="none", every=0, period=None)  # as sweeps keep it
         aw.simulate(replace(every, recording=keep), threads=workers)
 

@@ -186,3 +186,15 @@ def test_a_tuning_table_is_refused_with_file_line_and_unit(tmp_path, key, value,
     with pytest.raises(ScenarioError) as refused:
         aw.read_scenario(path)
     assert (refused.value.place, refused.value.expected, refused.value.file) == (f"tuning.{key}", expected, f"{path}:6")
+
+
+def test_a_tolerance_that_goes_with_the_integrator_is_no_mistake_beside_others(tmp_path):
+    path = tmp_path / "a.scenario.toml"
+    path.write_text(
+        'robot = "two-link"\nduration_s = 1\n[commands]\nconstant = 0\n[start]\nq = [0]\n'
+        '[solver]\nintegrator = "rk45"\nrtol = 1e-6\natol = 2\n',
+        encoding="utf-8",
+    )
+    with pytest.raises(ScenarioError) as refused:
+        aw.read_scenario(path)
+    assert [problem.place for problem in refused.value.problems] == ["start.q", "solver.atol"]

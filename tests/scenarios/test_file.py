@@ -15,7 +15,7 @@ import armwright as aw
 from armwright.description.writer import write_toml
 from armwright.errors import ArmwrightError, RunError, ScenarioError
 from armwright.model.changes import TERMS
-from armwright.scenarios import records
+from armwright.scenarios import mistakes, records
 from armwright.simulation.inputs.input_schedule import all_rows
 from physics.arms import arm as arm_named
 
@@ -437,10 +437,10 @@ def test_what_is_expected_uses_them_too(tmp_path, text, expected):
 
 
 def test_places_that_are_no_keys_stay():
-    assert records.key_in_file("loop.controller.kp[2]") == "loop.controller.kp[2]"
-    assert records.key_in_file("inputs.payload[1].time of lane 3") == "inputs.payload[1].time_s of lane 3"
-    assert records.key_in_file("link6.mass") == "link6.mass"
-    assert records.key_in_file("") == ""
+    assert mistakes.key_in_file("loop.controller.kp[2]") == "loop.controller.kp[2]"
+    assert mistakes.key_in_file("inputs.payload[1].time of lane 3") == "inputs.payload[1].time_s of lane 3"
+    assert mistakes.key_in_file("link6.mass") == "link6.mass"
+    assert mistakes.key_in_file("") == ""
 
 
 UNITS = re.compile("(?<!_per)_(s|m|kg|kg_m2)$")

@@ -88,11 +88,9 @@ def assert_same(stored: xr.Dataset, run: xr.Dataset) -> None:
 @pytest.fixture(scope="module")
 def whole() -> xr.Dataset:
     """All lanes of the file's scenario in one run."""
-    import tomllib
-
     from armwright.scenarios.files import FolderFiles
 
-    parsed = parse_scenario(tomllib.loads(SCENARIO), "test", FolderFiles(Path()), SCENARIO, range(LANES))
+    parsed = parse_scenario(SCENARIO, "test", FolderFiles(Path()), range(LANES))
     return aw.simulate(parsed)
 
 
@@ -298,11 +296,9 @@ def test_workers_that_are_killed(file: Path, tmp_path: Path) -> None:
         done = aw.sweep(file, path, lanes=600, chunk=50, client=client, progress=kill)
     assert killed
     assert (done.done, done.failed) == (600, {})
-    import tomllib
-
     from armwright.scenarios.files import FolderFiles
 
-    run = aw.simulate(parse_scenario(tomllib.loads(SCENARIO), "t", FolderFiles(Path()), SCENARIO, range(600)))
+    run = aw.simulate(parse_scenario(SCENARIO, "t", FolderFiles(Path()), range(600)))
     assert_same(done.load(), run)
 
 

@@ -95,7 +95,7 @@ def controller(
     """
     import armwright as aw
     from armwright.cli.progress import progress
-    from armwright.scenarios.records import key_in_file, keys_in_text
+    from armwright.scenarios.mistakes import key_in_file, keys_in_text
 
     read = aw.read_scenario(scenario, allow=allow or ())
     fields = [gain.strip() for gain in gains.split(",") if gain.strip()]
@@ -197,7 +197,7 @@ def fmu(
     import armwright as aw
     from armwright.cli.progress import progress
     from armwright.output import check_destination
-    from armwright.scenarios.records import key_in_file, keys_in_text
+    from armwright.scenarios.mistakes import key_in_file, keys_in_text
 
     check_destination(output, (".fmu",), read=[source])
     given = aw.read_scenario(source, allow=allow or ()) if source.endswith(SCENARIO) else aw.load(source)

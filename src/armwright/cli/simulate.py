@@ -114,7 +114,7 @@ def simulate(
         check_plot(plot)
     constants = {"voltage": voltage, "current": current, "torque": torque, "command": command}
     if robot.endswith(SCENARIO):
-        from armwright.scenarios.records import key_in_file, keys_in_text
+        from armwright.scenarios.mistakes import key_in_file, keys_in_text
 
         options = {**constants, "schedule": schedule, "duration": duration, "integrator": integrator}
         refuse_options(

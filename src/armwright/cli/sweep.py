@@ -43,7 +43,7 @@ def sweep(
     """
     import armwright as aw
     from armwright.cli.progress import progress
-    from armwright.scenarios.records import key_in_file, keys_in_text
+    from armwright.scenarios.mistakes import key_in_file, keys_in_text
 
     if not scenario.name.endswith(SCENARIO):
         raise ScenarioError(place="SCENARIO", value=str(scenario), expected=f"a file that ends in {SCENARIO}")

@@ -18,36 +18,35 @@ Read = TypeVar("Read", bound=Record)
 BOM = b"\xef\xbb\xbf"  # what some editors put before UTF-8
 
 
-def read_text(path: Path) -> str:
+def read_text(path: Path, error: type[ArmwrightError] = DescriptionError) -> str:
     """The text of a TOML file.
 
+    Args:
+        path: of the file.   error: what is raised.
     Raises:
-        DescriptionError: no such file, or none in UTF-8.
+        error: no such file, or none in UTF-8.
     """
-    content = read_file(path, "a TOML file", DescriptionError)
+    content = read_file(path, "a TOML file", error)
     if content.startswith(BOM):
-        raise DescriptionError("not TOML: begins with a byte order mark (BOM)", expected="UTF-8 without", file=path)
+        raise error("not TOML: begins with a byte order mark (BOM)", expected="UTF-8 without", file=path)
     try:
         return content.decode("utf-8")
-    except UnicodeDecodeError as error:
-        raise DescriptionError(f"not TOML: byte {error.start} is no UTF-8 text", file=path) from None
+    except UnicodeDecodeError as fault:
+        raise error(f"not TOML: byte {fault.start} is no UTF-8 text", file=path) from None
 
 
 @contextmanager
-def toml_tables(path: Path, error: type[ArmwrightError], text: str | None = None) -> Iterator[dict[str, Any]]:
+def toml_tables(path: Path, error: type[ArmwrightError]) -> Iterator[dict[str, Any]]:
     """The tables of a TOML file, for a block that makes something of them.
 
     Errors of the block are raised with the lines of the file, beside all that is no TOML; see `TomlText`.
 
     Args:
-        path: of the file.   error: what is raised where it cannot be read.   text: what is in it, where that was read before.
+        path: of the file.   error: what is raised where it cannot be read.
     Raises:
         error: no such file, or no TOML.   ArmwrightError: as the block raised it.
     """
-    try:
-        document = TomlText(read_text(path) if text is None else text, path)
-    except DescriptionError as unreadable:
-        raise error.of(*unreadable.problems) from None
+    document = TomlText(read_text(path, error), path)
     with document.checked(error):
         yield document.tables
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from armwright.description.toml_file import toml_tables
+from armwright.description.toml_file import read_text
 from armwright.errors import ArmwrightError, ScenarioError
 from armwright.model import Model, build_model
 from armwright.motions.obstacles import check_clearance
@@ -32,12 +32,13 @@ from armwright.motions.values import (
     check_held,
     checked_times,
     gripped,
-    mistakes,
     pose,
     through,
+    with_others,
 )
 from armwright.scenarios.files import Files, FolderFiles
 from armwright.simulation.inputs.payload import Payload
+from armwright.toml_text import TomlText
 from armwright.trajectory.joined import Joined
 from armwright.trajectory.limits import MotionLimits
 from armwright.trajectory.limits_report import LimitsReport, jumps_of_acceleration, limits_report
@@ -142,71 +143,65 @@ def plan(path: str | os.PathLike[str], *, allow: Iterable[str | os.PathLike[str]
             key, value and what was expected.
     """
     path = Path(path)
-    with toml_tables(path, ScenarioError) as tables:
-        return plan_document(tables, str(path), FolderFiles(path.parent, [Path(folder) for folder in allow]))
+    files = FolderFiles(path.parent, [Path(folder) for folder in allow])
+    return plan_text(read_text(path, ScenarioError), str(path), files)
 
 
-def plan_document(tables: dict[str, Any], place: str, files: Files) -> Plan:
-    """The plan of a parsed motion file; `place` is its name in errors."""
-    if "joints" in tables and "segments" not in tables:
-        raise ScenarioError(
-            "is a robot file", file=place, expected="a motion file, which names a robot and has [[segments]]"
-        )
-    try:
-        table = validated(MotionTable, tables, file=place, error=ScenarioError)
-    except ScenarioError as error:
-        without = legible(MotionTable, tables, LEAST, STAND_INS)
-        raise error if without is None else _with_others(error, without, place, files) from None
-    try:
-        arm = build_model(files.robot(table.robot))
-        limits = MotionLimits.of(arm, **table.limits.model_dump())
-        run = _Run(arm, limits, pose("start", table.start, arm, np.zeros(arm.n)))
-        limits.check_position("start", run.q)
-        for k, segment in enumerate(table.segments):
-            try:
-                run.add(segment)
-            except ArmwrightError as error:
-                raise ScenarioError.of(*(as_written(each, f"segments[{k}]") for each in error.problems)) from None
-    except ArmwrightError as error:
-        raise _with_others(error.within(file=place), table, place, files) from None
-    if run.motions and run.qd.any():
-        joint = arm.names[int(np.argmax(np.abs(run.qd)))]
-        what, expected = f"ends while {joint} is moving", "a last segment that ends at rest"
-        raise ScenarioError(what, place=f"segments[{len(table.segments) - 1}]", expected=expected, file=place)
-    if not run.motions:
-        raise ScenarioError("nothing moves", place="segments", expected="a move, waypoints or a dwell", file=place)
-    payloads = tuple(run.payloads)
-    motion = Joined(run.motions, payloads)
-    try:
-        nearest = check_clearance(arm, motion, table, run.begins)
-    except ArmwrightError as error:
-        raise error.within(file=place) from None
-    limited = np.isfinite(limits.jerk)
-    at = jumps_of_acceleration(motion, limited) if limited.any() else np.empty(0)
-    jumping = np.unique(np.searchsorted(run.begins, at, side="right") - 1)
-    judged = replace(limits, jerk=np.full(arm.n, np.inf)) if len(jumping) else limits
-    report = limits_report(arm, motion, judged, payload=payloads)
-    return Plan(
-        arm, limits, motion, tuple(run.kinds), tuple(run.begins), payloads, report, nearest, place, table.title or "",
-        tuple(run.slower),
-        tuple(
-            f"segments[{k}] ({run.kinds[k]}): its acceleration jumps, no limit of jerk is kept there" for k in jumping
-        ),
-    )  # fmt: skip
-
-
-def _with_others(error: ArmwrightError, table: MotionTable, place: str, files: Files) -> ArmwrightError:
-    """The error with the mistakes of all parts that can be judged without the motion before them.
+def plan_text(text: str, place: str, files: Files) -> Plan:
+    """The plan of a motion file.
 
     Args:
-        error: the first.   table: what could be read.   place: of the file.   files: that it names.
+        text: of the file.   place: what errors call it.   files: that it names.
+    Raises:
+        ArmwrightError: as `plan`.
     """
-    try:
-        found = mistakes(table, build_model(files.robot(table.robot)))
-    except ArmwrightError as refused:
-        found = list(refused.problems)
-    known = {problem.place for problem in error.problems}
-    return error.joined(*(each.within(file=place) for each in found if each.place not in known))
+    document = TomlText(text, place)
+    with document.checked(ScenarioError):
+        if "joints" in document.tables and "segments" not in document.tables:
+            raise ScenarioError(
+                "is a robot file", file=place, expected="a motion file, which names a robot and has [[segments]]"
+            )
+        try:
+            table = validated(MotionTable, document.tables, file=place, error=ScenarioError)
+        except ScenarioError as error:
+            without = legible(MotionTable, document.tables, LEAST, STAND_INS)
+            raise error if without is None else with_others(error, without, place, files) from None
+        try:
+            arm = build_model(files.robot(table.robot))
+            limits = MotionLimits.of(arm, **table.limits.model_dump())
+            run = _Run(arm, limits, pose("start", table.start, arm, np.zeros(arm.n)))
+            limits.check_position("start", run.q)
+            for k, segment in enumerate(table.segments):
+                try:
+                    run.add(segment)
+                except ArmwrightError as error:
+                    raise ScenarioError.of(*(as_written(each, f"segments[{k}]") for each in error.problems)) from None
+        except ArmwrightError as error:
+            raise with_others(error.within(file=place), table, place, files) from None
+        if run.motions and run.qd.any():
+            joint = arm.names[int(np.argmax(np.abs(run.qd)))]
+            what, expected = f"ends while {joint} is moving", "a last segment that ends at rest"
+            raise ScenarioError(what, place=f"segments[{len(table.segments) - 1}]", expected=expected, file=place)
+        if not run.motions:
+            raise ScenarioError("nothing moves", place="segments", expected="a move, waypoints or a dwell", file=place)
+        payloads = tuple(run.payloads)
+        motion = Joined(run.motions, payloads)
+        try:
+            nearest = check_clearance(arm, motion, table, run.begins)
+        except ArmwrightError as error:
+            raise error.within(file=place) from None
+        limited = np.isfinite(limits.jerk)
+        at = jumps_of_acceleration(motion, limited) if limited.any() else np.empty(0)
+        jumping = np.unique(np.searchsorted(run.begins, at, side="right") - 1)
+        judged = replace(limits, jerk=np.full(arm.n, np.inf)) if len(jumping) else limits
+        report = limits_report(arm, motion, judged, payload=payloads)
+        return Plan(
+            arm, limits, motion, tuple(run.kinds), tuple(run.begins), payloads, report, nearest, place, table.title or "",
+            tuple(run.slower),
+            tuple(
+                f"segments[{k}] ({run.kinds[k]}): its acceleration jumps, no limit of jerk is kept there" for k in jumping
+            ),
+        )  # fmt: skip
 
 
 @dataclass

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from armwright.errors import ArmwrightError, Problem, ScenarioError
-from armwright.model import Model
+from armwright.model import Model, build_model
 from armwright.motions.obstacles import obstacle
 from armwright.motions.records import (
     GripSegment,
@@ -22,7 +22,9 @@ from armwright.motions.records import (
     TimeOptimalSegment,
     WaypointsSegment,
 )
+from armwright.scenarios.files import Files
 from armwright.scenarios.lanes import TENSOR
+from armwright.scenarios.records import inertia_tensor
 from armwright.simulation.inputs.payload import Payload
 from armwright.trajectory.limits import MotionLimits
 
@@ -36,7 +38,21 @@ LEAST = {"robot": "two-link", "start": 0.0, "segments": STAND_INS["segments"]}
 GRIP = {"mass": "mass_kg", "com": "com_m", "inertia": "inertia_kg_m2"}
 
 
-def mistakes(table: MotionTable, arm: Model) -> list[Problem]:
+def with_others(error: ArmwrightError, table: MotionTable, place: str, files: Files) -> ArmwrightError:
+    """The error with the mistakes of all parts that can be judged without the motion before them.
+
+    Args:
+        error: the first.   table: what could be read.   place: of the file.   files: that it names.
+    """
+    try:
+        found = _mistakes(table, build_model(files.robot(table.robot)))
+    except ArmwrightError as refused:
+        found = list(refused.problems)
+    known = {problem.place for problem in error.problems}
+    return error.joined(*(each.within(file=place) for each in found if each.place not in known))
+
+
+def _mistakes(table: MotionTable, arm: Model) -> list[Problem]:
     """All errors in the parts of a motion file, each part checked on its own.
 
     Args:
@@ -205,11 +221,4 @@ def _grip_key(place: str) -> str:
 
 def _payload(segment: GripSegment, time: float) -> Payload:
     """The body of a grip, its inertia as a tensor."""
-    given = segment.inertia_kg_m2
-    tensor = np.zeros((3, 3))
-    if isinstance(given, tuple):
-        tensor = np.diag(given)
-    else:
-        for name, (i, j) in TENSOR.items():
-            tensor[i, j] = tensor[j, i] = getattr(given, name)
-    return Payload(time, segment.mass_kg, np.array(segment.com_m), tensor, segment.frame)
+    return Payload(time, segment.mass_kg, np.array(segment.com_m), inertia_tensor(segment.inertia_kg_m2), segment.frame)

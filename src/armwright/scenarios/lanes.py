@@ -88,10 +88,10 @@ def _vary_entry(
 def _vary_gain(name: str, fields: Fields, key: str, entry: int | None, column: np.ndarray, n: int) -> None:
     """A number of the controller, one for all joints or one of a joint."""
     if key not in fields:
-        choices = [f"loop.controller.{each}" for each in fields]
+        choices = [f"loop.controller.{each}" for each in fields if each != "kind"]
         raise ScenarioError("unknown", place="lanes", value=name, choices=choices)
     whole = fields[key]
-    if isinstance(whole, (str, bool)) or hasattr(whole, "step"):
+    if isinstance(whole, (str, bool, dict)):
         raise ScenarioError("cannot differ by lane", place="lanes", value=name, expected="a number of the controller")
     if entry is None:
         fields[key] = Batch(column)

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import ConfigDict, Field, model_validator
@@ -107,6 +106,14 @@ class Tensor(Record):
     yy: Number = Field(description="As xx.")
     yz: Number = Field(description="As xy.")
     zz: Number = Field(description="As xx.")
+
+
+def inertia_tensor(inertia: Tensor | tuple[float, float, float]) -> np.ndarray:
+    """Tensor of inertia (3, 3) [kg m²] from its entries, or from principal moments."""
+    if isinstance(inertia, tuple):
+        return np.diag(inertia)
+    xx, xy, xz, yy, yz, zz = (getattr(inertia, name) for name in ("xx", "xy", "xz", "yy", "yz", "zz"))
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
 class PayloadTable(Record):
@@ -296,34 +303,3 @@ class ScenarioTable(Record):
         if (self.commands is None) == (self.loop is None):
             raise ValueError("expected either [commands] or [loop]")
         return self
-
-
-UNITS = ("", "_s", "_kg", "_m", "_kg_m2")  # that keys end in, and fields in Python do not
-
-
-def key_in_file(place: str) -> str:
-    """Place in a scenario file of a place in a `Scenario`: `inputs.payload[0].mass` → `inputs.payload[0].mass_kg`."""
-    table: type[Record] | None = ScenarioTable
-    keys = []
-    for part in place.split("."):
-        name = re.match(r"\w*", part)[0]  # type: ignore[index]
-        known = {} if table is None else table.model_fields
-        key = next((f"{name}{unit}" for unit in UNITS if f"{name}{unit}" in known), name)
-        keys.append(f"{key}{part.removeprefix(name)}")
-        table = _table_in(known[key].annotation) if key in known else None
-    return ".".join(keys)
-
-
-FIELDS = re.compile(r"\b(?:inputs|loop|recording|solver|start)(?:\.\w+)+")  # of a `Scenario`, in a sentence
-
-
-def keys_in_text(text: str) -> str:
-    """A sentence with fields of a `Scenario` as the keys of a file: `loop.period` → `loop.period_s`."""
-    return FIELDS.sub(lambda field: key_in_file(field[0]), text)
-
-
-def _table_in(annotation: Any) -> type[Record] | None:
-    """The table that an annotation such as `tuple[PayloadTable, ...]` or `LoopTable | None` allows; None: plain values."""
-    if isinstance(annotation, type) and issubclass(annotation, Record):
-        return annotation
-    return next(filter(None, map(_table_in, get_args(annotation))), None)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -86,11 +85,7 @@ def kept_scenario(run: xr.Dataset, path: str | os.PathLike[str]) -> Scenario:
         raise RunError(what, file=path, expected="a run of armwright simulate FILE.scenario.toml")
     kept = _kept_document(path, run.attrs["scenario"])
     text = kept.scenario.checked("content of the scenario", path)
-    try:
-        tables = tomllib.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise RunError(f"the scenario that it keeps is not TOML: {error}", file=path) from None
-    return parse_scenario(tables, f"{path} (scenario)", KeptFiles(Path(path), kept), text)
+    return parse_scenario(text, f"{path} (scenario)", KeptFiles(Path(path), kept))
 
 
 def _kept_document(path: str | os.PathLike[str], text: Any) -> Document:

@@ -147,9 +147,9 @@ class Solver:
     target: str | None = None
 
     def __post_init__(self) -> None:
-        check_choice("solver.integrator", self.integrator, tuple(RULES))
         if self.step is not None:
             check_time("solver.step", self.step)
+        check_choice("solver.integrator", self.integrator, tuple(RULES))
         if self.substeps is not None:
             self._check_substeps(self.substeps)
         self._check_by_hand()

@@ -9,7 +9,6 @@ import hashlib
 import json
 import os
 import pickle
-import tomllib
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -70,7 +69,7 @@ class FileSource(Source):
         """The scenario of some lanes, with draws as numbers."""
         kept = Document.model_validate(json.loads(self.document))
         text = kept.scenario.checked("content of the scenario", self.path)
-        return parse_scenario(tomllib.loads(text), self.path, KeptFiles(Path(self.path), kept), text, lanes)
+        return parse_scenario(text, self.path, KeptFiles(Path(self.path), kept), lanes)
 
 
 @dataclass(frozen=True, eq=False)

@@ -183,7 +183,7 @@ class TuningResult:
         text = tuned_text(read_text(Path(source)), self.gains)
         files = FolderFiles(path.parent, [Path(folder) for folder in allow])
         try:
-            again = parse_scenario(tomlkit.parse(text).unwrap(), str(path), files, text)
+            again = parse_scenario(text, str(path), files)
         except ScenarioError:
             read_scenario(source, allow=allow)  # its own errors come first
             raise
