@@ -11,7 +11,7 @@ import armwright as aw
 from armwright.control import JointPID
 from armwright.errors import ScenarioError
 from armwright.simulation.integrate.integrators import INTEGRATORS
-from armwright.simulation.plant.step_limits import VariedStepLimit
+from armwright.simulation.plant.varied_step_limits import VariedStepLimit
 from simulation.fields import scenario_of
 from simulation.plants import COULOMB, MOTOR, SUPPLY, chain
 

@@ -28,7 +28,8 @@ from armwright.simulation.loop.sensor_set import SensorSet
 from armwright.simulation.loop.state import LoopState
 from armwright.simulation.loop.timing import Delays
 from armwright.simulation.plant.plant import Plant
-from armwright.simulation.plant.step_limits import StepLimit, VariedStepLimit, check_inertia, full_voltage
+from armwright.simulation.plant.step_limits import StepLimit, check_inertia, full_voltage
+from armwright.simulation.plant.varied_step_limits import VariedStepLimit
 from armwright.simulation.scenario import Scenario
 
 if TYPE_CHECKING:
