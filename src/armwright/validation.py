@@ -242,7 +242,7 @@ def problems(error: pydantic.ValidationError, data: Any, record: type[pydantic.B
     for k, at in enumerate(places):
         if not places[first] or not (at.startswith(places[first]) or places[first].startswith(at)):
             chosen.setdefault(at, k)
-    found = {at: _problems(errors[k], data, record) for at, k in chosen.items()}
+    found = {at: _problems(errors[k], record) for at, k in chosen.items()}
     misspelt = [key for at in found for key in _meant(at, found[at][0])]
     return [
         each.within(at)
@@ -267,7 +267,7 @@ def _meant(place: str, problem: Problem) -> list[str]:
     return [f"{table}{dot}{near}" for near in difflib.get_close_matches(key, problem.choices, n=3, cutoff=0.6)]
 
 
-def _problems(error: Any, data: Any, record: type[pydantic.BaseModel]) -> list[Problem]:
+def _problems(error: Any, record: type[pydantic.BaseModel]) -> list[Problem]:
     """What one of pydantic's errors reports, seen from its place: a validator of ours may have found several things."""
     raised = error["ctx"]["error"] if error["type"] == "value_error" else None
     if not isinstance(raised, Invalid):

@@ -38,14 +38,14 @@ def plot_simulation(session: Workspace, arguments: dict[str, Any]) -> list[Outpu
     """`plot-simulation`, `plot-simulation FILE`: the run as a picture, or a part of it; without a file on the screen."""
     run = last_run(session, "plot-simulation")
     quantities = None if arguments["what"] is None else _quantities("plot-simulation", run, arguments["what"])
-    joints = None if arguments["joints"] is None else _joints(session, run, arguments["joints"])
+    joints = None if arguments["joints"] is None else _joints(session, arguments["joints"])
     if arguments["file"] is None:
         return [Drawing(run, joints, quantities)]
     aw.plot(run, arguments["file"], joints=joints, quantities=quantities)
     return [Line(f"wrote {arguments['file']}", "good")]
 
 
-def _joints(session: Workspace, run: xr.Dataset, text: str) -> list[str]:
+def _joints(session: Workspace, text: str) -> list[str]:
     """Joints by number or name."""
     arm = session.state.arm
     return [arm.names[joint_number(arm, "plot-simulation", word)] for word in text.replace(",", " ").split()]

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from armwright.control.analysis.linear_loop import LinearLoop
-from armwright.control.analysis.noise import _entries
+from armwright.control.analysis.noise import measured_entries
 from armwright.control.analysis.small_signal import Slopes
 from armwright.errors import ScenarioError
 
@@ -111,7 +111,7 @@ def _growth(
         a[:, speed, speed] -= 4.0 * force / (np.pi * frequency * amplitudes)
         damped = replace(slopes, a=a)
         maps, product = loop.maps(damped, loop.held(damped)), np.eye(1)
-        for each, entry in zip(maps, _entries(loop, damped, maps, seen), strict=True):
+        for each, entry in zip(maps, measured_entries(loop, damped, maps, seen), strict=True):
             each[..., seen] += (factor[:, None, None] - 1.0) * entry
             product = each @ product if product.ndim > 2 else each
         values = np.linalg.eigvals(product)

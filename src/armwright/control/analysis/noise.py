@@ -78,7 +78,7 @@ def noise_gain(loop: LinearLoop, q: Any, *, gains: Any = None, joint: int | None
     n = slopes.b.shape[-1]
     first = slopes.b.shape[-2] + slopes.ticks[0].shape[-2] - n  # of the commands that were given last
     rows = np.r_[0:n, first : first + n]
-    each_joint = [_entries(loop, slopes, maps, places) for places in columns]
+    each_joint = [measured_entries(loop, slopes, maps, places) for places in columns]
     entries = [np.stack([one[k].sum(axis=-1) for one in each_joint], axis=-1) for k in range(loop.cycle)]  # (…, Z, n)
     lead, size = maps[0].shape[:-2], maps[0].shape[-1]
     product, total = np.eye(size), np.zeros((*lead, n, size, size))
@@ -112,7 +112,7 @@ def quantisation(loop: LinearLoop, q: Any, *, gains: Any = None) -> Quantisation
     count = scenario.loop.joint_sensors.counts_of(scenario.arm)
     spread = count / np.sqrt(12.0)
     slopes, maps, columns = _measured(loop, q, gains)
-    ends = [_ends(maps, _entries(loop, slopes, maps, places), places) for places in columns]
+    ends = [_ends(maps, measured_entries(loop, slopes, maps, places), places) for places in columns]
     up, down = (np.stack([end[k] for end in ends], axis=-1) for k in (0, 1))
     position, command = (np.sqrt((each**2) @ spread**2) for each in (gain.position, gain.command))
     stable = ~np.isnan(position)
@@ -132,8 +132,12 @@ def _measured(
     return slopes, loop.maps(slopes, loop.held(slopes)), columns
 
 
-def _entries(loop: LinearLoop, slopes: Slopes, maps: list[np.ndarray], places: list[int]) -> list[np.ndarray]:
-    """(…, Z, places) of each tick: what it makes of measured positions, without what the plant makes of true ones."""
+def measured_entries(loop: LinearLoop, slopes: Slopes, maps: list[np.ndarray], places: list[int]) -> list[np.ndarray]:
+    """(…, Z, places) of each tick: what it makes of measured positions, without what the plant makes of true ones.
+
+    Args:
+        loop: linearised.   slopes: of its plant.   maps: of its ticks.   places: of the positions.
+    """
     size, plant = slopes.b.shape[-2], loop.held(slopes).a
     entries = [each[..., places].copy() for each in maps]
     for entry in entries:

@@ -24,7 +24,7 @@ RETURNED = 0.1  # distance by the motion that is a return
 def power(log: Log, smooth: Smoothed) -> Found:
     """Findings about the sign of torques, by their work over the run, and of voltages or currents against the motion."""
     if smooth.speeds and "tau" in smooth.values:
-        yield from _work(log, smooth)
+        yield from _work(smooth)
     for name in ("voltage", "current"):
         for j, column in smooth.columns(name):
             if j not in smooth.speeds:
@@ -39,7 +39,7 @@ def power(log: Log, smooth: Smoothed) -> Found:
                 yield (error if certain else warning)(what, f"{name} {log.joints[j]}", sign)
 
 
-def _work(log: Log, smooth: Smoothed) -> Found:
+def _work(smooth: Smoothed) -> Found:
     """The work that all motors do; over a motion that ends where it began it is what friction takes, and not negative."""
     end, returned = len(smooth.values["tau"]), False
     if "q" in smooth.values:

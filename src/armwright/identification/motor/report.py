@@ -106,7 +106,7 @@ def result(
         *data.remarks,
         *done.remarks,
         *_in_words(done, values, data, clauses),
-        *_of_priors(done, values, whole),
+        *_of_priors(done, whole),
     ]
     asked = [labels_name(done, k) for k in held if k not in done.zero and labels_name(done, k) in (free or ())]
     wrong = [f"{name} was to be fitted, but cannot be identified from this log" for name in dict.fromkeys(asked)]
@@ -196,7 +196,7 @@ def _shown(done: Fitted, data: Measured) -> tuple[list[int], list[str], list[str
     return columns, names, units, np.array(scale)
 
 
-def _of_priors(done: Fitted, values: np.ndarray, covariance: np.ndarray) -> list[str]:
+def _of_priors(done: Fitted, covariance: np.ndarray) -> list[str]:
     """Comparison of the record's prior values with the combined estimate."""
     if done.problem.prior is None:
         return []

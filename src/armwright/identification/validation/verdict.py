@@ -21,7 +21,6 @@ from armwright.reading import read_file
 from armwright.validation import validated
 
 ENDING = ".verdict.toml"
-COMMENT = "Written by `armwright validate`; it belongs to the record with the checksum below and to no other."
 MEASURES = ("r2", "fit", "vaf", "nrmse", "rms", "gain", "correlation")
 
 
