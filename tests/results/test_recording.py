@@ -57,6 +57,12 @@ def test_units_and_names(arm):
     assert all(variable.attrs["long_name"] for variable in run.variables.values())
     assert run_units(run, "u") == joint_units(arm, "u") == ["V", "N", "A"]
     assert run_units(run, "q") == joint_units(arm, "q") == ["rad", "m", "rad"]
+    measured = run.rename(
+        q="q_measured", u="u_issued"
+    )  # of sensors and controllers: only the attribute says what they are
+    assert run_units(measured, "q_measured") == ["rad", "m", "rad"]
+    assert run_units(measured, "u_issued") == ["V", "N", "A"]
+    assert "q_measured_slide [m]" in wide(measured)
 
 
 def test_what_no_motor_constant_tells_is_nan_or_left_out(arm):

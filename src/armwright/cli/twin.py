@@ -81,7 +81,8 @@ def twin(
     from armwright.twin.twin import Twin
 
     _, found = _scenarios(scenario, allow, reference, None)
-    made = Twin(found, bus, nodes=_numbers(nodes), serial=serial, faults=_faults(found, fault))
+    with as_options("nodes", "serial", "bus"):
+        made = Twin(found, bus, nodes=_numbers(nodes), serial=serial, faults=_faults(found, fault))
     if eds is not None:
         _write_sheets(made, eds)
         return

@@ -178,12 +178,15 @@ def _wide_reduced(run: xr.Dataset) -> dict[str, np.ndarray]:
 def run_units(run: xr.Dataset, name: str) -> list[str]:
     """The unit of a variable for each joint; its attribute only lists the units that occur."""
     linear = [kind == "prismatic" for kind in run["kind"].values]
-    if name == "u":
-        commands = [str(command) for command in run["command"].values]
-        return [command_unit(command, k) for command, k in zip(commands, linear, strict=True)]
-    if name in UNITS:
-        return [UNITS[name][k] for k in linear]
-    return [str(run[name].attrs.get("units", "-"))] * len(linear)
+    commands = [str(command) for command in run["command"].values]
+    units = {quantity: [pair[k] for k in linear] for quantity, pair in UNITS.items()}
+    units["u"] = [command_unit(command, k) for command, k in zip(commands, linear, strict=True)]
+    if name in units:
+        return units[name]
+    stated = str(run[name].attrs.get("units", "-"))
+    occurring = set(stated.split(" | "))  # of q_measured and the like, on an arm with slides
+    same = (each for each in units.values() if len(occurring) > 1 and set(each) == occurring)
+    return next(same, [stated] * len(linear))
 
 
 def check_recording(path: str | os.PathLike[str]) -> Path:

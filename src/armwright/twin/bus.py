@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from armwright.errors import BusError
+from armwright.simulation.checks import is_whole
 
 if TYPE_CHECKING:
     import can
@@ -155,7 +156,8 @@ def node_numbers(nodes: Sequence[int] | None, joints: int) -> tuple[int, ...]:
         BusError: another number of nodes than joints, one that is none, or one that is there twice.
     """
     numbers = tuple(range(FIRST_NODE, FIRST_NODE + joints)) if nodes is None else tuple(nodes)
-    if len(numbers) != joints or len(set(numbers)) != joints or not all(1 <= number <= 127 for number in numbers):
+    right = all(is_whole(number, 1) and number <= 127 for number in numbers)
+    if not right or len(numbers) != joints or len(set(numbers)) != joints:
         expected = f"{joints} different numbers from 1 to 127, one for each joint"
         raise BusError(place="nodes", value=list(numbers), expected=expected)
     return numbers

@@ -19,8 +19,9 @@ from typing import Any, Self
 
 import numpy as np
 
-from armwright.errors import ArmwrightError
+from armwright.errors import ArmwrightError, BusError
 from armwright.kernels.loop import Lanes
+from armwright.simulation.checks import is_whole
 from armwright.simulation.scenario import Scenario
 from armwright.simulation.simulation import Simulation
 from armwright.twin import objects as od
@@ -56,7 +57,7 @@ class Twin:
         nodes: by joint.   drives: by joint.   units: of the bus.   simulation: of the arm.   cycles: what was counted.
         load: of the bus.   failure: the error that ended the simulation; None while it goes on.
     Raises:
-        BusError: no such bus, node numbers that are none, or an arm that cannot be driven over a bus.
+        BusError: no such bus, node or serial numbers that are none, or an arm that cannot be driven over a bus.
     """
 
     def __init__(
@@ -70,6 +71,8 @@ class Twin:
         bitrate: int = BITRATE,
     ):
         require_twin()
+        if not is_whole(serial, 0) or serial >= 2**32:
+            raise BusError(place="serial", value=serial, expected="a whole number of 32 bits, 0 to 4294967295")
         self.scenario = plant_on_bus(scenario, bitrate=bitrate)
         self.bus, self.period = bus, self.scenario.tick
         self.units = Units.of(self.scenario)
