@@ -19,7 +19,8 @@ def test_columns_that_are_nearly_equal_are_named_together():
     words = in_words(direction, ABOUT, "a swing of joint5 by ±90° would")
     assert "mass of link6" in words
     assert (
-        "first moment along z of link6 cannot be distinguished" in words or "mass of link6 cannot be distinguished" in words
+        "first moment along z of link6 cannot be distinguished" in words
+        or "mass of link6 cannot be distinguished" in words
     )
     assert words.endswith("a swing of joint5 by ±90° would")
 
