@@ -82,7 +82,7 @@ def run_here(words: list[str], folder: Path) -> subprocess.CompletedProcess[str]
 
 def shell(command: str, folder: Path) -> subprocess.CompletedProcess[str]:
     """A command of a page in that folder; in a shell, with this environment's programs first, where it takes one."""
-    if command.startswith("armwright ") and not re.search(r"[|&;<>$*`~(]", command):
+    if re.match(r"(armwright|python \S+\.py) [^|&;<>$*`~(]*$", command):
         return run_here(shlex.split(command), folder)
     if os.name == "nt":
         pytest.skip("the pages show a POSIX shell")
