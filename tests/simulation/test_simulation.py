@@ -283,6 +283,15 @@ def test_limits_clip_and_are_reported():
     assert np.allclose(v * i, 0.8 * i**2 + tau * qd, atol=1e-12)
 
 
+@pytest.mark.parametrize(("volts", "said"), [(3.5, False), (0.3, False), (4.5, True)])
+def test_a_dead_zone_is_no_limit(volts, said):
+    """It takes its width from every command; only beyond 4 V does the limit take more."""
+    arm = motor_alone(limits={"voltage_v": 4.0}, motor={"dead_zone_v": 0.5})
+    run = aw.simulate(aw.Scenario(arm, duration=0.01, command=[volts]))
+    assert run.voltage.values[0, 0] == pytest.approx(max(min(volts, 4.0) - 0.5, 0.0))
+    assert ("limits clipped" in run.attrs["notes"]) is said
+
+
 def test_a_limit_does_not_hide_a_diverged_lane():
     """Clipping keeps NaN: a lane that is lost is found by its state, not kept alive by its voltage limit."""
     arm = motor_alone(limits={"voltage_v": 4.0})

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from armwright.actuators.dead_zone import beyond
 from armwright.errors import Problem
 from armwright.model import Body, Model
 from armwright.model.joint_signals import command_unit
@@ -43,7 +44,8 @@ def limit_notes(
             commanded, applied = u[..., j], outputs["tau" if command == "torque" else command][..., j]
             finite = np.isfinite(commanded) & np.isfinite(applied)  # lanes that diverged may command anything
             commanded, applied = np.where(finite, commanded, 0.0), np.where(finite, applied, 0.0)
-            clipped = np.abs(applied - commanded) > ROUNDING * max(np.abs(commanded).max(), np.abs(applied).max())
+            wanted = beyond(commanded, body.drive.dead_zone)  # a dead zone is no limit
+            clipped = np.abs(applied - wanted) > ROUNDING * max(np.abs(commanded).max(), np.abs(applied).max())
             if clipped.any():
                 unit, share = command_unit(command, body.kind == "prismatic"), percentage(clipped.mean())
                 reached.append(
