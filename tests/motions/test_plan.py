@@ -469,7 +469,7 @@ def test_an_arm_without_a_tip_is_asked_for_a_frame(tmp_path):
     tool += "speed_m_per_s = 0.1\nacceleration_m_per_s2 = 1.0\n"
     file = tmp_path / "a.motion.toml"
     file.write_text(tool, encoding="utf-8")
-    with pytest.raises(ScenarioError, match=r"segments\[0\].frame: missing; expected the frame that is led"):
+    with pytest.raises(ScenarioError, match=r"segments\[0\].frame: missing; expected the frame that follows the path"):
         aw.plan(file)
     file.write_text(tool + 'frame = "hand"\n', encoding="utf-8")
     assert aw.plan(file).report.kept
