@@ -8,8 +8,9 @@ import tomlkit
 
 from armwright.description.drive_file import JointDrive
 from armwright.description.robot import FixedJoint, RobotDescription
-from armwright.export.joints import JointFrame, joint_frames, moved_tip, tip_of
+from armwright.export.joints import JointFrame, joint_frames, moved_tip
 from armwright.export.springs import cylinder_ends
+from armwright.model.variants.edits import tip_of
 from armwright.quantity import Quantity, Record
 
 CARRIED = [name for name in JointDrive.model_fields if name != "source"]

@@ -13,6 +13,7 @@ import numpy as np
 from armwright.description.robot import FixedJoint, Joint, Link, MovingJoint, PrismaticJoint, RobotDescription
 from armwright.model.build import joint_placement
 from armwright.model.joint_side import friction_of
+from armwright.model.variants.edits import tip_of
 from armwright.quantity import Quantity
 from armwright.spatial import Frozen, Placement, roll_pitch_yaw, rotation_rpy, snap
 
@@ -84,15 +85,6 @@ def place_of(robot: RobotDescription, frames: list[JointFrame], name: str) -> tu
             place = Placement(rotation_rpy(*np.array(frame.rpy_rad)), np.array(frame.xyz_m))
             return frame.link, shifts[frame.link] @ place
     return name, shifts[name]
-
-
-def tip_of(robot: RobotDescription) -> str | None:
-    """The tip's name: that of the record, or the last link of a chain."""
-    if robot.tip is not None:
-        return robot.tip
-    parents = {joint.parent for joint in robot.joints}
-    ends = [link.name for link in robot.links if link.name not in parents]
-    return ends[0] if len(ends) == 1 else None
 
 
 def is_identity(placement: Placement) -> bool:

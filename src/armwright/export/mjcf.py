@@ -11,11 +11,12 @@ import numpy as np
 
 from armwright.description.record_of import Arm, record_of
 from armwright.description.robot import FixedJoint, MovingJoint, PrismaticJoint, RobotDescription
-from armwright.export.joints import JointFrame, joint_frames, place_of, plain_friction, plain_limits, tip_of
+from armwright.export.joints import JointFrame, joint_frames, place_of, plain_friction, plain_limits
 from armwright.export.losses import Losses, of_all_formats, of_friction
 from armwright.export.springs import add_tendons, joint_stiffness
 from armwright.lint.feasibility import is_possible
 from armwright.model.build import STANDARD_GRAVITY
+from armwright.model.variants.edits import tip_of
 from armwright.output import whole_file
 from armwright.solids.shapes import Box, Cylinder, Ellipsoid, Sphere
 from armwright.spatial import Placement, pseudo_inertia, rotation_quaternion

@@ -15,9 +15,10 @@ from armwright.description.record_of import Arm, record_of
 from armwright.description.robot import FixedJoint, PrismaticJoint, RobotDescription
 from armwright.description.urdf.joints import LARGEST
 from armwright.export.drive_file import drive_file
-from armwright.export.joints import JointFrame, joint_frames, moved_tip, place_of, plain_friction, plain_limits, tip_of
+from armwright.export.joints import JointFrame, joint_frames, moved_tip, place_of, plain_friction, plain_limits
 from armwright.export.losses import Losses, loss_of, of_all_formats, of_friction
 from armwright.export.springs import spring_losses
+from armwright.model.variants.edits import tip_of
 from armwright.output import whole_file
 from armwright.solids.mesh import Mesh
 from armwright.solids.shapes import Box, Cylinder, Sphere
