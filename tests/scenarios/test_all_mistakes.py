@@ -87,7 +87,7 @@ side = "motor"  #! no side
 [[runs]]
 name = 5  #! text
 use = "fitt"  #! expected 'fit'
-from_s = "x"  #! unknown key
+from_s = "x"  #! a finite number
 files = { d = "x" }  #! no such file
 """
 MOTION = """\
