@@ -57,6 +57,7 @@ def reproduce(path: str | os.PathLike[str], progress: Progress | None = None) ->
     Raises:
         RunError: no run, or one that does not keep what it was made from: it was made in Python or by options of the
             command and not from a scenario file, or files were too large to be kept.
+        ScenarioError: what is kept is no scenario file.
     """
     old = load_run(path)
     now, then = provenance(), _made_with(path, old.attrs.get("made_with", "{}"))
