@@ -219,7 +219,7 @@ def test_a_voltage_against_the_motion(tmp_path):
 
 
 def test_findings_of_several_runs_are_told_once(tmp_path):
-    text = ALL + '[[runs]]\nname = "one"\n[[runs]]\nname = "two"\nuse = "hold-out"\n[[runs]]\nname = "three"\n'
+    text = ALL + '[[runs]]\nname = "one"\n[[runs]]\nname = "two"\n[[runs]]\nname = "three"\n'
     lines = findings(tmp_path, scaled("v1", by=-1.0), text, "error")
     assert len(lines) == 1
     assert "alike in all other runs" in lines[0]
