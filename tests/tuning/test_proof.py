@@ -7,23 +7,26 @@ from pathlib import Path
 import armwright as aw
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tools"))
-from tuning_proof import BY_HAND, judged, scenario, textbook  # pyright: ignore[reportMissingImports]
+from tuning_proof import BY_HAND, judged, quiet_textbook, scenario, textbook  # pyright: ignore[reportMissingImports]
 
 TUNED = aw.Cascade(  # what `python tools/tuning_proof.py` finds in 60 generations
-    position_kp=[30.62, 40.64, 19.65, 38.06, 44.75, 27.19],
-    speed_kp=[11.58, 11.38, 13.92, 10.47, 0.896, 1.234],
-    speed_ki=[12.47, 11.93, 222.5, 83.44, 2.938, 33.9],
+    position_kp=[36.47, 21.47, 43.86, 49.61, 43.87, 73.39],
+    speed_kp=[10.55, 14.7, 11.8, 7.832, 0.9001, 0.7132],
+    speed_ki=[10.68, 122.7, 80.98, 40.61, 14.81, 3.563],
     speed_feedforward=1.0,
 )
+BEATEN = {"quiet textbook": quiet_textbook, "by hand": lambda: BY_HAND}
 
 
-def test_one_tuning_beats_the_designed_start_and_both_cascades_by_hand_on_every_objective():
+def test_one_tuning_beats_the_designed_start_and_cascades_by_hand_on_every_objective():
     design = aw.design_gains(scenario(), "pole-placement", poses=300)
-    laws = {"textbook": textbook(), "by hand": BY_HAND, "designed": replace(BY_HAND, **design.gains), "tuned": TUNED}
-    table = judged(laws, lanes=60, seed=2)
+    beaten = {name: law() for name, law in BEATEN.items()} | {"designed": replace(BY_HAND, **design.gains)}
+    table = judged({"textbook": textbook(), **beaten, "tuned": TUNED}, lanes=60, seed=2)
     for name in ("rms error [mrad]", "peak error [mrad]", "noise gain [A/rad]"):
-        for other in ("textbook", "by hand", "designed"):
+        for other in beaten:
             assert table["tuned"][name] < table[other][name], (name, other)
     assert table["tuned"]["keeps the margins"] == 1.0
     assert table["designed"]["keeps the margins"] > 0.9  # designed at other poses
+    # The textbook's own gains follow closer, and pay with noise and with margins that no pose keeps.
     assert table["textbook"]["keeps the margins"] < 0.1
+    assert table["tuned"]["noise gain [A/rad]"] < 0.7 * table["textbook"]["noise gain [A/rad]"]
