@@ -1,7 +1,8 @@
 """Progress bars in terminals and notebooks, for work that takes over a second.
 
 A library must not write into other people's pipes: a bar is shown only where standard error is a terminal, or in a notebook, by
-the main thread, one at a time. `progress=False` of the functions that have one keeps them silent there too.
+the main thread, one at a time. Every function with an argument `progress` reads it through `automatic`: True or None is that
+bar, False is none, and a function is called in place of it.
 """
 
 from __future__ import annotations
@@ -13,14 +14,16 @@ import threading
 from collections.abc import Callable, Iterator
 from html import escape
 from time import perf_counter
-from typing import Any, Literal
+from typing import Any
 
+from armwright.errors import ScenarioError
 from armwright.terminal import console
 
 PATIENCE = 1.0  # [s] before there is anything to see
 OFTEN = 0.1  # [s] between two pictures of a bar in a notebook
 
-Progress = Callable[[int, int], None]
+Progress = Callable[[int, int], object]
+Shown = Progress | bool | None  # of an argument `progress`
 _shown = threading.local()  # whether a bar of this thread is open: what it calls shows none
 
 
@@ -33,7 +36,7 @@ def progress(words: str, unit: str = "") -> Iterator[Progress]:
     """
     bar = _bar(words, unit)
     if bar is None:
-        yield lambda done, total: None
+        yield _silent
         return
     patience = threading.Timer(
         PATIENCE, contextvars.copy_context().run, [bar.start]
@@ -51,19 +54,30 @@ def progress(words: str, unit: str = "") -> Iterator[Progress]:
 
 
 @contextlib.contextmanager
-def automatic(
-    given: Progress | Literal[False] | None, words: str, unit: str = ""
-) -> Iterator[Progress | Literal[False]]:
-    """Progress function for an argument `progress`: the caller's own, a bar in a terminal or notebook, or none.
+def automatic(shown: Shown, words: str, unit: str = "") -> Iterator[Progress]:
+    """Progress function (done, total) for an argument `progress`; what the block calls shows no bar of its own.
 
     Args:
-        given: the argument; None: a bar, if any is seen.   words, unit: of the bar.
+        shown: the argument. True or None: a bar, where one is seen; False: none; a function: called in place of a bar.
+        words, unit: of the bar.
+    Raises:
+        ScenarioError: another value.
     """
-    if given is not None or _target() is None:
-        yield False if given is None else given
+    if shown is None or shown is True:
+        with progress(words, unit) as tell:
+            yield tell
         return
-    with progress(words, unit) as tell:
-        yield tell
+    if shown is not False and not callable(shown):
+        raise ScenarioError(place="progress", value=shown, expected="True, False or a function of (done, total)")
+    before, _shown.open = getattr(_shown, "open", False), True
+    try:
+        yield shown or _silent
+    finally:
+        _shown.open = before
+
+
+def _silent(done: int, total: int) -> None:
+    """Shows nothing."""
 
 
 def _target() -> str | None:

@@ -65,8 +65,9 @@ def test_rates(speed, said):
 
 
 def test_other_threads_and_pipes_see_nothing(capfd):
-    with automatic(None, "working") as tell:
-        assert tell is False
+    for shown in (None, True, False):
+        with automatic(shown, "working") as tell:
+            tell(1, 2)
     told = []
     with automatic(lambda *at: told.append(at), "working") as tell:
         assert tell

@@ -18,9 +18,10 @@ from armwright.errors import DescriptionError
 from armwright.modules.library import ModuleLibrary
 from armwright.quantity import Number, Record, Source, Vector3
 from armwright.reading import real_path
+from armwright.validation import CONNECTOR
 
 MODULES, ASSEMBLY = ".modules.toml", ".assembly.toml"
-Place = Annotated[str, Field(pattern=r"^[^\s.\[\]]+\.[^\s.\[\]]+$")]
+Place = Annotated[str, Field(pattern=CONNECTOR)]
 
 
 class Placed(Record):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import islice
 
@@ -14,9 +14,9 @@ from armwright.modules.assembly import Assembly
 from armwright.modules.chains import Chain, Rules, chains, possible_modules
 from armwright.modules.library import ModuleLibrary
 from armwright.modules.statics import holding
+from armwright.progress import Shown, automatic
 
 COUNTED = 200_000  # at most so many chains are counted
-Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ def enumerate_assemblies(
     max_links: int = 1,
     limit: int = 1000,
     seed: int = 0,
-    progress: Progress = lambda done, total: None,
+    progress: Shown = None,
 ) -> Enumeration:
     """Every chain of modules from the ground that the connectors allow, those with fewer modules first.
 
@@ -60,7 +60,8 @@ def enumerate_assemblies(
     Args:
         library: the modules.   max_joints: of an arm.   min_joints: of an arm.
         max_links: how many modules without joints may stand on each other, not counting one that ends the arm.
-        limit: how many are computed.   seed: of the poses.   progress: is called with (done, of how many).
+        limit: how many are computed.   seed: of the poses.   progress: True or None: a bar where it is seen;
+            False: none; a function is called with (done, of how many).
     Returns:
         enumeration: `candidates`, `total` that there are, and `left_out` modules with the reason.
     Raises:
@@ -69,12 +70,15 @@ def enumerate_assemblies(
     rules = Rules(max_joints, min_joints, max_links)
     every, left_out = counted_chains(library, rules, limit)
     candidates = []
-    for chain in every[:limit]:
-        assembly, arm = arm_of(chain, library)
-        held = holding(arm, seed)
-        mass = robot_mass(arm)
-        candidates.append(Candidate(assembly, arm.n, mass, chain.reach, held.payload, held.holds_itself, held.joint))
-        progress(len(candidates), min(limit, len(every)))
+    with automatic(progress, f"{library.name}: assembling") as tell:
+        for chain in every[:limit]:
+            assembly, arm = arm_of(chain, library)
+            held = holding(arm, seed)
+            mass = robot_mass(arm)
+            candidates.append(
+                Candidate(assembly, arm.n, mass, chain.reach, held.payload, held.holds_itself, held.joint)
+            )
+            tell(len(candidates), min(limit, len(every)))
     return Enumeration(tuple(candidates), len(every), left_out)
 
 

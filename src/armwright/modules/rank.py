@@ -11,11 +11,12 @@ from armwright.model import Model
 from armwright.modules.assembly import Assembly
 from armwright.modules.chains import Rules
 from armwright.modules.cycle_time import shortest_round
-from armwright.modules.enumerate import Progress, arm_of, counted_chains, robot_mass
+from armwright.modules.enumerate import arm_of, counted_chains, robot_mass
 from armwright.modules.inverse_kinematics import inverse_kinematics
 from armwright.modules.library import ModuleLibrary
 from armwright.modules.statics import static_torques
 from armwright.modules.task import Task
+from armwright.progress import Shown, automatic
 
 STARTS = 64  # of the descent to each pose: of 800 poses of an arm none was missed, with 24 one in a hundred
 DEXTEROUS = 2 / 3  # of an arm's reach: most arms can turn the tip freely there
@@ -61,7 +62,7 @@ def rank_assemblies(
     max_links: int = 1,
     limit: int = 1000,
     seed: int = 0,
-    progress: Progress = lambda done, total: None,
+    progress: Shown = None,
 ) -> Ranking:
     """Arms that the connectors allow, those that can do a task first, by their margin, then by mass.
 
@@ -75,7 +76,8 @@ def rank_assemblies(
     Args:
         library: the modules.   task: the poses, the payload and the time.   max_joints: of an arm.   min_joints: of an arm.
         max_links: how many modules without joints may stand on each other, not counting one that ends the arm.
-        limit: how many are computed.   seed: of the descents' starts.   progress: is called with (done, of how many).
+        limit: how many are computed.   seed: of the descents' starts.   progress: True or None: a bar where it is seen;
+            False: none; a function is called with (done, of how many).
     Returns:
         ranking: `ranked` arms, of how many in `total`, `long_enough`, and `left_out` modules with the reason.
     Raises:
@@ -87,9 +89,12 @@ def rank_assemblies(
     distance -= float(task.position_tolerance_m)
     long_enough = [chain for chain in every if chain.reach >= distance]
     ranked = []
-    for chain in sorted(long_enough, key=lambda chain: (abs(distance / chain.reach - DEXTEROUS), chain.mass))[:limit]:
-        ranked.append(_judged(*arm_of(chain, library), task, seed))
-        progress(len(ranked), min(limit, len(long_enough)))
+    with automatic(progress, f"{library.name}: ranking") as tell:
+        for chain in sorted(long_enough, key=lambda chain: (abs(distance / chain.reach - DEXTEROUS), chain.mass))[
+            :limit
+        ]:
+            ranked.append(_judged(*arm_of(chain, library), task, seed))
+            tell(len(ranked), min(limit, len(long_enough)))
     ranked.sort(key=lambda r: (not r.feasible, -len(r.reached), -r.margin, r.mass))
     return Ranking(tuple(ranked), len(every), len(long_enough), left_out)
 

@@ -8,8 +8,10 @@ import casadi
 import numpy as np
 
 from armwright.program.program import Port, Program
+from armwright.program.turns import alone
 
 
+@alone
 def derivative(program: Program, by: str) -> Program:
     """The program with, behind its outputs y, their derivatives  d<y>_d<by> = ∂y/∂by,  (*shape of y, *shape of by).
 
@@ -26,6 +28,7 @@ def derivative(program: Program, by: str) -> Program:
     return _program(f"{program.name}_by_{by}", program.inputs, ports, symbols, [*outputs, *rows])
 
 
+@alone
 def with_tangents(
     program: Program, active: Collection[str], seeds: Mapping[str, np.ndarray], count: int, *, noinline: bool = False
 ) -> Program:

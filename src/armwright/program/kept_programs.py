@@ -2,30 +2,29 @@
 
 from __future__ import annotations
 
-import threading
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
 from typing import TypeVar
 
+from armwright.program.turns import alone
+
 Made = TypeVar("Made")
 MOST = 32  # results that are kept: those of a few arms
 _made: OrderedDict[Hashable, object] = OrderedDict()
-_turn = threading.Lock()
 
 
+@alone
 def kept(key: Hashable, make: Callable[[], Made]) -> Made:
     """The cached result of `make` for an equal key, or a new one.
 
     Args:
         key: everything that the result depends on.   make: traces; it may use nothing but what the key holds.
     """
-    with _turn:
-        if key in _made:
-            _made.move_to_end(key)
-            return _made[key]  # type: ignore[return-value]
+    if key in _made:
+        _made.move_to_end(key)
+        return _made[key]  # type: ignore[return-value]
     result = make()
-    with _turn:
-        _made[key] = result
-        while len(_made) > MOST:
-            _made.popitem(last=False)
+    _made[key] = result
+    while len(_made) > MOST:
+        _made.popitem(last=False)
     return result

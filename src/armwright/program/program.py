@@ -11,6 +11,7 @@ from functools import cached_property
 import casadi
 
 from armwright.program.operations import by_code
+from armwright.program.turns import alone
 
 Value = int  # index of an instruction's result; every value is written once
 NO_OPERATIONS = ("INPUT", "OUTPUT", "CONST")  # instructions that compute nothing
@@ -57,6 +58,7 @@ class Program:
     graph: casadi.Function
 
     @cached_property
+    @alone
     def instructions(self) -> tuple[Instruction, ...]:
         """The operations in order, in single assignment: CasADi's reused work slots are renamed."""
         return tuple(_read(self))
@@ -67,6 +69,7 @@ class Program:
         return bool(self.inputs) and self.inputs[0].name == NEEDED
 
     @cached_property
+    @alone
     def callees(self) -> dict[str, Program]:
         """The programs that this one calls, by name."""
         programs = {}
@@ -77,6 +80,7 @@ class Program:
             programs[name] = Program(name, inputs, outputs, graph)
         return programs
 
+    @alone
     def casadi(self) -> casadi.Function:
         """The graph as CasADi's users want it: matrices in their own shape, not as rows behind each other."""
         inputs = [casadi.SX.sym(port.name, *_columns(port.shape)) for port in self.inputs]  # type: ignore[arg-type]
@@ -87,6 +91,7 @@ class Program:
         names = [port.name for port in self.inputs], [port.name for port in self.outputs]
         return casadi.Function(self.name, inputs, shaped, *names)
 
+    @alone
     def operation_counts(self) -> Counter[str]:
         """Number of operations of each name, calls included."""
         ids = (self.graph.instruction_id(k) for k in range(self.graph.n_instructions()))

@@ -12,11 +12,13 @@ import numpy as np
 
 from armwright.errors import HiddenStateError, ProgramError
 from armwright.program.program import Port, Program
+from armwright.program.turns import alone
 from armwright.scalar import Symbol
 
 Shape = tuple[int, ...]
 
 
+@alone
 def trace(
     name: str,
     function: Callable[..., Any],
@@ -55,6 +57,7 @@ def trace(
     return _program(name, symbols, columns, noinline=noinline)
 
 
+@alone
 def trace_within(name: str, function: Callable[..., Any], inputs: Mapping[str, Shape]) -> tuple[Program, np.ndarray]:
     """The program of a function (…) → array that also uses symbols of the trace around it, and these.
 
@@ -91,6 +94,7 @@ def _program(name: str, symbols: dict[str, np.ndarray], results: dict[str, np.nd
     )
 
 
+@alone
 def call(program: Program, *arguments: Any) -> Any:
     """The program's results for symbols or floats: how one traced function uses another as a whole."""
     outputs = program.graph.call([_column(np.asarray(value, dtype=object)) for value in arguments])

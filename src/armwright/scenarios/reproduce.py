@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from armwright.errors import RunError
+from armwright.progress import Shown
 from armwright.results.provenance import provenance
 from armwright.results.run_file import load_run
 from armwright.scenarios.file import parse_scenario
 from armwright.scenarios.files import Document, KeptFiles
-from armwright.simulation.batch_runner import Progress
 from armwright.simulation.simulation import simulate
 from armwright.validation import validated
 
@@ -47,11 +47,11 @@ class Reproduction:
     part: str = ""
 
 
-def reproduce(path: str | os.PathLike[str], progress: Progress | None = None) -> Reproduction:
+def reproduce(path: str | os.PathLike[str], progress: Shown = None) -> Reproduction:
     """The run in a file, done again from the scenario that it keeps; no other file is read.
 
     Args:
-        path: of a saved run, `.nc`.   progress: called now and then with the steps done and those there are.
+        path: of a saved run, `.nc`.   progress: as of `simulate`.
     Returns:
         reproduction: the new run, and in what it differs from the old one.
     Raises:

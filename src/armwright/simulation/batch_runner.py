@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from armwright.errors import Interrupted
+from armwright.progress import Progress
 
 if TYPE_CHECKING:
     import xarray
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
 PIECE = 0.05  # [s] after which native code comes back, for progress and Ctrl-C
 TILES_A_GROUP = 32
 
-Progress = Callable[[int, int], None]
 Group = Callable[[int, int], "Work"]
 Work = tuple[Callable[[int, int], None], Callable[[], None]]
 
@@ -61,7 +61,7 @@ def handed_out(run: xarray.Dataset, finished: Finished, ticks: int, lanes: int) 
 
 
 def run_groups(
-    lanes: int, width: int, ticks: int, begin: Group, progress: Progress | None, workers: int, *, whole: bool = False
+    lanes: int, width: int, ticks: int, begin: Group, progress: Progress, workers: int, *, whole: bool = False
 ) -> Finished:
     """Takes all lanes through all ticks.
 
@@ -94,7 +94,7 @@ def run_groups(
                 spent = time.perf_counter() - start
                 done[which] += (last - tick) * count
                 tick, piece = last, max(1, int(piece * min(4.0, PIECE / max(spent, 1e-6))))
-                if progress is not None and threading.current_thread() is threading.main_thread():
+                if threading.current_thread() is threading.main_thread():
                     progress(sum(done), lanes * ticks)
         finally:
             if tick == ticks or len(starts) == 1:
@@ -117,15 +117,14 @@ def run_groups(
                     ended_jobs, waiting = wait(waiting, timeout=PIECE, return_when=FIRST_EXCEPTION)
                     for future in ended_jobs:
                         future.result()
-                    if progress is not None and waiting:
+                    if waiting:
                         progress(sum(done), lanes * ticks)
             finally:  # on Ctrl-C every thread comes back after the piece it is in
                 stopped.set()
 
     try:
         work() if workers == 1 or len(starts) == 1 else share()
-        if progress is not None:
-            progress(lanes * ticks, lanes * ticks)
+        progress(lanes * ticks, lanes * ticks)
     except KeyboardInterrupt:
         reached = done[0] // lanes if len(starts) == 1 else ticks
         kept = [first for first, end in zip(starts, ended, strict=True) if end or len(starts) == 1]

@@ -11,6 +11,7 @@ import numpy as np
 from armwright.errors import ScenarioError
 from armwright.kernels.loop import Lanes
 from armwright.kernels.stages import SEEN, state_blocks
+from armwright.program.turns import alone
 from armwright.results.reducers import Reduction, check_known
 from armwright.simulation.auto_rule import auto_rule
 from armwright.simulation.inputs.input_schedule import all_rows, landing_rows, values_at_ticks
@@ -53,6 +54,7 @@ class LoopRunner:
         untraced: why the controller runs in Python; None where it is compiled, or there is none.
     """
 
+    @alone
     def __init__(self, scenario: Scenario, *, loop: CompiledLoop | None = None):
         self.scenario = scenario = scenario.resolved
         self.arm = scenario.arm

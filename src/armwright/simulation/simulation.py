@@ -7,17 +7,17 @@ import os
 import time as clock
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from armwright.errors import ScenarioError
 from armwright.interfaces import JointReference, Measurement
 from armwright.kernels.loop import ENDLESS, Lanes
-from armwright.progress import automatic
+from armwright.progress import Shown, automatic
 from armwright.results.provenance import provenance
 from armwright.signals import Values
-from armwright.simulation.batch_runner import Progress, Work, handed_out, run_groups
+from armwright.simulation.batch_runner import Work, handed_out, run_groups
 from armwright.simulation.checks import check_whole
 from armwright.simulation.dataset import Recorded, run_dataset
 from armwright.simulation.fixed_steps import COARSE, coarse_step_note
@@ -81,7 +81,7 @@ class Simulation(LoopRunner):
         self,
         duration: float | None = None,
         *,
-        progress: Progress | Literal[False] | None = None,
+        progress: Shown = None,
         threads: int | None = None,
         real_time: bool = False,
         keep_state: bool = True,
@@ -90,8 +90,8 @@ class Simulation(LoopRunner):
 
         Args:
             duration: [s]; default: the scenario's.
-            progress: called now and then with the steps done and the steps there are, over all lanes; by default a bar in
-                terminals and notebooks, once a second has passed; False: none.
+            progress: True or None: a bar in terminals and notebooks, once a second has passed; False: none; a function is called
+                now and then with the steps done and the steps there are, over all lanes.
             threads: how many share the lanes, by default all cores; the result does not depend on it.
             real_time: whether the run takes as long as the motion.
             keep_state: whether the state at the end is kept, which takes room for many lanes; else the simulation stays where
@@ -148,7 +148,7 @@ class Simulation(LoopRunner):
         workers = 1 if in_python or real_time else threads or os.cpu_count() or 1
         whole = self._in_python is not None and self.controller.vectorised
         with automatic(progress, f"simulating {self.arm.name}", "steps") as tell:
-            finished = run_groups(self.count, width, ticks, begin, tell or None, workers, whole=whole)
+            finished = run_groups(self.count, width, ticks, begin, tell, workers, whole=whole)
         if record is not None and not in_python and scenario.solver.rule in INTEGRATORS:
             tiles = -(-self.count // width)
             few = WATCHED if tiles == 1 else max(LEAST_WATCHED, ticks * tiles // PRICE)
@@ -340,7 +340,7 @@ class Simulation(LoopRunner):
 def simulate(
     scenario: Scenario,
     *,
-    progress: Progress | Literal[False] | None = None,
+    progress: Shown = None,
     threads: int | None = None,
     loop: CompiledLoop | None = None,
 ) -> xarray.Dataset:
@@ -351,8 +351,8 @@ def simulate(
 
     Args:
         scenario: what to run.
-        progress: called now and then with the steps done and the steps there are, over all lanes; by default a bar in
-            terminals and notebooks, once a second has passed; False: none.
+        progress: True or None: a bar in terminals and notebooks, once a second has passed; False: none; a function is called now
+            and then with the steps done and the steps there are, over all lanes.
         threads: how many share the lanes, by default all cores; the result does not depend on it.
         loop: a compiled arm to use again, for commands over time alone; by default one is compiled.
     Returns:

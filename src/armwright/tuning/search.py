@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from armwright.errors import ScenarioError
+from armwright.progress import Progress
 from armwright.tuning.margins import MarginConstraint
 from armwright.tuning.objective import Objective
 from armwright.tuning.space import rounded
@@ -19,7 +20,6 @@ REFUSED = 1e9  # score of gains without the margins, and beyond: worse than any 
 FAILED = 1e6  # of a run that diverges
 LOWER, LOWERINGS = 0.8, 4  # factor of all gains that lack the margins, and how often
 PENALTY = 1e-3  # for each time
-Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +68,7 @@ class Search:
         self.begun: np.ndarray | None = objective.space.start
         self.tried: list[tuple[np.ndarray, np.ndarray]] = []
 
-    def run(self, method: str, generations: int, candidates: int | None, seed: int, progress: Progress | None) -> None:
+    def run(self, method: str, generations: int, candidates: int | None, seed: int, progress: Progress) -> None:
         """Runs all generations."""
         space = self.objective.space
         count = candidates or max(8, 4 + int(3 * np.log(space.free.sum())))
@@ -78,8 +78,7 @@ class Search:
         def score(points: np.ndarray) -> np.ndarray:
             scores = self._scores(space.gains(points))
             self.history.append(self.score)
-            if progress is not None:
-                progress(len(self.history) - 1, generations)
+            progress(len(self.history) - 1, generations)
             return scores
 
         begun = space.start if self.begun is None else self.begun

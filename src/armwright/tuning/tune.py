@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -14,6 +14,7 @@ from armwright.control.analysis.regions import check_margins
 from armwright.control.design import design_gains
 from armwright.errors import ScenarioError
 from armwright.parameters import numbers_by_lane
+from armwright.progress import Progress, Shown, automatic
 from armwright.scenarios.file import read_scenario
 from armwright.scenarios.files import Document
 from armwright.scenarios.tuning_records import TuningTable
@@ -23,7 +24,7 @@ from armwright.tuning.lanes import scenario_lanes, taken
 from armwright.tuning.margins import MarginConstraint
 from armwright.tuning.objective import Objective, checked_limits, checked_weights
 from armwright.tuning.result import TuningResult
-from armwright.tuning.search import Progress, Search, Tried
+from armwright.tuning.search import Search, Tried
 from armwright.tuning.space import GainSpace, rounded
 from armwright.tuning.uncertainty import USUAL, Uncertainty
 from armwright.validation import validated
@@ -53,7 +54,7 @@ def tune(
     poses: int | None = None,
     seed: int | None = None,
     client: Any = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Shown = None,
 ) -> TuningResult:
     """Gains that track better than the start over uncertain arms and keep the margins.
 
@@ -82,7 +83,7 @@ def tune(
         poses: drawn within the position limits, default 2000; the margins are kept where an inertia or slope is extreme among
             them, with the record's own numbers and the longest delay of the lanes.
         seed: of the search, the poses and draws, default 0.   client: a `distributed.Client` whose workers simulate.
-        progress: called with (done, total).
+        progress: True or None: a bar where it is seen; False: none; a function is called with (done, total) generations.
     Returns:
         result: gains, scenario, and scores on held-out lanes.
     Raises:
@@ -97,6 +98,12 @@ def tune(
         "candidates": candidates, "front": front, "gain_margin": gain_margin, "phase_margin": phase_margin,
         "poses": poses, "seed": seed,
     }  # fmt: skip
+    with automatic(progress, f"tuning {scenario.arm.name}") as tell:
+        return _tuned(scenario, arguments, client, tell)
+
+
+def _tuned(scenario: Scenario, arguments: Mapping[str, Any], client: Any, progress: Progress) -> TuningResult:
+    """What `tune` returns; `arguments` are its own, None where nothing was asked."""
     asked = {name.removesuffix("_rad"): value for name, value in TuningTable().model_dump().items()}
     asked |= in_file(scenario) | {name: value for name, value in arguments.items() if value is not None}
     _check(asked)
@@ -124,7 +131,7 @@ def tune(
     budget = (asked["method"], asked["generations"], asked["candidates"], number)
     search = Search(objective, constraint, scales, tuned_in, first if constraint.keeps(space.start) else np.inf)
     total = asked["generations"] * (1 + asked["front"])
-    search.run(*budget, None if progress is None else _further(progress, 0, total))
+    search.run(*budget, _further(progress, 0, total))
     if search.best is None:
         raise constraint.refusal()
     _along_the_front(search, asked["front"], budget, progress)
@@ -242,9 +249,7 @@ def _check_first(first: float, start: Mapping[str, np.ndarray], weights: Mapping
         raise ScenarioError(what, place="loop.reference", expected="a reference that moves, or starts away from it")
 
 
-def _along_the_front(
-    search: Search, count: int, budget: tuple[str, int, int | None, int], progress: Progress | None
-) -> None:
+def _along_the_front(search: Search, count: int, budget: tuple[str, int, int | None, int], progress: Progress) -> None:
     """Searches with other weights of the first two objectives, whose candidates join those that were tried."""
     objective, (method, generations, candidates, seed) = search.objective, budget
     names = [name for name, weight in objective.weights.items() if weight > 0.0][:2]
@@ -254,8 +259,8 @@ def _along_the_front(
         weights = {**objective.weights, names[0]: 2.0 * share, names[1]: 2.0 * (1.0 - share)}
         other = Search(replace(objective, weights=weights), search.margins, search.scales, search.lanes, np.inf)
         other.begun = search.best
-        shown = None if progress is None else _further(progress, generations * (k + 1), generations * (1 + count))
-        other.run(method, generations, candidates, seed + k + 1, shown)
+        further = _further(progress, generations * (k + 1), generations * (1 + count))
+        other.run(method, generations, candidates, seed + k + 1, further)
         search.tried += other.tried
         search.simulated += other.simulated - len(search.lanes)
 

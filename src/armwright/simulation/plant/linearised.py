@@ -12,6 +12,7 @@ from armwright.model import Model
 from armwright.model.vary import Varied
 from armwright.program import Program, trace
 from armwright.program.program import Port
+from armwright.program.turns import alone
 from armwright.scalar import Array
 from armwright.simulation.plant.inputs import PlantInputs
 from armwright.simulation.plant.plant import Plant
@@ -38,6 +39,7 @@ class Slopes:
         return np.linalg.eigvals(self.slopes[:, kept[:, None], kept])
 
 
+@alone
 def linearised(model: Model, varied: Varied | Weakened | None = None) -> Program:
     """∂(dx/dt)/∂x and λ of what is integrated exactly, from the plant's own graph: (x, u, brake?, p?) → slope, fast?."""
     bare = Plant.of(model, brakes=True)

@@ -143,7 +143,7 @@ def solve_path(
             failures.append((stuck.s, stuck))
         except _Outside as outside:
             failures.append((outside.s, outside.error))
-    for _, runs in sorted(found, key=lambda each: each[0]):
+    for _, runs in sorted(found, key=lambda each: float(f"{each[0]:.6g}")):  # as good: in the order of the starts
         try:
             return _splined(follower, runs, accuracy, limits, clearance)
         except Stuck as stuck:

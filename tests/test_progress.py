@@ -1,0 +1,90 @@
+"""The argument `progress` of every public function that has one: True, False, None or a function."""
+
+from __future__ import annotations
+
+import inspect
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+import armwright as aw
+from armwright.errors import ArmwrightError
+
+SEEDS = Path(__file__).parent / "fuzz" / "seeds"
+TUNED = SEEDS / "tuned.scenario.toml"
+
+
+def scenario():
+    return aw.Scenario(aw.load("two-link"), duration=0.01, command=[0.0, 0.0], solver=aw.Solver(step=1e-3))
+
+
+@cache
+def log():
+    return aw.read_log(SEEDS / "bench.log.toml")
+
+
+def reproduce(folder, shown):
+    aw.save(aw.simulate(aw.read_scenario(TUNED)), folder / "run.nc")
+    aw.reproduce(folder / "run.nc", progress=shown)
+
+
+def sweep(folder, shown):
+    pytest.importorskip("zarr", reason="of the extra sweep")
+    aw.sweep(TUNED, folder / f"{type(shown).__name__}.zarr", lanes=2, progress=shown)
+
+
+CALLS = {  # a short call of each, by its name
+    "Simulation.run": lambda folder, shown: aw.Simulation(scenario()).run(progress=shown),
+    "design_excitation": lambda folder, shown: aw.design_excitation(
+        aw.load("two-link"), period=5.0, harmonics=2, starts=1, velocity=2.0, acceleration=5.0, position=1.0, progress=shown
+    ),
+    "enumerate_assemblies": lambda folder, shown: aw.enumerate_assemblies(
+        aw.read_modules("improv"), max_joints=2, limit=1, progress=shown
+    ),
+    "identify_motor": lambda folder, shown: aw.identify_motor(log(), starts=1, progress=shown),
+    "rank_assemblies": lambda folder, shown: aw.rank_assemblies(
+        aw.read_modules("improv"), aw.read_task(SEEDS / "pick.task.toml"), max_joints=3, limit=1, progress=shown
+    ),
+    "read_log": lambda folder, shown: aw.read_log(SEEDS / "bench.log.toml", progress=shown),
+    "reproduce": reproduce,
+    "shadow_log": lambda folder, shown: aw.shadow_log(log(), "two-link", deviation=1.0, progress=shown),
+    "simulate": lambda folder, shown: aw.simulate(scenario(), progress=shown),
+    "sweep": sweep,
+    "tune": lambda folder, shown: aw.tune(TUNED, progress=shown),
+    "validate": lambda folder, shown: aw.validate("two-link", log(), simulation=False, progress=shown),
+}  # fmt: skip
+
+
+def with_progress():
+    """Names of public functions and methods with that argument."""
+    for name in aw.__all__:
+        value = getattr(aw, name)
+        parts = (
+            {f"{name}.{key}": each for key, each in vars(value).items()} if inspect.isclass(value) else {name: value}
+        )
+        for place, each in parts.items():
+            if inspect.isfunction(each) and "progress" in inspect.signature(each).parameters:
+                yield place
+
+
+def test_every_function_is_called_here():
+    assert sorted(with_progress()) == sorted(CALLS)
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_it_takes_true_false_and_a_function_and_refuses_the_rest(tmp_path, capfd, name):
+    if name == "sweep":
+        CALLS[name](
+            tmp_path, False
+        )  # a cluster for each call would take seconds; the reader of the argument is the same
+        return
+    told = []
+    for shown in (True, False, None, lambda *at: told.append(at)):
+        CALLS[name](tmp_path, shown)
+    assert told
+    assert all(0 <= done <= total for done, total in told)
+    for wrong in (1, "yes", []):
+        with pytest.raises(ArmwrightError, match=r"progress = .*: expected True, False or a function"):
+            CALLS[name](tmp_path, wrong)
+    assert capfd.readouterr().err == ""
