@@ -222,6 +222,12 @@ class BusError(ArmwrightError):
     """An arm cannot be reached over a bus, or must not be moved over it: no such bus, a wrong node, a limit, a fault."""
 
 
+class RunStopped(BusError):
+    """A run over a bus ended early, after its drives were enabled; `run` holds what was recorded until then."""
+
+    run: Any = None
+
+
 class OutputError(ArmwrightError):
     """A result cannot be written to the given path."""
 
@@ -278,5 +284,5 @@ def nearest(name: str, choices: Iterable[str]) -> str:
 
 def _shortened(text: str, most: int) -> str:
     """A text on one line, its end left out where it is too long."""
-    line = " ".join(text.splitlines())
+    line = printable(" ".join(text.replace("\t", " ").splitlines()))
     return line if len(line) <= most else f"{line[:most]}…"

@@ -18,6 +18,11 @@ def printable(text: str) -> str:
     return "".join(_escaped(letter) if unicodedata.category(letter) in STEERING else letter for letter in text)
 
 
+def is_seen(text: str) -> bool:
+    """True of a text in which every letter is seen and stands where it is read: no controls, no direction marks."""
+    return printable(text) == text and not any(letter in text for letter in LINES)
+
+
 def _escaped(letter: str) -> str:
     if letter in LINES:
         return letter

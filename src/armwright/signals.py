@@ -17,6 +17,7 @@ import numpy as np
 
 from armwright import scalar
 from armwright.errors import ShapeError, nearest
+from armwright.printable import is_seen
 from armwright.scalar import Array
 
 LARGEST = 10**6  # entries of a signal, which has a unit for each
@@ -57,6 +58,9 @@ class Signal:
             if entries is not None and len(entries) != self.size:
                 expected = f"one for each of {self.size} entries"
                 raise ShapeError(f"has {len(entries)}", place=f"signal {self.name!r} {name}", expected=expected)
+        if not all(map(is_seen, self.labels or ())):
+            expected = "texts without control or invisible characters"
+            raise ShapeError(place=f"signal {self.name!r} labels", value=self.labels, expected=expected)
         if self.labels is not None and len(self.labels) != (self.shape or (1,))[-1]:
             expected = f"one for each entry along the last axis of shape {self.shape}"
             raise ShapeError(f"has {len(self.labels)}", place=f"signal {self.name!r} labels", expected=expected)

@@ -27,8 +27,19 @@ LISTS = {  # whose tables are called by their names, not by their numbers
     "parts": "part",
     "sections": "section",
 }
-# Names of joints and links:
-NAMEABLE = r'^[^\s"\[\]\p{Cc}\p{Zl}\p{Zp}]([^"\[\]\p{Cc}\p{Zl}\p{Zp}]*[^\s"\[\]\p{Cc}\p{Zl}\p{Zp}])?$'
+UNSEEN = (
+    r"\p{Cc}\p{Cf}\p{Zl}\p{Zp}"  # controls, line separators, invisible letters and those that turn the text's direction
+)
+NAME = rf"^[^\s.\[\]{UNSEEN}]+$"  # of modules and parts
+CONNECTOR = rf"^[^\s.\[\]{UNSEEN}]+\.[^\s.\[\]{UNSEEN}]+$"
+NAMEABLE = rf'^[^\s"\[\]{UNSEEN}]([^"\[\]{UNSEEN}]*[^\s"\[\]{UNSEEN}])?$'  # of joints, links and frames
+SEEN = rf"^[^{UNSEEN}]+$"  # of runs and obstacles
+PATTERNS = {
+    NAME: "a name without brackets, spaces, dots and invisible characters",
+    CONNECTOR: "MODULE.CONNECTOR, two names without brackets, spaces and invisible characters",
+    NAMEABLE: "a name without brackets, quotation marks, control or invisible characters, and spaces at its ends",
+    SEEN: "a name without control or invisible characters",
+}
 MOST_ROUNDS = 4  # in which a table is read again without the keys that are wrong
 TAGS = ("type", "shape", "kind")  # keys that name the kind of a table
 SCALAR = ("float_type", "float_parsing", "int_type", "int_parsing", "string_type", "bool_type")  # no list, no table
@@ -297,9 +308,8 @@ def _problem(error: Any, record: type[pydantic.BaseModel]) -> Problem:
         least, length = error["ctx"]["min_length"], error["ctx"]["actual_length"]
         return Problem(value=value, expected=f"{least} or more, not {length}")
     if kind == "string_pattern_mismatch":
-        with_dots = error["ctx"]["pattern"] == NAMEABLE
-        others = "quotation marks, control characters and spaces at its ends" if with_dots else "spaces and dots"
-        return Problem(value=value, expected=f"a name without brackets, {others}")
+        pattern = error["ctx"]["pattern"]
+        return Problem(value=value, expected=PATTERNS.get(pattern, f"text of the form {pattern}"))
     if kind == "literal_error":
         return Problem(value=value, expected=error["ctx"]["expected"])
     message = error["msg"].removeprefix("Input should be ")  # pydantic's own words, which end in what it expects

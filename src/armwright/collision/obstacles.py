@@ -10,6 +10,7 @@ import numpy as np
 from armwright import scalar
 from armwright.collision.distance import point_to_segment, segment_to_box, segment_to_plane
 from armwright.errors import ScenarioError
+from armwright.printable import is_seen
 from armwright.scalar import Array, Scalar
 from armwright.spatial import rotation_rpy
 
@@ -29,6 +30,7 @@ class PlaneObstacle:
     name: str = "plane"
 
     def __post_init__(self) -> None:
+        _check_name(self.name)
         _numbers(self, "point")
         if not np.any(_numbers(self, "normal")):
             raise ScenarioError(place=f"{self.name}.normal", value=self.normal, expected="a vector that is not 0")
@@ -57,6 +59,7 @@ class BoxObstacle:
     name: str = "box"
 
     def __post_init__(self) -> None:
+        _check_name(self.name)
         _numbers(self, "position")
         _numbers(self, "rpy")
         if not (_numbers(self, "size") > 0.0).all():
@@ -84,6 +87,7 @@ class SphereObstacle:
     name: str = "sphere"
 
     def __post_init__(self) -> None:
+        _check_name(self.name)
         _numbers(self, "position")
         number = scalar.real_number(self.radius)
         if number is None or not 0.0 < number < np.inf:
@@ -107,3 +111,14 @@ def _numbers(obstacle: Any, field: str) -> np.ndarray:
     if numbers.shape != (3,) or not np.isfinite(numbers).all():
         raise ScenarioError(place=f"{obstacle.name}.{field}", value=value, expected="3 finite numbers")
     return numbers
+
+
+def _check_name(name: Any) -> None:
+    """Refuses a name that nobody reads as it is.
+
+    Raises:
+        ScenarioError: with the name.
+    """
+    if not isinstance(name, str) or not is_seen(name):
+        expected = "text without control or invisible characters"
+        raise ScenarioError(place="obstacle name", value=name, expected=expected)

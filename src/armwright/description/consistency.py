@@ -311,8 +311,9 @@ def _singular_motors(joints: list[Any]) -> Iterator[Problem]:
         for each in joint.motor.coupling:
             row[place[each.joint]] = float(each.ratio)
     for axis in (1, 0):  # units and sizes of motors and joints do not count
-        ratios /= np.abs(ratios).max(axis=axis, keepdims=True)
-    if not np.linalg.cond(ratios) < WORST_COUPLING:
+        with np.errstate(invalid="ignore"):  # a motor of zeros is refused below
+            ratios /= np.abs(ratios).max(axis=axis, keepdims=True)
+    if not np.all(np.isfinite(ratios)) or not np.linalg.cond(ratios) < WORST_COUPLING:
         yield Problem(
             "these motors cannot turn every joint by itself: their ratios depend on each other",
             place=f"joint {coupled[0].name!r} motor.coupling",

@@ -20,7 +20,7 @@ from armwright.description.paths import quantities
 from armwright.errors import DescriptionError
 from armwright.lazy_schema import imported_later
 from armwright.quantity import Direction, NotNegative, NotZero, Number, Positive, Record, Source, Vector3
-from armwright.validation import NAMEABLE, Invalid
+from armwright.validation import NAME, NAMEABLE, Invalid
 
 if TYPE_CHECKING:
     from armwright.description.built_from import BuiltFrom
@@ -48,7 +48,7 @@ else:
     )
     (Visual,) = imported_later("armwright.solids.visual", "Visual")
 
-Name = Annotated[str, Field(min_length=1, pattern=r"^[^\s.\[\]]+$")]
+Name = Annotated[str, Field(min_length=1, pattern=NAME)]
 FileName = Annotated[str, Field(min_length=1, pattern=NAMEABLE)]  # of joints, links and frames, as their file has it
 MASTER = "The joint that it follows; that may follow another in turn."
 MULTIPLIER = "How far it moves by the master's 1 rad or m, in its own unit."

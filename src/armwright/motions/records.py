@@ -8,6 +8,7 @@ from pydantic import ConfigDict, Field
 
 from armwright.quantity import Record
 from armwright.scenarios.records import Number, PerJoint, Tensor, Three, counted
+from armwright.validation import SEEN
 
 Seconds = Annotated[Number, Field(gt=0)]
 Speed = Annotated[Number, Field(ge=1e-6, le=1)]
@@ -167,7 +168,7 @@ class PlaneTable(Record):
     kind: Literal["plane"] = Field(description="Which kind of obstacle.")
     point_m: Three = Field(description="Any point of the plane, in base axes.")
     normal: Three = Field(description="Out of the solid side.")
-    name: str = Field(default="plane", description="For messages.")
+    name: Annotated[str, Field(pattern=SEEN)] = Field(default="plane", description="For messages.")
 
 
 class BoxTable(Record):
@@ -177,7 +178,7 @@ class BoxTable(Record):
     size_m: Three = Field(description="Along its x, y, z.")
     position_m: Three = Field(description="Of its middle, in base axes.")
     rpy_rad: Three = Field(default=(0.0, 0.0, 0.0), description="Its angles about fixed x, then y, then z.")
-    name: str = Field(default="box", description="For messages.")
+    name: Annotated[str, Field(pattern=SEEN)] = Field(default="box", description="For messages.")
 
 
 class SphereTable(Record):
@@ -186,7 +187,7 @@ class SphereTable(Record):
     kind: Literal["sphere"] = Field(description="Which kind of obstacle.")
     radius_m: Annotated[Number, Field(gt=0)] = Field(description="Its radius.")
     position_m: Three = Field(description="Of its middle, in base axes.")
-    name: str = Field(default="sphere", description="For messages.")
+    name: Annotated[str, Field(pattern=SEEN)] = Field(default="sphere", description="For messages.")
 
 
 ObstacleTable = Annotated[PlaneTable | BoxTable | SphereTable, Field(discriminator="kind")]
