@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -12,6 +12,9 @@ from armwright import scalar
 from armwright.control import Cascade
 from armwright.errors import ScenarioError
 from armwright.interfaces import JointReference, Measurement
+from armwright.simulation.loop.controller import counters_of, traced_controller
+from armwright.simulation.loop.state import LoopState
+from armwright.simulation.loop_runner import LoopRunner
 from physics.arms import arm
 from simulation.fields import scenario_of
 
@@ -74,6 +77,51 @@ def test_loops_have_their_turn_at_their_ticks():
     assert found == [0.0, 0.0, 3.0, 3.0, 3.0, 6.0, 6.0, 6.0, 9.0]
 
 
+def test_turns_do_not_depend_on_the_time():
+    """Each slower loop counts ticks by itself, in numbers that single precision holds; a loop of every tick counts nothing."""
+    model = arm("two-link")
+    law = Cascade(position_kp=1.0, speed_kp=1.0, position_every=4, position_phase=3, speed_every=2)
+    sizes = (law.configure(model, PERIOD), Cascade(position_kp=1.0, speed_kp=1.0).configure(model, PERIOD))
+    y, r = Measurement(*np.zeros((4, 2))), JointReference(*np.ones((3, 2)))
+    s, plain = (each.init(model, y) for each in sizes)
+    assert len(s) == len(plain) + 2
+    counted = []
+    for _ in range(8):
+        counted.append(s[:2].tolist())
+        _, s = sizes[0].step(np.nan, r, y, s)
+    assert counted == [[3, 0], [2, 1], [1, 0], [0, 1]] * 2
+    assert np.isfinite(s).all()
+
+
+@pytest.mark.parametrize("tick", [2**32 - 40, 2**45, 3_600_000_000])
+def test_a_run_goes_on_alike_however_late_it_is(tick):
+    """Bits of the commands where only the number of the tick is another; 1,000 h at 1 kHz are the last one."""
+    law = Cascade(position_kp=2.0, speed_kp=10.0, speed_ki=20.0, position_every=5, position_phase=3, speed_every=2)
+    common = {"controller": law, "reference": [0.3, -0.2], "period": 1e-3, "duration": 0.107, "integrator": "rk3"}
+    first = aw.simulate(scenario_of(arm("two-link"), **common))
+    state = LoopState.of_run(first)
+    assert state is not None
+    common["duration"] = 0.1
+    soon, late = (
+        aw.simulate(scenario_of(arm("two-link"), **common, start=each)) for each in (state, replace(state, tick=tick))
+    )
+    np.testing.assert_array_equal(soon.u_issued.values, late.u_issued.values)
+    assert np.ptp(soon.u_issued.values[:, 0]) > 0.1
+
+
+def test_counters_are_found_in_the_program():
+    model = arm("two-link")
+    law = aw.Filtered(
+        Cascade(position_kp=1.0, speed_kp=1.0, speed_ki=1.0, position_every=4, speed_every=2), [aw.LowPass(50.0)]
+    )
+    loop = LoopRunner(aw.Scenario(model, 0.1, loop=aw.Loop(law, reference=[0.1, 0.2], period=PERIOD)))
+    sampling = loop.config.sampling
+    assert sampling is not None
+    program = traced_controller(sampling.controller, model, PERIOD, sampling.states)
+    first = 2 + 2 * 2  # behind what the wrapper added last, and two numbers a joint of its filter
+    assert counters_of(program) == [first, first + 1]
+
+
 def test_every_stage_cuts_off_its_own_output():
     law = Cascade(
         position_kp=50.0, speed_limit=0.3, speed_kp=[40.0, 60, 20, 10, 1, 0.6], speed_ki=3.0, effort_limit=2.0,
@@ -121,7 +169,8 @@ def test_it_tracks_with_each_kind_of_drive():
 @pytest.mark.parametrize(
     ("name", "fields", "said"),
     [
-        ("cmu-dd", {"position_every": 0}, "position_every = 0: expected a whole number of ticks, 1 or more"),
+        ("cmu-dd", {"position_every": 0}, "position_every = 0: expected a whole number of ticks, 1 to 1000000"),
+        ("cmu-dd", {"position_every": 2**24}, "position_every = 16777216: expected a whole number"),
         ("cmu-dd", {"speed_every": 2, "speed_phase": 2}, "speed_phase = 2: expected a tick from 0 to speed_every - 1 = 1"),
         ("cmu-dd", {"voltage_limit": 3.0}, "voltage_limit = 3.0: goes with a current loop"),
         ("lwa4p", {"current_kp": 1.0}, "is driven by current; expected voltage drives"),

@@ -9,8 +9,11 @@ import numpy as np
 
 import armwright as aw
 from armwright import scalar
+from simulation.fields import scenario_of
+from simulation.plants import MOTOR, pendulum
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+POSITION, SPEED = (8, 5), (4, 1)  # of `three_rates`: ticks from one turn of a loop to the next, and its first tick
 
 
 @dataclass(frozen=True)
@@ -103,6 +106,22 @@ def computed_torque(ticks):
         timing=aw.Timing("ideal", command_delay=0.2e-3, jitter=0.2e-3, measurement_loss=0.05, command_loss=0.01),
     )
     return aw.Scenario(arm, duration=duration, loop=loop, inputs=blows(duration, 3.0), seed=5)
+
+
+def three_rates(ticks):
+    """Position, speed and current loops of a motor that swings, each at its own rate; at 1 kHz.
+
+    Without integrators: those of float drift away from those of double where both are given recorded measurements.
+    """
+    model = pendulum(motor={**MOTOR, "inductance_h": 1e-3}, limits={"voltage_v": 48.0})
+    law = aw.Cascade(
+        position_kp=20.0, speed_kp=1.0, current_kp=1.0, voltage_limit=40.0, slack=1e-2,
+        position_every=POSITION[0], position_phase=POSITION[1], speed_every=SPEED[0], speed_phase=SPEED[1],
+    )  # fmt: skip
+    return scenario_of(
+        model, controller=law, reference=lambda t: scalar.array([0.3 * scalar.sin(2.0 * t)]), period=1e-3, substeps=4,
+        duration=1e-3 * ticks, integrator="rk3",
+    )  # fmt: skip
 
 
 CONTROLLERS = {"cascade": cascade, "voltage_loop": voltage_loop, "computed_torque": computed_torque}

@@ -32,7 +32,7 @@ from kernels.c_compilers import BITS, STRICT, build, compiler
 from physics.arms import arm
 
 TICKS = 10_000
-SATURATED, OUT_OF_RANGE, NOT_FINITE, LOST = (1 << k for k in range(len(STATUS)))
+SATURATED, OUT_OF_RANGE, NOT_FINITE, LOST, TIME = (1 << k for k in range(len(STATUS)))
 
 
 @pytest.fixture(scope="module")
@@ -48,6 +48,7 @@ def exported(tmp_path_factory):
 
 
 @pytest.mark.parametrize("which", CONTROLLERS)
+@pytest.mark.sample(1)
 def test_every_command_has_the_bits_of_the_simulation(exported, which):
     """Through saturation, lost samples, jitter, spikes of the encoders and blows on the tip."""
     comparison = exported(which).comparison

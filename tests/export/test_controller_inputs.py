@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import zlib
 from dataclasses import replace
 
@@ -95,16 +96,96 @@ def test_damaged_or_foreign_parameters_change_nothing(tmp_path):
     ki = aw.export_controller(pid_loop(), tmp_path / "ki", name=name, gains=("ki",), ticks=20).paths[-1].read_bytes()
     damaged = bytearray(good)
     damaged[20] ^= 1
-    nan = good[:-12] + np.array([np.nan]).tobytes()
-    nan += zlib.crc32(nan).to_bytes(4, "little")
-    for k, content in enumerate((good, good[:-1], bytes(damaged), ki, nan)):
+    for k, content in enumerate((good, good[:-1], bytes(damaged), ki)):
         (tmp_path / f"{k}.parameters").write_bytes(content)
     words = []
-    for k in range(5):
+    for k in range(4):
         body = f"""{LOADER.format(name=name, path=tmp_path / f"{k}.parameters")}
     printf("%d", mine.kp[0] != 0.0);"""
         words.append(run_c(tmp_path, name, body))
-    assert words == [["0", "1"], ["1", "0"], ["2", "0"], ["3", "0"], ["4", "0"]]
+    assert words == [["0", "1"], ["1", "0"], ["2", "0"], ["3", "0"]]
+
+
+@pytest.mark.parametrize("real", ["double", "float"])
+def test_parameters_that_no_controller_can_have_are_refused(tmp_path, real):
+    """Each number in turn: gains are finite, limits are not negative and may be infinite, ranges of positions may be infinite."""
+    compiler("gcc")
+    law = aw.ReferenceFilter(aw.JointPID(kp=20.0, limit=[30.0, 40.0]), velocity=2.0, acceleration=20.0, jerk=400.0)
+    gains = ("controller.kp", "controller.limit", "velocity")
+    exported = aw.export_controller(pid_loop(controller=law), tmp_path, gains=gains, ticks=20, real=real)
+    name, good = exported.name, exported.paths[-1].read_bytes()
+    dtype = np.dtype("<f8" if real == "double" else "<f4")
+    numbers = np.frombuffer(good[4:-4], dtype)
+    rows = {"position": 4, "limits": 4, "initial": 2, "kp": 2, "limit": 2, "velocity": 2}
+    assert len(numbers) == sum(rows.values())
+    kinds = np.repeat(list(rows), list(rows.values()))
+    content = b""
+    wrong = (np.nan, np.inf, -np.inf, -1.0)
+    for k in range(len(numbers)):
+        for value in wrong:
+            changed = numbers.copy()
+            changed[k] = value
+            file = good[:4] + changed.tobytes()
+            content += file + zlib.crc32(file).to_bytes(4, "little")
+    (tmp_path / "all").write_bytes(content)
+    body = f"""
+    static uint8_t bytes[{len(good)}];
+    static {name}_parameters mine;
+    FILE *file = fopen("{tmp_path / "all"}", "rb");
+    while (fread(bytes, sizeof bytes, 1u, file) == 1u) {{
+        printf("%d ", {name}_load(&mine, bytes, {len(good)}u));
+    }}
+    (void)fclose(file);"""
+    found = np.array(run_c(tmp_path, name, body), dtype=int).reshape(-1, len(wrong))
+    expected = {
+        "position": [4, 0, 0, 0],
+        "limits": [4, 0, 5, 5],
+        "initial": [4, 4, 4, 0],
+        "velocity": [4, 4, 4, 5],
+        "kp": [4, 4, 4, 0],
+        "limit": [4, 0, 5, 5],
+    }
+    members = re.findall(r"^    (?:double|float) (\w+)\[2\]; /\* the law's \*/", exported.paths[0].read_text(), re.M)
+    assert members == ["controller_kp", "controller_limit", "law_velocity"]  # another member is called velocity
+    assert [row.tolist() for row in found] == [expected[kind] for kind in kinds]
+
+
+def test_a_command_in_force_that_is_no_number_is_taken_as_zero(tmp_path):
+    """Of that joint alone, and the status says so; the rate limit, the bridge and a reset begin from it."""
+    loop = {"controller": lambda t, r, y: 10.0 * r.q, "command_filter": aw.CommandFilter(rate=1e3)}
+    name = aw.export_controller(pid_loop(**loop), tmp_path, ticks=5).name
+    body = f"""
+    u.u[0] = NAN;
+    u.u[1] = 3.0;
+    {name}_init(&state, &{name}_default_parameters, &y, &u);
+    printf("%u %g %g ", (unsigned)state.status, state.issued[0], state.issued[1]);
+    r.q[0] = 1.0;
+    r.q[1] = 1.0;
+    (void)STEP;
+    printf("%u %g %g ", (unsigned)state.status, u.u[0], u.u[1]);
+    {name}_reset(&state, &{name}_default_parameters, &y);
+    printf("%u ", (unsigned)state.status);
+    u.u[0] = INFINITY;
+    {name}_take_over(&state, &{name}_default_parameters, &r, &y, &u, 10u);
+    printf("%u ", (unsigned)state.status);
+    (void)STEP;
+    printf("%u %g %g", (unsigned)state.status, u.u[0], u.u[1]);"""
+    assert run_c(tmp_path, name, body) == ["4", "0", "3", "1", "1", "4", "0", "4", "0", "0", "4"]
+
+
+def test_a_measurement_that_is_no_number_cannot_be_begun_from(tmp_path):
+    """The law's memory would be none: the status says so until `init` is called with another one."""
+    law = aw.JointPID(kp=20.0, kd=1.0, cutoff_hz=50.0)
+    name = aw.export_controller(pid_loop(controller=law), tmp_path, ticks=5).name
+    body = f"""
+    y.q[1] = NAN;
+    {name}_init(&state, &{name}_default_parameters, &y, &u);
+    printf("%u ", (unsigned)state.status);
+    y.q[1] = 0.0;
+    printf("%u ", (unsigned)STEP);
+    {name}_init(&state, &{name}_default_parameters, &y, &u);
+    printf("%u %u", (unsigned)state.status, (unsigned)STEP);"""
+    assert run_c(tmp_path, name, body) == ["4", "4", "0", "0"]
 
 
 def test_it_takes_over_without_a_jump(tmp_path):

@@ -113,6 +113,7 @@ def smoothed(model: aw.Model, speed: float | None) -> aw.Model:
 
 
 @pytest.mark.parametrize(("of", "rule"), [(None, "rk3"), (stiff, "rodas3"), (sticking, "rk3")])
+@pytest.mark.sample(1)
 def test_a_lanes_bits_do_not_depend_on_its_neighbours(of, rule):
     """Lane 77, alone, among a hundred and among a hundred thousand, whose steps are others."""
     many = 100_000

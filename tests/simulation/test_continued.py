@@ -66,6 +66,7 @@ ALL_WAYS = ["jitter and losses", "noise", "with memory", "in Python at once", "e
     [*EACH, *((name, way) for name in ALL_WAYS for way in WAYS if (name, way) not in EACH)],
     ids=lambda value: value if isinstance(value, str) else value.__name__,
 )
+@pytest.mark.sample(20)
 def test_two_halves_are_the_uninterrupted_run(name, way, tmp_path):
     whole, parts = aw.simulate(halved(name)[0]), way(*halved(name), tmp_path)
     for variable in set(whole.data_vars) - OF_A_PART:
@@ -151,6 +152,24 @@ def test_a_state_between_measurement_and_command_continues():
         ends.append(simulation.plant_state.q)
         simulation.restore(state)
     np.testing.assert_array_equal(*ends)
+
+
+@pytest.mark.parametrize("tick", [0, 3, 100])
+def test_a_state_goes_on_at_another_tick_with_what_is_under_way(tick):
+    """Commands and measurements in queues of 3 and 2 ticks, which no schedule and no noise tells the time."""
+    timing = aw.Timing("one-tick", command_delay=2.0 * 4e-3, measurement_delay=2.0 * 4e-3)
+    scenario = aw.Scenario(arm("two-link"), loop=aw.Loop(period=4e-3, timing=timing), start=[-1.2, 0.3])
+    one, other = aw.Simulation(scenario), aw.Simulation(scenario)
+    for k in range(7):
+        one.step([20.0 * np.sin(k), 10.0 * np.cos(k)])
+    other.restore(one.state.at_tick(tick))
+    assert other.tick == tick
+    for k in range(9):
+        assert np.array_equal(one.measurement.q, other.measurement.q)
+        assert np.array_equal(one.measurement.applied, other.measurement.applied)
+        one.step([5.0 * k, 1.0])
+        other.step([5.0 * k, 1.0])
+    assert np.array_equal(one.plant_state.q, other.plant_state.q)
 
 
 def test_steps_and_runs_mix_and_reset_returns_to_the_start():

@@ -202,6 +202,7 @@ def probed(lanes: dict[str, Any], **fields: Any) -> aw.Scenario:
     return scenario_of(arm("two-link"), controller=controller, q0=batch["q0"], qd0=batch["qd0"], **(common | fields))
 
 
+@pytest.mark.study
 def test_a_lane_has_its_bits_in_two_hundred_surroundings(monkeypatch):
     """Whatever the number of lanes, its place, threads, groups, vector width, what is recorded, and the type of its numbers."""
     random = np.random.default_rng(1982)

@@ -1,6 +1,7 @@
 """References as functions of time are differentiated exactly; what cannot be is told."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,7 +10,9 @@ import armwright as aw
 from armwright import scalar
 from armwright.errors import ScenarioError
 from armwright.simulation.loop.references import reference_notes, reference_rows
+from armwright.simulation.loop.state import LoopState
 from physics.arms import arm
+from simulation.fields import scenario_of
 
 T = np.linspace(0.0, 1.0, 11)
 
@@ -92,3 +95,15 @@ def test_it_is_called_once_a_tick():
 def test_functions_of_other_things_are_refused(function, said):
     with pytest.raises(ScenarioError, match=said):
         reference_rows(arm("cmu-dd"), function, T)
+
+
+def test_a_reference_has_its_time_after_a_thousand_hours():
+    """To 1 µs, as a position of one radian a second shows."""
+    common = {
+        "controller": lambda t, r, y: 0.0 * r.q, "period": 1e-3, "duration": 0.01, "integrator": "rk3",
+        "reference": lambda t: scalar.array([t - 3.6e6, 0.0]),
+    }  # fmt: skip
+    state = LoopState.of_run(aw.simulate(scenario_of(arm("two-link"), **common)))
+    assert state is not None
+    run = aw.simulate(scenario_of(arm("two-link"), **common, start=replace(state, tick=3_600_000_000)))
+    np.testing.assert_allclose(run.q_reference.values[:, 0], 1e-3 * np.arange(11), atol=1e-6)

@@ -21,6 +21,7 @@ from armwright.simulation.checks import check_choice
 GAINS = ("position_kp", "speed_feedforward", "speed_kp", "speed_ki", "current_kp", "current_ki", "slack")
 LIMITS = ("speed_limit", "effort_limit", "voltage_limit")
 RATES = ("position", "speed")
+SLOWEST = 1_000_000  # ticks: every number up to it is exact in single precision, too
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +40,8 @@ class Cascade:
         speed_kp: [U s/rad | U s/m] with U the unit of the speed stage's output.   speed_ki: [U/rad | U/m].
         current_kp: [V/A].   current_ki: [V/(A s)].   Absent: no current loop.
         speed_limit: [rad/s | m/s].   effort_limit: [U] of the speed stage.   voltage_limit: [V]; absent: none.
-        position_every, speed_every: ticks from one of the loop's own to the next.   position_phase, speed_phase: its first tick.
+        position_every, speed_every: ticks from one of the loop's own to the next.   position_phase, speed_phase: its first tick,
+            counted from where the law begins.
         anti_windup: "none", "clamping" or "back-calculation".   tracking_time: [s] of the latter.
         delay_ticks: whole ticks that commands take to the drives, for anti-windup; absent: those of the loop's timing.
         slack: [U] by which a drive may miss a command.
@@ -73,7 +75,10 @@ class Cascade:
         check_delay_ticks("Cascade", self.delay_ticks)
         for loop in RATES:
             every, phase = getattr(self, f"{loop}_every"), getattr(self, f"{loop}_phase")
-            check_whole("Cascade", f"{loop}_every", every, 1, "a whole number of ticks, 1 or more")
+            expected = f"a whole number of ticks, 1 to {SLOWEST}"
+            check_whole("Cascade", f"{loop}_every", every, 1, expected)
+            if every > SLOWEST:
+                raise ScenarioError(place=f"Cascade.{loop}_every", value=every, expected=expected)
             check_whole("Cascade", f"{loop}_phase", phase, 0, f"a tick from 0 to {loop}_every - 1")
             if phase >= every:
                 expected = f"a tick from 0 to {loop}_every - 1 = {every - 1}"
@@ -106,29 +111,31 @@ class Cascade:
         return replace(self, **gains, **limits, delay_ticks=ticks, signs=command_signs(arm), period=period)
 
     def init(self, arm: Model, y: Measurement) -> Array:
-        """Initial state: integrators and speed command 0, and the commands that were in force."""
-        n = arm.n
+        """Initial state: ticks to wait for each slower loop, integrators and speed command 0, the commands that were in force."""
+        n, waits = arm.n, np.array([getattr(self, f"{loop}_phase") for loop in self._slower], dtype=float)
         output = y.applied if self.current_kp is None else y.current
-        parts = [scalar.zeros(n), scalar.zeros(n), self.signs * output, scalar.zeros(n), scalar.zeros(n)]
+        parts = [waits, scalar.zeros(n), scalar.zeros(n), self.signs * output, scalar.zeros(n), scalar.zeros(n)]
         return scalar.array(np.concatenate([*parts, *[y.applied] * (1 + (self.delay_ticks or 0))]))
 
     def step(self, t: Scalar, r: JointReference, y: Measurement, s: Array) -> tuple[Array, Array]:
         """One tick: commands (n,) and the next state."""
         assert self.period is not None
-        n, signs = len(r.q), self.signs
+        n, signs, slower = len(r.q), self.signs, self._slower
+        waits, s = s[: len(slower)], s[len(slower) :]
+        due = {loop: scalar.equal(wait, 0.0) for loop, wait in zip(slower, waits, strict=True)}
         speed, integral, effort, inner, cut = (s[k * n : (k + 1) * n] for k in range(5))
         asked = s[5 * n :]
         missing = signs * shortfall(y.applied, asked[:n], self.slack)
         wanted = self.position_kp * (r.q - y.q) + self.speed_feedforward * r.qd
         wanted = within(wanted, self.speed_limit)
-        speed = _held(self._due(t, "position"), wanted, speed)
+        speed = _held(due.get("position", 1.0), wanted, speed)
         last = self.current_kp is None
         stage = self._stage(
             speed - y.qd, integral, self.speed_kp, self.speed_ki, self.effort_limit, self.period * self.speed_every,
             missing if last else 0.0, 0.0 if last else cut,
         )  # fmt: skip
-        due = self._due(t, "speed")
-        effort, integral = _held(due, stage.output, effort), _held(due, stage.integral, integral)
+        turn = due.get("speed", 1.0)
+        effort, integral = _held(turn, stage.output, effort), _held(turn, stage.integral, integral)
         u = effort
         if not last:
             final = self._stage(
@@ -137,7 +144,9 @@ class Cascade:
             )  # fmt: skip
             u, inner, cut = final.output, final.integral, final.cut
         u = scalar.array(signs * u)
-        return u, scalar.array(np.concatenate([speed, integral, effort, inner, cut, asked[n:], u]))
+        pairs = zip(slower, waits, strict=True)
+        waits = [scalar.where(due[loop], getattr(self, f"{loop}_every") - 1.0, wait - 1.0) for loop, wait in pairs]
+        return u, scalar.array(np.concatenate([waits, speed, integral, effort, inner, cut, asked[n:], u]))
 
     def _stage(
         self, error: Array, integral: Array, kp: Array, ki: Array, limit: Array, period: float, missing: Any, ahead: Any
@@ -146,13 +155,10 @@ class Cascade:
             error, integral, kp, ki, limit, period, self.anti_windup, self.tracking_time, missing=missing, ahead=ahead
         )
 
-    def _due(self, t: Scalar, loop: str) -> Scalar:
-        """1 where a loop is due in the tick of time t, else 0."""
-        every, phase = getattr(self, f"{loop}_every"), getattr(self, f"{loop}_phase")
-        if every == 1:
-            return 1.0
-        tick = scalar.round(t / self.period)
-        return scalar.equal(scalar.fmod(tick - phase, float(every)), 0.0)
+    @property
+    def _slower(self) -> list[str]:
+        """The loops that are not due in every tick; each has a counter of the ticks until it is, first in the state."""
+        return [loop for loop in RATES if getattr(self, f"{loop}_every") > 1]
 
 
 def _held(due: Scalar, new: Array, old: Array) -> Array:

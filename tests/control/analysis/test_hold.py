@@ -83,9 +83,35 @@ def test_a_sampled_system_goes_as_the_continuous_one(periods):
         ((np.eye(2), np.eye(2), 0.1, -1.0), "delay"),
         ((np.eye(2), np.eye(3), 0.1), "a, b"),
         ((np.ones(2), np.eye(2), 0.1), "a, b"),
+        ((np.ones((3, 1, 1)), np.ones((2, 1, 1)), 0.1), "a, b"),
+        (([[np.inf]], [[1.0]], 0.1), "a"),
+        (([[np.nan]], [[1.0]], 0.1), "a"),
+        (([[10**400]], [[1.0]], 0.1), "a"),
+        (("a", [[1.0]], 0.1), "a"),
+        (([[1.0]], [[1j]], 0.1), "b"),
+        (([[1e6]], [[1.0]], 0.1), "a, b"),
+        ((np.eye(2), np.eye(2), 0.1, np.inf), "delay"),
+        ((np.eye(2), np.eye(2), 1e-3, 1e308), "delay"),
+        ((np.eye(2), np.eye(2), 1e-3, "1"), "delay"),
+        ((np.eye(2), np.eye(2), np.inf), "period"),
     ],
 )
 def test_refused(arguments, place):
     with pytest.raises(ScenarioError) as error:
         zero_order_hold(*arguments)
     assert error.value.problems[0].place == place
+
+
+def test_a_sampled_system_is_refused_where_its_matrix_would_fill_the_memory():
+    pytest.importorskip("control", reason="python-control holds the system")
+    a, b, c = [[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]]
+    for delay in (1e6, 4.0):
+        with pytest.raises(ScenarioError, match=r"3\.997 s or less") as error:
+            sampled_system(a, b, c, 1e-3, delay)
+        assert error.value.problems[0].place == "delay"
+    assert sampled_system(a, b, c, 1e-2, 3.997).nstates == 402
+    for wrong in ([[1.0]], [1.0, 0.0], [[np.nan, 0.0]]):
+        with pytest.raises(ScenarioError):
+            sampled_system(a, b, wrong, 1e-3)
+    with pytest.raises(ScenarioError):
+        sampled_system([a, a], b, c, 1e-3)

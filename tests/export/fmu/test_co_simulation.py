@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import armwright as aw
-from export.controllers import CONTROLLERS
+from export.controllers import CONTROLLERS, three_rates
 from export.fmu.fmus import Instance
 
 ARMS = ("two-link", "puma560", "lwa4p", "cmu-dd", "panda")
@@ -95,6 +95,21 @@ def test_arm_and_controller_in_one_unit_do_what_was_simulated(name, tmp_path):
                 fmu.set(variable, value)
         fmu.step(k * period, period)
         np.testing.assert_array_equal(fmu.get(*u), run.u_issued[k])
+    fmu.close()
+
+
+@pytest.mark.parametrize("version", ["3.0", "2.0"])
+def test_loops_at_their_own_rates_have_their_turns_as_simulated(version, tmp_path):
+    ticks, scenario = 100, three_rates(100)
+    run = aw.simulate(scenario)
+    path = aw.export_fmu(scenario, tmp_path / "loop.fmu", part="both", platforms=["host"], version=version).path
+    fmu, r = Instance(path), references(scenario, run, ticks)
+    fmu.begin()
+    for k in range(ticks):
+        for variable, value in zip(fmu.names("r", "input"), r[k], strict=True):
+            fmu.set(variable, value)
+        fmu.step(k * 1e-3, 1e-3)
+        np.testing.assert_array_equal(fmu.get(*fmu.names("u", "output")), run.u_issued[k])
     fmu.close()
 
 

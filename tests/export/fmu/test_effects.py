@@ -151,6 +151,28 @@ def test_steps_are_whole_ticks(version, tmp_path):
     one.close()
 
 
+@pytest.mark.parametrize("version", ["3.0", "2.0"])
+def test_a_tool_may_add_up_its_steps_for_hours(version, tmp_path):
+    """Its sum of rounded steps, or the time of the model, or steps that are differences of times: 100 days behind 0."""
+    path = exported(
+        commanded(MANY["plain"], TICKS, solver=aw.Solver(step=1e-3)), tmp_path / "plant.fmu", version=version
+    )
+    fmu, start, steps = Instance(path), 1e7, 12_000
+    fmu.begin(start)
+    time = start
+    for _ in range(steps):
+        fmu.step(time, 1e-3)
+        time += 1e-3
+    assert abs(time - (start + 1e-3 * steps)) > 1e-6  # so far its sum is off
+    for k in range(steps, steps + 100):
+        now, then = (start + each * 1e-3 for each in (k, k + 1))
+        fmu.step(now, then - now)
+    assert fmu.get("time")[0] == start + 1e-3 * (steps + 100)
+    with pytest.raises(Exception, match="DoStep"):
+        fmu.step(time + 0.105, 1e-3)
+    fmu.close()
+
+
 def test_what_leaves_the_finite_numbers_is_an_error_with_its_time(tmp_path):
     arm = pendulum("torque", gravity=0.0)
     fmu = Instance(exported(commanded(arm, TICKS, solver=aw.Solver(step=1e-3)), tmp_path / "plant.fmu"))

@@ -32,6 +32,7 @@ EXPECTED = ("-Wno-unused-function", "-Wno-unused-parameter")  # functions of the
 
 
 @pytest.mark.parametrize("name", MACHINES)
+@pytest.mark.study
 def test_zig_builds_for_any_system(name, tmp_path):
     """Also for this computer: then with the bits that its own compiler gives."""
     pytest.importorskip("ziglang", reason="needs the extra fmu")

@@ -20,7 +20,7 @@ from armwright.model.drive import Friction
 from armwright.program import Program, trace
 from armwright.program.interpret import interpret
 from armwright.scalar import Array
-from armwright.simulation.loop.controller import ControllerAdapter, place_of
+from armwright.simulation.loop.controller import ControllerAdapter, counters_of, place_of, traced_controller
 from armwright.simulation.loop.references import reference_layout
 from armwright.simulation.loop.sensor_set import SensorSet
 from armwright.simulation.loop.sensors import Sensors
@@ -176,8 +176,16 @@ class SmallSignal:
         shapes = {"q": (self.plant.model.n,), "c": self._adapter.values.shape[1:]}
 
         def slopes(q: Array, c: Array) -> tuple[Array, ...]:
-            seen = self._seen(q, c)
-            return tuple(scalar.jacobian(self._tick(k, q, c, len(seen)), seen) for k in range(self.cycle))
+            n, size, seen, found = self.plant.model.n, self.plant.size, self._seen(q, c), []
+            first = size + sum(self._sensors.memories)  # of the controller's state, behind which stand n commands
+            counting = [first + entry for entry in self._counters(len(seen) - first - n)]
+            for k in range(self.cycle):
+                tick = self._tick(k, q, c, len(seen))
+                found.append(scalar.jacobian(tick, seen))
+                if counting:  # all else rests
+                    following = tick(seen)
+                    seen = scalar.array([following[n + e - size] if e in counting else v for e, v in enumerate(seen)])
+            return tuple(found)
 
         try:
             return trace("ticks_at_rest", slopes, shapes, names)
@@ -198,6 +206,12 @@ class SmallSignal:
 
     def _initial(self, y: Array, c: Array) -> Array:
         return scalar.array(self._adapter.initial(self.plant.model, y, c))
+
+    def _counters(self, states: int) -> list[int]:
+        """Entries of the controller's state of that many numbers that count ticks."""
+        if self.cycle == 1:
+            return []
+        return counters_of(traced_controller(self._adapter, self.plant.model, self.period, states))
 
     @property
     def _draws(self) -> np.ndarray:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import re
 import shutil
-import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from armwright.errors import ModelError
 from armwright.export.controller.sil import FLAGS, find_compiler, run_program
+from armwright.output import working_folder
 
 CROSS = "arm-none-eabi-gcc"  # the compiler that is asked first, for a Cortex-M7
 CORTEX_M7 = ("-mcpu=cortex-m7", "-mthumb", "-mfpu=fpv5-d16", "-mfloat-abi=hard")
@@ -71,8 +71,7 @@ def footprint(name: str, code: Mapping[str, str]) -> Footprint:
         f"char bytes_of_{kind}[sizeof({name}_{kind})] = {{1}};\n" for kind in STRUCTS
     )
     tools = {tool: str(Path(compiler).with_name(f"arm-none-eabi-{tool}")) if cross else tool for tool in ("nm", "size")}
-    with tempfile.TemporaryDirectory(prefix="armwright-") as place:
-        work = Path(place)
+    with working_folder() as work:
         for file, text in {**code, "probe.c": probe}.items():
             (work / file).write_text(text, encoding="ascii", newline="\n")
         for file in (f"{name}.c", "probe.c"):

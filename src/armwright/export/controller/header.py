@@ -16,8 +16,9 @@ from armwright.signals import Layout, Signal
 STATUS = {
     "SATURATED": "a command asks for its limit or more, or changes faster than its rate",
     "OUT_OF_RANGE": "a measured or wanted position or speed is beyond the limits of its joint",
-    "NOT_FINITE": "an input that the law reads, or a result, was infinite or not a number: nothing was kept of the step",
+    "NOT_FINITE": "an input that the law reads, or a result, was infinite or not a number: of the step only ticks were counted",
     "LOST": "the sample was lost: the last one that arrived took its place",
+    "TIME": "the law reads the time, which is wrong by more than 1 us by now",
 }
 
 _FUNCTIONS = """\
@@ -53,6 +54,7 @@ def header(stages: ControllerStages, real: str) -> str:
         '#ifdef __cplusplus\nextern "C" {\n#endif',
         f"#define {guard[:-1]}JOINTS {stages.arm.n}\n#define {guard[:-1]}PERIOD {literal(stages.period, REALS[real])} /* [s] */",
         _status(guard[:-1]),
+        *_time(stages, real),
         _struct(name, "measurement", _measurement(stages, real, joints)),
         _struct(name, "reference", members(stages.reference, real, joints)),
         _struct(name, "command", members(stages.command, real, joints)),
@@ -88,6 +90,15 @@ def _status(macro: str) -> str:
     width = max(map(len, STATUS))
     lines = [f"#define {macro}{name:{width}} {1 << k}u /* {text} */" for k, (name, text) in enumerate(STATUS.items())]
     return "\n".join(["/* Bits of the status word; 0: nothing to report. */", *lines])
+
+
+def _time(stages: ControllerStages, real: str) -> list[str]:
+    """The macro with the tick up to which the law's time is right, if the law reads it."""
+    last = stages.ticks_of_time(real)
+    if last is None:
+        return []
+    about = f"/* The last tick whose time, {last * stages.period:.4g} s, the law has to within 1 us. */"
+    return [f"{about}\n#define {stages.name.upper()}_TIME_TICKS UINT64_C({last})"]
 
 
 def _struct(name: str, kind: str, lines: Sequence[str]) -> str:
@@ -136,7 +147,7 @@ def _counts(stages: ControllerStages) -> str:
 def _state(stages: ControllerStages, real: str) -> list[str]:
     n, states = stages.arm.n, stages.law.outputs[1].size
     return [
-        "uint64_t tick; /* of the step that comes next: its time is tick * period */",
+        "uint64_t tick; /* of the step that comes next: its time is tick * period; at 1 kHz it lasts 500 million years */",
         "uint32_t lost; /* samples that were lost one after another */",
         "uint32_t status; /* of the last step */",
         *(
@@ -161,7 +172,8 @@ def _functions(name: str) -> str:
     texts = {
         "begin": [
             "Begins at tick 0 from a measurement, whose `lost` is not read, and the command that is in force, from which the",
-            "rate limit starts.",
+            "rate limit starts. What is infinite or not a number in that command is taken as 0, and state->status says so;",
+            "it does so, too, where the law cannot begin from such a measurement: then begin again with another one.",
         ],
         "reset": [
             "Begins anew at tick 0, as init does, from the last command that this controller issued. Behind a fault, or when",

@@ -8,6 +8,7 @@ The layout is the CRC-32 of the struct's names and sizes, the law and its period
 from __future__ import annotations
 
 import zlib
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -29,8 +30,17 @@ _ABOUT = [
     "  1  another number of bytes",
     "  2  the checksum is not that of the bytes",
     "  3  parameters of another controller, or of another version of this one",
-    "  4  a number is not a number",
+    "  4  a number is infinite or not a number, where the scenario's is finite and no limit",
+    "  5  a limit is below 0",
 ]
+
+# What a number of the file may be, as bits of one byte each.
+INFINITE, NOT_NEGATIVE = 1, 2
+LIMITS = (
+    "velocity",
+    "acceleration",
+    "jerk",
+)  # fields of laws that are limits and must be finite; others end with "limit"
 
 _DEFINED = """\
 /* A number of little-endian bytes. */
@@ -70,6 +80,8 @@ typedef char {name}_parameters_are_numbers[(sizeof({name}_parameters) == {number
 
 int {name}_load({name}_parameters *parameters, const uint8_t *bytes, uint32_t count)
 {{
+    /* {infinite}: may be infinite; {not_negative}: may not be below 0. */
+    static const uint8_t rules[{numbers}] = {{{rules}}};
     uint32_t k;
     {real} number;
     if (count != {macro}_PARAMETERS_BYTES) {{
@@ -83,8 +95,11 @@ int {name}_load({name}_parameters *parameters, const uint8_t *bytes, uint32_t co
     }}
     for (k = 0u; k < {numbers}u; k++) {{
         number = {name}_number(&bytes[4u + (k * sizeof number)]);
-        if (isnan(number)) {{
+        if (isnan(number) || (((rules[k] & {infinite}u) == 0u) && ({name}_finite(&number, 1) == 0))) {{
             return 4;
+        }}
+        if (((rules[k] & {not_negative}u) != 0u) && (number < {zero})) {{
+            return 5;
         }}
     }}
     for (k = 0u; k < {numbers}u; k++) {{
@@ -95,46 +110,73 @@ int {name}_load({name}_parameters *parameters, const uint8_t *bytes, uint32_t co
 }}"""
 
 
-def members(stages: ControllerStages) -> list[tuple[str, tuple[int, ...], str, np.ndarray]]:
-    """Name, shape, meaning and values of each member of the struct, in its order."""
+@dataclass(frozen=True)
+class Member:
+    """A member of the struct: name, shape, meaning, the scenario's values, and what others may be, as bits."""
+
+    name: str
+    shape: tuple[int, ...]
+    about: str
+    values: np.ndarray
+    rule: int = 0
+
+
+def members(stages: ControllerStages) -> list[Member]:
+    """The members of the struct, in its order."""
     n, ranges = stages.arm.n, stages.ranges
-    outside = "[rad | m] beyond which positions are out of range"
-    rows: list[tuple[str, tuple[int, ...], str, np.ndarray]] = [
-        ("position_low", (n,), outside, ranges["position_low"]),
-        ("position_high", (n,), "[rad | m] the same", ranges["position_high"]),
-        ("velocity", (n,), "[rad/s | m/s] the same of speeds", ranges["velocity"]),
-        ("command_limit", (n,), "at and beyond which a command is saturated, in its own unit", stages.limits),
-        ("initial_command", (n,), "in force before the first tick of the simulation", stages.initial_command),
+    outside, limit = "[rad | m] beyond which positions are out of range", INFINITE | NOT_NEGATIVE
+    about_limits = "at and beyond which a command is saturated, in its own unit"
+    rows = [
+        Member("position_low", (n,), outside, ranges["position_low"], INFINITE),
+        Member("position_high", (n,), "[rad | m] the same", ranges["position_high"], INFINITE),
+        Member("velocity", (n,), "[rad/s | m/s] the same of speeds", ranges["velocity"], limit),
+        Member("command_limit", (n,), about_limits, stages.limits, limit),
+        Member("initial_command", (n,), "in force before the first tick of the simulation", stages.initial_command),
     ]
     if stages.count.size:
-        rows.append(("count", (n,), "[rad | m] one count of each encoder", stages.count))
+        rows.append(Member("count", (n,), "[rad | m] one count of each encoder", stages.count, NOT_NEGATIVE))
+    taken = {row.name for row in rows}
     ends = np.cumsum([int(np.prod(shape, dtype=int)) for shape in stages.gains.shapes])
     values = np.split(stages.gains.values[0], ends[:-1]) if len(ends) else []
-    gains = zip(stages.gains.names, stages.gains.shapes, values, strict=True)
-    return [*rows, *((identifier(name), shape, "the law's", value) for name, shape, value in gains)]
+    for name, shape, value in zip(stages.gains.names, stages.gains.shapes, values, strict=True):
+        word = identifier(name)
+        rows.append(Member(f"law_{word}" if word in taken else word, shape, "the law's", value, _rule(name, value)))
+    return rows
+
+
+def gain_members(stages: ControllerStages) -> list[Member]:
+    """The members that are fields of the law, in the order of its values."""
+    rows = members(stages)
+    return rows[len(rows) - len(stages.gains.names) :]
+
+
+def _rule(name: str, values: np.ndarray) -> int:
+    """What numbers a field of a law may have; what the scenario's break does not hold."""
+    last = name.rpartition(".")[2]
+    rule = INFINITE if last.endswith("limit") or np.isinf(values).any() else 0
+    return rule | (NOT_NEGATIVE if (last.endswith("limit") or last in LIMITS) and (values >= 0.0).all() else 0)
 
 
 def struct_lines(stages: ControllerStages, real: str) -> list[str]:
     """The members of the struct in C."""
     return [
-        f"{real} {name}{''.join(f'[{size}]' for size in shape)}; /* {about} */"
-        for name, shape, about, _ in members(stages)
+        f"{real} {row.name}{''.join(f'[{size}]' for size in row.shape)}; /* {row.about} */" for row in members(stages)
     ]
 
 
 def default_parameters(stages: ControllerStages, real: str) -> str:
     """The constant struct of the scenario's parameters."""
     lines = []
-    for _, shape, _, values in members(stages):
-        numbers = [literal(float(value), REALS[real]) for value in np.ravel(values)]
-        lines.append(f"    {{{', '.join(numbers)}}}" if shape else f"    {numbers[0]}")
+    for row in members(stages):
+        numbers = [literal(float(value), REALS[real]) for value in np.ravel(row.values)]
+        lines.append(f"    {{{', '.join(numbers)}}}" if row.shape else f"    {numbers[0]}")
     body = ",\n".join(lines)
     return f"const {stages.name}_parameters {stages.name}_default_parameters = {{\n{body}\n}};"
 
 
 def layout_of(stages: ControllerStages, real: str) -> int:
     """Checksum of the struct's layout, which identifies parameter files of this controller."""
-    rows = [f"{name}{shape}" for name, shape, _, _ in members(stages)]
+    rows = [f"{row.name}{row.shape}" for row in members(stages)]
     law = stages.loop.controller.name
     text = "\n".join([law, real, repr(stages.period), *stages.arm.names, *rows])
     return zlib.crc32(text.encode())
@@ -143,7 +185,7 @@ def layout_of(stages: ControllerStages, real: str) -> int:
 def parameter_file(stages: ControllerStages, real: str) -> bytes:
     """The scenario's parameters as a file for `NAME_load`."""
     dtype = REALS[real].format.dtype.newbyteorder("<")
-    numbers = np.concatenate([np.ravel(values) for *_, values in members(stages)]).astype(dtype)
+    numbers = np.concatenate([np.ravel(row.values) for row in members(stages)]).astype(dtype)
     content = layout_of(stages, real).to_bytes(4, "little") + numbers.tobytes()
     return content + zlib.crc32(content).to_bytes(4, "little")
 
@@ -157,6 +199,7 @@ def declared(stages: ControllerStages, real: str) -> str:
 def loading(stages: ControllerStages, real: str) -> str:
     """C functions that load parameters, for the C file."""
     bits = REALS[real].format.dtype.itemsize * 8
-    numbers = sum(int(np.prod(shape, dtype=int)) for _, shape, _, _ in members(stages))
-    words = {"name": stages.name, "macro": stages.name.upper(), "real": real}
-    return _DEFINED.format(**words, word=f"uint{bits}_t", numbers=numbers)
+    rules = [str(row.rule) for row in members(stages) for _ in np.ravel(row.values)]
+    words = {"name": stages.name, "macro": stages.name.upper(), "real": real, "rules": ", ".join(rules)}
+    words |= {"word": f"uint{bits}_t", "zero": literal(0.0, REALS[real])}
+    return _DEFINED.format(**words, numbers=len(rules), infinite=INFINITE, not_negative=NOT_NEGATIVE)

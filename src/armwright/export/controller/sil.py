@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shutil
 import subprocess
-import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,6 +15,7 @@ from armwright.export.controller.selftest import input_rows, reader
 from armwright.export.controller.stages import ControllerStages
 from armwright.kernels.c import REALS
 from armwright.kernels.target import select_target
+from armwright.output import working_folder
 
 COMPILERS = ("gcc", "clang", "cc")  # the first of these that is there
 FLAGS = ("-std=c99", "-O2", "-ffp-contract=off")
@@ -77,8 +77,7 @@ def software_in_the_loop(
     if compiler is None:
         raise ModelError("there is none", place="compiler", expected=" or ".join(COMPILERS))
     dtype = REALS[real].format.dtype
-    with tempfile.TemporaryDirectory(prefix="armwright-") as place:
-        work = Path(place)
+    with working_folder() as work:
         (work / "reader.c").write_text(reader(stages, recording, real), encoding="ascii", newline="\n")
         input_rows(stages, recording).astype(dtype).tofile(work / "inputs")
         options = [*(flags_of_host() if flags is None else flags), f"-I{Path(folder)}"]

@@ -7,18 +7,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
-import numpy as np
-
 from armwright.export.c_arithmetic import arithmetic
 from armwright.export.c_header import comment
 from armwright.export.controller.header import in_counts, member
-from armwright.export.controller.parameters import default_parameters, loading
-from armwright.export.controller.stages import ControllerStages
+from armwright.export.controller.parameters import default_parameters, gain_members, loading
+from armwright.export.controller.stages import ControllerStages, inputs_read
 from armwright.kernels.c import REALS, Unit, c_text
-from armwright.kernels.c_syntax import identifier, literal
+from armwright.kernels.c_syntax import literal
 from armwright.kernels.stages import NEXT
 from armwright.program import Program
-from armwright.program.passes import optimised
 from armwright.signals import Layout
 
 _CHECKS = """\
@@ -63,14 +60,21 @@ void {name}_init({name}_state *state, const {name}_parameters *parameters,
     const {name}_measurement *measurement, const {name}_command *in_force)
 {{
 {arrays}
+    int k;
     state->tick = 0u;
     state->lost = 0u;
     state->status = 0u;
+    for (k = 0; k < {n}; k++) {{
+        state->issued[k] = in_force->u[k];
+        if ({name}_finite(&in_force->u[k], 1) == 0) {{
+            state->issued[k] = {zero}; /* which is within every limit */
+            state->status = {macro}_NOT_FINITE;
+        }}
+    }}
     state->bridge_ticks = 0u;
     memset(state->bridge, 0, sizeof state->bridge);
 {gather}
 {calls}
-    memcpy(state->issued, in_force->u, sizeof state->issued);
 {end}
 }}
 
@@ -107,7 +111,7 @@ void {name}_take_over({name}_state *state, const {name}_parameters *parameters,
         int k;
         state->bridge_ticks = ticks;
         for (k = 0; k < {n}; k++) {{
-            state->bridge[k] = in_force->u[k] - u_asked[k];
+            state->bridge[k] = state->issued[k] - u_asked[k];
         }}
     }}
 }}"""
@@ -117,9 +121,9 @@ uint32_t {name}_step({name}_state *state, const {name}_parameters *parameters,
     const {name}_reference *reference, const {name}_measurement *measurement, {name}_command *command)
 {{
     {name}_state next = *state;
-    const {real} tick[1] = {{({real})state->tick}};
+    const {real} tick[1] = {{{time}}};
 {arrays}
-    uint32_t status = 0u;
+    uint32_t status = {status};
     int finite;
 {reference}
     if (measurement->lost != 0) {{
@@ -150,7 +154,7 @@ uint32_t {name}_step({name}_state *state, const {name}_parameters *parameters,
         *state = next;
     }} else {{
         status |= {macro}_NOT_FINITE;
-        state->lost = next.lost;
+        state->lost = next.lost;{counters}
     }}
     state->tick++;
     state->status = status;
@@ -174,12 +178,12 @@ def source(stages: ControllerStages, real: str) -> str:
     unit.functions["checks"] = _CHECKS.format(**words, largest=largest)
     unit.functions["parameters"] = default_parameters(stages, real)
     unit.functions["load"] = loading(stages, real)
+    words |= {"n": str(stages.arm.n), "zero": literal(0.0, dialect)}
     unit.functions["init"] = _INIT.format(**words, **_init(stages, real))
     step = _step(stages, real)
-    zero = literal(0.0, dialect)
-    unit.functions["take over"] = _TAKE_OVER.format(**words, **step, n=stages.arm.n, zero=zero)
+    unit.functions["take over"] = _TAKE_OVER.format(**words, **step)
     unit.functions["step"] = _STEP.format(
-        **words, **step, n=stages.arm.n, applied=stages.measured.size, back=stages.delay_ticks + 1
+        **words, **step, **_time(stages, real), applied=stages.measured.size, back=stages.delay_ticks + 1
     )
     hook = f"#ifndef {name.upper()}_WATCHDOG\n#define {name.upper()}_WATCHDOG(state) ((void)(state))\n#endif\n"
     top = comment([f"{name}.c: see {name}.h, and README.md, which says how this is compiled."])
@@ -231,10 +235,10 @@ def _indented(lines: Iterable[str], depth: int = 1) -> str:
 def _gains(stages: ControllerStages, real: str) -> tuple[list[str], list[str]]:
     """The array of the law's open fields, and the statements that fill it from the parameters."""
     size, first, lines = stages.gains.values.shape[1], 0, []
-    for name, shape in zip(stages.gains.names, stages.gains.shapes, strict=True):
-        value = f"parameters->{identifier(name)}"
-        lines.append(f"memcpy(&c[{first}], {value}, sizeof {value});" if shape else f"c[{first}] = {value};")
-        first += int(np.prod(shape, dtype=int))
+    for row in gain_members(stages):
+        value = f"parameters->{row.name}"
+        lines.append(f"memcpy(&c[{first}], {value}, sizeof {value});" if row.shape else f"c[{first}] = {value};")
+        first += row.values.size
     return ([f"{real} c[{size}];"] if size else []), lines
 
 
@@ -253,9 +257,23 @@ def _init(stages: ControllerStages, real: str) -> dict[str, str]:
         arrays = []
     unread = [] if (reads and gains) or stages.count.size else ["(void)parameters;"]
     call = [_call(stages.name, stages.begin, {"y": "y", "c": "c", "s": "state->law"})] if reads else []
-    kept = ["memcpy(state->kept, in_force->u, sizeof state->kept);"] if stages.remembers else []
+    kept = ["memcpy(state->kept, state->issued, sizeof state->kept);"] if stages.remembers else []
+    if reads:
+        bit, states = f"{stages.name.upper()}_NOT_FINITE", stages.begin.outputs[0].size
+        kept.append(f"state->status |= ({stages.name}_finite(state->law, {states}) != 0) ? 0u : {bit};")
     parts = {"arrays": arrays, "gather": filled, "calls": [*unread, *call], "end": kept}
     return {key: _indented(lines) for key, lines in parts.items()}
+
+
+def _time(stages: ControllerStages, real: str) -> dict[str, str]:
+    """Parts of the text of `step` that depend on the tick: a law that does not read it gets none."""
+    last, macro = stages.ticks_of_time(real), stages.name.upper()
+    if last is None:
+        return {"time": literal(0.0, REALS[real]), "status": "0u"}
+    return {
+        "time": f"({real})state->tick",
+        "status": f"(state->tick > {macro}_TIME_TICKS) ? {macro}_TIME : 0u",
+    }
 
 
 def _step(stages: ControllerStages, real: str) -> dict[str, str]:
@@ -284,8 +302,10 @@ def _step(stages: ControllerStages, real: str) -> dict[str, str]:
         "finite": ["finite = " + "\n        && ".join(calls) + ";"],
     }
     arrived = measured_copies(stages, real, "next.measured")
+    counted = [f"\n        state->law[{entry}] = next.law[{entry}]; /* counts ticks */" for entry in stages.counters]
     return {key: _indented(lines) for key, lines in texts.items()} | {
         "arrived": _indented(arrived, 2),
+        "counters": "".join(counted),
         "judge": _indented(_judged(stages, remembers=remembers), 2),
     }
 
@@ -295,11 +315,7 @@ def _read(program: Program, block: str) -> list[tuple[str, int]]:
 
     Others may be NaN: the current of a motor whose torque constant the record does not have.
     """
-    number = [port.name for port in program.inputs].index(block)
-    places = [
-        each.place for each in optimised(program.instructions) if each.operation == "INPUT" and each.place is not None
-    ]
-    entries = sorted({entry for port, entry in places if port == number})
+    entries = inputs_read(program, block)
     begins = [entry for entry in entries if entry - 1 not in entries]
     ends = [entry + 1 for entry in entries if entry + 1 not in entries]
     return [(f"&{block}[{begin}]", end - begin) for begin, end in zip(begins, ends, strict=True)]

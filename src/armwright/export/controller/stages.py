@@ -9,6 +9,7 @@ losses belong to the bus and to the arm; of them the controller has the rule tha
 from __future__ import annotations
 
 import traceback
+from bisect import bisect_right
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,16 +19,18 @@ import numpy as np
 
 from armwright.errors import ScenarioError, SymbolError
 from armwright.interfaces import UNTRACEABLE, why
+from armwright.kernels.c import REALS
 from armwright.kernels.c_syntax import identifier
 from armwright.kernels.loop import Lanes
 from armwright.kernels.stages import NEXT, Call
 from armwright.model import Model
 from armwright.parameters import Batch, LaneFields
 from armwright.program import Program, trace
+from armwright.program.passes import optimised
 from armwright.scalar import Array
 from armwright.signals import Layout, Signal
 from armwright.simulation.loop.config import LoopConfig, Sampling
-from armwright.simulation.loop.controller import place_of, traced_controller
+from armwright.simulation.loop.controller import counters_of, place_of, traced_controller
 from armwright.simulation.loop.initialisation import Initialisation
 from armwright.simulation.loop_runner import LoopRunner
 from armwright.simulation.scenario import Scenario
@@ -35,6 +38,7 @@ from armwright.simulation.scenario import Scenario
 DRAWN = "w_timing"  # the block of random numbers that decide which samples are lost
 LOSS = 2  # its entry for a measurement
 PACKAGE = Path(__file__).parents[2]
+TIME_ERROR = 1e-6  # [s] by which the law's time may be wrong before the status word says so
 
 
 class RecordedLoop(LoopRunner):
@@ -152,6 +156,24 @@ class ControllerStages:
         return any(port.name == f"u_kept{NEXT}" for port in self.shape.outputs)
 
     @property
+    def counters(self) -> list[int]:
+        """Entries of the law's state that count ticks, for its slower loops."""
+        return counters_of(self.law)
+
+    def ticks_of_time(self, real: str) -> int | None:
+        """The last tick whose time the law has to within 1 µs in "double" or "float"; None for a law that does not read it."""
+        if not inputs_read(self.law, "tick"):
+            return None
+        dtype, period = REALS[real].format.dtype, self.period
+
+        def error(tick: int) -> float:
+            rounded = 0.5 * float(np.spacing(dtype.type(tick))) * (tick > 2 ** np.finfo(dtype).nmant)
+            of_period = abs(float(dtype.type(period)) - period)
+            return rounded * period + tick * of_period + 0.5 * float(np.spacing(dtype.type(tick * period)))
+
+        return bisect_right(range(2**62), TIME_ERROR, key=error) - 1
+
+    @property
     def loss(self) -> float:
         """Probability that a measurement is lost in the simulation."""
         assert self.loop.config.sampling is not None
@@ -254,6 +276,13 @@ def traced_beginning(loop: LoopRunner, sampling: Sampling) -> Program:
         what = f"cannot be traced{_line(error)}: {cause}"
         raise ScenarioError(what, place=place_of(adapter.name), expected=expected) from None
     return program
+
+
+def inputs_read(program: Program, block: str) -> list[int]:
+    """Entries of an input that a program reads."""
+    number = [port.name for port in program.inputs].index(block)
+    places = (i.place for i in optimised(program.instructions) if i.operation == "INPUT" and i.place is not None)
+    return sorted({entry for port, entry in places if port == number})
 
 
 def _line(error: Exception) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -20,7 +19,7 @@ from armwright.export.controller.sil import SoftwareInTheLoop, find_compiler, so
 from armwright.export.controller.source import source
 from armwright.export.controller.stages import ControllerStages
 from armwright.kernels.c import REALS
-from armwright.output import whole_file
+from armwright.output import whole_file, working_folder
 from armwright.simulation.checks import is_whole
 from armwright.simulation.scenario import Scenario
 
@@ -113,9 +112,14 @@ def export_controller(
         for file, text in texts.items():
             temporary = files.enter_context(whole_file(folder / file, follow_link=False))
             temporary.write_bytes(text if isinstance(text, bytes) else text.encode())
-    note = "no C compiler here (gcc, clang, cc): compile and run the self-test where there is one"
-    notes = (note,) if comparison is None else ()
-    return ExportedController(stages.name, tuple(folder / file for file in texts), comparison, notes, taken)
+    notes: list[str] = []
+    last = stages.ticks_of_time(real)
+    if real == "float" and last is not None:
+        what = "the law reads the time t, which single precision has to within 1 µs for"
+        notes.append(f"{what} {last * stages.period:.4g} s behind `init`: from then on `step` sets the status bit TIME")
+    if comparison is None:
+        notes.append("no C compiler here (gcc, clang, cc): compile and run the self-test where there is one")
+    return ExportedController(stages.name, tuple(folder / file for file in texts), comparison, tuple(notes), taken)
 
 
 def _compared(stages: ControllerStages, recording: Recording, code: Mapping[str, str], real: str) -> SoftwareInTheLoop:
@@ -124,9 +128,9 @@ def _compared(stages: ControllerStages, recording: Recording, code: Mapping[str,
     Raises:
         ModelError: in double, a command with other bits.
     """
-    with tempfile.TemporaryDirectory(prefix="armwright-") as place:
+    with working_folder() as place:
         for file, text in code.items():
-            (Path(place) / file).write_text(text, encoding="ascii", newline="\n")
+            (place / file).write_text(text, encoding="ascii", newline="\n")
         comparison = software_in_the_loop(stages, recording, place, real)
     if real == "double" and comparison.first is not None:
         what = f"{comparison.others} of {comparison.ticks} commands have other bits than the simulation's, the first in tick"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import tempfile
 import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -19,7 +18,7 @@ from armwright.export.fmu.model import sampled_source
 from armwright.export.fmu.sampled import PARTS, sampled_model
 from armwright.kernels.c_syntax import KEYWORDS
 from armwright.model import Model
-from armwright.output import whole_file
+from armwright.output import whole_file, working_folder
 from armwright.simulation.scenario import Scenario
 from armwright.simulation.scenario_parts import Loop
 
@@ -105,8 +104,7 @@ def export_fmu(
         fmi = f"fmi{version[0]}.c"
         compiled = ["model.c", "instance.c", fmi]
         texts |= {file: (SOURCES / file).read_text(encoding="ascii") for file in ("instance.h", "instance.c", fmi)}
-        with tempfile.TemporaryDirectory(prefix="armwright-") as place:
-            folder = Path(place)
+        with working_folder() as folder:
             for file, text in texts.items():
                 (folder / file).write_text(text, encoding="ascii", newline="\n")
             binaries = build(folder, compiled, identifier, targets)

@@ -201,6 +201,33 @@ def traced_controller(adapter: ControllerAdapter, arm: Model, period: float, sta
     return first
 
 
+def counters_of(law: Program) -> list[int]:
+    """Entries of a controller's state that change by themselves and by constants alone: counters of slower loops.
+
+    Args:
+        law: as `traced_controller` gives it.
+    """
+    ports = [port.name for port in law.inputs]
+    state, constant = ports.index("s"), {ports.index("tick"), ports.index("c")}
+    needs: dict[int, frozenset[tuple[int, int]]] = {}  # inputs that a value is computed from, by port and entry
+    read: dict[int, tuple[int, int]] = {}
+    following: dict[int, frozenset[tuple[int, int]]] = {}
+    for i in law.instructions:
+        found = frozenset().union(*(needs[argument] for argument in i.arguments))
+        if i.operation == "INPUT" and i.place is not None:
+            read[i.results[0]] = i.place
+            found = found if i.place[0] in constant else frozenset({i.place})
+        needs.update(dict.fromkeys(i.results, found))
+        if i.operation == "OUTPUT" and i.place is not None and law.outputs[i.place[0]].name == f"s{NEXT}":
+            place = state, i.place[1]
+            if place in found and read.get(i.arguments[0]) != place:  # not merely kept
+                following[i.place[1]] = found
+    entries = set(following)
+    while others := {k for k in entries if not following[k] <= {(state, entry) for entry in entries}}:
+        entries -= others
+    return sorted(entries)
+
+
 def reference_of(layout: Layout, r: Array) -> JointReference | Values:
     """A reference from vectors r (…, size): of the joints, or whatever the trajectory's own signals are."""
     parts = layout.parts(r)

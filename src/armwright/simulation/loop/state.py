@@ -80,6 +80,11 @@ class LoopState:
         python = {k: self.python[int(lane)] for k, lane in enumerate(lanes) if int(lane) in self.python}
         return replace(self, blocks=blocks, rings=rings, python=python)
 
+    def at_tick(self, tick: int) -> LoopState:
+        """The same state before another tick, not yet measured: schedules and random numbers go on from there."""
+        moved = {name: np.roll(ring, tick - self.tick, axis=1) for name, ring in self.rings.items()}  # slot k % length
+        return replace(self, tick=tick, rings=moved, measured=False)
+
     def save(self, path: str | os.PathLike[str]) -> None:
         """Writes the state as a NumPy archive, `.npz`; whole or not at all.
 

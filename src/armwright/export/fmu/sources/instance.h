@@ -21,6 +21,7 @@ typedef struct {
     model_state model;
     double time;
     double start; /* [s] time of tick 0 */
+    double next; /* [s] at which the tool's next step begins, by the tool's own sum: over hours its rounding adds up */
     int32_t mode;
     int32_t computed; /* 0: derivatives and outputs of a model for model exchange are to be computed */
 } snapshot;
