@@ -1,7 +1,9 @@
 """Sweeps: the bits of one run whatever the chunks, resumption after kills, and refusals."""
 
 import contextlib
+import json
 import os
+import shutil
 import signal
 from collections.abc import Iterator
 from dataclasses import replace
@@ -16,8 +18,9 @@ from typer.testing import CliRunner
 
 import armwright as aw
 from armwright.cli.app import app
-from armwright.errors import OutputError, RunError, ScenarioError
+from armwright.errors import ArmwrightError, OutputError, RunError, ScenarioError
 from armwright.scenarios.file import parse_scenario
+from armwright.sweeps.store import _text_digest
 
 distributed = pytest.importorskip("distributed", reason="the extra sweep is not installed")
 zarr = pytest.importorskip("zarr", reason="the extra sweep is not installed")
@@ -140,8 +143,8 @@ def test_resumption_does_only_what_is_missing(file: Path, tmp_path: Path, client
     """Killed between a chunk's data and its mark: the mark is not there, and the data may be half written."""
     path = tmp_path / "runs.zarr"
     aw.sweep(file, path, lanes=LANES, chunk=100, client=client)
-    (path / "chunk_mark" / "c" / "1").unlink()
-    (path / "chunk_mark" / "c" / "3").unlink()
+    (path / "chunk_mark" / "c" / "1" / "0").unlink()
+    (path / "chunk_mark" / "c" / "3" / "0").unlink()
     (path / "rms_error" / "c" / "1" / "0").write_bytes(b"half")
     (path / "overshoot" / "c" / "3" / "0").unlink()
     half = aw.load_sweep(path)
@@ -161,8 +164,22 @@ def test_damage_is_found_when_it_is_read(file: Path, tmp_path: Path, client: Any
     data = bytearray(part.read_bytes())
     data[len(data) // 2] ^= 1
     part.write_bytes(data)
-    with pytest.raises(ValueError, match="checksum"):
-        aw.load_sweep(path)["rms_error"].values  # noqa: B018
+    assert aw.load_sweep(path, verify=True)["finished"].values.tolist() == [True] * 10 + [False] * 10
+    unread = aw.load_sweep(path)  # the size is right, so nothing is known yet
+    assert unread["finished"].values.all()
+    assert np.isfinite(unread["rms_error"][:10].values).all()
+    with pytest.raises(
+        RunError, match="chunk 1 of rms_error is not as it was written; expected the same sweep once more"
+    ):
+        unread.compute()
+    assert CliRunner().invoke(app, ["sweep", str(file), "--lanes", "20", "-o", str(path), "--verify"]).exit_code == 1
+    before = aw.sweep(file, tmp_path / "whole.zarr", lanes=20, chunk=10, client=client).load()
+    assert aw.sweep(file, path, lanes=20, client=client).done == 10
+    assert_same(aw.load_sweep(path, verify=True), before)
+    part.unlink()
+    assert aw.load_sweep(path).attrs["failed_chunks"] == "1: rms_error/c/1/0 is not there"
+    assert aw.sweep(file, path, lanes=20, client=client).done == 10
+    assert_same(aw.load_sweep(path, verify=True), before)
 
 
 def test_other_sweeps_are_refused(file: Path, tmp_path: Path, client: Any, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -174,8 +191,10 @@ def test_other_sweeps_are_refused(file: Path, tmp_path: Path, client: Any, monke
     with pytest.raises(OutputError, match="another scenario"):
         aw.sweep(file, path, lanes=20, client=client)
     file.write_text(SCENARIO)
-    about = zarr.open_group(path, mode="r+")
-    about.attrs["armwright_sweep"] = str(about.attrs["armwright_sweep"]).replace('"numpy": "', '"numpy": "0.')
+    group = zarr.open_group(path, mode="r+")
+    about = json.loads(str(group.attrs["armwright_sweep"]).replace('"numpy": "', '"numpy": "0.'))
+    del about["digest"]
+    group.attrs["armwright_sweep"] = json.dumps(about | {"digest": _text_digest(about)})
     with pytest.raises(OutputError, match="made with numpy 0"):
         aw.sweep(file, path, lanes=20, client=client)
     other = tmp_path / "other.zarr"
@@ -240,26 +259,26 @@ def test_a_full_disk_keeps_what_is_done(
     assert_same(done.load(), whole)
 
 
-@pytest.mark.parametrize("most", [0, 4000])
+@pytest.mark.parametrize("most", [0, 6000])
 def test_files_that_the_system_refuses_to_write(
     most: int, file: Path, tmp_path: Path, client: Any, whole: xr.Dataset
 ) -> None:
     """A limit on the size of files, which Zarr meets as it meets a full disk: in the first file, or in a chunk of results."""
     resource = pytest.importorskip("resource", reason="no limits on the size of files here")
-    aw.sweep(file, tmp_path / "first.zarr", lanes=LANES, client=client)  # compiles, and keeps what it compiled
+    aw.sweep(file, tmp_path / "first.zarr", lanes=2 * LANES, client=client)  # compiles, and keeps what it compiled
     path, before = tmp_path / "runs.zarr", resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (most, before[1]))
     try:
         with pytest.raises(OutputError, match=r"runs\.zarr: cannot be written: .*[Ff]ile too large") as refused:
-            aw.sweep(file, path, lanes=LANES, chunk=LANES, client=client, progress=False)
+            aw.sweep(file, path, lanes=2 * LANES, chunk=2 * LANES, client=client, progress=False)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
     assert "\n" not in str(refused.value)
     assert path.exists() == (most > 0)
     assert not list(tmp_path.glob(".armwright-*"))
-    done = aw.sweep(file, path, lanes=LANES, client=client)
+    done = aw.sweep(file, path, lanes=2 * LANES, client=client)
     assert done.kept == 0
-    assert_same(done.load(), whole)
+    assert_same(done.load().isel(lane=slice(LANES)), whole)
 
 
 def test_a_chunk_that_fails_is_marked_and_tried_again(tmp_path: Path, client: Any) -> None:
@@ -371,9 +390,130 @@ def test_the_command_on_a_full_disk(file: Path, tmp_path: Path, monkeypatch: pyt
     monkeypatch.setattr(
         "armwright.sweeps.sweep.connected", lambda _: contextlib.nullcontext(SimpleNamespace(nthreads=dict))
     )
-    monkeypatch.setattr("armwright.sweeps.store.SweepStore._mark", full)
+    monkeypatch.setattr("armwright.sweeps.store.SweepStore._file", full)
     monkeypatch.setattr("armwright.sweeps.sweep._results", lambda *_: iter([(0, {})]))
     result = CliRunner().invoke(app, ["sweep", str(file), "--lanes", "20", "-o", str(tmp_path / "runs.zarr")])
     assert result.exit_code == 2
     assert "runs.zarr: cannot be written: No space left on device; finished chunks are kept" in result.stderr
     assert len(result.stderr.splitlines()) == 1
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory, client: Any) -> Path:
+    """A folder with the scenario, a finished store of five chunks, and an unfinished one."""
+    folder = tmp_path_factory.mktemp("written")
+    (folder / "arm.scenario.toml").write_text(SCENARIO)
+    aw.sweep(folder / "arm.scenario.toml", folder / "whole.zarr", lanes=100, chunk=20, client=client)
+    shutil.copytree(folder / "whole.zarr", folder / "half.zarr")
+    for chunk in "13":
+        (folder / "half.zarr" / "chunk_mark" / "c" / chunk / "0").unlink()
+        (folder / "half.zarr" / "rms_error" / "c" / chunk / "0").unlink()
+    return folder
+
+
+@pytest.mark.sample(10)
+@pytest.mark.parametrize("seed", range(200))
+def test_damage_is_made_good_or_named(seed: int, written: Path, tmp_path: Path, client: Any) -> None:
+    rng, path = np.random.default_rng(seed), tmp_path / "runs.zarr"
+    shutil.copytree(written / ("whole.zarr" if seed % 2 else "half.zarr"), path)
+    file = rng.choice(sorted(each for each in path.rglob("*") if each.is_file()))
+    content = file.read_bytes()
+    match rng.choice(["delete", "truncate", "flip", "swap", "foreign"]):
+        case "delete":
+            file.unlink()
+        case "truncate":
+            file.write_bytes(content[: rng.integers(len(content))])
+        case "flip":
+            at = int(rng.integers(len(content)))
+            file.write_bytes(content[:at] + bytes([content[at] ^ (1 << int(rng.integers(8)))]) + content[at + 1 :])
+        case "swap":
+            other = rng.choice(sorted(each for each in path.glob("*/c/*/0") if each != file))
+            file.write_bytes(other.read_bytes())
+            other.write_bytes(content)
+        case _:
+            file.write_bytes(rng.bytes(50))
+    result = file.parent.name != path.name and file.relative_to(path).parts[0] in (
+        "rms_error",
+        "overshoot",
+        "chunk_mark",
+    )
+    repaired = result and file.name != "zarr.json"  # what is damaged in a chunk is not refused
+    with contextlib.nullcontext() if repaired else contextlib.suppress(ArmwrightError):
+        aw.sweep(written / "arm.scenario.toml", path, lanes=100, client=client, progress=False)
+        stored = aw.load_sweep(path, verify=True)
+        assert stored["finished"].values.all()
+        xr.testing.assert_identical(stored.compute(), aw.load_sweep(written / "whole.zarr").compute())
+
+
+@pytest.mark.parametrize("copied", ["chunk_mark/c/1/0", "rms_error/c/1/0 chunk_mark/c/1/0", "zarr.json"])
+def test_a_copy_of_another_store_over_this_one_that_was_cut_off(
+    copied: str, written: Path, tmp_path: Path, client: Any
+) -> None:
+    """Data and marks of a sweep with another seed, each right by itself: none of it is believed."""
+    other = tmp_path / "other.scenario.toml"
+    other.write_text(SCENARIO.replace("seed = 7", "seed = 8"))
+    aw.sweep(other, tmp_path / "other.zarr", lanes=100, chunk=20, client=client, progress=False)
+    path = tmp_path / "runs.zarr"
+    shutil.copytree(written / "whole.zarr", path)
+    for name in copied.split():
+        shutil.copy(tmp_path / "other.zarr" / name, path / name)
+    seen = aw.load_sweep(path)
+    if copied == "zarr.json":
+        assert not seen["finished"].values.any()
+        with pytest.raises(OutputError, match="holds a sweep of another scenario"):
+            aw.sweep(written / "arm.scenario.toml", path, lanes=100, client=client, progress=False)
+        return
+    assert seen["finished"].values.tolist() == [True] * 20 + [False] * 20 + [True] * 60
+    assert np.isnan(seen["rms_error"].values[20:40]).all()
+    assert aw.sweep(written / "arm.scenario.toml", path, lanes=100, client=client, progress=False).done == 20
+    xr.testing.assert_identical(aw.load_sweep(path).compute(), aw.load_sweep(written / "whole.zarr").compute())
+
+
+@pytest.mark.parametrize("folder", ["chunk_mark", "rms_error"])
+def test_chunks_that_were_exchanged(folder: str, written: Path, tmp_path: Path, client: Any) -> None:
+    path = tmp_path / "runs.zarr"
+    shutil.copytree(written / "whole.zarr", path)
+    one, two = (next((path / folder / "c" / str(k)).rglob("0")) for k in (1, 3))
+    first, second = one.read_bytes(), two.read_bytes()
+    one.write_bytes(second)
+    two.write_bytes(first)
+    expected = [True] * 20 + [False] * 20 + [True] * 20 + [False] * 20 + [True] * 20
+    assert aw.load_sweep(path, verify=True)["finished"].values.tolist() == expected
+    assert aw.sweep(written / "arm.scenario.toml", path, lanes=100, client=client, progress=False).done == 40
+    xr.testing.assert_identical(aw.load_sweep(path).compute(), aw.load_sweep(written / "whole.zarr").compute())
+
+
+@pytest.mark.parametrize(
+    ("old", "new"), [(r'"chunk\": 20', r'"chunk\": 10'), (r'"lanes\": 100', r'"lanes\": 900'), ("Planar", "Linear")]
+)
+def test_metadata_with_another_number(old: str, new: str, written: Path, tmp_path: Path, client: Any) -> None:
+    path = tmp_path / "runs.zarr"
+    shutil.copytree(written / "whole.zarr", path)
+    text = (path / "zarr.json").read_text()
+    assert old in text
+    (path / "zarr.json").write_text(text.replace(old, new, 1))
+    with pytest.raises(RunError, match="has damaged metadata"):
+        aw.load_sweep(path)
+    with pytest.raises(ArmwrightError, match="has damaged metadata"):
+        aw.sweep(written / "arm.scenario.toml", path, lanes=100, client=client, progress=False)
+
+
+def test_what_is_no_store_is_refused_in_one_line(written: Path, tmp_path: Path, client: Any) -> None:
+    """Other stores, pipes, devices, a store of an earlier version, and names that no folder has."""
+    for name in ("pipe", "old"):
+        shutil.copytree(written / "whole.zarr", tmp_path / f"{name}.zarr")
+    part = tmp_path / "pipe.zarr" / "rms_error" / "c" / "1" / "0"
+    part.unlink()
+    os.mkfifo(part)
+    old = zarr.open_group(tmp_path / "old.zarr", mode="r+")
+    old.attrs["armwright_sweep"] = str(old.attrs["armwright_sweep"]).replace('"form": 3', '"form": 1')
+    zarr.create_group(tmp_path / "foreign.zarr")
+    os.mkfifo(tmp_path / "alone.zarr")
+    for path in (*tmp_path.iterdir(), Path("/dev/null"), tmp_path / f"{'a' * 300}.zarr"):
+        for call in (
+            aw.load_sweep,
+            lambda path: aw.sweep(written / "arm.scenario.toml", path, lanes=100, client=client),
+        ):
+            with pytest.raises(ArmwrightError) as refused:
+                call(path)
+            assert "\n" not in str(refused.value)

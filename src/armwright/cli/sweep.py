@@ -27,12 +27,16 @@ def sweep(
     ] = None,
     retries: Annotated[int, option("--retries", "K", "How often a chunk is tried again after an error.")] = 2,
     rows: Annotated[bool, typer.Option("--rows", help="Store recorded rows too, not only what is reduced.")] = False,
+    verify: Annotated[
+        bool,
+        typer.Option("--verify", help="Simulate nothing: read the whole store, and compare it with its checksums."),
+    ] = False,
     allow: Allow = None,
 ) -> None:
     """Simulate millions of lanes of a scenario in chunks, and store a few results of each.
 
-    If the store exists, only missing chunks are simulated: after Ctrl-C, or any kill, the same command continues. The bits
-    of the results do not depend on chunks, workers and their order. `aw.load_sweep` reads them.
+    If the store exists, only missing and damaged chunks are simulated: after Ctrl-C, or any kill, the same command
+    continues. The bits of the results do not depend on chunks, workers and their order. `aw.load_sweep` reads them.
 
     Exit code: 0 all lanes are done, 1 chunks failed, 2 bad input, or the store cannot be written.
 
@@ -47,6 +51,14 @@ def sweep(
 
     if not scenario.name.endswith(SCENARIO):
         raise ScenarioError(place="SCENARIO", value=str(scenario), expected=f"a file that ends in {SCENARIO}")
+    if verify:
+        stored = aw.load_sweep(output, verify=True).attrs
+        console(soft_wrap=True).print(
+            f"{output}: {stored['lanes_finished']:,} of {stored['lanes']:,} lanes are as written"
+        )
+        for line in stored.get("failed_chunks", "").splitlines()[:3]:
+            say(f"armwright: chunk {line}", err=True)
+        raise typer.Exit(int(stored["lanes_finished"] < stored["lanes"]))
     made = aw.read_scenario(scenario, allow=allow or ())
     try:
         with (

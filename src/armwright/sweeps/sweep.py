@@ -76,7 +76,7 @@ def sweep(
     """Simulates many lanes of a scenario, chunk by chunk on a Dask cluster, and stores each chunk as it finishes.
 
     A lane has the same bits whatever the chunks, workers and their order. Where the store is there already, only chunks that are
-    not done are simulated; so a sweep that was stopped or killed goes on with the same call.
+    not done, or whose files are damaged, are simulated; so a sweep that was stopped or killed goes on with the same call.
 
     Args:
         scenario: what to run, or the path of a scenario file. Its draws are drawn for as many lanes as are asked for here.
@@ -166,10 +166,10 @@ def _begun(path: Path, about: About) -> SweepStore | None:
     Raises:
         OutputError: something else is there, the sweep is another one, or a store cannot be written.
     """
-    if not path.exists():
+    if not os.path.exists(path):
         check_destination(path, (".zarr",))
         return None
-    if not (path / "zarr.json").is_file():
+    if not os.path.isfile(path / "zarr.json"):
         raise OutputError("is there, and is no store of a sweep", file=path, expected="another name, ending in .zarr")
     store = SweepStore(path)
     store.about.check(about, path)
