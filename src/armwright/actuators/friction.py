@@ -42,6 +42,21 @@ def sigmoid(torque: Scalar, friction: Friction, speed: Scalar, load: Scalar | No
     return torque + a / (1.0 + scalar.exp(-b * (speed + c))) - a / (1.0 + scalar.exp(-b * c))
 
 
+def static_levels(friction: Friction) -> tuple[Scalar, Scalar]:
+    """-Fs and Fs; without Stribeck's level, or above it, Coulomb's of either direction."""
+    plus, minus = friction.coulomb_positive, friction.coulomb_negative
+    if friction.stribeck is None:
+        return -minus, plus
+    return -scalar.maximum(friction.stribeck, minus), scalar.maximum(friction.stribeck, plus)
+
+
+def ends_of_sigmoid(friction: Friction) -> tuple[Scalar, Scalar]:
+    """-a/(1 + exp(-b c)) and a - a/(1 + exp(-b c)), the law's values far from standstill: it stands for dry friction."""
+    a, b, c = friction.parameters
+    low = -a / (1.0 + scalar.exp(-b * c))
+    return low, low + a
+
+
 @dataclass(frozen=True)
 class Law:
     """A friction law.
@@ -51,16 +66,23 @@ class Law:
             speed in [rad/s | m/s].
         steep: friction → middle and half width [rad/s | m/s] of the speeds, beside standstill, where it is steepest.
         bends: whether its slope jumps where a joint turns back.
+        holding: friction → the torques [N m | N] of either direction, negative and positive, between which it holds a joint at
+            rest, without load.
     """
 
     add: Callable[[Scalar, Friction, Scalar, Scalar | None, Scalar | None], Scalar]
     steep: Callable[[Friction], tuple[Scalar, Scalar]] = lambda friction: (0.0, 1.0)
     bends: bool = False
+    holding: Callable[[Friction], tuple[Scalar, Scalar]] = static_levels
 
 
 LAWS = {
     "coulomb": Law(coulomb),
-    "sigmoid": Law(sigmoid, steep=lambda friction: (-friction.parameters[2], 1 / friction.parameters[1])),
+    "sigmoid": Law(
+        sigmoid,
+        steep=lambda friction: (-friction.parameters[2], 1 / friction.parameters[1]),
+        holding=ends_of_sigmoid,
+    ),
     "lugre": Law(coulomb, bends=True),
 }
 

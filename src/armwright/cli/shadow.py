@@ -13,7 +13,7 @@ from armwright.errors import ScenarioError
 from armwright.terminal import say
 
 INTERFACES = ("virtual", "socketcan", "udp_multicast")  # before the colon of a bus
-ALARMED = 1  # the exit code where there were alarms
+ALARMED = 1  # the exit code without the verdict "no alarm"
 
 
 def shadow(
@@ -67,7 +67,8 @@ def shadow(
     Limits of the alarms come from the record's verdict (see `armwright validate`), else from the fit or the standard
     deviations in the record. No row depends on a later one, so alarms come as early as beside the real arm. On a bus it
     only listens, and sends nothing. Its drives answer each SYNC with statusword, actual torque and position, as those of an
-    LWA 4P or of `armwright twin`. Exit code: 0 no alarm, 1 alarms, 2 input that cannot be used.
+    LWA 4P or of `armwright twin`. Values that cannot be are reported and bridged. Exit code: 0 no alarm, with every joint
+    judged practically all the time and the model never far from the arm; 1 otherwise; 2 input that cannot be used.
 
     \b
     Examples:
@@ -82,7 +83,7 @@ def shadow(
     from armwright.identification.validation.report import check_report
     from armwright.shadow.alarms import FACTOR
     from armwright.shadow.page import write_shadow
-    from armwright.shadow.shadow import HEADS
+    from armwright.shadow.shadow import HEADS, event_lines
 
     factor, deviations = FACTOR if factor is None else factor, None if deviation is None else _numbers(deviation)
     of_bus = {"output": output, "duration": duration, "nodes": nodes, "counts": counts, "period": period}
@@ -94,8 +95,8 @@ def shadow(
             raise ScenarioError("missing", place="--robot", expected="the arm whose drives are on the bus")
         with as_options("deviation", "factor", "counts", "period", "nodes"):
             numbers = None if nodes is None else _whole(nodes)
-            alarms = listen(robot, source, deviations, factor, duration, numbers, counts, period, output)
-        if alarms:
+            clean = listen(robot, source, deviations, factor, duration, numbers, counts, period, output)
+        if not clean:
             raise typer.Exit(ALARMED)
         return
     _refuse(of_bus, source, "a bus, such as socketcan:can0")
@@ -115,13 +116,13 @@ def shadow(
     say("")
     for name, alarm in found.alarms:
         say(f"{name}: {alarm}")
-    if not found.alarms:
-        say("no alarm")
+    for line in (*event_lines(found.events), *found.verdict.lines):
+        say(line)
     for note in found.notes:
         say(note)
     if report is not None:
         say(f"wrote {write_shadow(report, found)}")
-    if found.alarms:
+    if not found.verdict.clean:
         raise typer.Exit(ALARMED)
 
 

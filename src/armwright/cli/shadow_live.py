@@ -32,11 +32,11 @@ def replay(shadow: Shadow) -> None:
 
     console = console_for_tables()
     for run in shadow.runs:
-        t = run.residuals.t
+        t = np.cumsum(np.diff(run.residuals.t, prepend=run.residuals.t[:1]).clip(0.0))  # a clock may have been set back
         begin = time.monotonic()
         with Live(console=console, auto_refresh=False, transient=True) as live:
-            for now in np.arange(t[0], t[-1], PERIOD):
-                time.sleep(max(0.0, begin + now - t[0] - time.monotonic()))
+            for now in np.arange(0.0, t[-1], PERIOD):
+                time.sleep(max(0.0, begin + now - time.monotonic()))
                 live.update(_of_run(shadow, run, int(np.searchsorted(t, now))), refresh=True)
 
 
@@ -71,7 +71,8 @@ def frame(
         bar = "█" * min(round(share * BAR), BAR) + (" !" if share > 1.0 else "")
         first, last = ([_number(each[k]) for each in both] for both in ((torque, limits), (position, largest)))
         cells.append([name, unit, *first, bar, *last])
-    state = str(alarms[-1]) if alarms else "no alarm"
+    judged = np.isfinite(torque) & np.isfinite(limits)
+    state = str(alarms[-1]) if alarms else "no alarm" if judged.all() else "not judged"
     return table(f"{run}, {t:.1f} s: {state}", HEADS, cells, (HEADS[0], HEADS[1], HEADS[4]))
 
 
@@ -89,8 +90,8 @@ def listen(
     counts: float | None,
     period: float | None,
     output: Path | None,
-) -> list[ShadowAlarm]:
-    """Shows a table of the last residuals on a bus, and each alarm that they raise.
+) -> bool:
+    """Shows a table of the last residuals on a bus, and each alarm that they raise; True if the verdict is "no alarm".
 
     Args:
         robot: path or name.   bus: its name.   deviation, factor: as of `ArmShadow`.   duration, nodes, counts, period: as of
@@ -99,7 +100,7 @@ def listen(
     from rich.live import Live
 
     from armwright.results.recording import check_recording, save
-    from armwright.shadow.shadow import ArmShadow
+    from armwright.shadow.shadow import ArmShadow, event_lines
     from armwright.twin.listen import BusListener, bus_recording, shadow_bus
 
     if output is not None:
@@ -131,11 +132,12 @@ def listen(
     say("")
     for alarm in shadow.alarms:
         say(str(alarm))
-    if not shadow.alarms:
-        say("no alarm")
+    found = shadow.verdict
+    for line in (*event_lines([(bus, each) for each in shadow.events]), *found.lines):
+        say(line)
     say(f"standard deviations of the residuals: {shadow.deviations.source}")
     say(f"{count} rows, {listener.incomplete} cycles without all answers")
     if output is not None and rows:
         save(bus_recording(shadow.arm, rows, residuals), output)
         say(f"wrote {output}")
-    return list(shadow.alarms)
+    return found.clean

@@ -11,6 +11,7 @@ import numpy as np
 from armwright import scalar
 from armwright.errors import ModelError
 from armwright.model.tree import Tree
+from armwright.printable import is_seen
 from armwright.scalar import Array
 
 TERMS = ("friction", "springs", "rotors", "efficiency")  # that None takes away
@@ -40,8 +41,9 @@ def changed(model: AnyTree, name: str, value: Any) -> AnyTree:
         value = _gravity(value)
     elif name == "tip":
         model.frame(value)
-    else:
-        value = str(value)
+    elif not isinstance(value, str) or not value or not is_seen(value):
+        expected = "text without control or invisible characters"
+        raise ModelError(place="replace.name", value=value, expected=expected)
     return dataclasses.replace(model, **{name: value})
 
 

@@ -7,6 +7,8 @@ ends where all joints have been below half of it for REST.
 In its first half second the residuals are compared with those that 1 kg more at the tip would leave, g: the mass that explains
 them best is Δm = Σ r·g / Σ g·g, both in units of the limits, and it explains the share (Σ r·g)² / (Σ r·r Σ g·g) of their power.
 A contact at a link leaves residuals at the joints between the base and that link alone.
+
+The time of rows without residuals counts neither for HOLD nor for REST.
 """
 
 from __future__ import annotations
@@ -16,6 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armwright.shadow.observer import Residuals
+from armwright.shadow.verdict import Judged
 
 FACTOR = 8.0  # standard deviations: peaks of model error where joints turn back are 5 in simulation
 SHARE = 0.05  # of Σ |M_ij q̈_j| + |C_ij q̇_j|
@@ -72,11 +75,15 @@ class AlarmWatch:
 
     Args:
         joints: names, from the base on.   limits: (n,) [N m | N]; NaN: nothing is raised for that joint.
+
+    Attributes:
+        alarms: all so far.   judged: for how long each joint was.
     """
 
     def __init__(self, joints: tuple[str, ...], limits: np.ndarray):
         self._joints, self._limits = joints, np.asarray(limits, dtype=float)
         self.alarms: list[ShadowAlarm] = []
+        self.judged = Judged.of(len(joints))
         self._beyond = self._below = np.inf  # since when [s]
         self._sums, self._far = np.zeros(3), np.zeros(len(joints), dtype=bool)
 
@@ -91,8 +98,13 @@ class AlarmWatch:
         with np.errstate(invalid="ignore"):
             limits = limits_at(self._limits, rows)
             ratio, other = np.nan_to_num(rows.torque / limits), np.nan_to_num(rows.kilogram / limits)
-        most = np.abs(ratio).max(axis=1, initial=0.0)
+        most, without = np.abs(ratio).max(axis=1, initial=0.0), np.any(np.isnan(rows.torque), axis=1)
+        self.judged += Judged.along(rows, limits)
         for k, t in enumerate(rows.t):
+            if without[k]:
+                self._below += rows.step[k]
+                self._beyond += rows.step[k]
+                continue
             if not self.active:
                 if most[k] <= 1.0:
                     self._beyond = np.inf
@@ -101,7 +113,7 @@ class AlarmWatch:
                     self._beyond, self._below = t, np.inf
                     self._sums, self._far = np.zeros(3), np.zeros(len(self._joints), dtype=bool)
             if t - self._beyond <= JUDGED:
-                self._count(ratio[k], other[k])
+                self._count(ratio[k], other[k], rows.resting[k] == 0.0)
             if self.active:
                 self._continue(t, most[k])
             elif t - self._beyond >= HOLD:
@@ -109,8 +121,9 @@ class AlarmWatch:
                 raised.append(len(self.alarms) - 1)
         return [self.alarms[k] for k in raised]
 
-    def _count(self, r: np.ndarray, g: np.ndarray) -> None:
-        self._sums += (r @ g, g @ g, r @ r)
+    def _count(self, r: np.ndarray, g: np.ndarray, certain: np.ndarray) -> None:
+        of_r, of_g = r * certain, g * certain  # where friction may hide a part, the size of a residual says nothing
+        self._sums += (of_r @ of_g, of_g @ of_g, of_r @ of_r)
         self._far |= np.abs(r) > 1.0
 
     def _raised(self, t: float, residual: np.ndarray, limits: np.ndarray, ratio: np.ndarray) -> ShadowAlarm:

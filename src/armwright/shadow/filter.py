@@ -13,7 +13,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-GAP = 5.0  # usual periods; after a longer pause the filter starts again
 SETTLED = 15.0  # time constants 1/w after which the start at rest is forgotten: 16 e^-15 = 5e-6 of it is left
 SAME = 1e-9  # [s]; periods nearer to each other have the same transition matrix
 
@@ -46,42 +45,44 @@ class SignalFilter:
         self._x = self._u = np.zeros(
             0
         )  # (2, signals, n), signals and derivatives, and (signals, n) the last row; empty: not started
-        self._last = self._started = self._usual = math.inf
+        self._last = self._started = math.inf
         self._tau: np.ndarray | None = None
         self._step, self._matrix = -1.0, ((1.0, 0.0), (0.0, 1.0))
 
-    def rows(self, t: np.ndarray, q: np.ndarray, tau: np.ndarray, qd: np.ndarray | None = None) -> Filtered:
+    @property
+    def settling(self) -> float:
+        """[s] after a start."""
+        return SETTLED / self._w
+
+    def rows(
+        self, t: np.ndarray, q: np.ndarray, tau: np.ndarray, qd: np.ndarray | None, begins: np.ndarray
+    ) -> Filtered:
         """Filtered rows.
 
         Args:
-            t: (rows,) [s].   q, tau: (rows, n).   qd: (rows, n) if it is measured; None: the derivative of q.
+            t: (rows,) [s] increasing from a beginning on.   q, tau: (rows, n), finite.
+            qd: (rows, n) if it is measured; None: the derivative of q.   begins: (rows,) at which the filter starts again.
         """
         if self._held and len(tau):
             before = tau[:1] if self._tau is None else self._tau
             self._tau, tau = tau[-1:].copy(), 0.5 * (tau + np.concatenate([before, tau[:-1]]))
         inputs = np.stack([q, tau] if qd is None else [q, tau, qd], axis=1)
         states, settled = np.empty((len(t), 2, *inputs.shape[1:])), np.zeros(len(t), dtype=bool)
-        whole = np.array([np.isfinite(row).all() for row in inputs], dtype=bool)
         for k, now in enumerate(t):
-            states[k] = self._next(float(now), inputs[k], bool(whole[k]))
-            settled[k] = now - self._started >= SETTLED / self._w
+            states[k] = self._next(float(now), inputs[k], bool(begins[k]))
+            settled[k] = now - self._started >= self.settling
         x, rate = states[:, 0], states[:, 1]
         if qd is None:
             acceleration = self._w**2 * (q - x[:, 0]) - 2.0 * self._w * rate[:, 0]
             return Filtered(x[:, 0], rate[:, 0], acceleration, x[:, 1], settled)
         return Filtered(x[:, 0], x[:, 2], rate[:, 2], x[:, 1], settled)
 
-    def _next(self, now: float, u: np.ndarray, whole: bool) -> np.ndarray:
-        """State (2, signals, n) at the next row; a row with gaps is left out, and what follows starts again."""
-        gap = now - self._last
-        if not whole:
-            self._x = np.zeros(0)
-            self._started = math.inf
-            return np.zeros((2, *u.shape))
-        if not self._x.size or gap > GAP * self._usual:
+    def _next(self, now: float, u: np.ndarray, begins: bool) -> np.ndarray:
+        """State (2, signals, n) at the next row."""
+        if begins:
             self._x, self._started = np.stack([u, np.zeros_like(u)]), now
         else:
-            self._usual = min(self._usual, gap)
+            gap = now - self._last
             if abs(gap - self._step) > SAME:
                 self._step, self._matrix = gap, critically_damped(self._w, gap)
             (a, b), (c, d) = self._matrix

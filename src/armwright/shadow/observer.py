@@ -12,15 +12,17 @@ The position residual is the error of a model that the measured torques drive an
 
     ë + 2 w ė + w² e = M⁻¹ tau_ext.
 
-Of a joint at rest dry friction takes any torque within its level: that part of d is friction, and no residual. While a joint
-turns back, the filtered speed changes its sign later than friction does: what friction may have changed then, leaves r as it was.
+Of a joint at rest friction takes any torque between its bounds (`rest`): that part of d is friction, and no residual. While a
+joint turns back, the filtered speed changes its sign later than friction does: what friction may have changed then, leaves r as
+it was.
+
+Rows with values that cannot be are left out (`rows`): a few are bridged, more are a gap, after which the observer starts again.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
@@ -29,6 +31,8 @@ from armwright.identification.validation.torque import motor_shares
 from armwright.kernels.compiled import CompiledArm, compile_arm
 from armwright.model import BASE, Model
 from armwright.shadow.filter import Filtered, SignalFilter, critically_damped
+from armwright.shadow.rest import RestingFriction
+from armwright.shadow.rows import AT_ONCE, RowCheck, ShadowEvent
 
 TURN = 3.0  # delays of the filter before and after a joint turns back in which its direction is not certain
 KILOGRAM = "one_kilogram_more"  # link of the second model
@@ -62,10 +66,14 @@ class Residuals:
     """Rows of the observer.
 
     Attributes:
-        t: (rows,) [s].   torque: (rows, n) [N m | N] r, what acts on the arm beside its model; NaN until the filter has settled.
-        position: (rows, n) [rad | m] e; NaN as `torque`.   speed: (rows, n) [rad/s | m/s] filtered.
+        t: (rows,) [s]; of a time stamp that cannot be the one before.
+        torque: (rows, n) [N m | N] r, what acts on the arm beside its model; NaN until the filter has settled, and of rows that
+            were left out.
+        position: (rows, n) [rad | m] e; NaN as `torque`.   speed: (rows, n) [rad/s | m/s] filtered; NaN of rows left out.
         kilogram: (rows, n) [N m | N] what r is of 1 kg more at the tip; zeros where the arm has no tip.
         moving: (rows, n) [N m | N] Σ |M_ij q̈_j| + |C_ij q̇_j| behind the low-pass of r: torques that motion asks for, by size.
+        resting: (rows, n) [N m | N] width of the torques that friction hides where its direction is not certain, either way.
+        step: (rows,) [s] that the row stands for; 0 while the filter settles for the first time.
     """
 
     t: np.ndarray
@@ -74,18 +82,29 @@ class Residuals:
     speed: np.ndarray
     kilogram: np.ndarray
     moving: np.ndarray
+    resting: np.ndarray
+    step: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
 class _Last:
-    """Values of the last row: p, what is known of ṗ, and r, of both models (2, n); torques of motion (n,); e and ė (n,)."""
+    """Values of the last row: r of both models (2, n); torques of motion (n,); e and ė (n,)."""
 
     t: float
-    momentum: np.ndarray
-    known: np.ndarray
+    known: _Known
     residual: np.ndarray
     moving: np.ndarray
     error: tuple[np.ndarray, np.ndarray]
+
+
+@dataclass(frozen=True, eq=False)
+class _Known:
+    """Of a row: p, and what is known of ṗ, of both models (2, n); centre and width of the torques of friction at rest (n,)."""
+
+    momentum: np.ndarray
+    rate: np.ndarray
+    centre: np.ndarray
+    width: np.ndarray
 
 
 class MomentumObserver:
@@ -94,28 +113,34 @@ class MomentumObserver:
     Args:
         arm: a full record.   bandwidths: settings.   held: whether torques act until the next row, as commands do.
         heavier: the arm with 1 kg more, for `Residuals.kilogram`; None: it is left out.
+        whole: the arm with the friction that its joints have at rest, where measured torques, and so `arm`, lack it; None: `arm`.
     """
 
     def __init__(
-        self, arm: Model, bandwidths: ShadowBandwidths | None = None, held: bool = False, heavier: Model | None = None
+        self,
+        arm: Model,
+        bandwidths: ShadowBandwidths | None = None,
+        held: bool = False,
+        heavier: Model | None = None,
+        whole: Model | None = None,
     ):
         self.arm, self.bandwidths, self._held = arm, bandwidths or ShadowBandwidths(), held
         self._models = [compile_arm(each) for each in (arm, heavier) if each is not None]
-        self._shares = motor_shares(arm)
+        self._shares, self._check = motor_shares(arm), RowCheck(whole or arm)
         self.restart()
+        self._friction = RestingFriction(arm, whole or arm, self.bandwidths.rest, TURN * self._filter.delay)
+
+    @property
+    def events(self) -> tuple[ShadowEvent, ...]:
+        """All rows that were left out so far, and residuals that were not finite."""
+        return tuple(sorted(self._check.events, key=lambda each: each.t))
 
     def restart(self) -> None:
         """Forgets all rows; to be called before another run."""
         self._filter = SignalFilter(self.bandwidths.filter_hz, self._held)
+        self._check.restart()
         self._last: _Last | None = None
-        self._time = -math.inf
-
-    @cached_property
-    def dry(self) -> np.ndarray:
-        """(n,) [N m | N] dry friction of each joint that has just begun to move, by the model's own friction."""
-        still, slow = np.zeros(self.arm.n), np.full(self.arm.n, self.bandwidths.rest)
-        forth, back = (self._models[0].inverse_dynamics(still, each, still) @ self._shares for each in (slow, -slow))
-        return np.maximum(0.5 * (forth - back), 0.0)
+        self._age = 0.0  # [s] of the run
 
     def update(self, t: np.ndarray, q: np.ndarray, tau: np.ndarray, qd: np.ndarray | None = None) -> Residuals:
         """Residuals at further rows.
@@ -126,47 +151,57 @@ class MomentumObserver:
         Returns:
             residuals: one row for each row.
         Raises:
-            ShapeError: an array of another shape, or a time that does not increase.
+            ShapeError: an array of another shape.
         """
         t, q, tau = (np.asarray(each, dtype=float) for each in (t, q, tau))
         qd = None if qd is None else np.asarray(qd, dtype=float)
         for name, values in (("q", q), ("tau", tau), ("qd", q if qd is None else qd)):
             if t.ndim != 1 or values.shape != (len(t), self.arm.n):
                 raise ShapeError(place=name, value=str(values.shape), expected=f"({t.size}, {self.arm.n})")
-        late = np.flatnonzero(~(np.diff(t, prepend=self._time) > 0.0))
-        if len(late):
-            raise ShapeError("does not increase", place="t", value=float(t[late[0]]))
-        self._time = float(t[-1]) if len(t) else self._time
-        return self._observed(t, self._filter.rows(t, q, tau, qd))
+        checked = self._check.check(t, q, tau, qd)
+        rows = np.flatnonzero(checked.taken)
+        found = np.full((6, *q.shape), np.nan)
+        found[3:] = 0.0  # kilogram, moving, resting
+        if len(rows):
+            filtered = self._filter.rows(
+                checked.t[rows], q[rows], tau[rows], None if qd is None else qd[rows], checked.begins[rows]
+            )
+            found[:, rows] = self._observed(checked.t[rows], filtered)
+        age = np.cumsum([self._age, *checked.step])
+        self._age = float(age[-1])
+        step = np.where(age[1:] < self._filter.settling + AT_ONCE, 0.0, checked.step)
+        torque, position, speed, kilogram, moving, resting = found
+        return Residuals(checked.t, torque, position, speed, kilogram, moving, resting, step)
 
-    def _observed(self, t: np.ndarray, rows: Filtered) -> Residuals:
-        """The recursion over filtered rows, from where the last block ended."""
+    def _observed(self, t: np.ndarray, rows: Filtered) -> np.ndarray:
+        """The recursion over filtered rows, from where the last block ended: (6, rows, n) in the order of `Residuals`."""
         terms = [self._terms(model, rows) for model in self._models]
         momentum, known = (np.stack([each[k] for each in terms], axis=1) for k in (0, 1))  # (rows, models, n)
         known += rows.tau[:, None]
-        inertia, coriolis = terms[0][2:]
+        inertia, coriolis, motors = terms[0][2:]
         moving = _times(np.abs(inertia), np.abs(rows.qdd)) + _times(np.abs(coriolis), np.abs(rows.qd))
-        slow = np.abs(rows.qd)
-        turning = slow < TURN * self._filter.delay * np.abs(rows.qdd)
-        dry = np.where(turning | (slow < self.bandwidths.rest), self.dry, 0.0)
+        resting = self._friction.of(rows.qd, rows.qdd, motors)
         compliance, hz = np.linalg.inv(inertia), 2.0 * math.pi * self.bandwidths.residual_hz
         w = 2.0 * math.pi * self.bandwidths.position_hz
-        found = np.full((4, *rows.q.shape), np.nan)
-        found[2:] = 0.0
+        found = np.full((6, *rows.q.shape), np.nan)
+        found[2], found[3:] = rows.qd, 0.0
+        found[5] = resting.width
         last = self._last
         for k, settled in enumerate(rows.settled):
             if not settled:
                 last = None
                 continue
+            here = _Known(momentum[k], known[k], resting.centre[k], resting.width[k])
             if last is None:
                 still = np.zeros_like(rows.q[k])
-                last = _Last(t[k], momentum[k], known[k], np.zeros_like(momentum[k]), moving[k], (still, still))
+                last = _Last(t[k], here, np.zeros_like(momentum[k]), moving[k], (still, still))
             else:
-                step = t[k] - last.t
-                acting = (momentum[k] - last.momentum) / step - 0.5 * (known[k] + last.known)
-                news = acting[0] - np.where(turning[k], last.residual[0], 0.0)
-                acting -= np.minimum(
-                    np.maximum(news, -dry[k]), dry[k]
+                step, before = t[k] - last.t, last.known
+                acting = (momentum[k] - before.momentum) / step - 0.5 * (known[k] + before.rate)
+                centre, width = 0.5 * (here.centre + before.centre), np.maximum(here.width, before.width)
+                news = acting[0] - centre - np.where(resting.turning[k], last.residual[0], 0.0)
+                acting -= centre + np.minimum(
+                    np.maximum(news, -width), width
                 )  # of both models: their difference is that of 1 kg
                 keep = math.exp(-hz * step)
                 residual = keep * last.residual + (1.0 - keep) * acting
@@ -174,23 +209,29 @@ class MomentumObserver:
                 (a, b), (c, d) = critically_damped(w, step)
                 goal = compliance[k] @ acting[0] / w**2  # exact for an acceleration that holds over the step
                 off, rate = last.error[0] - goal, last.error[1]
-                last = _Last(
-                    t[k], momentum[k], known[k], residual, sway, (goal + a * off + b * rate, c * off + d * rate)
-                )
-            found[0, k], found[1, k], found[3, k] = last.residual[0], last.error[0], last.moving
+                last = _Last(t[k], here, residual, sway, (goal + a * off + b * rate, c * off + d * rate))
+            finite = np.isfinite(last.residual).all(axis=0) & np.isfinite(last.error).all(axis=0)
+            if not finite.all():  # starts again with the next row, as after a gap
+                joint = int(np.flatnonzero(~finite)[0])
+                self._check.report("residual", self.arm.names[joint], float(last.residual[0, joint]), float(t[k]))
+                last = None
+                continue
+            found[0, k], found[1, k], found[4, k] = last.residual[0], last.error[0], last.moving
             if len(terms) > 1:
-                found[2, k] = last.residual[0] - last.residual[1]
+                found[3, k] = last.residual[0] - last.residual[1]
         self._last = last
-        return Residuals(t, found[0], found[1], rows.qd, found[2], found[3])
+        return found
 
     def _terms(self, model: CompiledArm, rows: Filtered) -> tuple[np.ndarray, ...]:
-        """p, Cᵀ q̇ - g - f, M and C. f includes what gears lose, so that p alone holds the inertia: f = ID(q, q̇, q̈) - M q̈ - …"""
+        """p, Cᵀ q̇ - g - f, M, C and the motors' torques.
+
+        f includes what gears lose, so that p alone holds the inertia: f = ID(q, q̇, q̈) - M q̈ - …
+        """
         inertia, coriolis = model.mass_matrix(rows.q), model.coriolis_matrix(rows.q, rows.qd)
-        others = model.inverse_dynamics(rows.q, rows.qd, rows.qdd) @ self._shares - _times(
-            inertia, rows.qdd
-        )  # C q̇ + g + f
+        motors = model.inverse_dynamics(rows.q, rows.qd, rows.qdd)
+        others = motors @ self._shares - _times(inertia, rows.qdd)  # C q̇ + g + f
         both = coriolis + np.swapaxes(coriolis, -1, -2)
-        return _times(inertia, rows.qd), _times(both, rows.qd) - others, inertia, coriolis
+        return _times(inertia, rows.qd), _times(both, rows.qd) - others, inertia, coriolis, motors
 
 
 def with_kilogram(arm: Model) -> Model | None:

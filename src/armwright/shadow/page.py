@@ -14,7 +14,7 @@ from armwright.identification.validation.pictures import INK, PREDICTED, QUIET, 
 from armwright.identification.validation.prediction import units_of
 from armwright.identification.validation.report import html_table, write_report
 from armwright.shadow.alarms import limits_at
-from armwright.shadow.shadow import HEADS, Shadow, ShadowRun
+from armwright.shadow.shadow import HEADS, Shadow, ShadowRun, event_lines
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -52,12 +52,15 @@ def _escaped(rows: list[list[str]]) -> list[list[str]]:
 
 
 def _alarms(shadow: Shadow) -> str:
-    if not np.isfinite(shadow.limits).all():
-        return '<p class="verdict">No limits</p><p>Residuals are shown, and nothing is judged.</p>'
+    found = shadow.verdict
+    first, *others = (escape(line) for line in found.lines)
+    said = f'<p class="verdict{" good" * found.clean}">{first[:1].upper()}{first[1:]}</p>' + "".join(
+        f"<p>{line}</p>" for line in others
+    )
+    if shadow.events:
+        said += f"<ul>{''.join(f'<li>{escape(line)}</li>' for line in event_lines(shadow.events))}</ul>"
     if not shadow.alarms:
-        runs = f"{len(shadow.runs)} run{'s' * (len(shadow.runs) != 1)}"
-        return f'<p class="verdict good">None</p><p>No residual of {runs} stayed beyond its limit.</p>'
-    count = len(shadow.alarms)
+        return said
     table = html_table(
         ("run", "time [s]", "until [s]", "joint", "residual", "limit", "cause"),
         [
@@ -74,7 +77,7 @@ def _alarms(shadow: Shadow) -> str:
         ],
         (0, 3, 6),
     )
-    return f'<p class="verdict">{count} alarm{"s" * (count != 1)}</p>{table}'
+    return said + table
 
 
 def _picture(shadow: Shadow, run: ShadowRun, k: int) -> str:

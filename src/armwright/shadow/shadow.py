@@ -15,12 +15,19 @@ from armwright.identification.validation.prediction import check_match, columns_
 from armwright.identification.validation.torque import Source, as_logged, check_constants, measured_torques
 from armwright.identification.validation.verdict import passing_verdict
 from armwright.model import Model
+from armwright.progress import Shown, automatic
 from armwright.shadow.alarms import FACTOR, AlarmWatch, ShadowAlarm
 from armwright.shadow.observer import MomentumObserver, Residuals, ShadowBandwidths, with_kilogram
+from armwright.shadow.rows import ShadowEvent
 from armwright.shadow.uncertainty import Deviations, torque_deviations, verdict_of
+from armwright.shadow.verdict import Judged, Verdict, verdict
 
-HEADS = ("joint", "unit", "RMS of residual", "largest", "limit at rest", "position RMS", "largest position", "alarms")
+HEADS = (
+    "joint", "unit", "RMS of residual", "largest", "limit at rest", "friction at rest", "position RMS", "largest position",
+    "alarms",
+)  # fmt: skip
 ROWS = 4096  # of a log that are handled at once
+EVENTS = 12  # that are shown
 
 
 class ArmShadow:
@@ -80,6 +87,25 @@ class ArmShadow:
         """True while an alarm lasts."""
         return self._watch.active
 
+    @property
+    def events(self) -> tuple[ShadowEvent, ...]:
+        """Rows that were left out so far because of values that cannot be, and residuals that were not finite."""
+        return self.observer.events
+
+    @property
+    def judged(self) -> Judged:
+        """For how long each joint was judged so far."""
+        return self._watch.judged
+
+    def without_rows(self, time: float) -> None:
+        """Counts a time [s] in which no rows came as not judged."""
+        self._watch.judged += Judged(time, np.full(self.arm.n, time), np.zeros(self.arm.n))
+
+    @property
+    def verdict(self) -> Verdict:
+        """Verdict on all rows so far."""
+        return verdict(self.arm, self.judged, len(self.alarms))
+
     def restart(self) -> None:
         """Forgets all rows and alarms; to be called before another run."""
         self.observer.restart()
@@ -92,8 +118,9 @@ class ArmShadow:
         Args:
             t: (rows,) [s] increasing.   q: (rows, n) [rad | m].   tau: (rows, n) [N m | N] of the motors, on the joints.
             qd: (rows, n) [rad/s | m/s] if it is measured; None: from q.
+                A row with a value or a time that cannot be is left out, and is one of `events`.
         Raises:
-            ShapeError: an array of another shape, or a time that does not increase.
+            ShapeError: an array of another shape.
         """
         self.last = self.observer.update(t, q, tau, qd)
         raised = self._watch.update(self.last)
@@ -108,12 +135,14 @@ class ShadowRun:
     """Residuals and alarms over one run of a log.
 
     Attributes:
-        run: its name.   residuals: of every row.   alarms: in order.
+        run: its name.   residuals: of every row.   alarms, events: in order.   judged: for how long each joint was.
     """
 
     run: str
     residuals: Residuals
     alarms: tuple[ShadowAlarm, ...]
+    events: tuple[ShadowEvent, ...]
+    judged: Judged
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,6 +166,17 @@ class Shadow:
         """(run, alarm) of all runs."""
         return tuple((each.run, alarm) for each in self.runs for alarm in each.alarms)
 
+    @property
+    def events(self) -> tuple[tuple[str, ShadowEvent], ...]:
+        """(run, event) of all runs."""
+        return tuple((each.run, event) for each in self.runs for event in each.events)
+
+    @property
+    def verdict(self) -> Verdict:
+        """Verdict on all runs."""
+        judged = sum((each.judged for each in self.runs), Judged.of(self.arm.n))
+        return verdict(self.arm, judged, len(self.alarms))
+
     def rms(self, signal: str = "torque") -> np.ndarray:
         """(n,) RMS of a residual, "torque" or "position", over all rows; NaN without rows."""
         return self._over_rows(signal, lambda values: np.sqrt(np.mean(values**2, axis=0)))
@@ -152,7 +192,9 @@ class Shadow:
 
     def rows(self) -> list[list[str]]:
         """Cells under `HEADS`, one row a joint."""
-        columns = [self.rms(), self.largest(), self.limits, self.rms("position"), self.largest("position")]
+        resting = np.max([each.residuals.resting.max(axis=0, initial=0.0) for each in self.runs], axis=0)
+        hidden = np.where(resting > 0.0, resting, np.nan)
+        columns = [self.rms(), self.largest(), self.limits, hidden, self.rms("position"), self.largest("position")]
         raised = [sum(alarm.joint == name for _, alarm in self.alarms) for name in self.arm.names]
         units = units_of(self.arm, "torque")
         return [
@@ -170,7 +212,7 @@ def shadow_log(
     factor: float = FACTOR,
     bandwidths: ShadowBandwidths | None = None,
     record: str | os.PathLike[str] | None = None,
-    progress: Callable[[int, int], object] | None = None,
+    progress: Shown = None,
 ) -> Shadow:
     """Residuals and alarms of a model along a log, computed causally: no row uses a later one.
 
@@ -179,7 +221,8 @@ def shadow_log(
         robot: path, name or model; None: the robot that the log names.   runs: names; None: all.
         deviation: (n,) or one number [N m | N], standard deviation of the torque residual; None: `torque_deviations`.
         factor: standard deviations that a residual may reach.   bandwidths: of the observer.
-        record: path of the file, where `robot` is a model.   progress: called with rows done, and all.
+        record: path of the file, where `robot` is a model.   progress: True or None: a bar where it is
+            seen; False: none; a function is called with rows done, and all.
     Returns:
         shadow: residuals, alarms and limits.
     Raises:
@@ -212,22 +255,28 @@ def shadow_log(
         bandwidths,
         source in log.held,
         None if heavier is None else as_logged(heavier, log, source),
+        arm,
     )
     total, done, found = sum(log.run(name).rows for name in names), 0, []
-    for name in names:
-        observer.restart()
-        watch, parts, last = AlarmWatch(tuple(arm.names), limits), [], -np.inf
-        for block in log.blocks(name, ROWS):
-            later = np.flatnonzero(np.diff(np.fmax.accumulate(np.concatenate([[last], block.t]))) > 0.0)
-            values = {n: v[later][:, order] for n, v in block.values.items() if is_logged(log, n)}
-            torques = measured_torques(arm, source, values[source], np.zeros_like(values["q"]))
-            parts.append(observer.update(block.t[later], values["q"], torques, values.get("qd")))
-            watch.update(parts[-1])
-            last, done = np.nanmax([last, *block.t]), done + len(block.t)
-            if progress is not None:
-                progress(min(done, total), total)
-        found.append(ShadowRun(name, _joined(parts), tuple(watch.alarms)))
-    return Shadow(arm, log, tuple(found), known, limits, _notes(log, known, record))
+    with automatic(progress, f"beside {log.path.name}", "rows") as tell:
+        for name in names:
+            observer.restart()
+            watch, parts = AlarmWatch(tuple(arm.names), limits), []
+            for block in log.blocks(name, ROWS):
+                values = {n: v[:, order] for n, v in block.values.items() if is_logged(log, n)}
+                torques = measured_torques(arm, source, values[source], np.zeros_like(values["q"]))
+                parts.append(observer.update(block.t, values["q"], torques, values.get("qd")))
+                watch.update(parts[-1])
+                done += len(block.t)
+                tell(min(done, total), total)
+            found.append(ShadowRun(name, _joined(parts), tuple(watch.alarms), observer.events, watch.judged))
+    return Shadow(arm, log, tuple(found), known, limits, _notes(arm, log, known, record))
+
+
+def event_lines(events: Sequence[tuple[str, ShadowEvent]]) -> list[str]:
+    """One line for each event of a run, of many the first `EVENTS` and how many more there are."""
+    lines = [f"{run}: {event}" for run, event in events[:EVENTS]]
+    return lines if len(events) <= EVENTS else [*lines, f"{len(events) - EVENTS} more of such events"]
 
 
 def check_factor(factor: float) -> float:
@@ -245,7 +294,7 @@ def _joined(parts: Sequence[Residuals]) -> Residuals:
     return Residuals(*(np.concatenate([getattr(each, field.name) for each in parts]) for field in fields(Residuals)))
 
 
-def _notes(log: Log, known: Deviations, record: str | os.PathLike[str] | None) -> tuple[str, ...]:
+def _notes(arm: Model, log: Log, known: Deviations, record: str | os.PathLike[str] | None) -> tuple[str, ...]:
     """Sentences for the user: where the limits come from, the verdict, and what the log's torques lack."""
     notes = [f"standard deviations of the residuals: {known.source}"]
     if not np.isfinite(known.values).all():
@@ -257,6 +306,10 @@ def _notes(log: Log, known: Deviations, record: str | os.PathLike[str] | None) -
     lacks = sorted({term for signal in log.table.signals for term in signal.lacks})
     if lacks:
         notes.append(f"the log says that its torques lack {', '.join(lacks)}: so does the model here")
+    if "coulomb" in lacks:
+        loose = [body.joint for body in arm.coordinates if body.friction is None or not body.friction.is_dry]
+        if loose:
+            notes.append(f"the record states no dry friction of {', '.join(loose)}, which may hold them at rest")
     if "gravity" in lacks:
         notes.append("of a payload only its inertia shows in such torques")
     return tuple(notes)
