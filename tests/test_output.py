@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import functools
 import os
 import subprocess
 import sys
@@ -10,6 +12,7 @@ import pytest
 
 import armwright as aw
 from armwright import output
+from armwright.errors import OutputError
 from armwright.export.c import write_c
 from armwright.output import whole_file
 
@@ -78,3 +81,56 @@ def test_a_link_in_place_of_a_file_that_the_user_did_not_name_is_replaced(tmp_pa
         False,
         False,
     ]
+
+
+@contextlib.contextmanager
+def full_disk():
+    """Files of this process can have 600 bytes: a write beyond fails as on a full disk."""
+    resource = pytest.importorskip("resource", reason="POSIX limits the length of files")
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (600, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+@functools.cache
+def scenario() -> aw.Scenario:
+    return aw.Scenario(aw.load("two-link"), duration=0.05, loop=aw.Loop(aw.JointPID(kp=10.0), [0.1, 0.2], period=1e-3))
+
+
+@functools.cache
+def run():
+    return aw.simulate(scenario())
+
+
+WRITERS = {  # what writes one file or several into a folder
+    "export_controller": lambda folder: aw.export_controller(scenario(), folder / "c"),
+    "write_c": lambda folder: write_c(aw.load("two-link"), ["mass_matrix"], folder / "c"),
+    "export_fmu": lambda folder: aw.export_fmu(scenario(), folder / "arm.fmu"),
+    "export_ros2": lambda folder: aw.export_ros2(aw.load("two-link"), folder / "ros"),
+    **{f"convert to {ending}": lambda folder, ending=ending: aw.convert("puma560", folder / f"arm.{ending}")
+       for ending in ("toml", "urdf", "xml")},
+    **{f"save as {ending}": lambda folder, ending=ending: aw.save(run(), folder / f"run.{ending}")
+       for ending in ("nc", "csv", "mcap", "mat", "parquet")},
+    **{f"plot as {ending}": lambda folder, ending=ending: aw.plot(run(), folder / f"run.{ending}")
+       for ending in ("svg", "png", "html")},
+    "animate": lambda folder: aw.animate(run(), scenario().arm, folder / "run.glb"),
+    "show": lambda folder: aw.show(scenario().arm, folder / "arm.png", size=120),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("writer", "compiler"), [*((name, True) for name in WRITERS), ("export_controller", False)])
+def test_a_full_disk_is_one_line_and_leaves_nothing(tmp_path, monkeypatch, writer, compiler):
+    """Of the folder for results, and, where a compiler works there, of the one for temporary files."""
+    if not compiler:
+        monkeypatch.setattr("armwright.export.controller.write.find_compiler", lambda: None)
+    room, full = tmp_path / "room", tmp_path / "full"
+    room.mkdir(), full.mkdir()
+    WRITERS[writer](room)  # what it compiles is kept from now on
+    assert list(room.iterdir())
+    with full_disk(), pytest.raises(OutputError, match="cannot be written: ") as error:
+        WRITERS[writer](full)
+    assert "\n" not in str(error.value)
+    assert not list(full.iterdir())

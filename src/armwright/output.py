@@ -12,6 +12,7 @@ import os
 import platform
 import re
 import secrets
+import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -89,6 +90,19 @@ def whole_file(
         finally:
             with contextlib.suppress(OSError):
                 temporary.unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def working_folder() -> Iterator[Path]:
+    """A temporary folder, for compilers and the like, which is gone behind the block.
+
+    Raises:
+        OutputError: a file cannot be written there: a full disk.
+    """
+    place = Path(tempfile.gettempdir())
+    with _as_output_error(place), tempfile.TemporaryDirectory(prefix="armwright-", ignore_cleanup_errors=True) as name:
+        place = Path(name)
+        yield place
 
 
 def _remove_left_behind(folder: Path) -> None:

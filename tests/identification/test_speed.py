@@ -57,6 +57,7 @@ def test_normal_equations_are_20_times_as_fast_as_pinocchios_loop(yardstick):
     assert 6 * peer > 20 * own
 
 
+@pytest.mark.study
 def test_the_pipeline_and_a_motor_take_no_longer_than_eleven_loops(yardstick, tmp_path, monkeypatch):
     """Log to record, and a motor from 16 starts: 5 s each at most, where the loop over `ROWS` states takes 0.45 s (Zen 4).
 

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import base64
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from html import escape
 from math import degrees, isfinite
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,6 +16,7 @@ from armwright import scalar
 from armwright.errors import ArmwrightError
 from armwright.kernels.compiled import CompiledArm
 from armwright.model import Model
+from armwright.output import working_folder
 from armwright.pictures.png import write_png
 from armwright.pictures.posed_arm import posed_arm
 from armwright.printable import printable
@@ -60,8 +59,8 @@ def _picture(arm: Model, q: tuple[float, ...] | None) -> str:
     if description is not None and sum(len(link.visuals) for link in description.links) > MANY:
         arm = replace(arm, description=None)
     try:
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / "arm.png"
+        with working_folder() as folder:
+            path = folder / "arm.png"
             write_png(posed_arm(arm, None if q is None else list(q)), path, SIZE)
             return base64.b64encode(path.read_bytes()).decode("ascii")
     except ArmwrightError:

@@ -28,6 +28,7 @@ def same_limits(q, qd, qdd):
 
 
 @pytest.mark.parametrize(("scaling", "harmonics"), [("columns", 4), ("none", 5)])
+@pytest.mark.study
 def test_the_condition_number_is_better_than_that_published_for_a_ur10e(tmp_path, scaling, harmonics):
     """In less than half the time, by columns of length 1 and in SI units, which is what the published motion minimises."""
     arm = aw.load(ur10e_urdf(tmp_path), kinematics_only=True)
@@ -50,6 +51,7 @@ def test_the_condition_number_is_better_than_that_published_for_a_ur10e(tmp_path
 
 
 @pytest.mark.skipif(not FILE.is_file(), reason=f"the measurements are not here: {FILE}")
+@pytest.mark.study
 def test_the_condition_number_is_better_than_that_of_the_log_of_a_tx40(tmp_path):
     arm = aw.load(tx40_urdf(tmp_path))
     motors = np.loadtxt(FILE, delimiter=",", skiprows=1)

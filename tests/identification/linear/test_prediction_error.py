@@ -177,6 +177,7 @@ def test_speed_loop_with_steps_of_its_reference_is_noticed(seed):
     assert not any("closed loop" in remark for remark in remarks)
 
 
+@pytest.mark.study
 def test_order_and_delay_of_random_systems():
     truth = [random_truth(seed, rows=1200) for seed in range(4)]
     found = [aw.fit_oe(t.u, t.y, 1.0, select="bic" if k else "cv", most_order=4) for k, t in enumerate(truth)]

@@ -30,6 +30,7 @@ for log in logs if sys.argv[1] == "parquet" else ():  # whatever a log was read 
     sys.platform != "linux", reason="only Linux says how much memory a process had at most since it began"
 )
 @pytest.mark.parametrize("ending", ["csv", "parquet"])
+@pytest.mark.study
 def test_a_long_log_needs_no_more_memory(tmp_path, ending):
     pyarrow = pytest.importorskip("pyarrow")
     from pyarrow import csv, parquet

@@ -24,6 +24,10 @@ DIALECTS = {  # text, how it is described
     "tabs": ("t\ta\tb\n0\t1.5\t-2\n0.1\t2.5\t1e-3\n0.2\t3.5\t7\n", {"delimiter": "\t"}),
     "blanks, aligned": ("  t   a    b\n 0.0 1.5   -2\n 0.1 2.5 1e-3\n 0.2 3.5    7\n", {"delimiter": " "}),
     "a preamble": ("logger 3\nserial 17\nt,a,b\n0,1.5,-2\n0.1,2.5,1e-3\n0.2,3.5,7\n", {"skip_lines": 2}),
+    "old Mac, lines end in a carriage return": ("t,a,b\r0,1.5,-2\r0.1,2.5,1e-3\r0.2,3.5,7\r", {}),
+    "carriage returns, a preamble": ("logger 3\r\rt,a,b\r0,1.5,-2\r0.1,2.5,1e-3\r0.2,3.5,7", {"skip_lines": 2}),
+    "several line ends": ("t,a,b\r0,1.5,-2\r\n0.1,2.5,1e-3\n0.2,3.5,7", {}),
+    "blank lines behind the header": ("t,a,b\n\n\r\n0,1.5,-2\n0.1,2.5,1e-3\n0.2,3.5,7\n", {}),
     "units in the header": ('t [s],"a [rad]",b [N m]\n0,1.5,-2\n0.1,2.5,1e-3\n0.2,3.5,7\n', {}),
 }
 
@@ -52,6 +56,8 @@ MISTAKES = {
     "a line too long": ("t,a\n0,1\n1,2,3\n", {}, r"Expected 2 fields in line 3, saw 3"),
     "empty": ("", {}, r"x.csv:1: empty"),
     "two columns of a name": ("t,a,a\n0,1,2\n", {}, r"column = 'a': several columns have that name: use its number"),
+    "a cell of all letters": ("x" * 200_000 + ",a\n0,1\n", {}, r"x.csv:1: not CSV: field larger than field limit"),
+    "text behind carriage returns": ("t,a\r\r0,1\r1,two\r", {}, r"x.csv:4: column 'a' = 'two': expected a number"),
     "bytes that are no text": (b"t,\xff\n0,1\n", {}, r"x.csv:1: byte 0xff is not UTF-8"),
 }
 

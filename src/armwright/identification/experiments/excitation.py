@@ -12,7 +12,7 @@ away by a smaller swing of that joint.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -32,6 +32,7 @@ from armwright.identification.experiments.limits import ExcitationLimits, excita
 from armwright.kernels.signatures import SIGNATURES, trace_kernel
 from armwright.model import Model, check_arm
 from armwright.model.joint_signals import joint_units
+from armwright.progress import Shown, automatic
 from armwright.results.tables import joint_columns, write_table
 from armwright.trajectory.fourier import Fourier, rest_rows, series_matrices
 
@@ -131,7 +132,7 @@ def design_excitation(
     voltage: Any = None,
     box: Any = None,
     seed: int = 0,
-    progress: Callable[[int, int], object] | None = None,
+    progress: Shown = None,
 ) -> Excitation:
     """A periodic motion from rest to rest that excites all base parameters of an arm, within its limits. [SweversEtAl1997]
 
@@ -146,7 +147,7 @@ def design_excitation(
         acceleration: likewise [rad/s² | m/s²].
         torque: motor torque referred to the joints, likewise [N m | N].   voltage: of the motors [V].
         box: (2, 3) lowest and highest x, y, z of the tip in base axes [m].   seed: of the starts.
-        progress: is called with the number of starts that are done, and of all.
+        progress: True or None: a bar where it is seen; False: none; a function is called with starts done, and all.
     Returns:
         excitation: trajectory, condition number, used part of every limit, reasons.
     Raises:
@@ -161,12 +162,12 @@ def design_excitation(
     problem = Problem.of(
         limits, BaseRegressor.of(arm, drives, _smoothing(limits, period, harmonics)), period, harmonics
     )
-    tell = progress or (lambda *_: None)
     found = []
-    for k in range(starts):
-        tell(k, starts)
-        found.append(problem.solved(np.random.default_rng([seed, k]), criterion, scaling))
-    tell(starts, starts)
+    with automatic(progress, f"designing a motion of {arm.name}") as tell:
+        for k in range(starts):
+            tell(k, starts)
+            found.append(problem.solved(np.random.default_rng([seed, k]), criterion, scaling))
+        tell(starts, starts)
     within = [each for each in found if each is not None]
     if not within:
         raise ScenarioError(

@@ -44,7 +44,7 @@ class ParquetTable(MeasuredTable):
         if values.dtype.kind not in "iuf":
             what = f"{array.type} values"
             raise LogError(what, place=f"column {name!r}", expected="numbers", file=self.place(row))
-        return values
+        return values.astype(float) if values.dtype.kind == "f" else values  # limits are beyond the range of float16
 
 
 def _parquet(file: Any) -> Any:

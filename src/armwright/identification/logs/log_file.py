@@ -6,14 +6,15 @@ from collections.abc import Iterator
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, model_validator
 
 from armwright.errors import Problem
 from armwright.identification.logs.units import COUNTS, QUANTITIES, SHARES, plain_unit
 from armwright.quantity import Record
-from armwright.validation import Invalid
+from armwright.validation import SEEN, Invalid
 
 Text = Annotated[str, Field(min_length=1)]
+Seen = Annotated[str, Field(min_length=1, pattern=SEEN)]
 Whole = Annotated[int, Field(strict=True, ge=0)]
 Above0 = Annotated[float, Field(gt=0)]
 
@@ -21,6 +22,13 @@ Above0 = Annotated[float, Field(gt=0)]
 def _listed(value: Any) -> Any:
     """One value as a list of one."""
     return value if isinstance(value, (list, tuple)) else (value,)
+
+
+def _delimiter(value: str) -> str:
+    """A mark that is part of no number, name or quotation."""
+    if value != "\t" and (not value.isascii() or not value.isprintable() or value.isalnum() or value in "\"'.+-_\\"):
+        raise Invalid(value=value, expected='a mark such as ",", ";", "|", ":", a tab or a blank')
+    return value
 
 
 def _known_unit(value: Any) -> Any:
@@ -77,7 +85,7 @@ class FileTable(Record):
     header: bool = Field(
         default=True, description="false: the first line has numbers already, and columns have numbers."
     )
-    delimiter: Annotated[str, Field(min_length=1, max_length=1)] = Field(
+    delimiter: Annotated[str, Field(min_length=1, max_length=1), AfterValidator(_delimiter)] = Field(
         default=",", description="What separates the cells of a text file; a blank stands for any number of blanks."
     )
     decimal: Literal[".", ","] = Field(default=".", description="The decimal mark of a text file.")
@@ -88,11 +96,17 @@ class FileTable(Record):
     lane: Whole | None = Field(default=None, description="Of a simulated run with lanes: which; absent: the first.")
     time: OwnTime | None = Field(default=None, description="Its own clock; absent: its rows are the rows of the log.")
 
+    @model_validator(mode="after")
+    def _apart(self) -> FileTable:
+        if self.decimal == self.delimiter and "decimal" in self.model_fields_set:
+            raise Invalid("is the delimiter too", place="decimal", value=self.decimal, expected="another delimiter")
+        return self
+
 
 class RunTable(Record):
     """One run, or several of the same kind in separate folders."""
 
-    name: Text | None = Field(default=None, description="What results call it; absent: its folder, or a number.")
+    name: Seen | None = Field(default=None, description="What results call it; absent: its folder, or a number.")
     folder: Annotated[tuple[Text, ...], BeforeValidator(_listed)] = Field(
         default=(".",),
         min_length=1,
@@ -136,7 +150,7 @@ class SignalTable(Record):
         description="Names, or numbers from 1, in the order of the joints; one temperature may stand for all.",
     )
     file: Text | None = Field(default=None, description="Key of the file that has them; absent: the only one.")
-    joints: Annotated[tuple[Text, ...], BeforeValidator(_listed)] | None = Field(
+    joints: Annotated[tuple[Seen, ...], BeforeValidator(_listed)] | None = Field(
         default=None, description="Whose they are; absent: all joints in order."
     )
     unit: Annotated[str, BeforeValidator(_known_unit)] | None = Field(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -24,11 +26,13 @@ class McapTable(MeasuredTable):
         with opened(path, "an MCAP file", LogError) as file, as_log_error(path):
             reader = self._reader(file)
             self._topic = self._chosen_topic(reader)
-            first = next(iter(reader.iter_decoded_messages(topics=[self._topic])), None)
-        if first is None:
-            raise LogError("no messages", place="topic", value=self._topic, file=path)
-        self._joints = list(first.decoded_message.name)
-        fields = [field for field in JOINT_STATE if len(getattr(first.decoded_message, field))]
+            with contextlib.redirect_stderr(io.StringIO()):  # where the decoder tells about a damaged schema
+                messages = (each.decoded_message for each in reader.iter_decoded_messages(topics=[self._topic]))
+                first = next((message for message in messages if len(message.name)), None)
+            if first is None:
+                raise LogError("no messages that name joints", place="topic", value=self._topic, file=path)
+            self._joints = list(first.name)
+            fields = [field for field in JOINT_STATE if len(getattr(first, field))]
         self.names = ("stamp", "log_time", *(f"{field}/{joint}" for field in fields for joint in self._joints))
         self.units = {"stamp": "ns", "log_time": "ns"}
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from armwright.errors import LogError
+from armwright.errors import ArmwrightError, LogError
 from armwright.identification.logs.log_file import FileTable
 from armwright.results.tables import WITH_UNIT
 
@@ -71,7 +71,7 @@ class MeasuredTable(ABC):
 
 
 class as_log_error:
-    """Converts errors of the Parquet and MCAP libraries into `LogError`."""
+    """Converts what the Parquet and MCAP libraries raise into `LogError`: on damaged bytes that may be anything."""
 
     def __init__(self, path: Path):
         self.path = path
@@ -80,16 +80,8 @@ class as_log_error:
         return None
 
     def __exit__(self, kind: Any, error: BaseException | None, trace: Any) -> None:
-        module = type(error).__module__.split(".")[0]
-        if isinstance(error, Exception) and (
-            module in ("pyarrow", "mcap", "mcap_ros2", "lz4", "zstandard") or _is_damage(error)
-        ):
-            reason = (str(error).splitlines() or [type(error).__name__])[0]
+        if isinstance(error, Exception) and not isinstance(
+            error, (ArmwrightError, OSError)
+        ):  # OSError: `opened` has that
+            reason = " ".join(str(error).split()) or type(error).__name__
             raise LogError(f"cannot be read: {reason}", file=self.path) from error
-
-
-def _is_damage(error: Exception) -> bool:
-    """True for what a parser raises in the middle of damaged bytes."""
-    return not isinstance(error, LogError) and isinstance(
-        error, (ValueError, LookupError, AttributeError, TypeError, EOFError)
-    )

@@ -26,6 +26,7 @@ from armwright.identification.logs.log_file import GearsTable, LogTable, SignalT
 from armwright.identification.logs.tables import open_table
 from armwright.model import Model
 from armwright.model.load import load
+from armwright.progress import Shown, automatic
 from armwright.reading import opened
 from armwright.validation import legible, validated
 
@@ -43,14 +44,14 @@ def read_log(
     path: str | os.PathLike[str],
     *,
     on_error: Literal["raise", "keep"] = "raise",
-    progress: Callable[[int, int], object] | None = None,
+    progress: Shown = None,
 ) -> Log:
     """A log of measurements, read once completely and checked.
 
     Args:
         path: of the `*.log.toml` that maps columns of files to signals of joints.
         on_error: "raise" refuses a log that contradicts itself or its arm; "keep" returns it with these findings, to be shown.
-        progress: called with the number of runs that are read, and of all.
+        progress: True or None: a bar where it is seen; False: none; a function is called with runs read, and all.
     Returns:
         log: frozen; `findings` has what the checks found, `blocks` and `dataset` the signals.
     Raises:
@@ -61,19 +62,18 @@ def read_log(
         raise LogError(place="on_error", value=on_error, expected='"raise" or "keep"')
     log, begun = open_log(path), []
     log = log if log.table.hold_out is None else replace(log, runs=tuple(_with_hold_outs(log, log.table.hold_out)))
-    for k, run in enumerate(log.runs):
-        if progress is not None:
-            progress(k, len(log.runs))
-        sums = {key: _sha256(file) for key, file in run.paths.items()}
-        begun.append(replace(run, sha256=sums, census=census_of(log, run)))
+    with automatic(progress, f"reading {log.path.name}") as tell:
+        for k, run in enumerate(log.runs):
+            tell(k, len(log.runs))
+            sums = {key: _sha256(file) for key, file in run.paths.items()}
+            begun.append(replace(run, sha256=sums, census=census_of(log, run)))
+        tell(len(log.runs), len(log.runs))
     log = replace(log, runs=tuple(begun))
     findings = sorted(check_log(log), key=lambda each: LEVELS.index(each.level))
     log = replace(log, findings=tuple(findings))
     if on_error == "raise" and log.errors:
         problems = [each.problem.within(each.run and f"run {each.run!r}") for each in log.errors]
         raise LogError.of(*problems).within(file=log.path)
-    if progress is not None:
-        progress(len(log.runs), len(log.runs))
     return log
 
 

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import csv
+import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 
@@ -24,9 +26,14 @@ class TextTable(MeasuredTable):
         super().__init__(path, table)
         with opened(path, "a text file of numbers", LogError) as file:
             for _ in range(table.skip_lines):
-                file.readline(LONGEST_LINE)
-            first = file.readline(LONGEST_LINE)
-        self._skipped = table.skip_lines + table.header
+                if not _line(file):
+                    break
+            self._skipped, self._begin = table.skip_lines, file.tell()  # lines and bytes before the first row
+            first = _line(file)
+            if table.header:
+                self._skipped, self._begin = self._skipped + 1, file.tell()
+                while _line(file).isspace():  # pandas takes a blank first row for the end of the file
+                    self._skipped, self._begin = self._skipped + 1, file.tell()
         line = self._decoded(first)
         if not line.strip():
             raise LogError("empty", file=f"{path}:{table.skip_lines + 1}", expected="a header, or a row of numbers")
@@ -50,12 +57,13 @@ class TextTable(MeasuredTable):
         blank = self.table.delimiter == " "
         with opened(self.path, "a text file of numbers", LogError) as file:
             row, waiting = 0, []
+            file.seek(self._begin)  # pandas itself would count skipped lines that end in a carriage return wrongly
             try:
                 # all columns are parsed: with `usecols` pandas passes over cells too many, such as those of a decimal comma
                 reader = pandas.read_csv(
-                    file, chunksize=rows, header=None, skiprows=self._skipped,
-                    sep=r"\s+" if blank else self.table.delimiter, decimal=self.table.decimal, skipinitialspace=True,
-                    skip_blank_lines=False, encoding="utf-8-sig", na_values=["-nan", "NaN", "nan"], low_memory=False,
+                    file, chunksize=rows, header=None, sep=r"\s+" if blank else self.table.delimiter,
+                    decimal=self.table.decimal, skipinitialspace=True, skip_blank_lines=False, encoding="utf-8-sig",
+                    na_values=["-nan", "NaN", "nan"], low_memory=False,
                 )  # fmt: skip
                 for chunk in reader:
                     if chunk.shape[1] < len(self.names):
@@ -74,7 +82,8 @@ class TextTable(MeasuredTable):
                 return  # the caller says that there are no rows
             except (pandas.errors.ParserError, UnicodeDecodeError) as fault:
                 reason = (str(fault).splitlines() or ["damaged"])[0].removeprefix("Error tokenizing data. C error: ")
-                what = f"cannot be read as a table: {reason}"
+                lines = re.sub(r"(?<=line )\d+", lambda number: str(int(number[0]) + self._skipped), reason)
+                what = f"cannot be read as a table: {lines}"
                 raise LogError(what, file=self.place(row), expected="as many cells in every line") from None
 
     def _numbers(self, values: np.ndarray, row: int, column: int) -> np.ndarray:
@@ -109,7 +118,10 @@ class TextTable(MeasuredTable):
     def _cells(self, line: str) -> list[str]:
         if self.table.delimiter == " ":
             return line.split()
-        return [cell.strip() for cell in next(csv.reader([line], delimiter=self.table.delimiter))]
+        try:
+            return [cell.strip() for cell in next(csv.reader([line], delimiter=self.table.delimiter))]
+        except csv.Error as error:
+            raise LogError(f"not CSV: {error}", file=f"{self.path}:{self.table.skip_lines + 1}") from None
 
     def _check_header(self, cells: list[str], line: str) -> None:
         """Refuses a header of numbers, and a first line that another delimiter would cut."""
@@ -120,6 +132,17 @@ class TextTable(MeasuredTable):
         for mark, name in others.items():
             if len(cells) == 1 and mark != self.table.delimiter and len(line.strip().split(mark)) > 1 and mark != " ":
                 raise LogError(f"cells are separated by {name}", file=file, expected=f"delimiter = {mark!r}")
+
+
+def _line(file: BinaryIO) -> bytes:
+    r"""The next line with its end: \n, \r\n or, as pandas takes it too, a lone \r; empty at the end of the file."""
+    start = file.tell()
+    line = file.readline(LONGEST_LINE)
+    head, mark, rest = line.partition(b"\r")
+    if not mark or rest in (b"", b"\n"):
+        return line
+    file.seek(start + len(head) + 1)
+    return head + mark
 
 
 def _without_blank_end(arrays: list[np.ndarray]) -> list[np.ndarray]:

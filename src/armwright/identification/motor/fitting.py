@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -15,6 +15,7 @@ from armwright.identification.motor.output_error import ROWS_OF_STARTS, Problem,
 from armwright.identification.motor.problem import sizes
 from armwright.identification.motor.uncertainty import Direction, untold
 from armwright.identification.motor.unknowns import values_of
+from armwright.progress import Progress
 
 ROUNDS = 3  # of fit and new standard deviations of the signals
 SAME = 0.02  # of a standard deviation: a smaller change is none
@@ -51,7 +52,7 @@ def fitted(
     count: int,
     seed: int,
     free: Sequence[str] | None,
-    progress: Callable[[int, int], object] | None,
+    progress: Progress,
 ) -> Fitted:
     """Least squares from the best of `count` starts, with unidentifiable parameters fixed.
 
@@ -78,8 +79,7 @@ def fitted(
         raise ModelError("nothing could be simulated from any start", place="starts", value=count, expected=expected)
     done.z[kept] = z[int(np.argmin(cost))]
     for number in range(ROUNDS):
-        if progress is not None:
-            progress(number, ROUNDS)
+        progress(number, ROUNDS)
         kept = [k for k in range(len(first)) if k not in done.held]
         done.z[kept] = refined(without(done.problem, done.held, done.z), done.z[kept])
         _note_ends(done, kept)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Literal
 
@@ -25,6 +25,7 @@ from armwright.identification.motor.problem import problem_of
 from armwright.identification.motor.report import MotorFit, result
 from armwright.identification.motor.starting import given_numbers, names_to_fit, robot_of, starting_record
 from armwright.model.model import Model
+from armwright.progress import Shown, automatic
 from armwright.scalar import real_number
 
 ROWS_PER_UNKNOWN = 5  # measurements
@@ -53,7 +54,7 @@ def identify_motor(
     priors: bool = False,
     starts: int = 16,
     seed: int = 0,
-    progress: Callable[[int, int], object] | None = None,
+    progress: Shown = None,
 ) -> MotorFit:
     """Parameters of motors by output error: free simulation of the record's drives, fitted to a log.
 
@@ -75,7 +76,8 @@ def identify_motor(
             "compare": both are fitted, and the one is kept whose error is smaller, coast only if by 1 % or more.
         delay: fixed delay of the command [s]; None: it is fitted.   most_delay: longest delay [samples].
         priors: whether the standard deviations that the robot's record states count as measurements of its numbers.
-        starts: number of first guesses.   seed: of their draws.   progress: called with rounds done and of all.
+        starts: number of first guesses.   seed: of their draws.   progress: True or None: a bar where it is seen;
+            False: none; a function is called with rounds done and of all.
     Returns:
         fit: estimate, record and predictions.
     Raises:
@@ -107,7 +109,7 @@ def identify_motor(
         names, record = names_to_fit(record, free, set(fixed or {}), guesses, data, locked)
         problem, labels = problem_of(record, data, stretches, names, guesses, per_run, free, delay, most_delay, priors)
         _check_rows(problem, log)
-        done = fitted(record, data, problem, labels, starts, seed, free, progress)
+        done = fitted(record, data, problem, labels, starts, seed, free, tell)
         fit = result(log, record, data, done, free, bench=base is None, locked=locked, first=guesses[0])
         if base is None:
             return fit
@@ -115,7 +117,8 @@ def identify_motor(
         robot = with_numbers(base, given) if given else base
         return replace(fit, robot=robot, source=None if given else source)
 
-    return _better_mode(fit_of("brake"), fit_of("coast")) if pwm == "compare" else fit_of(pwm)
+    with automatic(progress, "fitting") as tell:
+        return _better_mode(fit_of("brake"), fit_of("coast")) if pwm == "compare" else fit_of(pwm)
 
 
 def _ratio(base: RobotDescription | None, log: Log, joint: str) -> float | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import datetime
 import hashlib
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -30,6 +30,7 @@ from armwright.identification.validation.torque import as_logged, predict_torque
 from armwright.kernels.compiled import compile_arm
 from armwright.model import Model
 from armwright.model.load import load
+from armwright.progress import Shown, automatic
 from armwright.reading import read_file
 from armwright.simulation.scenario import Scenario
 
@@ -125,7 +126,7 @@ def validate(
     simulation: bool = True,
     preparation: Preparation | None = None,
     record: str | os.PathLike[str] | None = None,
-    progress: Callable[[int, int], object] | None = None,
+    progress: Shown = None,
 ) -> Validation:
     """Torque prediction and free simulation of an arm against a log, measured for every joint and judged by limits.
 
@@ -140,44 +141,44 @@ def validate(
             without positions.
         simulation: False leaves the simulation out.   preparation: of the log, instead of what `choose_preparation` says.
         record: path of what `arm` was read from, where that is a `Model` or a `Scenario`.
-        progress: called with the number of steps that are done, and of all.
+        progress: True or None: a bar where it is seen; False: none; a function is called with steps done, and all.
     Returns:
         validation: `passed`, `measures`, `checks`, `notes`; printed, a table.
     Raises:
         LogError: an arm that does not match the log, a log without what is needed, unknown joints in the limits.
         ArmwrightError: a record or a scenario that cannot be believed, or run.
     """
-    tell = progress or (lambda done, total: None)
-    scenario = arm if isinstance(arm, Scenario) else None
-    model, path = _record(arm, record)
-    data = log if isinstance(log, Log) else read_log(log)
-    asked = DEFAULT if limits is None else read_limits(limits)
-    check_limits(asked, model, limits if isinstance(limits, (str, os.PathLike)) else "")
-    check_match(model, data)
-    chosen, held_out, notes = _runs(data, runs)
-    notes += map(str, data.warnings)
-    tell(0, 3)
-    predictions = _torques(model, data, chosen, preparation, notes)
-    tell(1, 3)
-    if simulation or scenario is not None:
-        predictions += _motions(model, scenario, data, chosen, window, bool(predictions), notes)
-    if not predictions:
-        expected = "torques, currents or voltages beside positions or speeds"
-        raise LogError("; ".join(notes) or "nothing to predict", place="signals", expected=expected, file=data.path)
-    tell(2, 3)
-    measures = [
-        joint_measures(group, k, resting(data, joint, chosen))
-        for quantity in QUANTITIES
-        for group in [_logged(predictions, quantity)]
-        for k, joint in enumerate(model.names)
-        if any(np.isfinite(each.measured[:, k]).any() for each in group)  # some joints' torques may not be logged
-    ]
-    checks = _checks(asked, limits is None, measures, data, scenario is not None)
-    if any(each.at_rest for each in measures if each.quantity == "torque"):
-        notes.append(
-            "rows in which a joint stands still are left out of its torque's measures: friction there has any value"
-        )
-    tell(3, 3)
+    with automatic(progress, "validating") as tell:
+        scenario = arm if isinstance(arm, Scenario) else None
+        model, path = _record(arm, record)
+        data = log if isinstance(log, Log) else read_log(log)
+        asked = DEFAULT if limits is None else read_limits(limits)
+        check_limits(asked, model, limits if isinstance(limits, (str, os.PathLike)) else "")
+        check_match(model, data)
+        chosen, held_out, notes = _runs(data, runs)
+        notes += map(str, data.warnings)
+        tell(0, 3)
+        predictions = _torques(model, data, chosen, preparation, notes)
+        tell(1, 3)
+        if simulation or scenario is not None:
+            predictions += _motions(model, scenario, data, chosen, window, bool(predictions), notes)
+        if not predictions:
+            expected = "torques, currents or voltages beside positions or speeds"
+            raise LogError("; ".join(notes) or "nothing to predict", place="signals", expected=expected, file=data.path)
+        tell(2, 3)
+        measures = [
+            joint_measures(group, k, resting(data, joint, chosen))
+            for quantity in QUANTITIES
+            for group in [_logged(predictions, quantity)]
+            for k, joint in enumerate(model.names)
+            if any(np.isfinite(each.measured[:, k]).any() for each in group)  # some joints' torques may not be logged
+        ]
+        checks = _checks(asked, limits is None, measures, data, scenario is not None)
+        if any(each.at_rest for each in measures if each.quantity == "torque"):
+            notes.append(
+                "rows in which a joint stands still are left out of its torque's measures: friction there has any value"
+            )
+        tell(3, 3)
     return Validation(
         model,
         scenario,
