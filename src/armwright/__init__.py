@@ -168,7 +168,7 @@ if TYPE_CHECKING:
     from armwright.twin.listen import BusListener, bus_recording, shadow_bus
     from armwright.twin.on_bus import scenario_on_bus
     from armwright.twin.rehearsal import Rehearsal, rehearse
-    from armwright.twin.run import BusRun, run_controller
+    from armwright.twin.run import BusRun, release_drives, run_controller
     from armwright.twin.twin import Twin
 
 __version__ = "0.1.0"
@@ -312,7 +312,7 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
     "armwright.twin.listen": ("BusListener", "bus_recording", "shadow_bus"),
     "armwright.twin.on_bus": ("scenario_on_bus",),
     "armwright.twin.rehearsal": ("Rehearsal", "rehearse"),
-    "armwright.twin.run": ("BusRun", "run_controller"),
+    "armwright.twin.run": ("BusRun", "release_drives", "run_controller"),
     "armwright.twin.twin": ("Twin",),
 }
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
@@ -509,6 +509,7 @@ __all__ = [
     "regressor",
     "regressor_drive",
     "rehearse",
+    "release_drives",
     "reproduce",
     "run_controller",
     "sampled_system",

@@ -44,6 +44,23 @@ def test_rows_are_what_the_frames_say(arm, bus):
     assert tau == pytest.approx([0.05 * 300.0, 0.05 * 100.0])  # 50 thousandths of the rated torques
 
 
+def test_a_drive_that_no_longer_answers_is_no_clean_verdict(arm, bus):
+    """Of 200 cycles node 4 answers the first 120."""
+    import can
+
+    shadow = aw.ArmShadow(arm, deviation=1e3)
+    with BusListener(arm, bus, period=PERIOD) as listener, can.Bus(interface="virtual", channel=bus[8:]) as sender:
+        for k in range(200):
+            sender.send(can.Message(arbitration_id=0x80, is_extended_id=False))
+            for node in (3, 4) if k < 120 else (3,):
+                data = struct.pack("<Hhi", 0x27, 0, 1000)
+                sender.send(can.Message(arbitration_id=0x180 + node, data=data, is_extended_id=False))
+        rows = list(shadow_bus(shadow, listener, silence=0.2))
+    assert len(rows) == 120
+    assert shadow.judged.unjudged == pytest.approx(80 / 170, abs=0.01)  # 30 cycles pass while the filter settles
+    assert shadow.verdict.lines[0] == "no verdict: too much was not judged"
+
+
 def test_a_payload_of_the_twin_is_noticed_over_the_bus(scenario, arm, bus):
     """The drives' own controller does not know of the payload either; torques come in thousandths, positions in counts."""
     heavy = replace(scenario, inputs=aw.Inputs(payload=aw.Payload(0.4, 2.0, np.zeros(3), np.zeros((3, 3)))))
@@ -90,8 +107,9 @@ def test_the_command_listens_and_records(arm_file, arm, bus, tmp_path):
     result = CliRunner().invoke(app, ["shadow", bus, *options])
     done.set()
     thread.join(20.0)
-    assert result.exit_code == 0, result.output
-    assert "no alarm" in result.output  # nothing is known of the record, and nothing is judged
+    assert result.exit_code == 1, result.output
+    assert "no verdict: no joint was judged" in result.output  # nothing is known of the record's deviations
+    assert "no alarm" not in result.output
     assert "rows, " in result.output
     with path.open("rb") as file:
         read = reader.make_reader(file, decoder_factories=[decoder.DecoderFactory()])

@@ -2,13 +2,16 @@
 
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
+import armwright as aw
 from armwright.cli.dead_man import Key
 from armwright.errors import BusError
 from armwright.twin import objects as od
+from armwright.twin.bus import node_numbers
 from armwright.twin.rehearsal import rehearse
 from armwright.twin.run import run_controller
 from armwright.twin.safety import Permission, reduced
@@ -67,7 +70,7 @@ def test_a_twin_outside_needs_its_number(scenario, short, bus, outside):
         ({"verdict": SimpleNamespace(passed=False)}, True, "verdict: "),
         ({}, False, "real_time = False: a real arm runs in real time"),
         ({"may_move": None}, True, "may_move = None: no dead-man key"),
-        ({"speed": 1.0}, True, "speed = 1.0: speed 1 and torque 0.5 before a reduced run has come to its end"),
+        ({"speed": 1.0}, True, "speed = 1.0: speed 1 and torque 0.5 before a reduced run that counts"),
         ({"torque": 1.0}, True, "speed = 0.25: speed 0.25 and torque 1 before a reduced run"),
     ],
 )
@@ -96,11 +99,25 @@ def test_drives_with_other_units_are_refused(short, metal, key, value, message):
 def test_a_reduced_run_is_stored_and_lets_a_full_one_go(scenario, short, metal, tmp_path):
     path = tmp_path / "arm.scenario.toml"
     said = {**SLOW, "path": path, "sha256": "abc"}
-    run_controller(short, metal.bus, real_time=True, following_error=1.0, heartbeat=10.0, permission=Permission(**said))
+    run = run_controller(
+        short, metal.bus, real_time=True, following_error=1.0, heartbeat=10.0, permission=Permission(**said)
+    )
+    assert run.counts == path.with_suffix(".bus.toml").exists()
+    facts = {"bus": metal.bus, "bitrate": 500_000, "nodes": [3, 4]}
+    facts |= {"vendors": [0x1234] * 2, "products": [od.TWIN_PRODUCT] * 2, "serials": [7, 7]}
+    if not run.counts:  # on a machine that was busy just then
+        Permission(**said).write_reduced(facts)
     full = Permission(**said | {"speed": 1.0, "torque": 1.0})
-    assert full.has_run_reduced()
-    assert not replace(full, sha256="changed").has_run_reduced()
-    assert not replace(full, serial=8).has_run_reduced()
+    assert full.has_run_reduced(facts)
+    assert not replace(full, sha256="changed").has_run_reduced(facts)
+    assert not replace(full, serial=8).has_run_reduced(facts)
+    others = {"bus": "socketcan:can1", "bitrate": 250_000, "nodes": [4, 3], "vendors": [0x1234, 0x1235]}
+    others |= {"products": [1, 2], "serials": [7, 8]}
+    for name, value in others.items():
+        assert not full.has_run_reduced({**facts, name: value}), name
+    kept = path.with_suffix(".bus.toml").read_text(encoding="utf-8")
+    path.with_suffix(".bus.toml").write_text(kept.replace("speed = 0.25", "speed = 0.5"), encoding="utf-8")
+    assert not full.has_run_reduced(facts)
     assert metal.drives[0].values[od.CONSUMER] == 1 << 16 | 30_000
     assert metal.drives[0].values[od.ABORT_OPTION] == 3
     assert metal.drives[0].values[od.MAX_TORQUE] == 500
@@ -157,3 +174,36 @@ def test_the_key_has_to_be_held():
     assert at(2.8)
     assert not at(2.9)  # let go
     assert not at(3.0, " ")  # and it stays so
+
+
+def test_a_slower_run_has_its_bodies_and_forces_where_the_full_one_has_them(scenario):
+    body, rows = aw.Payload(0.1, 2.0, [0.0, 0.0, 0.1], [1e-3] * 3), [[0.0] * 6, [30.0, -20.0, 0.0, 0.0, 0.0, 5.0]]
+    push = aw.Schedule([0.0, 0.2], rows, ["fx", "fy", "fz", "mx", "my", "mz"])
+    for given in (aw.Inputs(wrench=push, payload=body), aw.Inputs(wrench=aw.Batch([push]), payload=[body])):
+        slow = reduced(replace(scenario, inputs=given), 0.25)
+        assert slow.input_schedules["wrench"][0].times == pytest.approx([0.0, 0.8])
+        assert slow.input_schedules["payload"].times == pytest.approx(np.array([[0.0, 0.4]]))
+    of_a_lane = replace(body, time=aw.Batch([0.1]))
+    assert reduced(replace(scenario, inputs=aw.Inputs(payload=of_a_lane)), 0.5).inputs.payload.time.values == [0.2]
+    constant = aw.Inputs(wrench=rows[1])
+    assert reduced(replace(scenario, inputs=constant), 0.5).inputs.wrench == rows[1]
+
+
+@pytest.mark.parametrize(("speed", "torque"), [(0.5, 1.0), (1.0, 0.5)])
+def test_a_slower_or_weaker_run_grips_what_its_motion_grips(scenario, speed, torque):
+    def motion(t):
+        return scenario.loop.reference(t)
+
+    motion.payloads = (aw.Payload(0.1, 2.0, [0.0, 0.0, 0.1], [1e-3] * 3), aw.Payload(0.2, 0.0))
+    found = reduced(replace(scenario, loop=replace(scenario.loop, reference=motion)), speed, torque)
+    assert [each.time for each in found.carried] == [0.1 / speed, 0.2 / speed]
+    moved = replace(found, loop=replace(found.loop, reference=None))  # as where a limited move takes its place
+    assert [each.time for each in moved.carried] == [0.1 / speed, 0.2 / speed]
+
+
+@pytest.mark.parametrize(
+    "nodes", [[[1], [2, 3]], 5, np.array(5), "ab", {}, [3.0, 4], [3, 3], [[3, 4]], [0, 1], [True, 3]]
+)
+def test_numbers_of_nodes_that_are_none(nodes: Any) -> None:
+    with pytest.raises(BusError, match="expected 2 different numbers from 1 to 127"):
+        node_numbers(nodes, 2)

@@ -3,10 +3,12 @@
 import struct
 import time
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import armwright as aw
 from armwright.errors import BusError
 from armwright.twin import faults
 from armwright.twin import objects as od
@@ -61,6 +63,41 @@ def test_nothing_moves_before_it_is_enabled(twin, client):
     assert twin.simulation.tick > 0
 
 
+def test_the_scenario_begins_with_the_first_drive_that_is_enabled_and_anew_after_rest(scenario, bus):
+    """A push on the tip from 40 to 80 ms after the drive is enabled, however long that takes, and again in the next run."""
+    rows = [[0.0] * 6, [0.0, 400.0, 0.0, 0.0, 0.0, 0.0], [0.0] * 6]
+    push = aw.Schedule([0.0, 0.04, 0.08], rows, ("fx", "fy", "fz", "mx", "my", "mz"))
+    pushed = replace(scenario, inputs=aw.Inputs(wrench=push))
+    with Twin(pushed, bus) as twin, Client(twin) as client:
+        for waited in (3, 37, 80):  # SYNCs before: at most 50 until the arm stands, and beyond
+            client.sync(waited)
+            client.put(od.TARGET_POSITION, client.get(od.POSITION))
+            client.enable(8, 0)  # its last SYNC is tick 0
+            assert twin.simulation.tick == 0
+            moved = []
+            for _ in range(25):
+                before = twin.simulation.plant_state.q
+                client.sync()
+                moved.append(float(np.abs(twin.simulation.plant_state.qd).max()))
+                assert np.abs(twin.simulation.plant_state.q - before).max() < 0.01  # nothing jumps
+            assert twin.simulation.tick == 25
+            assert np.argmax(np.diff(moved) > 0.05) + 1 == 10  # the first tick of the push
+            client.put(od.CONTROLWORD, 0x00)
+            client.sync(2)
+
+
+def test_drives_that_are_enabled_later_go_on_in_the_time_of_the_first(twin, client):
+    client.enable(8, 0)
+    client.sync(20)
+    assert twin.simulation.tick == 20
+    client.enable(8, 1)
+    assert twin.simulation.tick == 23
+    client.put(od.QUICK_STOP_OPTION, 6)
+    client.word(0x02)
+    client.word(0x0F)  # transition 16
+    assert twin.simulation.tick == 25
+
+
 def test_profile_position(twin, client):
     client.enable(1)
     start = client.get(od.POSITION)
@@ -99,10 +136,100 @@ def test_homing_where_it_stands(twin, client):
     status = client.word(0x1F)
     assert status & 0x3400 == 0x1400
     assert client.get(od.POSITION) == pytest.approx(1234, abs=100)
-    client.word(0x0F)
-    client.put(od.HOMING_METHOD, 17)
-    assert client.word(0x1F) & 1 << 13  # homing error: no such method
     assert before != client.get(od.POSITION)
+    client.word(0x0F)
+    assert client.get(od.STATUSWORD) & 0x3400 == 0x1400
+
+
+def test_homing_on_a_switch(twin, client):
+    """The elbow stands where its home switch closes, at 0: it goes off the switch, and comes back slowly."""
+    client.put(od.HOMING_METHOD, 20, 1)
+    client.put(od.SEARCH_SPEED, round(0.2 * TURN), 1)
+    client.put(od.HOMING_ACCELERATION, round(2.0 * TURN), 1)
+    client.put(od.HOME_SPEED, round(0.05 * TURN), 1)
+    client.put(od.HOME_OFFSET, 500, 1)
+    client.enable(6, 1)
+    assert client.get(od.STATUSWORD, 1) & 0x3400 == 0x0400  # not started
+    assert client.get(od.INPUTS, 1) == od.HOME
+    client.put(od.CONTROLWORD, 0x1F, 1)
+    seen = []
+    for _ in range(400):
+        client.sync()
+        seen.append((client.get(od.STATUSWORD, 1) & 0x3400, client.get(od.INPUTS, 1)))
+        if seen[-1][0] == 0x1400:
+            break
+    assert [word for k, (word, _) in enumerate(seen) if k == 0 or seen[k - 1][0] != word] == [0, 0x1000, 0x1400]
+    assert {inputs for _, inputs in seen} == {0, od.HOME}
+    assert twin.drives[1].offset == pytest.approx(500, abs=0.05 * TURN * twin.period + 1)  # home is the edge, at 0
+
+
+def test_torque_is_fed_forward_in_cyclic_modes(twin, client):
+    for mode in (8, 9):
+        client.put(od.TARGET_POSITION, client.get(od.POSITION))
+        client.put(od.TORQUE_OFFSET, 0)
+        client.enable(mode, 0)
+        client.sync(100)
+        before = client.get(od.TORQUE_DEMAND)
+        client.put(od.TORQUE_OFFSET, -60)
+        client.sync()
+        assert client.get(od.TORQUE_DEMAND) == pytest.approx(before - 60, abs=5)
+        assert client.get(od.CURRENT) == client.get(od.TORQUE)
+        client.sync(200)
+        assert client.get(od.TORQUE_DEMAND) == pytest.approx(before, abs=5)  # which the integrator has taken away again
+        client.word(0x00)
+
+
+def test_offsets_of_position_and_speed(twin, client):
+    start = client.get(od.POSITION)
+    client.put(od.TARGET_POSITION, start)
+    client.put(od.POSITION_OFFSET, 3000)
+    client.enable(8, 0)
+    client.sync(200)
+    assert client.get(od.POSITION) == pytest.approx(start + 3000, abs=30)
+    client.put(od.VELOCITY_OFFSET, 2000)
+    client.sync(20)
+    assert client.get(od.POSITION) > start + 3000 + 60  # pushed ahead of a set-point that stands
+    client.word(0x00)
+    client.enable(9, 0)
+    client.sync(100)
+    assert client.get(od.VELOCITY) == pytest.approx(2000, abs=500)
+
+
+def test_a_stop_with_all_current(twin, client):
+    client.put(od.QUICK_STOP_OPTION, 7)
+    client.enable(9, 0)
+    client.put(od.TARGET_VELOCITY, round(1.0 * TURN))
+    client.sync(80)
+    client.word(0x02)
+    torques = []
+    while client.get(od.STATUSWORD) & 1 << 10 == 0:
+        client.sync()
+        torques.append(client.get(od.TORQUE_DEMAND))
+        assert len(torques) < 40
+    assert torques[:8] == [-1000] * 8
+    assert abs(client.get(od.VELOCITY)) < 0.1 * TURN
+    client.sync(50)
+    assert client.get(od.STATUSWORD) & 0x6F == 0x07
+    assert client.get(od.VELOCITY) == pytest.approx(0, abs=0.02 * TURN)
+
+
+def test_the_brake_of_an_enabled_drive(twin, client):
+    client.enable(9, 0)
+    client.put(od.TARGET_VELOCITY, round(0.5 * TURN))
+    client.put(od.OUTPUT, od.BRAKE)
+    client.put(od.OUTPUT_MASK, od.BRAKE)
+    client.sync(50)
+    assert client.get(od.STATUSWORD) & 0x106F == 0x27  # enabled, and not following
+    assert client.get(od.VELOCITY) == pytest.approx(0, abs=0.02 * TURN)
+
+
+def test_rated_currents_are_the_records(bus, scenario):
+    tuned = aw.read_scenario(Path(__file__).parents[2] / "examples" / "bus-4ms.scenario.toml")
+    twin = Twin(replace(tuned, lanes=None, vary={}), bus)
+    for drive, body, limit in zip(twin.drives, twin.arm.coordinates, twin.units.limit, strict=True):
+        assert body.drive.command == "current"
+        assert drive.values[od.RATED_CURRENT] == round(1e3 * limit)
+    assert {drive.values[od.RATED_CURRENT] for drive in Twin(scenario, bus).drives} == {0}  # the record has no constant
 
 
 @pytest.mark.parametrize(("mode", "key"), [(8, od.TARGET_POSITION), (7, od.SET_POINT)])
@@ -140,9 +267,15 @@ def test_a_quick_stop_brakes_along_its_ramp(twin, client):
     client.enable(9, 0)
     client.put(od.TARGET_VELOCITY, round(1.0 * TURN))
     client.sync(80)
-    assert client.word(0x02) & 0x6F == 0x07
+    status = client.word(0x02)
+    assert status & 0x6F == 0x07
+    for _ in range(100):
+        if status & 0x6F == 0x07:
+            client.sync()
+            status = client.get(od.STATUSWORD)
+    assert status & 0x4F == 0x40  # option 2: switch on disabled, when the joint itself is at rest
+    assert client.get(od.VELOCITY) == pytest.approx(0, abs=0.1 * TURN)
     client.sync(100)
-    assert client.get(od.STATUSWORD) & 0x4F == 0x40  # option 2: switch on disabled at rest
     assert client.get(od.VELOCITY) == pytest.approx(0, abs=0.02 * TURN)
 
 
@@ -213,9 +346,30 @@ def test_mappings_that_no_frame_holds_are_refused(twin, client):
 def test_values_out_of_range_are_refused(twin, client):
     import canopen
 
-    for key, value in ((od.MODE, 5), (od.MAX_TORQUE, 1001), (od.DECELERATION, 0)):
-        with pytest.raises(canopen.SdoAbortedError, match="0x06090030"):
+    refused = [(od.MODE, (-1, 3, 5)), (od.MAX_TORQUE, (1001,)), (od.ABORT_OPTION, (-1, 4))]
+    refused += [(od.QUICK_STOP_OPTION, (-1, 4, 8, 9)), (od.SHUTDOWN_OPTION, (-1, 2)), (od.DISABLE_OPTION, (-1, 2))]
+    refused += [
+        (od.HALT_OPTION, (-1, 0, 4)),
+        (od.REACTION_OPTION, (-1, 4)),
+        (od.HOMING_METHOD, (-1, 0, 1, 16, 21, 34, 36)),
+    ]
+    refused += [(od.OUTPUT, (2, 1 << 16)), (od.OUTPUT_MASK, (2, 1 << 16))]
+    refused += [(key, (0,)) for key in (od.ACCELERATION, od.DECELERATION, od.STOP_DECELERATION)]
+    refused += [(key, (0,)) for key in (od.SEARCH_SPEED, od.HOME_SPEED, od.HOMING_ACCELERATION)]
+    for key, values in refused:
+        before = client.get(key)
+        for value in values:
+            with pytest.raises(canopen.SdoAbortedError, match="0x06090030"):
+                client.put(key, value)
+        assert client.get(key) == before
+    taken = [(od.QUICK_STOP_OPTION, (0, 1, 2, 3, 5, 6, 7)), (od.SHUTDOWN_OPTION, (0, 1)), (od.DISABLE_OPTION, (0, 1))]
+    taken += [(od.HALT_OPTION, (1, 2, 3)), (od.REACTION_OPTION, (0, 1, 2, 3)), (od.ABORT_OPTION, (0, 1, 2, 3))]
+    taken += [(od.HOMING_METHOD, (17, 18, 19, 20, 35, 37)), (od.MODE, (0, 1, 6, 7, 8, 9, 10))]
+    taken += [(od.OUTPUT, (0, 1)), (od.OUTPUT_MASK, (0, 1))]
+    for key, values in taken:
+        for value in values:
             client.put(key, value)
+            assert client.get(key) == value
 
 
 @pytest.mark.parametrize(
@@ -330,7 +484,9 @@ def test_the_bus_is_closed_whatever_happens(scenario, bus, monkeypatch):
 def test_wrong_numbers_of_nodes(scenario, nodes, shown):
     with pytest.raises(BusError) as error:
         Twin(scenario, "virtual", nodes=nodes)
-    assert str(error.value) == f"nodes = {shown}: expected 2 different numbers from 1 to 127, one for each joint"
+    assert (
+        str(error.value) == f"nodes = {shown}: expected 2 different numbers from 1 to 127, one for each joint (--nodes)"
+    )
 
 
 @pytest.mark.parametrize(

@@ -47,7 +47,7 @@ from armwright.cli.tune import tune
 from armwright.cli.twin import run_controller, twin
 from armwright.cli.validate import validate
 from armwright.cli.workspace import workspace
-from armwright.errors import ArmwrightError
+from armwright.errors import ArmwrightError, RunStopped
 from armwright.terminal import say
 
 LONGEST = 2500  # characters of an error: a word that was typed may have any length
@@ -71,7 +71,7 @@ class Commands(TyperGroup):
             code = super().main(*args, standalone_mode=False, **extra)
             sys.stdout.flush()  # here, where a full disk can still be reported
         except ArmwrightError as error:
-            code = _fail(str(error))
+            code = _fail(str(error), 1 if isinstance(error, RunStopped) else 2)
         except UsageError as error:
             where = error.ctx.command_path if error.ctx is not None else "armwright"
             code = _fail(f"{error.format_message()} (see {where} --help)")
@@ -116,12 +116,12 @@ def _silence() -> None:
         os.close(nowhere)
 
 
-def _fail(message: str) -> int:
+def _fail(message: str, code: int = 2) -> int:
     """Shows an error, further mistakes of a file on lines of their own, and gives the exit code."""
     lines = [" ".join(line.split()) for line in message.split("\n  ")]
     shown = [line if len(line) <= LONGEST else f"{line[:LONGEST]}…" for line in lines]
     say("\n  ".join([f"armwright: error: {shown[0]}", *shown[1:]]), err=True)
-    return 2
+    return code
 
 
 app = typer.Typer(

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from armwright.twin.cycles import CycleReport
     from armwright.twin.faults import Fault
     from armwright.twin.rehearsal import Rehearsal
+    from armwright.twin.run import BusRun
     from armwright.twin.twin import Twin
 
 CYCLES = ("what", "how much")  # heads of a table
@@ -33,6 +34,7 @@ Bus = Annotated[
     str,
     option("--bus", "BUS", "virtual (default), socketcan:CHANNEL such as socketcan:can0, or udp_multicast:ADDRESS."),
 ]
+Bitrate = Annotated[int, option("--bitrate", "BIT/S", "Of the bus, for the time that frames take; default 500000.")]
 Nodes = Annotated[str | None, option("--nodes", "N1,N2,…", "Node numbers of the joints; default from 3.")]
 Faults = Annotated[
     list[str] | None,
@@ -55,6 +57,7 @@ def twin(
     scenario: File,
     bus: Bus = "virtual",
     nodes: Nodes = None,
+    bitrate: Bitrate = 500_000,
     serial: Annotated[int, option("--serial", "N", "Serial number in object 1018 of every node; default 1.")] = 1,
     fault: Faults = None,
     duration: Annotated[
@@ -64,6 +67,10 @@ def twin(
         Path | None, option("--eds", "FOLDER", "Write the nodes' electronic data sheets, and do no more.")
     ] = None,
     reference: Reference = None,
+    speed: Annotated[
+        float,
+        option("--speed", "V", "That of the run: what the hand takes up, and forces, come as much later; default 1."),
+    ] = 1.0,
     allow: Allow = None,
 ) -> None:
     """Put the simulated arm of a scenario on a CAN bus, as CiA 402 drives, one node for each joint.
@@ -78,11 +85,13 @@ def twin(
       armwright twin arm.scenario.toml --eds sheets
     """
     from armwright.twin.bus import is_virtual
+    from armwright.twin.safety import reduced
     from armwright.twin.twin import Twin
 
     _, found = _scenarios(scenario, allow, reference, None)
-    with as_options("nodes", "serial", "bus"):
-        made = Twin(found, bus, nodes=_numbers(nodes), serial=serial, faults=_faults(found, fault))
+    with as_options("nodes", "serial", "bus", "bitrate", "speed"):
+        found = reduced(found, speed)
+        made = Twin(found, bus, nodes=_numbers(nodes), serial=serial, faults=_faults(found, fault), bitrate=bitrate)
     if eds is not None:
         _write_sheets(made, eds)
         return
@@ -121,6 +130,16 @@ def run_controller(
         float | None,
         option("--following-error", "E", "In rad or m, ends the run; by default twice that of the simulated run."),
     ] = None,
+    missing: Annotated[
+        int, option("--missing", "N", "Answers that a node misses in a row before the run ends; default 2.")
+    ] = 2,
+    bitrate: Bitrate = 500_000,
+    release: Annotated[
+        bool,
+        typer.Option(
+            "--release", help="Disable drives that hold the arm after a run; where nothing else does, it falls."
+        ),
+    ] = False,
     arm: Annotated[
         int | None, option("--arm", "SERIAL", "Serial number of the arm, on a bus that is not virtual.")
     ] = None,
@@ -135,8 +154,11 @@ def run_controller(
     With --go it happens: on a virtual bus against a twin in this process, in lock-step and so exactly as simulated;
     elsewhere in real time, against nodes with the serial number given by --arm. A real arm needs a passing verdict of
     `armwright validate` on the scenario, a first run with at most --speed 0.25 --torque 0.5, and the space bar held down
-    while it moves. Exit code: 0 complete, 1 the key was released, 2 bad input, a fault or a following error, after which
-    all drives were stopped.
+    while it moves. Whatever ends a run, all drives that answer get a quick stop; where the record has no brakes they hold
+    the arm until --release.
+
+    Exit code: 0 complete; 1 ended early (a node lost, a fault, a following error, the key released) or, in lock-step,
+    different from the simulation; 2 refused before a drive was enabled.
 
     \b
     Examples:
@@ -144,29 +166,35 @@ def run_controller(
       armwright run-controller arm.scenario.toml --go
       armwright run-controller arm.scenario.toml --bus udp_multicast:239.74.163.2 --arm 1 --go
     """
-    from armwright.twin.bus import check_bus, is_virtual, node_numbers
+    from armwright.twin.bus import check_bus, is_virtual
     from armwright.twin.rehearsal import rehearse
+    from armwright.twin.run import check_arguments, release_drives
     from armwright.twin.run import run_controller as run_over_bus
-    from armwright.twin.safety import Permission, reduced
+    from armwright.twin.safety import Permission
 
     check_bus(bus)
     read, found = _scenarios(scenario, allow, reference, duration)
-    with as_options("speed", "torque", "nodes"):
-        found = reduced(found, speed, torque)
-        numbers = node_numbers(_numbers(nodes), found.arm.n)
-    faults = _faults(found, fault)
-    rehearsal = rehearse(found)
+    faults, numbers = _faults(found, fault), _numbers(nodes)
+    with as_options("speed", "torque", "nodes", "bitrate", "following_error", "missing"):
+        rehearsal = rehearse(found, bitrate=bitrate, speed=speed, torque=torque, nodes=numbers)
+        check_arguments(rehearsal.stages.period, found.arm.n, following_error=following_error, missing=missing)
+    motion = (b"" if reference is None else reference.read_bytes()) + str(duration).encode()
+    permission = Permission.of(scenario, read, motion, serial=arm, speed=speed, torque=torque)
+    if release:
+        with as_options("arm", "nodes"):
+            release_drives(rehearsal, bus, nodes=numbers, permission=permission)
+        say("all drives are disabled")
+        return
     _show_rehearsal(rehearsal)
     if not go:
         say("dry run: nothing was sent; --go runs it")
         return
-    motion = (b"" if reference is None else reference.read_bytes()) + str(duration).encode()
-    permission = Permission.of(scenario, read, motion, serial=arm, speed=speed, torque=torque)
     with contextlib.ExitStack() as stack:
         if is_virtual(bus):
             from armwright.twin.twin import Twin
 
-            stack.enter_context(Twin(found, bus, nodes=numbers, faults=faults))
+            made = Twin(rehearsal.source, bus, nodes=numbers, faults=faults, bitrate=bitrate)
+            stack.enter_context(made)
         elif fault:
             raise BusError("are injected where the twin runs", place="--fault", expected="armwright twin … --fault")
         else:
@@ -181,23 +209,34 @@ def run_controller(
                 eds=[str(path) for path in eds or ()],
                 real_time=real_time or not is_virtual(bus),
                 following_error=following_error,
+                missing=missing,
                 permission=permission,
             )
     errors = [(name, number(abs(run.errors[:, i]).max())) for i, name in enumerate(found.arm.names)]
     console_for_tables().print(table("over the bus", ("joint", "largest error"), errors, ("joint",)))
     if real_time or not is_virtual(bus):  # in lock-step a SYNC comes when it may
         _show_cycles("the master's cycles", run.cycles)
-    first = run.first_difference
-    say(
-        "positions and commands are those of the simulation, to the bit"
-        if run.equal
-        else f"differs from the simulation from tick {first} on"
-        if first is not None
-        else "commands are those of the simulation"
-    )
+    say("positions and commands are those of the simulation, to the bit" if run.equal else _how_it_differs(run, faults))
+    if not is_virtual(bus):
+        say(str(run.ending))
+    if permission.reduced and not is_virtual(bus) and run.complete and not run.counts:
+        cycles = run.cycles
+        say(
+            f"this run is no rehearsal: {cycles.incomplete} of {cycles.cycles} cycles were incomplete, 0.1 % are allowed"
+        )
     if not run.complete:
         say(f"stopped after {len(run.time)} of {rehearsal.recording.ticks} cycles: the key was let go")
         raise typer.Exit(1)
+    if is_virtual(bus) and not real_time and not run.equal:  # in lock-step nothing but the twin can differ
+        raise typer.Exit(1)
+
+
+def _how_it_differs(run: BusRun, faults: Sequence[Fault]) -> str:
+    """The first difference from the simulation as a sentence, with the faults that the twin had."""
+    if run.first_difference is None:
+        return "as far as it ran, positions and commands are those of the simulation"
+    cause = f"; faults were injected: {', '.join(map(str, faults))}" if faults else ""
+    return f"{run.first_difference}{cause}"
 
 
 def _scenarios(
@@ -269,11 +308,17 @@ def _wait(made: Twin, duration: float | None) -> None:
 
 def _show_rehearsal(rehearsal: Rehearsal) -> None:
     heads = ("joint", "position [rad | m]", "largest speed", "torque", "largest error")
-    arm, limit = rehearsal.scenario.arm, rehearsal.largest_command
+    arm, limit, full = rehearsal.scenario.arm, rehearsal.largest_command, rehearsal.full
     rows = [
         (name, where, speed, f"{limit[i]:.0%} of rated", number(rehearsal.largest_error[i]))
         for i, (name, where, speed, *_) in enumerate(rehearsal.rows())
     ]
+    if full is not None:  # a reduced run: beside the speed and torque at full settings
+        heads = (*heads[:4], "at full speed", "and torque", heads[4])
+        rows = [
+            (*row[:4], number(full.largest_speed[i]), f"{full.largest_command[i]:.0%} of rated", row[4])
+            for i, row in enumerate(rows)
+        ]
     end = rehearsal.recording.ticks * rehearsal.stages.period
     console_for_tables().print(table(f"{arm.name}: {end:g} s, simulated over the bus", heads, rows, heads[:4]))
     say(str(rehearsal.load))

@@ -11,6 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from armwright.errors import BusError
 from armwright.simulation.checks import is_whole
 
@@ -18,6 +20,7 @@ if TYPE_CHECKING:
     import can
 
 BITRATE = 500_000  # [bit/s] of the LWA 4P
+FASTEST = 1_000_000  # [bit/s] of a classic CAN bus
 INTERFACES = ("virtual", "socketcan", "udp_multicast")
 INSTALL = 'pip install "armwright[twin]"'
 FIRST_NODE = 3  # of the LWA 4P, whose nodes are 3 to 8
@@ -62,9 +65,11 @@ class BusLoad:
         Raises:
             BusError: names the load and the shortest period.
         """
+        if not is_whole(self.bitrate, 1) or self.bitrate > FASTEST:
+            raise BusError(place="bitrate", value=self.bitrate, expected=f"a whole number of bit/s, 1 to {FASTEST}")
         if self.load(stuffed=True) >= 1.0:
             what = f"{self.nodes} nodes load a bus of {self.bitrate / 1e3:g} kbit/s to {self.load(stuffed=True):.0%}"
-            expected = f"a period above {1e3 * self.cycle(stuffed=True):.3g} ms, or a faster bus"
+            expected = f"a period above {1e3 * self.cycle(stuffed=True):.3g} ms in [loop], or a faster bus (--bitrate)"
             raise BusError(what, place="loop.period", value=self.period, expected=expected)
         self.interpolation()
 
@@ -101,7 +106,7 @@ def check_bus(name: str) -> tuple[str, str]:
     Raises:
         BusError: no such interface, no channel, or the packages are not installed.
     """
-    interface, _, channel = name.partition(":")
+    interface, _, channel = name.partition(":") if isinstance(name, str) else ("", "", "")
     if interface not in INTERFACES:
         raise BusError(place="bus", value=name, expected="virtual, socketcan:CHANNEL or udp_multicast:ADDRESS")
     if not channel and interface != "virtual":
@@ -125,6 +130,13 @@ def require_twin() -> None:
     _ = can, canopen
 
 
+def bus_errors() -> tuple[type[Exception], ...]:
+    """Exceptions of a bus that fails while it is open."""
+    import can
+
+    return can.CanError, OSError
+
+
 def open_bus(name: str) -> can.BusABC:
     """A bus by name, open; the caller closes it.
 
@@ -142,7 +154,7 @@ def open_bus(name: str) -> can.BusABC:
         if not logger.handlers:
             logger.addHandler(logging.NullHandler())
     try:
-        return can.Bus(channel=channel, interface=interface)
+        return can.Bus(channel=channel, interface=interface, ignore_config=True)  # a ~/can.conf says nothing
     except (can.CanError, OSError, ValueError, NotImplementedError, ImportError, TypeError) as error:
         text = (str(error).splitlines() or [type(error).__name__])[0]
         expected = "a bus that is there and up, such as `ip link set can0 up type can bitrate 500000` makes it"
@@ -155,9 +167,10 @@ def node_numbers(nodes: Sequence[int] | None, joints: int) -> tuple[int, ...]:
     Raises:
         BusError: another number of nodes than joints, one that is none, or one that is there twice.
     """
-    numbers = tuple(range(FIRST_NODE, FIRST_NODE + joints)) if nodes is None else tuple(nodes)
+    given = range(FIRST_NODE, FIRST_NODE + joints) if nodes is None else nodes
+    numbers = tuple(np.atleast_1d(np.array(given, dtype=object)).tolist())
     right = all(is_whole(number, 1) and number <= 127 for number in numbers)
     if not right or len(numbers) != joints or len(set(numbers)) != joints:
-        expected = f"{joints} different numbers from 1 to 127, one for each joint"
+        expected = f"{joints} different numbers from 1 to 127, one for each joint (--nodes)"
         raise BusError(place="nodes", value=list(numbers), expected=expected)
     return numbers

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from armwright.twin import clock
+
 LATE = 0.5  # of a period behind the time at which a SYNC was to come
 
 
@@ -60,11 +62,11 @@ class Cycles:
         self._begun: list[float] = []
         self._worked: list[float] = []
         self._incomplete = 0
-        self._clock, self._processor = time.perf_counter(), time.process_time()
+        self._clock, self._processor = clock.now(), time.process_time()
 
     def began(self) -> None:
         """Counts a SYNC that was received or sent."""
-        self._begun.append(time.perf_counter())
+        self._begun.append(clock.now())
 
     def received(self, expected: int, came: int) -> None:
         """Compares the numbers of expected and received frames of a cycle."""
@@ -73,14 +75,14 @@ class Cycles:
     def ended(self) -> None:
         """Marks the end of a cycle's work."""
         if self._begun:
-            self._worked.append(time.perf_counter() - self._begun[-1])
+            self._worked.append(clock.now() - self._begun[-1])
 
     @property
     def report(self) -> CycleReport:
         """Statistics of the cycles so far."""
         intervals = np.diff(self._begun) if len(self._begun) > 1 else np.full(1, self.period)
         off = intervals - self.period
-        spent = time.perf_counter() - self._clock
+        spent = clock.now() - self._clock
         return CycleReport(
             len(self._begun),
             self._incomplete,

@@ -45,7 +45,7 @@ class BusListener:
         period: [s] from SYNC to SYNC, where their time stamps mean nothing, as of a twin in lock-step; default: the stamps.
 
     Attributes:
-        incomplete: cycles to which an answer was missing; they are no rows.
+        incomplete: cycles to which an answer was missing; they are no rows.   latest: [s] of the last SYNC, as rows have it.
     """
 
     def __init__(
@@ -60,7 +60,7 @@ class BusListener:
         if period is not None and not (isinstance(period, (int, float)) and 0.0 < period < np.inf):
             raise BusError(place="period", value=period, expected="a time above 0 [s]")
         check_bus(bus)
-        self.arm, self.name, self._period, self.incomplete = arm, bus, period, 0
+        self.arm, self.name, self._period, self.incomplete, self.latest = arm, bus, period, 0, 0.0
         self._joints = {ANSWER + number: k for k, number in enumerate(node_numbers(nodes, arm.n))}
         sensors = Sensors() if counts is None else Sensors(counts=counts, side="link")
         self._units = Units.of(Scenario(arm, 1.0, loop=Loop(period=1e-3, sensors=sensors)))
@@ -107,7 +107,7 @@ class BusListener:
                 first = frame.timestamp if not heard else first
                 heard, answers = True, {}
                 at = cycles * self._period if self._period is not None else frame.timestamp - first
-                cycles += 1
+                cycles, self.latest = cycles + 1, at
             joint = self._joints.get(frame.arbitration_id)
             if joint is None or at is None or len(frame.data) != DATA.size:
                 continue
@@ -116,6 +116,7 @@ class BusListener:
             if len(answers) == self.arm.n:
                 yield (at, *self._row(answers))
                 at = None
+                latest = time.monotonic()  # what the caller did meanwhile is no silence of the bus
         if not heard:
             expected = f"a SYNC within {min(silence, duration or silence):g} s, by a master that drives the arm"
             raise BusError("no frames were received", place="bus", value=self.name, expected=expected)
@@ -165,8 +166,10 @@ def shadow_bus(
     Raises:
         BusError: as `BusListener.rows`.
     """
-    last = -np.inf
+    last = np.nan
     for t, q, tau in listener.rows(duration, silence):
-        if t > last:  # two SYNCs of one time stamp are no two rows
+        if t != last:  # two SYNCs of one time stamp are no two rows
             last = t
             yield (t, q, tau), shadow.update([t], q[None], tau[None])
+    if listener.latest > last:  # a drive no longer answers: no rows since, and nothing was judged
+        shadow.without_rows(listener.latest - last)

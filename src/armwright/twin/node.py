@@ -132,11 +132,8 @@ class TwinNode:
             bits = sum(self.drive.values[index, sub] & 0xFF for sub in range(1, subindex))
             if bits + entry.kind.bits > 64:
                 raise SdoAbortedError(TOO_LONG)
-        if key == od.MODE and value not in (0, *od.MODES):
-            raise SdoAbortedError(OUT_OF_RANGE)
-        if key == od.MAX_TORQUE and value > 1000:
-            raise SdoAbortedError(OUT_OF_RANGE)
-        if key in (od.ACCELERATION, od.DECELERATION, od.STOP_DECELERATION) and value == 0:
+        beyond = key == od.MAX_TORQUE and value > 1000
+        if beyond or value not in od.CHOICES.get(key, (value,)) or (key in od.ABOVE_ZERO and value == 0):
             raise SdoAbortedError(OUT_OF_RANGE)
 
     def maps(self, first: int) -> list[Map]:

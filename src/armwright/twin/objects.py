@@ -22,15 +22,19 @@ Key = tuple[int, int]  # index and subindex
 
 CONTROLWORD, STATUSWORD, ERROR_CODE = (0x6040, 0), (0x6041, 0), (0x603F, 0)
 MODE, MODE_DISPLAY, SUPPORTED_MODES = (0x6060, 0), (0x6061, 0), (0x6502, 0)
-ABORT_OPTION, QUICK_STOP_OPTION, REACTION_OPTION = (0x6007, 0), (0x605A, 0), (0x605E, 0)
+ABORT_OPTION, QUICK_STOP_OPTION, SHUTDOWN_OPTION = (0x6007, 0), (0x605A, 0), (0x605B, 0)
+DISABLE_OPTION, HALT_OPTION, REACTION_OPTION = (0x605C, 0), (0x605D, 0), (0x605E, 0)
 POSITION, POSITION_DEMAND, VELOCITY = (0x6064, 0), (0x6062, 0), (0x606C, 0)
 WINDOW, WINDOW_TIME, FOLLOWING_ERROR, REACHED = (0x6065, 0), (0x6066, 0), (0x60F4, 0), (0x6067, 0)
 TARGET_POSITION, TARGET_VELOCITY, TARGET_TORQUE = (0x607A, 0), (0x60FF, 0), (0x6071, 0)
-SET_POINT, VELOCITY_OFFSET, TORQUE_OFFSET = (0x60C1, 1), (0x60B1, 0), (0x60B2, 0)
+SET_POINT, POSITION_OFFSET, VELOCITY_OFFSET, TORQUE_OFFSET = (0x60C1, 1), (0x60B0, 0), (0x60B1, 0), (0x60B2, 0)
+CURRENT, RATED_CURRENT, INPUTS = (0x6078, 0), (0x6075, 0), (0x60FD, 0)
+OUTPUT, OUTPUT_MASK = (0x60FE, 1), (0x60FE, 2)
 TORQUE, MAX_TORQUE, RATED_TORQUE, TORQUE_DEMAND = (0x6077, 0), (0x6072, 0), (0x6076, 0), (0x6074, 0)
 LOWEST, HIGHEST, MAX_SPEED = (0x607D, 1), (0x607D, 2), (0x607F, 0)
 PROFILE_SPEED, ACCELERATION, DECELERATION, STOP_DECELERATION = (0x6081, 0), (0x6083, 0), (0x6084, 0), (0x6085, 0)
 HOMING_METHOD, HOME_OFFSET = (0x6098, 0), (0x607C, 0)
+SEARCH_SPEED, HOME_SPEED, HOMING_ACCELERATION = (0x6099, 1), (0x6099, 2), (0x609A, 0)
 SUPPLY, SERIAL, VENDOR, PRODUCT = (0x6079, 0), (0x1018, 4), (0x1018, 1), (0x1018, 2)
 ERROR_REGISTER, CONSUMER, PRODUCER = (0x1001, 0), (0x1016, 1), (0x1017, 0)
 CYCLE, INTERPOLATION, INTERPOLATION_POWER = (0x1006, 0), (0x60C2, 1), (0x60C2, 2)
@@ -39,6 +43,25 @@ TIMEOUT = (0x1400, 5)  # [ms] without process data, in a cyclic mode, that is a 
 MODES = {1: "profile position", 6: "homing", 7: "interpolated position", 8: "cyclic synchronous position"}
 MODES |= {9: "cyclic synchronous velocity", 10: "cyclic synchronous torque"}
 CYCLIC = (7, 8, 9, 10)  # modes whose set-points come with every SYNC
+BRAKE = 1  # bit of 60FE: sets the brake
+NEGATIVE, POSITIVE, HOME = 1, 2, 4  # bits of 60FD: limit switches, home switch
+HERE = (35, 37)  # methods of homing: the present position is home
+# methods that search: (way at the end, switch, its level from there on), where home is the edge of the switch
+SEARCHES = {17: (1, NEGATIVE, False), 18: (-1, POSITIVE, False), 19: (-1, HOME, False), 20: (1, HOME, True)}
+# values that the twin carries out; 4 and 8 would brake at a limit of voltage, which its drives do not have
+CHOICES: dict[Key, tuple[int, ...]] = {
+    ABORT_OPTION: (0, 1, 2, 3),
+    QUICK_STOP_OPTION: (0, 1, 2, 3, 5, 6, 7),
+    SHUTDOWN_OPTION: (0, 1),
+    DISABLE_OPTION: (0, 1),
+    HALT_OPTION: (1, 2, 3),
+    REACTION_OPTION: (0, 1, 2, 3),
+    MODE: (0, *MODES),
+    HOMING_METHOD: (*SEARCHES, *HERE),
+    OUTPUT: (0, BRAKE),
+    OUTPUT_MASK: (0, BRAKE),
+}
+ABOVE_ZERO = (ACCELERATION, DECELERATION, STOP_DECELERATION, SEARCH_SPEED, HOME_SPEED, HOMING_ACCELERATION)
 DEVICE_TYPE = 0x0002_0192  # a servo drive by CiA 402
 TWIN_VENDOR, TWIN_PRODUCT = 0, 0x4157_5457  # no vendor's number; "AWTW": a twin, and no drive of metal
 INVALID = 0x8000_0000  # of a COB-ID: no such process data
@@ -115,6 +138,9 @@ def _simple() -> dict[Key, Entry]:
         CONTROLWORD: Entry("Controlword", U16, mapped=True),
         STATUSWORD: Entry("Statusword", U16, "ro", mapped=True),
         QUICK_STOP_OPTION: Entry("Quick stop option code", I16, "rw", 2),
+        SHUTDOWN_OPTION: Entry("Shutdown option code", I16),
+        DISABLE_OPTION: Entry("Disable operation option code", I16, "rw", 1),
+        HALT_OPTION: Entry("Halt option code", I16, "rw", 1),
         REACTION_OPTION: Entry("Fault reaction option code", I16, "rw", 2),
         MODE: Entry("Modes of operation", I8, mapped=True),
         MODE_DISPLAY: Entry("Modes of operation display", I8, "ro", mapped=True),
@@ -127,8 +153,10 @@ def _simple() -> dict[Key, Entry]:
         TARGET_TORQUE: Entry("Target torque", I16, mapped=True),
         MAX_TORQUE: Entry("Max torque", U16, "rw", 1000, True),
         TORQUE_DEMAND: Entry("Torque demand", I16, "ro", mapped=True),
+        RATED_CURRENT: Entry("Motor rated current", U32, "ro"),
         RATED_TORQUE: Entry("Motor rated torque", U32, "ro"),
         TORQUE: Entry("Torque actual value", I16, "ro", mapped=True),
+        CURRENT: Entry("Current actual value", I16, "ro", mapped=True),
         SUPPLY: Entry("DC link circuit voltage", U32, "ro", mapped=True),
         TARGET_POSITION: Entry("Target position", I32, mapped=True),
         HOME_OFFSET: Entry("Home offset", I32),
@@ -142,12 +170,19 @@ def _simple() -> dict[Key, Entry]:
         (0x608F, 1): Entry("Encoder increments", U32, "ro"),
         (0x608F, 2): Entry("Motor revolutions", U32, "ro", 1),
         HOMING_METHOD: Entry("Homing method", I8, "rw", 35),
+        SEARCH_SPEED: Entry("Speed during search for switch", U32),
+        HOME_SPEED: Entry("Speed during search for zero", U32),
+        HOMING_ACCELERATION: Entry("Homing acceleration", U32),
+        POSITION_OFFSET: Entry("Position offset", I32, mapped=True),
         VELOCITY_OFFSET: Entry("Velocity offset", I32, mapped=True),
         TORQUE_OFFSET: Entry("Torque offset", I16, mapped=True),
         SET_POINT: Entry("Interpolation data", I32, mapped=True),
         INTERPOLATION: Entry("Interpolation time period value", U8, "rw", 4),
         INTERPOLATION_POWER: Entry("Interpolation time index", I8, "rw", -3),
         FOLLOWING_ERROR: Entry("Following error actual value", I32, "ro", mapped=True),
+        INPUTS: Entry("Digital inputs", U32, "ro", mapped=True),
+        OUTPUT: Entry("Physical outputs", U32, mapped=True),
+        OUTPUT_MASK: Entry("Bit mask", U32),
         TARGET_VELOCITY: Entry("Target velocity", I32, mapped=True),
         SUPPORTED_MODES: Entry("Supported drive modes", U32, "ro", sum(1 << (mode - 1) for mode in MODES)),
     }
@@ -178,6 +213,7 @@ RECORDS = {0x1016: "Consumer heartbeat time", 0x1018: "Identity object", 0x1400:
 RECORDS |= {0x1600: "RPDO mapping", 0x1800: "TPDO parameter", 0x1A00: "TPDO mapping"}
 RECORDS |= {0x607D: "Software position limit", 0x608F: "Position encoder resolution"}
 RECORDS |= {0x60C1: "Interpolation data record", 0x60C2: "Interpolation time period"}
+RECORDS |= {0x6099: "Homing speeds", 0x60FE: "Digital outputs"}
 RECORDS |= {index + 1: RECORDS[index] for index in (0x1400, 0x1600, 0x1800, 0x1A00)}
 
 

@@ -9,7 +9,7 @@ bits in the simulation, from the plant's exact state, and at the master, from fr
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 from typing import Any
@@ -18,16 +18,17 @@ import numpy as np
 
 from armwright import scalar
 from armwright.control.wrapper import Wrapper
-from armwright.errors import BusError, ScenarioError
+from armwright.errors import BusError, Problem, ScenarioError
 from armwright.export.controller.stages import check_one_arm
 from armwright.interfaces import JointReference, Measurement
 from armwright.model import Model
 from armwright.scalar import Array, Scalar
 from armwright.simulation.loop.command_filter import WHOLE, CommandFilter
+from armwright.simulation.loop.references import reference_layout
 from armwright.simulation.loop.sensors import Sensors
 from armwright.simulation.scenario import Scenario
 from armwright.simulation.scenario_parts import Loop, Recording
-from armwright.twin.bus import BITRATE, BusLoad
+from armwright.twin.bus import BITRATE, BusLoad, node_numbers
 from armwright.twin.units import COUNTS_PER_METRE, COUNTS_PER_TURN, Units
 
 
@@ -84,24 +85,37 @@ class OnBus(Wrapper):
         return SimpleNamespace(arm=self.arm, period=self.period, q=y.q, qd=qd, current=y.current)
 
 
-def scenario_on_bus(scenario: Scenario, *, bitrate: int = BITRATE) -> Scenario:
+def scenario_on_bus(scenario: Scenario, *, bitrate: int = BITRATE, nodes: Sequence[int] | None = None) -> Scenario:
     """The scenario as run over a bus: commands and measurements in bus units, with the delays of frames.
 
     Args:
         scenario: with a sampled loop, a controller, and an arm whose drives take currents or torques.
-        bitrate: [bit/s].
+        bitrate: [bit/s].   nodes: numbers of the joints' nodes, to be checked; default: from 3.
     Returns:
         scenario: with positions in counts, speeds made of them, commands in thousandths of the rated torque, which act at the
             first SYNC behind their arrival.
     Raises:
-        BusError: no loop; a measurement that frames do not carry; an arm without limits, or with drives that take voltages; a
-            period that the bus or object 60C2 does not hold.
+        BusError: all that is wrong: no loop, controller or duration; an arm that moves at the start; a reference without
+            positions of the joints; a resolution of commands; a measurement that frames do not carry; an arm without limits,
+            or with drives that take voltages; a period that the bus or object 60C2 does not hold; nodes that are none.
     """
     with _as_bus_error():
         check_one_arm(scenario)
-    if scenario.controller is None:
+    if scenario.loop is None or scenario.controller is None:
         raise BusError("no controller", place="loop.controller", expected="one that drives the arm over the bus")
-    units, sensors, loop = _carried(scenario, bitrate)
+    n, problems = scenario.arm.n, []
+    if scenario.duration is None:
+        expected = "a time above 0 [s] that the controller runs for"
+        problems.append(Problem(place="duration", value=None, expected=expected))
+    resolution = scenario.loop.command_filter.resolution
+    if resolution is not None:
+        expected = "none: commands over the bus are thousandths of the rated torque"
+        problems.append(Problem("", "loop.command_filter.resolution", resolution, expected))
+    followed = reference_layout(scenario.arm, scenario.reference).signals
+    if not followed or (followed[0].name, followed[0].size) != ("q", n):
+        expected = "q as its first signal, by which the master watches the arm"
+        problems.append(Problem("has no positions of the joints", "loop.reference", expected=expected))
+    units, sensors, loop = _carried(scenario, bitrate, nodes, problems)
     limit = units.limit if loop.command_filter.limit is None else loop.command_filter.limit
     limit = np.minimum(np.broadcast_to(np.asarray(limit, dtype=float), scenario.arm.n), units.limit)
     limit = np.floor(limit / units.thousandth + WHOLE) * units.thousandth
@@ -122,21 +136,42 @@ def plant_on_bus(scenario: Scenario, *, bitrate: int = BITRATE) -> Scenario:
         check_one_arm(scenario)
     _, _, loop = _carried(scenario, bitrate)
     loop = replace(loop, controller=None, reference=None, command_filter=CommandFilter())
-    return _replaced(scenario, loop=loop, duration=None, recording=Recording(what="state"))
+    inputs = replace(scenario.inputs, payload=scenario.carried)  # also what the reference takes up, which stays behind
+    return _replaced(scenario, loop=loop, inputs=inputs, duration=None, recording=Recording(what="state"))
 
 
-def _carried(scenario: Scenario, bitrate: int) -> tuple[Units, Sensors, Loop]:
-    """The units of the bus, the sensors that make speeds of positions, and the loop with what the bus does to both ends of it."""
+def _carried(
+    scenario: Scenario, bitrate: int, nodes: Sequence[int] | None = None, problems: Sequence[Problem] = ()
+) -> tuple[Units, Sensors, Loop]:
+    """The units of the bus, the sensors that make speeds of positions, and the loop with what the bus does to both ends of it.
+
+    Raises:
+        BusError: all that is wrong, these problems first.
+    """
     loop, arm = scenario.loop, scenario.arm
     if loop is None:
         raise BusError("no sampled loop", place="loop", expected="one with a period, that drives the arm over the bus")
-    units, load = Units.of(scenario), BusLoad(arm.n, scenario.tick, bitrate)
-    load.check()
+    load, found = BusLoad(arm.n, scenario.tick, bitrate), list(problems)
+    if np.any(scenario.initial_state[0, arm.n : 2 * arm.n]):
+        expected = "0: brakes hold it until it is enabled"
+        found.append(Problem("the arm moves at the start", "start.qd", expected=expected))
+    for check in (
+        load.check,
+        lambda: Units.of(scenario),
+        lambda: _speeds(scenario),
+        lambda: node_numbers(nodes, arm.n),
+    ):
+        try:
+            check()
+        except BusError as error:
+            found += error.problems
+    if found:
+        raise BusError.of(*found)
     sensors = _speeds(scenario)
     delay = loop.timing.command_delay + load.cycle(stuffed=True)
     timing = replace(loop.timing, preset="sync", command_delay=delay)
     measured = replace(sensors, velocity="exact", cutoff_hz=None)  # speeds are made of positions at the other end
-    return units, sensors, replace(loop, period=scenario.tick, sensors=measured, timing=timing)
+    return Units.of(scenario), sensors, replace(loop, period=scenario.tick, sensors=measured, timing=timing)
 
 
 def _replaced(scenario: Scenario, **changes: Any) -> Scenario:
@@ -158,19 +193,21 @@ def _speeds(scenario: Scenario) -> Sensors:
     loop, arm = scenario.loop, scenario.arm
     assert loop is not None
     sensors = loop.joint_sensors
+    problems = []
     if len(loop.sensor_list) > 1:
-        raise BusError("further sensors", place="loop.sensors", expected="those of the joints, which frames carry")
-    if sensors.side == "motor" and sensors.counts is not None:
-        expected = "side = 'link': the drives send positions of the joints"
-        raise BusError(place="loop.sensors.side", value="motor", expected=expected)
+        expected = "those of the joints, which frames carry"
+        problems.append(Problem("further sensors", "loop.sensors", expected=expected))
     elastic = [body.joint for body in arm.coordinates if body.elasticity is not None]
-    if elastic and sensors.side == "motor":
-        what = f"joint {elastic[0]!r} is elastic: motor and link are at two places"
-        raise BusError(what, place="loop.sensors.side", value="motor", expected="'link'")
+    if sensors.side == "motor" and (sensors.counts is not None or elastic):
+        what = f"joint {elastic[0]!r} is elastic: motor and link are at two places" if elastic else ""
+        expected = "side = 'link' in [loop.sensors]: the drives send positions of the joints"
+        problems.append(Problem(what, "loop.sensors.side", "motor", expected))
     for name in ("velocity_noise", "current_noise"):
         if np.any(np.asarray(getattr(sensors, name)) != 0.0):
             expected = "0: speeds are made of positions, and torques are what the drives command"
-            raise BusError(place=f"loop.sensors.{name}", value=getattr(sensors, name), expected=expected)
+            problems.append(Problem("", f"loop.sensors.{name}", getattr(sensors, name), expected))
+    if problems:
+        raise BusError.of(*problems)
     linear = any(body.kind == "prismatic" for body in arm.coordinates)
     metre = (COUNTS_PER_METRE if sensors.counts_per_m is None else sensors.counts_per_m) if linear else None
     counts = COUNTS_PER_TURN if sensors.counts is None else sensors.counts

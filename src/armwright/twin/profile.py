@@ -43,7 +43,7 @@ def slowed(position: float, speed: float, deceleration: float, period: float) ->
 class Servo:
     """Position and speed loops of all drives, for the joints that follow positions.
 
-        ω = kp (q_r - q) + q̇_r      u = clip(kv (ω - q̇) + I, ±limit)
+        ω = kp (q_r - q) + q̇_r      u = clip(kv (ω - q̇) + I + feedforward, ±limit)
 
     Attributes:
         integral: (n,) I [A | N m | N], forward.
@@ -64,11 +64,19 @@ class Servo:
         self.integral = np.zeros(arm.n)
 
     def command(
-        self, wanted: np.ndarray, wanted_speed: np.ndarray, q: np.ndarray, qd: np.ndarray, limit: np.ndarray
+        self,
+        wanted: np.ndarray,
+        wanted_speed: np.ndarray,
+        q: np.ndarray,
+        qd: np.ndarray,
+        limit: np.ndarray,
+        feedforward: np.ndarray | float = 0.0,
     ) -> np.ndarray:
-        """Commands (n,) [A | N m | N] that follow positions (n,) and speeds (n,) within limits (n,)."""
-        speed = self._kp * (wanted - q) + wanted_speed
-        stage = limited_stage(speed - qd, self.integral, self._kv, self._ki, limit, self._period, "clamping", None)
+        """Commands (n,) [A | N m | N] that follow positions (n,) and speeds (n,) within limits (n,), with commands (n,) added."""
+        speed, more = self._kp * (wanted - q) + wanted_speed, self._signs * feedforward
+        stage = limited_stage(
+            speed - qd, self.integral, self._kv, self._ki, limit, self._period, "clamping", None, feedforward=more
+        )
         self.integral = np.asarray(stage.integral, dtype=float)
         return self._signs * np.asarray(stage.output, dtype=float)
 

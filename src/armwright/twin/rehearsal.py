@@ -2,18 +2,32 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from armwright.errors import BusError, ScenarioError
+from armwright.errors import BusError
 from armwright.export.controller.recording import Recording, record
 from armwright.export.controller.stages import ControllerStages
+from armwright.simulation.loop.references import reference_rows
 from armwright.simulation.scenario import Scenario
+from armwright.simulation.scenario_parts import Loop
+from armwright.trajectory.limits import MotionLimits
+from armwright.trajectory.online import filtered
 from armwright.twin.bus import BITRATE, BusLoad
 from armwright.twin.drive import SPEEDING
 from armwright.twin.on_bus import scenario_on_bus
+from armwright.twin.safety import reduced
 from armwright.twin.units import Units
+
+PROPORTION = 1.5  # of the speed in proportion: a reduced run may overshoot a little more
+SLOW = 0.02  # of the speed limit: slower than that a joint may be at any setting
+NOISE = 6.0 * np.sqrt(2.0)  # standard deviations of the difference of two noisy positions
+RISE, ROUNDED = (
+    0.25,
+    0.05,
+)  # [s] of a limited move from rest to its speed, and of its acceleration, where the record is silent
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,7 +36,8 @@ class Rehearsal:
 
     Attributes:
         scenario: as it runs over the bus.   stages: the controller's programs.   recording: references, measurements, commands.
-        load: of the bus.   units: of the bus.
+        load: of the bus.   units: of the bus.   source: the scenario without the bus, at this speed and torque.
+        full: the run at full speed and torque, of a reduced one.
     """
 
     scenario: Scenario
@@ -30,6 +45,8 @@ class Rehearsal:
     recording: Recording
     load: BusLoad
     units: Units
+    source: Scenario
+    full: Rehearsal | None = None
 
     @property
     def q(self) -> np.ndarray:
@@ -73,33 +90,82 @@ class Rehearsal:
         ]
 
 
-def rehearse(scenario: Scenario, *, bitrate: int = BITRATE) -> Rehearsal:
+def rehearse(
+    scenario: Scenario,
+    *,
+    bitrate: int = BITRATE,
+    speed: float = 1.0,
+    torque: float = 1.0,
+    nodes: Sequence[int] | None = None,
+) -> Rehearsal:
     """The simulated run of a scenario's controller over a bus.
+
+    At reduced speed a motion is played more slowly. A pose or a step has no time to stretch: where a joint moves faster than in
+    proportion, the reference is passed through a move within that share of the joints' speed and acceleration.
 
     Args:
         scenario: as it was written, without a bus.   bitrate: [bit/s].
+        speed: of the reference, in parts of it.   torque: largest command, in parts of the rated one.
+        nodes: numbers of the joints' nodes, to be checked; default: from 3.
     Returns:
         rehearsal: of all ticks, whose limits were checked.
     Raises:
-        BusError: a scenario that a bus cannot carry, or a motion beyond the limits of the record; names the joint.
+        BusError: a scenario that a bus cannot carry, with all that is wrong; a motion beyond the limits of the record, or one
+            that is not slower at a lower speed; names the joint.
         ScenarioError: a controller that cannot be traced, or a motion that diverges.
     """
-    on_bus = scenario_on_bus(scenario, bitrate=bitrate)
-    if on_bus.duration is None:
-        raise ScenarioError(place="duration", value=None, expected="a time above 0 [s] that the controller runs for")
-    n = scenario.arm.n
-    if np.any(on_bus.initial_state[0, n : 2 * n]):
-        raise BusError("the arm moves at the start", place="start.qd", expected="0: brakes hold it until it is enabled")
+    source = reduced(scenario, speed, torque)
+    found = _rehearsed(source, bitrate, nodes)
+    if speed < 1.0 or torque < 1.0:
+        full = _rehearsed(scenario, bitrate, nodes)
+        if np.any(_too_fast(found, full, speed)):
+            found = _rehearsed(_limited_move(source, full, speed), bitrate, nodes)
+        fast = _too_fast(found, full, speed)
+        if np.any(fast):
+            i = int(np.argmax(fast))
+            at = found.largest_speed[i], full.largest_speed[i]
+            what = f"its speed is {at[0]:.4g} at {speed:g} of the speed and {at[1]:.4g} at all of it"
+            expected = f"about {speed * at[1]:.4g}: a start and a reference from which the arm moves slowly"
+            raise BusError(what, place=f"joint {scenario.arm.names[i]!r}", expected=expected)
+        found = replace(found, full=full)
+    _check_limits(found)
+    return found
+
+
+def _rehearsed(scenario: Scenario, bitrate: int, nodes: Sequence[int] | None) -> Rehearsal:
+    """The simulated run, its limits unchecked."""
+    on_bus = scenario_on_bus(scenario, bitrate=bitrate, nodes=nodes)
     stages = ControllerStages.of(on_bus)
-    rehearsal = Rehearsal(
-        on_bus,
-        stages,
-        record(stages, on_bus.ticks),
-        BusLoad(n, on_bus.tick, bitrate),
-        Units.of(on_bus),
+    load = BusLoad(scenario.arm.n, on_bus.tick, bitrate)
+    return Rehearsal(on_bus, stages, record(stages, on_bus.ticks), load, Units.of(on_bus), scenario)
+
+
+def _too_fast(slow: Rehearsal, full: Rehearsal, speed: float) -> np.ndarray:
+    """(n,) True for joints whose largest speed did not fall in proportion, but for noise and what is slow anyway."""
+    arm, period = slow.scenario.arm, slow.stages.period
+    sensors = (slow.scenario.loop or Loop()).joint_sensors
+    noise = NOISE * np.broadcast_to(np.asarray(sensors.position_noise, dtype=float), arm.n) / period
+    floor = SLOW * np.array([body.limits.velocity for body in arm.coordinates]) + 2.0 * slow.units.count / period
+    return slow.largest_speed > PROPORTION * speed * full.largest_speed + noise + floor
+
+
+def _limited_move(scenario: Scenario, full: Rehearsal, speed: float) -> Scenario:
+    """The scenario with its reference passed through a move within a share of each joint's speed and acceleration."""
+    arm, loop, limits = scenario.arm, scenario.loop, MotionLimits.of(scenario.arm)
+    assert loop is not None
+    start = scenario.initial_state[0, : arm.n]
+    rows = reference_rows(
+        arm, start if loop.reference is None else loop.reference, scenario.tick * np.arange(scenario.ticks + 1)
     )
-    _check_limits(rehearsal)
-    return rehearsal
+    most = speed * np.clip(full.largest_speed, SLOW * limits.velocity, limits.velocity)
+    acceleration = np.minimum(speed * limits.acceleration, most / RISE)
+    jerk = np.minimum(speed * limits.jerk, acceleration / ROUNDED)
+    state = np.stack([start, np.zeros(arm.n), np.zeros(arm.n)])
+    n, moved = arm.n, np.empty_like(rows)
+    for row, asked in zip(moved, rows, strict=True):
+        row[:] = state.ravel()
+        state = filtered(state, asked[:n], asked[n : 2 * n], most, acceleration, jerk, scenario.tick)
+    return replace(scenario, loop=replace(loop, reference=moved))
 
 
 def _check_limits(rehearsal: Rehearsal) -> None:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import datetime
 import hashlib
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,23 +20,31 @@ import numpy as np
 import tomlkit
 
 from armwright.description.toml_file import toml_tables
+from armwright.dynamics.inverse import gravity_torques
 from armwright.errors import BusError
 from armwright.identification.validation.validate import record_sha256
 from armwright.identification.validation.verdict import StoredVerdict, stored_verdict
 from armwright.interfaces import JointReference
+from armwright.model import Model
 from armwright.output import whole_file
-from armwright.scalar import Array, Scalar
+from armwright.parameters import Batch
+from armwright.program import interpret, trace
+from armwright.scalar import Array, Scalar, real_number
+from armwright.simulation.inputs.payload import Payload
+from armwright.simulation.inputs.schedule import Schedule
 from armwright.simulation.scenario import Scenario
+from armwright.simulation.scenario_parts import Inputs
 from armwright.twin import objects as od
 from armwright.twin.bus import is_virtual
 from armwright.twin.units import Units
 
 if TYPE_CHECKING:
-    from armwright.twin.master import Master
+    from armwright.twin.master import Identity, Master
 
 REDUCED_SPEED, REDUCED_TORQUE = 0.25, 0.5  # of the scenario's, in the first runs of a real arm
 ENDING = ".bus.toml"
 RATED = 0.01  # parts by which the rated torque of a drive may differ from the record's
+POSES, LOADED = 200, 1e-6  # at which gravity is looked at; of a joint's largest torque, below which it is rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,54 +85,96 @@ class Permission:
         """True for a run at reduced speed and torque, which a real arm requires first."""
         return self.speed <= REDUCED_SPEED and self.torque <= REDUCED_TORQUE
 
-    def has_run_reduced(self) -> bool:
-        """True if a reduced run of this scenario on this arm was completed."""
+    def has_run_reduced(self, bound: Mapping[str, Any]) -> bool:
+        """True if a reduced run that counts was made with all that is bound.
+
+        Args:
+            bound: as of the function `bound`.
+        Raises:
+            BusError: a file that is none.
+        """
         if self.path is None or not self.path.with_suffix(ENDING).exists():
             return False
         with toml_tables(self.path.with_suffix(ENDING), BusError) as tables:
-            return tables.get("serial") == self.serial and tables.get("run_sha256") == self.sha256
+            same = all(tables.get(name) == value for name, value in self._bound(bound).items())
+            return same and _share(tables.get("speed"), REDUCED_SPEED) and _share(tables.get("torque"), REDUCED_TORQUE)
 
-    def write_reduced(self) -> Path:
-        """Stores beside the scenario that a reduced run was completed.
+    def write_reduced(self, bound: Mapping[str, Any]) -> Path | None:
+        """Stores beside the scenario that a reduced run was completed; None of a scenario that has no file.
 
+        Args:
+            bound: as of the function `bound`.
         Raises:
             OutputError: the file cannot be written.
         """
-        assert self.path is not None
+        if self.path is None:
+            return None
         path, document = self.path.with_suffix(ENDING), tomlkit.document()
         document.add(
             tomlkit.comment("Written by `armwright run-controller` after a run with reduced speed and torque.")
         )
-        values = {"serial": self.serial, "run_sha256": self.sha256, "speed": self.speed, "torque": self.torque}
+        values = {**self._bound(bound), "speed": self.speed, "torque": self.torque}
         for name, value in {**values, "date": datetime.date.today().isoformat()}.items():
             document[name] = value
         with whole_file(path) as temporary:
             temporary.write_text(tomlkit.dumps(document), encoding="utf-8", newline="\n")
         return path
 
+    def _bound(self, bound: Mapping[str, Any]) -> dict[str, Any]:
+        return {"serial": self.serial, "run_sha256": self.sha256, **bound}
 
-def check_permission(master: Master, permission: Permission, *, real_time: bool) -> bool:
+
+def _share(value: Any, most: float) -> bool:
+    return isinstance(value, float) and 0.0 < value <= most
+
+
+def bound(master: Master, identities: Sequence[Identity]) -> dict[str, Any]:
+    """Properties of a bus and its nodes that a full run must share with the reduced one.
+
+    Args:
+        master: on the bus.   identities: of its nodes.
+    """
+    return {
+        "bus": master.bus,
+        "bitrate": master.rehearsal.load.bitrate,
+        "nodes": list(master.numbers),
+        "vendors": [each.vendor for each in identities],
+        "products": [each.product for each in identities],
+        "serials": [each.serial for each in identities],
+    }
+
+
+def check_serial(master: Master, identities: Sequence[Identity], permission: Permission) -> None:
+    """Refuses the nodes of another arm, on a bus that is not virtual.
+
+    Raises:
+        BusError: no serial number was said, or a node has another one.
+    """
+    if is_virtual(master.bus):
+        return
+    if permission.serial is None:
+        what = "the drives on this bus may be those of a real arm"
+        expected = "its serial number, as object 1018 says it (--arm SERIAL)"
+        raise BusError(what, place="arm", value=None, expected=expected)
+    for number, name, identity in zip(master.numbers, master.names, identities, strict=True):
+        if identity.serial != permission.serial:
+            what = f"node {number} of {name} has serial number {identity.serial}"
+            raise BusError(what, place="arm", value=permission.serial, expected="the number of every node")
+
+
+def check_permission(
+    master: Master, identities: Sequence[Identity], permission: Permission, *, real_time: bool
+) -> bool:
     """True for a real arm that may move; False for a twin.
 
     Args:
-        master: on the bus, before anything was enabled.   permission: what the user has said.   real_time: as the run is to be.
+        master: on the bus, before anything was enabled.   identities: of its nodes.   permission: what the user has said.
+        real_time: as the run is to be.
     Raises:
         BusError: says what is missing, the first of it.
     """
-    if is_virtual(master.bus):
-        return False
-    if permission.serial is None:
-        what = "the drives on this bus may be those of a real arm"
-        raise BusError(
-            what, place="arm", value=None, expected="its serial number, as object 1018 says it (--arm SERIAL)"
-        )
-    for node, name in zip(master.nodes, master.names, strict=True):
-        serial = master.get(node, od.SERIAL)
-        if serial != permission.serial:
-            what = f"node {node.id} of {name} has serial number {serial}"
-            raise BusError(what, place="arm", value=permission.serial, expected="the number of every node")
-    twin = (od.TWIN_VENDOR, od.TWIN_PRODUCT)
-    if all((master.get(node, od.VENDOR), master.get(node, od.PRODUCT)) == twin for node in master.nodes):
+    check_serial(master, identities, permission)
+    if is_virtual(master.bus) or all(identity.is_twin for identity in identities):
         return False
     _check_verdict(permission)
     _check_drives(master)
@@ -134,8 +184,8 @@ def check_permission(master: Master, permission: Permission, *, real_time: bool)
         raise BusError(
             "no dead-man key", place="may_move", value=None, expected="a key that is held while the arm moves"
         )
-    if not permission.reduced and not permission.has_run_reduced():
-        what = f"speed {permission.speed:g} and torque {permission.torque:g} before a reduced run has come to its end"
+    if not permission.reduced and not permission.has_run_reduced(bound(master, identities)):
+        what = f"speed {permission.speed:g} and torque {permission.torque:g} before a reduced run that counts"
         expected = f"at most {REDUCED_SPEED:g} and {REDUCED_TORQUE:g} (--speed, --torque) in the first run"
         raise BusError(what, place="speed", value=permission.speed, expected=expected)
     return True
@@ -195,7 +245,8 @@ def reduced(scenario: Scenario, speed: float = 1.0, torque: float = 1.0) -> Scen
         BusError: a number that is not above 0 and at most 1; a reference that cannot be slowed.
     """
     for name, value in (("speed", speed), ("torque", torque)):
-        if not 0.0 < value <= 1.0:
+        number = real_number(value)
+        if number is None or not 0.0 < number <= 1.0:
             raise BusError(place=name, value=value, expected="a number above 0 and at most 1")
     loop = scenario.loop
     if loop is None or (speed == torque == 1.0):
@@ -212,8 +263,41 @@ def reduced(scenario: Scenario, speed: float = 1.0, torque: float = 1.0) -> Scen
     duration = scenario.duration
     if duration is not None and speed < 1.0:
         duration = float(np.ceil(duration / speed / scenario.tick - 1e-9) * scenario.tick)
-    return replace(scenario, loop=loop, duration=duration)
+    # Bodies and forces come where the full run has them, as the slower motion gets there later; those of a motion become
+    # the scenario's own, since another reference may take its place.
+    each = {"payload": scenario.carried, "wrench": scenario.inputs.wrench, "brake": scenario.inputs.brake}
+    inputs = Inputs(**{name: _later(value, speed) for name, value in each.items()})
+    return replace(scenario, loop=loop, inputs=inputs, duration=duration)
+
+
+def _later(value: Any, speed: float) -> Any:
+    """An input of a scenario with its times stretched; one that does not change as it is."""
+    if isinstance(value, Schedule):
+        return replace(value, times=value.times / speed)
+    if isinstance(value, Payload):
+        time = value.time
+        return replace(value, time=Batch(time.values / speed) if isinstance(time, Batch) else time / speed)
+    if isinstance(value, Batch) and value.shape is None:
+        return Batch([_later(each, speed) for each in value.values])
+    if isinstance(value, (list, tuple)):
+        return [_later(each, speed) for each in value]
+    return value
 
 
 def _is_pose(reference: Any, joints: int) -> bool:
     return isinstance(reference, (list, tuple, np.ndarray)) and np.shape(reference) == (joints,)
+
+
+def joints_without_brake(arm: Model) -> tuple[str, ...]:
+    """Names of the joints that gravity moves and that have no brake in the record.
+
+    Args:
+        arm: the model, whose positions are looked at within the limits of its joints.
+    """
+    low, high = np.array([body.limits.position for body in arm.coordinates], dtype=float).T
+    poses = low + (high - low) * np.random.default_rng(0).random((POSES, arm.n))
+    load = trace("gravity_torques", lambda q: gravity_torques(arm, q), {"q": (arm.n,)}, ("g",))
+    most = np.abs(interpret(load, poses)).reshape(POSES, arm.n).max(axis=0)
+    limits = np.array([body.limits.torque for body in arm.coordinates])
+    lifts = most > LOADED * np.where(np.isfinite(limits), limits, 1.0)
+    return tuple(body.joint for body, lift in zip(arm.coordinates, lifts, strict=True) if lift and body.brake is None)

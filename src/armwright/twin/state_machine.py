@@ -28,14 +28,14 @@ HELD = tuple(state for state in State if state not in POWERED)  # the brake hold
 
 
 class Command(Enum):
-    """Commands of the controlword: (mask, bits)."""
+    """Commands of the controlword: (mask, bits). Bit 7 is in every mask: a word that has it set is no other command."""
 
     FAULT_RESET = (0x80, 0x80)  # its rising edge
-    DISABLE_VOLTAGE = (0x02, 0x00)
-    QUICK_STOP = (0x06, 0x02)
-    SHUTDOWN = (0x07, 0x06)
-    SWITCH_ON = (0x0F, 0x07)  # in operation enabled: disable operation
-    ENABLE = (0x0F, 0x0F)
+    DISABLE_VOLTAGE = (0x82, 0x00)
+    QUICK_STOP = (0x86, 0x02)
+    SHUTDOWN = (0x87, 0x06)
+    SWITCH_ON = (0x8F, 0x07)  # in operation enabled: disable operation
+    ENABLE = (0x8F, 0x0F)  # in ready to switch on: switch on and enable operation
 
 
 class Event(Enum):
@@ -63,7 +63,7 @@ TRANSITIONS = (
     Transition(1, State.NOT_READY, Event.INITIALISED, State.SWITCH_ON_DISABLED),
     Transition(2, State.SWITCH_ON_DISABLED, Command.SHUTDOWN, State.READY),
     Transition(3, State.READY, Command.SWITCH_ON, State.SWITCHED_ON),
-    Transition(3, State.READY, Command.ENABLE, State.SWITCHED_ON),  # 4 follows at the next word
+    Transition(3, State.READY, Command.ENABLE, State.SWITCHED_ON),  # 4 follows by itself
     Transition(4, State.SWITCHED_ON, Command.ENABLE, State.ENABLED),
     Transition(5, State.ENABLED, Command.SWITCH_ON, State.SWITCHED_ON),
     Transition(6, State.SWITCHED_ON, Command.SHUTDOWN, State.READY),
@@ -83,9 +83,12 @@ TRANSITIONS = (
     ),
     Transition(14, State.REACTION, Event.REACTED, State.FAULT),
     Transition(15, State.FAULT, Command.FAULT_RESET, State.SWITCH_ON_DISABLED),
-    Transition(16, State.QUICK_STOP, Command.ENABLE, State.ENABLED),
+    Transition(16, State.QUICK_STOP, Command.ENABLE, State.ENABLED),  # where 605A stays in quick stop active
 )
 NEXT = {(row.source, row.cause): row for row in TRANSITIONS}
+CODES = tuple(  # commands by the low bits of the controlword, bit 7 clear
+    next((each for each in list(Command)[1:] if word & each.value[0] == each.value[1]), None) for word in range(16)
+)
 
 
 def commanded(word: int, last: int) -> Command | None:
@@ -94,9 +97,9 @@ def commanded(word: int, last: int) -> Command | None:
     Args:
         word: the controlword.   last: the one before, since a fault is reset by a rising edge.
     """
-    if word & ~last & 0x80:
-        return Command.FAULT_RESET
-    return next((each for each in list(Command)[1:] if word & each.value[0] == each.value[1]), None)
+    if word & 0x80:
+        return None if last & 0x80 else Command.FAULT_RESET
+    return CODES[word & 0x0F]
 
 
 class StateMachine:
@@ -112,22 +115,27 @@ class StateMachine:
         self.happened(Event.STARTED)
         self.happened(Event.INITIALISED)
 
-    def command(self, word: int, *, resettable: bool = True) -> Transition | None:
+    def command(self, word: int, *, resettable: bool = True, resumable: bool = True) -> Transition | None:
         """Makes the transition that a controlword causes, and returns it; None if it causes none.
 
         Args:
             word: the controlword.   resettable: False while the cause of a fault persists, which then stays.
+            resumable: False where a quick stop must end in switch on disabled: without transition 16.
         """
         cause, self.word = commanded(word, self.word), word
         if cause is None or (cause is Command.FAULT_RESET and not resettable):
             return None
-        return self._made(cause)
+        if cause is Command.ENABLE and self.state is State.QUICK_STOP and not resumable:
+            return None
+        return self.happened(cause)
 
-    def happened(self, event: Event) -> Transition | None:
-        """Makes the transition that an event causes, and returns it; None if it causes none."""
-        return self._made(event)
+    def proceed(self) -> Transition | None:
+        """Makes transition 4 where 3 was made by a word that enables as well, and returns it."""
+        both = self.state is State.SWITCHED_ON and self.passed[-1:] == [3]
+        return self.happened(Command.ENABLE) if both and commanded(self.word, self.word) is Command.ENABLE else None
 
-    def _made(self, cause: Command | Event) -> Transition | None:
+    def happened(self, cause: Command | Event) -> Transition | None:
+        """Makes the transition that an event or a command causes, and returns it; None if it causes none."""
         row = NEXT.get((self.state, cause))
         if row is not None:
             self.state = row.target

@@ -6,8 +6,9 @@ At every SYNC, in this order:
     2. if the arm moves, the simulation does the tick that ends here, with the commands of 1
     3. positions and torques are measured, and sent with the statuswords
 
-The arm stands, held by its brakes, until a drive is enabled: that SYNC is tick 0 of the simulation. It stands again when no
-motor has torque and nothing moves.
+The arm stands, held by its brakes, until a drive is enabled: that SYNC is tick 0 of the scenario, whose schedules, grips and
+faults are counted from it. It stands again when no motor has torque and nothing moves; the next drive that is enabled begins
+the scenario anew, from where the arm then stands.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from armwright.simulation.simulation import Simulation
 from armwright.twin import objects as od
 from armwright.twin.bus import BITRATE, LOOK, BusLoad, node_numbers, open_bus, require_twin
 from armwright.twin.cycles import Cycles
-from armwright.twin.drive import Drive
+from armwright.twin.drive import Drive, SetPoint
 from armwright.twin.faults import LATE_SYNC, Fault
 from armwright.twin.node import TwinNode
 from armwright.twin.objects import Key
@@ -77,6 +78,8 @@ class Twin:
         self.bus, self.period = bus, self.scenario.tick
         self.units = Units.of(self.scenario)
         self.simulation = Simulation(self.scenario)
+        if not isinstance(faults, (list, tuple)) or not all(isinstance(fault, Fault) for fault in faults):
+            raise BusError(place="faults", value=faults, expected="a list of faults")
         self.arm, self.faults = scenario.arm, tuple(faults)
         self._lock, self._ended = threading.RLock(), threading.Event()
         self.load = load = BusLoad(self.arm.n, self.period, bitrate)
@@ -92,7 +95,7 @@ class Twin:
         q = self.simulation.scenario.initial_state[0, : self.arm.n]
         self._servo = Servo(self.arm, self.units, np.asarray(q, dtype=float), self.period)
         self._follows = np.zeros(self.arm.n, dtype=bool)  # joints that the servo moves
-        self._runs, self._began, self._still = False, False, 0
+        self._runs, self._began, self._rests, self._still = False, False, True, 0
         lanes = Lanes(1, self.simulation.loop.loops[0].target.width)
         y = self.simulation.controller.y
         self._first = y.parts(self.simulation.initial_blocks(lanes)["y"][0])  # before tick 0
@@ -109,6 +112,7 @@ class Twin:
         speed = int(body.limits.velocity / count)
         value, power = load.interpolation()
         turn = 2.0 * np.pi if body.kind == "revolute" else 1.0
+        rated, constant = float(self.units.limit[joint] * self.units.torque[joint]), body.drive.torque_constant
         return {
             od.CYCLE: round(1e6 * self.period),
             od.INTERPOLATION: value,
@@ -122,7 +126,11 @@ class Twin:
             od.STOP_DECELERATION: round(speed / QUICK_RAMP),
             od.WINDOW: round(WINDOW * unit / count),
             od.REACHED: round(REACHED * unit / count),
-            od.RATED_TORQUE: round(1e3 * float(self.units.limit[joint] * self.units.torque[joint])),
+            od.RATED_TORQUE: round(1e3 * rated),
+            od.RATED_CURRENT: round(1e3 * rated / abs(body.drive.gear_ratio * constant)) if constant else 0,
+            od.SEARCH_SPEED: speed // 10,
+            od.HOME_SPEED: speed // 100,
+            od.HOMING_ACCELERATION: round(speed / RAMP),
             (0x608F, 1): round(turn / count),
         }
 
@@ -216,12 +224,22 @@ class Twin:
 
     def _move(self) -> None:
         """One tick of the simulation, if the arm moves."""
-        before = self._runs
         points = [drive.tick(received=node.received) for drive, node in zip(self.drives, self.nodes, strict=True)]
-        self._runs = self._runs or any(drive.state is State.ENABLED for drive in self.drives)
-        self._began = self._began or self._runs
-        if not (before and self._runs):
-            return
+        # drives that hold the arm after a quick stop rest as well: what enables them begins the scenario
+        rested, self._rests = self._rests, not any(d.state is State.ENABLED or d.demand_speed for d in self.drives)
+        if self._runs:
+            self._step(points)
+        if rested and any(drive.state is State.ENABLED for drive in self.drives):
+            self._begin()
+
+    def _begin(self) -> None:
+        """Tick 0 of the scenario, with the arm as it stands."""
+        if self.simulation.tick > 0:
+            self.simulation.restore(self.simulation.state.at_tick(0))
+        self._runs, self._began, self._still = True, True, 0
+
+    def _step(self, points: Sequence[SetPoint]) -> None:
+        """One tick of the simulation with the set-points of the drives."""
         units = self.units
         torque = np.array([np.nan if point.torque is None else point.torque for point in points])
         u, follows = units.command(np.nan_to_num(torque)), np.isnan(torque)
@@ -235,7 +253,8 @@ class Twin:
             seen_speed = np.where(enabled, [d.speed for d in self.drives], [d.true_speed for d in self.drives])
             most = np.array([drive.values[od.MAX_TORQUE] for drive in self.drives])
             limit = units.command(np.where(enabled, most, 1000.0))
-            asked = self._servo.command(wanted, speed, units.position(seen), units.position(seen_speed), limit)
+            more = units.command(np.array([point.feedforward for point in points]))
+            asked = self._servo.command(wanted, speed, units.position(seen), units.position(seen_speed), limit, more)
             u = np.where(follows, asked, u)
         self._follows = follows
         for joint, drive in enumerate(self.drives):
@@ -250,8 +269,8 @@ class Twin:
     def _measurement(self) -> dict[str, np.ndarray]:
         """Measured positions, and commands that the drives follow; before tick 0 without noise."""
         if self._began:
-            y = self.simulation.measurement
-            return {"q": np.asarray(y.q), "applied": np.asarray(y.applied)}
+            y, n = self.simulation.measurement, self.arm.n  # of one lane, with or without an axis for it
+            return {"q": np.reshape(y.q, n), "applied": np.reshape(y.applied, n)}
         return self._first
 
     def _measure(self) -> None:
@@ -259,7 +278,7 @@ class Twin:
         y = self._measurement
         self._applied = y["applied"]
         sent, torque = self.units.counts(y["q"]), self.units.thousandths(y["applied"])
-        true = self.units.counts(self.simulation.plant_state.q)
+        true = self.units.counts(np.reshape(self.simulation.plant_state.q, self.arm.n))
         for drive, *values in zip(self.drives, sent, torque, true, strict=True):
             drive.measured(*map(int, values))
 

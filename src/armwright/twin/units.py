@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armwright import scalar
-from armwright.errors import BusError
+from armwright.errors import BusError, Problem
 from armwright.model import Body
 from armwright.scalar import Array
 from armwright.simulation.scenario import Scenario
@@ -52,7 +52,10 @@ class Units:
         metre = np.broadcast_to(metre, arm.n).astype(float)
         linear = np.array([body.kind == "prismatic" for body in arm.coordinates])
         count = np.where(linear, 1.0 / metre, 2.0 * np.pi / turn)
-        most = np.array([_most(body, arm.name) for body in arm.coordinates])
+        problems = [problem for body in arm.coordinates for problem in _refused(body, arm.name)]
+        if problems:
+            raise BusError.of(*problems)
+        most = np.array([_most(body) for body in arm.coordinates])
         torque = np.array([abs(_torque_of_command(body)) for body in arm.coordinates])
         signs = np.array([np.sign(_torque_of_command(body)) for body in arm.coordinates])
         for body, step in zip(arm.coordinates, count, strict=True):
@@ -94,21 +97,26 @@ def _torque_of_command(body: Body) -> float:
     return float(drive.gear_ratio * drive.torque_constant)
 
 
-def _most(body: Body, arm: str) -> float:
+def _most(body: Body) -> float:
     """The command of the largest torque that a drive gives."""
+    torque = abs(_torque_of_command(body))
+    return float(min(body.limits.torque / torque, body.limits.current if body.drive.command == "current" else np.inf))
+
+
+def _refused(body: Body, arm: str) -> list[Problem]:
+    """Reasons why a drive cannot be one on the bus."""
     limits, place = body.limits, f"joint {body.joint!r} limits"
     if body.drive.coupling:
         what = f"the motor of joint {body.joint!r} is turned by other joints too"
-        raise BusError(what, place="motor.coupling", expected="one drive for each joint")
+        return [Problem(what, "motor.coupling", expected="one drive for each joint")]
     if body.drive.command == "voltage":
         what = f"the drive of joint {body.joint!r} of {arm} takes voltages"
-        raise BusError(what, place="command", value="voltage", expected="'current' or 'torque', as CiA 402 drives take")
-    torque = _torque_of_command(body)
-    most = min(limits.torque / abs(torque), limits.current if body.drive.command == "current" else np.inf)
-    if not np.isfinite(most):
+        return [Problem(what, "command", "voltage", "'current' or 'torque', as CiA 402 drives take")]
+    problems = []
+    if not np.isfinite(_most(body)):
         expected = "torque_n_m or current_a in the record: the bus carries thousandths of the rated torque"
-        raise BusError("no limit of torque", place=place, expected=expected, file=arm)
+        problems.append(Problem("no limit of torque", place, expected=expected, file=arm))
     if not np.all(np.isfinite(limits.position)) or not np.isfinite(limits.velocity):
         expected = "position and velocity limits in the record, which the drive watches"
-        raise BusError("no limit", place=place, expected=expected, file=arm)
-    return float(most)
+        problems.append(Problem("no limit", place, expected=expected, file=arm))
+    return problems
