@@ -22,17 +22,22 @@ from armwright.model.joint_signals import LONG_NAMES, UNITS
 
 KINDS_OF_INPUT = {
     "assembly": "assemblies and module libraries",
+    "bus": "arguments of runs over a bus, which stay on a bus of the process",
     "command": "command lines, each a process of its own, with the files that they name",
     "csv": "schedules and tables",
+    "csv dialect": "CSV with other delimiters, decimal marks, line ends, encodings and headers",
+    "eds": "data sheets of drives (EDS)",
     "formula": "formulas that are typed",
     "function": "arrays for the plain functions of an arm",
     "kernel": "arrays for the compiled functions, outputs included",
     "log": "logs of measurements and their CSV",
+    "mcap": "MCAP recordings",
     "mesh": "STL, OBJ and PLY, as text and binary",
     "mjcf": "MJCF",
     "motion": "motion files",
     "object": "arguments of schedules, references, controllers, sensors and other parts of a scenario",
     "other": "arguments of further functions",
+    "parquet": "Parquet logs",
     "parts": "parts files",
     "robot": "robot files",
     "run": "saved runs (NetCDF)",
@@ -41,6 +46,7 @@ KINDS_OF_INPUT = {
     "session": "scripts of `armwright sim`",
     "task": "task files",
     "urdf": "URDF and drive files",
+    "zarr": "stores of sweeps",
 }
 
 

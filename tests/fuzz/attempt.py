@@ -29,6 +29,7 @@ WAIT = 6.0  # times that: s of the clock, of which other programs may take some
 LONGEST = 3000  # characters of a refusal
 ACCEPTED, REFUSED, OTHER = "accepted", "refused", "other"
 ROOT = Path(__file__).parents[2]
+LOCAL = "'127.0.0.1'"  # a sweep's own cluster
 RUNS = ("subprocess.Popen", "os.system", "os.exec", "os.posix_spawn", "socket.connect", "socket.getaddrinfo")
 OPENS = ("open", "os.remove", "os.rename", "os.mkdir", "os.rmdir", "shutil.rmtree", "os.symlink", "os.truncate")
 OF_THE_MACHINE = ("/dev/null", "/dev/urandom", "/dev/tty", "/proc/", "/sys/", "/usr/share/", "/usr/lib/")
@@ -65,7 +66,7 @@ class Guard:
         secret = outside / "secret"
         secret.mkdir()
         seeds = Path(__file__).parent / "seeds"
-        for ending in ("toml", "stl", "csv", "sim", "urdf", "xml", "nc"):
+        for ending in ("toml", "stl", "csv", "sim", "urdf", "xml", "nc", "eds", "zarr"):
             content = (seeds / "box.stl").read_bytes() if ending == "stl" else b"secret = 1\n"
             (secret / f"secret.{ending}").write_bytes(content)
             os.mkfifo(self.folder / f"fifo.{ending}")
@@ -87,7 +88,8 @@ class Guard:
     def _hook(self, event: str, arguments: tuple[Any, ...]) -> None:
         if not self.watching:
             return
-        if event in RUNS and arguments[0] != sys.executable:  # runs are opened in a process of their own
+        local = event.startswith("socket.") and LOCAL in str(arguments)
+        if event in RUNS and arguments[0] != sys.executable and not local:  # runs are opened in a process of their own
             self.seen.append(f"{event} {arguments[:1]}"[:200])
         elif event in OPENS and not isinstance(arguments[0], int) and arguments[0] is not None:
             try:
@@ -114,6 +116,7 @@ class Guard:
         """The case's files in the folder, which is the working directory; everything new is removed afterwards."""
         os.chdir(self.folder)
         for name, content in case.files.items():
+            os.makedirs(os.path.dirname(name) or ".", exist_ok=True)
             with open(name, "wb") as file:
                 file.write(content)
         try:

@@ -15,13 +15,16 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
+from fuzz import buses
 from fuzz.attempt import LIMIT, OTHER, WAIT, Guard, Outcome, attempt
+from fuzz.buses import BUSES_AND_SHEETS
 from fuzz.calls import CALLS
 from fuzz.case import Case
 from fuzz.commands import COMMAND, run_command
 from fuzz.files import FILES
+from fuzz.logs import LOGS
 
-KINDS = {**FILES, **CALLS, **COMMAND}
+KINDS = {**FILES, **LOGS, **CALLS, **BUSES_AND_SHEETS, **COMMAND}
 MEMORY = 4 << 30  # bytes of address space of a worker
 MOST_CASES = 50_000  # of a worker before another takes its place, so that caches and leaks stay small
 PATIENCE = LIMIT * WAIT + 20  # s without a word after which a worker is killed: code in C that no signal interrupts
@@ -79,8 +82,9 @@ def prepare() -> None:
     for name in aw.__all__:
         getattr(aw, name)
     rng = Random(0)
-    for kind in ("urdf", "mjcf", "mesh", "run"):
+    for kind in ("urdf", "mjcf", "mesh", "run", "mcap", "parquet", "zarr"):
         KINDS[kind][1](rng)
+    buses.prepare()
 
 
 def replayed(folder: Path) -> Iterator[tuple[str, Outcome]]:

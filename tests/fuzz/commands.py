@@ -37,7 +37,7 @@ LINES: tuple[tuple[str, ...], ...] = (
     ("info", "arm.toml"),
     ("info", "arm.urdf"),
     ("info", "two-link", "--operations"),
-    ("show", "two-link", "-o", "arm.png", "--size", "64", "--q", "0,30deg"),
+    ("show", "two-link", "-o", "arm.png", "--size", "120", "--q", "0,30deg"),
     ("show", "arm.toml", "-o", "arm.glb"),
     ("check", "arm.toml"),
     ("check", "arm.urdf", "--strict"),

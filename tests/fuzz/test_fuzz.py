@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -10,7 +11,14 @@ from pathlib import Path
 import pytest
 
 pytest.importorskip("resource", reason="the campaign limits memory as POSIX systems do")
-pytest.importorskip("mujoco", reason="MJCF is read through MuJoCo: pip install mujoco")
+for module, what in (
+    ("mujoco", "MJCF"),
+    ("mcap", "logs"),
+    ("pyarrow", "logs"),
+    ("zarr", "sweeps"),
+    ("canopen", "buses"),
+):
+    pytest.importorskip(module, reason=f"its inputs are damaged too: {what}")
 
 TESTS = Path(__file__).parents[1]
 
@@ -23,12 +31,41 @@ def fuzz(*arguments: object) -> subprocess.CompletedProcess[str]:
 
 def test_a_short_campaign_finds_nothing(tmp_path):
     done = fuzz(
-        "--cases", 600, "--seed", 1, "--processes", 1, "--counts", tmp_path / "counts.json", "--failures", tmp_path
+        "--cases", 1000, "--seed", 1, "--processes", 1, "--counts", tmp_path / "counts.json", "--failures", tmp_path
     )
     assert done.returncode == 0, done.stdout + done.stderr
     kinds = json.loads((tmp_path / "counts.json").read_text())["kinds"]
-    assert sum(sum(row.values()) for row in kinds.values()) == 600
-    assert {"robot", "urdf", "mesh", "csv", "session", "kernel", "function"} <= set(kinds)
+    assert sum(sum(row.values()) for row in kinds.values()) == 1000
+    assert {"robot", "urdf", "mesh", "csv dialect", "mcap", "parquet", "eds", "session", "kernel", "function"} <= set(
+        kinds
+    )
+
+
+GOOD = """
+import os, sys
+import armwright as aw
+from fuzz import calls
+from fuzz.case import Case
+for kind, sets, run in (("object", calls.OBJECTS, calls.run_object), ("other", calls.OTHERS, calls.run_other)):
+    for target, arguments in sets.items():
+        run(Case(kind, {}, {"target": target, "arguments": arguments}))
+for fields in (calls.SCENARIO, {k: v for k, v in {**calls.SCENARIO, **calls.LOOP}.items() if k != "command"}):
+    calls.run_scenario(Case("scenario-in-python", {}, {"fields": fields, "start": False}))
+seeds = sys.argv[1]
+for name in os.listdir(seeds):
+    if name.endswith(".scenario.toml"):
+        aw.read_scenario(os.path.join(seeds, name))
+"""
+
+
+def test_what_is_damaged_is_good_before(tmp_path):
+    """Arguments and scenarios that are refused as they are would hide what their damage does."""
+    (tmp_path / "torques.csv").write_text("t,shoulder,elbow\n0,1,2\n")
+    command = [sys.executable, "-c", GOOD, TESTS / "fuzz" / "seeds"]
+    path = os.pathsep.join([str(TESTS), os.environ.get("PYTHONPATH", "")])
+    environment = {**os.environ, "PYTHONPATH": path}
+    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path, env=environment)
+    assert done.returncode == 0, done.stderr
 
 
 def test_what_once_failed_does_not_fail_again():
