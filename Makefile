@@ -13,11 +13,11 @@ DEMO   := simulate cmu-dd --schedule examples/cmu-dd-feedforward.csv --q0 0,0.35
 ARGS   :=
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test check frozen fuzz bench docs reference pictures lock clean
+.PHONY: help demo test test-all check frozen fuzz bench docs reference pictures lock clean
 .DELETE_ON_ERROR:
 
 help:  ## print this list
-	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-9s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-9s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 demo: $(VENV)/.core  ## set up the core and move the built-in CMU arm
 	@mkdir -p build/demo
@@ -26,8 +26,11 @@ demo: $(VENV)/.core  ## set up the core and move the built-in CMU arm
 	@echo "result   $(CURDIR)/build/demo/cmu-dd.nc"
 	@echo "picture  $(CURDIR)/build/demo/cmu-dd.png"
 
-test: $(VENV)/.all  ## set up everything and run the tests
-	$(BIN)/python -m pytest -n auto --dist loadfile $(ARGS)
+test: $(VENV)/.all  ## set up everything and run the tests, but for what `make test-all` adds
+	$(BIN)/python -m pytest -n auto --dist loadfile -m "not study" $(ARGS)
+
+test-all: $(VENV)/.all  ## run what `make test` leaves out: statistics, all arms with all laws, chaos
+	$(BIN)/python -m pytest -n auto --dist loadfile -m study $(ARGS)
 
 check: $(VENV)/.all  ## style, types, and which room imports which
 	$(BIN)/ruff check .

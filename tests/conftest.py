@@ -1,5 +1,6 @@
 """One commit, one verdict: hypothesis draws the same examples everywhere, and a busy machine fails nothing."""
 
+import collections
 import os
 import shutil
 import tempfile
@@ -26,3 +27,17 @@ def pytest_unconfigure(config):
     """The folder of this run goes with it."""
     if not hasattr(config, "workerinput"):
         shutil.rmtree(config.stash[CACHE], ignore_errors=True)
+
+
+@pytest.hookimpl(tryfirst=True)  # before `-m` chooses
+def pytest_collection_modifyitems(items):
+    """Of the cases of a test that is marked `sample(n)`, n that are spread evenly stay; the others are `study`."""
+    families = collections.defaultdict(list)
+    for item in items:
+        if mark := item.get_closest_marker("sample"):
+            families[item.path, item.originalname, *mark.args].append(item)
+    for (*_, count), cases in families.items():
+        kept = {round(k * (len(cases) - 1) / max(count - 1, 1)) for k in range(count)}
+        for k, item in enumerate(cases):
+            if k not in kept:
+                item.add_marker(pytest.mark.study)

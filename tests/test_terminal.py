@@ -24,7 +24,7 @@ from cli.test_commands import run
 
 SOURCE = Path(aw.__file__).parent
 HOSTILE = "\x1b]0;owned\x07\x1b[2J\u202efdp.exe\u2066\x9b31m\x08\x7f\u200e"  # title, clear, bidi, C1, backspace, delete
-NAME = "(0\u202efdp\u2066"  # what a name may hold of that: no control characters
+NAME = "(0 fdp 🦾"  # what a name may hold: all that is seen
 FUNCTIONS, METHODS = ("print", "Console"), ("echo", "secho", "Console")  # what else would write to the terminal
 ALLOWED = {  # files, and why
     "terminal.py": "the place itself",
@@ -79,8 +79,8 @@ def test_errors_are_printable_whoever_shows_them():
 def robot(tmp_path):
     """A robot whose names, title and notes would steer a terminal."""
     text = aw.to_toml(aw.load("two-link").record)
-    escaped, name = ("".join(f"\\u{ord(letter):04x}" for letter in each) for each in (HOSTILE, NAME))
-    text = text.replace('"shoulder"', f'"shoulder{name}"').replace('name = "two-link"', f'name = "two{name}"')
+    escaped = "".join(f"\\u{ord(letter):04x}" for letter in HOSTILE)
+    text = text.replace('"shoulder"', f'"shoulder{NAME}"').replace('name = "two-link"', f'name = "two{NAME}"')
     path = tmp_path / "arm.toml"
     path.write_text(f'title = "title{escaped}"\nnotes = "notes{escaped}"\n' + "\n".join(
         line for line in text.splitlines() if not line.startswith(("title", "notes"))
@@ -99,7 +99,8 @@ def test_commands_show_hostile_names_as_text(robot, tmp_path):
     for each in shown:
         assert is_safe(each.stdout)
         assert is_safe(each.stderr)
-    assert r"two(0\u202efdp" in shown[0].stdout
+    assert "two(0 fdp 🦾" in shown[0].stdout
+    assert r"title\x1b]0;owned" in shown[0].stdout
     assert is_safe(refused(("simulate", robot, "--voltage", "1", "--duration", "1")))
     assert is_safe(refused(("plot", done, "--joints", "x" + HOSTILE)))
 
@@ -113,7 +114,8 @@ def test_a_session_shows_hostile_names_and_notes_as_text(robot, tmp_path):
             screen(output)
     screen.error("error" + HOSTILE)
     assert is_safe(file.getvalue())
-    assert r"shoulder(0\u202efdp" in file.getvalue()
+    assert "shoulder(0 fdp 🦾" in file.getvalue()
+    assert r"error\x1b]0;owned" in file.getvalue()
 
 
 def test_units_and_notes_of_a_run_are_shown_as_text(tmp_path):

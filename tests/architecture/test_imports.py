@@ -15,8 +15,8 @@ PACKAGE = "armwright"
 ORDER = (
     ("printable",),
     ("terminal",),  # the one place that writes to it
-    ("progress", "notebook"),  # a bar; HTML, made far below
     ("errors", "content"),
+    ("progress", "notebook"),  # a bar; HTML, made far below
     ("scalar",),
     ("program",),  # traced functions; it knows no robots
     ("interpolation",),  # tables that trace

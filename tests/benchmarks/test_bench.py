@@ -56,6 +56,7 @@ def saved(run: subprocess.CompletedProcess, folder: Path) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("chapter", CHAPTERS)
+@pytest.mark.sample(3)
 def test_every_row_is_checked(saved, chapter):
     rows = saved["chapters"][chapter]["rows"]
     assert rows
@@ -104,6 +105,7 @@ def test_some_rows_only():
     assert "Kernels" not in done.stdout
 
 
+@pytest.mark.study
 def test_the_million_is_run_where_it_is_asked_for():
     done = bench("--quick", "--million", "--only", "million closed")
     assert done.returncode == 0, done.stderr

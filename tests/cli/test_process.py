@@ -97,6 +97,7 @@ COMMANDS = [
     "arguments", [*COMMANDS, ("robots",), ("--help",), ("inverse-dynamics", "--help"), ("--version",)]
 )
 @pytest.mark.parametrize("rows", [1, 20000])
+@pytest.mark.sample(5)
 def test_a_full_disk_behind_standard_output(arguments, rows, tmp_path):
     """Found at once or at the last flush: one line, no traceback."""
     (tmp_path / "in.csv").write_text("\n".join(["0,0,0,0,0,0"] * rows))

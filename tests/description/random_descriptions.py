@@ -12,7 +12,7 @@ numbers = st.floats(-1e6, 1e6) | st.sampled_from([0.0, -0.0, 0.1, 1e-310, 1 / 3]
 positive = st.floats(1e-9, 1e6)
 lengths = st.floats(1e-6, 900.0)
 texts = st.text(st.characters(blacklist_categories=("Cs",)), min_size=1, max_size=12)
-allowed = st.characters(blacklist_categories=("Cs", "Cc", "Zl", "Zp"), blacklist_characters='"[]')
+allowed = st.characters(blacklist_categories=("Cs", "Cc", "Cf", "Zl", "Zp"), blacklist_characters='"[]')
 names = st.text(allowed, min_size=1, max_size=6).filter(lambda text: text == text.strip() and text != "t")
 
 

@@ -37,6 +37,7 @@ def pivots(model: Model, q: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("which", [*FREE, *range(200)])
+@pytest.mark.sample(50)
 def test_regrouped_bodies_serve_as_well(which):
     """D > 0 though no regrouped body could exist: D are pivots of M, which is the same; and so are the accelerations."""
     model = model_of(which)

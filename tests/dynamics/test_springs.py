@@ -66,6 +66,7 @@ def test_a_table_of_a_line_is_the_line():
 
 @settings(max_examples=60, deadline=None)
 @given(st.integers(0, 35), st.integers(0, 10**6))
+@pytest.mark.study
 def test_torques_are_differences_of_the_energy(tree, seed):
     """s = ∂U/∂q on random trees, by central differences of U."""
     model = TREES[tree] if tree in TREES else TREES.setdefault(tree, build_model(sprung_tree(tree)))
@@ -80,6 +81,7 @@ TREES: dict[int, aw.Model] = {}
 
 
 @pytest.mark.parametrize("seed", range(0, 36, 3))
+@pytest.mark.sample(4)
 def test_mujocos(seed, tmp_path):
     """Joint stiffness and spatial tendons of MuJoCo on random trees, within 1e-10; and back from its file."""
     mujoco = pytest.importorskip("mujoco", reason="MuJoCo is the oracle here: pip install mujoco")

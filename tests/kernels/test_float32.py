@@ -61,6 +61,7 @@ def worst(name: str, kernel: str, count: int) -> float:
     ("name", "kernel"),
     [pair for pair in FULL if pair[1] != SPRINGS and (pair[0] == "puma560" or pair[1] in (*USUAL, "energy"))],
 )
+@pytest.mark.sample(16)
 def test_single_precision_is_double_rounded(name, kernel):
     """Within the bound, and not by computing in double."""
     assert 0.0 < worst(name, kernel, 2000) <= BOUND

@@ -63,6 +63,7 @@ def states(arm: aw.Model, kernel: str, count: int, *, optional: bool = False, se
         (*pair, True) for pair in FULL if SIGNATURES[pair[1]].optional and (pair[1] not in LONG or pair[0] == "puma560")
     ],
 )
+@pytest.mark.sample(40)
 def test_kernel_equals_float_run(compiled, name, kernel, optional):
     """1e-12 of the magnitude of the terms: the float run defines the meaning."""
     signature = SIGNATURES[kernel]

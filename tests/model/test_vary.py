@@ -66,6 +66,7 @@ def draws(varied, count, seed=1):
 
 @pytest.mark.parametrize("name", SEVERAL)
 @pytest.mark.parametrize("kernel", SIGNATURES)
+@pytest.mark.sample(28)
 def test_a_kernel_that_varies_is_that_of_the_arm_with_the_values(name, kernel):
     model, signature = arm(name), SIGNATURES[kernel]
     names = [n for n in SEVERAL[name] if not n.startswith("joint3.motor")]

@@ -24,6 +24,7 @@ HERE = [picture for picture in TABLE if not picture.commands[0].startswith("pyth
 
 
 @pytest.mark.parametrize("picture", HERE, ids=lambda picture: picture.file)
+@pytest.mark.sample(3)
 def test_a_picture_is_what_its_commands_make(picture, tmp_path):
     if picture.opened is not None and CHROMIUM is None:
         pytest.skip("no chromium on this machine: the page was not opened")

@@ -71,6 +71,7 @@ def inside(solid, points, xyz, rpy):
 
 @pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("shape", sorted(SOLIDS))
+@pytest.mark.sample(5)
 def test_what_is_left_closes_and_has_the_volume(shape, seed):
     """Two holes of any kind, some square to the solid: the faces close, and bound the solid less the holes."""
     rng = np.random.default_rng([seed, sorted(SOLIDS).index(shape)])

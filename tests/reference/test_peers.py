@@ -79,6 +79,7 @@ def everything(model: Model) -> Program:
 
 
 @pytest.mark.parametrize("seed", range(TREES))
+@pytest.mark.sample(20)
 def test_random_trees_against_pinocchio(pinocchio, seed):
     """Traced dynamics and kinematics of trees, with a wrench, are Pinocchio's RNEA, ABA, CRBA, pose and Jacobian."""
     description = random_description(seed)
@@ -97,6 +98,7 @@ def test_random_trees_against_pinocchio(pinocchio, seed):
 
 
 @pytest.mark.parametrize("seed", range(TREES))
+@pytest.mark.sample(20)
 def test_random_trees_against_mujoco(mujoco, seed):
     """Float dynamics and kinematics of trees are MuJoCo's: a peer that shares no formula with Pinocchio."""
     description = random_description(seed)

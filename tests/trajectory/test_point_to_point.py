@@ -26,6 +26,7 @@ KINDS = {
 @pytest.mark.parametrize("kind", KINDS)
 @settings(max_examples=260, deadline=None)
 @given(seed=st.integers(0, 2**32))
+@pytest.mark.sample(2)
 def test_limits_hold_and_one_is_used(kind, seed):
     draw = np.random.default_rng(seed)
     n, (quantities, continuous) = int(draw.integers(1, 8)), KINDS[kind]

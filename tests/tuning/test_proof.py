@@ -4,6 +4,8 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import pytest
+
 import armwright as aw
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tools"))
@@ -18,6 +20,7 @@ TUNED = aw.Cascade(  # what `python tools/tuning_proof.py` finds in 60 generatio
 BEATEN = {"quiet textbook": quiet_textbook, "by hand": lambda: BY_HAND}
 
 
+@pytest.mark.study
 def test_one_tuning_beats_the_designed_start_and_cascades_by_hand_on_every_objective():
     design = aw.design_gains(scenario(), "pole-placement", poses=300)
     beaten = {name: law() for name, law in BEATEN.items()} | {"designed": replace(BY_HAND, **design.gains)}

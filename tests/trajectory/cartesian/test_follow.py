@@ -80,6 +80,7 @@ def test_random_lines_are_straight(name, seed):
 
 @settings(max_examples=12)
 @given(st.integers(0, 10**6))
+@pytest.mark.study
 def test_limits_hold_on_a_denser_grid_at_random(seed):
     """Whatever the path and its blend, and whatever is slower; of 2,000 seeds: tools/motion_seeds.py."""
     try:

@@ -74,6 +74,7 @@ def test_a_grid_that_is_too_coarse_is_made_finer() -> None:
 
 
 @pytest.mark.parametrize(("name", "seed"), [("panda", 0), ("panda", 1), ("lwa4p", 0), ("cmu-dd", 0), ("cmu-dd", 3)])
+@pytest.mark.sample(2)
 def test_rigid_bodies_take_the_time_that_toppra_finds(name: str, seed: int) -> None:
     arm = aw.load(name).replace(**RIGID)
     path = random_path(arm, seed)
@@ -85,6 +86,7 @@ def test_rigid_bodies_take_the_time_that_toppra_finds(name: str, seed: int) -> N
 
 @given(st.integers(0, 10**6))
 @settings(max_examples=8)
+@pytest.mark.study
 def test_random_rigid_problems_take_the_time_that_toppra_finds(seed: int) -> None:
     arm = built_arm(("panda", "cmu-dd", "lwa4p", "workshop")[seed % 4]).replace(**RIGID, springs=None)
     path = random_path(arm, seed, 4)
@@ -95,6 +97,7 @@ def test_random_rigid_problems_take_the_time_that_toppra_finds(seed: int) -> Non
 
 
 @pytest.mark.parametrize(("name", "seed"), [("cmu-dd", 0), ("cmu-dd", 1), ("lwa4p", 0)])
+@pytest.mark.sample(1)
 def test_no_local_optimum_of_ipopt_is_faster(name: str, seed: int) -> None:
     arm = aw.load(name)
     path, limits = random_path(arm, seed, 4), aw.MotionLimits.of(arm)
@@ -111,6 +114,7 @@ def test_no_local_optimum_of_ipopt_is_faster(name: str, seed: int) -> None:
 
 @given(st.integers(0, 10**6))
 @settings(max_examples=24)
+@pytest.mark.study
 def test_limits_hold_on_a_grid_ten_times_denser(seed: int) -> None:
     """Of 2,000 seeds: tools/motion_seeds.py."""
     arm, path, limits = random_problem(seed)
