@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import multiprocessing
 import os
@@ -15,6 +16,8 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
+import psutil
+
 from fuzz import buses
 from fuzz.attempt import LIMIT, OTHER, WAIT, Guard, Outcome, attempt
 from fuzz.buses import BUSES_AND_SHEETS
@@ -27,7 +30,10 @@ from fuzz.logs import LOGS
 KINDS = {**FILES, **LOGS, **CALLS, **BUSES_AND_SHEETS, **COMMAND}
 MEMORY = 4 << 30  # bytes of address space of a worker
 MOST_CASES = 50_000  # of a worker before another takes its place, so that caches and leaks stay small
-PATIENCE = LIMIT * WAIT + 20  # s without a word after which a worker is killed: code in C that no signal interrupts
+PATIENCE = (
+    LIMIT + 20
+)  # s of the processor's time without a word, in C that no signal interrupts: a worker is then killed
+LONGEST = 600.0  # s of the clock, likewise: of a worker that waits for ever
 COUNTS = Path(__file__).parent / "counts.json"
 FAILURES = Path(__file__).parents[1] / "regressions"
 SHRINKS = 150  # attempts to make a failure smaller
@@ -111,7 +117,7 @@ def work(
         known: set[str] = set()
         reported = time.time()
         for index in range(first, min(last, first + MOST_CASES)):
-            beat[0], beat[1] = index, time.time()
+            beat[0], beat[1], beat[2] = index, time.time(), time.process_time()
             case = case_of(seed, worker, index, kinds)
             outcome = done(case, guard)
             of_kind = counts.setdefault(case.kind, {})
@@ -172,23 +178,32 @@ class Worker:
         """Starts it; `settings` are those of `work` behind `first`."""
         context = multiprocessing.get_context("spawn")
         self.seed, self.number, self.settings = seed, number, settings
-        self.beat = context.Array("d", [first - 1, time.time() + 60])  # a minute to start
+        self.beat = context.Array("d", [first - 1, time.time() + 60, 60.0])  # a minute to start
         last, end, kinds, results = settings
         self.last, self.end = last, end
         arguments = (seed, number, first, last, end, kinds, self.beat, results)
         self.process = context.Process(target=work, args=arguments, daemon=False)
         self.process.start()
 
+    @property
+    def _spent(self) -> float:
+        """[s] of the processor's time that the worker has had; 0 if it has just ended."""
+        with contextlib.suppress(psutil.Error):
+            times = psutil.Process(self.process.pid).cpu_times()
+            return times.user + times.system
+        return 0.0
+
     def successor(self) -> tuple[Worker | None, str]:
         """Another worker in its place if it ended or hangs, and what was wrong; None after the end."""
         index, code = int(self.beat[0]), self.process.exitcode
         what = ""
         if code is None:
-            if time.time() < self.beat[1] + PATIENCE:
+            spent, since = self._spent - self.beat[2], time.time() - self.beat[1]
+            if spent < PATIENCE and since < LONGEST:
                 return self, ""
             self.process.kill()
             self.process.join()
-            what = f"hang: no end after {PATIENCE:g} s, killed"
+            what = f"hang: no end after {spent:.0f} s of the processor's time and {since:.0f} s, killed"
         elif code != 0:
             what = f"crash: the process ended with {code}"
         if time.time() > self.end or index + 1 >= self.last:
