@@ -19,7 +19,7 @@ from typing import Any
 import psutil
 
 from fuzz import buses
-from fuzz.attempt import LIMIT, OTHER, WAIT, Guard, Outcome, attempt
+from fuzz.attempt import LIMIT, OTHER, Guard, Outcome, attempt
 from fuzz.buses import BUSES_AND_SHEETS
 from fuzz.calls import CALLS
 from fuzz.case import Case
