@@ -100,6 +100,44 @@ def fuzz() -> str:
     return f"{counted}\n\n{effort}, which never took more than {data['peak_mib']} MiB."
 
 
+SIGNS = {"exact": "●", "approximated": "◐", "without effect": "–", "refused": "✕"}
+
+
+def features() -> str:
+    """A table of outcomes for each group of consumers, and the words of all that is not exact."""
+    from armwright.features import CONSUMERS, declared
+
+    parts, count = [], dict.fromkeys(SIGNS, 0)
+    for title, places in CONSUMERS.items():
+        supports = [declared(place) for place in places]
+        known = {name: feature for each in supports for name, feature in each.features.items()}
+        rows, words = [], []
+        for name in known:
+            outcomes = [each.outcome(name)[0] if name in each.features else "" for each in supports]
+            for outcome in filter(None, outcomes):
+                count[outcome] += 1
+            rows.append([name, *(SIGNS.get(outcome, "") for outcome in outcomes)])
+        for each in supports:
+            words += _words(each)
+        parts.append(f"## {title}\n\n{table(['', *(each.consumer for each in supports)], rows)}\n\n" + "\n".join(words))
+    total = sum(count.values())
+    shares = ", ".join(f"{SIGNS[outcome]} {outcome} {number} ({number / total:.0%})" for outcome, number in count.items())
+    return f"{total} pairs: {shares}.\n\n" + "\n\n".join(parts)
+
+
+def _words(support: Any) -> list[str]:
+    """A line for each declared reason of a consumer, with the features that it is about."""
+    reasons: dict[tuple[str, str], list[str]] = {}
+    for name in support.features:
+        outcome, words = support.outcome(name)
+        if outcome != "exact":
+            reasons.setdefault((outcome, words), []).append(name)
+    return [
+        f"- **{support.consumer}** {SIGNS[outcome]} {', '.join(names)}: {words}"
+        for (outcome, words), names in sorted(reasons.items())
+    ]
+
+
 def csv(name: str) -> str:
     """A file of `docs/data` as a table."""
     with (Path(__file__).parents[1] / "data" / f"{name}.csv").open(encoding="utf-8", newline="") as file:
@@ -301,5 +339,6 @@ GENERATORS = {
     "robots": robots,
     "commands": commands,
     "fuzz": fuzz,
+    "features": features,
     "program": program,
 }

@@ -37,6 +37,7 @@ ORDER = (
     ("lint", "parts"),  # links are checked as they are built
     ("model",),
     ("parameters",),  # values that differ by lane
+    ("features",),  # of records and scenarios; consumers declare what they do not count exactly
     ("interfaces",),  # what users write themselves
     ("kinematics",),
     ("actuators",),  # above dynamics: friction and gear loss are part of the inverse dynamics

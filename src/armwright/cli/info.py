@@ -9,11 +9,14 @@ import typer
 
 from armwright.cli.arguments import Robot
 from armwright.cli.tables import number, table
+from armwright.features import Support
 
 if TYPE_CHECKING:
     from armwright.cli.tables import Table
     from armwright.description import RobotDescription
     from armwright.model import Model
+
+SUPPORT = Support("info")
 
 DEGREES = 57.29577951308232  # in a radian
 
@@ -59,6 +62,7 @@ def info(robot: Robot, operations: Operations = False) -> None:
         _friction(record),
         _springs(record),
         _cylinders(record),
+        _effects(record),
         _limits(arm),
         _sources(record),
     ):
@@ -226,9 +230,7 @@ def _friction(record: RobotDescription) -> Table | None:
         friction = getattr(joint, "friction", None)
         if friction is None:
             continue
-        names = [name for name in type(friction).model_fields if name not in ("source", "side", "law")]
-        values = [f"{name} {number(getattr(friction, name))}" for name in names if getattr(friction, name) is not None]
-        rows.append([joint.name, friction.law, friction.side, ", ".join(values)])
+        rows.append([joint.name, friction.law, friction.side, _numbers(friction, "side", "law")])
     return table("Friction", ("joint", "law", "side", "numbers"), rows, left=("law", "side", "numbers"))
 
 
@@ -245,6 +247,35 @@ def _springs(record: RobotDescription) -> Table | None:
             texts += [] if spring.outside is None else [f"outside {spring.outside}"]
             rows.append([joint.name, ", ".join(texts)])
     return table("Springs at joints", ("joint", "numbers"), rows, left=("numbers",))
+
+
+def _effects(record: RobotDescription) -> Table | None:
+    """Elastic gears, stops, brakes, and what motors and the supply have beyond their constants; as the file gives it."""
+    rows = []
+    for joint in record.joints:
+        motor = getattr(joint, "motor", None)
+        parts = {name: getattr(joint, name, None) for name in ("elasticity", "stops", "brake")}
+        parts |= {name: getattr(motor, name, None) for name in ("thermal", "cogging")}
+        rows += [[joint.name, name, _numbers(part)] for name, part in parts.items() if part is not None]
+        keys = {name: getattr(motor, name, None) for name in ("current_loop_hz", "pwm", "dead_zone_v")}
+        texts = [
+            f"{name} {value if isinstance(value, str) else number(value)}"
+            for name, value in keys.items()
+            if value is not None
+        ]
+        rows += [[joint.name, "motor", ", ".join(texts)]] if texts else []
+    rows += [] if record.supply is None else [["all", "supply", _numbers(record.supply)]]
+    return table(
+        "Further effects of gears, motors and supply", ("joint", "effect", "numbers"), rows, left=("effect", "numbers")
+    )
+
+
+def _numbers(part: Any, *without: str) -> str:
+    """The numbers of a table of a record, with their keys but for some."""
+    left_out = ("source", *without)
+    names = [name for name in type(part).model_fields if name not in left_out and getattr(part, name) is not None]
+    values = {name: getattr(part, name) for name in names}
+    return ", ".join(f"{name} {value if isinstance(value, str) else number(value)}" for name, value in values.items())
 
 
 def _one_or_many(quantity: Any) -> str:

@@ -18,9 +18,12 @@ from armwright.export.c_header import comment, header, prototype
 from armwright.export.c_selftest import selftest
 from armwright.kernels.c import REALS, Unit, c_text
 from armwright.kernels.c_syntax import identifier
+from armwright.kernels.compiled import KERNELS
 from armwright.kernels.signatures import SIGNATURES
 from armwright.model import Model
 from armwright.output import whole_file
+
+SUPPORT = KERNELS.named("export c")
 
 
 def write_c(arm: Model, functions: Sequence[str], folder: str | Path, real: str = "double") -> list[Path]:
@@ -67,7 +70,7 @@ def c_library(arm: Model, functions: Sequence[str], real: str = "double") -> dic
     top = comment([f"{name}.c: see {name}.h, which also says how this is compiled."])
     own_header = f'"{name}.h"'
     return {
-        f"{name}.h": header(arm, chosen, real, unit.waiting),
+        f"{name}.h": header(arm, chosen, real, unit.waiting, SUPPORT.notes(arm)),
         f"{name}.c": f"{top}\n\n{c_text(unit, [own_header])}",
         f"{name}_selftest.c": selftest(arm, name, chosen, real),
     }

@@ -28,12 +28,19 @@ _CORES = {
 }
 
 
-def header(arm: Model, functions: Sequence[CFunction], real: str, waiting: Mapping[str, int]) -> str:
-    """The header's text; `waiting` is the number of values on the stack while a function runs, by its name."""
+def header(
+    arm: Model, functions: Sequence[CFunction], real: str, waiting: Mapping[str, int], notes: Sequence[str] = ()
+) -> str:
+    """The header's text.
+
+    Args:
+        arm, functions: that are written.   real: type.   waiting: number of values on the stack while a function runs, by its
+            name.   notes: about the arm.
+    """
     name = functions[0].library
     guard = f"{name.upper()}_H"
     parts = [
-        comment(_top(arm, name, real)),
+        comment([*_top(arm, name, real), *(["", *map("Note: {}".format, notes)] if notes else [])]),
         f"#ifndef {guard}\n#define {guard}",
         f"#define {_macro(name)} {arm.n}",
         '#ifdef __cplusplus\nextern "C" {\n#endif',

@@ -14,12 +14,16 @@ from armwright.description.robot import FixedJoint, MovingJoint, PrismaticJoint,
 from armwright.export.joints import JointFrame, joint_frames, place_of, plain_friction, plain_limits
 from armwright.export.losses import Losses, of_all_formats, of_friction
 from armwright.export.springs import add_tendons, joint_stiffness
+from armwright.features import Support
 from armwright.lint.feasibility import is_possible
 from armwright.model.build import STANDARD_GRAVITY
 from armwright.model.variants.edits import tip_of
 from armwright.output import whole_file
 from armwright.solids.shapes import Box, Cylinder, Ellipsoid, Sphere
 from armwright.spatial import Placement, pseudo_inertia, rotation_quaternion
+
+LOST = "named among what is lost"
+SUPPORT = Support("convert to MJCF")
 
 
 def write_mjcf(arm: Arm | RobotDescription, path: str | os.PathLike[str]) -> list[str]:

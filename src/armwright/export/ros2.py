@@ -27,7 +27,10 @@ from armwright.errors import ModelError
 from armwright.export.c import folder_to_write
 from armwright.export.joints import Limit, plain_limits
 from armwright.export.urdf import write_urdf
+from armwright.features import Support
 from armwright.output import file_stem, whole_file
+
+SUPPORT = Support("export ros2")
 
 HARDWARE = (
     "mock_components/GenericSystem"  # of ros2_control: state follows command; stands for the driver of the real arm

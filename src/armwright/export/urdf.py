@@ -18,12 +18,15 @@ from armwright.export.drive_file import drive_file
 from armwright.export.joints import JointFrame, joint_frames, moved_tip, place_of, plain_friction, plain_limits
 from armwright.export.losses import Losses, loss_of, of_all_formats, of_friction
 from armwright.export.springs import spring_losses
+from armwright.features import Support
 from armwright.model.variants.edits import tip_of
 from armwright.output import whole_file
 from armwright.solids.mesh import Mesh
 from armwright.solids.shapes import Box, Cylinder, Sphere
 from armwright.solids.visual import Visual
 from armwright.spatial import Placement, roll_pitch_yaw
+
+SUPPORT = Support("convert to URDF")
 
 
 def write_urdf(

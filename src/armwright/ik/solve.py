@@ -9,6 +9,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from armwright.errors import ModelError, ShapeError
+from armwright.features import Support
 from armwright.ik.chain import Aim, Chain
 from armwright.ik.closed_form.branches import ClosedForm
 from armwright.ik.closed_form.nearly import closed_form
@@ -28,6 +29,14 @@ from armwright.model import Model, check_arm
 from armwright.other_names import answering
 from armwright.program import trace
 from armwright.scalar import Array, Scalar, real_number
+
+SUPPORT = Support(
+    "ik",
+    without_effect={
+        "all but geometry": "poses depend on frames and position limits alone",
+        "payload": "poses depend on frames and position limits alone",
+    },
+)
 
 ATTEMPTS = 1000  # starts of one target, at most
 CHUNK = 8192  # targets of one call of native code

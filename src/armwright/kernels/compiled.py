@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 import numpy as np
 
 from armwright.errors import ModelError, ShapeError
+from armwright.features import Support
 from armwright.kernels.format import DOUBLE, select_format
 from armwright.kernels.kernel_methods import KernelMethods, Real
 from armwright.kernels.signatures import PARAMETERS, SIGNATURES, trace_kernel
@@ -23,6 +24,26 @@ if TYPE_CHECKING:
     from armwright.model.vary import Varied
 
 LIST = ", ".join(sorted(SIGNATURES))
+KERNELS = Support(
+    "kernels",
+    approximated={
+        "LuGre friction": "Coulomb's law with its Stribeck level stands for the bristles",
+        "friction by temperature": "as at the motor's reference temperature",
+        "heat": "as at the motor's reference temperature",
+        "elasticity": "motor and link move as one",
+        "play": "motor and link move as one",
+        "kinematic error": "motor and link move as one",
+        "stops": "nothing pushes a joint back at its limits",
+        "cogging": "left out",
+        "inductance": "a current follows at once",
+        "current loop": "a current follows at once",
+        "coasting": "the bridge shorts the motor while it is off",
+        "dead zone": "every voltage acts in full",
+        "supply": "its voltage does not sag",
+    },
+    without_effect={"brakes": "they are released"},
+)
+CASADI = KERNELS.named("CasADi functions")
 
 
 class CompiledArm(KernelMethods[Real]):
@@ -76,6 +97,11 @@ class CompiledArm(KernelMethods[Real]):
         vary = () if self.varied is None else self.varied.names
         settings = self._asked, vary, self.format.name
         return _again, (type(self), self.arm, *settings, self._threads)  # without the native code
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Sentences about effects of the record that these functions approximate; the simulator counts them in full."""
+        return KERNELS.notes(self.arm)
 
     @property
     def threads(self) -> int:

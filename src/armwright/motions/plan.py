@@ -126,7 +126,7 @@ class Plan:
         excesses = self.report.excesses()
         over = [f"exceeds limits: {'; '.join(excesses)}"] if excesses else ["all limits that are known are kept"]
         over += [f"nearest: {self.nearest}"] if self.nearest else []
-        over += [*self.slower, *(f"note: {note}" for note in self.notes)]
+        over += [*self.slower, *(f"note: {note}" for note in (*self.notes, *self.report.notes))]
         return "\n".join([*lines, "largest use of every limit:", str(self.report), *over])
 
 

@@ -10,11 +10,14 @@ from typing import Any
 from armwright.description import RobotDescription
 from armwright.description.paths import below, path_name, split_path
 from armwright.errors import ModelError
+from armwright.features import Support
 from armwright.model import Model, build_model
 from armwright.model.load import load
 from armwright.model.variants.edits import tip_of
 from armwright.quantity import Quantity, Record, Source
 from armwright.robotfiles.dynamic_effect import DynamicEffect, dynamic_effect
+
+SUPPORT = Support("diff")
 
 Arm = str | os.PathLike[str] | Model | RobotDescription
 WHOLE = ("joints", "links", "frames", "cylinders")  # whose items come and go as a whole

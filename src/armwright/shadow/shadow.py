@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from armwright.errors import LogError, ScenarioError
+from armwright.identification.arm.torque_model import MEASURED
 from armwright.identification.logs.log import Log
 from armwright.identification.validation.prediction import check_match, columns_of, is_logged, units_of
 from armwright.identification.validation.torque import Source, as_logged, check_constants, measured_torques
@@ -21,6 +22,8 @@ from armwright.shadow.observer import MomentumObserver, Residuals, ShadowBandwid
 from armwright.shadow.rows import ShadowEvent
 from armwright.shadow.uncertainty import Deviations, torque_deviations, verdict_of
 from armwright.shadow.verdict import Judged, Verdict, verdict
+
+SUPPORT = MEASURED.named("shadow")
 
 HEADS = (
     "joint", "unit", "RMS of residual", "largest", "limit at rest", "friction at rest", "position RMS", "largest position",
@@ -312,4 +315,4 @@ def _notes(arm: Model, log: Log, known: Deviations, record: str | os.PathLike[st
             notes.append(f"the record states no dry friction of {', '.join(loose)}, which may hold them at rest")
     if "gravity" in lacks:
         notes.append("of a payload only its inertia shows in such torques")
-    return tuple(notes)
+    return (*notes, *SUPPORT.notes(arm))

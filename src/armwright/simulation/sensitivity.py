@@ -17,13 +17,14 @@ import numpy as np
 from armwright.actuators.friction import smoothing_key
 from armwright.actuators.gear import sticks
 from armwright.errors import ScenarioError
+from armwright.features import Support
 from armwright.kernels.batch import Kernel
 from armwright.kernels.loop import Lanes, Loop
 from armwright.kernels.stages import Call, Delay, Integrate, Record, Stage
 from armwright.kernels.target import select_target
 from armwright.model import Model
 from armwright.model.vary import Varied
-from armwright.parameters import Batch, LaneFields
+from armwright.parameters import Batch, LaneFields, lane_values
 from armwright.program.derivative import with_tangents
 from armwright.signals import Signal
 from armwright.simulation.fixed_steps import COARSE, OR_NONE, accuracy_of, with_fixed_steps
@@ -34,6 +35,25 @@ from armwright.simulation.simulation import WATCHED, Simulation
 
 if TYPE_CHECKING:
     import xarray
+
+UNLIKE = ("jitter", "clock_drift", "command_loss", "command_delay", "measurement_delay")  # of a timing, what is refused
+SUPPORT = Support(
+    "sensitivities",
+    scenario=True,
+    without_effect={"brakes": "they are released unless inputs.brake applies them"},
+    refused={
+        "dry friction": "a smoothing speed in the record",
+        "gear efficiency": "a smoothing speed in the record",
+        "efficiency table": "a smoothing speed in the record",
+        "play": "accelerations jump where flanks touch",
+        "stops": "accelerations jump where stops touch",
+        "delays": "delays of whole ticks",
+        "jitter": "none",
+        "lost samples": "none",
+        "clock drift": "none",
+        "encoder counts": "none: they have no derivative",
+    },
+)
 
 MOST_FINER = 8  # steps in place of one that is too coarse
 STARTS = ("start.q", "start.qd")
@@ -209,8 +229,9 @@ def _check(simulation: Simulation) -> None:
     if sampling is None or loop is None:
         return
     if sampling.delays.fractional or np.any(sampling.delays.earlier):
+        name = next(name for name in UNLIKE if lane_values(getattr(loop.timing, name)).any())
         expected = "delays of whole ticks, no jitter, loss or drift, beside sensitivities"
-        raise ScenarioError(place="loop.timing", value=loop.timing, expected=expected)
+        raise ScenarioError(place=f"loop.timing.{name}", value=getattr(loop.timing, name), expected=expected)
     sensors = loop.joint_sensors
     places = {"sensors.counts": sensors.counts, "sensors.counts_per_m": sensors.counts_per_m}
     places["command_filter.resolution"] = loop.command_filter.resolution

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from armwright.errors import ScenarioError
+from armwright.features import Support
 from armwright.interfaces import JointReference, Measurement
 from armwright.kernels.loop import ENDLESS, Lanes
 from armwright.progress import Shown, automatic
@@ -34,6 +35,10 @@ from armwright.simulation.scenario import Scenario
 
 if TYPE_CHECKING:
     import xarray
+
+SUPPORT = Support(
+    "simulate", scenario=True, without_effect={"brakes": "they are released unless inputs.brake applies them"}
+)
 
 AHEAD = 1024  # ticks whose reference is worked out at once while a loop is stepped
 WATCHED, LEAST_WATCHED = 1000, 50  # ticks in which a step given by hand is looked at, of one tile of lanes and of many

@@ -22,6 +22,7 @@ from armwright.scenarios.records import MOST_LANES
 from armwright.simulation.batch_runner import Progress
 from armwright.simulation.checks import check_whole
 from armwright.simulation.scenario import Scenario
+from armwright.simulation.simulation import SUPPORT as SIMULATED
 from armwright.simulation.simulation import simulate
 from armwright.sweeps.cluster import connected
 from armwright.sweeps.source import Source, source_of
@@ -29,6 +30,8 @@ from armwright.sweeps.store import About, SweepStore, by_lane, difference, impor
 
 if TYPE_CHECKING:
     import xarray as xr
+
+SUPPORT = SIMULATED.named("sweep")
 
 CHUNKS = 16  # by default, so that several workers have some each; within these:
 ENOUGH = 4e7  # joints times ticks of a chunk's lanes, some seconds: a chunk begins with up to 0.1 s of preparation

@@ -9,12 +9,14 @@ from typing import Any
 import numpy as np
 
 from armwright.errors import ScenarioError
-from armwright.kernels.compiled import compile_arm
+from armwright.kernels.compiled import KERNELS, compile_arm
 from armwright.model import Model
 from armwright.simulation.inputs.payload import Payload
 from armwright.trajectory.limits import MotionLimits
 from armwright.trajectory.motion import Motion
 from armwright.trajectory.piecewise import PiecewisePolynomial
+
+SUPPORT = KERNELS.named("plan")
 
 JUMP = 1e-6  # of the largest acceleration: what is more, is no rounding
 SAMPLES = 2000  # of a report, at least, and …
@@ -33,6 +35,7 @@ class LimitsReport:
         times: by quantity (n,) [s] of the largest share.
         jumps: (k,) [s] beside which the acceleration of a joint with a limit of jerk jumps: no such limit can be kept there,
             and the values of jerk are those between the jumps.
+        notes: about effects of the record that torques and voltages approximate.
     """
 
     limits: MotionLimits
@@ -41,6 +44,7 @@ class LimitsReport:
     share: dict[str, np.ndarray]
     times: dict[str, np.ndarray]
     jumps: np.ndarray
+    notes: tuple[str, ...] = ()
 
     @property
     def largest(self) -> float:
@@ -139,7 +143,8 @@ def limits_report(
             store[quantity] = value
     limited = np.isfinite(limits.jerk)
     jumps = jumps_of_acceleration(motion, limited) if limited.any() else np.empty(0)
-    return LimitsReport(limits, *found, jumps=jumps)
+    notes = SUPPORT.notes(arm) if "torque" in values else ()
+    return LimitsReport(limits, *found, jumps=jumps, notes=notes)
 
 
 def dense_times(motion: Motion, samples: int = IN_A_PIECE) -> np.ndarray:

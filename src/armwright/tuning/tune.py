@@ -20,6 +20,7 @@ from armwright.scenarios.files import Document
 from armwright.scenarios.tuning_records import TuningTable
 from armwright.simulation.checks import check_choice, check_whole
 from armwright.simulation.scenario import Scenario
+from armwright.simulation.simulation import SUPPORT as SIMULATED
 from armwright.tuning.lanes import scenario_lanes, taken
 from armwright.tuning.margins import MarginConstraint
 from armwright.tuning.objective import Objective, checked_limits, checked_weights
@@ -28,6 +29,8 @@ from armwright.tuning.search import Search, Tried
 from armwright.tuning.space import GainSpace, rounded
 from armwright.tuning.uncertainty import USUAL, Uncertainty
 from armwright.validation import validated
+
+SUPPORT = SIMULATED.named("tune")
 
 STILL = 1e-6  # [rad | m] of a tracking error: an arm that only holds its pose
 METHODS = ("cma", "differential-evolution")

@@ -20,6 +20,7 @@ from armwright import scalar
 from armwright.control.wrapper import Wrapper
 from armwright.errors import BusError, Problem, ScenarioError
 from armwright.export.controller.stages import check_one_arm
+from armwright.features import Support
 from armwright.interfaces import JointReference, Measurement
 from armwright.model import Model
 from armwright.scalar import Array, Scalar
@@ -30,6 +31,8 @@ from armwright.simulation.scenario import Scenario
 from armwright.simulation.scenario_parts import Loop, Recording
 from armwright.twin.bus import BITRATE, BusLoad, node_numbers
 from armwright.twin.units import COUNTS_PER_METRE, COUNTS_PER_TURN, Units
+
+SUPPORT = Support("twin", scenario=True)
 
 
 @dataclass(frozen=True, eq=False)

@@ -143,8 +143,7 @@ class LoopAnalysis:
             units = [command_unit(body.drive.command, body.kind == "prismatic") for body in bodies]
             listed = ", ".join(f"{value:.2g} {unit}" for value, unit in zip(tremor, units, strict=True))
             lines.append(f"counts of encoders make the commands of moving joints tremble, by up to {listed} (1 σ)")
-        lines.append(f"left out: {'; '.join(loop.left_out)}")
-        return lines
+        return [*lines, "limits of drives are left out", *loop.notes]
 
 
 def analyse_loops(

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from armwright.control.analysis.hold import Held, split_delay, zero_order_hold
-from armwright.control.analysis.small_signal import LEFT_OUT, Slopes, SmallPlant, SmallSignal
+from armwright.control.analysis.small_signal import SUPPORT, Slopes, SmallPlant, SmallSignal
 from armwright.control.analysis.workspace import checked_poses
 from armwright.errors import ScenarioError
 from armwright.parameters import batches, has_draws
@@ -55,10 +55,8 @@ class LinearLoop:
 
     Attributes:
         names: of the joints.   period: [s].   delay: [s] of measurements and commands together.
-        cycle: ticks after which the loop repeats itself.   left_out: what small motions do not see, in words.
+        cycle: ticks after which the loop repeats itself.
     """
-
-    left_out = LEFT_OUT
 
     def __init__(self, scenario: Scenario, period: float | None = None, plant: SmallPlant | None = None):
         """The loop of a scenario.
@@ -98,6 +96,11 @@ class LinearLoop:
 
     def __repr__(self) -> str:
         return f"LinearLoop({self.scenario.arm.name!r}, {self.period:g} s, delay {1e3 * self.delay:.4g} ms)"
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Sentences about effects of the arm and the scenario that small motions about rest do not have."""
+        return SUPPORT.notes(self.scenario.arm, self.scenario)
 
     def with_delay(self, delay: float) -> LinearLoop:
         """The loop with another delay [s] of measurements and commands together."""

@@ -14,6 +14,7 @@ from armwright import scalar
 from armwright.actuators import holding_command
 from armwright.dynamics import holding_torques
 from armwright.errors import ScenarioError
+from armwright.features import Support
 from armwright.interfaces import UNTRACEABLE, why
 from armwright.model import Limits, Model
 from armwright.model.drive import Friction
@@ -29,9 +30,28 @@ from armwright.simulation.plant.plant import Plant
 from armwright.simulation.plant.slopes import plant_slopes
 from armwright.simulation.plant.view import PlantView
 
-LEFT_OUT = (
-    "dry friction, gear loss, play, cogging, stops, brakes and all limits",
-    "the resolution of encoders and commands, noise, jitter, losses and clock drift",
+LEFT_OUT = "left out"
+SUPPORT = Support(
+    "loops",
+    scenario=True,
+    approximated=dict.fromkeys(
+        (
+            *("gear loss", "dry friction", "smoothed friction", "friction by direction", "friction offset"),
+            *("Stribeck friction", "sigmoid friction", "LuGre friction", "friction by temperature", "play"),
+            *("kinematic error", "cogging", "stops", "heat", "coasting", "dead zone", "supply"),
+            *("jitter", "lost samples", "clock drift", "sensor noise", "encoder counts", "command filter"),
+        ),
+        LEFT_OUT,
+    ),
+    without_effect={
+        "brakes": "they are released unless inputs.brake applies them",
+        **dict.fromkeys(
+            ("pose", "schedule of poses", "motion", "grips of a motion", "moving start"),
+            "small motions about rest are those of any reference",
+        ),
+        **dict.fromkeys(("wrench", "applied brakes", "payloads over time"), "the loop is that without them"),
+    },
+    refused={"commands over time": "a loop with a controller"},
 )
 
 

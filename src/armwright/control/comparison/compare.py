@@ -31,11 +31,14 @@ from armwright.simulation.checks import check_time, check_whole
 from armwright.simulation.inputs.payload import Payload
 from armwright.simulation.scenario import Scenario
 from armwright.simulation.scenario_parts import Loop, Recording, Start
+from armwright.simulation.simulation import SUPPORT as SIMULATED
 from armwright.simulation.simulation import simulate
 from armwright.trajectory.motion import Motion
 
 if TYPE_CHECKING:
     import xarray as xr
+
+SUPPORT = SIMULATED.named("compare_controllers")
 
 INSTANTS = 400  # of the largest errors over time, in equal parts of a run
 RUNS = 8  # of a case, where nothing says otherwise

@@ -11,6 +11,7 @@ import numpy as np
 from armwright import scalar
 from armwright.control.analysis.linear_loop import LinearLoop
 from armwright.control.analysis.regions import GAIN, PHASE, check_margins
+from armwright.control.analysis.small_signal import SUPPORT as SMALL_MOTIONS
 from armwright.control.cascade import Cascade
 from armwright.control.computed_torque import ComputedTorque
 from armwright.control.design.joint_plants import JointPlants, current_lag
@@ -22,6 +23,8 @@ from armwright.parameters import Batch, numbers_by_lane
 from armwright.simulation.checks import check_choice, check_whole
 from armwright.simulation.loop.timing import Timing
 from armwright.simulation.scenario import Scenario
+
+SUPPORT = SMALL_MOTIONS.named("design_gains")
 
 DESIGNED = (JointPID, Cascade, ComputedTorque)
 HEADS = ("joint", "gain", "value")
@@ -78,6 +81,7 @@ class GainDesign:
             f"the gains {keeps} a gain margin of {gain:g} and a phase margin of {np.degrees(phase):.3g}° at {self.poses} "
             "extreme poses; between them nothing is proven",
             *rest_sentences(self.scenario.arm, self.friction_error, self.weight_error),
+            *SUPPORT.notes(self.scenario.arm, self.scenario),
         ]
 
 

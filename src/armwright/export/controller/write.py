@@ -18,10 +18,33 @@ from armwright.export.controller.selftest import selftest
 from armwright.export.controller.sil import SoftwareInTheLoop, find_compiler, software_in_the_loop
 from armwright.export.controller.source import source
 from armwright.export.controller.stages import ControllerStages
+from armwright.features import Support
 from armwright.kernels.c import REALS
+from armwright.kernels.compiled import KERNELS
 from armwright.output import whole_file, working_folder
 from armwright.simulation.checks import is_whole
 from armwright.simulation.scenario import Scenario
+
+OF_THE_BUS = "it belongs to the sensors, the bus and the arm"
+SUPPORT = Support(
+    "export controller",
+    scenario=True,
+    approximated={name: f"where the law computes dynamics, {how}" for name, how in KERNELS.approximated.items()},
+    without_effect={
+        "brakes": OF_THE_BUS,
+        **dict.fromkeys(
+            ("pose", "schedule of poses", "motion", "grips of a motion"), "the reference is an input of each step"
+        ),
+        **dict.fromkeys(
+            (
+                *("delays", "jitter", "lost samples", "clock drift", "encoder counts", "sensor noise", "speed filter"),
+                *("wrench", "applied brakes", "payloads over time", "moving start"),
+            ),
+            OF_THE_BUS,
+        ),
+    },
+    refused={"commands over time": "no controller", "lanes": "one arm"},
+)
 
 COMPARED = 100_000  # ticks that are compared behind an export, at most
 WRITTEN = 256  # of them in the self-test
@@ -112,7 +135,7 @@ def export_controller(
         for file, text in texts.items():
             temporary = files.enter_context(whole_file(folder / file, follow_link=False))
             temporary.write_bytes(text if isinstance(text, bytes) else text.encode())
-    notes: list[str] = []
+    notes = list(SUPPORT.notes(scenario.arm))
     last = stages.ticks_of_time(real)
     if real == "float" and last is not None:
         what = "the law reads the time t, which single precision has to within 1 µs for"

@@ -16,11 +16,14 @@ from armwright.export.fmu.continuous import continuous_model, continuous_source
 from armwright.export.fmu.description import VERSIONS, Description, build_description, model_description
 from armwright.export.fmu.model import sampled_source
 from armwright.export.fmu.sampled import PARTS, sampled_model
+from armwright.features import Support
 from armwright.kernels.c_syntax import KEYWORDS
 from armwright.model import Model
 from armwright.output import whole_file, working_folder
 from armwright.simulation.scenario import Scenario
 from armwright.simulation.scenario_parts import Loop
+
+SUPPORT = Support("export fmu", scenario=True)
 
 SOURCES = Path(__file__).parent / "sources"
 INTERFACES = ("co-simulation", "model-exchange")

@@ -29,12 +29,15 @@ from armwright.identification.arm.friction_law import (
 )
 from armwright.identification.arm.samples import Samples, check_efforts, samples_of
 from armwright.identification.arm.spring_record import spring_keys
+from armwright.identification.arm.torque_model import SUPPORT as LINEAR
 from armwright.identification.arm.torque_model import torque_model
 from armwright.identification.estimate import Estimate
 from armwright.identification.logs.checks import of_robot
 from armwright.identification.logs.log import Log
 from armwright.identification.logs.preparation import Preparation, choose_preparation
 from armwright.model import Model
+
+SUPPORT = LINEAR.named("identify friction")
 
 CLUSTERS = 40  # parts of the log whose residuals count as independent of each other's
 SLOWEST = 0.02  # of a joint's largest speed: slower rows are left out, the direction of dry friction is not known there
@@ -148,7 +151,7 @@ def identify_friction(
     log = of_robot(log, robot)
     names: list[str] = []
     values, bounds, blocks, measures = [], [], [], {}
-    remarks, doubtful = [str(each) for each in log.warnings], False
+    remarks, doubtful = [*map(str, log.warnings), *SUPPORT.notes(robot)], False
     measured = log.layout["temperature"].joints or () if "temperature" in log.layout and warming is None else ()
     for body, rows in zip(robot.coordinates, friction_rows(log, robot, preparation, warming), strict=True):
         if body.drive.thermal is None and log.joints.index(body.joint) in measured:

@@ -34,7 +34,7 @@ from armwright.identification.arm.remarks import (
 from armwright.identification.arm.samples import Samples, check_efforts, joints_of, samples_of
 from armwright.identification.arm.separating import sentences
 from armwright.identification.arm.spring_record import SPRINGS
-from armwright.identification.arm.torque_model import USUAL_FRICTION, TorqueModel, torque_model
+from armwright.identification.arm.torque_model import SUPPORT, USUAL_FRICTION, TorqueModel, torque_model
 from armwright.identification.estimate import HALF_95, Estimate, write_into
 from armwright.identification.logs.checks import of_robot
 from armwright.identification.logs.log import Log
@@ -195,7 +195,7 @@ def identify_arm(
     values = record_parameters(fit) if record else None
     directions = [*sentences(fit, source()), *_separating(equations, base, structural)]
     remarks = remarks_on(fit, base, structural, directions, sensitive, held_out, values, prepared[runs[0]])
-    remarks += late_torques(fit, next(source()))
+    remarks += [*late_torques(fit, next(source())), *SUPPORT.notes(arm)]
     doubts = [*unpredicted(fit, held_out, hold_out, moved), *unlike_the_record(fit)]
     doubts += (driving := driving_frictions(fit))
     doubts += negative_inertias(fit, next(source()))

@@ -35,12 +35,21 @@ from armwright.identification.arm.physical import (
     pseudo_inertias,
 )
 from armwright.identification.arm.samples import Samples, check_efforts, samples_of
-from armwright.identification.arm.torque_model import INERTIAL, INERTIAL_UNITS, Column, TorqueModel, torque_model
+from armwright.identification.arm.torque_model import (
+    INERTIAL,
+    INERTIAL_UNITS,
+    MEASURED,
+    Column,
+    TorqueModel,
+    torque_model,
+)
 from armwright.identification.estimate import HALF_95, Estimate
 from armwright.identification.logs.checks import of_robot
 from armwright.identification.logs.log import Log
 from armwright.identification.logs.preparation import Preparation, choose_preparation
 from armwright.model import BASE, Model
+
+SUPPORT = MEASURED.named("identify payload")
 
 NAMES = (
     "payload.mass_kg",
@@ -301,7 +310,7 @@ def _estimate(fit: ArmFit, covariance: np.ndarray, method: str, sha256: str, nam
     }
     return Estimate(  # without a condition number: that of the fit is of the arm's parameters too, which need not be told
         NAMES, np.where(known, numbers, 0.0), spread, sha256, method, at_bound=at_bound, identifiable=known,
-        remarks=tuple(remarks), fit=measures, verdict=verdict, log=name,
+        remarks=(*remarks, *SUPPORT.notes(fit.equations.model.arm)), fit=measures, verdict=verdict, log=name,
     )  # fmt: skip
 
 

@@ -11,7 +11,7 @@ A motor that several joints turn gives its torque to all of them: its rotor, vis
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,11 +19,34 @@ import numpy as np
 from armwright.actuators.coupling import shares_of
 from armwright.description.paths import path_name
 from armwright.errors import IdentificationError
+from armwright.features import Support
+from armwright.kernels.compiled import KERNELS
 from armwright.model import Model, check_arm
 
 if TYPE_CHECKING:
     from armwright.kernels.compiled import CompiledArm
 
+ELECTRICAL = ("inductance", "current loop", "coasting", "dead zone", "supply")
+MEASURED = Support(  # what takes measured torques and an arm's own
+    "measured torques",
+    approximated={name: how for name, how in KERNELS.approximated.items() if name not in ELECTRICAL},
+    without_effect={
+        "brakes": "they are released",
+        **dict.fromkeys(ELECTRICAL, "motor torques are measured, as torques or as currents"),
+    },
+)
+FITTED, IN_FRICTION = "fitted as a constant of the whole log", "viscous and Coulomb friction stand for it"
+IN_BOTH = "not part of the model: friction and inertia contain it"
+SUPPORT = replace(
+    MEASURED,
+    consumer="identify arm",
+    approximated={
+        **MEASURED.approximated,
+        **dict.fromkeys(("heat", "friction by temperature"), FITTED),
+        **dict.fromkeys(("Stribeck friction", "sigmoid friction", "LuGre friction"), IN_FRICTION),
+        **dict.fromkeys(("efficiency table", "load coefficient"), IN_BOTH),
+    },
+)
 INERTIAL = ("m", "mcx", "mcy", "mcz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
 INERTIAL_UNITS = ("kg", "kg m", "kg m", "kg m", *["kg m²"] * 6)
 FRICTION = ("viscous", "coulomb", "offset", "asymmetric", "stribeck")

@@ -29,12 +29,15 @@ from armwright.identification.experiments.information import (
     criterion_function,
 )
 from armwright.identification.experiments.limits import ExcitationLimits, excitation_limits
+from armwright.kernels.compiled import KERNELS
 from armwright.kernels.signatures import SIGNATURES, trace_kernel
 from armwright.model import Model, check_arm
 from armwright.model.joint_signals import joint_units
 from armwright.progress import Shown, automatic
 from armwright.results.tables import joint_columns, write_table
 from armwright.trajectory.fourier import Fourier, rest_rows, series_matrices
+
+SUPPORT = KERNELS.named("excite")
 
 SAMPLES = 12  # instants of the design for each harmonic
 DENSER = 10  # times as many for the judgement
@@ -79,6 +82,11 @@ class Excitation:
         return self.limits.arm
 
     @property
+    def notes(self) -> tuple[str, ...]:
+        """Sentences about effects of the record that torques and voltages of the design approximate."""
+        return SUPPORT.notes(self.arm)
+
+    @property
     def margins(self) -> dict[str, np.ndarray]:
         """By quantity (n,) unused share of each joint's limit."""
         return {name: 1.0 - part for name, part in self.used.items()}
@@ -113,7 +121,7 @@ class Excitation:
         for k, name in enumerate(self.arm.names):
             cells = (f"{'':>14}" if np.isnan(part[k]) else f"{part[k]:>14.1%}" for part in self.used.values())
             lines.append(f"{name:{width}}{''.join(cells)}")
-        return "\n".join([*lines, *self.reasons])
+        return "\n".join([*lines, *self.reasons, *(f"note: {note}" for note in self.notes)])
 
 
 def design_excitation(

@@ -6,7 +6,7 @@ import datetime
 import hashlib
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ import numpy as np
 
 from armwright.description import builtin_names
 from armwright.errors import ArmwrightError, LogError
+from armwright.identification.arm.torque_model import MEASURED
 from armwright.identification.logs.log import Log
 from armwright.identification.logs.preparation import Preparation
 from armwright.identification.logs.read import read_log
@@ -33,6 +34,12 @@ from armwright.model.load import load
 from armwright.progress import Shown, automatic
 from armwright.reading import read_file
 from armwright.simulation.scenario import Scenario
+
+SUPPORT = replace(
+    MEASURED,
+    consumer="validate",
+    approximated={name: f"in predicted torques, {how}" for name, how in MEASURED.approximated.items()},
+)
 
 QUANTITIES: tuple[Quantity, ...] = ("torque", "position", "speed")
 HEADS = ("joint", "quantity", "R²", "fit %", "VAF %", "RMS", "unit", "runs from … to", "limit")
@@ -260,6 +267,7 @@ def _torques(
     if lacks and source == "tau":
         notes.append(f"the logged torques lack {', '.join(lacks)}, as the log says: the record is compared without")
     notes.append(f"torque prediction: signals filtered without delay, a row every {1e3 / rate:.3g} ms")
+    notes += SUPPORT.notes(arm)
     return found
 
 

@@ -13,12 +13,24 @@ import casadi
 import numpy as np
 
 from armwright.errors import ScenarioError
+from armwright.features import Support
 from armwright.kernels.loop import Lanes, Schedules
 from armwright.kernels.stages import CURSOR, NEVER, SECANTS, SEEN
 from armwright.program import trace
 from armwright.scalar import Array
 from armwright.simulation.integrate.stepping import Adaptivity
 from armwright.simulation.plant.switching import Watched, switching_programs
+
+SUPPORT = Support(
+    "cvodes",
+    scenario=True,
+    without_effect={"brakes": "they are released unless inputs.brake applies them"},
+    refused={
+        "dry friction": "a smoothing speed, or another integrator",
+        "gear efficiency": "a smoothing speed, or another integrator",
+        "efficiency table": "a smoothing speed, or another integrator",
+    },
+)
 
 MOST_LANES = 1000  # more would take hours
 MOST_PIECES = 1000  # of a tick that end where something switches

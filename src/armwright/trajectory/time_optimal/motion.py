@@ -28,6 +28,7 @@ class PathMotion(Motion):
         path: q(s).   s: (m,) grid.   x: (m,) ṡ² there.   time: [s] of the beginning.
         used: by quantity (m - 1, n) the largest part of its limit that each joint uses between grid points; 0 without a limit.
         excess: relative excess over a limit on the grid that judged the plan; negative or 0: none.
+        notes: about effects of the record that torques and voltages approximate.
     """
 
     path: JointPath
@@ -36,6 +37,7 @@ class PathMotion(Motion):
     time: float
     used: dict[str, np.ndarray]
     excess: float
+    notes: tuple[str, ...] = ()
 
     @property
     def n(self) -> int:

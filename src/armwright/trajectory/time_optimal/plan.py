@@ -8,7 +8,7 @@ import numpy as np
 
 from armwright.collision import Clearance
 from armwright.errors import ModelError, ScenarioError
-from armwright.kernels.compiled import compile_arm
+from armwright.kernels.compiled import KERNELS, compile_arm
 from armwright.model import Model
 from armwright.simulation.inputs.payload import Payload
 from armwright.trajectory.limits import MotionLimits
@@ -25,6 +25,8 @@ from armwright.trajectory.time_optimal.feasibility import (
 )
 from armwright.trajectory.time_optimal.motion import PathMotion
 from armwright.trajectory.time_optimal.planner import Planner
+
+SUPPORT = KERNELS.named("time_optimal")
 
 GRID = 500
 LEAST_GRID, MOST_GRID = 10, 100_000
@@ -103,7 +105,7 @@ def time_optimal(
             failure = no_way(planner, profile)
             break
         excess = max(float(each.max()) for each in used.values()) - 1.0
-        motion = PathMotion(path, planner.s, profile.x, float(time), used, excess)
+        motion = PathMotion(path, planner.s, profile.x, float(time), used, excess, SUPPORT.notes(arm))
         if best is None or motion.duration < best.duration:
             best = motion
         if motion.duration <= SLOWER * planner.least:
