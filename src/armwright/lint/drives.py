@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import combinations
 from math import inf, isnan, log, nan, pi, sqrt
 from typing import Any, get_args
@@ -24,6 +25,7 @@ CLOSE = 0.03  # by which constants of one motor in two bases may differ; √2 an
 GEARED = 3.0  # below this ratio a torque without the gear is not distinguished from a low limit
 EQUAL = 10.0  # weight of a ratio that is 1 in any motor, beside those that only go together
 LOOSE = 0.2  # of one that differs by decades between the base and the wrist of an arm
+DERATED = 0.2  # of what the motor gives: a lower limit is not what a mistake leads back to
 RARE = 2.0  # added to the distance of a mistake that is seldom made
 ALTERNATIVES = 1.7  # of the distance: other explanations up to a factor 5 less typical are named too
 MOST_NAMED = 3
@@ -52,7 +54,7 @@ class Numbers:
     reference: float = nan
     copper: float = nan  # [1/K]
     magnet: float = nan  # [1/K]
-    body: float = nan  # [kg m² | kg] that the joint moves
+    links: float = nan  # [kg m² | kg] of the whole arm
     basis: Basis = "dc"
     slides: bool = False
 
@@ -61,7 +63,8 @@ class Numbers:
         """Gear ratio without its sign."""
         return abs(self.n)
 
-    def as_dc(self) -> Numbers:
+    @cached_property
+    def dc(self) -> Numbers:
         """Magnitudes, as DC-equivalents; a back-EMF constant that is absent is the torque constant."""
         to = DC_EQUIVALENT[self.basis]
         kt = to.torque_constant * self.kt
@@ -131,9 +134,7 @@ class Comparison:
 
     def ratio(self, numbers: Numbers) -> float:
         """The ratio, NaN where a number is absent."""
-        dc = numbers.as_dc()
-        with np.errstate(all="ignore"):
-            return float(np.float64(self.one(dc)) / np.float64(self.other(dc)))
+        return float(self.one(numbers.dc) / self.other(numbers.dc))
 
     def fails(self, numbers: Numbers) -> bool:
         """True where the ratio is not as it should be; one that is not known says nothing."""
@@ -149,7 +150,7 @@ class Comparison:
 
     def sentence(self, numbers: Numbers) -> str:
         """The comparison in words."""
-        dc, ratio, (low, _, high) = numbers.as_dc(), self.ratio(numbers), self.band
+        dc, ratio, (low, _, high) = numbers.dc, self.ratio(numbers), self.band
         rotary, _, linear = self.unit.partition(" | ")
         unit = linear if linear and numbers.slides else rotary
         if not self.other_name:
@@ -160,7 +161,7 @@ class Comparison:
     def plain(self, numbers: Numbers) -> Problem:
         """The contradiction without an explanation."""
         keys = KEYS | ON_A_SLIDE if numbers.slides else KEYS
-        return Problem(self.sentence(numbers), keys[self.key], getattr(numbers, self.key))
+        return Problem(self.sentence(numbers), keys[self.key], float(getattr(numbers, self.key)))
 
 
 COMPARISONS = (
@@ -181,8 +182,14 @@ COMPARISONS = (
         *("the no-load speed V / (n Ke)", lambda d: d.voltage / (d.n * d.ke)),
     ),
     Comparison(
-        *("rotor", "n² times the rotor's inertia", lambda d: d.n**2 * d.rotor, "kg m² | kg", (0.0, 0.5, 1e5)),
-        *("that of the links beyond the joint", lambda d: d.body, LOOSE),
+        *(
+            "rotor",
+            "the rotor's inertia at the joint n² J",
+            lambda d: d.n**2 * d.rotor,
+            "kg m² | kg",
+            (0.0, 0.1, 1e4),
+        ),
+        *("that of all links", lambda d: d.links, LOOSE),
     ),
     Comparison(
         *("r", "R I at the limit of current", lambda d: d.r * d.current, "V", (1e-4, 0.3, 10.0)),
@@ -204,6 +211,7 @@ COMPARISONS = (
         *("rotor", "the time in which the rotor alone reaches the limit of speed, J n q̇ / (Kt I),"),
         *(lambda d: d.rotor * d.n * d.speed / (d.kt * d.current), "s", (1e-6, 0.03, 10.0)),
     ),
+    Comparison("rotor", "the rotor's inertia", lambda d: d.rotor, "kg m²", (0.0, 1e-4, 10.0), weight=LOOSE),
     Comparison("inductance", "the time constant L / R", lambda d: d.inductance / d.r, "s", (1e-7, 1e-3, 0.2)),
     Comparison(
         *("winding_c", "the winding's time constant, capacity times resistance,"),
@@ -242,13 +250,20 @@ class Mistake:
         """The numbers that differ without the mistake; none where it cannot be."""
         if isnan(getattr(numbers, self.key)):
             return {}
-        with np.errstate(all="ignore"):
-            fit = self.fit(numbers).items()
+        fit = self.fit(numbers).items()
         return {key: value for key, value in fit if value == value and value != getattr(numbers, key)}
 
 
-def _scaled(key: str, question: str, factor: float) -> Mistake:
-    return Mistake(key, question, lambda d: {key: getattr(d, key) * factor})
+def _scaled(
+    key: str, question: str, factor: float, *, joints: str = "rotary and slides", rarity: float = 0.0
+) -> Mistake:
+    """A number in another unit, `factor` of the record's; of all joints, of "rotary" ones or of "slides" only."""
+    return Mistake(
+        key,
+        question,
+        lambda d: {key: getattr(d, key) * factor} if ("slides" if d.slides else "rotary") in joints else {},
+        rarity=rarity,
+    )
 
 
 def _of_basis(basis: Basis) -> Iterator[Mistake]:
@@ -287,24 +302,21 @@ MISTAKES = (
     Mistake("ke", "rpm/V?", lambda d: {"ke": 1 / (RPM * d.ke)}, rarity=RARE),
     Mistake("ke", "at the gear's output?", lambda d: {"ke": d.ke / d.turns}),
     _scaled("rotor", "g cm²?", 1e-7),
-    Mistake("rotor", "n² times the rotor's, referred to the joint?", lambda d: {"rotor": d.rotor / d.n**2}),
-    _scaled("rotor", "kg cm²?", 1e-4),
-    _scaled("rotor", "kg mm²?", 1e-6),
+    Mistake("rotor", "n² J, referred to the joint?", lambda d: {"rotor": d.rotor / d.n**2}),
+    _scaled("rotor", "kg cm²?", 1e-4, rarity=RARE),
     _scaled("r", "mΩ?", 1e-3),
     _scaled("inductance", "mH?", 1e-3),
     _scaled("current", "mA?", 1e-3),
-    _scaled("effort", "N mm?", 1e-3),
-    _scaled("effort", "N cm?", 1e-2),
+    _scaled("effort", "N mm?", 1e-3, joints="rotary"),
+    _scaled("effort", "N cm?", 1e-2, joints="rotary"),
     Mistake("effort", "of the motor, before the gear?", lambda d: {"effort": d.effort * d.turns}),
-    _scaled("speed", "rpm?", RPM),
-    _scaled("speed", "degrees/s?", pi / 180),
-    _scaled("speed", "mm/s?", 1e-3),
+    _scaled("speed", "rpm?", RPM, joints="rotary"),
+    _scaled("speed", "degrees/s?", pi / 180, joints="rotary"),
+    _scaled("speed", "mm/s?", 1e-3, joints="slides"),
     Mistake("speed", "of the motor, before the gear?", lambda d: {"speed": d.speed / d.turns}),
     Mistake("speed", "of the motor, in rpm?", lambda d: {"speed": RPM * d.speed / d.turns}),
-    Mistake(
-        "n", "turns of the joint per turn of the motor?", lambda d: {"n": nan if d.slides else 1 / d.n}, rarity=RARE
-    ),
-    Mistake("n", "rad/mm?", lambda d: {"n": d.n * 1e3 if d.slides else nan}),
+    Mistake("n", "joint per motor?", lambda d: {} if d.slides or d.turns >= 1 else {"n": 1 / d.n}, rarity=RARE),
+    _scaled("n", "rad/mm?", 1e3, joints="slides"),
     *(_scaled(f"{body}_c", "kJ/K?", 1e3) for body in ("winding", "housing")),
     *(_scaled(f"{body}_c", "mJ/K?", 1e-3) for body in ("winding", "housing")),
     *(_scaled(f"{body}_r", "K/kW?", 1e-3) for body in ("winding", "housing")),
@@ -320,37 +332,34 @@ MISTAKES = (
 def contradictions(robot: RobotDescription) -> list[Problem]:
     """Warnings about numbers of a drive that contradict each other, with the mistake that explains it and the value that fits."""
     findings = Findings()
-    for joint in robot.joints:
-        if not isinstance(joint, FixedJoint) and joint.motor is not None:
-            for problem in _of_drive(_numbers_of(robot, joint, joint.motor.basis)):
-                findings.add("joint", joint.name, problem)
+    with np.errstate(all="ignore"):
+        for joint in robot.joints:
+            if not isinstance(joint, FixedJoint) and joint.motor is not None:
+                for problem in _of_drive(_numbers_of(robot, joint, joint.motor.basis)):
+                    findings.add("joint", joint.name, problem)
     return findings.problems()
 
 
 def _numbers_of(robot: RobotDescription, joint: MovingJoint, basis: Basis) -> Numbers:
     slides = isinstance(joint, PrismaticJoint)
-    found = {}
+    found: dict[str, float] = {"links": _of_links(robot, slides) or nan}
     for field, path in (KEYS | ON_A_SLIDE if slides else KEYS).items():
         entry: Any = joint
         for key in path.split("."):
             entry = getattr(entry, key, None)
         if field != "basis" and entry is not None:
-            found[field] = float(entry)
-    found["rotor"] = found["rotor"] or nan
-    return Numbers(**found, basis=basis, slides=slides, body=_beyond(robot, joint, slides) or nan)
+            found[field] = np.float64(float(entry))  # whose quotients overflow silently
+    return Numbers(**found | {"rotor": found["rotor"] or nan}, basis=basis, slides=slides)
 
 
-def _beyond(robot: RobotDescription, joint: MovingJoint, slides: bool) -> float:
-    """The mass [kg] that a slide moves; of other joints the sum of the links' largest moments about their frames [kg m²]."""
-    names, total = {joint.child}, 0.0
-    for _ in robot.joints:  # a joint may stand in the file before the one that bears it
-        names |= {each.child for each in robot.joints if each.parent in names}
+def _of_links(robot: RobotDescription, slides: bool) -> float:
+    """The mass of all links [kg]; for joints that turn, the sum of their largest moments about their frames [kg m²]."""
+    total = 0.0
     for link in robot.links:
-        if link.name in names and link.mass_kg is not None:
-            mass = float(link.mass_kg)
-            far = mass * float(np.dot(link.com_m, link.com_m))
-            total += mass if slides else float(np.linalg.eigvalsh(link.inertia_kg_m2.matrix())[-1]) + far
-    return total
+        if link.mass_kg is not None:
+            mass, tensor = float(link.mass_kg), link.inertia_kg_m2.matrix()
+            total += mass if slides else np.linalg.eigvalsh(tensor)[-1] + mass * np.dot(link.com_m, link.com_m)
+    return float(total)
 
 
 def _of_drive(numbers: Numbers) -> Iterator[Problem]:
@@ -358,7 +367,7 @@ def _of_drive(numbers: Numbers) -> Iterator[Problem]:
     while failing := [row for row in COMPARISONS if row.fails(numbers)]:
         singles = _explanations(numbers, [(mistake,) for mistake in MISTAKES])
         best = singles[0] if singles else None
-        if len(failing) > 1 and (best is None or len(best.fixed) < len(failing)):
+        if (best is None or len(best.fixed) < len(failing)) and (len(failing) > 1 or not failing[0].is_equal):
             units = [mistake for mistake in MISTAKES if not mistake.closely and mistake.changes(numbers)]
             pairs = [pair for pair in combinations(units, 2) if pair[0].key != pair[1].key]
             both = [pair for pair in _explanations(numbers, pairs) if len(pair.fixed) == len(failing)]
@@ -369,7 +378,7 @@ def _of_drive(numbers: Numbers) -> Iterator[Problem]:
         most = best.distance + ALTERNATIVES
         others = [each for each in singles[1:] if len(each.fixed) == len(best.fixed) and each.distance <= most]
         for mistake in best.mistakes:
-            yield _question(numbers, mistake, best.fixed, [each.mistakes[0] for each in others[: MOST_NAMED - 1]])
+            yield _question(numbers, mistake, best, [each.mistakes[0] for each in others[: MOST_NAMED - 1]])
         numbers = best.numbers
 
 
@@ -395,22 +404,26 @@ def _explanations(numbers: Numbers, candidates: list[tuple[Mistake, ...]]) -> li
         fixed = [row for row in COMPARISONS if row.fails(numbers) and not row.fails(after)]
         spoilt = [row for row in COMPARISONS if row.fails(after) and not row.fails(numbers)]
         loose = [row for row in fixed if not (row.is_equal and abs(row.ratio(after) - 1) <= CLOSE)]
-        if fixed and not spoilt and not (loose and any(mistake.closely for mistake in mistakes)):
+        low = any(row.is_equal and row.ratio(after) < DERATED for row in fixed)
+        if fixed and not spoilt and not low and not (loose and any(mistake.closely for mistake in mistakes)):
             distance = sum(row.distance(after) for row in COMPARISONS) + sum(mistake.rarity for mistake in mistakes)
             found.append(_Explanation(mistakes, after, fixed, round(distance, 6)))
     return sorted(found, key=lambda each: (-len(each.fixed), each.distance))
 
 
-def _question(numbers: Numbers, mistake: Mistake, fixed: list[Comparison], others: list[Mistake]) -> Problem:
-    """The mistake as a question, with the comparisons that are then sound."""
+def _question(numbers: Numbers, mistake: Mistake, found: _Explanation, others: list[Mistake]) -> Problem:
+    """The mistake as a question, with the comparisons that are sound without it, or else the mistake that it goes with."""
     after = replace(numbers, **mistake.changes(numbers))
     keys = KEYS | ON_A_SLIDE if numbers.slides else KEYS
-    shown = [row for row in fixed if row.ratio(after) != row.ratio(numbers)] or fixed
-    why = "; ".join(row.sentence(numbers) for row in shown[:2])
+    reasons = [row.sentence(numbers) for row in found.fixed if row.ratio(after) != row.ratio(numbers)]
+    reasons = reasons or [
+        f"only together with {keys[each.key]}: {each.question}" for each in found.mistakes if each is not mistake
+    ]
+    why = "; ".join(reasons[:2])
     what = f"{mistake.question} {why[0].upper()}{why[1:]}"
     for other in others:
         what += f"; or {keys[other.key]}: {other.question} {_fit(numbers, other)} would fit"
-    return Problem(what, keys[mistake.key], getattr(numbers, mistake.key), _fit(numbers, mistake))
+    return Problem(what, keys[mistake.key], float(getattr(numbers, mistake.key)), _fit(numbers, mistake))
 
 
 def _fit(numbers: Numbers, mistake: Mistake) -> str:
