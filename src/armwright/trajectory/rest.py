@@ -38,8 +38,8 @@ class Torques:
     def notes(self, names: Sequence[str], units: Sequence[str], row: str = "row {}") -> list[str]:
         """A sentence for every joint that stands in its friction: the band of the first row, and the number of others."""
         said = []
-        for k in np.flatnonzero(self.held.any(axis=0)):
-            first, *others = np.flatnonzero(self.held[:, k])
+        for k in map(int, np.flatnonzero(self.held.any(axis=0))):
+            first, *others = map(int, np.flatnonzero(self.held[:, k]))
             where = " in ".join(filter(None, [f"{names[k]} stands", row.format(first + 1)]))
             band = f"{self.low[first, k]:.5g} … {self.high[first, k]:.5g} {units[k]}"
             more = f"; so it does in {len(others)} more" if others else ""
