@@ -13,6 +13,8 @@ import armwright as aw
 from armwright.cli.app import app
 from armwright.description.database import parse
 from armwright.model import build_model
+from armwright.session import Session
+from armwright.session.listing import Line
 from armwright.trajectory.limits_report import limits_report
 from armwright.trajectory.piecewise import PiecewisePolynomial
 from armwright.trajectory.rest import torques
@@ -116,3 +118,18 @@ def test_the_command_says_the_band(tmp_path):
     assert outputs[0] == outputs[1]
     assert "note: shoulder stands in row 1: any torque of " in outputs[0]
     assert "elbow stands" not in outputs[0]
+
+
+def test_the_session_says_the_band(tmp_path):
+    """And compares its least torque with the limit."""
+    least = torques(arm := dry_arm(), aw.compile(arm), *np.array([[[0.3, 0.4]], [[1e-13, 1.0]], [[0.0, 0.0]]])).least[
+        0, 0
+    ]
+    for limit, beyond in ((1.01 * least, False), (0.99 * least, True)):
+        dry_arm(tmp_path, torque=limit)
+        session = Session(str(tmp_path / "dry.toml"))
+        for line in ("theta = 0.3 0.4", "omega = 1e-13 1", "alpha = 0 0"):
+            session.run(line)
+        notes = [part.text for part in session.run("inverse-arm") if isinstance(part, Line)]
+        assert any(note.startswith("shoulder stands: any torque of ") for note in notes)
+        assert any("beyond its limit" in note for note in notes) == beyond
