@@ -1,4 +1,4 @@
-"""Numbers of a drive that contradict each other, with the mistake that would explain it and the value that would fit.
+"""DriveNumbers of a drive that contradict each other, with the mistake that would explain it and the value that would fit.
 
 Every comparison is a ratio of two products of a joint's numbers, and the band in which it may lie: narrow where both are equal
 in any motor (Kt = Ke), some decades where they only go together. Where a ratio leaves its band, each known mistake (a unit, the
@@ -33,7 +33,7 @@ RPM = 2 * pi / 60  # [rad/s]
 
 
 @dataclass(frozen=True)
-class Numbers:
+class DriveNumbers:
     """The numbers of a joint's drive as its record has them; NaN if absent."""
 
     n: float = nan
@@ -64,7 +64,7 @@ class Numbers:
         return abs(self.n)
 
     @cached_property
-    def dc(self) -> Numbers:
+    def dc(self) -> DriveNumbers:
         """Magnitudes, as DC-equivalents; a back-EMF constant that is absent is the torque constant."""
         to = DC_EQUIVALENT[self.basis]
         kt = to.torque_constant * self.kt
@@ -82,7 +82,7 @@ class Numbers:
         )
 
 
-KEYS = {  # field of Numbers → table and key; those of limits by their unit on a slide
+KEYS = {  # field of DriveNumbers → table and key; those of limits by their unit on a slide
     "n": "motor.gear_ratio",
     "rotor": "motor.rotor_inertia_kg_m2",
     "kt": "motor.torque_constant_n_m_per_a",
@@ -111,7 +111,7 @@ class Comparison:
     """One product of a drive's numbers beside another: `one / other` lies within `band` in any sound record.
 
     Attributes:
-        key: of `Numbers`, where a ratio that no mistake explains is reported.   name, other_name: of both in a sentence.
+        key: of `DriveNumbers`, where a ratio that no mistake explains is reported.   name, other_name: of both in a sentence.
         one, other: the products, of DC-equivalents.   unit: of both; after a bar that on a slide.
         band: lowest, typical and highest ratio; without `other` of the number itself.
         weight: of a distance from what is typical.   is_outside: the ratio must not lie within the band.
@@ -119,11 +119,11 @@ class Comparison:
 
     key: str
     name: str
-    one: Callable[[Numbers], float]
+    one: Callable[[DriveNumbers], float]
     unit: str
     band: tuple[float, float, float]
     other_name: str = ""
-    other: Callable[[Numbers], float] = lambda d: 1.0
+    other: Callable[[DriveNumbers], float] = lambda d: 1.0
     weight: float = 1.0
     is_outside: bool = False
 
@@ -132,23 +132,23 @@ class Comparison:
         """True where both are equal in any motor."""
         return self.weight == EQUAL
 
-    def ratio(self, numbers: Numbers) -> float:
+    def ratio(self, numbers: DriveNumbers) -> float:
         """The ratio, NaN where a number is absent."""
         return float(self.one(numbers.dc) / self.other(numbers.dc))
 
-    def fails(self, numbers: Numbers) -> bool:
+    def fails(self, numbers: DriveNumbers) -> bool:
         """True where the ratio is not as it should be; one that is not known says nothing."""
         ratio, (low, _, high) = self.ratio(numbers), self.band
         return not isnan(ratio) and (low <= ratio <= high) == self.is_outside
 
-    def distance(self, numbers: Numbers) -> float:
+    def distance(self, numbers: DriveNumbers) -> float:
         """The distance from what is typical, the logarithm of the ratio times the weight."""
         ratio = self.ratio(numbers)
         if self.is_outside or not 0 < ratio < inf:
             return 0.0
         return abs(log(ratio / self.band[1])) * self.weight
 
-    def sentence(self, numbers: Numbers) -> str:
+    def sentence(self, numbers: DriveNumbers) -> str:
         """The comparison in words."""
         dc, ratio, (low, _, high) = numbers.dc, self.ratio(numbers), self.band
         rotary, _, linear = self.unit.partition(" | ")
@@ -158,7 +158,7 @@ class Comparison:
         times = "just" if self.is_outside else f"{ratio:.4g} times"
         return f"{self.name}, {self.one(dc):.4g} {unit}, is {times} {self.other_name}, {self.other(dc):.4g}"
 
-    def plain(self, numbers: Numbers) -> Problem:
+    def plain(self, numbers: DriveNumbers) -> Problem:
         """The contradiction without an explanation."""
         keys = KEYS | ON_A_SLIDE if numbers.slides else KEYS
         return Problem(self.sentence(numbers), keys[self.key], float(getattr(numbers, self.key)))
@@ -240,13 +240,13 @@ COMPARISONS = (
 class Mistake:
     """A number in another unit, on the wrong side of the gear or in another basis, and the numbers without it."""
 
-    key: str  # of Numbers
+    key: str  # of DriveNumbers
     question: str
-    fit: Callable[[Numbers], dict[str, Any]]
+    fit: Callable[[DriveNumbers], dict[str, Any]]
     closely: bool = False  # explains only what is then equal within CLOSE
     rarity: float = 0.0
 
-    def changes(self, numbers: Numbers) -> dict[str, Any]:
+    def changes(self, numbers: DriveNumbers) -> dict[str, Any]:
         """The numbers that differ without the mistake; none where it cannot be."""
         if isnan(getattr(numbers, self.key)):
             return {}
@@ -331,25 +331,28 @@ MISTAKES = (
 
 def contradictions(robot: RobotDescription) -> list[Problem]:
     """Warnings about numbers of a drive that contradict each other, with the mistake that explains it and the value that fits."""
-    findings = Findings()
+    findings, links = Findings(), {}
     with np.errstate(all="ignore"):
         for joint in robot.joints:
-            if not isinstance(joint, FixedJoint) and joint.motor is not None:
-                for problem in _of_drive(_numbers_of(robot, joint, joint.motor.basis)):
-                    findings.add("joint", joint.name, problem)
+            if isinstance(joint, FixedJoint) or joint.motor is None:
+                continue
+            slides = isinstance(joint, PrismaticJoint)
+            links[slides] = links.get(slides) or _of_links(robot, slides) or nan
+            for problem in _of_drive(_numbers_of(joint, joint.motor.basis, links[slides])):
+                findings.add("joint", joint.name, problem)
     return findings.problems()
 
 
-def _numbers_of(robot: RobotDescription, joint: MovingJoint, basis: Basis) -> Numbers:
+def _numbers_of(joint: MovingJoint, basis: Basis, links: float) -> DriveNumbers:
     slides = isinstance(joint, PrismaticJoint)
-    found: dict[str, float] = {"links": _of_links(robot, slides) or nan}
+    found: dict[str, float] = {"links": links}
     for field, path in (KEYS | ON_A_SLIDE if slides else KEYS).items():
         entry: Any = joint
         for key in path.split("."):
             entry = getattr(entry, key, None)
         if field != "basis" and entry is not None:
             found[field] = np.float64(float(entry))  # whose quotients overflow silently
-    return Numbers(**found | {"rotor": found["rotor"] or nan}, basis=basis, slides=slides)
+    return DriveNumbers(**found | {"rotor": found["rotor"] or nan}, basis=basis, slides=slides)
 
 
 def _of_links(robot: RobotDescription, slides: bool) -> float:
@@ -362,7 +365,7 @@ def _of_links(robot: RobotDescription, slides: bool) -> float:
     return float(total)
 
 
-def _of_drive(numbers: Numbers) -> Iterator[Problem]:
+def _of_drive(numbers: DriveNumbers) -> Iterator[Problem]:
     """Problems of one drive. A single mistake that explains all is preferred, then two, then what explains most."""
     while failing := [row for row in COMPARISONS if row.fails(numbers)]:
         singles = _explanations(numbers, [(mistake,) for mistake in MISTAKES])
@@ -387,12 +390,12 @@ class _Explanation:
     """Mistakes that were undone, the numbers without them, the comparisons that are then sound, and how typical those are."""
 
     mistakes: tuple[Mistake, ...]
-    numbers: Numbers
+    numbers: DriveNumbers
     fixed: list[Comparison]
     distance: float
 
 
-def _explanations(numbers: Numbers, candidates: list[tuple[Mistake, ...]]) -> list[_Explanation]:
+def _explanations(numbers: DriveNumbers, candidates: list[tuple[Mistake, ...]]) -> list[_Explanation]:
     """The candidates that mend a comparison and spoil none: those that mend most first, then the most typical."""
     found = []
     for mistakes in candidates:
@@ -411,7 +414,7 @@ def _explanations(numbers: Numbers, candidates: list[tuple[Mistake, ...]]) -> li
     return sorted(found, key=lambda each: (-len(each.fixed), each.distance))
 
 
-def _question(numbers: Numbers, mistake: Mistake, found: _Explanation, others: list[Mistake]) -> Problem:
+def _question(numbers: DriveNumbers, mistake: Mistake, found: _Explanation, others: list[Mistake]) -> Problem:
     """The mistake as a question, with the comparisons that are sound without it, or else the mistake that it goes with."""
     after = replace(numbers, **mistake.changes(numbers))
     keys = KEYS | ON_A_SLIDE if numbers.slides else KEYS
@@ -426,7 +429,7 @@ def _question(numbers: Numbers, mistake: Mistake, found: _Explanation, others: l
     return Problem(what, keys[mistake.key], float(getattr(numbers, mistake.key)), _fit(numbers, mistake))
 
 
-def _fit(numbers: Numbers, mistake: Mistake) -> str:
+def _fit(numbers: DriveNumbers, mistake: Mistake) -> str:
     """The values that would fit: of the mistake's own key alone, or with the names of the keys."""
     changes, keys = mistake.changes(numbers), KEYS | ON_A_SLIDE if numbers.slides else KEYS
     texts = {key: f'"{value}"' if isinstance(value, str) else f"{value:.6g}" for key, value in changes.items()}

@@ -22,7 +22,8 @@ from armwright.trajectory.rest import Torques, torques
 def inverse_arm(session: Workspace, arguments: dict[str, Any]) -> list[Output]:
     """`inverse-arm`, `inverse-arm FILE`: theta, omega, alpha → torque and voltage; with a file for every set of a table."""
     if arguments["file"] is not None:
-        return session.emit(_inverse_of_sets(session, arguments["file"]))
+        listing, notes = _inverse_of_sets(session, arguments["file"])
+        return [*session.emit(listing), *notes]
     state = session.state
     found = torques(state.arm, state.loaded.dyn, *(each[None] for each in (state.q, state.qd, state.qdd)))
     torque = found.tau[0]
@@ -63,8 +64,8 @@ def _beyond(arm: Model, columns: list[tuple[str, list[str], np.ndarray]], found:
     return notes
 
 
-def _inverse_of_sets(session: Workspace, file: str) -> list[Output]:
-    """Every row of a table with q_JOINT, qd_JOINT and qdd_JOINT; the columns are those of `armwright inverse-dynamics`."""
+def _inverse_of_sets(session: Workspace, file: str) -> tuple[Listing, list[Output]]:
+    """Every row of a table with q_JOINT, qd_JOINT and qdd_JOINT, and notes; columns are those of `armwright inverse-dynamics`."""
     state, arm = session.state, session.state.arm
     quantities = ("q", "qd", "qdd")
     data = read_table(file, dict.fromkeys(quantities, arm.names), {q: joint_units(arm, q) for q in quantities})
@@ -80,8 +81,8 @@ def _inverse_of_sets(session: Workspace, file: str) -> list[Output]:
         name = {"tau": "torque"}.get(quantity, quantity)
         title = f"{name} of {len(values)} sets"
         sheets.append(by_row(title, "set", [str(k + 1) for k in range(len(values))], arm.names, units, values))
-    notes = (Line(text, "note") for text in found.notes(arm.names, joint_units(arm, "tau"), "set {}"))
-    return [Listing(tuple(sheets), columns), *notes]
+    notes: list[Output] = [Line(text, "note") for text in found.notes(arm.names, joint_units(arm, "tau"), "set {}")]
+    return Listing(tuple(sheets), columns), notes
 
 
 def forward_arm(session: Workspace, arguments: dict[str, Any]) -> list[Output]:
