@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
 import armwright as aw
-from armwright.errors import ArmwrightError, ScenarioError
+from armwright.errors import ArmwrightError, RunError, ScenarioError
 from physics.arms import arm
 from trajectory.motions import limits_of
 
@@ -136,3 +138,21 @@ def test_motions_are_joined():
         aw.Joined([first, aw.Quintic([0.0, 0.2], [0.0, 0.3], 1.0, time=second.time)])
     with pytest.raises(ScenarioError, match=r"motions\[1\].time = 0.0: expected"):
         aw.Joined([first, aw.Quintic([0.5, 0.2], [0.0, 0.3], 1.0)])
+
+
+@pytest.mark.parametrize(
+    ("variable", "at", "said"),
+    [
+        ("q", (3, 1), "q of joint 'elbow', row 4 = nan"),
+        ("qd", (0, 0), "qd of joint 'shoulder', row 1 = nan"),
+        ("coefficients", (0, 1, 2), "coefficients of joint 'elbow', piece 1, power 3 = nan"),
+    ],
+)
+def test_a_cell_that_is_not_finite_is_named(tmp_path, variable, at, said):
+    model = arm("two-link")
+    dataset = a_motion().dataset(model, 50.0)
+    values = dataset[variable].values.copy()
+    values[at] = np.nan
+    aw.save(dataset.assign({variable: (dataset[variable].dims, values)}), tmp_path / "m.nc")
+    with pytest.raises(RunError, match=re.escape(f"m.nc: {said}: expected a finite number")):
+        aw.load_motion(tmp_path / "m.nc", model)

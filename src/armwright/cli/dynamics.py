@@ -20,7 +20,8 @@ def inverse_dynamics(robot: Robot, table: Table, output: Out = None) -> None:
     The table has the columns q_JOINT, qd_JOINT and qdd_JOINT in rad, rad/s and rad/s² (m for sliding joints), in any order;
     or no header row and the columns in just that order. The result has tau_JOINT, the motor's torque referred to the
     joint, and voltage_JOINT where the robot's file gives the motors' constants; where it does not do so for every joint,
-    current_JOINT too, or instead. What is not known of a joint is nan.
+    current_JOINT too, or instead. What is not known of a joint is nan. A joint that stands (its speed is 0, or less than 1e-9 of
+    the largest) has the torque without dry friction; a note says which band of torques holds it.
 
     \b
     Examples:
@@ -34,19 +35,24 @@ def inverse_dynamics(robot: Robot, table: Table, output: Out = None) -> None:
     from armwright.cli.progress import progress
     from armwright.model.joint_signals import joint_units
     from armwright.results.tables import joint_columns
+    from armwright.terminal import say
+    from armwright.trajectory.rest import torques
 
     arm = _arm(robot, table, output)
     with progress("inverse dynamics"):
         q, qd, qdd = _sets(arm, table, ("q", "qd", "qdd"))
-        tau = aw.compile(arm).inverse_dynamics(q, qd, qdd)
-        columns = joint_columns("tau", arm.names, joint_units(arm, "tau"), tau)
-        drive = demanded_drive(arm, qd.T, tau.T)
+        units = joint_units(arm, "tau")
+        found = torques(arm, aw.compile(arm), q, qd, qdd)
+        columns = joint_columns("tau", arm.names, units, found.tau)
+        drive = demanded_drive(arm, found.qd.T, found.tau.T)
         for quantity, values in (("voltage", drive.voltage.T), ("current", drive.current.T)):
             if not np.isnan(values).all():
                 columns |= joint_columns(quantity, arm.names, joint_units(arm, quantity), values)
             if not np.isnan(values).any():
                 break  # with the voltages of all motors, currents say nothing new
         show_columns(output, columns)
+        for line in found.notes(arm.names, units):
+            say(f"note: {line}", err=True)
 
 
 def forward_dynamics(robot: Robot, table: Table, output: Out = None) -> None:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from armwright.description.drive import DC_EQUIVALENT, Motor, RotaryFriction, RotaryLimits
+from armwright.description.drive import Motor, RotaryFriction, RotaryLimits
 from armwright.description.paths import quantities, unit_at
 from armwright.description.robot import FixedJoint, Link, MovingJoint, RobotDescription
 from armwright.errors import DescriptionError, Problem
+from armwright.lint.drives import contradictions
 from armwright.spatial import parallel_axes, pseudo_inertia
 
 IMPOSSIBLE = 1e-9  # an eigenvalue of the pseudo-inertia below minus this share of the largest is no rounding
@@ -182,7 +183,7 @@ def _held_by_friction(joint: MovingJoint) -> list[Problem]:
 
 
 def check_drives(robot: RobotDescription) -> list[Problem]:
-    """Warnings about self-locking gears, friction that no torque overcomes, and motor constants that contradict each other."""
+    """Warnings about self-locking gears, friction that no torque overcomes, and numbers that contradict each other."""
     warnings = []
     for joint in robot.joints:
         if isinstance(joint, FixedJoint):
@@ -198,18 +199,7 @@ def check_drives(robot: RobotDescription) -> list[Problem]:
                     "a brake or motor-side friction can hold the load"
                 )
                 warnings.append(Problem(what, f"{place}.{key}", efficiency))
-        if motor.torque_constant_n_m_per_a is None or motor.back_emf_constant_v_s_per_rad is None:
-            continue
-        factor = DC_EQUIVALENT[motor.basis]
-        kt = factor.torque_constant * float(motor.torque_constant_n_m_per_a)
-        ke = factor.back_emf_constant * float(motor.back_emf_constant_v_s_per_rad)
-        if not 0.9 < kt / ke < 1.1:
-            what = (
-                f"torque constant {kt:.4g} N m/A and back-EMF constant {ke:.4g} V s/rad differ as DC-equivalents, "
-                "where they should be equal; check the basis"
-            )
-            warnings.append(Problem(what, f"{place}.basis", motor.basis))
-    return warnings
+    return warnings + contradictions(robot)
 
 
 def senses_of_gears(robot: RobotDescription) -> list[Problem]:

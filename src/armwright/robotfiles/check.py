@@ -23,7 +23,7 @@ from armwright.toml_text import TomlText
 CHECKS = {  # name of a check → its subject
     "reading": "what was left out or guessed when another format was read",
     "mass properties": "every link's pseudo-inertia is one that a real body can have",
-    "drives": "gears and friction that would hold still, motor constants that contradict each other",
+    "drives": "gears and friction that would hold still, numbers of a motor that contradict each other",
     "plausibility": "tensors about the wrong point or in wrong units, placeholders, joints that move no mass",
     "cylinders": "lengths that the arm never has, ends that meet",
     "shapes": "densities and tensors against what the links look like",

@@ -16,14 +16,17 @@ from armwright.session import motor_quantities
 from armwright.session.listing import Line, Listing, Output, Sheet, by_joint, by_row, significant
 from armwright.session.workspace import Workspace
 from armwright.spatial import roll_pitch_yaw
+from armwright.trajectory.rest import Torques, torques
 
 
 def inverse_arm(session: Workspace, arguments: dict[str, Any]) -> list[Output]:
     """`inverse-arm`, `inverse-arm FILE`: theta, omega, alpha → torque and voltage; with a file for every set of a table."""
     if arguments["file"] is not None:
-        return session.emit(_inverse_of_sets(session, arguments["file"]))
+        listing, notes = _inverse_of_sets(session, arguments["file"])
+        return [*session.emit(listing), *notes]
     state = session.state
-    torque = np.asarray(state.loaded.dyn.inverse_dynamics(state.q, state.qd, state.qdd))
+    found = torques(state.arm, state.loaded.dyn, *(each[None] for each in (state.q, state.qd, state.qdd)))
+    torque = found.tau[0]
     state = motor_quantities.with_torque(state, torque)
     _check_finite("inverse-arm", "theta, omega and alpha", torque, state.u)
     session.state = state
@@ -34,7 +37,8 @@ def inverse_arm(session: Workspace, arguments: dict[str, Any]) -> list[Output]:
     )]  # fmt: skip
     drives = {"voltage": motor_quantities.voltage(state), "current": motor_quantities.current(state)}
     columns += [(name, joint_units(arm, name), values) for name, values in drives.items() if not np.isnan(values).all()]
-    return [by_joint("Inverse Arm", arm.names, columns), *_beyond(arm, columns)]
+    stands = [Line(text, "note") for text in found.notes(arm.names, joint_units(arm, "tau"), "")]
+    return [by_joint("Inverse Arm", arm.names, columns), *_beyond(arm, columns, found), *stands]
 
 
 def _check_finite(command: str, inputs: str, *results: np.ndarray) -> None:
@@ -43,11 +47,15 @@ def _check_finite(command: str, inputs: str, *results: np.ndarray) -> None:
         raise SessionError("the result is not finite", place=command, expected=f"smaller {inputs}")
 
 
-def _beyond(arm: Model, columns: list[tuple[str, list[str], np.ndarray]]) -> list[Output]:
-    """A note for every joint that needs more than the limits of its drive."""
+def _beyond(arm: Model, columns: list[tuple[str, list[str], np.ndarray]], found: Torques) -> list[Output]:
+    """A note for every joint that needs more than the limits of its drive; one that stands needs the least of its band."""
     notes: list[Output] = []
     for name, units, values in columns:
         if name in ("torque", "voltage", "current"):
+            part = np.divide(
+                found.least[0], found.tau[0], out=np.ones(arm.n), where=found.held[0] & (found.tau[0] != 0.0)
+            )
+            values = values * part  # at rest voltage and current are proportional to the torque
             for body, unit, value in zip(arm.coordinates, units, values, strict=True):
                 limit = getattr(body.limits, name)
                 if abs(value) > limit:
@@ -56,14 +64,14 @@ def _beyond(arm: Model, columns: list[tuple[str, list[str], np.ndarray]]) -> lis
     return notes
 
 
-def _inverse_of_sets(session: Workspace, file: str) -> Listing:
-    """Every row of a table with q_JOINT, qd_JOINT and qdd_JOINT; the columns are those of `armwright inverse-dynamics`."""
+def _inverse_of_sets(session: Workspace, file: str) -> tuple[Listing, list[Output]]:
+    """Every row of a table with q_JOINT, qd_JOINT and qdd_JOINT, and notes; columns are those of `armwright inverse-dynamics`."""
     state, arm = session.state, session.state.arm
     quantities = ("q", "qd", "qdd")
     data = read_table(file, dict.fromkeys(quantities, arm.names), {q: joint_units(arm, q) for q in quantities})
-    tau = state.loaded.dyn.inverse_dynamics(data["q"], data["qd"], data["qdd"])
-    drive = demanded_drive(arm, data["qd"].T, tau.T)
-    parts = {"tau": tau, "voltage": drive.voltage.T, "current": drive.current.T}
+    found = torques(arm, state.loaded.dyn, data["q"], data["qd"], data["qdd"])
+    drive = demanded_drive(arm, found.qd.T, found.tau.T)
+    parts = {"tau": found.tau, "voltage": drive.voltage.T, "current": drive.current.T}
     sheets, columns = [], {}
     for quantity, values in parts.items():
         if np.isnan(values).all():
@@ -73,7 +81,8 @@ def _inverse_of_sets(session: Workspace, file: str) -> Listing:
         name = {"tau": "torque"}.get(quantity, quantity)
         title = f"{name} of {len(values)} sets"
         sheets.append(by_row(title, "set", [str(k + 1) for k in range(len(values))], arm.names, units, values))
-    return Listing(tuple(sheets), columns)
+    notes: list[Output] = [Line(text, "note") for text in found.notes(arm.names, joint_units(arm, "tau"), "set {}")]
+    return Listing(tuple(sheets), columns), notes
 
 
 def forward_arm(session: Workspace, arguments: dict[str, Any]) -> list[Output]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from armwright.simulation.inputs.payload import Payload
 from armwright.trajectory.limits import MotionLimits
 from armwright.trajectory.motion import Motion
 from armwright.trajectory.piecewise import PiecewisePolynomial
+from armwright.trajectory.rest import Torques, torques
 
 SUPPORT = KERNELS.named("plan")
 
@@ -33,6 +34,8 @@ class LimitsReport:
         lowest, highest: by quantity (n,) extreme values.   share: by quantity (n,) the largest part of the limit that is used,
             1: all of it; of positions the part of the way from the middle of the range to its ends; NaN without a limit.
         times: by quantity (n,) [s] of the largest share.
+        bands: by quantity (n, 2) lowest and highest torque, or voltage, that holds a joint which stands all the time in its dry
+            friction or gear loss; NaN for others. Of a band the part nearest to 0 is compared with the limit.
         jumps: (k,) [s] beside which the acceleration of a joint with a limit of jerk jumps: no such limit can be kept there,
             and the values of jerk are those between the jumps.
         notes: about effects of the record that torques and voltages approximate.
@@ -44,6 +47,7 @@ class LimitsReport:
     share: dict[str, np.ndarray]
     times: dict[str, np.ndarray]
     jumps: np.ndarray
+    bands: dict[str, np.ndarray] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
     @property
@@ -83,7 +87,9 @@ class LimitsReport:
             cells = [name]
             for quantity, share in self.share.items():
                 part = "no limit" if np.isnan(share[k]) else f"{share[k]:.1%}"
-                cells.append(f"{self.worst(quantity, k):.3g} {self.limits.unit(quantity, k)} {part:>8}")
+                low, high = self.bands[quantity][k] if quantity in self.bands else (np.nan, np.nan)
+                value = f"{self.worst(quantity, k):.3g}" if np.isnan(low) else f"{low:.3g} … {high:.3g}"
+                cells.append(f"{value} {self.limits.unit(quantity, k)} {part:>8}")
             rows.append(cells)
         widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
         lines = [
@@ -126,7 +132,8 @@ def limits_report(
     t = dense_times(motion, samples)
     q, qd, qdd = motion.at(t)
     values = {"position": q, "velocity": qd, "acceleration": qdd, "jerk": _jerk(t, qdd)}
-    values |= efforts(arm, t, q, qd, qdd, payload, wrench)
+    known = _efforts(arm, t, q, qd, qdd, payload, wrench)
+    values |= {quantity: each.least for quantity, each in known.items()}
     found: list[dict[str, np.ndarray]] = [{}, {}, {}, {}]
     for quantity, rows in values.items():
         used = _shares(limits, quantity, rows)
@@ -143,8 +150,12 @@ def limits_report(
             store[quantity] = value
     limited = np.isfinite(limits.jerk)
     jumps = jumps_of_acceleration(motion, limited) if limited.any() else np.empty(0)
+    bands = {
+        quantity: np.where(each.held.all(axis=0), [each.low.min(axis=0), each.high.max(axis=0)], np.nan).T
+        for quantity, each in known.items()
+    }
     notes = SUPPORT.notes(arm) if "torque" in values else ()
-    return LimitsReport(limits, *found, jumps=jumps, notes=notes)
+    return LimitsReport(limits, *found, jumps=jumps, bands=bands, notes=notes)
 
 
 def dense_times(motion: Motion, samples: int = IN_A_PIECE) -> np.ndarray:
@@ -196,32 +207,46 @@ def efforts(
 ) -> dict[str, np.ndarray]:
     """Torques and voltages of the motors by quantity, (k, n) [N m | N] and [V], as far as the record allows.
 
+    Those of a joint at rest are without dry friction, also where its speed is the rounding of 0.
+
     Args:
-        arm: the model.   t: (k,) [s].   q, qd, qdd: (k, n) [rad | m, …/s, …/s²].
+        arm: the model.   t: (k,) [s] increasing.   q, qd, qdd: (k, n) [rad | m, …/s, …/s²].
         payload: bodies in the hand, each from its time on.   wrench: (6,) [N, N m] on the tip, in base axes.
     """
+    return {quantity: each.tau for quantity, each in _efforts(arm, t, q, qd, qdd, payload, wrench).items()}
+
+
+def _efforts(
+    arm: Model,
+    t: np.ndarray,
+    q: np.ndarray,
+    qd: np.ndarray,
+    qdd: np.ndarray,
+    payload: Payload | Sequence[Payload] | None,
+    wrench: Any,
+) -> dict[str, Torques]:
+    """Torques and voltages with their bands; see `efforts`."""
     if arm.without_masses or not np.asarray(arm.inertial_parameters, dtype=float).any():
         return {}
     bodies = [payload] if isinstance(payload, Payload) else sorted(payload or (), key=lambda each: each.time)
-    tau, known = (
-        np.zeros_like(q),
-        all(body.drive.resistance is not None and body.drive.torque_constant is not None for body in arm.coordinates),
-    )
-    voltage = np.zeros_like(q)
+    force = () if wrench is None else (np.asarray(wrench, dtype=float),)
     begins = [-np.inf, *(float(each.time) for each in bodies), np.inf]
+    fastest = np.abs(qd).max(axis=0, initial=0.0)
+    parts = []
     for begin, end, body in zip(begins[:-1], begins[1:], [None, *bodies], strict=True):
         rows = (t >= begin) & (t < end)
-        if not rows.any():
-            continue
         loaded = arm
         if body is not None and float(body.mass) > 0.0:
             loaded = arm.with_payload(body.mass, body.com, body.inertia, body.frame)
-        dyn = compile_arm(loaded)
-        force = () if wrench is None else (np.asarray(wrench, dtype=float),)
-        tau[rows] = dyn.inverse_dynamics(q[rows], qd[rows], qdd[rows], *force)
-        if known:
-            voltage[rows] = dyn.motor_voltage(qd[rows], tau[rows])
-    return {"torque": tau, "voltage": voltage} if known else {"torque": tau}
+        if rows.any():
+            parts.append(torques(arm, compile_arm(loaded), q[rows], qd[rows], qdd[rows], *force, fastest=fastest))
+    found = Torques(*(np.concatenate([getattr(part, each.name) for part in parts]) for each in fields(Torques)))
+    if not all(b.drive.resistance is not None and b.drive.torque_constant is not None for b in arm.coordinates):
+        return {"torque": found}
+    dyn = compile_arm(arm)
+    volts = [dyn.motor_voltage(found.qd, each) for each in (found.tau, found.low, found.high)]
+    low, high = np.minimum(*volts[1:]), np.maximum(*volts[1:])  # swapped where the gear turns the motor the other way
+    return {"torque": found, "voltage": Torques(found.qd, volts[0], low, high, found.held)}
 
 
 def _shares(limits: MotionLimits, quantity: str, rows: np.ndarray) -> np.ndarray:

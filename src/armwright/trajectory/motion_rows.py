@@ -175,6 +175,7 @@ def _from_netcdf(path: Path, arm: Model | None) -> PiecewisePolynomial:
     if missing or "time" not in run.dims or "lane" in run.dims:
         what = f"no {', '.join(missing)}" if missing else "lanes, or no times"
         raise RunError(what, file=path, expected="q, qd and qdd along time and joint")
+    _check_finite(run, path)
     names = [str(name) for name in run["joint"].values]
     order = list(range(len(names)))
     if arm is not None:
@@ -187,3 +188,21 @@ def _from_netcdf(path: Path, arm: Model | None) -> PiecewisePolynomial:
         return PiecewisePolynomial(run["knots"].values, pieces)
     states = [run[name].transpose("time", "joint").values[:, order] for name in QUANTITIES]
     return PiecewisePolynomial.hermite(run["time"].values, *states)
+
+
+def _check_finite(run: xr.Dataset, path: Path) -> None:
+    """Refuses a file with a cell that is not finite.
+
+    Raises:
+        RunError: names variable, joint and row.
+    """
+    for name in ("q", "qd", "qdd", "knots", "coefficients"):
+        if name not in run:
+            continue
+        wrong = np.argwhere(~np.isfinite(run[name].values))
+        if len(wrong):
+            at = dict(zip(run[name].dims, map(int, wrong[0]), strict=True))
+            joint = f" of joint {str(run['joint'].values[at.pop('joint')])!r}" if "joint" in at else ""
+            row = ", ".join(f"{'row' if dimension == 'time' else dimension} {k + 1}" for dimension, k in at.items())
+            value = float(run[name].values[tuple(wrong[0])])
+            raise RunError(place=f"{name}{joint}, {row}", value=value, expected="a finite number", file=path)

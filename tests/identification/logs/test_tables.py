@@ -84,7 +84,69 @@ def test_empty_cells_are_nan_and_a_cut(tmp_path):
     (note,) = [each for each in log.notes if "empty" in str(each)]
     assert "qd elbow" in str(note)
     assert "arm.csv:501" in str(note)
-    assert "3 cells are empty or not finite: row 500, row 501, row 3000; first at" in str(note)
+    what = "3 cells are empty or not finite: row 500, row 501, row 3000; first at"
+    assert f"{what} {tmp_path / 'arm.csv'}:501, column 'v2'" in str(note)
+
+
+CELLS = """joints = ["a", "b"]
+[files.log]
+path = "log.ENDING"
+[files.slow]
+path = "slow.csv"
+time = { column = "s", unit = "s" }
+[time]
+column = "t"
+unit = "s"
+file = "log"
+[gears]
+matrix = [[50, 0], [10, 40]]
+[[signals]]
+quantity = "position"
+columns = ["m1", "m2"]
+unit = "rad"
+side = "motor"
+file = "log"
+[[signals]]
+quantity = "torque"
+columns = ["f1", "f2"]
+unit = "N m"
+side = "joint"
+file = "log"
+[[signals]]
+quantity = "temperature"
+columns = "c"
+unit = "°C"
+file = "slow"
+"""
+
+
+@pytest.mark.parametrize("ending", ["csv", "parquet", "nc"])
+def test_a_cell_that_is_no_number_is_named(tmp_path, ending):
+    """Column, and line or row, also of motors that turn several joints, and of a file with a clock of its own."""
+    pandas = pytest.importorskip("pandas")
+    t = np.arange(400) / 100
+    table = {"t": t, "m1": 9 * np.sin(t), "m2": 5 * np.cos(2 * t), "f1": np.sin(3 * t), "f2": np.cos(t)}
+    table["m2"][100], table["f1"][250], table["t"][300] = np.inf, np.nan, np.nan
+    path = tmp_path / f"log.{ending}"
+    if ending == "nc":
+        xarray = pytest.importorskip("xarray")
+        xarray.Dataset({name: ("row", values) for name, values in table.items()}).to_netcdf(path, engine="h5netcdf")
+    else:
+        frame = pandas.DataFrame(table)
+        frame.to_csv(path, index=False) if ending == "csv" else frame.to_parquet(path)
+    slow = np.arange(41) / 10
+    cells = {"s": slow, "c": np.where(slow == 0.7, np.nan, 20 + slow)}
+    pandas.DataFrame(cells).to_csv(tmp_path / "slow.csv", index=False)
+    (tmp_path / "x.log.toml").write_text(CELLS.replace("ENDING", ending), encoding="utf-8")
+    said = "\n".join(str(each) for each in aw.read_log(tmp_path / "x.log.toml", on_error="keep").findings)
+
+    def place(row):
+        return f"{path}:{row + 2}" if ending == "csv" else f"{path} row {row + 1}"
+
+    assert f"1 cell is empty or not finite: row 101; first at {place(100)}, column 'm2' = inf" in said
+    assert f"1 cell is empty or not finite: row 251; first at {place(250)}, column 'f1'" in said
+    assert f"1 row without time left out: row 301; first at {place(300)}, column 't'" in said
+    assert f"first at {tmp_path / 'slow.csv'}:9, column 'c'" in said
 
 
 @pytest.mark.parametrize(("column", "value"), [("v1", 1e300), ("t", -3e200)])

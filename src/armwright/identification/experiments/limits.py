@@ -12,6 +12,7 @@ from armwright import scalar
 from armwright.errors import ScenarioError
 from armwright.kernels.compiled import CompiledArm, compile_arm
 from armwright.model import Body, Model
+from armwright.trajectory.rest import torques
 
 WHOLE_TURN = np.pi  # [rad] to either side, of revolute joints without limits
 QUANTITIES = {
@@ -70,7 +71,8 @@ class ExcitationLimits:
         """
         peaks = {"velocity": np.abs(qd).max(axis=0), "acceleration": np.abs(qdd).max(axis=0)}
         if self.bounded("torque").any() or self.bounded("voltage").any():
-            tau = self.dyn.inverse_dynamics(q, qd, qdd)
+            found = torques(self.arm, self.dyn, q, qd, qdd)
+            qd, tau = found.qd, found.least
             peaks["torque"] = np.abs(tau).max(axis=0)
             if self.bounded("voltage").any():
                 peaks["voltage"] = np.abs(self.dyn.motor_voltage(qd, tau)).max(axis=0)

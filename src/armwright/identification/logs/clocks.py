@@ -92,8 +92,12 @@ class Interpolated:
         timed = np.isfinite(t)
         t, part = t[timed], [column[timed] for column in part]
         if not (np.diff(t) >= 0).all():
-            row = int(np.argmin(np.diff(t) >= 0)) + 1
-            raise LogError("time goes backwards", value=float(t[row]), file=f"{self._path} row {self._row + row + 1}")
+            row = int(np.flatnonzero(timed)[np.argmin(np.diff(t) >= 0) + 1])
+            raise LogError(
+                "time goes backwards",
+                value=float(t[np.argmin(np.diff(t) >= 0) + 1]),
+                file=f"{self._path} row {self._row + row + 1}",
+            )
         if not self._period and len(t) > 1:
             self._period = float(np.median(np.diff(t)))
         self._row += count

@@ -166,24 +166,48 @@ class Log:
             raise LogError("no such run", place="run", value=name, choices=names, file=self.path)
         return self.runs[0 if name is None else names.index(name)]
 
-    def place(self, run: LogRun, signal: str, joint: int, row: int) -> str:
-        """A row in the reader's words: `file.csv:12`, or `row 11` for a file with its own clock.
+    def place(self, run: LogRun, row: int) -> str:
+        """The row of a run's clock in the reader's words: `file.csv:12`, or `row 11` where the clock is a rate.
 
         Args:
-            run: one of the log's.   signal: "time" or a name of the layout.   joint: its number.   row: from 0.
+            run: one of the log's.   row: from 0.
         """
-        keys = (
-            [self.table.only(self.table.time.file)] if signal == "time" and self.table.time.column is not None else []
-        )
-        for k, each in enumerate(self.table.signals):
-            if QUANTITIES[each.quantity].signal == signal and joint in joint_numbers(
-                each, self.joints, f"signals[{k}]"
-            ):
-                keys.append(self.table.only(each.file))
-        if not keys or self.table.files[keys[0]].time is not None:
+        if self.table.time.column is None:
             return f"row {row + 1}"
+        key = self.table.only(self.table.time.file)
         before = 0 if run.census is None else run.census.excerpt.before
-        return open_table(run.paths[keys[0]], self.table.files[keys[0]]).place(before + row)
+        return f"{open_table(run.paths[key], self.table.files[key]).place(before + row)}, column {self.table.time.column!r}"
+
+    def missing_cell(self, run: LogRun, signal: str, joint: int, row: int) -> str:
+        """The cell that leaves a signal without a number: `file.csv:12, column 'q1'`, with its value where that is infinite.
+
+        Args:
+            run: one of the log's.   signal: a name of the layout.   joint: its number.   row: from 0, of the log's clock; in a
+                file with its own clock the cell is the first without a number.
+        """
+        for k, each in enumerate(self.table.signals):
+            numbers = joint_numbers(each, self.joints, f"signals[{k}]")
+            if QUANTITIES[each.quantity].signal == signal and joint in numbers:
+                break
+        else:
+            return f"row {row + 1}"
+        key = self.table.only(each.file)
+        mixes = each.side == "motor" and self.gears is not None and np.count_nonzero(self.gears) > len(self.gears)
+        columns = each.columns if mixes else (each.columns[numbers.index(joint)],)
+        table, own = open_table(run.paths[key], self.table.files[key]), self.table.files[key].time is not None
+        first = 0 if own or run.census is None else run.census.excerpt.before + row
+        at = 0
+        for block in table.blocks(columns, ROWS):
+            cells = np.stack(block, axis=1).astype(float)[max(first - at, 0) :]
+            rows, places = np.nonzero(~np.isfinite(cells))
+            if len(rows) and (own or rows[0] == 0):
+                value = cells[rows[0], places[0]]
+                shown = "" if np.isnan(value) else f" = {value:g}"
+                return f"{table.place(max(first, at) + int(rows[0]))}, column {columns[int(places[0])]!r}{shown}"
+            at += len(block[0])
+            if not own and at > first:
+                break
+        return f"row {row + 1}, for which {table.path} has no time"
 
     def blocks(self, run: str | None = None, rows: int = ROWS) -> Iterator[Block]:
         """Rows of a run, block by block, read from its files: a log of any length in bounded memory.

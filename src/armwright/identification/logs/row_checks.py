@@ -34,14 +34,15 @@ def clock(log: Log, run: LogRun, census: Census) -> Found:
     """Findings about time: backward steps, missing or repeated times, gaps, jitter."""
     rate = 1.0 / census.period
     if census.backwards.count:
-        place = log.place(run, "time", 0, census.backwards.rows[0])
+        place = log.place(run, census.backwards.rows[0])
         what = f"time goes backwards {number_of(census.backwards.count, 'time')}: {_rows(census.backwards)}; first at {place}"
         many = census.backwards.count > 0.01 * census.rows
         expected = "one clock in the column; two recordings are two runs" if many else "rows in the order of time"
         yield error(what, "time", expected)
     if census.no_time.count:
         rows = number_of(census.no_time.count, "row")
-        yield note(f"{rows} without time left out: {_rows(census.no_time)}", "time")
+        first = log.place(run, census.no_time.rows[0])
+        yield note(f"{rows} without time left out: {_rows(census.no_time)}; first at {first}", "time")
     if census.same_time.count:
         share = census.same_time.count / census.rows
         rows = number_of(census.same_time.count, "row")
@@ -88,9 +89,10 @@ def cells(log: Log, run: LogRun, census: Census) -> Found:
             if counted.missing[k].count >= census.rows:
                 yield error("all cells are empty", place, expected="numbers")
                 continue
-            first = log.place(run, name, (log.layout[name].joints or ())[k], counted.missing[k].rows[0])
+            first = log.missing_cell(run, name, (log.layout[name].joints or ())[k], counted.missing[k].rows[0])
             places = f"{_rows(counted.missing[k])}; first at {first}"
-            what = f"{counted.missing[k].count} cells are empty or not finite: {places}"
+            count = counted.missing[k].count
+            what = f"{number_of(count, 'cell')} {'is' if count == 1 else 'are'} empty or not finite: {places}"
             yield note(f"{what}; the run falls into {_stretches(log, run)}", place)
         low, high = counted.low[k], counted.high[k]
         if low == high:

@@ -17,6 +17,7 @@ from armwright.actuators.gear import loses_power
 from armwright.kernels.compiled import CompiledArm
 from armwright.trajectory.limits import MotionLimits
 from armwright.trajectory.path import JointPath
+from armwright.trajectory.rest import RESTING
 
 FLAT = 1e-13  # of a joint's largest slope: below it the joint bounds x, not s̈
 LINES = 12  # of a piecewise-linear torque that the search for a bound visits at most
@@ -45,7 +46,11 @@ class PathLimits:
     @classmethod
     def at(cls, dyn: CompiledArm, limits: MotionLimits, path: JointPath, s: np.ndarray) -> PathLimits:
         """Limits of an arm at points s (m,) of a path."""
-        return cls(dyn, limits, *path.at(s))
+        q, first, second = path.at(s)
+        moves = np.abs(first) > RESTING * np.abs(first).max(
+            initial=0.0
+        )  # the sign of rounding is not that of dry friction
+        return cls(dyn, limits, q, np.where(moves, first, 0.0), second)
 
     def largest_x(self, shares: Shares) -> np.ndarray:
         """(m,) x at which the first joint reaches its velocity limit; infinite without one."""
