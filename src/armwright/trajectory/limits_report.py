@@ -227,7 +227,7 @@ def _joined(limits: MotionLimits, parts: tuple[LimitsReport, ...]) -> LimitsRepo
             store[quantity] = value
     jumps = np.concatenate([part.jumps for part in parts])
     excess = tuple(each for part in parts for each in part.excess)
-    return LimitsReport(limits, *found, jumps, excess, parts[0].unchecked, parts)
+    return LimitsReport(limits, *found, jumps=jumps, excess=excess, unchecked=parts[0].unchecked, parts=parts)
 
 
 def _of_one(
@@ -271,7 +271,7 @@ def _of_one(
         share = np.fmax(_shares(limits, quantity, low), _shares(limits, quantity, high))
         for store, value in zip(found, (low, high, share, at), strict=True):
             store[quantity] = value
-    report = LimitsReport(limits, *found, np.empty(0))
+    report = LimitsReport(limits, *found, jumps=np.empty(0))
     most = current_torques(arm)
     excess = []
     for quantity, share in report.share.items():
