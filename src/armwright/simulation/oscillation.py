@@ -23,7 +23,7 @@ WINDOWS = 8  # of a run
 REVERSALS = 8  # of a joint's acceleration in the second half of a run: fewer are no oscillation
 GROWN, GROWING = 2.0, 1.02  # of the swing, from the first of four windows to the last, and from one window to the next
 AT_MOST, OFTEN = 1e-6, 0.02  # of the largest command: as large; share of rows in which it is
-LANES = 64  # that are looked at
+LANES = 16  # that are looked at
 ROUNDING = 1e-9  # of positions and speeds
 
 
