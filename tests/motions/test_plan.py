@@ -363,17 +363,6 @@ def test_limits_of_a_tool_count_where_its_path_leaves_them_free(tmp_path):
     assert planned(tmp_path, "", turning.replace("{}", "10.0")).kept
 
 
-def test_a_tool_path_whose_profile_has_a_part_left_by_rounding_is_planned(tmp_path):
-    """0.2 m at 0.3 m/s and 2 m/s², a length at which the part of constant acceleration is 1e-17 s long."""
-    text = SEAM.format("").replace("limits = { velocity = 0.15,", "limits = { velocity = 30.0,")
-    text = text.replace("acceleration = 20.0, jerk = 400.0", "acceleration = 2e3, jerk = 4e5")
-    text = text.replace("[0, 0.2, 0] }", '[0, 0.2, 0] }, { kind = "line", to_m = [0.1, 0.2, 0] }')
-    text = text.replace("speed_m_per_s = 0.1", "speed_m_per_s = 0.3").replace("s2 = 1.0", "s2 = 2.0")
-    plan = planned(tmp_path, "", text)
-    assert plan.kept
-    assert (np.diff(plan.motion.breaks) > 0.0).all()
-
-
 def test_a_limit_that_cannot_be_checked_is_named(tmp_path):
     limits = FILE.replace("lwa4p", "panda").replace("[0.1, 0, 0, 0, 0, 0]", "[0, -0.6, 0, -2.2, 0, 1.6, 0.8]")
     plan = planned(tmp_path, MOVE.format("").replace("0.4", "-0.4"), limits + "voltage = 24.0\n")

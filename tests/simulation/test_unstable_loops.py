@@ -79,6 +79,7 @@ def test_limit_cycles_and_noise_of_stable_loops_are_not_called_unstable():
     pose = np.array([0.3, 0.2, -0.2, 0.1, 0.3, 0.2])
     scenario = scenario_of("cmu-dd", 3.0, pose, pose)
     assert float(LinearLoop(scenario).radius(pose)) < 1.0
+    assert scenario.loop is not None
     for sensors in (aw.Sensors(counts=500), aw.Sensors(position_noise=1e-3, velocity="difference")):
         noisy = replace(scenario, loop=replace(scenario.loop, sensors=sensors))
         assert SAID not in aw.simulate(noisy, progress=False).attrs["notes"]
