@@ -302,15 +302,76 @@ def test_obstacles_are_named_as_they_were_written(tmp_path, obstacle, said):
     assert str(raised.value).startswith(str(tmp_path / "a.motion.toml"))
 
 
+FAST = '[[segments]]\nkind = "time_optimal"\npoints = [[0.3, 0.3, 0, 0, 0, 0]]\ngrid = 50\n'
+
+
 def test_a_limit_of_jerk_holds_beside_a_time_optimal_segment(tmp_path):
-    fast = '[[segments]]\nkind = "time_optimal"\npoints = [[0.3, 0.3, 0, 0, 0, 0]]\ngrid = 50\n'
-    plan = planned(tmp_path, fast + MOVE.format(""))
-    assert plan.notes == ("segments[0] (time_optimal): its acceleration jumps, no limit of jerk is kept there",)
-    assert plan.notes[0] in str(plan)
-    assert plan.report.kept
+    plan = planned(tmp_path, FAST + MOVE.format(""))
+    assert not plan.kept
+    assert plan.excesses()
+    assert all(each.startswith("segments[0] (time_optimal): joint") for each in plan.excesses())
+    assert any("its limit of jerk, 60 rad/s³, is not kept" in each for each in plan.excesses())
+    assert all("jerk" in each for each in plan.excesses())
+    assert "all limits" not in str(plan)
+    assert "no limit" not in str(plan).splitlines()[5].rpartition("rad/s³")[2].partition("N m")[0]  # of the jerk
     move = plan.motion.motions[1].polynomial
     assert move.largest(3).max() == pytest.approx(60.0, rel=1e-9)  # the move is an S-curve at that limit
-    assert planned(tmp_path, fast, FILE.replace("jerk = 60.0", "")).notes == ()
+    assert planned(tmp_path, FAST, FILE.replace("jerk = 60.0", "")).kept
+
+
+@pytest.mark.parametrize(
+    ("segment", "kind", "jumps"),
+    [
+        (MOVE.format('curve = "s_curve"'), "move", False),
+        (MOVE.format('curve = "quintic"'), "move", False),
+        (MOVE.format('curve = "minimum_jerk"'), "move", False),
+        (MOVE.format('curve = "cubic"'), "move", True),
+        (MOVE.format('curve = "trapezoid"'), "move", True),
+        (POINTS, "waypoints", True),
+        (POINTS + 'curve = "quintic"\n', "waypoints", False),
+        (POINTS + 'curve = "parabolic"\n', "waypoints", True),
+        (FAST, "time_optimal", True),
+    ],
+)
+def test_each_segment_that_breaks_a_limit_is_named(tmp_path, segment, kind, jumps):
+    """The jerk where the acceleration jumps; torque and current that no planner but `time_optimal` keeps."""
+    dwell = '[[segments]]\nkind = "dwell"\nduration_s = 0.2\n'
+    plan = planned(tmp_path, dwell + segment)
+    assert plan.kept != jumps
+    assert all(each.startswith(f"segments[1] ({kind}): ") and "jerk" in each for each in plan.excesses())
+    assert ("all limits that are known are kept" in str(plan)) != jumps
+    arguments = ["plan", str(tmp_path / "a.motion.toml")]
+    assert CliRunner().invoke(app, arguments).exit_code == int(jumps)
+    free = planned(tmp_path, dwell + segment, FILE.replace("jerk = 60.0", "jerk = 60.0\nvelocity = 100.0"))
+    torque = np.maximum(np.abs(free.report.lowest["torque"]), free.report.highest["torque"])[1]
+    if kind == "time_optimal":
+        return
+    limits = f"torque = {{ joint2 = {0.99 * torque} }}\nvelocity = 100.0\n"
+    beyond = planned(tmp_path, dwell + segment, FILE + limits)
+    assert any(re.match(r"segments\[\d\] .*joint2: torque .* at .* s, 101\.0%", each) for each in beyond.excesses())
+    assert "all limits" not in str(beyond)
+
+
+def test_limits_of_a_tool_count_where_its_path_leaves_them_free(tmp_path):
+    turning = SEAM.format('aim = "position"\nangular_speed_rad_per_s = {}').replace("[0, 0.2, 0]", "[0.1, 0.2, 0]")
+    said = planned(tmp_path, "", turning.replace("{}", "1e-3"))
+    assert re.search(
+        r"segments\[0\] \(tool\): the tool's angular speed is .* rad/s at .* s, .*% of its limit 0.001", str(said)
+    )
+    assert not said.kept
+    assert "all limits" not in str(said)
+    assert planned(tmp_path, "", turning.replace("{}", "10.0")).kept
+
+
+def test_a_limit_that_cannot_be_checked_is_named(tmp_path):
+    limits = FILE.replace("lwa4p", "panda").replace("[0.1, 0, 0, 0, 0, 0]", "[0, -0.6, 0, -2.2, 0, 1.6, 0.8]")
+    plan = planned(tmp_path, MOVE.format("").replace("0.4", "-0.4"), limits + "voltage = 24.0\n")
+    assert plan.kept
+    assert "all limits that could be checked are kept\nnot checked: voltage of joint1" in str(plan)
+    assert "all limits that are known" not in str(plan)
+    done = CliRunner().invoke(app, ["plan", str(tmp_path / "a.motion.toml")])
+    assert done.exit_code == 0
+    assert "not checked: voltage" in done.output
 
 
 SCENARIO = """
@@ -497,7 +558,7 @@ def test_the_command_says_what_is_exceeded(tmp_path):
     planned(tmp_path, MOVE.format(""), FILE + "torque = { joint2 = 1.0 }\n")
     done = CliRunner().invoke(app, ["plan", str(tmp_path / "a.motion.toml")])
     assert done.exit_code == 1
-    assert "exceeds limits: joint2: torque" in done.output
+    assert "exceeds limits: segments[0] (move): joint2: torque" in done.output
 
 
 def test_the_command_ends_with_2_and_writes_nothing(tmp_path):

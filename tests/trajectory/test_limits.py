@@ -92,10 +92,14 @@ def test_jumps_of_the_acceleration_keep_no_limit_of_jerk():
     np.testing.assert_allclose(report.jumps, [0.5, 0.5 + jumping.duration], atol=1e-12)
     assert not report.kept
     assert report.largest == pytest.approx(1.0)  # of what it plans with
-    assert report.excesses() == [
-        f"acceleration jumps at 0.5, {0.5 + jumping.duration:.4g} s: no limit of jerk is kept there"
-    ]
-    assert str(report).endswith(report.excesses()[0])
+    (said,) = report.excesses()
+    assert said == (
+        f"elbow: acceleration jumps by up to 10 rad/s² at 0.5, {0.5 + jumping.duration:.4g} s: "
+        "its limit of jerk, 300 rad/s³, is not kept"
+    )
+    assert str(report).endswith(said)
+    assert "jumps" in str(report).splitlines()[2]  # of the elbow
+    assert "no limit" in str(report).splitlines()[1]
     smooth = aw.limits_report(model, aw.Quintic([0.0, 0.0], [0.3, 0.6], limits=limits), limits)
     assert smooth.kept
     assert not smooth.jumps.size

@@ -80,6 +80,8 @@ def compare_controllers(
     for name, (heads, rows) in ((title, comparison.joint_rows()), ("tool off its path", comparison.tool_rows())):
         if any(set(row[3:]) != {"—"} for row in rows):
             screen.print(table(name, heads, rows, left=("motion", "payload")))
+    for note in comparison.notes:
+        say(f"armwright: note: {note}", err=True)
     if output is not None:
         comparison.save(output)
         say(f"wrote {output}")

@@ -29,8 +29,9 @@ def plan(
 ) -> None:
     """Plan the motion of a motion file, within its limits or those of the robot file.
 
-    It shows the start of each segment and the largest share of every limit; torques and voltages include the payload. Exit
-    code: 0 all known limits are kept, 1 one is exceeded, 2 bad input.
+    It shows the start of each segment and the largest share of every limit; torques and voltages include the payload. Each
+    limit that a segment exceeds is named, and each that cannot be checked. Exit code: 0 no checked limit is exceeded, 1 one
+    is, 2 bad input.
 
     \b
     Examples:
@@ -55,5 +56,5 @@ def plan(
     if plot is not None:
         found.plot(plot)
         say(f"wrote {plot}")
-    if not found.report.kept:
+    if not found.kept:
         raise typer.Exit(EXCEEDED)

@@ -22,7 +22,7 @@ from armwright.motions.records import (
     ToolSegment,
     WaypointsSegment,
 )
-from armwright.motions.tool import tool_motion
+from armwright.motions.tool import tool_excesses, tool_motion
 from armwright.motions.values import (
     LEAST,
     MOVING,
@@ -41,7 +41,7 @@ from armwright.simulation.inputs.payload import Payload
 from armwright.toml_text import TomlText
 from armwright.trajectory.joined import Joined
 from armwright.trajectory.limits import MotionLimits
-from armwright.trajectory.limits_report import LimitsReport, jumps_of_acceleration, limits_report
+from armwright.trajectory.limits_report import LimitsReport, limits_report, unchecked_currents
 from armwright.trajectory.minimum_jerk import MinimumJerk
 from armwright.trajectory.motion import Motion
 from armwright.trajectory.piecewise import PiecewisePolynomial
@@ -62,6 +62,7 @@ CURVES: Mapping[str, Any] = {
 }  # fmt: skip
 NAMED, WIDE = 24, 90  # segments that a plot names, and letters in a line of them
 SAME = 1e-12  # [rad | m] between poses that are one
+STILL = ("grip", "release")  # kinds of segments that take no time
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,9 +72,9 @@ class Plan:
     Attributes:
         arm, limits.   motion: of all segments.   kinds: of each segment.   begins: [s] of each.
         payloads: bodies in the hand, each from its time on.   report: use of the limits, payloads included.
+        tool_excesses: by segment the limits of the tool that it exceeds.
         nearest: what comes nearest to what, and when; "" where no distance was asked for.   file: path of the motion file.
         title: of the file, or "".   slower: where segments of the tool are slower than requested, and why.
-        notes: what the planner did not do.
     """
 
     arm: Model
@@ -83,11 +84,11 @@ class Plan:
     begins: tuple[float, ...]
     payloads: tuple[Payload, ...]
     report: LimitsReport
+    tool_excesses: Mapping[int, tuple[str, ...]] = field(default_factory=dict)
     nearest: str = ""
     file: str = ""
     title: str = ""
     slower: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
 
     def save(self, path: str | os.PathLike[str], rate: float = 500.0) -> None:
         """Writes the motion as .csv or .nc, for `load_motion`.
@@ -123,11 +124,24 @@ class Plan:
             f"{k:>3} {kind:<14} from {begin:9.4f} s  for {end - begin:9.4f} s"
             for k, (kind, begin, end) in enumerate(rows, 1)
         ]
-        excesses = self.report.excesses()
-        over = [f"exceeds limits: {'; '.join(excesses)}"] if excesses else ["all limits that are known are kept"]
+        over = [f"exceeds limits: {each}" for each in self.excesses()] or [self.report.verdict()]
+        over += [f"not checked: {each}" for each in self.report.unchecked]
         over += [f"nearest: {self.nearest}"] if self.nearest else []
-        over += [*self.slower, *(f"note: {note}" for note in (*self.notes, *self.report.notes))]
-        return "\n".join([*lines, "largest use of every limit:", str(self.report), *over])
+        notes = (f"note: {note}" for note in self.report.notes)
+        return "\n".join([*lines, "largest use of every limit:", self.report.table(), *over, *self.slower, *notes])
+
+    @property
+    def kept(self) -> bool:
+        """True if no segment exceeds a limit that could be checked; `report.unchecked` names the others."""
+        return not self.excesses()
+
+    def excesses(self) -> list[str]:
+        """Sentences, one for each limit that a segment exceeds: which segment, which joint, when, by how much."""
+        moving = [k for k, kind in enumerate(self.kinds) if kind not in STILL]
+        parts = self.report.parts or (self.report,)
+        found = [(k, each) for k, part in zip(moving, parts, strict=True) for each in part.excesses()]
+        found += [(k, each) for k, excesses in self.tool_excesses.items() for each in excesses]
+        return [f"segments[{k}] ({self.kinds[k]}): {each}" for k, each in sorted(found, key=lambda each: each[0])]
 
 
 def plan(path: str | os.PathLike[str], *, allow: Iterable[str | os.PathLike[str]] = ()) -> Plan:
@@ -190,17 +204,11 @@ def plan_text(text: str, place: str, files: Files) -> Plan:
             nearest = check_clearance(arm, motion, table, run.begins)
         except ArmwrightError as error:
             raise error.within(file=place) from None
-        limited = np.isfinite(limits.jerk)
-        at = jumps_of_acceleration(motion, limited) if limited.any() else np.empty(0)
-        jumping = np.unique(np.searchsorted(run.begins, at, side="right") - 1)
-        judged = replace(limits, jerk=np.full(arm.n, np.inf)) if len(jumping) else limits
-        report = limits_report(arm, motion, judged, payload=payloads)
+        report = limits_report(arm, motion, limits, payload=payloads)
+        report = replace(report, unchecked=(*report.unchecked, *unchecked_currents(arm)))
         return Plan(
-            arm, limits, motion, tuple(run.kinds), tuple(run.begins), payloads, report, nearest, place, table.title or "",
-            tuple(run.slower),
-            tuple(
-                f"segments[{k}] ({run.kinds[k]}): its acceleration jumps, no limit of jerk is kept there" for k in jumping
-            ),
+            arm, limits, motion, tuple(run.kinds), tuple(run.begins), payloads, report, run.tool_excesses, nearest, place,
+            table.title or "", tuple(run.slower),
         )  # fmt: skip
 
 
@@ -219,6 +227,7 @@ class _Run:
     begins: list[float] = field(default_factory=list)
     payloads: list[Payload] = field(default_factory=list)
     slower: list[str] = field(default_factory=list)
+    tool_excesses: dict[int, tuple[str, ...]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.qd, self.qdd = np.zeros(self.arm.n), np.zeros(self.arm.n)
@@ -256,6 +265,7 @@ class _Run:
             return self.move(segment)
         if isinstance(segment, ToolSegment):
             motion = tool_motion(self.arm, segment, self.q, self.limits, self.time)
+            self.tool_excesses[len(self.kinds) - 1] = tool_excesses(segment, motion)
             if motion.stretches:
                 how = (
                     f"{'' if segment.slow == 'everywhere' else 'up to '}{motion.slowed:.3g} times slower than requested"
@@ -266,7 +276,7 @@ class _Run:
         points = np.vstack([self.q, through(segment.points, self.arm)])
         if isinstance(segment, TimeOptimalSegment):
             held = self.payloads[-1] if self.payloads and self.payloads[-1].mass > 0.0 else None
-            limits = self.limits.replace(jerk=np.inf)  # which it cannot keep; the plan says so
+            limits = self.limits.replace(jerk=np.inf)  # which it cannot keep; the report names it
             return time_optimal(self.arm, points, limits, payload=held, grid=segment.grid, time=self.time)
         return self.waypoints(segment, points)
 

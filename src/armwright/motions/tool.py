@@ -16,6 +16,9 @@ from armwright.trajectory.cartesian.motion import CartesianMotion
 from armwright.trajectory.cartesian.path import CartesianPath
 from armwright.trajectory.cartesian.segments import Arc, Circle, Line
 from armwright.trajectory.limits import MotionLimits
+from armwright.trajectory.limits_report import dense_times
+
+TOOL_KEPT = 1.001  # share of a tool's limit that counts as kept: between the nodes of its spline it leaves the path
 
 
 def tool_motion(arm: Model, segment: ToolSegment, q: np.ndarray, limits: MotionLimits, time: float) -> CartesianMotion:
@@ -46,6 +49,29 @@ def tool_motion(arm: Model, segment: ToolSegment, q: np.ndarray, limits: MotionL
         angular_speed=segment.angular_speed_rad_per_s, angular_acceleration=segment.angular_acceleration_rad_per_s2,
         limits=limits, slow=segment.slow, constant=segment.constant, near=q, frame=segment.frame, aim=segment.aim, time=time,
     )  # fmt: skip
+
+
+def tool_excesses(segment: ToolSegment, motion: CartesianMotion) -> tuple[str, ...]:
+    """Sentences, one for each limit of the tool in a segment that its motion exceeds: by the joints' motion, not by the path.
+
+    Args:
+        segment: its path and speeds.   motion: of the joints.
+    """
+    t = dense_times(motion)
+    twist, change = motion.solution.tool.twist(*motion.at(t))
+    found = []
+    for what, rows, limit, unit in (
+        ("speed", twist[:, :3], segment.speed_m_per_s, "m/s"),
+        ("acceleration", change[:, :3], segment.acceleration_m_per_s2, "m/s²"),
+        ("angular speed", twist[:, 3:], segment.angular_speed_rad_per_s, "rad/s"),
+        ("angular acceleration", change[:, 3:], segment.angular_acceleration_rad_per_s2, "rad/s²"),
+    ):
+        sizes = np.linalg.norm(rows, axis=1)
+        k = int(sizes.argmax())
+        if limit is not None and sizes[k] > limit * TOOL_KEPT:
+            value = f"the tool's {what} is {sizes[k]:.4g} {unit} at {t[k]:.4g} s"
+            found.append(f"{value}, {sizes[k] / limit:.1%} of its limit {limit:.4g} {unit}")
+    return tuple(found)
 
 
 def _goal(piece: LinePiece | ArcPiece, offset: np.ndarray) -> np.ndarray:

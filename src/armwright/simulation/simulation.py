@@ -31,6 +31,7 @@ from armwright.simulation.loop.controller import reference_of
 from armwright.simulation.loop.sensor_set import measurement_of
 from armwright.simulation.loop.state import LoopState
 from armwright.simulation.loop_runner import LoopRunner
+from armwright.simulation.oscillation import instability_note, unstable_loop
 from armwright.simulation.scenario import Scenario
 
 if TYPE_CHECKING:
@@ -70,12 +71,13 @@ class Simulation(LoopRunner):
 
     # Running.
 
-    @property
     def _remedy(self) -> str:
         """Advice for a run that diverges."""
-        return "smaller gains, if the loop is unstable (armwright loops, aw.analyse_loops)" * (
-            self.scenario.loop is not None
-        )
+        if self.scenario.controller is None:
+            return ""
+        start = np.asarray(self.scenario.initial_state)[:1, : self.arm.n]
+        stable = "smaller gains, if the loop is unstable (armwright loops, aw.analyse_loops)"
+        return unstable_loop(self.scenario, start) or stable
 
     @property
     def time(self) -> float:
@@ -160,11 +162,15 @@ class Simulation(LoopRunner):
             self.note_coarse_step(state, min(ticks, few))
         recorded, end = Recorded(record, every, ticks, finished, status, reduced, origin), None
         if scenario.lane_count is None:
-            status.check(self.arm.name, self.period, self.state_entries, recorded.last_row(self), self._remedy)
+            remedy = self._remedy() if status.frozen[0] >= 0.0 else ""
+            status.check(self.arm.name, self.period, self.state_entries, recorded.last_row(self), remedy)
         if keep_state and not finished.stopped:
             self._started = end = _joined(groups)
             self.tick, self._measured = origin + ticks, False
         run = run_dataset(self, recorded)
+        note = instability_note(scenario, run) if self.untraced is None else None
+        if note is not None:
+            run.attrs["notes"] = "\n".join(filter(None, [note, str(run.attrs.get("notes", ""))]))
         if end is not None and scenario.recording.what == "all":
             end.attach(run)
         run.attrs |= {"seed": scenario.seed, "made_with": json.dumps(dict(provenance(scenario.solver.target)))}
@@ -239,7 +245,7 @@ class Simulation(LoopRunner):
         if self.scenario.lane_count is None and lanes.get("frozen")[0, 0] >= 0.0:
             status = LaneStatus.of(1, len(self.scenario.solver.events))
             status.read(lanes)
-            status.check(self.arm.name, self.period, self.state_entries, remedy=self._remedy)
+            status.check(self.arm.name, self.period, self.state_entries, remedy=self._remedy())
 
     def _wait(self) -> None:
         """Sleeps until the clock is at the time of the tick that comes next."""

@@ -44,7 +44,7 @@ class MotionLimits:
     def of(cls, arm: Model, **overrides: Any) -> MotionLimits:
         """Limits of the record, or given ones in their place.
 
-        A limit of the current is one of the torque as well.
+        A limit of the current is one of the torque as well, also beside a finite one that is given.
 
         Args:
             arm: the model.
@@ -55,10 +55,12 @@ class MotionLimits:
         """
         limits = [body.limits for body in arm.coordinates]
         record = {name: np.array([getattr(each, name, np.inf) for each in limits], dtype=float) for name in QUANTITIES}
-        record["torque"] = np.minimum(record["torque"], _current_torques(arm))
+        record["torque"] = np.minimum(record["torque"], current_torques(arm))
         prismatic = tuple(body.kind == "prismatic" for body in arm.coordinates)
         found = cls(**record, names=tuple(arm.names), prismatic=prismatic)
-        return found.replace(**overrides)
+        found = found.replace(**overrides)
+        given = np.isfinite(found.torque)  # infinite: no limit of torque at all
+        return replace(found, torque=np.where(given, np.minimum(found.torque, current_torques(arm)), np.inf))
 
     @property
     def n(self) -> int:
@@ -133,8 +135,8 @@ class MotionLimits:
             )  # fmt: skip
 
 
-def _current_torques(arm: Model) -> list[float]:
-    """Torque of the largest current of every joint, referred to it [N m | N]; infinite where the record has none."""
+def current_torques(arm: Model) -> np.ndarray:
+    """(n,) torque of the largest current of every joint, referred to it [N m | N]; infinite where the record has none."""
     torques = []
     for body in arm.coordinates:
         drive, current = body.drive, float(body.limits.current)
@@ -142,7 +144,7 @@ def _current_torques(arm: Model) -> list[float]:
         torques.append(
             abs(float(drive.gear_ratio) * float(drive.torque_constant or 0.0)) * current if known else np.inf
         )
-    return torques
+    return np.array(torques)
 
 
 def _checked(place: str, value: Any, quantity: str, n: int) -> np.ndarray:

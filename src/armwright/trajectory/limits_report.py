@@ -1,9 +1,9 @@
-"""Report of the share of its limits that a motion uses, on a dense grid in time."""
+"""Report of the share of its limits that a motion uses, and of those that it exceeds or that could not be checked."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -11,18 +11,70 @@ import numpy as np
 from armwright.errors import ScenarioError
 from armwright.kernels.compiled import KERNELS, compile_arm
 from armwright.model import Model
+from armwright.model.joint_signals import UNITS
 from armwright.simulation.inputs.payload import Payload
-from armwright.trajectory.limits import MotionLimits
+from armwright.trajectory.joined import APART, Joined
+from armwright.trajectory.limits import MotionLimits, current_torques
 from armwright.trajectory.motion import Motion
 from armwright.trajectory.piecewise import PiecewisePolynomial
 from armwright.trajectory.rest import Torques, torques
+from armwright.trajectory.rest_to_rest import RestToRest
 
 SUPPORT = KERNELS.named("plan")
 
-JUMP = 1e-6  # of the largest acceleration: what is more, is no rounding
+JUMP = 1e-6  # of the largest acceleration or speed: what is more, is no rounding
+STILL = 1e-3  # of the joint that moves most: the rest of a motion of another joint may be rounding
+KEPT = 1.0 + 1e-6  # share of a limit up to which it counts as kept
 SAMPLES = 2000  # of a report, at least, and …
 IN_A_PIECE = 10  # … between two breaks
+ROUNDS, BETWEEN, AS_LARGE = (
+    3,
+    8,
+    0.5,
+)  # refinements near extremes, points in each interval; of the way to the next value
+BESIDE = 1e-9  # [s], and of a time: where positions beside a jump are looked at
+MECHANICAL = ("position", "velocity", "acceleration", "jerk")  # by their order as derivatives
 SHOWN = 4  # jumps that are listed
+
+
+@dataclass(frozen=True)
+class Excess:
+    """A limit that a motion exceeds; `str` gives the sentence.
+
+    Attributes:
+        joint: its name.   quantity: whose limit it is.   value: that exceeds it, infinite at a jump.   limit: of it.
+        unit: of both.   time: [s].   share: of the limit; of positions see `LimitsReport`.   why: what else is to be said.
+    """
+
+    joint: str
+    quantity: str
+    value: float
+    limit: float
+    unit: str
+    time: float
+    share: float
+    why: str = ""
+
+    def __str__(self) -> str:
+        if np.isinf(self.share):
+            return f"{self.joint}: {self.why}: its limit of {self.quantity}, {self.limit:.4g} {self.unit}, is not kept"
+        value = f"{self.quantity} {self.value:.4g} {self.unit} at {self.time:.4g} s"
+        more = f" ({self.why})" if self.why else ""
+        return f"{self.joint}: {value}, {_percent(self.share)} of its limit {self.limit:.4g} {self.unit}{more}"
+
+
+@dataclass(frozen=True)
+class Jump:
+    """A jump of a joint's position, speed or acceleration, at which higher derivatives are infinite.
+
+    Attributes:
+        joint: its number.   order: 0: of the position, 1: of the speed, 2: of the acceleration.   time: [s].   size: of it.
+    """
+
+    joint: int
+    order: int
+    time: float
+    size: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,12 +84,16 @@ class LimitsReport:
     Attributes:
         limits: that were asked.
         lowest, highest: by quantity (n,) extreme values.   share: by quantity (n,) the largest part of the limit that is used,
-            1: all of it; of positions the part of the way from the middle of the range to its ends; NaN without a limit.
+            1: all of it; of positions the part of the way from the middle of the range to its ends, with a limit on one side
+            1 and the distance beyond it; NaN without a limit.
         times: by quantity (n,) [s] of the largest share.
         bands: by quantity (n, 2) lowest and highest torque, or voltage, that holds a joint which stands all the time in its dry
             friction or gear loss; NaN for others. Of a band the part nearest to 0 is compared with the limit.
         jumps: (k,) [s] beside which the acceleration of a joint with a limit of jerk jumps: no such limit can be kept there,
             and the values of jerk are those between the jumps.
+        excess: all limits that are exceeded, in the order of time for each joint and quantity.
+        unchecked: limits that are stated but could not be checked, and why.
+        parts: of a `Joined` motion the reports of its motions, in order; else empty.
         notes: about effects of the record that torques and voltages approximate.
     """
 
@@ -47,6 +103,9 @@ class LimitsReport:
     share: dict[str, np.ndarray]
     times: dict[str, np.ndarray]
     jumps: np.ndarray
+    excess: tuple[Excess, ...] = ()
+    unchecked: tuple[str, ...] = ()
+    parts: tuple[LimitsReport, ...] = ()
     bands: dict[str, np.ndarray] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
@@ -57,36 +116,49 @@ class LimitsReport:
 
     @property
     def kept(self) -> bool:
-        """True if no limit is exceeded by more than 1e-6 of it, and no acceleration jumps under a limit of jerk."""
-        return self.largest <= 1.0 + 1e-6 and not self.jumps.size
+        """True if no limit is exceeded by more than 1e-6 of it, and nothing jumps that a limit does not let jump.
+
+        Limits in `unchecked` do not count.
+        """
+        return not self.excess
+
+    @property
+    def limited(self) -> bool:
+        """True if any limit was checked."""
+        return any(np.isfinite(share).any() for share in self.share.values())
 
     def worst(self, quantity: str, joint: int) -> float:
         """The value with the largest share of its limit; without a limit the largest value."""
-        low, high = self.lowest[quantity][joint], self.highest[quantity][joint]
-        bounds = getattr(self.limits, quantity)[joint]
-        centre = float(np.mean(bounds)) if quantity == "position" and np.isfinite(bounds).all() else 0.0
-        return float(high if abs(high - centre) >= abs(low - centre) else low)
+        ends = np.array([self.lowest[quantity], self.highest[quantity]])
+        used = _shares(self.limits, quantity, ends)[:, joint]
+        ends = ends[:, joint]
+        return float(ends[np.argmax(np.abs(ends) if np.isnan(used).any() else used)])
 
     def excesses(self) -> list[str]:
         """Sentences, one for each limit that is exceeded."""
-        said = []
-        for quantity, share in self.share.items():
-            for k in np.flatnonzero(share > 1.0 + 1e-6):
-                value, unit = self.worst(quantity, int(k)), self.limits.unit(quantity, int(k))
-                name, at = self.limits.names[k], self.times[quantity][k]
-                said.append(f"{name}: {quantity} {value:.4g} {unit} at {at:.4g} s, {share[k]:.1%} of its limit")
-        if self.jumps.size:
-            times = ", ".join(dict.fromkeys(f"{t:.4g}" for t in self.jumps[:SHOWN]))
-            more = ", …" if len(self.jumps) > SHOWN else ""
-            said.append(f"acceleration jumps at {times}{more} s: no limit of jerk is kept there")
-        return said
+        return [str(each) for each in self.excess]
+
+    def verdict(self) -> str:
+        """The result in one sentence."""
+        if self.excess:
+            return f"exceeds limits: {'; '.join(self.excesses())}"
+        if self.unchecked:
+            return "all limits that could be checked are kept" if self.limited else "no limit could be checked"
+        return "all limits that are known are kept" if self.limited else "no limit is known"
 
     def __str__(self) -> str:
+        jumps = [str(each) for each in self.excess if np.isinf(each.share)]
+        return "\n".join([self.table(), *jumps, *(f"not checked: {each}" for each in self.unchecked)])
+
+    def table(self) -> str:
+        """A row for each joint: of every quantity the value with the largest share of its limit, and that share."""
         rows = [["joint", *self.share]]
+        infinite = {(each.joint, each.quantity) for each in self.excess if np.isinf(each.share)}
         for k, name in enumerate(self.limits.names):
             cells = [name]
             for quantity, share in self.share.items():
-                part = "no limit" if np.isnan(share[k]) else f"{share[k]:.1%}"
+                part = "no limit" if np.isnan(share[k]) else _percent(share[k])
+                part = "jumps" if (name, quantity) in infinite else part
                 low, high = self.bands[quantity][k] if quantity in self.bands else (np.nan, np.nan)
                 value = f"{self.worst(quantity, k):.3g}" if np.isnan(low) else f"{low:.3g} … {high:.3g}"
                 cells.append(f"{value} {self.limits.unit(quantity, k)} {part:>8}")
@@ -98,8 +170,6 @@ class LimitsReport:
             )
             for row in rows
         ]
-        if self.jumps.size:
-            lines.append(self.excesses()[-1])
         return "\n".join(lines)
 
 
@@ -114,48 +184,159 @@ def limits_report(
 ) -> LimitsReport:
     """Largest share of every limit that a motion uses, on a dense grid between its breaks; exact for piecewise polynomials.
 
-    Torques and voltages are those of the compiled inverse dynamics and `motor_voltage`, where the record can tell them.
+    Torques and voltages are those of the compiled inverse dynamics and `motor_voltage`, where the record can tell them; where
+    it cannot, a limit of them is named as not checked. Before and after the motion the arm stands.
 
     Args:
         arm: the model.   motion: of its joints, with an end.   limits: None: the record's.
         payload: bodies in the hand, each from its time on.   wrench: (6,) [N, N m] on the tip, in base axes.
         samples: grid points between two breaks, at least.
     Returns:
-        report: lowest and highest values, shares of limits and their times, by quantity and joint.
+        report: lowest and highest values, shares of limits and their times, by quantity and joint; what is exceeded.
     Raises:
         ScenarioError: a motion of other joints, or one that does not end.
     """
+    stated = limits is None
     limits = MotionLimits.of(arm) if limits is None else limits
     if motion.n != arm.n or limits.n != arm.n:
         what = f"a motion of {motion.n} joints with limits of {limits.n}"
         raise ScenarioError(what, place=arm.name, expected=f"{arm.n} of both")
-    t = dense_times(motion, samples)
-    q, qd, qdd = motion.at(t)
-    values = {"position": q, "velocity": qd, "acceleration": qdd, "jerk": _jerk(t, qdd)}
-    known = _efforts(arm, t, q, qd, qdd, payload, wrench)
-    values |= {quantity: each.least for quantity, each in known.items()}
+    bodies = [payload] if isinstance(payload, Payload) else sorted(payload or (), key=lambda each: each.time)
+    motions = list(_in_sequence(motion))
+    parts = [_of_one(arm, each, limits, bodies, wrench, samples) for each in motions]
+    for k, jumps in enumerate(jumps_of(motions)):
+        parts[k] = _with_jumps(arm, motions[k], parts[k], jumps)
+    unchecked = _unchecked(arm, limits, parts[0].share, currents=stated)
+    notes = SUPPORT.notes(arm) if "torque" in parts[0].share else ()
+    parts = [replace(each, unchecked=unchecked, notes=notes) for each in parts]
+    return parts[0] if len(parts) == 1 else _joined(limits, tuple(parts))
+
+
+def _in_sequence(motion: Motion) -> Iterator[Motion]:
+    """The motions that a motion consists of, one after the other."""
+    if not np.isfinite(motion.duration):
+        raise ScenarioError("does not end", place=type(motion).__name__, expected="a motion with a duration")
+    if isinstance(motion, Joined):
+        for each in motion.motions:
+            yield from _in_sequence(each)
+    else:
+        yield motion
+
+
+def _joined(limits: MotionLimits, parts: tuple[LimitsReport, ...]) -> LimitsReport:
+    """The report of motions in sequence."""
     found: list[dict[str, np.ndarray]] = [{}, {}, {}, {}]
-    for quantity, rows in values.items():
-        used = _shares(limits, quantity, rows)
-        first = np.argmax(np.where(np.isnan(used), np.abs(rows), used), axis=0)
-        low, high, at = rows.min(axis=0), rows.max(axis=0), t[first]
-        order = {"position": 0, "velocity": 1, "acceleration": 2, "jerk": 3}.get(quantity)
-        polynomial = motion if isinstance(motion, PiecewisePolynomial) else getattr(motion, "polynomial", None)
-        if order is not None and polynomial is not None:
-            low, high = (
-                edge(part, axis=0) for edge, part in zip((np.min, np.max), polynomial.extrema(order), strict=True)
-            )
+    for quantity in parts[0].share:
+        share = np.array([part.share[quantity] for part in parts])
+        low, high = (np.array([getattr(part, name)[quantity] for part in parts]) for name in ("lowest", "highest"))
+        used = np.where(np.isnan(share), np.maximum(np.abs(low), np.abs(high)), share)
+        at = np.array([part.times[quantity] for part in parts])
+        times = np.take_along_axis(at, used.argmax(axis=0)[None], axis=0)[0]
+        rows = (low.min(axis=0), high.max(axis=0), np.fmax.reduce(share), times)
+        for store, value in zip(found, rows, strict=True):
+            store[quantity] = value
+    jumps = np.concatenate([part.jumps for part in parts])
+    excess = tuple(each for part in parts for each in part.excess)
+    bands = {
+        quantity: np.stack(
+            [
+                np.min([part.bands[quantity][:, 0] for part in parts], axis=0),
+                np.max([part.bands[quantity][:, 1] for part in parts], axis=0),
+            ],
+            axis=1,
+        )
+        for quantity in parts[0].bands
+    }  # NaN where a joint moves in one of them
+    first = parts[0]
+    return LimitsReport(
+        limits,
+        *found,
+        jumps=jumps,
+        excess=excess,
+        unchecked=first.unchecked,
+        parts=parts,
+        bands=bands,
+        notes=first.notes,
+    )
+
+
+def _of_one(
+    arm: Model, motion: Motion, limits: MotionLimits, bodies: Sequence[Payload], wrench: Any, samples: int
+) -> LimitsReport:
+    """The report of one motion, without what jumps."""
+    polynomial = _polynomial(motion)
+    t = _times(motion, samples, [float(each.time) for each in bodies])
+    end = float(t[-1])
+
+    def values(at: np.ndarray) -> dict[str, np.ndarray]:
+        q, qd, qdd = motion.at(at)
+        found = {"position": q, "velocity": qd, "acceleration": qdd, "jerk": _jerk(motion, at, qdd)}
+        inside = np.where(at >= end, np.nextafter(end, -np.inf), at)  # what is gripped at the end, counts from there on
+        efforts = _efforts(arm, inside, q, qd, qdd, bodies, wrench, fastest)
+        return found | {quantity: each.least for quantity, each in efforts.items()}
+
+    fastest = np.abs(motion.at(t)[1]).max(axis=0, initial=0.0)
+    rows = values(t)
+    sampled = [name for name in rows if polynomial is None or name not in MECHANICAL]
+    for _ in range(ROUNDS):
+        close = _near_extremes(t, [rows[name] for name in sampled])
+        if not len(close):
+            break
+        finer = values(close)
+        order = np.argsort(t := np.concatenate([t, close]), kind="stable")
+        t, rows = t[order], {name: np.concatenate([rows[name], finer[name]])[order] for name in rows}
+    found: list[dict[str, np.ndarray]] = [{}, {}, {}, {}]
+    columns = np.arange(arm.n)
+    for quantity, each in rows.items():
+        used = _shares(limits, quantity, each)
+        size = np.where(np.isnan(used), np.abs(each), used)
+        low, high = each.min(axis=0), each.max(axis=0)
+        at = t[size.argmax(axis=0)]
+        if quantity in MECHANICAL and polynomial is not None:
+            lows, highs = polynomial.extrema(MECHANICAL.index(quantity))
+            low, high = lows.min(axis=0), highs.max(axis=0)
+            ends = np.array([_shares(limits, quantity, lows), _shares(limits, quantity, highs)])
+            ends = np.where(np.isnan(ends), np.abs([lows, highs]), ends).max(axis=0)
+            piece = ends.argmax(axis=0)
+            outside = (t[:, None] < polynomial.knots[piece]) | (t[:, None] > polynomial.knots[piece + 1])
+            at = t[np.where(outside, -np.inf, size).argmax(axis=0)]
         share = np.fmax(_shares(limits, quantity, low), _shares(limits, quantity, high))
         for store, value in zip(found, (low, high, share, at), strict=True):
             store[quantity] = value
-    limited = np.isfinite(limits.jerk)
-    jumps = jumps_of_acceleration(motion, limited) if limited.any() else np.empty(0)
+    known = _efforts(arm, t, *motion.at(t), bodies, wrench, fastest)
     bands = {
         quantity: np.where(each.held.all(axis=0), [each.low.min(axis=0), each.high.max(axis=0)], np.nan).T
         for quantity, each in known.items()
     }
-    notes = SUPPORT.notes(arm) if "torque" in values else ()
-    return LimitsReport(limits, *found, jumps=jumps, bands=bands, notes=notes)
+    report = LimitsReport(limits, *found, jumps=np.empty(0), bands=bands)
+    most = current_torques(arm)
+    excess = []
+    for quantity, share in report.share.items():
+        for k in columns[share > KEPT]:
+            value, limit = report.worst(quantity, int(k)), _limit(limits, quantity, int(k), report)
+            why = ""
+            if quantity == "torque" and np.isclose(limit, most[k], rtol=1e-12):
+                current = float(arm.coordinates[k].limits.current)
+                why = f"its current {abs(value) / limit * current:.4g} A of {current:.4g} A"
+            unit, at = limits.unit(quantity, int(k)), float(report.times[quantity][k])
+            excess.append(Excess(limits.names[k], quantity, value, limit, unit, at, float(share[k]), why))
+    return replace(report, excess=tuple(excess))
+
+
+def _limit(limits: MotionLimits, quantity: str, joint: int, report: LimitsReport) -> float:
+    """The limit of a joint that its worst value is nearest to or beyond."""
+    if quantity != "position":
+        return float(getattr(limits, quantity)[joint])
+    low, high = limits.position[joint]
+    return float(low if report.worst(quantity, joint) < low else high)
+
+
+def _times(motion: Motion, samples: int, changes: Sequence[float] = ()) -> np.ndarray:
+    """(k,) [s] dense times, with both sides of changes of the payload and of the end."""
+    t = dense_times(motion, samples)
+    inner = [at for at in changes if t[0] < at < t[-1]]
+    before = np.nextafter([*inner, *t[1:][-1:]], -np.inf)
+    return np.unique(np.concatenate([t, inner, before]))
 
 
 def dense_times(motion: Motion, samples: int = IN_A_PIECE) -> np.ndarray:
@@ -173,27 +354,163 @@ def dense_times(motion: Motion, samples: int = IN_A_PIECE) -> np.ndarray:
     return np.unique(begin + (end - begin) * np.linspace(0.0, 1.0, samples + 2))
 
 
-def jumps_of_acceleration(motion: Motion, joints: np.ndarray) -> np.ndarray:
-    """Increasing times [s] of acceleration jumps, which violate any limit of jerk.
+def _near_extremes(t: np.ndarray, quantities: Sequence[np.ndarray]) -> np.ndarray:
+    """Times between those at which a quantity may be larger or smaller than at any of them."""
+    if len(t) < 3:
+        return np.empty(0)
+    steps = np.diff(t)
+    wide = steps > 1e-9 * (t[-1] - t[0])
+    chosen = np.zeros(len(steps), dtype=bool)
+    for rows in quantities:
+        bend = np.abs(np.diff(rows, 2, axis=0, prepend=rows[:1], append=rows[-1:]))
+        bend[0], bend[-1] = bend[1:2], bend[-2:-1]
+        above = np.maximum(rows[:-1], rows[1:]) + AS_LARGE * np.maximum(bend[:-1], bend[1:])
+        below = np.minimum(rows[:-1], rows[1:]) - AS_LARGE * np.maximum(bend[:-1], bend[1:])
+        high, low = rows.max(axis=0), rows.min(axis=0)
+        room = 1e-8 * np.maximum(np.abs(high), np.abs(low))
+        chosen |= ((above > high + room) | (below < low - room)).any(axis=1)
+    k = np.flatnonzero(chosen & wide)[:SAMPLES]
+    return (t[k, None] + steps[k, None] * (np.arange(1, BETWEEN) / BETWEEN)).ravel()
 
-    Args:
-        motion: one that ends; before and after it the arm stands.   joints: (n,) True for those that are asked about.
+
+def _polynomial(motion: Motion) -> PiecewisePolynomial | None:
+    """The motion as polynomials of time; None of a motion that is none."""
+    if isinstance(motion, RestToRest):  # of degree 5 at most: the one with the same states at both ends
+        return PiecewisePolynomial.hermite(motion.breaks, *motion.at(motion.breaks))
+    return motion if isinstance(motion, PiecewisePolynomial) else getattr(motion, "polynomial", None)
+
+
+def _jerk(motion: Motion, t: np.ndarray, qdd: np.ndarray) -> np.ndarray:
+    """(k, n) jerk at times t (k,): exact where the motion tells it, else differences of the acceleration.
+
+    Across a jump of it, where two times lie next to each other, those beside it.
     """
-    breaks = np.asarray(motion.breaks, dtype=float)
-    after, before = (motion.at(t)[2][:, joints] for t in (breaks, np.nextafter(breaks, -np.inf)))
-    before[0], after[-1] = 0.0, 0.0
-    small = JUMP * np.abs(motion.at(dense_times(motion))[2][:, joints]).max(axis=0)
-    jumps = np.abs(after - before) > small
-    from_left, to_right = ((jumps & (np.abs(side) > small)).any(axis=1) for side in (before, after))
-    return np.sort(np.concatenate([np.nextafter(breaks[from_left], -np.inf), breaks[to_right]]))
-
-
-def _jerk(t: np.ndarray, qdd: np.ndarray) -> np.ndarray:
-    """Differences of the acceleration; across a jump of it, where two times lie next to each other, those beside it."""
+    exact = getattr(motion, "jerk", None)
+    if exact is not None:
+        return exact(t)
+    if len(t) < 2:
+        return np.zeros_like(qdd)
     steps = np.diff(t)[:, None]
     usual = steps > 1e-6 * np.median(steps)
     rate = np.divide(np.diff(qdd, axis=0), steps, out=np.zeros_like(qdd[1:]), where=usual)
     return np.concatenate([rate, rate[-1:]])
+
+
+def jumps_of(motions: Sequence[Motion]) -> list[list[Jump]]:
+    """Jumps of position, speed and acceleration in motions in sequence, each with the motion that does not rest beside it.
+
+    Args:
+        motions: each begins when the one before ends; before the first and after the last the arm stands.
+    """
+    found: list[list[Jump]] = []
+    for k, motion in enumerate(motions):
+        breaks = np.asarray(motion.breaks, dtype=float)
+        after, before = np.array(motion.at(breaks)), np.array(motion.at(np.nextafter(breaks, -np.inf)))
+        before[1:, 0], after[1:, -1] = 0.0, 0.0
+        beside = BESIDE * (1.0 + np.abs(breaks))
+        before[0], after[0] = motion.at(breaks - beside)[0], motion.at(breaks + beside)[0]
+        if k:
+            last = motions[k - 1]
+            end = np.nextafter(last.breaks[-1], -np.inf)
+            before[:, 0] = np.array(last.at(end))
+            after[0, 0] = motion.at(breaks[0])[0]
+        if k + 1 < len(motions):
+            following = motions[k + 1]
+            after[:, -1] = np.array(following.at(following.breaks[0]))
+            before[0, -1] = motion.at(breaks[-1])[0]
+        largest = np.abs(motion.at(dense_times(motion))).max(axis=1)
+        largest = np.maximum(largest, np.abs([before, after]).max(axis=(0, 2)))
+        small = JUMP * np.maximum(largest, STILL * largest.max(axis=1, keepdims=True))
+        small[0] = APART + 4.0 * beside.max() * largest[1]  # what `Joined` allows
+        sizes = after - before
+        jumps: list[Jump] = []
+        for order in range(3):
+            for row, joint in np.argwhere(np.abs(sizes[order]) > small[order]):
+                sides = [np.nextafter(breaks[row], -np.inf), breaks[row]]
+                for side, at in zip((before, after), sides, strict=True):
+                    own = not (side is before and row == 0) and not (side is after and row == len(breaks) - 1)
+                    moves = order == 0 or abs(side[order, row, joint]) > small[order, joint]
+                    if own and moves:
+                        jumps.append(Jump(int(joint), order, float(at), float(sizes[order, row, joint])))
+        found.append(jumps)
+    return found
+
+
+def _with_jumps(arm: Model, motion: Motion, report: LimitsReport, jumps: Sequence[Jump]) -> LimitsReport:
+    """The report with the limits that no finite value keeps where something jumps."""
+    limits, excess = report.limits, list(report.excess)
+    words = (("position", "q"), ("speed", "qd"), ("acceleration", "qdd"))
+    for order, quantities in enumerate((MECHANICAL[1:], MECHANICAL[2:], MECHANICAL[3:])):
+        own = [each for each in jumps if each.order == order]
+        for joint in sorted({each.joint for each in own}):
+            of_joint = [each for each in own if each.joint == joint]
+            times = list(dict.fromkeys(f"{each.time:.4g}" for each in of_joint))
+            listed = ", ".join(times[:SHOWN]) + (
+                f" s and at {len(times) - SHOWN} other times" if len(times) > SHOWN else " s"
+            )
+            largest = max(of_joint, key=lambda each: abs(each.size))
+            word, symbol = words[order]
+            unit = UNITS[symbol][limits.prismatic[joint]]
+            why = f"{word} jumps by up to {abs(largest.size):.3g} {unit} at {listed}"
+            for quantity in quantities:
+                limit = float(getattr(limits, quantity)[joint])
+                if np.isfinite(limit):
+                    name, shown = limits.names[joint], limits.unit(quantity, joint)
+                    excess.append(Excess(name, quantity, np.inf, limit, shown, largest.time, np.inf, why))
+    excess += _impacts(arm, motion, report, [each for each in jumps if each.order == 1])
+    jerky = [each.time for each in jumps if each.order == 2 and np.isfinite(limits.jerk[each.joint])]
+    return replace(report, excess=tuple(excess), jumps=np.unique(jerky))
+
+
+def _impacts(arm: Model, motion: Motion, report: LimitsReport, jumps: Sequence[Jump]) -> list[Excess]:
+    """Limits of torque and voltage where speeds jump: M Δq̇ is an impulse of torque."""
+    found: dict[tuple[str, int], Excess] = {}
+    for time in dict.fromkeys(each.time for each in jumps) if "torque" in report.share else ():
+        change = np.zeros(arm.n)
+        for each in jumps:
+            if each.time == time:
+                change[each.joint] = each.size
+        impulse = np.abs(np.asarray(compile_arm(arm).mass_matrix(motion.at(time)[0])) @ change)
+        for joint in np.flatnonzero(impulse > JUMP * impulse.max()):
+            for quantity in ("torque", "voltage"):
+                limit = float(getattr(report.limits, quantity)[joint])
+                if quantity in report.share and np.isfinite(limit):
+                    why = f"the jump of speed at {time:.4g} s would take an infinite {quantity}"
+                    unit = report.limits.unit(quantity, int(joint))
+                    name = report.limits.names[joint]
+                    each = Excess(name, quantity, np.inf, limit, unit, time, np.inf, why)
+                    found.setdefault((quantity, int(joint)), each)
+    return list(found.values())
+
+
+def _unchecked(arm: Model, limits: MotionLimits, found: dict[str, np.ndarray], *, currents: bool) -> tuple[str, ...]:
+    """Limits that are stated, but that a report does not know the values for."""
+    said = []
+    for quantity in ("torque", "voltage"):
+        names = [name for name, each in zip(limits.names, getattr(limits, quantity), strict=True) if np.isfinite(each)]
+        if names and quantity not in found:
+            why = "the record has no masses"
+            if "torque" in found:
+                without = [body.joint for body in arm.coordinates if not _has_constants(body)]
+                why = f"the record has no motor constants of {', '.join(without)}"
+            said.append(f"{quantity} of {', '.join(names)}: {why}")
+    return (*said, *(unchecked_currents(arm) if currents else ()))
+
+
+def unchecked_currents(arm: Model) -> list[str]:
+    """Sentences on limits of currents in the record that no torque follows from."""
+    bodies = [body for body in arm.coordinates if np.isfinite(float(body.limits.current))]
+    names = [body.joint for body in bodies if body.drive.torque_constant is None]
+    return [f"current of {', '.join(names)}: the record has no torque constant"] if names else []
+
+
+def _has_constants(body: Any) -> bool:
+    return body.drive.resistance is not None and body.drive.torque_constant is not None
+
+
+def _percent(share: float) -> str:
+    """A share in percent; one decimal, or more where it would look like exactly the limit."""
+    return f"{share:.5%}" if KEPT < share < 1.0005 else f"{share:.1%}"
 
 
 def efforts(
@@ -224,14 +541,15 @@ def _efforts(
     qdd: np.ndarray,
     payload: Payload | Sequence[Payload] | None,
     wrench: Any,
+    fastest: np.ndarray | None = None,
 ) -> dict[str, Torques]:
-    """Torques and voltages with their bands; see `efforts`."""
+    """Torques and voltages with their bands; see `efforts`. `fastest`: (n,) largest speeds, by default those of the rows."""
     if arm.without_masses or not np.asarray(arm.inertial_parameters, dtype=float).any():
         return {}
     bodies = [payload] if isinstance(payload, Payload) else sorted(payload or (), key=lambda each: each.time)
     force = () if wrench is None else (np.asarray(wrench, dtype=float),)
     begins = [-np.inf, *(float(each.time) for each in bodies), np.inf]
-    fastest = np.abs(qd).max(axis=0, initial=0.0)
+    fastest = np.abs(qd).max(axis=0, initial=0.0) if fastest is None else fastest
     parts = []
     for begin, end, body in zip(begins[:-1], begins[1:], [None, *bodies], strict=True):
         rows = (t >= begin) & (t < end)
@@ -252,10 +570,13 @@ def _efforts(
 def _shares(limits: MotionLimits, quantity: str, rows: np.ndarray) -> np.ndarray:
     """Part of the limit that each value uses, (…, n); NaN without a limit."""
     most = getattr(limits, quantity)
-    if quantity == "position":
-        low, high = most.T
-        with np.errstate(invalid="ignore"):  # of a joint without limits
-            middle, half = 0.5 * (low + high), 0.5 * (high - low)
-            finite = np.isfinite(half)
-            return np.where(finite, np.abs(rows - np.where(finite, middle, 0.0)) / np.where(finite, half, 1.0), np.nan)
-    return np.where(np.isfinite(most), np.abs(rows) / np.where(np.isfinite(most), most, 1.0), np.nan)
+    if quantity != "position":
+        finite = np.isfinite(most)
+        return np.where(finite, np.abs(rows) / np.where(finite, most, 1.0), np.nan)
+    low, high = most.T
+    with np.errstate(invalid="ignore"):  # of a joint without limits
+        middle, half = 0.5 * (low + high), 0.5 * (high - low)
+        both, one = np.isfinite(half), np.isfinite(low) != np.isfinite(high)
+        part = np.abs(rows - np.where(both, middle, 0.0)) / np.where(both, half, 1.0)
+        beyond = np.where(np.isfinite(high), rows - high, low - rows)
+        return np.where(both, part, np.where(one, np.maximum(1.0 + beyond, 0.0), np.nan))

@@ -103,8 +103,11 @@ class PiecewisePolynomial(Motion):
         state, rows, lengths = np.zeros(derivative.shape[1]), [], []
         state[0] = start
         factorials = np.cumprod([1.0, *range(1, derivative.shape[1] + 1)])
+        least = np.spacing(
+            abs(time) + np.sum(durations)
+        )  # shorter segments, left by rounding, would end when they begin
         for length, values in zip(durations, derivative, strict=True):
-            if length <= 0.0:
+            if length <= least:
                 continue
             taylor = np.append(state, values[-1]) / factorials
             rows.append(taylor)

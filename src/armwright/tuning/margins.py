@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from armwright.control.analysis.instability import growing_mode
 from armwright.control.analysis.linear_loop import LinearLoop
 from armwright.control.analysis.regions import longest_delay, longest_period
 from armwright.control.analysis.workspace import joint_inertias
@@ -46,11 +47,13 @@ class MarginConstraint:
         worst = int(radius.argmax())
         if not radius[worst] < 1.0:
             pose = ", ".join(f"{value:.3g}" for value in self.poses[worst])
-            what = f"the start gains are unstable: an eigenvalue of {radius[worst]:.4g} a tick at q = [{pose}]"
+            mode = growing_mode(self._loop, self.poses[worst : worst + 1], self._space.start[None])
+            why = "" if mode is None else f"; {mode}"
+            what = f"the start gains are unstable: an eigenvalue of {radius[worst]:.4g} a tick at q = [{pose}]{why}"
             raise ScenarioError(
                 what,
                 place="loop.controller",
-                expected="stable gains to start from: armwright loops shows which joint, --start analytic designs some",
+                expected="stable gains to start from: `armwright loops FILE` shows margins, --start analytic designs some",
             )
 
     def failing(self, gains: np.ndarray) -> np.ndarray:

@@ -189,6 +189,20 @@ def test_joints_at_rest_are_reported_apart_and_not_judged(tmp_path):
     assert not found.passed
 
 
+def test_a_pass_names_the_joints_that_were_not_judged(tmp_path):
+    """The shoulder moves and the elbow rests: nothing is said about the elbow's torques."""
+    arm = aw.load("two-link")
+    table = {name: np.array(values) for name, values in _motion(arm, 3).items()}
+    table["position"][:, 1], table["speed"][:, 1] = 0.4, 0.0
+    acceleration = np.gradient(table["speed"], table["t"], axis=0)
+    table["torque"] = aw.compile(arm).inverse_dynamics(table["position"], table["speed"], acceleration)
+    log = written_log(tmp_path, list(arm.names), {"fit": table, "held": table})
+    found = validate(arm, aw.read_log(log, on_error="keep"), simulation=False)
+    assert found.passed
+    assert found.unjudged == ("elbow",)
+    assert found.verdict == "passes: all 1 limits that could be judged are kept; not judged: elbow"
+
+
 def test_limits_by_joint_and_default(two_link):
     arm, log = two_link
     limits = {"torque": {"r2_at_least": 0.5}, "joints": {"elbow": {"torque": {"rms_at_most_n_m": 1e-9}}}}

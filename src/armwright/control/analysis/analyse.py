@@ -57,7 +57,7 @@ class LoopAnalysis:
     @property
     def keeps_margins(self) -> bool:
         """True if the loop keeps the requested margins, one joint's command at a time, at every analysed pose."""
-        return self.period_with_margin >= self.loop.period
+        return self.stable and self.period_with_margin >= self.loop.period
 
     def extreme_poses(self, joint: int) -> np.ndarray:
         """(k, n) poses of least and greatest inertia of a joint, the others fixed, and of its extreme gravity slopes."""

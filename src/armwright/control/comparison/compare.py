@@ -29,6 +29,7 @@ from armwright.output import check_destination, whole_file
 from armwright.parameters import Batch
 from armwright.simulation.checks import check_time, check_whole
 from armwright.simulation.inputs.payload import Payload
+from armwright.simulation.oscillation import unstable_loop
 from armwright.simulation.scenario import Scenario
 from armwright.simulation.scenario_parts import Loop, Recording, Start
 from armwright.simulation.simulation import SUPPORT as SIMULATED
@@ -43,6 +44,7 @@ SUPPORT = SIMULATED.named("compare_controllers")
 INSTANTS = 400  # of the largest errors over time, in equal parts of a run
 RUNS = 8  # of a case, where nothing says otherwise
 DENSE = 4001  # samples of a commanded path
+ANALYSED = 5  # poses of a motion about which loops are linear
 ENDINGS = (".csv", ".nc")
 CASE = ("controller", "motion", "payload")
 OF_JOINTS = {  # variable → unit ("q": that of the position) and meaning
@@ -74,11 +76,13 @@ class Comparison:
             `error` (…, instant, joint) the largest error over time, `watched` (controller, motion) [s] how long a run lasts,
             `failed` the number of runs that diverged or ran out of steps: a case with one has no measures.
         band: (n,) [rad | m] of the settling time.   runs: in each case.
+        notes: sentences on controllers whose loops are unstable at a pose of a motion.
     """
 
     data: xr.Dataset
     band: np.ndarray
     runs: int
+    notes: tuple[str, ...] = ()
 
     def joint_rows(self) -> tuple[tuple[str, ...], list[list[str]]]:
         """Heads and rows of a table of joints and drives: the worst joint of every case; — if unknown."""
@@ -172,7 +176,16 @@ def compare_controllers(
         ]
         for loop in loops.values()
     ]
-    return Comparison(_dataset(arm, cases, (list(loops), list(paths), list(hands))), widths, count)
+    data = _dataset(arm, cases, (list(loops), list(paths), list(hands)))
+    poses = np.concatenate([_poses(each) for each in paths.values()])
+    unstable = {name: unstable_loop(loop, poses) for name, loop in loops.items()}
+    notes = tuple(f"{name}: {said}" for name, said in unstable.items() if said is not None)
+    return Comparison(data, widths, count, notes)
+
+
+def _poses(course: _Course) -> np.ndarray:
+    """(k, n) poses on the way of a motion, both ends among them, about which its loops are analysed."""
+    return course.motion.at(np.linspace(float(course.motion.time), course.end, ANALYSED))[0]
 
 
 @dataclass(frozen=True, eq=False)

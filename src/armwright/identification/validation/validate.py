@@ -84,10 +84,19 @@ class Validation:
         failed = [check for check in self.checks if not check.passed]
         if not self.checks:
             return "fails its limits: nothing moved that a limit could judge"
+        if not failed and self.unjudged:
+            count, names = len(self.checks), ", ".join(self.unjudged)
+            return f"passes: all {count} limits that could be judged are kept; not judged: {names}"
         if not failed:
             return f"passes: all {len(self.checks)} limits are kept"
         joints = list(dict.fromkeys(check.joint for check in failed))
         return f"fails its limits: {len(failed)} of {len(self.checks)}, for {', '.join(joints)}"
+
+    @property
+    def unjudged(self) -> tuple[str, ...]:
+        """Names of the joints without a judged limit: they rested, or what the limits are of was not logged."""
+        judged = {check.joint for check in self.checks}
+        return tuple(name for name in self.arm.names if name not in judged)
 
     def of(self, quantity: str, joint: str) -> JointMeasures:
         """Measures of one quantity of one joint.

@@ -94,6 +94,14 @@ class CartesianMotion(Motion):
         rate, change = rate[..., None], change[..., None]
         return q, first * rate, second * rate * rate + first * change
 
+    def jerk(self, t: Any) -> np.ndarray:
+        """q⁽³⁾ = d³q/ds³ ṡ³ + 3 q'' ṡ s̈ + q' s⁽³⁾, (k, n) [rad/s³ | m/s³], at times t (k,) [s]."""
+        t = np.asarray(t, dtype=float)
+        s, rate, change = (each[:, 0] for each in self.profile.at(t))
+        _, first, second = self.solution.at(s)
+        third, jerk = self.solution.third(s), self.profile.derivative().at(t)[2][:, 0]
+        return third * rate[:, None] ** 3 + 3.0 * second * (rate * change)[:, None] + first * jerk[:, None]
+
     def __call__(self, t: Scalar) -> tuple[Array, Array, Array]:
         """q (n,) [rad | m], q̇ and q̈ at a time t [s], a number.
 

@@ -98,6 +98,11 @@ class Tool:
         weights = np.array([1.0, 1.0, 1.0, *[self.radian] * 3])[: self.rows]
         return weights[:, None] * self._kernels[1](q)[:, : self.rows], weights
 
+    def twist(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Speed J q̇ and acceleration J q̈ + J̇ q̇ of the frame, (k, 6) each, linear rows first, in base axes."""
+        jacobian = self._kernels[1](q)
+        return (jacobian @ qd[..., None])[..., 0], (jacobian @ qdd[..., None])[..., 0] + self._kernels[2](q, qd)
+
     def drift(self, q: np.ndarray, rates: np.ndarray) -> np.ndarray:
         """J̇ q̇ (k, rows)."""
         return self._kernels[2](q, rates)[:, : self.rows]

@@ -106,11 +106,9 @@ def uses_of(
 
 def _columns(motion: CartesianMotion, limits: MotionLimits, values: dict[str, float], t: np.ndarray) -> list[Column]:
     """Utilisation of all limits at times t (k,)."""
-    (s, rate, change), jerk = (each[:, 0] for each in motion.profile.at(t)), motion.profile.derivative().at(t)[2][:, 0]
+    s, rate, change = (each[:, 0] for each in motion.profile.at(t))
     _, qd, qdd = motion.at(t)
-    third = motion.solution.third(s)
-    _, first, second = motion.solution.at(s)
-    qddd = third * rate[:, None] ** 3 + 3.0 * second * (rate * change)[:, None] + first * jerk[:, None]
+    qddd = motion.jerk(t)
     columns = []
     for power, quantity, rows in ((1, "velocity", qd), (2, "acceleration", qdd), (3, "jerk", qddd)):
         word = "speed" if quantity == "velocity" else quantity
