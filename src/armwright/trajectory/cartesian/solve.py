@@ -14,11 +14,13 @@ from armwright.collision import Clearance
 from armwright.errors import ABSENT, ModelError, ScenarioError
 from armwright.ik.solve import inverse_kinematics, solver
 from armwright.ik.starts import random_positions
+from armwright.kinematics.aim import AXES, VERTICAL, Aim
 from armwright.model import Model
 from armwright.scalar import real_number, real_numbers
 from armwright.trajectory.cartesian.following import Follower, Stuck
 from armwright.trajectory.cartesian.path import CartesianPath
-from armwright.trajectory.cartesian.tool import Aim, Tool
+from armwright.trajectory.cartesian.pieces import PathPoints
+from armwright.trajectory.cartesian.tool import Tool
 from armwright.trajectory.keep_clear import check_arm, nearest_along, too_near
 from armwright.trajectory.limits import MotionLimits
 from armwright.trajectory.path import JointPath
@@ -74,6 +76,10 @@ class ToolPathSolution:
         q, first, second = found.reshape(3, *s.shape, self.n)
         return q, first, second
 
+    def twists(self, s: np.ndarray, points: PathPoints) -> PathPoints:
+        """Points (k) of the path at s with the tool's own motion, whose free parts turn as the joints turn them."""
+        return self.tool.twists(*self.at(s), points)
+
     def third(self, s: np.ndarray) -> np.ndarray:
         """d³q/ds³ (k, n) at s (k,), which jumps at the nodes of the splines."""
         found = np.zeros((len(s), self.n))
@@ -95,7 +101,7 @@ def solve_path(
     *,
     near: Any = None,
     frame: str | None = None,
-    aim: Aim = "pose",
+    aim: str | Aim = "pose",
     posture: Any = None,
     limits: MotionLimits | None = None,
     tolerance: float = 1e-6,
@@ -110,7 +116,8 @@ def solve_path(
     Args:
         arm: the model.   path: of the tool.
         near: (n,) positions [rad | m] to begin near.   frame: of the arm that is led; None: its tip.
-        aim: "pose", or "position", which leaves the rotation free.
+        aim: part of the path's poses that counts, as in `inverse_kinematics`: "pose", "position", which leaves the rotation
+            free, "axis", "pitch", …; what is free moves continuously, as little as the joints need.
         posture: (n,) [rad | m] that a redundant arm's self-motion goes to; None: the least motion.
         limits: of positions and speeds; None: the record's.   tolerance: [m] and [rad] of the tool on a dense grid.
         clearance: of the arm; solutions that come nearer than its least distance are left out.
@@ -124,14 +131,16 @@ def solve_path(
     limits = checked_limits(arm, limits)
     if not isinstance(path, CartesianPath):
         raise ScenarioError(place="path", value=path, expected="an aw.CartesianPath")
-    if aim not in ("pose", "position"):
-        raise ModelError(place="aim", value=aim, choices=("pose", "position"))
+    part = Aim.of(aim)
     accuracy = real_number(tolerance)
     if accuracy is None or not 1e-9 <= accuracy < 0.1:
         raise ScenarioError(place="tolerance", value=tolerance, expected="a number from 1e-9 to 0.1 [m and rad]")
     if clearance is not None:
         check_arm(clearance, arm)
-    tool = Tool(arm, frame, aim)
+    tool = Tool(arm, frame, part)
+    if part.kind == "yaw" and np.hypot(*path.start[:2, part.axis]) < VERTICAL:
+        what = f"the tool's {AXES[part.axis]} axis is vertical, which has no yaw"
+        raise ScenarioError(what, place=place(path, 0.0), expected="another aim")
     follower = Follower(tool, path, None if posture is None else _positions(arm, "posture", posture))
     found: list[tuple[float, list[Any]]] = []
     failures: list[tuple[float, ScenarioError | Stuck]] = []
@@ -185,14 +194,14 @@ def _starts(follower: Follower, near: Any) -> list[np.ndarray]:
         ScenarioError: there is none; says how far the nearest pose is.
     """
     tool, start = follower.tool, follower.path.start
-    target = start if tool.aim == "pose" else start[:3, 3]
+    options: Any = {"frame": tool.frame, "aim": tool.aim}
     if near is not None:
-        solutions = inverse_kinematics(tool.arm, target, frame=tool.frame, near=_positions(tool.arm, "near", near))
+        solutions = inverse_kinematics(tool.arm, start, near=_positions(tool.arm, "near", near), **options)
         rows, fine = solutions.q[None], solutions.success[None]
     else:
         chain = solver(tool.arm, tool.frame, tool.aim, 1e-8, True).chain
-        targets = np.broadcast_to(target, (STARTS, *target.shape))
-        solutions = inverse_kinematics(tool.arm, targets, frame=tool.frame, near=random_positions(chain, STARTS))
+        targets = np.broadcast_to(start, (STARTS, 4, 4))
+        solutions = inverse_kinematics(tool.arm, targets, near=random_positions(chain, STARTS), **options)
         rows, fine = solutions.q, solutions.success
     if not fine.any():
         exact = (solutions.position_error <= solutions.tolerance) & (solutions.angle_error <= solutions.tolerance)
@@ -331,7 +340,7 @@ def explained(follower: Follower, stuck: Stuck) -> ScenarioError:
     if here or far.sum() >= SEVERAL:  # a path that leaves the reach is no use even if its singular places are avoided
         worst, first = int(np.argmax(off)), stuck.s if here else float(s[far].min())
         return _out_of_reach(follower, first, float(distance[worst]), float(angle[worst]), float(s[worst]))
-    joint, rate = tool.hardest(stuck.q, path.points(np.array([stuck.s])).first[0])
+    joint, rate = tool.hardest(stuck.q, path.points(np.array([stuck.s])))
     unit = "m" if tool.arm.coordinates[joint].kind == "prismatic" else "rad"
     speed = (
         f"{rate:.3g} {unit}/s for each m/s of the tool, and more beyond" if rate < BOUNDLESS else "an infinite speed"
@@ -342,16 +351,14 @@ def explained(follower: Follower, stuck: Stuck) -> ScenarioError:
 
 def _solved(tool: Tool, path: CartesianPath, s: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """True where poses at s (k,) have solutions, and how far off the nearest are [m], [rad]."""
-    poses = path.points(s).pose
-    targets = poses if tool.aim == "pose" else poses[:, :3, 3]
-    solutions = inverse_kinematics(tool.arm, targets, frame=tool.frame)
+    solutions = inverse_kinematics(tool.arm, path.points(s).pose, frame=tool.frame, aim=tool.aim)
     return solutions.success, solutions.position_error, solutions.angle_error
 
 
 def _out_of_reach(
     follower: Follower, s: float, distance: float, angle: float, worst: float | None = None
 ) -> ScenarioError:
-    off = f"{1e3 * distance:.4g} mm" + (f" and {1e3 * angle:.4g} mrad" if follower.tool.aim == "pose" else "")
+    off = f"{1e3 * distance:.4g} mm" + (f" and {1e3 * angle:.4g} mrad" if follower.tool.aim.counted else "")
     at = "" if worst is None else f" at s = {worst:.4g} m"
     what = f"out of reach within the joints' limits: the nearest pose is {off} off{at}"
     return ScenarioError(what, place=place(follower.path, s), expected="a path that the arm reaches")
