@@ -24,8 +24,8 @@ PAIRS = [
     *(("palletiser", aim) for aim in ("yaw", "base z", "pose")),
     *(("scara", aim) for aim in ("yaw", "yaw y", "base z", "pitch")),
     *(("puma560", aim) for aim in ("pitch", "yaw", "base z", "tool x", "base xz")),
-    *(("panda", aim) for aim in ("pitch", "axis y", "base x")),
-    *(("cmu-dd", aim) for aim in ("pitch", "yaw", "base yz")),
+    *(pytest.param("panda", aim, marks=pytest.mark.study) for aim in ("pitch", "axis y", "base x")),
+    *(pytest.param("cmu-dd", aim, marks=pytest.mark.study) for aim in ("pitch", "yaw", "base yz")),
 ]
 
 
@@ -65,7 +65,7 @@ def test_what_is_free_is_used(tmp_path):
     other = Rotation.from_rotvec([0.0, 0.0, 1.0] * np.random.default_rng(0).uniform(0.5, 2.0, (500, 1))) * turned
     found = aw.inverse_kinematics(arm, as_poses(at, other), aim="pitch")
     assert found.success.mean() >= 0.999
-    there, how = forward("pitch-4", found.q)
+    how = forward("pitch-4", found.q)[1]
     assert (how.inv() * other).magnitude().min() > 0.1
     assert found.angle_error.max() <= TOLERANCE
     whole = aw.inverse_kinematics(arm, as_poses(at, other)[:20])
@@ -125,7 +125,9 @@ def test_what_cannot_be_reached_is_said_by_what_counts(tmp_path):
 def test_a_turn_about_what_is_free_changes_nothing(aim, free, tmp_path):
     arm, rng = small_arm("servo-5", tmp_path), np.random.default_rng(7)
     at, turned = forward("servo-5", samples_of(arm, 400))
-    other = free(turned, lambda axis: Rotation.from_euler(axis, rng.uniform(-3.0, 3.0, 400)))
+    other = free(
+        turned, lambda axis: Rotation.from_rotvec(rng.uniform(-3.0, 3.0, (400, 1)) * np.eye(3)["xyz".index(axis)])
+    )
     q, again = (aw.inverse_kinematics(arm, as_poses(at, each), aim=aim).q for each in (turned, other))
     assert partly_off(aim, forward("servo-5", q)[1], other).max() <= 2.0 * TOLERANCE
     same = np.abs(q - again).max(axis=1) < 1e-6  # nearly always: rounding may choose another start
@@ -209,8 +211,10 @@ def test_closed_forms_are_for_whole_poses():
 
 @pytest.mark.parametrize(
     ("word", "same"),
-    [("axis z", "axis"), ("pitch z", "pitch"), ("yaw x", "yaw"), ("tool xy", "axis"), ("tool zy", "axis x")]
-    + [("base yx", "base xy"), ("tool xyz", "pose"), ("base y", "base y")],
+    [
+        *(("axis z", "axis"), ("pitch z", "pitch"), ("yaw x", "yaw"), ("tool xy", "axis"), ("tool zy", "axis x")),
+        *(("base yx", "base xy"), ("tool xyz", "pose"), ("base y", "base y")),
+    ],
 )
 def test_words_that_mean_the_same(word, same):
     assert str(Aim.of(word)) == same

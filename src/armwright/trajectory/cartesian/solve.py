@@ -14,13 +14,14 @@ from armwright.collision import Clearance
 from armwright.errors import ABSENT, ModelError, ScenarioError
 from armwright.ik.solve import inverse_kinematics, solver
 from armwright.ik.starts import random_positions
-from armwright.kinematics.aim import AXES, VERTICAL, Aim
+from armwright.kinematics.aim import AXES, Aim
 from armwright.model import Model
 from armwright.scalar import real_number, real_numbers
 from armwright.trajectory.cartesian.following import Follower, Stuck
 from armwright.trajectory.cartesian.path import CartesianPath
 from armwright.trajectory.cartesian.pieces import PathPoints
 from armwright.trajectory.cartesian.tool import Tool
+from armwright.trajectory.cartesian.turning import UPRIGHT
 from armwright.trajectory.keep_clear import check_arm, nearest_along, too_near
 from armwright.trajectory.limits import MotionLimits
 from armwright.trajectory.path import JointPath
@@ -138,9 +139,7 @@ def solve_path(
     if clearance is not None:
         check_arm(clearance, arm)
     tool = Tool(arm, frame, part)
-    if part.kind == "yaw" and np.hypot(*path.start[:2, part.axis]) < VERTICAL:
-        what = f"the tool's {AXES[part.axis]} axis is vertical, which has no yaw"
-        raise ScenarioError(what, place=place(path, 0.0), expected="another aim")
+    _check_vertical(path, part)
     follower = Follower(tool, path, None if posture is None else _positions(arm, "posture", posture))
     found: list[tuple[float, list[Any]]] = []
     failures: list[tuple[float, ScenarioError | Stuck]] = []
@@ -177,6 +176,23 @@ def checked_limits(arm: Any, limits: Any) -> MotionLimits:
         expected = f"aw.MotionLimits.of(arm, …) of {arm.name}"
         raise ScenarioError(what, place="limits", value=ABSENT if what else limits, expected=expected)
     return limits
+
+
+def _check_vertical(path: CartesianPath, aim: Aim) -> None:
+    """Refuses paths on which an axis is vertical in places, if its yaw or its pitch counts.
+
+    Raises:
+        ScenarioError: where; a pitch that is vertical on the whole path is none of them.
+    """
+    if aim.kind not in ("pitch", "yaw"):
+        return
+    s = np.union1d(np.linspace(0.0, path.length, SAMPLES), path.breaks)
+    sine = np.linalg.norm(path.points(s).pose[:, :2, aim.axis], axis=1)
+    vertical = sine < UPRIGHT
+    if vertical.any() and not (aim.kind == "pitch" and vertical.all()):
+        what = f"the tool's {AXES[aim.axis]} axis is vertical, where its {aim.kind} has no slope"
+        expected = "an axis beside the vertical, if by 1 mrad, or aim = 'axis'"
+        raise ScenarioError(what, place=place(path, float(s[vertical.argmax()])), expected=expected)
 
 
 @dataclass(frozen=True, eq=False)
