@@ -60,10 +60,9 @@ class Follower:
         if self.posture is not None:
             wish = EAGER / self.path.length * (self.posture - q)
             rates = rates + wish - (inverse @ (jacobian @ wish[:, :, None]))[:, :, 0]
-        asked = np.maximum(
-            np.linalg.norm(twist, axis=1), np.finfo(float).tiny
-        )  # 0: a turn in place that does not count
-        return rates, inverse, least, np.linalg.norm(left, axis=1) / asked
+        whole = points.first if self.tool.partial else twist  # of a turn about a free axis the twist is rounding
+        share = np.linalg.norm(left, axis=1) / np.maximum(np.linalg.norm(whole, axis=1), np.finfo(float).tiny)
+        return rates, inverse, least, share
 
     def derivatives(self, q: np.ndarray, s: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """q' and q'' (k, n) at positions on the path, and True (k,) for points that the joints cannot follow.

@@ -33,6 +33,7 @@ IN_A_PIECE = 9  # places between two nodes of a spline, where distances are comp
 SAMPLES = 200  # of a path, for how far it leaves the reach
 BESIDE, SEVERAL = 1e-5, 3  # [rad] off and places of the path: what is less may be a descent that did not get there
 BOUNDLESS = 1e9  # [rad/m]
+STILL = 1e-9  # [rad | m] of a joint that does not move
 BEYOND = 1e-9  # [rad | m] outside of a limit that is rounding
 
 
@@ -319,10 +320,15 @@ def _splined(
     """Runs as splines, the limits of position and the least distance held between nodes as well.
 
     Raises:
-        Stuck, _Outside: as named there.
+        Stuck, _Outside: as named there.   ScenarioError: a part of the path moves no joint.
     """
     paths, off, angle = [], 0.0, 0.0
     for s, q in runs:
+        if np.ptp(q, axis=0).max() < STILL:
+            what = f"no joint moves: the tool's turn does not count with aim = {str(follower.tool.aim)!r}"
+            raise ScenarioError(
+                what, place=place(follower.path, float(s[0])), expected="a path without it, or another aim"
+            )
         nodes, rows, curve, (distance, turned) = follower.spline(s, q, tolerance)
         off, angle = max(off, distance), max(angle, turned)
         spline = PPoly(curve.c, curve.x - nodes[0])
