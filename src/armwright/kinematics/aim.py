@@ -98,7 +98,7 @@ def turning_rows(aim: Aim, rotation: Array) -> np.ndarray:
         return scalar.stack([axes[:, aim.axis]])
     if aim.kind == "pitch":
         return scalar.stack([horizontal_normal(axes[:, aim.axis])])
-    return scalar.stack([yaw_row(axes[:, aim.axis])]) if aim.kind == "yaw" else np.zeros((0, 3))
+    return scalar.stack([yaw_row(axes[:, aim.axis])]) if aim.kind == "yaw" else scalar.zeros(0, 3)
 
 
 def horizontal_normal(direction: Array) -> np.ndarray:

@@ -93,7 +93,7 @@ def test_rates_are_those_of_differences(aim):
     """Frame and target that move so that the error stays 0 to second order, found by differences of its own definition."""
     part, kernel, rng = Aim.of(aim), turning(Aim.of(aim)), np.random.default_rng(4)
     for _ in range(5):
-        target, w, dw, tw, tdw = Rotation.random(rng=rng), *rng.normal(size=(4, 3))
+        target, (w, dw, tw, tdw) = Rotation.random(rng=rng), rng.normal(size=(4, 3))
         axis = np.eye(3)[part.axis]
         free = Rotation.from_rotvec(rng.uniform(-1.0, 1.0) * axis)
         if part.kind in ("axis", "twist"):  # a rotation that meets it
@@ -115,7 +115,7 @@ def test_rates_are_those_of_differences(aim):
                 each.as_matrix() + (step * skew(v) + step**2 / 2 * (skew(a) + skew(v) @ skew(v))) @ each.as_matrix()
                 for each, v, a in ((frame, w, dw), (target, tw, tdw))
             ]
-            return smooth_error(part, *moved, target.as_matrix())
+            return smooth_error(part, moved[0], moved[1], target.as_matrix())
 
         h = 1e-4
         np.testing.assert_allclose(
