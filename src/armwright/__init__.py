@@ -91,6 +91,7 @@ if TYPE_CHECKING:
     from armwright.ik.measures import Manipulability, manipulability
     from armwright.ik.solutions import PoseBranches, PoseSolutions
     from armwright.ik.solve import inverse_kinematics
+    from armwright.ik.targets import pose_towards
     from armwright.ik.workspace import workspace
     from armwright.interfaces import Controller, JointReference, Measurement, Sensor, Trajectory
     from armwright.kernels.compiled import CompiledArm
@@ -234,6 +235,7 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
     "armwright.ik.measures": ("Manipulability", "manipulability"),
     "armwright.ik.solutions": ("PoseBranches", "PoseSolutions"),
     "armwright.ik.solve": ("inverse_kinematics",),
+    "armwright.ik.targets": ("pose_towards",),
     "armwright.identification.validation.limits": ("Limits",),
     "armwright.identification.validation.report": ("write_report",),
     "armwright.identification.validation.validate": ("Validation", "validate"),
@@ -497,6 +499,7 @@ __all__ = [
     "plot",
     "plot_experiment",
     "plot_log",
+    "pose_towards",
     "potential_energy",
     "prepare_log",
     "quantisation",

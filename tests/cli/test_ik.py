@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import armwright as aw
 from armwright.results.tables import write_table
 from cli.test_commands import run
+from ik.small_arms import forward, small_arm
 
 
 def poses(tmp_path, columns):
@@ -90,3 +92,67 @@ def test_bad_tables_and_options_are_one_line(tmp_path, columns, words, names):
 def test_the_poses_are_not_replaced(tmp_path):
     path = poses(tmp_path, {"x": [0.4], "y": [0.1], "z": [0.3]})
     assert "would be replaced" in run("ik", "puma560", path, "-o", path, code=2).stderr
+
+
+PLACES = {"x [m]": [0.28, 0.2], "y [m]": [0.1, -0.12], "z [m]": [0.1, 0.2]}
+
+
+@pytest.mark.parametrize(
+    ("columns", "words", "aim"),
+    [
+        ({"pitch [rad]": [0.5, np.pi / 2]}, (), "pitch"),
+        ({"pitch [rad]": [0.5, -0.2]}, ("--aim", "pitch x"), "pitch x"),
+        ({"yaw [rad]": [0.5, -0.4]}, (), "yaw"),
+        ({"ax": [0.0, 0.0], "ay": [0.0, 0.0], "az": [-2.0, -1.0]}, (), "axis"),
+        ({"ax": [1.0, 0.3], "ay": [0.0, 0.0], "az": [-2.0, -1.0]}, ("--aim", "pitch"), "pitch"),
+        ({"roll": [0.1, 0.2], "pitch": [1.3, 1.2], "yaw": [0.3, 0.2]}, ("--aim", "pitch"), "pitch"),
+        ({"qw": [1.0, 0.0], "qx": [0.0, 1.0], "qy": [0.0, 0.0], "qz": [0.0, 0.0]}, ("--aim", "yaw"), "yaw"),
+    ],
+)
+def test_tables_with_a_part_of_the_orientation(columns, words, aim, tmp_path):
+    name = "servo-5"
+    small_arm(name, tmp_path)
+    out = tmp_path / "q.csv"
+    table = poses(tmp_path, PLACES | columns)
+    shown = run("ik", str(tmp_path / f"{name}.urdf"), table, *words, "-o", str(out)).stdout
+    assert "2 of 2 solved" in shown
+    at, turned = forward(name, np.genfromtxt(out, delimiter=",", skip_header=1)[:, :5])
+    np.testing.assert_allclose(at, np.stack(list(PLACES.values()), axis=1), atol=1e-7)
+    values = np.stack(list(columns.values()), axis=1)
+    x, z = turned.apply([1.0, 0.0, 0.0]), turned.apply([0.0, 0.0, 1.0])
+    if len(columns) == 1:  # as the page defines them
+        axis = x if aim in ("pitch x", "yaw") else z
+        meant = (
+            np.arctan2(axis[:, 1], axis[:, 0])
+            if aim == "yaw"
+            else np.arctan2(-axis[:, 2], np.hypot(axis[:, 0], axis[:, 1]))
+        )
+        np.testing.assert_allclose(meant, values[:, 0], atol=1e-6)
+    elif "ax" in columns and aim == "axis":
+        np.testing.assert_allclose(z, values / np.linalg.norm(values, axis=1, keepdims=True), atol=1e-7)
+    elif "ax" in columns:
+        np.testing.assert_allclose(z[:, 2], values[:, 2] / np.linalg.norm(values, axis=1), atol=1e-7)
+    elif "roll" in columns:
+        wanted = Rotation.from_euler("xyz", values).apply([0.0, 0.0, 1.0])
+        np.testing.assert_allclose(z[:, 2], wanted[:, 2], atol=1e-7)
+    else:
+        np.testing.assert_allclose(np.arctan2(x[:, 1], x[:, 0]), 0.0, atol=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("columns", "words", "names"),
+    [
+        ({"pitch": [0.5, 2.0]}, (), ":3: column pitch: 2; expected an angle from"),
+        ({"ax": [1.0, 0.0], "ay": [0.0, 0.0], "az": [0.0, 0.0]}, (), ":3: columns ax, ay, az: length 0"),
+        ({"pitch": [0.5, 0.2]}, ("--aim", "axis"), "--aim = 'axis': with columns pitch"),
+        ({"yaw": [0.5, 0.2]}, ("--aim", "pose"), "--aim = 'pose'"),
+        ({"ax": [1.0, 1.0], "ay": [0.0, 0.0], "az": [0.0, 0.0]}, ("--aim", "base xy"), "--aim"),
+        ({}, ("--aim", "pitch"), "with columns x, y, z"),
+        ({"pitch": [0.5, 0.2]}, ("--aim", "slope"), "aim = 'slope'"),
+        ({"pitch": [0.5, 0.2]}, ("--method", "closed-form"), "a closed form needs whole poses, not aim = 'pitch'"),
+        ({"pitch [deg]": [0.5, 0.2]}, (), "deg"),
+    ],
+)
+def test_parts_of_the_orientation_that_cannot_be(columns, words, names, tmp_path):
+    done = run("ik", "puma560", poses(tmp_path, PLACES | columns), *words, code=2)
+    assert names in done.stderr

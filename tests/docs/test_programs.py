@@ -17,6 +17,7 @@ PROGRAMS = (
     "docs/extending.md",
     "docs/cartesian-motion.md",
     "docs/collision.md",
+    "docs/how-to/inverse-kinematics.md",
     "docs/how-to/simulation.md",
     "docs/identify-linear.md",
     "docs/time-optimal.md",

@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 import armwright as aw
 from armwright.cli.app import app
 from armwright.errors import ArmwrightError, ScenarioError
+from ik.small_arms import forward, small_arm
 from trajectory.motions import check_continuous, check_within
 
 EXAMPLES = sorted((Path(__file__).parents[2] / "examples" / "motions").glob("*.motion.toml"))
@@ -592,3 +593,94 @@ def test_simulate_without_a_loop_follows_nothing(tmp_path):
     )
     assert done.exit_code == 2
     assert "a scenario file, whose controller follows it" in done.output
+
+
+SERVO = """
+robot = "servo-5.urdf"
+start = {start}
+limits = {{ velocity = 2.0, acceleration = 20.0, jerk = 400.0 }}
+
+[[segments]]
+kind = "tool"
+aim = "{aim}"
+origin = "start"
+path = [{{ kind = "line", to_m = [0, 0.05, 0.02]{turn} }}, {{ kind = "line", to_m = [-0.03, 0.05, 0.02] }}]
+blend_m = 0.005
+speed_m_per_s = 0.05
+acceleration_m_per_s2 = 0.5
+"""
+TILTED = [0.2, 0.3, 0.6, 0.5 * np.pi - 0.9 - 1e-3, 0.3]
+DOWN, BENT = [0.2, 0.3, 0.6, 0.5 * np.pi - 0.9, 0.3], [0.2, 0.1, 0.9, 0.5, 0.3]
+
+
+@pytest.mark.parametrize(
+    ("aim", "start", "turn"),
+    [
+        ("pitch", BENT, ""),
+        ("pitch", BENT, ", pitch_rad = 1.2"),
+        ("pitch", DOWN, ""),
+        ("pitch", TILTED, ", pitch_rad = 1.3"),
+        ("axis", DOWN, ""),
+        ("axis x", DOWN, ", direction = [0.5, -1, 0]"),
+        ("yaw", DOWN, ", yaw_rad = -0.4"),
+        ("position", BENT, ""),
+        ("base z", DOWN, ", rpy_rad = [3.141592653589793, 0, -0.4]"),
+    ],
+)
+def test_a_tool_is_led_with_a_part_of_its_orientation(aim, start, turn, tmp_path):
+    small_arm("servo-5", tmp_path)
+    file = tmp_path / "led.motion.toml"
+    file.write_text(SERVO.format(aim=aim, start=start, turn=turn), encoding="utf-8")
+    plan = aw.plan(file)
+    assert plan.report.kept
+    check_continuous(plan.motion, 2)
+    ends = plan.motion.at(np.array([0.0, plan.motion.duration]))[0]
+    at, turned = forward("servo-5", ends)
+    np.testing.assert_allclose(at[1] - at[0], [-0.03, 0.05, 0.02], atol=1e-6)
+    x, z = (turned.apply(axis) for axis in np.eye(3)[[0, 2]])
+    value = float(turn.partition("=")[2]) if turn.count("_rad") and "[" not in turn else None
+    if aim == "pitch":
+        np.testing.assert_allclose(-np.arcsin(z[1, 2]), -np.arcsin(z[0, 2]) if value is None else value, atol=2e-6)
+    elif aim == "axis":
+        np.testing.assert_allclose(z[1], z[0], atol=1e-6)
+    elif aim == "axis x":
+        np.testing.assert_allclose(x[1], np.array([0.5, -1.0, 0.0]) / np.hypot(0.5, 1.0), atol=1e-6)
+    elif aim == "yaw":
+        np.testing.assert_allclose(np.arctan2(x[1, 1], x[1, 0]), value, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("aim", "turn", "said"),
+    [
+        ("slope", "", r"segments\[0\]\.aim = 'slope'"),
+        ("pose", ", rpy_rad = [2.8, 0, 0]", "out of reach"),
+        ("axis", ", direction = [0.5, -1, -1]", "out of reach"),
+        (
+            "pose",
+            ", direction = [0, 0, -1]",
+            r"segments\[0\]\.path\[0\]\.direction: with aim = 'pose'; expected it with aim",
+        ),
+        (
+            "axis",
+            ", pitch_rad = 0.3",
+            r"segments\[0\]\.path\[0\]\.pitch_rad: with aim = 'axis'; expected it with aim = 'pitch'",
+        ),
+        ("base xy", ", direction = [0, 0, -1]", r"path\[0\]\.direction: with aim = 'base xy'"),
+        (
+            "axis",
+            ", direction = [0, 0, -1], rpy_rad = [0, 0, 0]",
+            r"path\[0\]\.direction: with rpy_rad; expected one of them",
+        ),
+        ("axis", ", direction = [0, 0, 0]", r"path\[0\]\.direction = "),
+        ("axis", ", direction = [0, 0, 1]", r"opposite to the tool's z axis"),
+        ("pitch", ", pitch_rad = 2.0", r"pitch_rad"),
+        ("pitch", ", pitch_rad = 1.3", r"path at s = 0 .*z axis is vertical, where its pitch has no slope"),
+        ("yaw z", "", "vertical, where its yaw has no slope"),
+    ],
+)
+def test_parts_of_an_orientation_that_cannot_be(aim, turn, said, tmp_path):
+    small_arm("servo-5", tmp_path)
+    file = tmp_path / "led.motion.toml"
+    file.write_text(SERVO.format(aim=aim, start=DOWN, turn=turn), encoding="utf-8")
+    with pytest.raises(ArmwrightError, match=said):
+        aw.plan(file)

@@ -16,13 +16,19 @@ if TYPE_CHECKING:
     import numpy as np
 
     from armwright.ik.solutions import PoseSolutions
+    from armwright.kinematics.aim import Aim
+    from armwright.results.tables import Numbers
 
 UNIT = 1e-3  # how far the length of a quaternion may be from 1
 MISSED = 1  # the exit code where a pose is not reached
-COLUMNS = {
-    3: ("x", "y", "z"),
-    6: ("x", "y", "z", "roll", "pitch", "yaw"),
-    7: ("x", "y", "z", "qw", "qx", "qy", "qz"),
+PLACE = ("x", "y", "z")
+COLUMNS: dict[tuple[str, ...], str] = {  # behind the position, with the aim that they are for
+    (): "position",
+    ("roll", "pitch", "yaw"): "pose",
+    ("qw", "qx", "qy", "qz"): "pose",
+    ("ax", "ay", "az"): "axis",
+    ("pitch",): "pitch",
+    ("yaw",): "yaw",
 }
 UNITS = {"x": "m", "y": "m", "z": "m", "roll": "rad", "pitch": "rad", "yaw": "rad"}
 
@@ -35,7 +41,15 @@ def ik(
     near: Annotated[
         str | None, option("--near", "Q1,Q2,…", "Joint positions to begin with, in rad (m for sliding joints).")
     ] = None,
-    axis: Annotated[bool, typer.Option("--axis", help="Only position and z axis of the frame count.")] = False,
+    aim: Annotated[
+        str | None,
+        option(
+            "--aim",
+            "WORD",
+            "What counts: pose, position, axis, pitch, yaw ('axis x': of another axis), 'base xy', 'tool z'; "
+            "by default what the columns say.",
+        ),
+    ] = None,
     goal: Annotated[
         str | None,
         option(
@@ -53,15 +67,18 @@ def ik(
     """Inverse kinematics of a table: joint positions for the pose in each row.
 
     Positions are within the limits. The table has the columns x, y, z in m, alone or with roll, pitch, yaw in rad (about
-    fixed axes, as in a URDF) or with the quaternion qw, qx, qy, qz. The result has q_JOINT, and how far off the pose is in
-    mm and mrad; q_JOINT is nan where a pose was not reached. With --all, rows have the number of the pose and of the
-    branch, and poses that are not reached have none. Exit code: 0 all were reached, 1 some were not, 2 bad input.
+    fixed axes, as in a URDF) or with the quaternion qw, qx, qy, qz. For a part of the orientation: with ax, ay, az, the
+    direction of the frame's z axis; with pitch, the angle of that axis below the base's xy plane; or with yaw, the angle
+    of the frame's x axis about base z. --aim "pitch x" means another axis. The result has q_JOINT, and how far off the
+    pose is in mm and mrad; q_JOINT is nan where a pose was not reached. With --all, rows have the number of the pose and
+    of the branch, and poses that are not reached have none. Exit code: 0 all were reached, 1 some were not, 2 bad input.
 
     \b
     Examples:
       armwright ik puma560 poses.csv -o positions.csv
       armwright ik my-arm.toml points.csv --near 0,0.5,1.2 | head
       armwright ik puma560 poses.csv --all
+      armwright ik my-arm.toml poses.csv --aim pitch
     """
     import armwright as aw
     from armwright.cli.progress import progress
@@ -72,14 +89,13 @@ def ik(
     arm = aw.load(robot)
     if output is not None:
         check_destination(output, read=(table, robot))
-    targets, turned = _targets(table)
-    aim: Any = "axis" if axis else "pose" if turned else "position"
+    targets, part = _targets(table, aim)
     wish: Any = goal
     start = None if near is None else vector("--near", near, arm.names, joint_units(arm, "q"))
     with progress("inverse kinematics"):
         way: Any = "closed-form" if every and method == "auto" else method
         found = aw.inverse_kinematics(
-            arm, targets, frame=frame, aim=aim, near=start, goal=wish, tolerance=tolerance, method=way
+            arm, targets, frame=frame, aim=part, near=start, goal=wish, tolerance=tolerance, method=way
         )
     numbers, q, off, turned_off = _every(found) if every else _best(found)
     columns = numbers | joint_columns("q", arm.names, joint_units(arm, "q"), q)
@@ -119,34 +135,79 @@ def _every(found: PoseSolutions) -> Rows:
     return {"pose": pose, "branch": branch}, q, off, turned
 
 
-def _targets(table: Path) -> tuple[np.ndarray, bool]:
-    """Poses (k, 4, 4) of a table, and whether it says how they are turned.
+def _targets(table: Path, aim: str | None) -> tuple[np.ndarray, Aim]:
+    """Poses (k, 4, 4) of a table, and what of them counts.
 
     Raises:
-        ScheduleError: what is no such table, or a quaternion that is not of unit length.
+        ScheduleError: what is no such table, or a number that cannot be.   ModelError: no such aim, or one that the columns
+            do not have.
     """
     import numpy as np
     from scipy.spatial.transform import Rotation
 
-    from armwright.errors import ScheduleError
+    from armwright.errors import ModelError
+    from armwright.ik.targets import pose_towards
+    from armwright.kinematics.aim import AXES, Aim
     from armwright.results.tables import Column, parse_numbers, table_text
 
     text = table_text(table)
-    first = next((line for line in text.splitlines() if line.strip()), "")
-    names = COLUMNS.get(first.count(",") + 1, COLUMNS[6])
-    columns = [Column(name, (UNITS[name],) if name in UNITS else ()) for name in names]
-    numbers = parse_numbers(text, str(table), columns)
+    turn = _columns(next((line for line in text.splitlines() if line.strip()), ""))
+    part = Aim.of(COLUMNS[turn] if aim is None else aim)
+    numbers = parse_numbers(
+        text, str(table), [Column(name, (UNITS[name],) if name in UNITS else ()) for name in (*PLACE, *turn)]
+    )
     values = numbers.values
-    poses = np.broadcast_to(np.eye(4), (len(values), 4, 4)).copy()
-    poses[:, :3, 3] = values[:, :3]
-    if len(names) == 6:
-        poses[:, :3, :3] = Rotation.from_euler("xyz", values[:, 3:]).as_matrix()
-    if len(names) == 7:
-        length = np.linalg.norm(values[:, 3:], axis=1)
-        for row in np.flatnonzero(np.abs(length - 1.0) > UNIT)[:1]:
-            place, expected = "columns qw, qx, qy, qz", "a quaternion of length 1"
-            raise ScheduleError(
-                f"length {length[row]:.6g}", place=place, expected=expected, file=f"{table}:{numbers.lines[row]}"
+    place, turned = values[:, :3], values[:, 3:]
+    if len(turn) == 1 or turn == ("ax", "ay", "az"):
+        if (part.kind != turn[0] and len(turn) == 1) or part.kind not in ("axis", "pitch", "yaw") or part.base:
+            raise ModelError(f"with columns {', '.join(turn)}", place="--aim", value=aim, expected=COLUMNS[turn])
+        if turn == ("pitch",):
+            _check(
+                numbers,
+                np.abs(turned[:, 0]) > 0.5 * np.pi,
+                turned[:, 0],
+                "column pitch",
+                "an angle from -π/2 to π/2 rad",
             )
-        poses[:, :3, :3] = Rotation.from_quat(values[:, 3:], scalar_first=True).as_matrix()
-    return poses, len(names) > 3
+            turned = np.stack([np.cos(turned[:, 0]), 0.0 * turned[:, 0], -np.sin(turned[:, 0])], axis=1)
+        elif turn == ("yaw",):
+            turned = np.stack([np.cos(turned[:, 0]), np.sin(turned[:, 0]), 0.0 * turned[:, 0]], axis=1)
+        length = np.linalg.norm(turned, axis=1)
+        _check(numbers, length == 0.0, length, "columns ax, ay, az", "a direction, not 0 0 0")
+        return pose_towards(place, turned, AXES[part.axis]), part
+    poses = np.broadcast_to(np.eye(4), (len(values), 4, 4)).copy()
+    poses[:, :3, 3] = place
+    if not turn and part.counted:
+        expected = "position, or columns that say how the frame is turned"
+        raise ModelError("with columns x, y, z", place="--aim", value=aim, expected=expected)
+    if len(turn) == 3:
+        poses[:, :3, :3] = Rotation.from_euler("xyz", turned).as_matrix()
+    if len(turn) == 4:
+        length = np.linalg.norm(turned, axis=1)
+        _check(numbers, np.abs(length - 1.0) > UNIT, length, "columns qw, qx, qy, qz", "a quaternion of length 1")
+        poses[:, :3, :3] = Rotation.from_quat(turned, scalar_first=True).as_matrix()
+    return poses, part
+
+
+def _columns(head: str) -> tuple[str, ...]:
+    """Columns behind x, y, z of a table by its first line: by their names, or without names by their number."""
+    names = {cell.partition("[")[0].strip() for cell in head.split(",")}
+    for turn in COLUMNS:
+        if turn and names == {*PLACE, *turn}:
+            return turn
+    return {3: (), 7: ("qw", "qx", "qy", "qz")}.get(head.count(",") + 1, ("roll", "pitch", "yaw"))
+
+
+def _check(numbers: Numbers, wrong: np.ndarray, values: np.ndarray, place: str, expected: str) -> None:
+    """Refuses rows (k,) of a table.
+
+    Raises:
+        ScheduleError: names the first.
+    """
+    from armwright.errors import ScheduleError
+
+    for row in wrong.nonzero()[0][:1]:
+        file = f"{numbers.path}:{numbers.lines[row]}"
+        raise ScheduleError(
+            f"{'length ' if 's ' in place else ''}{values[row]:.6g}", place=place, expected=expected, file=file
+        )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from armwright.cli.arguments import Robot, option
 from armwright.terminal import result, say
@@ -22,7 +22,8 @@ def workspace(
     samples: Annotated[int, option("--samples", "N", "Joint positions to draw; default 1000000.")] = 1_000_000,
     frame: Annotated[str | None, option("--frame", "NAME", "The frame that moves; by default the tip.")] = None,
     aim: Annotated[
-        str, option("--aim", "WORD", "What manipulability counts: pose, position, rotation, or axis; default pose.")
+        str,
+        option("--aim", "WORD", "What manipulability counts: rotation, pose, position, axis, pitch, …; default pose."),
     ] = "pose",
     length: Annotated[float, option("--length", "L", "Metres that a turn by 1 rad counts as; default 1.")] = 1.0,
     seed: Annotated[int, option("--seed", "N", "Of the samples; default 0.")] = 0,
@@ -42,10 +43,9 @@ def workspace(
 
     if output is not None:
         check_destination(output, (*ENDINGS, ".nc"), read=(robot,))
-    arm, chosen = aw.load(robot, kinematics_only=True), aim
-    task: Any = chosen
+    arm = aw.load(robot, kinematics_only=True)
     with progress(f"workspace of {arm.name}"):
-        found = aw.workspace(arm, samples, frame=frame, aim=task, length=length, seed=seed)
+        found = aw.workspace(arm, samples, frame=frame, aim=aim, length=length, seed=seed)
         if output is not None and output.suffix.lower() == ".nc":
             with whole_file(output, (".nc",)) as temporary:
                 found.to_netcdf(temporary, engine="h5netcdf")

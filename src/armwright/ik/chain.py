@@ -4,23 +4,24 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
 
 import numpy as np
 
 from armwright import scalar
 from armwright.errors import ModelError
+from armwright.ik.orientation import partial_turn, polar_angle
 from armwright.kernels.batch import Kernel
 from armwright.kernels.target import select_target
 from armwright.kinematics import forward_kinematics, jacobian
+from armwright.kinematics.aim import POSE, Aim, turning_rows
 from armwright.kinematics.forward_kinematics import body_placements
 from armwright.model import Model
 from armwright.program import trace
 from armwright.scalar import Array, Scalar
 
-Aim = Literal["pose", "position", "axis"]
 TURN = 2.0 * np.pi  # [rad]
 STRAIGHT = 1e-9  # sine of an angle that is taken for its sine
+UPRIGHT = 1e-9  # of the first joint's axis along base z
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,14 +33,14 @@ class Chain:
 
     Attributes:
         model: the arm.   frame: name of the frame; None: the tip.   weight: [m/rad], of angles in errors.
-        aim: what of a pose counts: all of it, its position, or its position and the direction of its z axis.
+        aim: what of a pose counts.
         bounds: lowest and highest positions (n,) where they are not the model's: numbers or symbols.
     """
 
     model: Model
     frame: str | None
     weight: Scalar
-    aim: Aim = "pose"
+    aim: Aim = POSE
     bounds: tuple[Array, Array] | None = None
 
     task_size = 13
@@ -89,7 +90,8 @@ class Chain:
     def base(self) -> tuple[np.ndarray, np.ndarray] | None:
         """Axes and origin of the first joint where it is revolute and the chain begins with it; else None.
 
-        Also None where other joints follow the first, and for an arm of symbols, whose starts are not turned.
+        Also None where other joints follow the first, where a turn about its axis changes what counts of a pose that turns
+        along, and for an arm of symbols, whose starts are not turned.
 
         Raises:
             ModelError: a frame that no joint moves.
@@ -106,41 +108,60 @@ class Chain:
         if path[0] != 0 or self.model.bodies[0].kind != "revolute" or not alone:
             return None
         placed = body_placements(self.model, np.zeros(self.n))[0]
-        return np.asarray(placed.rotation, dtype=float), np.asarray(placed.position, dtype=float)
+        axes = np.asarray(placed.rotation, dtype=float)
+        vertical = np.abs(axes[:2, 2]).max() < UPRIGHT
+        if (self.aim.base and self.aim.axis != 2) or (self._by_base and not vertical):
+            return None
+        return axes, np.asarray(placed.position, dtype=float)
+
+    @property
+    def _by_base(self) -> bool:
+        """True for an aim that depends on the base's axes."""
+        return self.aim.base or self.aim.kind in ("pitch", "yaw")
+
+    def _directions(self, rotation: Array, target: Array) -> tuple[np.ndarray, np.ndarray]:
+        """The direction (3,) in base axes that an axis aim turns, and the one that it must reach."""
+        k = self.aim.axis
+        return (rotation @ target[k], np.eye(3)[k]) if self.aim.base else (rotation[:, k], target[:, k])
 
     def error(self, q: Array, task: Array) -> tuple[np.ndarray, np.ndarray]:
         """The error e (k,) [m] of a pose and the slope of the pose by q, J (k, n): a step s leaves about e - J s."""
         pose, slope = forward_kinematics(self.model, q, self.frame), jacobian(self.model, q, self.frame)
         off = task[:3] - pose[:3, 3]
-        if self.aim == "position":
+        if self.aim.kind == "position":
             return off, slope[:3]
         rotation, target = pose[:3, :3], task[3:12].reshape(3, 3)
-        products = [_cross(rotation[:, k], target[:, k]) for k in range(3)]
-        cosines = [rotation[:, k] @ target[:, k] for k in range(3)]
-        if self.aim == "axis":
-            axis, cosine = products[2], cosines[2]
+        if self.aim.kind not in ("pose", "axis"):
+            turn, rows = partial_turn(self.aim, rotation, target)
+            angular = rows @ slope[3:] * self.weight
+            return scalar.array([*off, *(turn * self.weight)]), scalar.array([*slope[:3], *angular])
+        along = np.zeros(3)
+        if self.aim.kind == "axis":
+            start, along = self._directions(rotation, target)
+            axis, cosine = _cross(start, along), start @ along
         else:
+            products = [_cross(rotation[:, k], target[:, k]) for k in range(3)]
+            cosines = [rotation[:, k] @ target[:, k] for k in range(3)]
             axis = (products[0] + products[1] + products[2]) * 0.5
             cosine = (cosines[0] + cosines[1] + cosines[2] - 1.0) * 0.5
         sine = scalar.sqrt(axis @ axis)
         ratio = scalar.atan2(sine, cosine) / scalar.maximum(sine, STRAIGHT)  # angle / sine
         factor = scalar.where(scalar.less(STRAIGHT, sine), ratio, 1.0) * self.weight
         weighted = slope[3:] * self.weight
-        if self.aim == "axis":  # a turn about the axis itself changes nothing
-            along = target[:, 2]
+        if self.aim.kind == "axis":  # a turn about the axis itself changes nothing
             weighted = weighted - scalar.array(
                 [[along[i] * (along @ weighted[:, j]) for j in range(self.n)] for i in range(3)]
             )
         return scalar.array([*off, *(axis * factor)]), scalar.array([*slope[:3], *weighted])
 
     def slopes(self, q: Array) -> np.ndarray:
-        """Jacobian (k, n) of what counts, angles times the weight [m]; of an axis the two turns that move it."""
+        """Jacobian (k, n) of what counts, angles times the weight [m]."""
         slope = jacobian(self.model, q, self.frame)
-        if self.aim == "position":
+        if self.aim.kind == "position":
             return slope[:3]
         angular = slope[3:] * self.weight
-        if self.aim == "axis":
-            angular = forward_kinematics(self.model, q, self.frame)[:3, :2].T @ angular
+        if self.aim.kind != "pose":
+            angular = turning_rows(self.aim, forward_kinematics(self.model, q, self.frame)[:3, :3]) @ angular
         return scalar.array([*slope[:3], *angular])
 
     def within(self, q: Array) -> np.ndarray:
@@ -171,7 +192,6 @@ class Chain:
         Distances of features are those of poses [m]. The azimuth is 0 where the first joint does not turn the frame.
         """
         position, rotation, angle = pose[:3, 3], pose[:3, :3], 0.0
-        counts = {"pose": (1.0, 1.0, 1.0), "position": (0.0, 0.0, 0.0), "axis": (0.0, 0.0, np.sqrt(2.0))}[self.aim]
         at, turned = position, rotation
         if self.base is not None:
             axes, origin = self.base
@@ -180,8 +200,25 @@ class Chain:
             c, s = scalar.cos(angle), scalar.sin(angle)
             at, turned = scalar.array([c * x + s * y, c * y - s * x, z]), axes.T @ rotation
             turned = scalar.array([c * turned[0] + s * turned[1], c * turned[1] - s * turned[0], turned[2]])
-        scaled = turned * (np.array(counts) * (self.weight / np.sqrt(2.0)))
+        if self._by_base and self.base is not None:
+            turned = self.base[0] @ turned
+        scaled = self._turn_features(turned) * (self.weight / np.sqrt(2.0))
         return scalar.array([*position, *rotation.reshape(-1), angle]), scalar.array([*at, *scaled.reshape(-1)])
+
+    def _turn_features(self, rotation: Array) -> np.ndarray:
+        """(3, 3) numbers of a rotation; of two rotations that differ a little they are √2 times as far apart as what counts."""
+        kind, k, factor = self.aim.kind, self.aim.axis, np.sqrt(2.0)
+        if kind == "axis" and not self.aim.base:
+            return rotation * np.where(np.arange(3) == k, factor, 0.0)
+        if kind in ("pose", "position", "twist"):
+            return rotation * np.full(3, float(kind != "position"))
+        if kind == "axis":
+            return scalar.array([factor * rotation[k], np.zeros(3), np.zeros(3)])
+        x, y, _ = direction = rotation[:, k]
+        if kind == "pitch":
+            return scalar.array([[factor * polar_angle(direction), 0.0, 0.0], np.zeros(3), np.zeros(3)])
+        scale = factor / scalar.maximum(scalar.sqrt(x * x + y * y), STRAIGHT)
+        return scalar.array([[x * scale, y * scale, 0.0], np.zeros(3), np.zeros(3)])
 
     @cached_property
     def places(self) -> Kernel:
@@ -197,11 +234,15 @@ class Chain:
         pose = forward_kinematics(self.model, q, self.frame)
         off = pose[:3, 3] - target[:3, 3]
         distance = scalar.sqrt(off @ off)
-        if self.aim == "position":
+        if self.aim.kind == "position":
             return distance, 0.0
-        turned, share = (pose[:3, :3] - target[:3, :3]).reshape(-1), 0.125
-        if self.aim == "axis":
-            turned, share = turned[2::3], 0.25
+        if self.aim.kind not in ("pose", "axis"):
+            return distance, scalar.abs(partial_turn(self.aim, pose[:3, :3], target[:3, :3])[0][0])
+        if self.aim.kind == "axis":
+            start, end = self._directions(pose[:3, :3], target[:3, :3])
+            turned, share = start - end, 0.25
+        else:
+            turned, share = (pose[:3, :3] - target[:3, :3]).reshape(-1), 0.125
         square = (turned @ turned) * share  # sin²(angle / 2)
         return distance, 2.0 * scalar.atan2(scalar.sqrt(square), scalar.sqrt(scalar.maximum(1.0 - square, 0.0)))
 

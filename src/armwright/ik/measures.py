@@ -13,7 +13,8 @@ from armwright.ik.targets import checked_array
 from armwright.kernels.batch import Kernel
 from armwright.kernels.target import select_target
 from armwright.kinematics import forward_kinematics
-from armwright.kinematics.manipulability import TASKS, Task, singular_values
+from armwright.kinematics.manipulability import checked_task as known_task
+from armwright.kinematics.manipulability import singular_values
 from armwright.model import Model, check_arm
 from armwright.program import trace
 from armwright.scalar import Array, real_number
@@ -32,7 +33,7 @@ class Manipulability:
 
     singular_values: np.ndarray
     limit_margin: np.ndarray
-    aim: Task
+    aim: str
     length: float
 
     @property
@@ -61,7 +62,7 @@ def manipulability(
     q: Any,
     *,
     frame: str | None = None,
-    aim: Task = "pose",
+    aim: str = "pose",
     length: float = 1.0,
     threads: int = 1,
 ) -> Manipulability:
@@ -72,8 +73,8 @@ def manipulability(
 
     Args:
         arm: whose joints move.   q: (…, n) [rad | m].   frame: name of a frame of the arm; by default its tip.
-        aim: rows that count: "pose" (6), "position" (3), "rotation" (3), or "axis" (5): the position and the direction of the
-            frame's z axis.
+        aim: rows that count: "rotation" (3), or those of a part of the pose as in `inverse_kinematics`: "pose" (6),
+            "position" (3), "axis" (5), "pitch" (4), ….
         length: L [m], what a turn by 1 rad counts as; 1 m is what textbooks and other libraries have without saying so.
         threads: for large batches.
     Returns:
@@ -90,22 +91,21 @@ def manipulability(
     return Manipulability(sigma, limit_margin(arm, positions), aim, float(length))
 
 
-def checked_task(arm: Model, aim: Task, length: float) -> None:
+def checked_task(arm: Model, aim: str, length: float) -> None:
     """Refuses what is no arm, no aim or no length.
 
     Raises:
         ModelError: names it.
     """
     check_arm(arm)
-    if aim not in TASKS:
-        raise ModelError(place="aim", value=aim, choices=TASKS)
+    known_task(aim)
     number = real_number(length)
     if number is None or not 0.0 < number < np.inf:
         raise ModelError(place="length", value=length, expected="a number above 0 [m]")
 
 
 @lru_cache(maxsize=16)
-def measures(arm: Model, frame: str | None, aim: Task, length: float) -> Kernel:
+def measures(arm: Model, frame: str | None, aim: str, length: float) -> Kernel:
     """Compiled  q → position of the frame (3,) [m], singular values (m,)."""
 
     def both(q: Array) -> tuple[np.ndarray, np.ndarray]:

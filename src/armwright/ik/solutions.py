@@ -54,7 +54,7 @@ class PoseSolutions:
     Attributes:
         q: (…, n) [rad | m]; where a target was not solved, the positions that came nearest.
         success: (…,) True where the pose is met within the tolerance and the limits.
-        position_error: (…,) [m].   angle_error: (…,) [rad]; 0 where the rotation does not count.
+        position_error: (…,) [m].   angle_error: (…,) [rad] of the part of the orientation that counts; 0 of a position alone.
         margin: (…,) least distance to a joint limit, as a share of that joint's range; 1/2 in the middle of all.
         iterations: (…,) of all attempts together, 0 of closed forms and several.
         attempts: (…,) starts that were tried, counted likewise.   tolerance: on both errors, [m] and [rad].   arm: whose joints.

@@ -10,7 +10,7 @@ import numpy as np
 
 from armwright.errors import ModelError, ShapeError
 from armwright.features import Support
-from armwright.ik.chain import Aim, Chain
+from armwright.ik.chain import Chain
 from armwright.ik.closed_form.branches import ClosedForm
 from armwright.ik.closed_form.nearly import closed_form
 from armwright.ik.descent import descent
@@ -24,6 +24,7 @@ from armwright.kernels.compiled import compile_arm
 from armwright.kernels.loop import Loop, Tasks
 from armwright.kernels.stages import Call, Exchange
 from armwright.kernels.target import select_target
+from armwright.kinematics.aim import Aim
 from armwright.kinematics.reach import reach
 from armwright.model import Model, check_arm
 from armwright.other_names import answering
@@ -148,7 +149,7 @@ def inverse_kinematics(
     targets: Any,
     *,
     frame: str | None = None,
-    aim: Aim | None = None,
+    aim: str | Aim | None = None,
     near: Any = None,
     tolerance: float = 1e-8,
     method: Method = "auto",
@@ -167,7 +168,13 @@ def inverse_kinematics(
     Args:
         arm: whose joints move.   targets: (…, 4, 4) poses of the frame in the base, or (…, 3) positions alone [m].
         frame: name of a frame of the arm; by default its tip.
-        aim: "pose", "position", or "axis": the position and the direction of the frame's z axis; by default what targets say.
+        aim: part of the poses that counts besides the position; by default what targets say.
+            "pose": the whole orientation; "position": none of it.
+            "axis": the direction of the frame's z axis, free to turn about it; of others "axis x", "axis y".
+            "pitch": the angle of the frame's z axis to the base's xy plane; "pitch x", "pitch y".
+            "yaw": the direction of the frame's x axis, seen along the base's z axis; "yaw y", "yaw z".
+            "base xy", "tool z", …: components about these axes of the rotation (angle times axis) from the frame to its
+            target that must be 0, in axes of the base or of the frame.
         near: (…, n) or (n,) joint positions to begin with [rad | m]; the solution is as a rule the one nearest to them. Without
             them that of a closed form is the one farthest from the limits.
         tolerance: on the distance [m] and on the angle [rad].   threads: for large batches.
@@ -187,7 +194,7 @@ def inverse_kinematics(
             closed form that is asked for.
     """
     check_arm(arm)
-    poses, shape, aim = checked_targets(targets, aim)
+    poses, shape, part = checked_targets(targets, aim)
     limit = real_number(tolerance)
     if limit is None or not 1e-12 <= limit < 1.0:
         raise ModelError(place="tolerance", value=tolerance, expected="a number from 1e-12 to 1 [m and rad]")
@@ -202,10 +209,10 @@ def inverse_kinematics(
             raise ShapeError(place="near", value=starts.shape if not fits else near, expected=expected)
         starts = np.broadcast_to(starts, (*shape, arm.n)).reshape(-1, arm.n)
     _check_choice(goal, starts is not None, solutions, weight)
-    closed = _closed_form(arm, frame, aim, method, starts is not None)
+    closed = _closed_form(arm, frame, part, method, starts is not None)
     if goal is not None or solutions is not None:
-        plain = solver(arm, frame, aim, limit, False, weight)
-        begins = None if starts is None else solver(arm, frame, aim, limit, True, weight)
+        plain = solver(arm, frame, part, limit, False, weight)
+        begins = None if starts is None else solver(arm, frame, part, limit, True, weight)
         if closed is None:
             candidates = descended(plain, begins, poses, starts, solutions or 1, threads)
         else:
@@ -215,14 +222,14 @@ def inverse_kinematics(
         q = best_different(plain, poses, candidates, starts, goal, solutions or 1, limit)
         return _several(plain, q, poses, shape, solutions, limit)
     if closed is None:
-        values, more = _numeric(arm, frame, aim, limit, poses, starts, weight, threads), {}
+        values, more = _numeric(arm, frame, part, limit, poses, starts, weight, threads), {}
     else:
         branches, best = closed.solve(poses, starts, limit, threads)
         values, branch = _of_branches(best)
         left = np.flatnonzero(branch < 0)
         if len(left) and method == "auto":
             some = _numeric(
-                arm, frame, aim, limit, poses[left], None if starts is None else starts[left], weight, threads
+                arm, frame, part, limit, poses[left], None if starts is None else starts[left], weight, threads
             )
             for every, found in zip(values, some, strict=True):
                 every[left] = found
@@ -247,11 +254,13 @@ def _closed_form(arm: Model, frame: str | None, aim: Aim, method: Method, near: 
     """
     if method not in get_args(Method):
         raise ModelError(place="method", value=method, choices=get_args(Method))
-    found = closed_form(arm, frame, near) if aim == "pose" and method != "numeric" else None
+    found = closed_form(arm, frame, near) if aim.kind == "pose" and method != "numeric" else None
     if found is None and method == "closed-form":
         expected = "six joints whose axes meet or are parallel as one needs, a frame of the last link and whole poses"
         what = (
-            f"{arm.name} has no closed form" if aim == "pose" else f"a closed form needs whole poses, not aim = {aim!r}"
+            f"{arm.name} has no closed form"
+            if aim.kind == "pose"
+            else f"a closed form needs whole poses, not aim = {str(aim)!r}"
         )
         raise ModelError(what, place="method", value=method, expected=expected)
     return found

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 
 from armwright.errors import ModelError, ShapeError
-from armwright.ik.chain import Aim
 from armwright.ik.pose_defect import LARGEST, pose_defects
+from armwright.kinematics.aim import AXES, POSE, POSITION, VERTICAL, Aim
 from armwright.parameters import Batch
 from armwright.scalar import real_numbers
 
@@ -32,15 +32,14 @@ def checked_array(value: Any, place: str) -> np.ndarray:
         raise ShapeError(what, place=place, expected="an array of real numbers") from None
 
 
-def checked_targets(targets: Any, aim: Aim | None) -> tuple[np.ndarray, tuple[int, ...], Aim]:
+def checked_targets(targets: Any, aim: str | Aim | None) -> tuple[np.ndarray, tuple[int, ...], Aim]:
     """Targets as poses (k, 4, 4), the shape of their batch, and what of them counts.
 
     Raises:
         ShapeError, ModelError: what is no pose; names the first.
     """
     array = checked_array(targets, "targets")
-    if aim is not None and aim not in get_args(Aim):
-        raise ModelError(place="aim", value=aim, choices=get_args(Aim))
+    aim = None if aim is None else Aim.of(aim)
     if array.shape[-2:] == (4, 4):
         shape, poses = array.shape[:-2], array.reshape(-1, 4, 4)
         wrong = np.flatnonzero(~(pose_defects(poses) < ORTHOGONAL))  # NaN is wrong too
@@ -49,9 +48,16 @@ def checked_targets(targets: Any, aim: Aim | None) -> tuple[np.ndarray, tuple[in
             expected = "a rotation matrix, a finite position, and the row 0 0 0 1"
             place = _place(int(wrong[0]), shape)
             raise ModelError(f"no pose: {_defect(pose)}", place=place, value=pose.tolist(), expected=expected)
-        return poses, shape, aim or "pose"
-    if array.shape[-1:] != (3,) or aim not in (None, "position"):
-        expected = "(…, 4, 4) poses" + (" or (…, 3) positions" if aim in (None, "position") else "")
+        if aim is not None and aim.kind == "yaw":
+            upright = np.flatnonzero(np.hypot(*poses[:, :2, aim.axis].T) < VERTICAL)
+            if len(upright):
+                what = f"the frame's {AXES[aim.axis]} axis is vertical, which has no yaw"
+                raise ModelError(what, place=_place(int(upright[0]), shape), expected="a pose in which it is not")
+        return poses, shape, aim or POSE
+    if array.shape[-1:] != (3,) or aim not in (None, POSITION):
+        expected = "(…, 4, 4) poses" + (
+            " or (…, 3) positions" if aim in (None, POSITION) else ", as aw.pose_towards(positions, direction) makes"
+        )
         raise ShapeError(place="targets", value=array.shape, expected=expected)
     if aim is None and array.shape[-2:] == (3, 3) and _rotations(array.reshape(-1, 3, 3)):
         expected = "(…, 4, 4) poses: a position too; aim='position' where they are three positions"
@@ -63,7 +69,43 @@ def checked_targets(targets: Any, aim: Aim | None) -> tuple[np.ndarray, tuple[in
         raise ModelError(place=place, value=positions[wrong[0]].tolist(), expected=expected)
     poses = np.broadcast_to(np.eye(4), (len(positions), 4, 4)).copy()
     poses[:, :3, 3] = positions
-    return poses, shape, "position"
+    return poses, shape, POSITION
+
+
+def pose_towards(position: Any, direction: Any, axis: str = "z") -> np.ndarray:
+    """Poses of a frame at positions, with one of its axes along a direction; the turn about that axis is arbitrary.
+
+    For targets of which only the axis, its pitch or its yaw counts.
+
+    Args:
+        position: (…, 3) [m] in base axes.   direction: (3,) or (…, 3) in base axes, of any length.
+        axis: of the frame: "x", "y" or "z".
+    Returns:
+        poses: (…, 4, 4).
+    Raises:
+        ShapeError: other shapes.   ModelError: a direction without length, no such axis, numbers that are not finite.
+    """
+    at, way = checked_array(position, "position"), checked_array(direction, "direction")
+    for place, value in (("position", at), ("direction", way)):
+        if value.shape[-1:] != (3,) or (place == "direction" and way.shape not in ((3,), at.shape)):
+            expected = "(…, 3)" if place == "position" else "(3,), or one for each position"
+            raise ShapeError(place=place, value=value.shape, expected=expected)
+        if not (np.abs(value) < LARGEST).all():
+            raise ModelError("not finite", place=place, value=value.tolist(), expected="finite numbers")
+    if axis not in tuple(AXES):
+        raise ModelError(place="axis", value=axis, choices=tuple(AXES))
+    length = np.linalg.norm(way, axis=-1, keepdims=True)
+    if not (length > 0.0).all():
+        raise ModelError(place="direction", value=way.tolist(), expected="a direction, not 0 0 0")
+    first = np.broadcast_to(way / length, at.shape)
+    across = np.eye(3)[np.abs(first).argmin(axis=-1)]  # the base's axis that is farthest from the direction
+    second = np.cross(across, first)
+    second = second / np.linalg.norm(second, axis=-1, keepdims=True)
+    poses, k = np.zeros((*at.shape[:-1], 4, 4)), AXES.index(axis)
+    poses[..., :3, 3], poses[..., 3, 3] = at, 1.0
+    for column, each in zip((k, k + 1, k + 2), (first, second, np.cross(first, second)), strict=True):
+        poses[..., :3, column % 3] = each
+    return poses
 
 
 def _place(number: int, shape: tuple[int, ...]) -> str:

@@ -8,7 +8,6 @@ import numpy as np
 
 from armwright.errors import ModelError
 from armwright.ik.measures import checked_task, limit_margin, measures
-from armwright.kinematics.manipulability import Task
 from armwright.model import Model
 
 if TYPE_CHECKING:
@@ -28,7 +27,7 @@ def workspace(
     samples: int = SAMPLES,
     *,
     frame: str | None = None,
-    aim: Task = "pose",
+    aim: str = "pose",
     length: float = 1.0,
     seed: int = 0,
     threads: int = 1,

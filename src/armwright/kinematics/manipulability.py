@@ -3,46 +3,56 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Literal
 
 import numpy as np
 
 from armwright import scalar
 from armwright.errors import ModelError
+from armwright.kinematics.aim import EXPECTED, POSE, Aim, turning_rows
 from armwright.kinematics.forward_kinematics import forward_kinematics
 from armwright.kinematics.jacobian import jacobian
 from armwright.model import Model, one_state
 from armwright.program import Program, call, trace
 from armwright.scalar import Array, Scalar
 
-Task = Literal["pose", "position", "axis", "rotation"]
-TASKS: tuple[Task, ...] = ("pose", "position", "axis", "rotation")
 SWEEPS = (
     6  # of rotations: random 6 × 7 matrices are done to rounding after 6, those with one tiny singular value after 7
 )
 
 
-def task_jacobian(model: Model, q: Array, frame: str | None, task: Task, length: float) -> np.ndarray:
+def checked_task(task: str) -> tuple[bool, Aim]:
+    """True where the position counts in a task, and its part of the rotation.
+
+    Raises:
+        ModelError: no such task.
+    """
+    try:
+        return task != "rotation", POSE if task == "rotation" else Aim.of(task)
+    except ModelError:
+        raise ModelError(place="aim", value=task, expected=f"'rotation', {EXPECTED}") from None
+
+
+def task_jacobian(model: Model, q: Array, frame: str | None, task: str, length: float) -> np.ndarray:
     """Rows of the Jacobian that a task needs, angles times a length:  [J_v; L J_ω]  [m/rad | -].
 
     Args:
         model: the arm.   q: (n,) [rad | m].   frame: by default the tip.   length: L [m], what a turn by 1 rad counts as.
-        task: "pose" (6 rows), "position" (3), "rotation" (3), or "axis" (5): position, and the two turns that move the frame's z.
+        task: "rotation" (3 rows), or part of the pose that counts, as `Aim` has it: "pose" (6), "position" (3), "axis" (5),
+            "pitch" (4), ….
     Raises:
         ModelError: no such task or frame.
     """
-    if task not in TASKS:
-        raise ModelError(place="aim", value=task, choices=TASKS)
+    placed, aim = checked_task(task)
     rows = jacobian(model, q, frame)
     linear, angular = rows[:3], rows[3:] * length
-    if task == "axis":  # turns about the frame's x and y axes
-        angular = forward_kinematics(model, q, frame)[:3, :2].T @ angular
-    return scalar.array({"position": [*linear], "rotation": [*angular]}.get(task, [*linear, *angular]))
+    if aim.kind != "pose":  # turns that change what counts
+        angular = turning_rows(aim, forward_kinematics(model, q, frame)[:3, :3]) @ angular
+    return scalar.array([*linear, *angular] if placed else [*angular])
 
 
 @one_state
 def singular_values(
-    model: Model, q: Array, frame: str | None = None, aim: Task = "pose", length: float = 1.0
+    model: Model, q: Array, frame: str | None = None, aim: str = "pose", length: float = 1.0
 ) -> np.ndarray:
     """Singular values of the Jacobian, the largest first:  J = U diag(σ) Vᵀ,  by Jacobi's rotations from one side.
     [Hestenes1958]
@@ -52,10 +62,10 @@ def singular_values(
 
     Args:
         model: the arm.   q: (n,) [rad | m].   frame: name of a frame of the arm; by default its tip.
-        aim: "pose", "position", "rotation", or "axis": the position and the direction of the frame's z axis.
+        aim: "rotation", or part of the pose that counts: "pose", "position", "axis", "pitch", …, as in `inverse_kinematics`.
         length: [m] that a turn by 1 rad counts as, so that all have one unit.
     Returns:
-        sigma: (m,) [m/rad | -], m the smaller of n and the rows: 6, 3, 3 or 5.
+        sigma: (m,) [m/rad | -], m the smaller of n and the rows: 3 of a position, and the turns that count.
     Raises:
         ModelError: no such frame or aim, or the arm branches and names no tip.
     """

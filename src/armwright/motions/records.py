@@ -13,6 +13,7 @@ from armwright.validation import SEEN
 Seconds = Annotated[Number, Field(gt=0)]
 Speed = Annotated[Number, Field(ge=1e-6, le=1)]
 Points = Annotated[tuple[tuple[Number, ...], ...], Field(min_length=1)]
+RIGHT_ANGLE = 1.5707963267948966  # [rad]
 SPEED = "1: as fast as the limits allow; 0.5: the same in twice the time."
 
 
@@ -101,6 +102,13 @@ class LinePiece(Record):
     rpy_rad: Three | None = Field(
         default=None, description="Angles about fixed x, y, z there; absent: it does not turn."
     )
+    direction: Three | None = Field(default=None, description="Of the axis that `aim` names there, in base axes.")
+    pitch_rad: Annotated[Number, Field(ge=-RIGHT_ANGLE, le=RIGHT_ANGLE)] | None = Field(
+        default=None, description="Of that axis there: its angle below the base's xy plane."
+    )
+    yaw_rad: Number | None = Field(
+        default=None, description="Of that axis there: its angle about base z, 0 along base x."
+    )
 
 
 class ArcPiece(Record):
@@ -111,6 +119,13 @@ class ArcPiece(Record):
     to_m: Three = Field(description="x, y, z where it ends.")
     rpy_rad: Three | None = Field(
         default=None, description="Angles about fixed x, y, z there; absent: it does not turn."
+    )
+    direction: Three | None = Field(default=None, description="Of the axis that `aim` names there, in base axes.")
+    pitch_rad: Annotated[Number, Field(ge=-RIGHT_ANGLE, le=RIGHT_ANGLE)] | None = Field(
+        default=None, description="Of that axis there: its angle below the base's xy plane."
+    )
+    yaw_rad: Number | None = Field(
+        default=None, description="Of that axis there: its angle about base z, 0 along base x."
     )
 
 
@@ -152,7 +167,10 @@ class ToolSegment(Record):
         default="base",
         description="Where positions count from, in base axes: the base, or the tool where the segment begins.",
     )
-    aim: Literal["pose", "position"] = Field(default="pose", description="What of the tool's pose must be met.")
+    aim: str = Field(
+        default="pose",
+        description="What of the tool's pose must be met: pose, position, axis, pitch, yaw, …, as in `inverse_kinematics`.",
+    )
     frame: str | None = Field(default=None, description="The frame that is led; absent: the tip.")
 
 

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from armwright.errors import ArmwrightError, Problem, ScenarioError
+from armwright.kinematics.aim import Aim
 from armwright.model import Model, build_model
 from armwright.motions.obstacles import obstacle
 from armwright.motions.records import (
@@ -20,6 +21,7 @@ from armwright.motions.records import (
     MoveSegment,
     ReleaseSegment,
     TimeOptimalSegment,
+    ToolSegment,
     WaypointsSegment,
 )
 from armwright.scenarios.files import Files
@@ -88,6 +90,8 @@ def _mistakes(table: MotionTable, arm: Model) -> list[Problem]:
                 checks.append(partial(checked_times, segment))
         elif isinstance(segment, GripSegment):
             checks, held = [partial(gripped, segment, arm, 0.0)], True
+        elif isinstance(segment, ToolSegment):
+            checks = [partial(Aim.of, segment.aim)]
         elif isinstance(segment, ReleaseSegment):
             checks, held = [partial(check_held, held)], False
         for check in checks:

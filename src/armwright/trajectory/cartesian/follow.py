@@ -9,12 +9,12 @@ import numpy as np
 from armwright import scalar
 from armwright.collision import Clearance
 from armwright.errors import ScenarioError
+from armwright.kinematics.aim import Aim
 from armwright.model import Model
 from armwright.trajectory.cartesian.motion import CartesianMotion, SlowStretch
 from armwright.trajectory.cartesian.path import CartesianPath
 from armwright.trajectory.cartesian.slowing import Pace, locally_slowed
 from armwright.trajectory.cartesian.solve import checked_limits, place, solve_path
-from armwright.trajectory.cartesian.tool import Aim
 from armwright.trajectory.cartesian.uses import MARGIN, uses_of
 from armwright.trajectory.limits import MotionLimits
 from armwright.trajectory.piecewise import PiecewisePolynomial
@@ -40,7 +40,7 @@ def follow_path(
     constant: bool = False,
     near: Any = None,
     frame: str | None = None,
-    aim: Aim = "pose",
+    aim: str | Aim = "pose",
     posture: Any = None,
     tolerance: float = 1e-6,
     time: float = 0.0,
@@ -60,7 +60,8 @@ def follow_path(
         slow: what is slower where a limit would be exceeded: "everywhere" or "where needed".
         constant: whether the speed that is asked for must be kept.   time: [s] of the beginning.
         near: (n,) positions [rad | m] to begin near.   frame: of the arm that is led; None: its tip.
-        aim: "pose", or "position", which leaves the rotation free.   posture: (n,) [rad | m] for a redundant arm's self-motion.
+        aim: part of the path's poses that counts, as in `solve_path`.
+        posture: (n,) [rad | m] for a redundant arm's self-motion.
         tolerance: [m] and [rad] of the tool from its path.   clearance: of the arm, whose least distance is kept.
     Returns:
         motion: of the joints; it says where and by how much the speed is too high, and for which limits.

@@ -1,6 +1,7 @@
 """Joint positions along a tool's path, step by step from one solution, and as a spline within a tolerance.
 
-On a smooth part of the path  J q' = V,  J q'' = V' - J' q',  so that positions and both derivatives are known at every node.
+On a smooth part of the path  J q' = V,  J q'' = V' - J' q',  with the rows of `turning` where a part of the orientation counts,
+so that positions and both derivatives are known at every node.
 A quintic Hermite spline through them is C² and misses the path by the sixth power of the distance of its nodes.
 """
 
@@ -51,15 +52,17 @@ class Follower:
 
     def _rates(self, q: np.ndarray, s: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """q' (k, n), J⁺, least singular value, and the share of the twist that q' leaves (k,)."""
-        rows = self.tool.rows
-        twist = self.path.points(s).first[:, :rows]
-        inverse, jacobian, least = self.tool.inverse(q)
+        points = self.path.points(s)
+        twist = self.tool.asked(q, points)
+        inverse, jacobian, least = self.tool.inverse(q, points.pose)
         rates = (inverse @ twist[:, :, None])[:, :, 0]
         left = twist - (jacobian @ rates[:, :, None])[:, :, 0]
         if self.posture is not None:
             wish = EAGER / self.path.length * (self.posture - q)
             rates = rates + wish - (inverse @ (jacobian @ wish[:, :, None]))[:, :, 0]
-        return rates, inverse, least, np.linalg.norm(left, axis=1) / np.linalg.norm(twist, axis=1)
+        whole = points.first if self.tool.partial else twist  # of a turn about a free axis the twist is rounding
+        share = np.linalg.norm(left, axis=1) / np.maximum(np.linalg.norm(whole, axis=1), np.finfo(float).tiny)
+        return rates, inverse, least, share
 
     def derivatives(self, q: np.ndarray, s: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """q' and q'' (k, n) at positions on the path, and True (k,) for points that the joints cannot follow.
@@ -71,7 +74,8 @@ class Follower:
         jammed = (left > IMPOSSIBLE) | (
             (least < SINGULAR) & (np.abs(rates).max(axis=1) * SINGULAR > 1.0 / self.tool.radian)
         )
-        change = self.path.points(s).second[:, : self.tool.rows] - self.tool.drift(q, rates)
+        points = self.path.points(s)
+        change = self.tool.change(q, rates, points)
         second = (inverse @ change[:, :, None])[:, :, 0]
         if self.tool.redundant:
             h = SHIFT * self.path.length
@@ -79,7 +83,7 @@ class Follower:
             ahead, back = (end - s)[:, None], (begin - s)[:, None]
             slope = self._rates(q + ahead * rates, end)[0] - self._rates(q + back * rates, begin)[0]
             slope = slope / (ahead - back)
-            jacobian = self.tool.inverse(q)[1]
+            jacobian = self.tool.inverse(q, points.pose)[1]
             second = second + slope - (inverse @ (jacobian @ slope[:, :, None]))[:, :, 0]
         return rates, second, jammed
 
@@ -90,7 +94,7 @@ class Follower:
             error = self.tool.difference(q, poses)
             if np.abs(error).max() < CONVERGED:
                 break
-            step = (self.tool.inverse(q)[0] @ error[:, :, None])[:, :, 0]
+            step = (self.tool.inverse(q, poses)[0] @ error[:, :, None])[:, :, 0]
             q = q + np.clip(step, -STEP, STEP)
         return q, np.abs(self.tool.difference(q, poses)).max(axis=1) < 10.0 * CONVERGED
 

@@ -133,7 +133,7 @@ def _run(solution: ToolPathSolution, limits: MotionLimits, values: dict[str, flo
     s = np.union1d(np.linspace(0.0, end - begin, GRID), breaks[(breaks > begin) & (breaks < end)] - begin)
     _, first, second = solution.runs[k].at(s)
     third = np.abs(solution.runs[k].derivative(s, 3))
-    points = solution.path.points(np.nextafter(begin + s, np.inf))
+    points = solution.twists(begin + s, solution.path.points(np.nextafter(begin + s, np.inf)))
     with np.errstate(divide="ignore"):
         ceilings = [
             np.full(len(s), pace.speed),
@@ -141,10 +141,8 @@ def _run(solution: ToolPathSolution, limits: MotionLimits, values: dict[str, flo
             np.sqrt((limits.acceleration / np.abs(second)).min(axis=1)),
             np.cbrt((limits.jerk / third).min(axis=1)),
         ]
-        parts = [(slice(0, 3), "acceleration")]
-        if solution.tool.aim == "pose":
-            ceilings.append(values["angular_speed"] / np.linalg.norm(points.first[:, 3:], axis=1))
-            parts.append((slice(3, 6), "angular_acceleration"))
+        parts = [(slice(0, 3), "acceleration"), (slice(3, 6), "angular_acceleration")]
+        ceilings.append(values["angular_speed"] / np.linalg.norm(points.first[:, 3:], axis=1))
         tool = [
             (points.first[:, axes], points.second[:, axes], values[name])
             for axes, name in parts

@@ -14,11 +14,14 @@ from armwright.collision import Clearance
 from armwright.errors import ABSENT, ModelError, ScenarioError
 from armwright.ik.solve import inverse_kinematics, solver
 from armwright.ik.starts import random_positions
+from armwright.kinematics.aim import AXES, Aim
 from armwright.model import Model
 from armwright.scalar import real_number, real_numbers
 from armwright.trajectory.cartesian.following import Follower, Stuck
 from armwright.trajectory.cartesian.path import CartesianPath
-from armwright.trajectory.cartesian.tool import Aim, Tool
+from armwright.trajectory.cartesian.pieces import PathPoints
+from armwright.trajectory.cartesian.tool import Tool
+from armwright.trajectory.cartesian.turning import UPRIGHT
 from armwright.trajectory.keep_clear import check_arm, nearest_along, too_near
 from armwright.trajectory.limits import MotionLimits
 from armwright.trajectory.path import JointPath
@@ -30,6 +33,7 @@ IN_A_PIECE = 9  # places between two nodes of a spline, where distances are comp
 SAMPLES = 200  # of a path, for how far it leaves the reach
 BESIDE, SEVERAL = 1e-5, 3  # [rad] off and places of the path: what is less may be a descent that did not get there
 BOUNDLESS = 1e9  # [rad/m]
+STILL = 1e-9  # [rad | m] of a joint that does not move
 BEYOND = 1e-9  # [rad | m] outside of a limit that is rounding
 
 
@@ -74,6 +78,10 @@ class ToolPathSolution:
         q, first, second = found.reshape(3, *s.shape, self.n)
         return q, first, second
 
+    def twists(self, s: np.ndarray, points: PathPoints) -> PathPoints:
+        """Points (k) of the path at s with the tool's own motion, whose free parts turn as the joints turn them."""
+        return self.tool.twists(*self.at(s), points)
+
     def third(self, s: np.ndarray) -> np.ndarray:
         """d³q/ds³ (k, n) at s (k,), which jumps at the nodes of the splines."""
         found = np.zeros((len(s), self.n))
@@ -95,7 +103,7 @@ def solve_path(
     *,
     near: Any = None,
     frame: str | None = None,
-    aim: Aim = "pose",
+    aim: str | Aim = "pose",
     posture: Any = None,
     limits: MotionLimits | None = None,
     tolerance: float = 1e-6,
@@ -110,7 +118,8 @@ def solve_path(
     Args:
         arm: the model.   path: of the tool.
         near: (n,) positions [rad | m] to begin near.   frame: of the arm that is led; None: its tip.
-        aim: "pose", or "position", which leaves the rotation free.
+        aim: part of the path's poses that counts, as in `inverse_kinematics`: "pose", "position", which leaves the rotation
+            free, "axis", "pitch", …; what is free moves continuously, as little as the joints need.
         posture: (n,) [rad | m] that a redundant arm's self-motion goes to; None: the least motion.
         limits: of positions and speeds; None: the record's.   tolerance: [m] and [rad] of the tool on a dense grid.
         clearance: of the arm; solutions that come nearer than its least distance are left out.
@@ -124,14 +133,14 @@ def solve_path(
     limits = checked_limits(arm, limits)
     if not isinstance(path, CartesianPath):
         raise ScenarioError(place="path", value=path, expected="an aw.CartesianPath")
-    if aim not in ("pose", "position"):
-        raise ModelError(place="aim", value=aim, choices=("pose", "position"))
+    part = Aim.of(aim)
     accuracy = real_number(tolerance)
     if accuracy is None or not 1e-9 <= accuracy < 0.1:
         raise ScenarioError(place="tolerance", value=tolerance, expected="a number from 1e-9 to 0.1 [m and rad]")
     if clearance is not None:
         check_arm(clearance, arm)
-    tool = Tool(arm, frame, aim)
+    tool = Tool(arm, frame, part)
+    _check_vertical(path, part)
     follower = Follower(tool, path, None if posture is None else _positions(arm, "posture", posture))
     found: list[tuple[float, list[Any]]] = []
     failures: list[tuple[float, ScenarioError | Stuck]] = []
@@ -170,6 +179,23 @@ def checked_limits(arm: Any, limits: Any) -> MotionLimits:
     return limits
 
 
+def _check_vertical(path: CartesianPath, aim: Aim) -> None:
+    """Refuses paths on which an axis is vertical in places, if its yaw or its pitch counts.
+
+    Raises:
+        ScenarioError: where; a pitch that is vertical on the whole path is none of them.
+    """
+    if aim.kind not in ("pitch", "yaw"):
+        return
+    s = np.union1d(np.linspace(0.0, path.length, SAMPLES), path.breaks)
+    sine = np.linalg.norm(path.points(s).pose[:, :2, aim.axis], axis=1)
+    vertical = sine < UPRIGHT
+    if vertical.any() and not (aim.kind == "pitch" and vertical.all()):
+        what = f"the tool's {AXES[aim.axis]} axis is vertical, where its {aim.kind} has no slope"
+        expected = "an axis beside the vertical, if by 1 mrad, or aim = 'axis'"
+        raise ScenarioError(what, place=place(path, float(s[vertical.argmax()])), expected=expected)
+
+
 @dataclass(frozen=True, eq=False)
 class _Outside(Exception):
     """A solution that passes a limit of position or comes too near to something, and where it does."""
@@ -185,14 +211,14 @@ def _starts(follower: Follower, near: Any) -> list[np.ndarray]:
         ScenarioError: there is none; says how far the nearest pose is.
     """
     tool, start = follower.tool, follower.path.start
-    target = start if tool.aim == "pose" else start[:3, 3]
+    options: Any = {"frame": tool.frame, "aim": tool.aim}
     if near is not None:
-        solutions = inverse_kinematics(tool.arm, target, frame=tool.frame, near=_positions(tool.arm, "near", near))
+        solutions = inverse_kinematics(tool.arm, start, near=_positions(tool.arm, "near", near), **options)
         rows, fine = solutions.q[None], solutions.success[None]
     else:
         chain = solver(tool.arm, tool.frame, tool.aim, 1e-8, True).chain
-        targets = np.broadcast_to(target, (STARTS, *target.shape))
-        solutions = inverse_kinematics(tool.arm, targets, frame=tool.frame, near=random_positions(chain, STARTS))
+        targets = np.broadcast_to(start, (STARTS, 4, 4))
+        solutions = inverse_kinematics(tool.arm, targets, near=random_positions(chain, STARTS), **options)
         rows, fine = solutions.q, solutions.success
     if not fine.any():
         exact = (solutions.position_error <= solutions.tolerance) & (solutions.angle_error <= solutions.tolerance)
@@ -294,10 +320,15 @@ def _splined(
     """Runs as splines, the limits of position and the least distance held between nodes as well.
 
     Raises:
-        Stuck, _Outside: as named there.
+        Stuck, _Outside: as named there.   ScenarioError: a part of the path moves no joint.
     """
     paths, off, angle = [], 0.0, 0.0
     for s, q in runs:
+        if np.ptp(q, axis=0).max() < STILL:
+            what = f"no joint moves: the tool's turn does not count with aim = {str(follower.tool.aim)!r}"
+            raise ScenarioError(
+                what, place=place(follower.path, float(s[0])), expected="a path without it, or another aim"
+            )
         nodes, rows, curve, (distance, turned) = follower.spline(s, q, tolerance)
         off, angle = max(off, distance), max(angle, turned)
         spline = PPoly(curve.c, curve.x - nodes[0])
@@ -331,7 +362,7 @@ def explained(follower: Follower, stuck: Stuck) -> ScenarioError:
     if here or far.sum() >= SEVERAL:  # a path that leaves the reach is no use even if its singular places are avoided
         worst, first = int(np.argmax(off)), stuck.s if here else float(s[far].min())
         return _out_of_reach(follower, first, float(distance[worst]), float(angle[worst]), float(s[worst]))
-    joint, rate = tool.hardest(stuck.q, path.points(np.array([stuck.s])).first[0])
+    joint, rate = tool.hardest(stuck.q, path.points(np.array([stuck.s])))
     unit = "m" if tool.arm.coordinates[joint].kind == "prismatic" else "rad"
     speed = (
         f"{rate:.3g} {unit}/s for each m/s of the tool, and more beyond" if rate < BOUNDLESS else "an infinite speed"
@@ -342,16 +373,14 @@ def explained(follower: Follower, stuck: Stuck) -> ScenarioError:
 
 def _solved(tool: Tool, path: CartesianPath, s: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """True where poses at s (k,) have solutions, and how far off the nearest are [m], [rad]."""
-    poses = path.points(s).pose
-    targets = poses if tool.aim == "pose" else poses[:, :3, 3]
-    solutions = inverse_kinematics(tool.arm, targets, frame=tool.frame)
+    solutions = inverse_kinematics(tool.arm, path.points(s).pose, frame=tool.frame, aim=tool.aim)
     return solutions.success, solutions.position_error, solutions.angle_error
 
 
 def _out_of_reach(
     follower: Follower, s: float, distance: float, angle: float, worst: float | None = None
 ) -> ScenarioError:
-    off = f"{1e3 * distance:.4g} mm" + (f" and {1e3 * angle:.4g} mrad" if follower.tool.aim == "pose" else "")
+    off = f"{1e3 * distance:.4g} mm" + (f" and {1e3 * angle:.4g} mrad" if follower.tool.aim.counted else "")
     at = "" if worst is None else f" at s = {worst:.4g} m"
     what = f"out of reach within the joints' limits: the nearest pose is {off} off{at}"
     return ScenarioError(what, place=place(follower.path, s), expected="a path that the arm reaches")

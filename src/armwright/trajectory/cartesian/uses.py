@@ -116,7 +116,7 @@ def _columns(motion: CartesianMotion, limits: MotionLimits, values: dict[str, fl
             what = f"joint {limits.names[joint]!r} would need {{}} of {word}"
             unit, limit = limits.unit(quantity, int(joint)), float(getattr(limits, quantity)[joint])
             columns.append(Column(what, unit, np.abs(rows[:, joint]), limit, power, True))
-    points = motion.path.points(s)
+    points = motion.solution.twists(s, motion.path.points(s))
     twist = points.first * rate[:, None]
     accelerations = points.second * rate[:, None] ** 2 + points.first * change[:, None]
     tool = {
@@ -125,7 +125,7 @@ def _columns(motion: CartesianMotion, limits: MotionLimits, values: dict[str, fl
         "angular_acceleration": (2, accelerations[:, 3:], "rad/s²"),
     }
     for name, (power, rows, unit) in tool.items():
-        if np.isfinite(values[name]) and (name == "acceleration" or motion.solution.tool.aim == "pose"):
+        if np.isfinite(values[name]):
             what = f"the tool's {name.replace('_', ' ')} would be {{}}"
             columns.append(Column(what, unit, np.linalg.norm(rows, axis=1), values[name], power, False))
     return columns
