@@ -20,7 +20,7 @@ from armwright.identification.arm.base import base_parameters
 from armwright.identification.arm.correlation import correlated
 from armwright.identification.arm.equations import Equations, equations_of
 from armwright.identification.arm.gain_fit import GainFit, GainProblem, fit_gains
-from armwright.identification.arm.payload import TENSOR, PayloadModel, both_logs, checksum_of_both, payload_model
+from armwright.identification.arm.payload import HIGHEST, TENSOR, PayloadModel, both_logs, checksum_of_both, payload_model
 from armwright.identification.arm.physical import PER_LINK
 from armwright.identification.arm.remarks import joints_that_move
 from armwright.identification.arm.samples import Samples, check_efforts, samples_of, torque_source
@@ -31,6 +31,9 @@ from armwright.identification.logs.log import Log
 from armwright.identification.logs.preparation import Preparation, choose_preparation
 from armwright.model import Model
 
+KEPT_VALUES = 2**24  # of columns by rows that stay in memory: 128 MB; with more, the logs are prepared anew at each pass
+ROWS = 4.0  # of a log, by the unknown numbers
+WIDER = (1.0, 2.0, 4.0, 8.0, 16.0)  # cut-offs by the one that suits the positions
 WIDEST = 0.1  # half of a gain's 95 % interval, by the gain: a wider one is no answer
 HEAVIEST = 1e3  # times the payload: no joint needs more than it carries
 SURE = 4.0  # deviations of a gain from 0, for a word on its sign
@@ -103,8 +106,9 @@ def identify_drive_gains(
         )
     own = torque_model(_serving(robot, source))
     models = _gain_model(own, frame, loaded=False), _gain_model(own, frame, loaded=True)
+    unknown = len(base_parameters(own)) + int(np.isnan(known).sum()) + robot.n
     sources: list[Callable[[], Iterable[Samples]]] = [
-        partial(samples_of, each, model, None, preparation or choose_preparation(each))
+        partial(samples_of, each, model, None, preparation or _with_enough_rows(each, unknown))
         for each, model in zip((log, loaded_log), models, strict=True)
     ]
     halves = [equations_of(each(), model) for each, model in zip(sources, models, strict=True)]
@@ -169,6 +173,22 @@ def _serving(robot: Model, source: str) -> Model:
     return replace(robot, bodies=bodies)
 
 
+def _with_enough_rows(log: Log, unknown: int) -> dict[str, Preparation]:
+    """Preparations of the runs by name: low-passes that suit the positions, or wider ones that leave enough rows.
+
+    Residuals tell the noise where the parameters do not follow it. A narrow low-pass leaves both the same band.
+    """
+    for wider in WIDER:
+        chosen = {}
+        for name in log.fit:
+            suits, rate = choose_preparation(log, name), 1.0 / log.run(name).period
+            cutoff = max(suits.cutoff, min(wider * suits.cutoff, HIGHEST * rate))
+            chosen[name] = suits if cutoff == suits.cutoff else choose_preparation(log, name, cutoff=cutoff)
+        if sum(log.run(name).rows / each.decimate for name, each in chosen.items()) >= ROWS * unknown:
+            break
+    return chosen
+
+
 def _motor(robot: Model, joint: str) -> Motor | None:
     return next(each.motor for each in robot.record.joints if each.name == joint)
 
@@ -201,17 +221,16 @@ def _covariance(fit: GainFit, sources: Sequence[Callable[[], Iterable[Samples]]]
     size = np.linalg.norm(fit.jacobian, axis=0)
     R = np.linalg.qr(fit.jacobian / size, mode="r")
     inverse = np.linalg.inv(R) / size[:, None]
-    covariance = np.zeros((k, k))
-    for source in sources:  # H⁻¹ Γ H⁻¹ is linear in Γ, so that of both logs is the sum of those of each
-        of_log = correlated(partial(_scores, fit, source), 1.0 / fit.problem.variances, inverse @ inverse.T)
-        covariance += of_log.covariance[-k:, -k:]
-    return covariance
+    both = partial(_scores, fit, sources)
+    if sum(fit.problem.factors[j].rows for j in fit.problem.joints) * fit.jacobian.shape[1] < KEPT_VALUES:
+        both = partial(iter, list(both()))
+    return correlated(both, 1.0 / fit.problem.variances, inverse @ inverse.T).covariance[-k:, -k:]
 
 
-def _scores(fit: GainFit, source: Callable[[], Iterable[Samples]]) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+def _scores(fit: GainFit, sources: Sequence[Callable[[], Iterable[Samples]]]) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """∂(prediction)/∂(θ, h) (rows, k, b + k) and residuals (rows, k), block by block."""
     problem, k = fit.problem, len(fit.inverse)
-    for block in source():
+    for block in (block for source in sources for block in source()):
         assert block.columns is not None
         Y = block.columns[:, problem.joints]
         unit = Y[:, :, problem.unknown] @ fit.parameters + Y @ problem.known  # torque at the joint
