@@ -37,7 +37,10 @@ WIDER = (1.0, 2.0, 4.0, 8.0, 16.0)  # cut-offs by the one that suits the positio
 WIDEST = 0.1  # half of a gain's 95 % interval, by the gain: a wider one is no answer
 HEAVIEST = 1e3  # times the payload: no joint needs more than it carries
 SURE = 4.0  # deviations of a gain from 0, for a word on its sign
-NOISY = 4.0  # times the share of the residuals that as many parameters take from white noise: more is not noise
+# Squares that a joint gains by being fitted without the others: beyond NOISY times those that as many parameters take from white
+# noise they are not noise. Links of a wrong length, or masses that changed between the logs, made gains wrong by 5 to 20 times the
+# share of the payload's torque that they left; so half a per cent is as much as gains within 10 % allow.
+NOISY, UNLIKE = 3.0, 0.005
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +78,7 @@ def identify_drive_gains(
     *,
     mass_std: float = 0.0,
     frame: str | None = None,
-    preparation: Preparation | None = None,
+    preparation: Preparation | Sequence[Preparation] | None = None,
 ) -> Estimate:
     """Gain of every joint's drive from two logs, without and with a payload of known mass.
 
@@ -85,7 +88,7 @@ def identify_drive_gains(
         mass: of the payload [kg].   com: (3,) [m] its centre, in the frame; None: unknown.
         inertia: (3, 3) [kg m²] about the centre, in the frame's axes; None: unknown. Unknown numbers are fitted with the gains.
         mass_std: deviation of the mass [kg]: gains are as uncertain, in per cent, all together.
-        frame: that carries it; None: the tip.   preparation: of both logs; None: chosen for each.
+        frame: that carries it; None: the tip.   preparation: of both logs, or of each; None: chosen.
     Returns:
         estimate: of currents the torque constants, `joint1.motor.torque_constant_n_m_per_a`; of torques the factors by which the
             true ones are larger, "joint1: drive gain". "not identified", and a remark says why, where a gain's 95 % interval is
@@ -107,9 +110,14 @@ def identify_drive_gains(
     own = torque_model(_serving(robot, source))
     models = _gain_model(own, frame, loaded=False), _gain_model(own, frame, loaded=True)
     unknown = len(base_parameters(own)) + int(np.isnan(known).sum()) + robot.n
+    chosen: Sequence[Preparation | dict[str, Preparation]]
+    if preparation is None:
+        chosen = [_with_enough_rows(each, unknown) for each in (log, loaded_log)]
+    else:
+        chosen = (preparation, preparation) if isinstance(preparation, Preparation) else preparation
     sources: list[Callable[[], Iterable[Samples]]] = [
-        partial(samples_of, each, model, None, preparation or _with_enough_rows(each, unknown))
-        for each, model in zip((log, loaded_log), models, strict=True)
+        partial(samples_of, each, model, None, prepared)
+        for each, model, prepared in zip((log, loaded_log), models, chosen, strict=True)
     ]
     halves = [equations_of(each(), model) for each, model in zip(sources, models, strict=True)]
     whole, fit = fit_gains(_problem(halves, own, known))
@@ -313,26 +321,36 @@ class _Found:
     def _remedy(self, weight: float, word: str) -> str:
         if np.isfinite(weight):
             return f"it takes {word} {weight:.2g} kg on these motions"
-        return "no heavier one would do; fix it off the joint's axis, and move this joint and those before it together"
+        centre = "" if self.payload[1] not in self.fit.problem.candidates else "state its centre, or "
+        return f"no heavier one would do; {centre}fix it off the joint's axis, and move this joint and those before it together"
 
     def unlike_one_arm(self) -> list[str]:
-        """Sentences about joints whose torques do not fit the same arm and payload as those of the others, beyond noise."""
-        problem, said = self.fit.problem, []
+        """A sentence on joints whose torques do not fit the arm and payload that those of the others ask for, beyond noise."""
+        problem, joints, largest = self.fit.problem, [], 0.0
+        if not len(problem.joints):
+            return []
         parameters = problem.known.copy()
         parameters[problem.unknown] = self.fit.parameters
         for k, (j, block) in enumerate(zip(problem.joints, problem.full, strict=True)):
-            rows, alone = problem.factors[j].rows, problem.variances[k]
-            noise = NOISY * len(problem.unknown) / rows * alone
-            excess = np.sqrt(max(float(self.fit.mean_squares[k]) - alone - noise, 0.0))
-            torque = block[:, self.payload] @ parameters[self.payload] * self.fit.inverse[k]
-            of_payload = float(np.linalg.norm(torque)) / np.sqrt(rows)
-            if excess > WIDEST * of_payload:
-                said.append(
-                    f"{self.halves[0].model.arm.names[j]}: its torques and those of the others are not of one arm with one "
-                    f"payload: {excess / of_payload:.0%} of what the payload does there is left; are kinematics, gears and "
-                    "joints' order right, and the payload on the same link throughout?"
-                )
-        return said
+            alone, rank = problem.alone[k]
+            excess = max(float(self.fit.squares[k]) - alone, 0.0)
+            torque = float(np.linalg.norm(block[:, self.payload] @ parameters[self.payload] * self.fit.inverse[k]))
+            if excess > NOISY * rank * problem.variances[k] and np.sqrt(excess) > UNLIKE * torque:
+                joints.append(self.halves[0].model.arm.names[j])
+                largest = max(largest, np.sqrt(excess) / torque) if torque**2 > excess else 1.0
+        if not joints:
+            return []
+        return [
+            f"{', '.join(joints)}: these torques are not those of one arm with one payload: up to {largest:.1%} of what the "
+            "payload does is left; are kinematics, gears and the joints' order right, and was the same payload on the same "
+            "link throughout?"
+        ]
+
+    @property
+    def is_without_payload(self) -> bool:
+        """True if no joint's torque shows the payload, but would show a heavier one."""
+        nothing = not len(self.fit.inverse) and bool(len(self.whole.inverse))
+        return nothing and bool(np.isfinite(self._weight(self.whole, 0, 1.0)))
 
 
 def _estimate(
@@ -366,8 +384,10 @@ def _estimate(
         remarks.append(
             f"gains are in proportion to the {found.mass:g} kg: an error of the mass is theirs, in per cent, and not counted here"
         )
-    unlike = found.unlike_one_arm()
     log, loaded_log = logs
+    unlike = found.unlike_one_arm()
+    if found.is_without_payload:
+        remarks.insert(0, f"the logs do not differ as by a body of {found.mass:g} kg: was it on the arm in {loaded_log.path.name}?")
     return Estimate(
         tuple(names), values, covariance, checksum_of_both(log, loaded_log),
         f"drive gains from two logs, {both_logs(log, loaded_log)} the payload of {found.mass:g} kg: weighted least squares",
@@ -387,5 +407,5 @@ def _measures(fit: GainFit, k: int) -> dict[str, float]:
     """R² and root mean square of the residual [N m | N]."""
     factor = fit.problem.factors[fit.problem.joints[k]]
     spread = (factor.sum_of_squares - factor.total**2 / factor.rows) / factor.rows
-    square = float(fit.mean_squares[k])
+    square = float(fit.squares[k]) / factor.rows
     return {"r2": 1.0 - square / spread, "rms": float(np.sqrt(square)) / abs(float(fit.inverse[k]))}

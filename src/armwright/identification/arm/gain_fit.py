@@ -6,7 +6,7 @@ With Y the columns of the arm and, in the second log, of the payload, θ their u
     u_j = h_j (Y_j θ + c_j) + noise of deviation σ_j,      h_j = 1 / g_j.
 
 All joints share θ, so a gain is identifiable where its torque depends on a number that is known, or on one that another joint feels.
-The noise is in u alone: min Σ_j |u_j - h_j (Y_j θ + c_j)|² / σ_j² by Gauss and Newton, σ_j of joint j by itself, from the total least
+The noise is in u alone: min Σ_j |u_j - h_j (Y_j θ + c_j)|² / σ_j²  by Gauss and Newton, σ_j of joint j by itself, from the total least
 squares of  g_j u_j = Y_j θ + λ c_j  scaled to λ = 1. Everything is computed from triangular factors; no row is read again.
 """
 
@@ -72,8 +72,8 @@ class GainProblem:
         return [(block[:, self.unknown], block[:, :-1] @ self.known, block[:, -1]) for block in self.full]
 
     @cached_property
-    def variances(self) -> np.ndarray:
-        """σ_j² of each joint by itself: residuals of u_j on [Y_j c_j], whatever the other joints say."""
+    def alone(self) -> list[tuple[float, int]]:
+        """Squares of residuals of u_j on [Y_j c_j], whatever the other joints say, and the columns' rank, of each joint."""
         found = []
         for j, (Y, c, u) in zip(self.joints, self.parts, strict=True):
             columns = np.column_stack([Y, c])
@@ -84,9 +84,18 @@ class GainProblem:
             if rows < 2 * rank:  # with fewer, residuals say nothing about the deviations
                 what, expected = f"too few rows: {rows} are left", f"twice the {rank} parameters of a joint at least"
                 raise IdentificationError(what, place="log", expected=f"{expected}: longer logs, or a higher cut-off")
-            rest = float(np.sum((u - columns @ values) ** 2)) / (rows - rank)
-            found.append(max(rest, EXACT * float(u @ u) / rows))
-        return np.array(found)
+            found.append((float(np.sum((u - columns @ values) ** 2)), int(rank)))
+        return found
+
+    @cached_property
+    def variances(self) -> np.ndarray:
+        """σ_j² of each joint by itself."""
+        return np.array(
+            [
+                max(squares / (self.factors[j].rows - rank), EXACT * self.factors[j].sum_of_squares / self.factors[j].rows)
+                for j, (squares, rank) in zip(self.joints, self.alone, strict=True)
+            ]
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,11 +121,10 @@ class GainFit:
         return _relative(self.jacobian, self.inverse)
 
     @cached_property
-    def mean_squares(self) -> np.ndarray:
-        """(k,) of the residuals, in units of the efforts."""
+    def squares(self) -> np.ndarray:
+        """(k,) squares of the residuals, in units of the efforts."""
         rest = _residuals(self.problem, self.parameters, self.inverse)
-        rows = np.array([self.problem.factors[j].rows for j in self.problem.joints])
-        return np.array([each @ each for each in rest]) * self.problem.variances / rows
+        return np.array([each @ each for each in rest]) * self.problem.variances
 
     def with_heavier(self, times: float, payload: np.ndarray) -> np.ndarray:
         """(k,) deviations of h by h that the same motion would have with a payload as many times as heavy.
