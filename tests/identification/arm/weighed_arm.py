@@ -11,8 +11,14 @@ from armwright.results.tables import write_table
 from identification.arm.moved_arm import multisine
 
 COUNTS = 8192
-ORIGINS = (("0 0 0.3", 0.0), ("0.1 0 0.1", -np.pi / 2), ("0.4 0.02 0", 0.0), ("0.35 0 -0.02", 0.0))  # xyz [m], roll [rad]
+ORIGINS = (
+    ("0 0 0.3", 0.0),
+    ("0.1 0 0.1", -np.pi / 2),
+    ("0.4 0.02 0", 0.0),
+    ("0.35 0 -0.02", 0.0),
+)  # xyz [m], roll [rad]
 MASSES, SIZES = (9.0, 7.0, 4.0, 1.5), (0.3, 0.4, 0.35, 0.12)  # [kg], [m]
+RADII = ("ixx", 0.2), ("iyy", 0.3), ("izz", 0.31)  # of gyration, by the size
 GEARS, KT = (-101.0, 121.0, 100.0, -81.0), (0.105, 0.118, 0.062, 0.041)
 ROTORS = (1.1e-4, 1.3e-4, 4e-5, 9e-6)
 VISCOUS, COULOMB = (9.0, 11.0, 4.0, 0.9), (8.0, 10.0, 4.0, 1.5)
@@ -45,16 +51,21 @@ def four_joints(folder: Path, *, constants: bool) -> aw.Model:
     lines = ['source = "bench"', f'command = "{"current" if constants else "torque"}"', "[sources.bench]"]
     lines += ['kind = "datasheet"', 'text = "of the test"']
     for k, ((xyz, roll), m, size) in enumerate(zip(ORIGINS, MASSES, SIZES, strict=True)):
-        moments = " ".join(f'{axis}="{m * (size * share) ** 2:.6g}"' for axis, share in (("ixx", 0.2), ("iyy", 0.3), ("izz", 0.31)))
+        moments = " ".join(f'{axis}="{m * (size * share) ** 2:.6g}"' for axis, share in RADII)
         own = f'<origin xyz="{0.45 * size} {0.05 * size} {-0.04 * size}"/><mass value="{m}"/>'
-        links.append(f'<link name="part{k}"><inertial>{own}<inertia {moments} ixy="0" ixz="0" iyz="0"/></inertial></link>')
+        links.append(
+            f'<link name="part{k}"><inertial>{own}<inertia {moments} ixy="0" ixz="0" iyz="0"/></inertial></link>'
+        )
         joints.append(
             f'<joint name="{JOINTS[k]}" type="revolute"><parent link="{"stand" if k == 0 else f"part{k - 1}"}"/>'
             f'<child link="part{k}"/><axis xyz="0 0 1"/><origin xyz="{xyz}" rpy="{roll!r} 0 0"/>'
             '<limit lower="-3" upper="3" velocity="6" effort="400"/></joint>'
         )
         constant = f", torque_constant_n_m_per_a = {KT[k]}" if constants else ""
-        lines += [f"[joints.{JOINTS[k]}]", f"motor = {{ gear_ratio = {GEARS[k]}, rotor_inertia_kg_m2 = {ROTORS[k]}{constant} }}"]
+        lines += [
+            f"[joints.{JOINTS[k]}]",
+            f"motor = {{ gear_ratio = {GEARS[k]}, rotor_inertia_kg_m2 = {ROTORS[k]}{constant} }}",
+        ]
         dry = f"coulomb_positive_n_m = {COULOMB[k]}, coulomb_negative_n_m = {COULOMB[k]}"
         lines.append(f"friction = {{ viscous_n_m_s_per_rad = {VISCOUS[k]}, {dry} }}")
     name = "with_constants" if constants else "as_bought"
@@ -70,7 +81,7 @@ def weighed(
     seed: int,
     *,
     seconds: float = 10.0,
-    rate: float = 200.0,
+    rate: float = 100.0,
     noise: float = 0.01,
     moving: np.ndarray | None = None,
     factors: np.ndarray | None = None,

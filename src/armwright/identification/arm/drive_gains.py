@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from numbers import Real
 
 import numpy as np
 
@@ -20,7 +21,14 @@ from armwright.identification.arm.base import base_parameters
 from armwright.identification.arm.correlation import correlated
 from armwright.identification.arm.equations import Equations, equations_of
 from armwright.identification.arm.gain_fit import GainFit, GainProblem, fit_gains
-from armwright.identification.arm.payload import HIGHEST, TENSOR, PayloadModel, both_logs, checksum_of_both, payload_model
+from armwright.identification.arm.payload import (
+    HIGHEST,
+    TENSOR,
+    PayloadModel,
+    both_logs,
+    checksum_of_both,
+    payload_model,
+)
 from armwright.identification.arm.physical import PER_LINK
 from armwright.identification.arm.remarks import joints_that_move
 from armwright.identification.arm.samples import Samples, check_efforts, samples_of, torque_source
@@ -31,15 +39,17 @@ from armwright.identification.logs.log import Log
 from armwright.identification.logs.preparation import Preparation, choose_preparation
 from armwright.model import Model
 
-KEPT_VALUES = 2**24  # of columns by rows that stay in memory: 128 MB; with more, the logs are prepared anew at each pass
-ROWS = 4.0  # of a log, by the unknown numbers
+KEPT_VALUES = (
+    2**24
+)  # of columns by rows that stay in memory: 128 MB; with more, the logs are prepared anew at each pass
+ROWS = 8.0  # of a log, by the unknown numbers
 WIDER = (1.0, 2.0, 4.0, 8.0, 16.0)  # cut-offs by the one that suits the positions
 WIDEST = 0.1  # half of a gain's 95 % interval, by the gain: a wider one is no answer
 HEAVIEST = 1e3  # times the payload: no joint needs more than it carries
 SURE = 4.0  # deviations of a gain from 0, for a word on its sign
-# Squares that a joint gains by being fitted without the others: beyond NOISY times those that as many parameters take from white
-# noise they are not noise. Links of a wrong length, or masses that changed between the logs, made gains wrong by 5 to 20 times the
-# share of the payload's torque that they left; so half a per cent is as much as gains within 10 % allow.
+# Squares that a joint gains by being fitted without the others: beyond NOISY times those that as many parameters take from
+# white noise they are not noise. Links of a wrong length, or masses that changed between the logs, made gains wrong by 5 to 20
+# times the share of the payload's torque that they left; so half a per cent is as much as gains within 10 % allow.
 NOISY, UNLIKE = 3.0, 0.005
 
 
@@ -130,7 +140,7 @@ def _known_parameters(
     mass: float, mass_std: float, com: Iterable[float] | None, inertia: np.ndarray | None
 ) -> np.ndarray:
     """[m, m c, I about the frame's origin]  (10,) of a payload, NaN where it is unknown."""
-    if not (np.isfinite(mass) and mass > 0):
+    if not (isinstance(mass, Real) and np.isfinite(mass) and mass > 0):
         raise IdentificationError(place="mass", value=mass, expected="the payload's mass, above 0 [kg]")
     if not 0 <= mass_std < mass:
         raise IdentificationError(place="mass_std", value=mass_std, expected="0 or more [kg], less than the mass")
@@ -235,7 +245,9 @@ def _covariance(fit: GainFit, sources: Sequence[Callable[[], Iterable[Samples]]]
     return correlated(both, 1.0 / fit.problem.variances, inverse @ inverse.T).covariance[-k:, -k:]
 
 
-def _scores(fit: GainFit, sources: Sequence[Callable[[], Iterable[Samples]]]) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+def _scores(
+    fit: GainFit, sources: Sequence[Callable[[], Iterable[Samples]]]
+) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """∂(prediction)/∂(θ, h) (rows, k, b + k) and residuals (rows, k), block by block."""
     problem, k = fit.problem, len(fit.inverse)
     for block in (block for source in sources for block in source()):
@@ -294,7 +306,9 @@ class _Found:
             which = "either log" if not any(moving) else f"the log {'with' if moving[0] else 'without'} the payload"
             return f"it does not move in {which}, and a motor at rest may hold with any torque within its friction"
         k = int(np.flatnonzero(self.whole.problem.joints == j)[0])
-        return f"the payload hardly shows in its motor's torque: {self._remedy(self._weight(self.whole, k, 1.0), 'over')}"
+        return (
+            f"the payload hardly shows in its motor's torque: {self._remedy(self._weight(self.whole, k, 1.0), 'over')}"
+        )
 
     def _weight(self, fit: GainFit, k: int, times: float) -> float:
         """The payload [kg] of the same shape with which the gain would be identified; infinite if none would do."""
@@ -353,9 +367,7 @@ class _Found:
         return nothing and bool(np.isfinite(self._weight(self.whole, 0, 1.0)))
 
 
-def _estimate(
-    robot: Model, source: str, found: _Found, mass_std: float, logs: tuple[Log, Log]
-) -> Estimate:
+def _estimate(robot: Model, source: str, found: _Found, mass_std: float, logs: tuple[Log, Log]) -> Estimate:
     """The gains with their covariance, and what the logs do not determine."""
     n, fit = robot.n, found.fit
     names, values, known, remarks = [], np.full(n, np.nan), np.zeros(n, dtype=bool), []
@@ -387,7 +399,9 @@ def _estimate(
     log, loaded_log = logs
     unlike = found.unlike_one_arm()
     if found.is_without_payload:
-        remarks.insert(0, f"the logs do not differ as by a body of {found.mass:g} kg: was it on the arm in {loaded_log.path.name}?")
+        remarks.insert(
+            0, f"the logs do not differ as by a body of {found.mass:g} kg: was it on the arm in {loaded_log.path.name}?"
+        )
     return Estimate(
         tuple(names), values, covariance, checksum_of_both(log, loaded_log),
         f"drive gains from two logs, {both_logs(log, loaded_log)} the payload of {found.mass:g} kg: weighted least squares",

@@ -1,13 +1,13 @@
 """Drive gains, an arm's parameters and a payload's unknown numbers from two logs at once. [GautierBriot2014]
 
-With Y the columns of the arm and, in the second log, of the payload, θ their unknown parameters and c the torques of what is known
-(the payload's mass, springs of the record), the measured efforts of joint j are
+With Y the columns of the arm and, in the second log, of the payload, θ their unknown parameters and c the torques of what is
+known (the payload's mass, springs of the record), the measured efforts of joint j are
 
     u_j = h_j (Y_j θ + c_j) + noise of deviation σ_j,      h_j = 1 / g_j.
 
-All joints share θ, so a gain is identifiable where its torque depends on a number that is known, or on one that another joint feels.
-The noise is in u alone: min Σ_j |u_j - h_j (Y_j θ + c_j)|² / σ_j²  by Gauss and Newton, σ_j of joint j by itself, from the total least
-squares of  g_j u_j = Y_j θ + λ c_j  scaled to λ = 1. Everything is computed from triangular factors; no row is read again.
+All joints share θ, so a gain is identifiable where its torque depends on a number that is known, or on one that another joint
+feels. The noise is in u alone:  min Σ_j |u_j - h_j (Y_j θ + c_j)|² / σ_j²  by Gauss and Newton, σ_j of joint j by itself, from
+the total least squares of  g_j u_j = Y_j θ + λ c_j  scaled to λ = 1. Triangular factors suffice; no row is read again.
 """
 
 from __future__ import annotations
@@ -62,7 +62,9 @@ class GainProblem:
     def unknown(self) -> np.ndarray:
         """Numbers of the candidate columns that these rows distinguish. Efforts of size 1 make it independent of their units."""
         sizes = [max(float(np.linalg.norm(block[:, -1])), np.finfo(float).tiny) for block in self.full]
-        stacked = np.concatenate([block[:, self.candidates] / size for block, size in zip(self.full, sizes, strict=True)])
+        stacked = np.concatenate(
+            [block[:, self.candidates] / size for block, size in zip(self.full, sizes, strict=True)]
+        )
         base = regrouped(tuple(self.columns[k] for k in self.candidates), stacked)
         return self.candidates[base.independent]
 
@@ -92,7 +94,10 @@ class GainProblem:
         """σ_j² of each joint by itself."""
         return np.array(
             [
-                max(squares / (self.factors[j].rows - rank), EXACT * self.factors[j].sum_of_squares / self.factors[j].rows)
+                max(
+                    squares / (self.factors[j].rows - rank),
+                    EXACT * self.factors[j].sum_of_squares / self.factors[j].rows,
+                )
                 for j, (squares, rank) in zip(self.joints, self.alone, strict=True)
             ]
         )
