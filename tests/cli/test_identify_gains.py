@@ -40,7 +40,9 @@ def test_constants_are_written_for_the_next_command(bench):
     refused = run("identify", "arm", bench / "empty.log.toml", "--robot", bench / "as_bought.urdf", code=2)
     assert "torque_constant_n_m_per_a" in refused.stderr
     run("identify", "arm", bench / "empty.log.toml", "--robot", output, "-o", bench / "identified.toml")
-    run("validate", bench / "identified.toml", bench / "loaded.log.toml", code=1)  # without the payload it is another arm
+    run(
+        "validate", bench / "identified.toml", bench / "loaded.log.toml", code=1
+    )  # without the payload it is another arm
 
 
 def test_what_is_identified_is_written_and_the_code_says_that_not_all_is(bench):

@@ -196,8 +196,8 @@ def _with_enough_rows(log: Log, unknown: int) -> dict[str, Preparation]:
 
     Residuals tell the noise where the parameters do not follow it. A narrow low-pass leaves both the same band.
     """
+    chosen: dict[str, Preparation] = {}
     for wider in WIDER:
-        chosen = {}
         for name in log.fit:
             suits, rate = choose_preparation(log, name), 1.0 / log.run(name).period
             cutoff = max(suits.cutoff, min(wider * suits.cutoff, HIGHEST * rate))
@@ -208,7 +208,7 @@ def _with_enough_rows(log: Log, unknown: int) -> dict[str, Preparation]:
 
 
 def _motor(robot: Model, joint: str) -> Motor | None:
-    return next(each.motor for each in robot.record.joints if each.name == joint)
+    return next(each.motor for each in robot.record.joints if each.name == joint and each.type != "fixed")
 
 
 def _gain_model(own: TorqueModel, frame: str | None, loaded: bool) -> GainModel:
@@ -260,11 +260,11 @@ def _scores(
         yield values, block.tau[:, problem.joints] - fit.inverse * unit
 
 
-def _check_order(fit: GainFit, spread: np.ndarray, loaded_log: Log, names: Sequence[str]) -> None:
+def _check_order(fit: GainFit, spread: np.ndarray, loaded_log: Log, names: list[str]) -> None:
     """Refuses logs whose payload takes weight away in the torques of all joints that show it."""
     sure = np.abs(fit.inverse) > SURE * np.sqrt(np.diag(spread))
     if sure.any() and (fit.inverse[sure] < 0).all():
-        joints = ", ".join(names[j] for j in fit.problem.joints[sure])
+        joints = ", ".join(names[int(j)] for j in fit.problem.joints[sure])
         raise IdentificationError(
             f"the payload makes the arm lighter, by the torques of {joints}: the logs are exchanged, or all signs reversed",
             place="loaded_log",
