@@ -6,6 +6,7 @@ import typer
 
 from armwright.cli.identify_arm import arm
 from armwright.cli.identify_friction import friction
+from armwright.cli.identify_gains import gains
 from armwright.cli.identify_linear import linear
 from armwright.cli.identify_motor import motor
 from armwright.cli.identify_payload import payload
@@ -14,5 +15,6 @@ identify = typer.Typer(name="identify", help="Identify parameters from logs of m
 identify.command()(motor)
 identify.command()(arm)
 identify.command()(payload)
+identify.command()(gains)
 identify.command()(friction)
 identify.command()(linear)

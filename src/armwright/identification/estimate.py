@@ -275,6 +275,7 @@ def _table_of(parts: list[Any], record: RobotDescription, name: str) -> Any:
             for table in part.get(kind, ()):
                 if table.get("name") == name:
                     return table
+    for part in parts:  # after the joints: one of them may have the name of a key of the file, such as "base"
         if name in part:
             return part[name]
     raise OutputError("has no table", place=name, file=record.name, expected="its table in the robot's file")

@@ -1,0 +1,100 @@
+"""`armwright identify gains`: drive gains of an arm by a payload that was weighed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from armwright.cli.arguments import option
+from armwright.terminal import say
+
+NOT_IDENTIFIED = 1  # exit code
+TENSOR = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+
+
+def gains(
+    file: Annotated[
+        Path, typer.Argument(metavar="LOG.log.toml", help="The arm without the payload in motion.", show_default=False)
+    ],
+    robot: Annotated[str, option("--robot", "ROBOT", "The arm; its masses and torque constants do not count.")],
+    loaded: Annotated[Path, option("--loaded-log", "LOG", "The arm with the payload in motion.")],
+    mass: Annotated[float, option("--mass", "KG", "Of the payload, weighed.")],
+    mass_std: Annotated[float, option("--mass-std", "KG", "Deviation of the mass, which counts for every gain.")] = 0.0,
+    com: Annotated[
+        str | None, option("--com", "X,Y,Z", "Centre of the payload [m] in the frame; by default found with the gains.")
+    ] = None,
+    inertia: Annotated[
+        str | None,
+        option("--inertia", "XX,XY,XZ,YY,YZ,ZZ", "About the centre [kg m²]; with --com; by default found as well."),
+    ] = None,
+    frame: Annotated[str | None, option("--frame", "NAME", "Frame that carries it; by default the tip.")] = None,
+    kinematics_only: Annotated[
+        bool, typer.Option("--kinematics-only", help="The robot's links may lack masses.", show_default=False)
+    ] = False,
+    cutoff: Annotated[float | None, option("--cutoff", "HZ", "Cut-off of the low-pass; by default chosen.")] = None,
+    output: Annotated[
+        Path | None,
+        option("--output -o", "ARM.toml", "Write the arm with these torque constants and their deviations."),
+    ] = None,
+    report: Annotated[
+        Path | None, option("--report", "FILE.html", "Write a page: verdict, remarks, parameters, fits.")
+    ] = None,
+) -> None:
+    """Identify drive gains: torque constants of all motors by a payload of known mass, with standard deviations.
+
+    It needs two logs of the same arm with currents, without and with the payload, and the kinematics. Of logs with torques
+    the gains are the factors by which the true ones are larger. With -o the identified ones are written, whether all are
+    or not. Exit code: 0 all identified, 1 not all, 2 bad input.
+
+    \b
+    Examples:
+      armwright identify gains empty.log.toml --loaded-log loaded.log.toml --robot arm.urdf --mass 5 -o arm.toml
+      armwright identify gains empty.log.toml --loaded-log loaded.log.toml --robot lwa4p --mass 5 --com 0.05,0,0.08
+    """
+    import numpy as np
+
+    import armwright as aw
+    from armwright.output import check_destination
+
+    if output is not None:
+        check_destination(output, (".toml",), read=(file, loaded, robot))
+    if report is not None:
+        check_destination(report, (".html",))
+    centre, moments = _numbers("--com", com, 3), _numbers("--inertia", inertia, len(TENSOR))
+    tensor = None
+    if moments is not None:
+        tensor = np.zeros((3, 3))
+        for (i, j), value in zip(TENSOR, moments, strict=True):
+            tensor[i, j] = tensor[j, i] = value
+    arm = aw.load(robot, kinematics_only=kinematics_only)
+    logs = [aw.read_log(each) for each in (file, loaded)]
+    preparation = None if cutoff is None else [aw.choose_preparation(each, cutoff=cutoff) for each in logs]
+    found = aw.identify_drive_gains(
+        logs[0], logs[1], arm, mass, centre, tensor, mass_std=mass_std, frame=frame, preparation=preparation
+    )
+    say(found)
+    if report is not None:
+        aw.write_report(report, f"{logs[1].title}: drive gains", found)
+        say(f"wrote {report}")
+    if output is not None and np.asarray(found.identifiable).any():
+        aw.write_into(arm, found, output, key="gains")
+        say(f"wrote {output}")
+    if found.verdict != "identified":
+        raise typer.Exit(NOT_IDENTIFIED)
+
+
+def _numbers(place: str, text: str | None, count: int) -> list[float] | None:
+    """Numbers of "0.1,0,0.2"; None of no text."""
+    from armwright.errors import IdentificationError
+
+    if text is None:
+        return None
+    try:
+        values = [float(word) for word in text.split(",")]
+    except ValueError:
+        values = []
+    if len(values) != count:
+        raise IdentificationError(place=place, value=text, expected=f"{count} numbers with commas between")
+    return values
