@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from armwright.fitting.measures import r_squared
 from armwright.identification.arm.base import BaseParameters
 from armwright.identification.arm.equations import Equations
 from armwright.identification.arm.fit import AT_REST, ArmFit, HeldOut
@@ -50,7 +51,7 @@ def unpredicted(
             return []
         with np.errstate(divide="ignore", invalid="ignore"):
             spread = fit.rms**2 / (1.0 - fit.r2)  # of the measured torque
-            r2s = 1.0 - np.mean(parts, axis=0) * fit.torque_rms**2 / spread
+        r2s = r_squared(np.mean(parts, axis=0) * fit.torque_rms**2, spread)
         where = "on parts held out"
     else:
         moving &= moved
