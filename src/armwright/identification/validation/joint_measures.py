@@ -165,6 +165,18 @@ def joint_measures(predictions: Sequence[Prediction], column: int, still: set[st
     return replace(found, remarks=tuple(remarks(found)))
 
 
+def moving_rows(predictions: Sequence[Prediction], column: int, still: set[str]) -> tuple[np.ndarray, np.ndarray]:
+    """Measured and predicted values (rows,) that the measures of a joint count, of all runs one after the other.
+
+    Args:
+        predictions: of one quantity, a run each.   column: the joint's.   still: runs in which it does not move.
+    """
+    moving = [each for each in predictions if each.run not in still]
+    moves = [(each, ~mask) for each, mask in zip(moving, _rests(moving, column), strict=True)]
+    rows = _joined(moves, column)
+    return rows.measured, rows.predicted
+
+
 def _rests(moving: Sequence[Prediction], column: int) -> list[np.ndarray]:
     """(rows,) of every run, True for rows in a period of rest.
 
