@@ -66,8 +66,9 @@ def arm(
 ) -> None:
     """Identify an arm: base parameters, rotors and friction, with standard deviations.
 
-    The robot may be a full record or kinematics alone. Exit code: 0 identified, 1 the log does not determine all
-    parameters, 2 bad input.
+    The robot may be a full record or kinematics alone. Runs that the log holds out judge the record, beside the one that
+    it replaces. Exit code: 0 identified, 1 the log does not determine all parameters or the record predicts worse than
+    before, 2 bad input.
 
     \b
     Examples:
