@@ -147,7 +147,7 @@ def test_99_of_100_fits_with_the_same_deviations_have_a_smaller_error(arms):
     errors = np.random.default_rng(0).multivariate_normal(np.zeros(len(fit.base)), fit.covariance, size=4000)
     for j, joint in enumerate(model.arm.names):
         squares = ((columns[:, j] @ errors.T) ** 2).mean(axis=0)
-        assert np.mean(squares < bound[joint]) == pytest.approx(0.99, abs=0.006)
+        assert np.mean(squares < bound[joint].error) == pytest.approx(0.99, abs=0.006)
 
 
 def test_noise_explains_what_another_run_could_give_and_no_more():

@@ -230,7 +230,7 @@ def judged(found: ArmEstimate, log: Log, arm: Model, runs: Sequence[str]) -> Arm
             with TemporaryDirectory() as folder:
                 written = load(found.write(Path(folder) / "arm.toml"))
             noise = error_by_noise(fit, log, runs)
-            comparison = compare_records(written, arm, log, runs, simulation=False, added=noise)
+            comparison = compare_records(written, arm, log, runs, simulation=False, noise=noise)
             said = comparison.remarks
         except ArmwrightError as error:
             said = [f"the runs held out do not judge the record: {error}"]

@@ -7,14 +7,16 @@ in and e those of the fitted one, over the rows in which a joint moves, the fitt
 
 s₀ is the standard deviation of mean e₀², from the means of 20 consecutive batches of rows, which are independent as long as the
 residuals' correlation is shorter than a batch [LawKelton2000]; t is the 99 % point of Student's distribution, √2 as two runs of
-this length differ by chance. d is what the fit's own deviations add on these rows, where its covariance is known. An error of 1 %
-of the signal's standard deviation is small beside every calibration, and about what filters leave without noise.
+this length differ by chance. d is what the fit's own deviations add on these rows, where its covariance is known, for residuals
+no larger than e₀: those of a model that lacks an effect are no noise. An error of 1 % of the signal's standard deviation is small
+beside every calibration, and about what filters leave without noise.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy import stats
@@ -37,6 +39,13 @@ NO_HOLD_OUT = (
     'no run is held out: mark one use = "hold-out" in the log, and the fitted record is judged there, beside the one that it '
     "replaces"
 )
+
+
+class FitNoise(NamedTuple):
+    """Mean square error that the deviations of a fit make, and mean square of the residual that these deviations come from."""
+
+    error: float
+    residual: float
 
 
 @dataclass(frozen=True)
@@ -106,14 +115,14 @@ class RecordComparison:
 
 def compare_records(
     written: Model, before: Model | None, log: Log, runs: Sequence[str], *, simulation: bool = True, reason: str = "",
-    added: Mapping[str, float] | None = None,
+    noise: Mapping[str, FitNoise] | None = None,
 ) -> RecordComparison:  # fmt: skip
     """Both records on some runs of a log, by the quantities that `validate` judges by default.
 
     Args:
         written: the fitted arm.   before: the arm that came in; None: there was none, for this reason.   log: with these runs.
         runs: names.   simulation: False: torques alone.
-        added: d by joint, mean square of the torque error that the fit's own deviations make on these rows.
+        noise: of the fit, by joint, on these rows; None: not known.
     Raises:
         ArmwrightError: as `validate`, of the fitted record; if the other one cannot predict, its error is the `reason`.
     """
@@ -126,13 +135,13 @@ def compare_records(
             reason = f"the record that came in does not predict them, {error}"
     judged = {check.quantity for check in after.checks}
     rows = tuple(
-        _compared(after, first, each, added or {}) for each in after.measures if each.quantity in judged and each.runs
+        _compared(after, first, each, noise or {}) for each in after.measures if each.quantity in judged and each.runs
     )
     return RecordComparison(after, first, rows, reason)
 
 
 def _compared(
-    after: Validation, first: Validation | None, found: JointMeasures, added: Mapping[str, float]
+    after: Validation, first: Validation | None, found: JointMeasures, noise: Mapping[str, FitNoise]
 ) -> Compared:
     joint, quantity = found.joint, found.quantity
     own = [] if first is None else [each for each in first.measures if (each.joint, each.quantity) == (joint, quantity)]
@@ -140,18 +149,19 @@ def _compared(
         return Compared(joint, quantity, found.unit, found.overall, None, np.nan)
     column, still = first.arm.names.index(joint), resting(first.log, joint, first.runs)
     measured, predicted = moving_rows([each for each in first.predictions if each.quantity == quantity], column, still)
-    explained = largest_explained(measured - predicted, measured, added.get(joint, 0.0))
+    explained = largest_explained(measured - predicted, measured, noise.get(joint))
     return Compared(joint, quantity, found.unit, found.overall, own[0].overall, 0.0 if found.diverged else explained)
 
 
-def largest_explained(residual: np.ndarray, measured: np.ndarray, added: float = 0.0) -> float:
+def largest_explained(residual: np.ndarray, measured: np.ndarray, noise: FitNoise | None = None) -> float:
     """Largest RMS on these rows that noise explains of a record as good as the one with this residual.
 
     Args:
-        residual: e₀ (rows,) of consecutive rows.   measured: y (rows,).   added: d, a mean square.
+        residual: e₀ (rows,) of consecutive rows.   measured: y (rows,).   noise: of the fit on these rows.
     """
     squares = residual**2
     count = int(np.clip(len(squares) // LEAST, 1, BATCHES))
     means = np.array([each.mean() for each in np.array_split(squares, count)])
     spread = stats.t.ppf(CERTAIN, count - 1) * means.std(ddof=1) / count**0.5 if count > 1 else np.inf
+    added = 0.0 if noise is None else noise.error * min(1.0, squares.mean() / noise.residual)
     return float(np.sqrt(squares.mean() + max(2**0.5 * spread + added, NEGLIGIBLE * measured.var())))
