@@ -73,7 +73,7 @@ def test_a_fit_as_good_as_the_record_that_came_in_is_identified(arms):
     """The record is the truth, the fit has its noise: a little worse, and no more than noise makes it."""
     found = aw.identify_arm(aw.read_log(arms.logs["plain"]), arms.arms["plain"], sensitivity=False)
     assert found.hold_out is not None
-    assert any(each.written.rms > each.before.rms for each in found.hold_out.rows)
+    assert any(each.before and each.written.rms > each.before.rms for each in found.hold_out.rows)
     assert found.verdict == "identified", str(found)
     assert not found.hold_out.worse
 
@@ -95,7 +95,7 @@ def test_a_fit_better_than_a_wrong_record_is_identified(arms):
     """The same fit, beside a record without any friction."""
     found = aw.identify_arm(aw.read_log(arms.logs["stribeck"]), aw.load("two-link"), sensitivity=False)
     assert found.hold_out is not None
-    assert all(each.written.rms < each.before.rms for each in found.hold_out.rows)
+    assert all(each.before and each.written.rms < each.before.rms for each in found.hold_out.rows)
     assert found.verdict == "identified", str(found)
 
 

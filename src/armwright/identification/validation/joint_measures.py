@@ -188,8 +188,10 @@ def _rests(moving: Sequence[Prediction], column: int) -> list[np.ndarray]:
     )
     masks = []
     for each in moving:
-        known = each.quantity == "torque" and each.speed is not None
-        masks.append(at_rest(each.speed[:, column], top, each.rate) if known else np.zeros(len(each.t), dtype=bool))
+        if each.quantity == "torque" and each.speed is not None:
+            masks.append(at_rest(each.speed[:, column], top, each.rate))
+        else:
+            masks.append(np.zeros(len(each.t), dtype=bool))
     return masks
 
 
