@@ -20,6 +20,7 @@ ORDER = (
     ("scalar",),
     ("program",),  # traced functions; it knows no robots
     ("interpolation",),  # tables that trace
+    ("fitting",),  # measures of agreement, which every room takes from here
     ("matrix_exponential",),
     ("expressions",),
     ("output", "reading", "named_file"),

@@ -46,3 +46,5 @@ def test_the_page_runs_as_it_says(tmp_path: Path) -> None:
     }
     for joint, r2 in shown.items():
         assert verdict.table.measures[joint]["torque"]["r2"] == pytest.approx(r2, abs=0.005)
+        fit = aw.load(tmp_path / "tx40.toml").record.fits["fit"]  # what identify said of the same run
+        assert fit.measures[f"torque of {joint} (held out)"]["r2"] == verdict.table.measures[joint]["torque"]["r2"]

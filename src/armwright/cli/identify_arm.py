@@ -16,7 +16,8 @@ if TYPE_CHECKING:
 
 NOT_IDENTIFIED = 1  # exit code
 HEADS = ("base parameter", "value", "± std", "±", "unit")
-JOINTS = ("joint", "R²", "RMS of the residual", "of the torque's", "held-out parts", "R² of hold-out runs", "unit")
+JOINTS = ("joint", "R² of the fit", "RMS of its residual", "of the torque's", "held-out parts", "unit")
+HELD_OUT = ("joint", "quantity", "R²", "RMS", "R² before", "RMS before", "unit", "")
 
 
 def arm(
@@ -65,8 +66,9 @@ def arm(
 ) -> None:
     """Identify an arm: base parameters, rotors and friction, with standard deviations.
 
-    The robot may be a full record or kinematics alone. Exit code: 0 identified, 1 the log does not determine all
-    parameters, 2 bad input.
+    The robot may be a full record or kinematics alone. Runs that the log holds out judge the record, beside the one that
+    it replaces. Exit code: 0 identified, 1 the log does not determine all parameters or the record predicts worse than
+    before, 2 bad input.
 
     \b
     Examples:
@@ -88,7 +90,7 @@ def arm(
         log = aw.read_log(file, progress=tell)
     found = aw.identify_arm(
         log, model, method=method, friction=_words(friction), springs=_words(springs), stribeck_speed=stribeck_speed,
-        lacks=None if lacks is None else _words(lacks), cutoff=cutoff, decimate=decimate, record=output is not None,
+        lacks=None if lacks is None else _words(lacks), cutoff=cutoff, decimate=decimate,
         feedback=_feedback(feedback), forgetting=forgetting,
     )  # fmt: skip
     show(found)
@@ -142,9 +144,17 @@ def show(found: ArmEstimate) -> None:
         relative = f"{100 * fit.rms[j] / fit.torque_rms[j]:.3g} %" if fit.torque_rms[j] > 0 else "—"
         held = f"{100 * measures['held_out']:.3g} %" if "held_out" in measures else ""
         unit = "N m" if body.kind == "revolute" else "N"
-        on_runs = number(measures["hold_out_r2"]) if "hold_out_r2" in measures else ""
-        joints.append([body.joint, number(fit.r2[j]), number(fit.rms[j]), relative, held, on_runs, unit])
+        joints.append([body.joint, number(fit.r2[j]), number(fit.rms[j]), relative, held, unit])
     console.print(table("\njoints", JOINTS, joints, ("unit",)))
+    if found.hold_out is not None:
+        rows = [
+            [each.joint, each.quantity]
+            + [number(value) for a in (each.written, each.before) if a is not None for value in (a.r2, a.rms)]
+            + ["", ""] * (each.before is None)
+            + [each.unit, "worse" if each.is_worse else ""]
+            for each in found.hold_out.rows
+        ]
+        console.print(table("\nthe record on the runs held out", HELD_OUT, rows, ("quantity", "unit", "")))
     say("")
     for remark in estimate.remarks:
         say(sentence(remark))

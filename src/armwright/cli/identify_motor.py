@@ -79,7 +79,8 @@ def motor(
     """Identify motors: resistance, torque constant, inertia, friction, delay, with standard deviations.
 
     It fits the free simulation of the record's drives to the log. Parameters that the log does not determine are named and
-    keep the record's value. Exit code: 0 identified, 1 not identified, 2 bad input.
+    keep the record's value. Runs that the log holds out judge the record, beside the one that it replaces. Exit code: 0
+    identified, 1 not identified or worse than before, 2 bad input.
 
     \b
     Examples:

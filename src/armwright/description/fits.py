@@ -41,7 +41,8 @@ class Fit(Record):
     method: str = Field(min_length=1, description="How it was fitted.")
     log_sha256: Sha256 = Field(description="Checksum of the log, as `armwright log` shows it.")
     verdict: Literal["identified", "not identified"] = Field(
-        description='"not identified" if the log does not determine a requested number, or one is at its bound.'
+        description='"not identified" if the log does not determine a requested number, one is at its bound, or runs held out '
+        "are predicted worse than by the record before."
     )
     names: tuple[str, ...] = Field(
         default=(), description="Paths of the numbers that the log gave, `joint1.motor.resistance_ohm`."

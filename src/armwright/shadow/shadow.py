@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from armwright.errors import LogError, ScenarioError
+from armwright.fitting.measures import rms
 from armwright.identification.arm.torque_model import MEASURED
 from armwright.identification.logs.log import Log
 from armwright.identification.validation.prediction import check_match, columns_of, is_logged, units_of
@@ -182,7 +183,7 @@ class Shadow:
 
     def rms(self, signal: str = "torque") -> np.ndarray:
         """(n,) RMS of a residual, "torque" or "position", over all rows; NaN without rows."""
-        return self._over_rows(signal, lambda values: np.sqrt(np.mean(values**2, axis=0)))
+        return self._over_rows(signal, lambda values: rms(values, axis=0))
 
     def largest(self, signal: str = "torque") -> np.ndarray:
         """(n,) largest magnitude of a residual, "torque" or "position"."""

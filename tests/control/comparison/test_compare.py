@@ -1,5 +1,7 @@
 """Controllers on the same motions: known errors, payloads, noise, what is refused."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -7,6 +9,7 @@ import xarray as xr
 import armwright as aw
 from armwright.control.comparison.compare import command_limits
 from armwright.errors import ScenarioError
+from armwright.fitting.measures import rms
 
 SPEED, KP = 0.5, 8.0
 GAINS = {"position_kp": KP, "speed_kp": [1600.0, 400.0]}  # without friction and gravity no integrator is needed
@@ -138,3 +141,16 @@ def test_it_refuses_another_arm(arm):
     other = aw.Scenario(aw.load("cmu-dd"), duration=1.0, loop=aw.Loop(aw.JointPID(kp=1.0), period=5e-4))
     with pytest.raises(ScenarioError, match="another record"):
         aw.compare_controllers(scenario(arm), {"other": other}, {"ramp": RAMP})
+
+
+def test_the_same_error_has_the_same_size_in_every_room(arm, ramps):
+    """A comparison, the reducer that `tune` minimises, and the recorded rows: q − r over the rows of the motion."""
+    plain = scenario(arm)
+    loop = replace(plain.loop, reference=RAMP)
+    run = aw.simulate(
+        replace(plain, loop=loop, start=aw.Start(*RAMP.at(0.0)[:2]), recording=aw.Recording(reduce=("rms_error",)))
+    )
+    recorded = rms(run["q"].values - RAMP.at(run["time"].values)[0], axis=0)
+    np.testing.assert_allclose(run["rms_error"].values, recorded, rtol=1e-12)
+    compared = ramps.data["rms_error"].sel(controller="lags").isel(motion=0, payload=0)
+    np.testing.assert_allclose(compared, recorded, rtol=1e-12)

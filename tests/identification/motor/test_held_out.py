@@ -5,10 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
 import armwright as aw
+from armwright.cli.app import app
+from armwright.identification.motor.held_out import MARK
 from armwright.identification.motor.page import plots
-from identification.motor_truth import PATHS, TRUE, write_log
+from identification.motor_truth import PATHS, TRUE, true_record, write_log
 
 RUN = '[[runs]]\nname = "r{k}"\nfiles.log = "run{k}.csv"\nuse = "{use}"\n'
 
@@ -26,7 +29,7 @@ def two_runs(folder: Path, rows: int = 800, **changes: float) -> Path:
 
 def test_a_held_out_run_is_predicted_as_well_as_the_fitted(tmp_path):
     found = aw.identify_motor(two_runs(tmp_path), starts=2)
-    fitted, fresh = (found.estimate.fit[f"{run}: qd"]["fit_percent"] for run in ("r0", "r1 (held out)"))
+    fitted, fresh = (found.estimate.fit[f"{run}: qd"]["fit_percent"] for run in ("r0", f"r1{MARK}"))
     assert fresh == pytest.approx(fitted, abs=1.0)
     assert fitted > 96.0, "1 % of noise of the largest speed is left"
     assert set(found.predictions) == {"r0", "r1"}
@@ -39,7 +42,7 @@ def test_a_held_out_run_is_predicted_as_well_as_the_fitted(tmp_path):
 def test_a_held_out_run_of_another_motor_is_told(tmp_path):
     path = two_runs(tmp_path, coulomb=0.06)
     before = aw.identify_motor(path, starts=2)
-    assert "r1 (held out): qd is described worse than what was fitted" in str(before.estimate)
+    assert f"r1{MARK}: qd is described worse than what was fitted" in str(before.estimate)
     other = aw.identify_motor(two_runs(tmp_path, R=6.0, coulomb=0.05), starts=2).estimate
     assert other.verdict == "not identified"
     assert "does not describe a run that it has not seen" in str(other)
@@ -51,3 +54,42 @@ def test_the_experiment_that_would_tell_is_named(tmp_path):
     assert not found.identifiable[found.number(PATHS["R"])]
     (sentence,) = (each for each in found.remarks if "the resistance is held" in each)
     assert "; a locked-rotor test with current would " in sentence
+
+
+@pytest.mark.parametrize("load", [None, 0.0], ids=["robot", "motor taken off"])
+def test_the_written_record_is_judged_with_the_numbers_of_validate(tmp_path, load):
+    """Bit by bit, both records; the old one is the truth, so that the fit is no more than its noise behind it."""
+    log, record = two_runs(tmp_path), true_record(tmp_path)
+    found = aw.identify_motor(log, record, load=load, starts=2)
+    assert found.hold_out is not None
+    written = found.write(tmp_path / "written.toml")
+    for path, of in ((written, "written"), (record, "before")):
+        validation = aw.validate(path, log)
+        assert {check.quantity for check in validation.checks} == {each.quantity for each in found.hold_out.rows}
+        for each in found.hold_out.rows:
+            assert getattr(each, of) == validation.of(each.quantity, "motor").overall
+    own = found.estimate.fit["speed of motor (held out)"]
+    assert own["r2"] == next(each.written.r2 for each in found.hold_out.rows if each.quantity == "speed")
+    assert found.estimate.verdict == "identified"
+
+
+def test_a_record_worse_than_the_one_that_it_replaces_is_not_identified(tmp_path):
+    """A friction that was said to be known, and is not."""
+    log, record, output = two_runs(tmp_path), true_record(tmp_path), tmp_path / "written.toml"
+    wrong = ["--fix", "coulomb=0.05", "--fix", "viscous=0.002"]
+    for more, code in (([], 0), (wrong, 1)):
+        options = ["--robot", str(record), "--starts", "2", "-o", str(output), "--report", str(tmp_path / "page.html")]
+        result = CliRunner().invoke(app, ["identify", "motor", str(log), *options, *more])
+        assert result.exit_code == code, result.output
+        assert ("worse than the record that it replaces" in " ".join(result.output.split())) == bool(code)
+        assert aw.load(output).record.fits["fit"].verdict == ("not identified" if code else "identified")
+
+
+def test_a_bench_motor_has_nothing_to_be_compared_with(tmp_path):
+    found = aw.identify_motor(two_runs(tmp_path), starts=2)
+    assert found.hold_out is not None
+    assert found.hold_out.before is None
+    assert "no record came in" in str(found.estimate)
+    alone = aw.identify_motor(write_log(tmp_path, 0, ("qd",), rows=400), starts=2)
+    assert alone.hold_out is None
+    assert "no run is held out" in str(alone.estimate)

@@ -23,6 +23,7 @@ from armwright.control.comparison.measures import (
     tool_path,
 )
 from armwright.errors import ScenarioError
+from armwright.fitting.measures import rms
 from armwright.kernels.compiled import compile_arm
 from armwright.model import Model
 from armwright.output import check_destination, whole_file
@@ -244,7 +245,7 @@ def _case(
     moving = (t >= course.motion.time) & (t <= course.end)
     after, goal = t >= course.end, course.motion.at(course.end)[0]
     case |= {
-        "rms_error": np.sqrt((error[:, moving] ** 2).mean(axis=(0, 1))),
+        "rms_error": rms(error[:, moving], axis=(0, 1)),
         "largest_error": np.abs(error).max(axis=(0, 1)),
         "settling_time": settling_time(t, error, course.end, band).max(axis=0),
         "overshoot": overshoot(q[:, after], goal, course.direction).max(axis=0),

@@ -25,6 +25,7 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import sosfiltfilt
 
 from armwright.errors import IdentificationError
+from armwright.fitting.measures import rms
 from armwright.identification.arm.base import BaseParameters
 from armwright.identification.arm.correlation import correlated
 from armwright.identification.arm.samples import Samples
@@ -217,7 +218,7 @@ def fit_closed_loop(
         change = np.abs(new - values) / np.sqrt(np.maximum(np.diag(covariance), np.finfo(float).tiny))
         values = new
         settled = bool(change.max() < SETTLED)
-    return ClosedLoopFit(values, covariance, weights, np.sqrt(np.mean(rest**2, axis=0)), count, settled, method, start)
+    return ClosedLoopFit(values, covariance, weights, rms(rest, axis=0), count, settled, method, start)
 
 
 def _instruments(

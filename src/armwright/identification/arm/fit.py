@@ -16,6 +16,7 @@ import numpy as np
 import scipy.linalg
 
 from armwright.errors import IdentificationError
+from armwright.fitting.measures import r_squared
 from armwright.identification.arm.base import BaseParameters
 from armwright.identification.arm.correlation import correlated
 from armwright.identification.arm.equations import Equations, Factor, Part, equations_of, stacked
@@ -134,8 +135,7 @@ def measures_of(factors: Sequence[Factor], parameters: np.ndarray) -> tuple[np.n
     squares = np.array([factor.residual(parameters) for factor in factors])
     sums = np.array([factor.sum_of_squares for factor in factors])
     spread = sums - np.array([factor.total for factor in factors]) ** 2 / rows
-    with np.errstate(divide="ignore", invalid="ignore"):
-        r2 = np.where(spread > 1e-12 * sums, 1.0 - squares / spread, np.nan)
+    r2 = r_squared(squares, np.where(spread > 1e-12 * sums, spread, 0.0))  # the difference of sums leaves rounding
     return np.sqrt(squares / rows), np.sqrt(sums / rows), r2
 
 

@@ -15,6 +15,7 @@ from armwright.actuators.coupling import motor_shares
 from armwright.description.friction import key_of
 from armwright.description.paths import path_name, unit_at
 from armwright.errors import IdentificationError
+from armwright.fitting.measures import agreement
 from armwright.identification.arm.friction_law import (
     CANDIDATES,
     WORTH,
@@ -174,12 +175,8 @@ def identify_friction(
             values.append(value)
             bounds.append(at_bound)
         blocks.append(_spread(law, covariance))
-        rest = law(rows) - rows.torque
-        measures[body.joint] = {
-            "r2": 1 - float(rest.var() / rows.torque.var()),
-            "rms": float(np.sqrt(np.mean(rest**2))),
-            "held_out_rms": choice.error,
-        }
+        found = agreement(rows.torque, law(rows))
+        measures[body.joint] = {"r2": found.r2, "rms": found.rms, "held_out_rms": choice.error}
         remarks += _said(body.joint, law, choice, worth)
     if not names:
         raise IdentificationError(

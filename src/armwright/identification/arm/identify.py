@@ -6,27 +6,29 @@ import os
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 
 from armwright.description.robot import Source
-from armwright.errors import IdentificationError
+from armwright.errors import ArmwrightError, IdentificationError
 from armwright.identification.arm.arm_record import Paths, RecordParameters, described, record_parameters
 from armwright.identification.arm.base import BaseParameters, base_parameters, regrouped, regrouped_further
 from armwright.identification.arm.closed_loop import Feedback, following
 from armwright.identification.arm.equations import Equations, equations_of, stacked
-from armwright.identification.arm.fit import ArmFit, HeldOut, cross_validated, fit_arm, measures_of
+from armwright.identification.arm.fit import ArmFit, HeldOut, cross_validated, fit_arm
+from armwright.identification.arm.fit_noise import error_by_noise
 from armwright.identification.arm.methods import METHODS, FitProblem
 from armwright.identification.arm.misread import late_torques, misread_columns
 from armwright.identification.arm.remarks import (
     MOST_NAMED,
     driving_frictions,
     impossible_parameters,
-    joints_that_move,
     measures_by_joint,
     negative_inertias,
     remarks_on,
+    unexplained,
     unlike_the_record,
     unpredicted,
     verdict_of,
@@ -39,7 +41,9 @@ from armwright.identification.estimate import HALF_95, Estimate, write_into
 from armwright.identification.logs.checks import of_robot
 from armwright.identification.logs.log import Log
 from armwright.identification.logs.preparation import Preparation, choose_preparation
+from armwright.identification.validation.comparison import NO_HOLD_OUT, RecordComparison, compare_records
 from armwright.model import Model
+from armwright.model.load import load
 
 FOLDS = 8  # parts of a log with few runs
 MANY_RUNS = 4  # from here on each run is a part
@@ -55,8 +59,8 @@ class ArmEstimate:
     Attributes:
         estimate: base parameters with covariance, measures by joint, remarks and verdict.   fit: least squares behind it.
         formulas: of the base parameters.   structural: their number by the arm's structure alone, whatever its motion.
-        held_out: errors on each part, of fits to the others.   hold_out: (n,) R² on the runs that the log holds out, together;
-            None where there are none.
+        held_out: errors on each part, of fits to the others.
+        hold_out: the record judged on the runs that the log holds out, by the measures of `validate`; None where there are none.
         sensitive: names of parameters that leave their 95 % interval at another cut-off.
         record: physically possible parameters for a record; None where it was not asked for.   gears: N of the log, or None.
     """
@@ -66,7 +70,7 @@ class ArmEstimate:
     formulas: tuple[str, ...]
     structural: int
     held_out: tuple[HeldOut, ...]
-    hold_out: np.ndarray | None
+    hold_out: RecordComparison | None
     sensitive: tuple[str, ...]
     record: RecordParameters | None
     gears: np.ndarray | None
@@ -157,7 +161,8 @@ def identify_arm(
         cutoff: of the low-pass, in Hz.   decimate: every how many rows to keep; None: chosen.
         feedback: of the log's one run, for "iv", "didim" and "cloe"; or (kp, kd, period) of a controller whose reference is not
             known, in whose place the logged positions stand.   forgetting: of "recursive", for each row, at most 1.
-        record: also find physically possible values for a record.   sensitivity: also fit at cut-offs 30 % lower and higher.
+        record: also find physically possible values for a record; runs held out judge it, so that then it is found in any case.
+        sensitivity: also fit at cut-offs 30 % lower and higher.
     Returns:
         result: `result.estimate` has the base parameters, `result.write(path)` writes the record.
     Raises:
@@ -190,13 +195,12 @@ def identify_arm(
     fit = METHODS[method].fit(FitProblem(source, equations, base, seconds, loop, forgetting))
     held_out = tuple(cross_validated(fit)) if len(equations.parts) > 1 and METHODS[method].parts else ()
     kept_back = [run for run in log.hold_out if run not in runs]
-    hold_out, moved = _predicted(log, model, kept_back, cutoff, decimate, fit) if kept_back else (None, None)
     sensitive = _sensitive(log, model, prepared, fit) if sensitivity and METHODS[method].parts else ()
-    values = record_parameters(fit) if record else None
+    values = record_parameters(fit) if record or kept_back else None
     directions = [*sentences(fit, source()), *_separating(equations, base, structural)]
     remarks = remarks_on(fit, base, structural, directions, sensitive, held_out, values, prepared[runs[0]])
     remarks += [*late_torques(fit, next(source())), *SUPPORT.notes(arm)]
-    doubts = [*unpredicted(fit, held_out, hold_out, moved), *unlike_the_record(fit)]
+    doubts = unlike_the_record(fit)
     doubts += (driving := driving_frictions(fit))
     doubts += negative_inertias(fit, next(source()))
     doubts += [] if driving else misread_columns(fit, next(source()))
@@ -206,12 +210,40 @@ def identify_arm(
     estimate = Estimate(
         names=tuple(fit.base.names), values=fit.values, covariance=fit.covariance, sha256=log.sha256, method=about,
         units=tuple(fit.base.units), remarks=(*remarks, *doubts, *map(str, log.warnings)), condition=fit.condition,
-        fit=measures_by_joint(fit, held_out, hold_out),
+        fit=measures_by_joint(fit, held_out),
         verdict="not identified" if doubts else verdict_of(fit, len(base), len(structural)), log=log.path.name,
     )  # fmt: skip
-    return ArmEstimate(
-        estimate, fit, tuple(fit.base.formulas), len(structural), held_out, hold_out, sensitive, values, gears
+    found = ArmEstimate(
+        estimate, fit, tuple(fit.base.formulas), len(structural), held_out, None, sensitive, values, gears
     )
+    return judged(found, log, arm, kept_back)
+
+
+def judged(found: ArmEstimate, log: Log, arm: Model, runs: Sequence[str]) -> ArmEstimate:
+    """The estimate with its record's torques on the runs held out, or where there are none with those of the parts held out.
+
+    A joint that is predicted with R² below 0.5, or worse than by the record that came in, makes it "not identified".
+    """
+    fit, said, comparison = found.fit, [], None
+    if runs:
+        try:
+            with TemporaryDirectory() as folder:
+                written = load(found.write(Path(folder) / "arm.toml"))
+            noise = error_by_noise(fit, log, runs)
+            comparison = compare_records(written, arm, log, runs, simulation=False, noise=noise)
+            said = comparison.remarks
+        except ArmwrightError as error:
+            said = [f"the runs held out do not judge the record: {error}"]
+    else:
+        said = [NO_HOLD_OUT]
+    doubts = unpredicted(fit, found.held_out) if comparison is None else unexplained(fit, comparison) + comparison.worse
+    estimate = replace(
+        found.estimate,
+        remarks=(*found.estimate.remarks, *said, *doubts),
+        verdict="not identified" if doubts else found.verdict,
+        fit={**found.estimate.fit, **(comparison.measures if comparison else {})},
+    )  # fmt: skip
+    return replace(found, estimate=estimate, hold_out=comparison)
 
 
 def _lacks(log: Log, lacks: Collection[str] | None) -> Collection[str]:
@@ -303,15 +335,6 @@ def _separating(equations: Equations, base: BaseParameters, structural: BasePara
     R = stacked(equations.factors, len(model))[0][:, structural.independent]
     regressor = BaseRegressor(model, structural, np.zeros(model.arm.n))
     return list(joints_that_separate(regressor, R.T @ R, int(equations.rows.max())))[:MOST_NAMED]
-
-
-def _predicted(
-    log: Log, model: TorqueModel, runs: Sequence[str], cutoff: float | None, decimate: int | None, fit: ArmFit
-) -> tuple[np.ndarray, np.ndarray]:
-    """R² (n,) of a fit on runs that it has not seen, and which joints (n,) move there."""
-    prepared = {run: choose_preparation(log, run, cutoff=cutoff, decimate=decimate) for run in runs}
-    equations = equations_of(samples_of(log, model, runs, prepared), model, part_seconds=np.inf)
-    return measures_of(equations.factors, fit.parameters)[2], joints_that_move(equations)
 
 
 def _sensitive(log: Log, model: TorqueModel, prepared: Mapping[str, Preparation], fit: ArmFit) -> tuple[str, ...]:

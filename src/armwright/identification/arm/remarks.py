@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from armwright.fitting.measures import r_squared, rms
 from armwright.identification.arm.base import BaseParameters
 from armwright.identification.arm.equations import Equations
 from armwright.identification.arm.fit import AT_REST, ArmFit, HeldOut
@@ -18,6 +19,7 @@ from armwright.identification.logs.preparation import Preparation
 if TYPE_CHECKING:
     from armwright.identification.arm.arm_record import RecordParameters
     from armwright.identification.arm.samples import Samples
+    from armwright.identification.validation.comparison import RecordComparison
 
 MOST_NAMED = 6  # parameters in one remark
 POSES = 50  # of the log, for the mean of a joint's inertia
@@ -36,28 +38,28 @@ def joints_that_move(equations: Equations) -> np.ndarray:
     return motion > AT_REST**2 * motion.max()
 
 
-def unpredicted(
-    fit: ArmFit, held_out: Sequence[HeldOut], hold_out: np.ndarray | None, moved: np.ndarray | None
-) -> list[str]:
-    """Sentences about moving joints with poorly predicted torque on held-out rows.
+def unpredicted(fit: ArmFit, held_out: Sequence[HeldOut]) -> list[str]:
+    """Sentences about moving joints with poorly predicted torque on the parts of the log, each by a fit to the others."""
+    parts = [each.relative**2 for each in held_out if not each.at_rest]
+    if not parts:
+        return []
+    with np.errstate(divide="ignore", invalid="ignore"):
+        spread = fit.rms**2 / (1.0 - fit.r2)  # of the measured torque
+    r2s = r_squared(np.mean(parts, axis=0) * fit.torque_rms**2, spread)
+    return _poor(fit, dict(zip(fit.equations.model.arm.names, r2s, strict=True)), "on parts held out")
 
-    That is on the runs that the log holds out, or where there are none on its parts, each by a fit to the others.
-    """
-    where, moving, r2s = "on the runs held out", joints_that_move(fit.equations), hold_out
-    if r2s is None or moved is None:
-        parts = [each.relative**2 for each in held_out if not each.at_rest]
-        if not parts:
-            return []
-        with np.errstate(divide="ignore", invalid="ignore"):
-            spread = fit.rms**2 / (1.0 - fit.r2)  # of the measured torque
-            r2s = 1.0 - np.mean(parts, axis=0) * fit.torque_rms**2 / spread
-        where = "on parts held out"
-    else:
-        moving &= moved
+
+def unexplained(fit: ArmFit, comparison: RecordComparison) -> list[str]:
+    """Sentences about moving joints with poorly predicted torque on the runs held out, by the written record."""
+    r2s = {each.joint: each.written.r2 for each in comparison.rows if each.quantity == "torque"}
+    return _poor(fit, r2s, "on the runs held out")
+
+
+def _poor(fit: ArmFit, r2s: Mapping[str, float], where: str) -> list[str]:
     return [
-        f"{joint}: R² {r2:.2f} {where}, below {LEAST_HELD_OUT:g}: its torque is not explained by this model"
-        for joint, r2, moves in zip(fit.equations.model.arm.names, r2s, moving, strict=True)
-        if moves and r2 < LEAST_HELD_OUT
+        f"{joint}: R² {r2s[joint]:.2f} {where}, below {LEAST_HELD_OUT:g}: its torque is not explained by this model"
+        for joint, moves in zip(fit.equations.model.arm.names, joints_that_move(fit.equations), strict=True)
+        if moves and joint in r2s and r2s[joint] < LEAST_HELD_OUT
     ]
 
 
@@ -155,10 +157,8 @@ def driving_frictions(fit: ArmFit) -> list[str]:
     return sentences
 
 
-def measures_by_joint(
-    fit: ArmFit, held_out: Sequence[HeldOut], hold_out: np.ndarray | None
-) -> dict[str, dict[str, float]]:
-    """Measures by joint: R², RMS of the residual, error on held-out parts that move, R² on the hold-out runs."""
+def measures_by_joint(fit: ArmFit, held_out: Sequence[HeldOut]) -> dict[str, dict[str, float]]:
+    """Measures of the fit by joint: R² and RMS of the residual over the fitted rows, error on held-out parts that move."""
     moving = [each.relative for each in held_out if not each.at_rest]
     measures = {}
     for j, joint in enumerate(fit.equations.model.arm.names):
@@ -166,9 +166,7 @@ def measures_by_joint(
             continue
         measures[joint] = {"r2": float(fit.r2[j]), "rms": float(fit.rms[j])}
         if moving:
-            measures[joint]["held_out"] = float(np.sqrt(np.mean([each[j] ** 2 for each in moving])))
-        if hold_out is not None:
-            measures[joint]["hold_out_r2"] = float(hold_out[j])
+            measures[joint]["held_out"] = rms(np.array([each[j] for each in moving]))
     return measures
 
 

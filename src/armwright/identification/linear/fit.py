@@ -195,7 +195,7 @@ def _result(
         records, scaled, lambda each: prediction_errors(free, each, orders.past, True)[:, None],
         lambda each: prediction_errors(inner, each, orders.past, initial)[:, None], orders.past, units.ys,
     )  # fmt: skip
-    if not all(np.isfinite(each["fit_percent"]) for each in measures.values()):
+    if not all(np.isfinite(each["rms"]) for each in measures.values()):
         remarks.append("the model is unstable: its free simulation diverges")
         known = False
     start = "initial states estimated" if initial else "initial states as measured"

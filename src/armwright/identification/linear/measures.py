@@ -6,14 +6,19 @@ from typing import Any
 
 import numpy as np
 
+from armwright.fitting.measures import fit_percent, r_squared, rms
 from armwright.identification.linear.records import Records
 
 
 def percent(measured: np.ndarray, errors: np.ndarray) -> np.ndarray:
-    """100 (1 - |errors| / |measured - mean|) of every output (outputs,) [%]."""
-    spread = np.linalg.norm(measured - measured.mean(axis=0), axis=0)
+    """Fit (outputs,) [%] of every output; -inf of a simulation that diverges, NaN of an output that is constant."""
     with np.errstate(over="ignore", invalid="ignore"):
-        return 100.0 * (1.0 - np.linalg.norm(errors, axis=0) / np.maximum(spread, 1e-300))
+        return fit_percent(*_sums(measured, errors))
+
+
+def _sums(measured: np.ndarray, errors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Σ e² and Σ (y − ȳ)² (outputs,), of measured outputs and errors (rows, outputs)."""
+    return (errors**2).sum(axis=0), ((measured - measured.mean(axis=0)) ** 2).sum(axis=0)
 
 
 def simulation_measures(
@@ -30,10 +35,10 @@ def simulation_measures(
             with np.errstate(over="ignore", invalid="ignore"):
                 e = np.concatenate([free(each) for each in own])
                 one = np.concatenate([one_step(each) for each in own]) if one_step is not None else None
-                fits, ones = percent(y, e), None if one is None else percent(y, one)
-                for k, name in enumerate(records.outputs):
-                    rms = float(np.sqrt(np.mean(e[:, k] ** 2)) * size[k])
-                    row = {"fit_percent": float(fits[k]), "r2": float(1 - (1 - fits[k] / 100) ** 2), "rms": rms}
+                sums, ones = _sums(y, e), None if one is None else percent(y, one)
+                rows = zip(fit_percent(*sums), r_squared(*sums), rms(e, axis=0) * size, strict=True)
+                for k, (name, (fit, r2, size_of)) in enumerate(zip(records.outputs, rows, strict=True)):
+                    row = {"fit_percent": float(fit), "r2": float(r2), "rms": float(size_of)}
                     found[f"{run} ({use}): {name}"] = (
                         row if ones is None else row | {"one_step_percent": float(ones[k])}
                     )

@@ -21,6 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from armwright.errors import LogError
+from armwright.fitting.measures import r_squared
 from armwright.identification.linear.records import Stretch
 from armwright.identification.linear.residuals import CERTAIN as CHANCE
 from armwright.identification.linear.residuals import feedback
@@ -79,7 +80,7 @@ def _electrical(u: Columns, i: Columns, w: Columns, ratio: float | None) -> tupl
         target = np.concatenate([np.concatenate([np.full(late, each[0]), each])[: len(each)] for each in u])
         solution = inverse @ target
         rest = float(((target - matrix @ solution) ** 2).sum())
-        r2 = 1.0 - rest / max(float(((target - target.mean()) ** 2).sum()), 1e-300)
+        r2 = float(r_squared(rest, float(((target - target.mean()) ** 2).sum())))
         if r2 > best[0]:
             best = r2, solution, np.sqrt((inverse**2).sum(axis=1) * rest / max(len(target) - 3, 1))
     r2, solution, spread = best

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.signal import lfilter
 
+from armwright.fitting.measures import r_squared
 from armwright.identification.motor.measured import Measured
 
 CONSTANTS = 24  # of time that are tried
@@ -75,7 +76,7 @@ def first_order(u: Sequence[np.ndarray], w: Sequence[np.ndarray], period: float,
             if solution[0] != 0 and (forward not in best or rest < best[forward][0]):
                 best[forward] = rest, float(time), delay, solution
     spread = sum(float(((each - each.mean()) ** 2).sum()) for each in w)
-    r2 = {way: 1.0 - found[0] / max(spread, 1e-300) for way, found in best.items()}
+    r2 = {way: float(r_squared(found[0], spread)) for way, found in best.items()}
     if True not in best:
         return Guess(1.0, 20 * period, 0.0, 0, r2_against=r2.get(False, 0.0))
     _, time, delay, solution = best[True]

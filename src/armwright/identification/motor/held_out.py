@@ -1,26 +1,34 @@
-"""Held-out runs: their free simulation with the fitted parameters, from their own initial state."""
+"""Held-out runs: their free simulation with the fit's own delay and initial states, and the written record judged on them."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from armwright.description.database import read_description
 from armwright.description.robot import RobotDescription
-from armwright.errors import LogError
+from armwright.errors import ArmwrightError, LogError
 from armwright.identification.logs.log import Log
+from armwright.identification.motor.bench import decoupled_record
 from armwright.identification.motor.fitting import Fitted
 from armwright.identification.motor.measured import Measured, measured
 from armwright.identification.motor.output_error import Places, Problem, refined
 from armwright.identification.motor.predictions import predictions_of
 from armwright.identification.motor.problem import speeds_of, starts_of
 from armwright.identification.motor.unknowns import Unknown, values_of
-from armwright.model.model import build_model
+from armwright.identification.validation.comparison import NO_HOLD_OUT, compare_records
+from armwright.model.model import Model, build_model
+
+if TYPE_CHECKING:
+    from armwright.identification.motor.report import MotorFit
 
 Measures = Mapping[str, Mapping[str, float]]
-MARK = " (held out)"  # behind a run's name, among measures
+MARK = " (held out, with the fitted delay)"  # behind a run's name, among measures: no record has a delay
 
 
 def held_out(
@@ -83,6 +91,52 @@ def _fresh(record: RobotDescription, data: Measured, done: Fitted) -> tuple[Prob
         old.response, tuple(unknowns), data.stretches, tuple(places), old.sigma, nominal, float(np.mean(moving))
     )
     return problem, np.array([each.to_coordinate(each.guess) for each in unknowns])
+
+
+def judged(
+    fit: MotorFit, log: Log, runs: Sequence[str], base: RobotDescription | None, loads: Mapping[str, float] | None, locked: bool
+) -> MotorFit:  # fmt: skip
+    """The fit with its record's measures on the runs held out, as `validate` has them; a worse record is "not identified".
+
+    Args:
+        fit: as it would be written.   log: of the runs.   runs: names of those that were fitted.
+        base: the record that came in; None: a motor on a bench.   loads: of joints that moved by themselves; None: the arm did.
+        locked: the rotors were held, so that no motion can be compared.
+    """
+    fresh = [name for name in log.hold_out if name not in runs]
+    if not fresh:
+        return _with_remarks(fit, [NO_HOLD_OUT])
+    if locked:
+        return _with_remarks(fit, ["the runs held out do not judge the record: the rotor was held"])
+
+    def model_of(record: RobotDescription) -> Model:
+        return build_model(record if loads is None else decoupled_record(record, list(loads), loads))
+
+    try:
+        with TemporaryDirectory() as folder:
+            written = model_of(read_description(fit.write(Path(folder) / "motor.toml")))
+        before, reason = None, "no record came in"
+        if base is not None:
+            try:
+                before, reason = model_of(base), ""
+            except ArmwrightError as error:
+                reason = f"the record that came in does not predict them, {error}"
+        comparison = compare_records(written, before, log, fresh, reason=reason)
+    except ArmwrightError as error:
+        return _with_remarks(fit, [f"the runs held out do not judge the record: {error}"])
+    estimate = replace(fit.estimate, fit={**fit.estimate.fit, **comparison.measures})
+    doubts = comparison.worse
+    return _with_remarks(replace(fit, estimate=estimate, hold_out=comparison), comparison.remarks, doubts)
+
+
+def _with_remarks(fit: MotorFit, remarks: Sequence[str], doubts: Sequence[str] = ()) -> MotorFit:
+    """The fit with further remarks; with doubts it is "not identified"."""
+    estimate = replace(
+        fit.estimate,
+        remarks=(*fit.estimate.remarks, *remarks, *doubts),
+        verdict="not identified" if doubts else fit.estimate.verdict,
+    )
+    return replace(fit, estimate=estimate)
 
 
 def _joint_of(problem: Problem, unknown: int) -> int:

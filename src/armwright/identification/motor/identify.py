@@ -18,7 +18,7 @@ from armwright.identification.motor.channels import check_channels, feedback_rem
 from armwright.identification.motor.drive_record import value_at, with_numbers
 from armwright.identification.motor.fitting import fitted
 from armwright.identification.motor.guess import guess
-from armwright.identification.motor.held_out import MARK
+from armwright.identification.motor.held_out import MARK, judged
 from armwright.identification.motor.measured import measured, steady
 from armwright.identification.motor.output_error import Problem
 from armwright.identification.motor.problem import problem_of
@@ -118,7 +118,8 @@ def identify_motor(
         return replace(fit, robot=robot, source=None if given else source)
 
     with automatic(progress, "fitting") as tell:
-        return _better_mode(fit_of("brake"), fit_of("coast")) if pwm == "compare" else fit_of(pwm)
+        fit = _better_mode(fit_of("brake"), fit_of("coast")) if pwm == "compare" else fit_of(pwm)
+        return judged(fit, log, asked, base, loads, locked)
 
 
 def _ratio(base: RobotDescription | None, log: Log, joint: str) -> float | None:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from armwright.identification.motor.held_out import MARK
 from armwright.identification.motor.report import MotorFit
 from armwright.identification.validation.pictures import over_time
 from armwright.identification.validation.prediction import Prediction
@@ -21,7 +22,7 @@ def plots(fit: MotorFit) -> list[tuple[str, str]]:
     linear = {each.name: each.type == "prismatic" for each in fit.robot.joints}
     found = []
     for run, data in fit.predictions.items():
-        use = "held out" if any(name.startswith(f"{run} (held out)") for name in fit.estimate.fit) else "fitted"
+        use = "held out" if any(name.startswith(f"{run}{MARK}") for name in fit.estimate.fit) else "fitted"
         parts = []
         for name, quantity in QUANTITIES.items():
             for k, joint in enumerate(str(each) for each in data.joint.values):

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from armwright.fitting.measures import agreement
 from armwright.identification.motor.measured import Measured
 from armwright.identification.motor.output_error import Problem
 
@@ -41,12 +42,6 @@ def predictions_of(
         found.setdefault(stretch.run, []).append(each)
     for (run, joint, name), pairs in columns.items():
         true, own = (np.concatenate(column) for column in zip(*pairs, strict=True))
-        error, spread = true - own, true - true.mean()
-        ratio = float(np.linalg.norm(error) / max(np.linalg.norm(spread), 1e-300))
         key = f"{run}{mark}: {name}" if n == 1 else f"{run}{mark}: {joint}.{name}"
-        measures[key] = {
-            "fit_percent": 100.0 * (1.0 - ratio),
-            "r2": 1.0 - ratio * ratio,
-            "rms": float(np.sqrt((error * error).mean())),
-        }
+        measures[key] = agreement(true, own).by_name
     return {run: xr.concat(parts, "time") for run, parts in found.items()}, measures

@@ -26,6 +26,8 @@ from armwright.identification.motor.unknowns import values_of
 if TYPE_CHECKING:
     import xarray as xr
 
+    from armwright.identification.validation.comparison import RecordComparison
+
 EXPLAINED = 0.5  # R² of a signal below which the model does not describe the log
 CURRENT = 0.9  # R² of a current below which its rows may be others than is taken
 FAR = 3.0  # deviations from its prior at which a number contradicts it
@@ -51,6 +53,7 @@ class MotorFit:
             every compared signal as measured and as `<signal>_predicted`, time and joint as in `Log.dataset`.
             Of runs that were held out, too.
         source: what the robot's file was, for `write`.   cost: half the sum of squares of scaled residuals.
+        hold_out: the record judged on the runs that the log holds out, by the measures of `validate`; None where it is not.
     """
 
     estimate: Estimate
@@ -58,6 +61,7 @@ class MotorFit:
     predictions: Mapping[str, xr.Dataset]
     source: Any
     cost: float
+    hold_out: RecordComparison | None = None
 
     def write(self, output: str | os.PathLike[str], key: str = "fit") -> Path:
         """Writes the robot's file with the estimate in it, as `write_into`.

@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from armwright.fitting.measures import Agreement, agreement, at_rest, rms
 from armwright.identification.logs.delay import Delay
 from armwright.identification.logs.log import Log
 from armwright.identification.logs.quantisation import quantisation_step
 from armwright.identification.logs.spectrum import longest_finite, motion_band
 from armwright.identification.validation.friction_signature import FrictionSignature, Term, friction_signature
-from armwright.identification.validation.measures import Agreement, agreement, rms
 from armwright.identification.validation.prediction import Prediction, Quantity
 from armwright.identification.validation.residuals import (
     Correlation,
@@ -35,8 +35,6 @@ CAUSES = {  # of a wrong scale
     "torque": "a wrong gear ratio or torque constant",
     "motion": "a wrong gear ratio, motor constant or friction",
 }
-SLOW = 0.005  # of the joint's largest speed: below it for REST seconds and LEAST rows a joint is at rest
-REST, LEAST = 0.1, 20
 AS_HELD = ", as a command does that is held from row to row: `held = true` in the log's file says so"
 HALF = 0.15  # samples: as far from half a sample a delay is that of a hold
 LATE = 0.3  # samples: shorter delays are as the differences of counts have them
@@ -167,6 +165,18 @@ def joint_measures(predictions: Sequence[Prediction], column: int, still: set[st
     return replace(found, remarks=tuple(remarks(found)))
 
 
+def moving_rows(predictions: Sequence[Prediction], column: int, still: set[str]) -> tuple[np.ndarray, np.ndarray]:
+    """Measured and predicted values (rows,) that the measures of a joint count, of all runs one after the other.
+
+    Args:
+        predictions: of one quantity, a run each.   column: the joint's.   still: runs in which it does not move.
+    """
+    moving = [each for each in predictions if each.run not in still]
+    moves = [(each, ~mask) for each, mask in zip(moving, _rests(moving, column), strict=True)]
+    rows = _joined(moves, column)
+    return rows.measured, rows.predicted
+
+
 def _rests(moving: Sequence[Prediction], column: int) -> list[np.ndarray]:
     """(rows,) of every run, True for rows in a period of rest.
 
@@ -178,13 +188,10 @@ def _rests(moving: Sequence[Prediction], column: int) -> list[np.ndarray]:
     )
     masks = []
     for each in moving:
-        mask = np.zeros(len(each.t), dtype=bool)
         if each.quantity == "torque" and each.speed is not None:
-            slow = np.abs(each.speed[:, column]) < SLOW * top
-            for part in parts_of(slow):
-                if slow[part.start] and part.stop - part.start >= max(LEAST, REST * each.rate):
-                    mask[part] = True
-        masks.append(mask)
+            masks.append(at_rest(each.speed[:, column], top, each.rate))
+        else:
+            masks.append(np.zeros(len(each.t), dtype=bool))
     return masks
 
 

@@ -12,7 +12,7 @@ from pydantic import Field
 
 from armwright.description.toml_file import toml_tables
 from armwright.errors import LogError
-from armwright.identification.validation.measures import Agreement
+from armwright.fitting.measures import Agreement
 from armwright.identification.validation.prediction import Quantity
 from armwright.model import Model
 from armwright.quantity import Record

@@ -124,7 +124,7 @@ def steps(estimate: Estimate | None, validation: Validation | None) -> list[str]
         found.append(
             'Mark a run that no fit has seen use = "hold-out" in the log, and validate again: this verdict is too optimistic.'
         )
-    if validation.passed and not found:
+    if validation.passed and not found and (estimate is None or estimate.verdict == "identified"):
         found.append(
             "Nothing stands out: the record predicts this log. It says nothing about other speeds, loads and poses."
         )
@@ -132,7 +132,7 @@ def steps(estimate: Estimate | None, validation: Validation | None) -> list[str]
 
 
 def _summary(estimate: Estimate | None, validation: Validation | None) -> str:
-    """Verdicts, and what belongs to them."""
+    """The verdict, and facts about it: that of a fit judges the record too, limits kept or missed are facts beside it."""
     lines = []
     if estimate is not None:
         good = " good" if estimate.verdict == "identified" else ""
@@ -141,7 +141,8 @@ def _summary(estimate: Estimate | None, validation: Validation | None) -> str:
         )
     if validation is not None:
         good = " good" if validation.passed else ""
-        lines.append(f'<p class="verdict{good}">{escape(validation.arm.name)} {escape(validation.verdict)}</p>')
+        if estimate is None:
+            lines.append(f'<p class="verdict{good}">{escape(validation.arm.name)} {escape(validation.verdict)}</p>')
         record = "made in Python or built in" if validation.record is None else validation.record.name
         runs = ", ".join(validation.runs) if len(validation.runs) <= 8 else f"{len(validation.runs)} runs"
         facts = {
@@ -149,6 +150,7 @@ def _summary(estimate: Estimate | None, validation: Validation | None) -> str:
             "Log": f"{validation.log.path.name} {_short(validation.log.sha256)}",
             "Judged": f"{runs}, {'not used for fitting' if validation.held_out else 'not held out'}",
             "Limits": _limits(validation),
+            "Kept": f"{sum(check.passed for check in validation.checks)} of {len(validation.checks)} limits",
             "Date": validation.date,
         }
         lines.append("<dl>" + "".join(f"<dt>{k}</dt><dd>{escape(v)}</dd>" for k, v in facts.items()) + "</dl>")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from armwright.identification.validation.measures import agreement, rms
+from armwright.fitting.measures import agreement, rms
 
 
 def test_by_hand():

@@ -1,0 +1,1 @@
+"""Fits and their quality, for every room that compares a model with measurements."""
