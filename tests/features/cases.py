@@ -89,7 +89,7 @@ ARMS = {
     },
     "coasting": {"command": "voltage", "motor": {"pwm": "coast"}},
     "dead zone": {"command": "voltage", "motor": {"dead_zone_v": 1.5}},
-    "supply": {"robot": {"supply": SUPPLY}},
+    "supply": {"robot": {"supply": {**SUPPLY, "voltage_v": 7.0, "chopper_voltage_v": 8.0}}},
     "mimic joints": {
         "third": {
             "mimic": {"joint": "joint1", "multiplier": 0.5, "offset_rad": 0.1},
@@ -154,15 +154,17 @@ def _built(command="voltage", motor=None, joint=None, robot=None, third=None) ->
 
 
 class Wave:
-    """A smooth motion of all joints, which has an end."""
+    """A smooth motion of all joints from where `looped` starts, at rest; it has an end."""
 
     def __init__(self, n: int, duration: float = 4.0):
         self.n, self.duration = n, duration
 
     def __call__(self, t):
         s = aw.scalar
-        waves = [0.3 + 0.35 * s.sin(2.1 * t + k) + 0.15 * s.sin(5.3 * t + 2 * k) for k in range(self.n)]
-        return s.array(waves)
+        waves = [(0.35 - 0.05 * k, 2.3 + k, 0.15, 4.1 + 1.7 * k) for k in range(self.n)]
+        return s.array(
+            [START[k] + a * (1.0 - s.cos(w * t)) + b * (1.0 - s.cos(v * t)) for k, (a, w, b, v) in enumerate(waves)]
+        )
 
 
 class Gripping(Wave):
@@ -228,7 +230,7 @@ SCENARIOS = {  # of an arm: the scenario with a feature, and the one without
     "motion": lambda arm: _with(arm, reference=Wave(2)),
     "grips of a motion": lambda arm: (looped(arm, reference=Gripping(2)), looped(arm, reference=Wave(2))),
     "delays": lambda arm: _timed(arm, command_delay=1.4e-3, measurement_delay=0.7e-3),
-    "jitter": lambda arm: _timed(arm, jitter=2e-3),
+    "jitter": lambda arm: _timed(arm, jitter=5e-3),
     "lost samples": lambda arm: _timed(arm, measurement_loss=0.2, command_loss=0.2),
     "clock drift": lambda arm: _timed(arm, clock_drift=0.01),
     "loops at several rates": _rates,

@@ -316,7 +316,8 @@ def ros2(arm, folder):
 
 def on_bus(scenario, folder):
     if scenario.loop is not None:
-        scenario = replace(scenario, loop=replace(scenario.loop, period=4e-3))
+        seen = replace(scenario.loop.joint_sensors, side="link")
+        scenario = replace(scenario, loop=replace(scenario.loop, period=4e-3, sensors=seen))
     with aw.Twin(scenario, "virtual"):
         run = aw.run_controller(scenario, "virtual", following_error=3.0)
     return Answer([run.q, run.u], "", run)

@@ -29,7 +29,7 @@ class Losses:
         return [loss_of(what, names, word) for (what, word), names in self._names.items()]
 
 
-EFFECTS = ("current_loop_hz", "pwm", "dead_zone_v", "thermal", "cogging", "coupling")
+EFFECTS = ("inductance_h", "current_loop_hz", "pwm", "dead_zone_v", "thermal", "cogging", "coupling")
 
 
 def of_all_formats(robot: RobotDescription, kept: str = "") -> list[str]:
@@ -55,12 +55,18 @@ def of_all_formats(robot: RobotDescription, kept: str = "") -> list[str]:
         part: [joint.name for joint in moving if getattr(joint, part) is not None] for part in PARTS if part != "spring"
     }
     within = {key: [name for name, motor in motors if getattr(motor, key) not in (None, ())] for key in EFFECTS}
+    elastic = [(joint.name, joint.elasticity) for joint in moving if joint.elasticity is not None]
+    play, error = (
+        [name for name, each in elastic if getattr(each, key) is not None] for key in ("backlash_rad", "error_rad")
+    )
     of_drives = [
         loss_of("electrical constants", electric),
         loss_of("gear efficiency", lossy),
         loss_of("voltage and current limits", supply),
         loss_of("acceleration limits", planned),
         *(loss_of(part, names) for part, names in parts.items()),
+        loss_of("play of the elasticity", play),
+        loss_of("kinematic error of the elasticity", error),
         *(loss_of(f"{key} of the motor", names) for key, names in within.items()),
         "supply" if robot.supply is not None else "",
         loss_of("commands other than torque", driven),

@@ -22,8 +22,18 @@ from armwright.output import whole_file
 from armwright.solids.shapes import Box, Cylinder, Ellipsoid, Sphere
 from armwright.spatial import Placement, pseudo_inertia, rotation_quaternion
 
-LOST = "named among what is lost"
-SUPPORT = Support("convert to MJCF")
+LOST = "not in the file; named among what is lost"
+SUPPORT = Support(
+    "convert to MJCF",
+    approximated=dict.fromkeys(
+        (
+            *("mimic joints", "coupled motors", "gear loss", "smoothed friction", "friction by direction"),
+            *("friction offset", "Stribeck friction", "sigmoid friction", "LuGre friction", "motor-side friction"),
+            *("friction by temperature", "effects of the simulator", "brakes"),
+        ),
+        LOST,
+    ),
+)
 
 
 def write_mjcf(arm: Arm | RobotDescription, path: str | os.PathLike[str]) -> list[str]:

@@ -32,7 +32,20 @@ from armwright.simulation.scenario_parts import Loop, Recording
 from armwright.twin.bus import BITRATE, BusLoad, node_numbers
 from armwright.twin.units import COUNTS_PER_METRE, COUNTS_PER_TURN, Units
 
-SUPPORT = Support("twin", scenario=True)
+SUPPORT = Support(
+    "twin",
+    scenario=True,
+    without_effect={"brakes": "they are released while drives are enabled, unless inputs.brake applies them"},
+    refused={
+        "coupled motors": "one drive for each joint",
+        "stops": "its limits",
+        "coasting": "command = 'voltage'",
+        "dead zone": "command = 'voltage'",
+        "commands over time": "no sampled loop",
+        "moving start": "brakes hold it until it is enabled",
+        "lanes": "one arm",
+    },
+)
 
 
 @dataclass(frozen=True, eq=False)
