@@ -152,6 +152,14 @@ class TorqueModel:
         """Torques (rows, n) [N m | N] that are not fitted, at states q, q̇, q̈: those of the record's springs."""
         return self.dyn.spring_torques(q) if self.sprung else np.zeros_like(q)
 
+    def terms(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """`rows` and `known_torques` together."""
+        return self.rows(q, qd, qdd), self.known_torques(q, qd, qdd)
+
+    def known_rows(self, qd: np.ndarray, smoother: np.ndarray) -> np.ndarray | None:
+        """(rows, n) False where the measured torque is none of this model's, by two estimates of the speed; None: nowhere."""
+        return None
+
 
 def rows_of(dyn: CompiledArm, columns: Sequence[Column], q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
     """Values (rows, n, p) of columns, as `TorqueModel.rows`."""
