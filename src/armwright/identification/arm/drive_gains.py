@@ -15,6 +15,7 @@ from functools import partial
 import numpy as np
 import scipy.linalg
 
+from armwright.actuators.gear import loses_power
 from armwright.description.paths import path_name
 from armwright.errors import IdentificationError
 from armwright.identification.arm.base import regrouped
@@ -158,7 +159,9 @@ def _estimate(
     robot: Model, source: str, found: list[tuple[float, float, ArmFit] | None], log: Log, loaded_log: Log
 ) -> Estimate:
     """The gains with their deviations, and what the logs do not tell."""
-    names, values, stds, known, remarks, measures = [], [], [], [], [], {}
+    names, values, stds, known, measures = [], [], [], [], {}
+    lossy = [body.joint for body in robot.coordinates if loses_power(body)]
+    remarks = [f"{', '.join(lossy)}: gear loss is not part of this model: gains contain it"] if lossy else []
     for body, each, j in zip(robot.coordinates, found, range(robot.n), strict=True):
         kt = float(body.drive.torque_constant or 1.0) if source == "current" else 1.0
         names.append(
