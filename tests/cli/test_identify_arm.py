@@ -32,6 +32,7 @@ def test_bad_input_ends_with_2_and_writes_nothing(tmp_path):
         [],
         ["--robot", "lwa4p", "--method", "magic"],
         ["--robot", "lwa4p", "--lacks", "mass"],
+        ["--robot", "lwa4p", "--fit-efficiency", "joint9"],
         ["--robot", "lwa4p", "--method", "iv"],
         ["--robot", "lwa4p", "--method", "iv", "--feedback", "1,2;x"],
         ["--robot", "lwa4p", "--method", "iv", "--feedback", "1,2;3,4;0.01"],

@@ -52,6 +52,14 @@ def arm(
     springs: Annotated[
         str, option("--springs", "J1,J2,…", "Joints that get a spring and a counterbalance as candidates.")
     ] = "",
+    fit_efficiency: Annotated[
+        str,
+        option(
+            "--fit-efficiency",
+            "J1,J2,…|all",
+            "Joints whose gear efficiency is fitted; other joints have the record's.",
+        ),
+    ] = "",
     lacks: Annotated[
         str | None,
         option("--lacks", "A,B,…", "What the torque is without: gravity, springs, rotors, viscous, coulomb, offset."),
@@ -74,6 +82,7 @@ def arm(
     Examples:
       armwright identify arm arm.log.toml --robot arm.urdf --kinematics-only -o arm_identified.toml
       armwright identify arm arm.log.toml --robot lwa4p --method irls --friction viscous,asymmetric
+      armwright identify arm arm.log.toml --robot arm.toml --fit-efficiency shoulder,elbow -o arm_identified.toml
       armwright identify arm arm.log.toml --robot two-link --method iv --feedback "900,300;120,40;0.005"
     """
     import armwright as aw
@@ -92,6 +101,7 @@ def arm(
         log, model, method=method, friction=_words(friction), springs=_words(springs), stribeck_speed=stribeck_speed,
         lacks=None if lacks is None else _words(lacks), cutoff=cutoff, decimate=decimate,
         feedback=_feedback(feedback), forgetting=forgetting,
+        fit_efficiency="all" if fit_efficiency == "all" else _words(fit_efficiency),
     )  # fmt: skip
     show(found)
     if output is not None:

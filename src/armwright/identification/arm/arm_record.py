@@ -14,6 +14,8 @@ from armwright.description.robot import RobotDescription, Source
 from armwright.errors import IdentificationError
 from armwright.identification.arm.equations import Equations, stacked
 from armwright.identification.arm.fit import ArmFit, measures_of
+from armwright.identification.arm.gear_loss import EFFICIENCY, LossyModel
+from armwright.identification.arm.gear_loss import LOWEST as LEAST_EFFICIENCY
 from armwright.identification.arm.physical import (
     PER_LINK,
     PhysicalBounds,
@@ -108,7 +110,7 @@ def _columns_of_record(equations: Equations, weights: np.ndarray, independent: n
         several = [k for k in of_joint if len(model.columns[k].turned) > 1]
         own = [k for k in of_joint if len(model.columns[k].turned) == 1]
         rotors = [k for k in own if model.columns[k].kind == "rotor"]
-        friction = [k for k in own if model.columns[k].kind not in ("rotor", "offset")]
+        friction = [k for k in own if model.columns[k].kind not in ("rotor", "offset", EFFICIENCY)]
         of_motor = [k for k in several if model.columns[k].kind != "rotor"]
         choices = [rotors + drop for drop in (friction, of_motor)]
         kept = min(
@@ -238,6 +240,21 @@ def _with_drive(
             ]
             gear = {"value": ratio, "source": "definition"}
             changes["motor"] = {"gear_ratio": gear, "rotor_inertia_kg_m2": inertia, "coupling": coupling}
+    if EFFICIENCY in columns:
+        place = places[columns[EFFICIENCY]]
+        path = f"{path_name(joint.name)}.motor.gear_efficiency"
+        paths[place] = [(path, 1.0)]
+        efficiency = _number(float(np.clip(found.values[place], LEAST_EFFICIENCY, 1.0)), key)
+        bare = {
+            "gear_ratio": {"value": ratio, "source": "definition"},
+            "rotor_inertia_kg_m2": {"value": 0.0, "source": key},
+        }
+        motor = changes.get("motor", joint.motor or bare)
+        changes["motor"] = (
+            {**motor, "gear_efficiency": efficiency}
+            if isinstance(motor, dict)
+            else motor.replace(gear_efficiency=efficiency)
+        )
     friction = _friction(joint, columns, found, ratio, key, paths, places, model)
     own = {c.kind: k for k in found.kept if (c := model.columns[k]).joint == joint.name and c.kind in SPRINGS}
     spring, path = spring_keys(
@@ -259,14 +276,19 @@ def _friction(
     model: TorqueModel,
 ) -> dict[str, Any]:
     """Keys of a joint's friction; none where no friction was fitted."""
-    fitted = {kind: column for kind, column in columns.items() if kind != "rotor"}
+    fitted = {kind: column for kind, column in columns.items() if kind not in ("rotor", EFFICIENCY)}
     if not fitted:
         return {}
-    on_motor = any(len(column.turned) > 1 for column in fitted.values())
+    old = joint.friction
+    lossy = isinstance(model, LossyModel) and model.lossy[model.arm.names.index(joint.name)]
+    on_motor = any(len(column.turned) > 1 for column in fitted.values()) or (
+        lossy and old is not None and old.side == "motor"
+    )
     linear = joint.type == "prismatic" and not on_motor
     n = abs(ratio) if on_motor else 1.0
     values: dict[str, Any] = {"side": "motor"} if on_motor else {}
-    old = joint.friction
+    if lossy and old is not None and old.load_coefficient is not None and "coulomb" in "".join(fitted):
+        values["load_coefficient"] = old.load_coefficient
     if old is not None and old.law == "coulomb" and (old.side == "motor") == on_motor:
         smoothing = key_of("smoothing", "speed", linear)
         if getattr(old, smoothing) is not None:

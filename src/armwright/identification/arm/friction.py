@@ -12,8 +12,10 @@ from typing import Any
 import numpy as np
 
 from armwright.actuators.coupling import motor_shares
+from armwright.actuators.gear import loses_power
 from armwright.description.friction import key_of
 from armwright.description.paths import path_name, unit_at
+from armwright.dynamics.gears import joint_torques
 from armwright.errors import IdentificationError
 from armwright.fitting.measures import agreement
 from armwright.identification.arm.friction_law import (
@@ -69,12 +71,18 @@ def friction_rows(
     from armwright.kernels.compiled import compile_arm
 
     plain = compile_arm(robot.replace(friction=None))
-    links = compile_arm(robot.replace(friction=None, rotors=None))
+    links = compile_arm(robot.replace(friction=None, rotors=None, efficiency=None))
     choice, shares = preparation or _wider(log), motor_shares(robot)
+    frictionless = robot.replace(friction=None)
+    lossy, to_motors = any(map(loses_power, frictionless.coordinates)), np.linalg.inv(shares)
     model, parts = torque_model(robot), [[] for _ in range(robot.n)]
     for block in samples_of(log, model, None, choice):
-        rest = block.tau - plain.inverse_dynamics(block.q, block.qd, block.qdd) @ shares
         load = links.inverse_dynamics(block.q, block.qd, block.qdd) @ shares
+        if lossy:  # what leaves the gears, without what the links take
+            own = (block.tau @ to_motors).T
+            rest = np.asarray(joint_torques(frictionless, block.qd.T, block.qdd.T, own), dtype=float).T - load
+        else:
+            rest = block.tau - plain.inverse_dynamics(block.q, block.qd, block.qdd) @ shares
         near = max(round(1.0 / (choice.cutoff * max(np.median(np.diff(block.t)), 1e-9))), 1) if len(block.t) > 1 else 1
         warm = _warming(block, robot, warming)
         for j in range(robot.n):
@@ -91,6 +99,19 @@ def friction_rows(
         largest = np.abs(rows.speed).max(initial=0.0)
         joined.append(rows.part(np.abs(rows.speed) > SLOWEST * largest))
     return joined
+
+
+def _behind_gears(robot: Model) -> list[str]:
+    """A sentence about joints whose friction the record has on the motor's side of a lossy gear, and a fit has at the joint."""
+    lossy = [body for body in robot.replace(friction=None).coordinates if loses_power(body)]
+    own = {body.joint for body in robot.coordinates if body.friction is not None and body.friction.on_motor}
+    joints = [body.joint for body in lossy if body.joint in own]
+    if not joints:
+        return []
+    return [
+        f"{', '.join(joints)}: the record has friction at the motor; here it is that of the joint, behind the lossy gear, "
+        "which is not the same by the gear's loss of it: `identify arm` keeps the side"
+    ]
 
 
 def _warming(block: Samples, robot: Model, warming: Mapping[str, float] | None) -> np.ndarray:
@@ -152,7 +173,7 @@ def identify_friction(
     log = of_robot(log, robot)
     names: list[str] = []
     values, bounds, blocks, measures = [], [], [], {}
-    remarks, doubtful = [*map(str, log.warnings), *SUPPORT.notes(robot)], False
+    remarks, doubtful = [*map(str, log.warnings), *SUPPORT.notes(robot), *_behind_gears(robot)], False
     measured = log.layout["temperature"].joints or () if "temperature" in log.layout and warming is None else ()
     for body, rows in zip(robot.coordinates, friction_rows(log, robot, preparation, warming), strict=True):
         if body.drive.thermal is None and log.joints.index(body.joint) in measured:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -17,8 +18,18 @@ from armwright.identification.arm.arm_record import Paths, RecordParameters, des
 from armwright.identification.arm.base import BaseParameters, base_parameters, regrouped, regrouped_further
 from armwright.identification.arm.closed_loop import Feedback, following
 from armwright.identification.arm.equations import Equations, equations_of, stacked
-from armwright.identification.arm.fit import ArmFit, HeldOut, cross_validated, fit_arm
+from armwright.identification.arm.fit import ArmFit, HeldOut, cross_validated, fit_arm, measures_of
 from armwright.identification.arm.fit_noise import error_by_noise
+from armwright.identification.arm.gear_loss import (
+    GearProblem,
+    LossyModel,
+    check_losses,
+    distance,
+    doubtful_losses,
+    fit_gears,
+    loss_remarks,
+    lossy_model,
+)
 from armwright.identification.arm.methods import METHODS, FitProblem
 from armwright.identification.arm.misread import late_torques, misread_columns
 from armwright.identification.arm.remarks import (
@@ -33,7 +44,7 @@ from armwright.identification.arm.remarks import (
     unpredicted,
     verdict_of,
 )
-from armwright.identification.arm.samples import Samples, check_efforts, joints_of, samples_of
+from armwright.identification.arm.samples import Memory, Samples, check_efforts, joints_of, samples_of
 from armwright.identification.arm.separating import sentences
 from armwright.identification.arm.spring_record import SPRINGS
 from armwright.identification.arm.torque_model import SUPPORT, USUAL_FRICTION, TorqueModel, torque_model
@@ -49,6 +60,7 @@ FOLDS = 8  # parts of a log with few runs
 MANY_RUNS = 4  # from here on each run is a part
 IN_MEMORY = 20_000_000  # numbers of prepared rows that stay in memory: 160 MB; longer logs are read again
 GAIN = 0.01  # of the held-out error, that a spring must bring
+MOST_PASSES, SETTLED = 5, 0.05  # fits of a lossy arm about the last one, until it moves by less than so many deviations
 SMALLER, LARGER = 0.7, 1.3  # cut-offs that the fit is compared at
 
 
@@ -140,13 +152,15 @@ def identify_arm(
     decimate: int | None = None,
     feedback: Feedback | tuple[Any, Any, float] | None = None,
     forgetting: float = 1.0,
+    fit_efficiency: Collection[str] | Literal["all"] = (),
     record: bool = True,
     sensitivity: bool = True,
 ) -> ArmEstimate:
     """Masses, rotors and friction of an arm from a log of positions and motor torques, currents or voltages.
 
     tau = Y(q, q̇, q̈) π  is linear in the parameters; the combinations of them that torques depend on, the base parameters, are
-    fitted by least squares to prepared rows, read in blocks. [GautierKhalil1990]
+    fitted by least squares to prepared rows, read in blocks. [GautierKhalil1990]  Of an arm whose record has gear efficiencies or
+    load-proportional friction, links and friction are those beside this loss (`gear_loss`).
 
     Args:
         log: what `read_log` returned.   robot: a full record or kinematics alone; None: the log's robot.
@@ -161,12 +175,14 @@ def identify_arm(
         cutoff: of the low-pass, in Hz.   decimate: every how many rows to keep; None: chosen.
         feedback: of the log's one run, for "iv", "didim" and "cloe"; or (kp, kd, period) of a controller whose reference is not
             known, in whose place the logged positions stand.   forgetting: of "recursive", for each row, at most 1.
+        fit_efficiency: names of joints whose gear efficiency is one more parameter, or "all"; others have the record's.
         record: also find physically possible values for a record; runs held out judge it, so that then it is found in any case.
         sensitivity: also fit at cut-offs 30 % lower and higher.
     Returns:
         result: `result.estimate` has the base parameters, `result.write(path)` writes the record.
     Raises:
-        IdentificationError: no robot, no torques, too few rows, an unknown term.
+        IdentificationError: no robot, no torques, too few rows, an unknown term; of gears with loss a method or a torque that
+            goes without, an efficiency to fit of which the log hardly says anything.
         LogError: joints of the robot that are not in the log, a filter that the log's rate does not allow.
     """
     if method not in METHODS:
@@ -182,25 +198,53 @@ def identify_arm(
     check_efforts(log, arm.names, runs)
     gears = None if log.gears is None else log.gears[np.ix_(order, order)]
     model = torque_model(
-        arm, friction=friction, springs=springs, lacks=_lacks(log, lacks), stribeck_speed=stribeck_speed, gears=gears
+        arm,
+        friction=friction,
+        springs=springs,
+        lacks=(missing := _lacks(log, lacks)),
+        stribeck_speed=stribeck_speed,
+        gears=gears,
     )
     prepared = {run: choose_preparation(log, run, cutoff=cutoff, decimate=decimate) for run in runs}
-    source = _Rows(log, model, runs, prepared)
     seconds = _part_seconds(log, runs)
-    equations = equations_of(source(), model, part_seconds=seconds)
-    dropped = _useless_springs(equations)
+    lossy, untold = lossy_model(model, fit_efficiency), {}
+    rows = partial(_Rows, log, runs=runs, prepared=prepared, memory=None if lossy is None else {})
+    if lossy is None:
+        source = rows(model)
+        equations = equations_of(source(), model, part_seconds=seconds)
+        dropped = _useless_springs(equations)
+    else:
+        check_losses(lossy, method, missing)
+        problem = GearProblem(lambda each: equations_of(rows(each)(), each, part_seconds=seconds), _base_of, method)
+        gears_fit = fit_gears(
+            problem, lossy, _useless_springs, lambda each: rows(each)(), strict=fit_efficiency != "all"
+        )
+        model, equations, dropped = gears_fit.model, gears_fit.equations, gears_fit.dropped
+        untold = gears_fit.untold
+        source = rows(model)
     structural = base_parameters(model, dropped)
-    base = regrouped_further(structural, stacked(equations.factors, len(model))[0][:, : len(model)])
+    base = regrouped_further(structural, _columns_factor(equations))
     loop = None if feedback is None else _loop(feedback, source, prepared[runs[0]], model.arm.n)
     fit = METHODS[method].fit(FitProblem(source, equations, base, seconds, loop, forgetting))
+    for _ in range(MOST_PASSES):
+        if not isinstance(model, LossyModel) or distance(fit) < SETTLED:
+            break
+        model = model.at(fit.parameters)
+        source = rows(model)
+        equations = equations_of(source(), model, part_seconds=seconds)
+        fit = METHODS[method].fit(FitProblem(source, equations, base, seconds, loop, forgetting))
     held_out = tuple(cross_validated(fit)) if len(equations.parts) > 1 and METHODS[method].parts else ()
     kept_back = [run for run in log.hold_out if run not in runs]
     sensitive = _sensitive(log, model, prepared, fit) if sensitivity and METHODS[method].parts else ()
     values = record_parameters(fit) if record or kept_back else None
+    if values is not None and isinstance(model, LossyModel):
+        again = model.at(values.values)
+        factors = equations_of(rows(again)(), again).factors
+        values = replace(values, r2=measures_of(factors, values.values)[2])
     directions = [*sentences(fit, source()), *_separating(equations, base, structural)]
     remarks = remarks_on(fit, base, structural, directions, sensitive, held_out, values, prepared[runs[0]])
-    remarks += [*late_torques(fit, next(source())), *SUPPORT.notes(arm)]
-    doubts = unlike_the_record(fit)
+    remarks += [*late_torques(fit, next(source())), *loss_remarks(fit, untold), *SUPPORT.notes(arm)]
+    doubts = [*doubtful_losses(fit), *unlike_the_record(fit)]
     doubts += (driving := driving_frictions(fit))
     doubts += negative_inertias(fit, next(source()))
     doubts += [] if driving else misread_columns(fit, next(source()))
@@ -272,10 +316,18 @@ def _loop(
 class _Rows:
     """Prepared rows of a log, in memory where they are few, else read again at each call."""
 
-    def __init__(self, log: Log, model: TorqueModel, runs: Sequence[str], prepared: Mapping[str, Preparation]):
-        self._read = lambda: samples_of(log, model, runs, prepared)
+    def __init__(
+        self,
+        log: Log,
+        model: TorqueModel,
+        runs: Sequence[str],
+        prepared: Mapping[str, Preparation],
+        memory: Memory | None = None,
+    ):
         rows = sum(log.run(run).rows / prepared[run].decimate for run in runs)
         self._few = rows * (model.arm.n * (len(model) + 5) + 1) < IN_MEMORY
+        kept = memory if self._few else None
+        self._read = lambda: samples_of(log, model, runs, prepared, kept)
         self._kept: list[Samples] | None = None
 
     def __call__(self) -> Iterator[Samples]:
@@ -300,6 +352,16 @@ def _regrouped_without(equations: Equations, dropped: Sequence[int]) -> BasePara
     matrix = stacked(equations.factors, columns)[0][:, :columns]
     matrix[:, list(dropped)] = 0.0
     return regrouped(equations.model.columns, matrix)
+
+
+def _columns_factor(equations: Equations) -> np.ndarray:
+    """R (p + 1, p) of all columns of a log."""
+    return stacked(equations.factors, len(equations.model))[0][:, : len(equations.model)]
+
+
+def _base_of(equations: Equations, dropped: Sequence[int]) -> BaseParameters:
+    """Base parameters of an arm without some columns that a log tells."""
+    return regrouped_further(base_parameters(equations.model, dropped), _columns_factor(equations))
 
 
 def _useless_springs(equations: Equations) -> list[int]:

@@ -32,7 +32,7 @@ def misread_columns(fit: ArmFit, samples: Samples) -> list[str]:
     """
     model, n = fit.equations.model, fit.equations.model.arm.n
     some = samples.part(slice(None, None, max(len(samples.t) // ROWS, 1)))
-    known = np.isfinite(some.tau)
+    known = np.isfinite(some.unknown_torque(model))
     tau, one = np.where(known, some.tau, 0.0), np.eye(n)
     by_torque = 1.0 / np.maximum((tau * tau).mean(axis=0), np.finfo(float).tiny)
 
@@ -85,7 +85,9 @@ def late_torques(fit: ArmFit, samples: Samples) -> list[str]:
     weight = np.sqrt(fit.weights)[:, None]
     columns = samples.regressor(fit.equations.model)[:, :, fit.base.independent]
     rate = np.gradient(samples.tau, samples.t, axis=0)
-    rows = (np.concatenate([columns, rate[:, :, None], target[:, :, None]], axis=2) * weight).reshape(target.size, -1)
+    rows = np.concatenate([columns, rate[:, :, None], target[:, :, None]], axis=2)
+    rows[np.isnan(target)] = 0.0
+    rows = (rows * weight).reshape(target.size, -1)
     R = triangle(rows)
     without, with_it = R[-2, -1] ** 2 + R[-1, -1] ** 2, R[-1, -1] ** 2
     if with_it > LATE * without or without < EXACT * float((rows[:, -1] ** 2).sum()):

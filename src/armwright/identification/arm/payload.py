@@ -21,11 +21,13 @@ import numpy as np
 
 from armwright import scalar
 from armwright.actuators.coupling import motor_shares
+from armwright.actuators.gear import loses_power
 from armwright.dynamics.gears import joint_torques
 from armwright.errors import IdentificationError, LogError
-from armwright.identification.arm.base import regrouped
+from armwright.identification.arm.base import BaseParameters, regrouped
 from armwright.identification.arm.equations import Equations, equations_of, stacked
 from armwright.identification.arm.fit import ArmFit, fit_arm, with_correlation
+from armwright.identification.arm.gear_loss import GearProblem, LossyModel, fit_gears, lossy_model
 from armwright.identification.arm.physical import (
     BASIS,
     PER_LINK,
@@ -34,7 +36,7 @@ from armwright.identification.arm.physical import (
     physical_by_log_cholesky,
     pseudo_inertias,
 )
-from armwright.identification.arm.samples import Samples, check_efforts, samples_of
+from armwright.identification.arm.samples import Memory, Samples, check_efforts, samples_of
 from armwright.identification.arm.torque_model import (
     INERTIAL,
     INERTIAL_UNITS,
@@ -96,7 +98,7 @@ class PayloadModel(TorqueModel):
 
 def is_lossy(arm: Model) -> bool:
     """True if gear loss or load-dependent friction couples torques nonlinearly."""
-    return any(body.drive.efficiency is not None or _by_load(body) for body in arm.coordinates)
+    return any(loses_power(body) for body in arm.coordinates)
 
 
 def replace_columns(model: TorqueModel, columns: tuple[Column, ...]) -> TorqueModel:
@@ -202,13 +204,16 @@ def _fitted(
         covariance = with_correlation(source, fit).covariance
         method = "payload from one log and the known arm: weighted least squares of the torques that the arm leaves unexplained"
         return _estimate(fit, covariance, method, log.sha256, log.path.name)
-    model = payload_model(robot, frame, torque_model(robot))
-    empty = replace(model, loaded=False)
-    sources = [
-        partial(samples_of, each, which, None, choice)
-        for each, which, choice in zip((log, loaded_log), (empty, model), preparations, strict=True)
-    ]
-    halves = equations_of(sources[0](), empty), equations_of(sources[1](), model)
+    whole = payload_model(robot, frame, torque_model(robot))
+    lossy = lossy_model(whole)
+    memories: list[Memory | None] = [None, None] if lossy is None else [{}, {}]
+    model = (
+        whole
+        if lossy is None
+        else fit_gears(GearProblem(partial(_of_both, log, loaded_log, preparations, memories), _told), lossy).model
+    )
+    sources = _both(model, log, loaded_log, preparations, memories)
+    halves = equations_of(sources[0](), _empty(model)), equations_of(sources[1](), model)
     fit = _weighted(Equations(model, (*halves[0].parts, *halves[1].parts)))
     # H⁻¹ Γ H⁻¹ is linear in Γ, so that of both logs is the sum of those of each.
     covariances = [
@@ -218,6 +223,39 @@ def _fitted(
     method = f"payload from two logs, {both_logs(log, loaded_log)}: weighted least squares of both together"
     sha256 = checksum_of_both(log, loaded_log)
     return _estimate(fit, sum(covariances, np.zeros(())), method, sha256, loaded_log.path.name)
+
+
+def _empty(model: TorqueModel) -> TorqueModel:
+    """The model of rows without the payload."""
+    if isinstance(model, LossyModel):
+        return replace(model, linear=_empty(model.linear))
+    assert isinstance(model, PayloadModel)
+    return replace(model, loaded=False)
+
+
+def _both(
+    model: TorqueModel,
+    log: Log,
+    loaded_log: Log,
+    preparations: Sequence[Preparation],
+    memories: Sequence[Memory | None],
+) -> list[Callable[[], Iterator[Samples]]]:
+    """Samples of the log without the payload, and of that with it."""
+    each = zip((log, loaded_log), (_empty(model), model), preparations, memories, strict=True)
+    return [partial(samples_of, one, which, None, choice, memory) for one, which, choice, memory in each]
+
+
+def _of_both(
+    log: Log,
+    loaded_log: Log,
+    preparations: Sequence[Preparation],
+    memories: Sequence[Memory | None],
+    model: TorqueModel,
+) -> Equations:
+    """The least-squares problem of both logs."""
+    sources = _both(model, log, loaded_log, preparations, memories)
+    halves = equations_of(sources[0](), _empty(model)), equations_of(sources[1](), model)
+    return Equations(model, (*halves[0].parts, *halves[1].parts))
 
 
 def both_logs(log: Log, loaded_log: Log) -> str:
@@ -235,25 +273,23 @@ def behind_gears(samples: Iterable[Samples], model: PayloadModel) -> Iterator[Sa
     of_motors = np.linalg.inv(motor_shares(model.arm))  # rows of joint torques times this: the motors' own
     for block in samples:
         predicted, logged = model.dyn.inverse_dynamics(block.q, block.qd, block.qdd), block.tau @ of_motors
-        rest = np.empty_like(predicted)
-        for k in range(len(block.t)):
-            both = (joint_torques(model.arm, block.qd[k], block.qdd[k], t) for t in (logged[k], predicted[k]))
-            measured, own = both
-            rest[k] = np.asarray(measured - own, dtype=float)
-        yield replace(block, tau=rest)
-
-
-def _by_load(body: object) -> bool:
-    friction = getattr(body, "friction", None)
-    return friction is not None and friction.load_coefficient is not None
+        measured, own = (joint_torques(model.arm, block.qd.T, block.qdd.T, each.T) for each in (logged, predicted))
+        yield replace(block, tau=np.asarray(measured - own, dtype=float).T)
 
 
 def _weighted(equations: Equations) -> ArmFit:
     """Weighted least squares of all columns that the log and the arm's structure can distinguish."""
-    base = regrouped(equations.model.columns, stacked(equations.factors, len(equations.model))[0][:, :-1])
+    return fit_arm(equations, _told(equations))
+
+
+def _told(equations: Equations, dropped: Sequence[int] = ()) -> BaseParameters:
+    """Base parameters of the columns that the rows distinguish, without some."""
+    factor = stacked(equations.factors, len(equations.model))[0][:, :-1]
+    factor[:, list(dropped)] = 0.0
+    base = regrouped(equations.model.columns, factor)
     if not len(base):
         raise IdentificationError("no column of the payload moves anything", place="log", expected="motion, or gravity")
-    return fit_arm(equations, base)
+    return base
 
 
 def _estimate(fit: ArmFit, covariance: np.ndarray, method: str, sha256: str, name: str) -> Estimate:

@@ -246,8 +246,6 @@ def remarks_on(
     ]
     if fit.outliers is not None and fit.outliers.dropped > 0:
         remarks.append(f"{fit.outliers.dropped:.1%} of the torques count less than half as outliers")
-    if any(body.drive.efficiency is not None for body in model.arm.coordinates):
-        remarks.append("gear losses of the record are not part of this model: friction and inertia contain them")
     if values is not None:
         worst = float(np.nanmax(fit.r2 - values.r2))
         remarks.append(f"physically possible values for the record: R² at most {max(worst, 0.0):.3f} lower")

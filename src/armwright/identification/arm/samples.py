@@ -11,7 +11,7 @@ the noise of accelerations and torques away: parallel filtering. [Gautier1997]
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,6 +26,9 @@ from armwright.identification.logs.prepared import SEAM, bridged, prepared_block
 
 CHUNK_VALUES = 2**21  # of the columns that pass the filter at once: 16 MB
 
+Moving = tuple[int, np.ndarray, dict[str, np.ndarray]]  # stretch, times (rows,), values (rows, n) by their names
+Memory = dict[str, list[Moving]]  # by the run's name
+
 
 @dataclass(frozen=True, eq=False)
 class Samples:
@@ -37,6 +40,7 @@ class Samples:
         temperature: (rows, n) [°C] of the motors, NaN for joints without; None if it is not logged.
         columns, known: (rows, n, p) `rows` and (rows, n) `known_torques` of the model, filtered as the torques are; None: not yet
             computed, then those of the states.
+        fitted: (rows, n) False where a torque is not fitted (`TorqueModel.known_rows`); None: all are.
     """
 
     run: str
@@ -49,10 +53,11 @@ class Samples:
     temperature: np.ndarray | None = None
     columns: np.ndarray | None = None
     known: np.ndarray | None = None
+    fitted: np.ndarray | None = None
 
     def part(self, chosen: slice | np.ndarray) -> Samples:
         """Some of its rows."""
-        names = ("t", "q", "qd", "qdd", "tau", "temperature", "columns", "known")
+        names = ("t", "q", "qd", "qdd", "tau", "temperature", "columns", "known", "fitted")
         return replace(self, **{name: getattr(self, name)[chosen] for name in names if getattr(self, name) is not None})
 
     def regressor(self, model: TorqueModel) -> np.ndarray:
@@ -60,9 +65,10 @@ class Samples:
         return model.rows(self.q, self.qd, self.qdd) if self.columns is None else self.columns
 
     def unknown_torque(self, model: TorqueModel) -> np.ndarray:
-        """Y π (rows, n) [N m | N]: measured torque without what the model knows."""
+        """Y π (rows, n) [N m | N]: measured torque without what the model knows; NaN where it is not fitted."""
         known = model.known_torques(self.q, self.qd, self.qdd) if self.known is None else self.known
-        return self.tau - known
+        unknown = self.tau - known
+        return unknown if self.fitted is None else np.where(self.fitted, unknown, np.nan)
 
 
 def samples_of(
@@ -70,6 +76,7 @@ def samples_of(
     model: TorqueModel,
     runs: Sequence[str] | None = None,
     preparation: Preparation | Mapping[str, Preparation] | None = None,
+    memory: Memory | None = None,
 ) -> Iterator[Samples]:
     """Prepared rows of a log's runs as an arm's states and motor torques, block by block in bounded memory.
 
@@ -78,6 +85,7 @@ def samples_of(
     Args:
         log: a checked log.   model: of the arm; its joints are in the log, by name.
         runs: names; None: those to fit.   preparation: of all runs, or of each by its name; None: chosen for each run.
+        memory: where the motion and torques of runs stay that passed the wide low-pass, for further models; None: nowhere.
     Raises:
         LogError: joints of the arm that are not in the log, gears that are not the arm's, or no stretch that is long enough.
         IdentificationError: joints of the arm without positions, or neither torque, current nor voltage.
@@ -88,7 +96,7 @@ def samples_of(
     source, is_empty = torque_source(log), True
     for run in log.fit if runs is None else runs:
         chosen = preparation[run] if isinstance(preparation, Mapping) else preparation or choose_preparation(log, run)
-        for block in _parallel_filtered(log, run, model, chosen, order, source):
+        for block in _parallel_filtered(log, run, model, chosen, order, source, memory):
             is_empty = False
             yield block
         if is_empty and run == (log.fit if runs is None else runs)[-1]:
@@ -100,7 +108,7 @@ def samples_of(
 
 
 def _parallel_filtered(
-    log: Log, run: str, model: TorqueModel, chosen: Preparation, order: list[int], source: str
+    log: Log, run: str, model: TorqueModel, chosen: Preparation, order: list[int], source: str, memory: Memory | None
 ) -> Iterator[Samples]:
     """Samples of a run: the wide low-pass, torques and columns, the preparation's low-pass, its decimation.
 
@@ -109,21 +117,34 @@ def _parallel_filtered(
     first = chosen.of_motion
     second = replace(chosen, rate=chosen.rate / first.decimate)
     seam = settling(second.sections, SEAM)
-    rows = max(CHUNK_VALUES // max(int(model.of_joint.sum()), 1), 4 * seam)
+    rows = max(CHUNK_VALUES // max(int(model.of_joint.sum()), 1), 4 * seam) * first.decimate
     slowest, behind = resting_speeds(log, run)[order], None
-    for stretch, block in prepared_blocks(log, run, first, rows * first.decimate):
-        values = {name: _full(log, name, each)[:, order] for name, each in block.values.items()}
-        states = {name: values[name] for name in ("q", "qd", "qdd", "temperature") if name in values}
-        states["tau"] = _torque(model, source, values)
+    moving: Iterable[Moving] = _moving(log, run, model, first, order, source, rows)
+    if memory is not None:
+        moving = memory.setdefault(run, [])
+        if not moving:
+            moving.extend(_moving(log, run, model, first, order, source, rows))
+    for stretch, t, states in moving:
         if behind is not None and behind.stretch != stretch:
             yield from behind.samples(run, model, second, 0, first, slowest)
             behind = None
-        behind = _Behind(stretch, block.t, states, 0, 0) if behind is None else behind.plus(block.t, states)
+        behind = _Behind(stretch, t, states, 0, 0) if behind is None else behind.plus(t, states)
         if len(behind.t) - behind.done > 2 * seam:
             yield from behind.samples(run, model, second, seam, first, slowest)
             behind = behind.after(seam)
     if behind is not None:
         yield from behind.samples(run, model, second, 0, first, slowest)
+
+
+def _moving(
+    log: Log, run: str, model: TorqueModel, first: Preparation, order: list[int], source: str, rows: int
+) -> Iterator[Moving]:
+    """Motion, motor torques and temperatures of a run that passed the wide low-pass, some rows of it at once."""
+    for stretch, block in prepared_blocks(log, run, first, rows):
+        values = {name: _full(log, name, each)[:, order] for name, each in block.values.items()}
+        states = {name: values[name] for name in ("q", "qd", "qdd", "temperature") if name in values}
+        states["tau"] = _torque(model, source, values)
+        yield stretch, block.t, states
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,10 +177,12 @@ class _Behind:
         motion = q, np.where(np.abs(qd) < slowest, 0.0, qd), qdd
         used = model.of_joint
         columns = np.zeros((len(numbers), *used.shape))
-        columns[:, used] = zero_phase(second, model.rows(*motion)[:, used])[numbers]
-        values = {**self.values, "known": model.known_torques(*motion)}
+        rows, known = model.terms(*motion)
+        columns[:, used] = zero_phase(second, rows[:, used])[numbers]
+        values = {**self.values, "known": known}
         filtered = {name: zero_phase(second, each)[numbers] for name, each in values.items()}
-        yield Samples(run, self.stretch, self.t[numbers], columns=columns, **filtered)
+        fitted = model.known_rows(motion[1][numbers], filtered["qd"])
+        yield Samples(run, self.stretch, self.t[numbers], columns=columns, fitted=fitted, **filtered)
 
     def after(self, seam: int) -> _Behind:
         """The remaining rows when all but the last `seam` are done, with as many before them for the filter."""

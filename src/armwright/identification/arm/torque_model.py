@@ -36,7 +36,6 @@ MEASURED = Support(  # what takes measured torques and an arm's own
     },
 )
 FITTED, IN_FRICTION = "fitted as a constant of the whole log", "viscous and Coulomb friction stand for it"
-IN_BOTH = "not part of the model: friction and inertia contain it"
 SUPPORT = replace(
     MEASURED,
     consumer="identify arm",
@@ -44,7 +43,6 @@ SUPPORT = replace(
         **MEASURED.approximated,
         **dict.fromkeys(("heat", "friction by temperature"), FITTED),
         **dict.fromkeys(("Stribeck friction", "sigmoid friction", "LuGre friction"), IN_FRICTION),
-        **dict.fromkeys(("efficiency table", "load coefficient"), IN_BOTH),
     },
 )
 INERTIAL = ("m", "mcx", "mcy", "mcz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
@@ -174,6 +172,14 @@ class TorqueModel:
     def known_torques(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
         """Torques (rows, n) [N m | N] that are not fitted, at states q, q̇, q̈: those of the record's springs."""
         return self.dyn.spring_torques(q) if self.sprung else np.zeros_like(q)
+
+    def terms(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """`rows` and `known_torques` together."""
+        return self.rows(q, qd, qdd), self.known_torques(q, qd, qdd)
+
+    def known_rows(self, qd: np.ndarray, smoother: np.ndarray) -> np.ndarray | None:
+        """(rows, n) False where the measured torque is none of this model's, by two estimates of the speed; None: nowhere."""
+        return None
 
 
 def rows_of(dyn: CompiledArm, columns: Sequence[Column], q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
