@@ -26,7 +26,7 @@ from armwright.errors import BusError, RunStopped
 from armwright.reading import read_file
 from armwright.twin import clock
 from armwright.twin import objects as od
-from armwright.twin.bus import LOOK, bus_errors, node_numbers, open_bus
+from armwright.twin.bus import LOOK, bus_errors, check_bus, node_numbers, open_bus
 from armwright.twin.cycles import Cycles
 from armwright.twin.faults import TEXT
 from armwright.twin.objects import dictionary, eds_text
@@ -57,7 +57,8 @@ MISSING = 2  # answers in a row that a lost node has missed
 FROZEN, FEWEST = 0.02, 5  # [s] and cycles that an answer repeats itself,
 CHANGED = 20  # [thousandths] while the command changes by more: it is no measurement
 OPERATIONAL = 5  # state of network management that a heartbeat shows
-STRANGER, ECHOES = "another master is on the bus", 2  # frames more than our own that may be echoes which came late
+STRANGER, STRANGERS = "another master is on the bus", 2  # its SYNCs that are no proof yet
+ECHOING = "udp_multicast"  # the interface that brings back what this process sends
 ROUNDING = 1.5  # counts between where the scenario starts and where the arm stands
 STAYS, DISABLES = 6, 2  # object 605A: after the ramp of a quick stop hold the joint, or disable the drive
 
@@ -100,6 +101,7 @@ class Ending:
         still: names of the joints that stand still.   moving: of those that still moved after `seconds`.
         unknown: of those whose drives gave no answer that can be believed.
         held: True if the drives hold the arm; False if they are disabled.
+        limp: names of the joints whose drives have no torque, such as after a fault, though they are to hold the arm.
         lifted: names of the joints that gravity moves and that have no brake.   seconds: the quick stop took.
     """
 
@@ -109,6 +111,7 @@ class Ending:
     held: bool
     lifted: tuple[str, ...]
     seconds: float
+    limp: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         ways = {"at rest": self.still, "still moving": self.moving, "unknown, for want of answers": self.unknown}
@@ -119,8 +122,11 @@ class Ending:
             return text
         if not self.held:
             return f"{text}; the drives are disabled"
-        lifted = ", ".join(self.lifted)
-        return f"{text}; the drives hold the arm, which has no brake at {lifted}, until they are released (--release)"
+        lifted, limp = ", ".join(self.lifted), ", ".join(self.limp)
+        but = f" but for {limp}, where the drive has no torque" if limp else ""
+        return (
+            f"{text}; the drives hold the arm{but}, which has no brake at {lifted}, until they are released (--release)"
+        )
 
 
 class Master:
@@ -152,10 +158,8 @@ class Master:
         self.status = np.zeros(arm.n, dtype=int)
         self.torque, self.counts = np.zeros(arm.n), np.zeros(arm.n)
         self.cycles = Cycles(self.period)
-        self._cycle, self._heard = (
-            0,
-            np.zeros(arm.n, dtype=int),
-        )  # number of the cycle, and of the last one with an answer
+        self._cycle = 0  # since the drives were enabled
+        self._heard = np.zeros(arm.n, dtype=int)  # cycle of the last answer
         self._beaten = np.full(arm.n, -np.inf)  # of the last heartbeat [s]
         self._missed, self._doubled, self._repeated = (np.zeros(arm.n, dtype=int) for _ in range(3))  # cycles in a row
         self._answers: list[list[bytes]] = [[] for _ in range(arm.n)]  # to this SYNC
@@ -163,11 +167,13 @@ class Master:
         self._commands = np.full((2, arm.n), np.nan)  # least and largest since an answer was another one [thousandths]
         self._booted = np.zeros(arm.n, dtype=bool)
         self._replies: dict[tuple[int, int, int], int] = {}  # to requests of an object: node, index, subindex
-        self._masters = {SYNC: 0, 0x700 + MASTER: 0}  # frames of a master, less our own, which some buses echo
+        self._masters = {SYNC: 0, 0x700 + MASTER: 0}  # frames of a master, less the echoes of our own
+        self._echo = int(check_bus(bus)[0] == ECHOING)
         self._broken = ""
         self._all = threading.Condition()
         self._sent, self._received = od.packing(od.RECEIVED), od.packing(od.SENT)
         self._moves = False
+        self.enabled = False  # were the drives, in this run
 
     def __enter__(self) -> Master:
         import canopen
@@ -399,7 +405,7 @@ class Master:
                     self._repeated[joint] += 1
                 answers.clear()
         self.cycles.began()
-        self._masters[SYNC] -= 1
+        self._masters[SYNC] -= self._echo
         self._transmit(SYNC, b"")
         with self._all:
             clock.wait(self._all, self._complete, clock.now() + PATIENCE if until is None else until)
@@ -409,6 +415,11 @@ class Master:
             self._cycle += 1
             self.cycles.received(len(came), int(came.sum()))
             return bool(came.all())
+
+    @property
+    def _until(self) -> float:
+        """Time of `clock.now` to which answers to a SYNC that is sent now are waited for, but for lock-step's controller."""
+        return clock.now() + (ANSWER if self._heart is None else ANSWERED * self.period)
 
     def _transmit(self, can_id: int, data: bytes) -> None:
         try:
@@ -443,11 +454,24 @@ class Master:
         """True if a node counts as lost."""
         return bool(np.any(self._missed >= self.missing))
 
+    def heard(self) -> None:
+        """Sends SYNCs until all nodes have answered one, or one counts as lost.
+
+        Raises:
+            BusError: a node that does not answer; names it.
+        """
+        for _ in range(self.missing):
+            if self.cycle(clock.now() + ANSWER):
+                return
+        if self.lost:
+            joint = int(np.argmax(self._missed))
+            raise BusError.of(*self.error(self._wrong(joint, None, State.SWITCH_ON_DISABLED)).problems)
+
     def trouble(self, state: State) -> Trouble | None:
         """The cause to end a run after a cycle: a node that is lost, doubled or in another state; None if there is none."""
         if self._broken:
             return Trouble(None, f"{self.bus} failed: {self._broken}", "a bus that carries frames")
-        if self._masters[SYNC] > ECHOES:
+        if self._masters[SYNC] > STRANGERS:
             return Trouble(None, STRANGER, "one master")
         doubts = self._doubts()
         doubted = np.any(doubts, axis=0)
@@ -494,7 +518,7 @@ class Master:
         """
         ready, found = (State.SWITCHED_ON, State.QUICK_STOP), self.states()
         for _ in range(TRIES):
-            self.cycle()
+            self.cycle(clock.now() + ANSWER)  # brakes or the drives still hold the arm
             found = self.states()
             if all(state in ready for state in found):
                 break
@@ -502,16 +526,18 @@ class Master:
             words = [QUICK_STOP if state is None else UP.get(state, SHUTDOWN) for state in found]
             self.send(words, self.torque)
             if RESET in words:
-                self.cycle()
+                self.cycle(clock.now() + ANSWER)
                 self.send([DISABLE if word == RESET else word for word in words], self.torque)
         else:
             joint = next(k for k, state in enumerate(found) if state not in ready)
             raise BusError.of(*self.error(self._wrong(joint, found[joint], State.SWITCHED_ON)).problems)
         start = np.concatenate([self.q, self.applied])
         self._moves = True
-        self._booted[:], self._beaten[:], self._cycle = False, clock.now(), 0
+        self._booted[:], self._beaten[:] = False, clock.now()
+        self._cycle, self._heard[:] = 0, 0
+        self.enabled = True
         self.send(ENABLE, self.torque)
-        self.cycle()
+        self.cycle(self._until)
         return start
 
     def error(self, trouble: Trouble, ending: Ending | None = None) -> RunStopped:
@@ -539,7 +565,7 @@ class Master:
         self._moves = False
         n = len(self.numbers)
         begun, nothing, seen = clock.now(), np.zeros(n), []
-        still, heard, doubted = (np.zeros(n, dtype=bool) for _ in range(3))
+        still, unpowered, heard, doubted = (np.zeros(n, dtype=bool) for _ in range(4))
         if trouble is not None and trouble.joint is not None:
             doubted[trouble.joint] = not trouble.believed
         limits = np.array([body.limits.velocity for body in self.rehearsal.scenario.arm.coordinates])
@@ -548,14 +574,14 @@ class Master:
             self.send(QUICK_STOP, nothing)
             if self._heart is not None:  # in real time
                 clock.sleep_until(begun + k * self.period)
-            self.cycle(clock.now() + (ANSWER if self._heart is None else ANSWERED * self.period))
+            self.cycle(self._until)
             states = self.states()
             heard |= np.array([state is not None for state in states])
             seen.append(self.q)
             unpowered = np.array([state in HELD for state in states])
             slowed = len(seen) > LOOKED and np.abs(seen[-1] - seen[-1 - LOOKED]) < slow
             stopping = np.array([state is State.QUICK_STOP for state in states])
-            still = unpowered | (slowed & stopping)
+            still = slowed & (unpowered | stopping)
             unheard = doubted | (self._missed >= LOOKED)
             if np.all(still | unheard) and (k * self.period >= UNHEARD or not np.any(unheard)):
                 break
@@ -563,8 +589,8 @@ class Master:
         held = bool(self.lifted)
         if not held:
             self.send(DISABLE, nothing)
-            self.cycle(clock.now() + (ANSWER if self._heart is None else ANSWERED * self.period))
-        which = {"still": still & ~lost, "moving": ~still & ~lost, "unknown": lost}
+            self.cycle(self._until)
+        which = {"still": still & ~lost, "moving": ~still & ~lost, "unknown": lost, "limp": held & unpowered & ~lost}
         joints = {name: tuple(np.array(self.names)[chosen].tolist()) for name, chosen in which.items()}
         return Ending(**joints, held=held, lifted=self.lifted, seconds=seconds)
 
