@@ -159,12 +159,12 @@ class Master:
         self.torque, self.counts = np.zeros(arm.n), np.zeros(arm.n)
         self.cycles = Cycles(self.period)
         self._cycle = 0  # since the drives were enabled
-        self._heard = np.zeros(arm.n, dtype=int)  # cycle of the last answer
+        self._heard = [0] * arm.n  # cycle of the last answer
         self._beaten = np.full(arm.n, -np.inf)  # of the last heartbeat [s]
-        self._missed, self._doubled, self._repeated = (np.zeros(arm.n, dtype=int) for _ in range(3))  # cycles in a row
+        self._missed, self._doubled, self._repeated = ([0] * arm.n for _ in range(3))  # cycles in a row
         self._answers: list[list[bytes]] = [[] for _ in range(arm.n)]  # to this SYNC
         self._last: list[bytes] = [b""] * arm.n
-        self._commands = np.full((2, arm.n), np.nan)  # least and largest since an answer was another one [thousandths]
+        self._least, self._most = [np.inf] * arm.n, [-np.inf] * arm.n  # commands since an answer changed [thousandths]
         self._booted = np.zeros(arm.n, dtype=bool)
         self._replies: dict[tuple[int, int, int], int] = {}  # to requests of an object: node, index, subindex
         self._masters = {SYNC: 0, 0x700 + MASTER: 0}  # frames of a master, less the echoes of our own
@@ -396,11 +396,11 @@ class Master:
             until: time of `clock.now` to wait to; None: for long.
         """
         with self._all:
-            self._doubled = np.where([len(each) > 1 for each in self._answers], self._doubled + 1, 0)
             for joint, answers in enumerate(self._answers):
+                self._doubled[joint] = self._doubled[joint] + 1 if len(answers) > 1 else 0
                 if answers and answers[-1] != self._last[joint]:
                     self._last[joint], self._repeated[joint] = answers[-1], 0
-                    self._commands[:, joint] = np.nan
+                    self._least[joint], self._most[joint] = np.inf, -np.inf
                 else:
                     self._repeated[joint] += 1
                 answers.clear()
@@ -409,12 +409,14 @@ class Master:
         self._transmit(SYNC, b"")
         with self._all:
             clock.wait(self._all, self._complete, clock.now() + PATIENCE if until is None else until)
-            came = np.array([bool(each) for each in self._answers])
-            self._missed = np.where(came, 0, self._missed + 1)
-            self._heard[came] = self._cycle
+            came = [bool(each) for each in self._answers]
+            for joint, each in enumerate(came):
+                self._missed[joint] = 0 if each else self._missed[joint] + 1
+                if each:
+                    self._heard[joint] = self._cycle
             self._cycle += 1
-            self.cycles.received(len(came), int(came.sum()))
-            return bool(came.all())
+            self.cycles.received(len(came), sum(came))
+            return all(came)
 
     @property
     def _until(self) -> float:
@@ -429,11 +431,12 @@ class Master:
 
     def send(self, word: int | Sequence[int], thousandths: np.ndarray) -> None:
         """Sends controlwords and torques to all nodes; they take effect at the next SYNC."""
-        self._commands[0] = np.fmin(self._commands[0], thousandths)
-        self._commands[1] = np.fmax(self._commands[1], thousandths)
-        words = np.broadcast_to(word, len(self.numbers))
-        for number, each, torque, counts in zip(self.numbers, words, thousandths, self.counts, strict=True):
-            self._transmit(0x200 + number, self._sent.pack(int(each), int(torque), int(counts)))
+        words = [word] * len(self.numbers) if isinstance(word, int) else word
+        # plain numbers, which Python handles faster than entries of arrays
+        rows = zip(self.numbers, words, np.asarray(thousandths).tolist(), self.counts.tolist(), strict=True)
+        for joint, (number, each, torque, counts) in enumerate(rows):
+            self._least[joint], self._most[joint] = min(self._least[joint], torque), max(self._most[joint], torque)
+            self._transmit(0x200 + number, self._sent.pack(each, int(torque), int(counts)))
 
     @property
     def q(self) -> np.ndarray:
@@ -452,7 +455,7 @@ class Master:
     @property
     def lost(self) -> bool:
         """True if a node counts as lost."""
-        return bool(np.any(self._missed >= self.missing))
+        return max(self._missed) >= self.missing
 
     def heard(self) -> None:
         """Sends SYNCs until all nodes have answered one, or one counts as lost.
@@ -473,9 +476,11 @@ class Master:
             return Trouble(None, f"{self.bus} failed: {self._broken}", "a bus that carries frames")
         if self._masters[SYNC] > STRANGERS:
             return Trouble(None, STRANGER, "one master")
-        doubts = self._doubts()
+        doubts, states = self._doubts(), self.states()
         doubted = np.any(doubts, axis=0)
-        for joint, found in enumerate(self.states()):
+        if not np.any(doubted) and all(found is state for found in states):
+            return None
+        for joint, found in enumerate(states):
             if found is not None and found is not state:
                 return self._wrong(joint, found, state)
             if doubted[joint]:
@@ -485,11 +490,13 @@ class Master:
 
     def _doubts(self) -> np.ndarray:
         """(reasons, n) which reasons there are not to believe in the nodes' answers."""
-        beat, changed = self._heartbeat, self._commands[1] - self._commands[0]
-        silent = np.zeros(len(self.numbers), dtype=bool) if beat is None else clock.now() - self._beaten > BEATS * beat
-        repeated = (self._repeated >= max(FROZEN / self.period, FEWEST)) & (changed > CHANGED)
-        doubled = self._doubled >= max(self.missing, 2)
-        return np.array([self._booted, self._missed >= self.missing, doubled, silent, repeated])
+        beat, most = self._heartbeat, max(FROZEN / self.period, FEWEST)
+        changed = [high - low > CHANGED for low, high in zip(self._least, self._most, strict=True)]
+        silent = [beat is not None and clock.now() - last > BEATS * beat for last in self._beaten]
+        lost = [missed >= self.missing for missed in self._missed]
+        doubled = [count >= max(self.missing, 2) for count in self._doubled]
+        repeated = [count >= most and change for count, change in zip(self._repeated, changed, strict=True)]
+        return np.array([self._booted, lost, doubled, silent, repeated])
 
     def _doubt(self, joint: int, reason: int) -> tuple[str, str]:
         """A row of `_doubts` in words: the problem, and what was expected."""
@@ -534,7 +541,7 @@ class Master:
         start = np.concatenate([self.q, self.applied])
         self._moves = True
         self._booted[:], self._beaten[:] = False, clock.now()
-        self._cycle, self._heard[:] = 0, 0
+        self._cycle, self._heard = 0, [0] * len(self.numbers)
         self.enabled = True
         self.send(ENABLE, self.torque)
         self.cycle(self._until)
@@ -565,7 +572,7 @@ class Master:
         self._moves = False
         n = len(self.numbers)
         begun, nothing, seen = clock.now(), np.zeros(n), []
-        still, unpowered, heard, doubted = (np.zeros(n, dtype=bool) for _ in range(4))
+        still, unpowered, heard, doubted, silent = (np.zeros(n, dtype=bool) for _ in range(5))
         if trouble is not None and trouble.joint is not None:
             doubted[trouble.joint] = not trouble.believed
         limits = np.array([body.limits.velocity for body in self.rehearsal.scenario.arm.coordinates])
@@ -582,10 +589,11 @@ class Master:
             slowed = len(seen) > LOOKED and np.abs(seen[-1] - seen[-1 - LOOKED]) < slow
             stopping = np.array([state is State.QUICK_STOP for state in states])
             still = slowed & (unpowered | stopping)
-            unheard = doubted | (self._missed >= LOOKED)
+            silent = np.array(self._missed) >= LOOKED
+            unheard = doubted | silent
             if np.all(still | unheard) and (k * self.period >= UNHEARD or not np.any(unheard)):
                 break
-        seconds, lost = clock.now() - begun, ~heard | doubted | (self._missed >= LOOKED)
+        seconds, lost = clock.now() - begun, ~heard | doubted | silent
         held = bool(self.lifted)
         if not held:
             self.send(DISABLE, nothing)
