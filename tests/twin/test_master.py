@@ -17,7 +17,7 @@ from armwright.errors import BusError, RunStopped
 from armwright.model import Brake
 from armwright.twin import objects as od
 from armwright.twin.law import Law
-from armwright.twin.rehearsal import rehearse
+from armwright.twin.rehearsal import _too_fast, rehearse
 from armwright.twin.run import run_controller
 from armwright.twin.safety import Permission, joints_without_brake
 from armwright.twin.state_machine import State
@@ -439,6 +439,15 @@ def test_drives_of_another_arm(slow, monkeypatch, outside, change, message):
         with pytest.raises(BusError) as error:
             run_controller(slow, "virtual", permission=Permission(**SLOW))  # in lock-step, which metal never does
     assert str(error.value).startswith(message or "real_time = False")
+
+
+def test_a_reduced_run_may_be_half_as_fast_again_as_in_proportion(slow):
+    """And 2 % of the joint's limit besides, and what rounding to counts makes of standing still."""
+    besides = 0.02 * 2.0 + 2.0 * slow.units.count / PERIOD
+    full = (slow.largest_speed - besides) / (1.5 * 0.25)
+    assert np.all(full > 0.0)
+    assert _too_fast(slow, 0.98 * full, 0.25).all()
+    assert not _too_fast(slow, 1.02 * full, 0.25).any()
 
 
 def test_noise_does_not_hide_how_fast_an_arm_is(scenario):
