@@ -223,7 +223,7 @@ class BusError(ArmwrightError):
 
 
 class RunStopped(BusError):
-    """A run over a bus ended early, after its drives were enabled; `run` holds what was recorded until then."""
+    """A run over a bus ended early, or could not be stored, after its drives were enabled; `run` holds what was recorded."""
 
     run: Any = None
 

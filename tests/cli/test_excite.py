@@ -77,3 +77,10 @@ def test_bad_input_is_one_line(tmp_path, monkeypatch, arguments, said):
     assert said in result.output
     assert "Traceback" not in result.output
     assert not list(tmp_path.iterdir())
+
+
+def test_nothing_is_announced_before_a_refusal(tmp_path):
+    result = run("two-link", "-o", tmp_path / "m.csv", "--velocity", 0)
+    assert result.exit_code == 2
+    assert result.output.startswith("armwright: error: --velocity = ")
+    assert result.output.count("\n") == 1

@@ -383,3 +383,60 @@ def test_current_is_in_proportion_to_torque():
     joint = Joint(10)
     joint.drive.measured(1000, -321, 1000)
     assert joint.drive.read(od.CURRENT) == joint.drive.read(od.TORQUE) == -321
+
+
+def ended(joint, code, ticks):
+    """Ticks until the drive reports a fault; it is this one, and None has come within `ticks`."""
+    for tick in range(ticks):
+        joint.run()
+        if joint.drive.error:
+            assert joint.drive.error == code
+            return tick + 1
+    return None
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_joint_may_be_a_tenth_faster_than_its_limit(sign):
+    for share, code in ((1.09, None), (1.11, faults.SPEEDING)):
+        joint = Joint(10, 0)
+        joint.v = sign * share * OBJECTS[od.MAX_SPEED]
+        assert (ended(joint, code, 3) is None) is (code is None)
+
+
+@pytest.mark.parametrize(("end", "sign"), [(od.LOWEST, -1), (od.HIGHEST, 1)])
+def test_a_joint_may_leave_its_range_by_the_window(end, sign):
+    for beyond, code in ((0.9, None), (1.1, faults.BEYOND_LIMITS)):
+        joint = Joint(1, OBJECTS[end])
+        joint.drive.values[end] -= round(sign * beyond * OBJECTS[od.WINDOW])
+        assert (ended(joint, code, 3) is None) is (code is None)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_following_error_is_a_fault_after_its_time_out(sign):
+    """6065 for longer than 6066, 20 ms of 4; a joint that cannot move follows nothing."""
+    for beyond, after in ((0.9, None), (1.1, 6)):
+        joint = Joint(8, 0)
+        joint.drive.values[od.TARGET_POSITION] = round(sign * beyond * OBJECTS[od.WINDOW])
+        run = joint.drive.measured
+        joint.drive.measured = lambda *_, run=run: run(0, 0, 0)
+        joint.run(21)  # the set-point's way there, at the largest speed
+        found = ended(joint, faults.FOLLOWING, 30)
+        assert found is None if after is None else abs(found - after) <= 2
+
+
+def test_an_encoder_that_is_a_degree_off_is_a_fault():
+    """A fifth of the window of five degrees."""
+    for off, code in ((0.9, 0), (1.1, faults.ENCODER)):
+        joint = Joint(10, 0)
+        joint.drive.stuck = True
+        joint.drive.measured(0, 0, round(off * 0.2 * OBJECTS[od.WINDOW]))
+        assert joint.drive.error == code
+
+
+def test_process_data_that_end_are_a_fault_after_100_ms():
+    for silent, code in ((25, 0), (26, faults.NO_DATA)):
+        joint = Joint(10, 0)
+        joint.run()
+        for _ in range(silent):
+            joint.drive.tick(received=False)
+        assert joint.drive.error == code

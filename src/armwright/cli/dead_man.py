@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import os
+import select
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -78,23 +80,25 @@ def _characters() -> Iterator[Callable[[], str]]:
 
         yield typed
         return
-    import select
     import termios
     import tty
 
     stream = sys.stdin.fileno()
     before: Any = termios.tcgetattr(stream)
-
-    def waiting() -> str:
-        import os
-
-        found = b""
-        while select.select([stream], [], [], 0.0)[0]:
-            found += os.read(stream, 1024)
-        return found.decode(errors="replace")
-
     tty.setcbreak(stream)
     try:
-        yield waiting
+        yield lambda: _waiting(stream)
     finally:
         termios.tcsetattr(stream, termios.TCSADRAIN, before)
+
+
+def _waiting(stream: int) -> str:
+    """Characters of a descriptor that wait to be read; none of one whose other end is gone."""
+    found = b""
+    with contextlib.suppress(OSError):
+        while select.select([stream], [], [], 0.0)[0]:
+            more = os.read(stream, 1024)
+            if not more:  # the end, which is always there to be read
+                break
+            found += more
+    return found.decode(errors="replace")

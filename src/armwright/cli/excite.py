@@ -101,14 +101,19 @@ def arm(
     }
     box = None if floor is None else [[-float("inf"), -float("inf"), floor], [float("inf")] * 3]
     options = ("period", "harmonics", "starts", "criterion", "velocity", "acceleration", "torque", "seed")
-    if not sys.stderr.isatty():  # a bar would not be seen, and this may take minutes
-        say(
-            f"designing a motion of {model.name} by {starts} start{'s' * (starts != 1)}, each of some seconds", err=True
-        )
+
+    def shown(done: int, total: int) -> None:  # by the search, once its arguments are right
+        if done == 0 and not sys.stderr.isatty():  # a bar would not be seen, and this may take minutes
+            say(
+                f"designing a motion of {model.name} by {total} start{'s' * (total != 1)}, each of some seconds",
+                err=True,
+            )
+        tell(done, total)
+
     with as_options(*options), progress(f"designing a motion of {model.name}") as tell:
         found = aw.design_excitation(
             model, period=period, harmonics=harmonics, starts=starts, criterion=criterion,  # type: ignore[arg-type]
-            box=box, seed=seed, progress=tell, **limits,
+            box=box, seed=seed, progress=shown, **limits,
         )  # fmt: skip
     say(found)
     found.save(output, rate)

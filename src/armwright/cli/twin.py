@@ -177,7 +177,7 @@ def run_controller(
     faults, numbers = _faults(found, fault), _numbers(nodes)
     with as_options("speed", "torque", "nodes", "bitrate", "following_error", "missing"):
         rehearsal = rehearse(found, bitrate=bitrate, speed=speed, torque=torque, nodes=numbers)
-        check_arguments(rehearsal.stages.period, found.arm.n, following_error=following_error, missing=missing)
+        check_arguments(rehearsal, following_error=following_error, missing=missing)
     motion = (b"" if reference is None else reference.read_bytes()) + str(duration).encode()
     permission = Permission.of(scenario, read, motion, serial=arm, speed=speed, torque=torque)
     if release:

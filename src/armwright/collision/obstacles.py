@@ -14,6 +14,8 @@ from armwright.printable import is_seen
 from armwright.scalar import Array, Scalar
 from armwright.spatial import rotation_rpy
 
+FARTHEST = 1e12  # [m] of an obstacle and its size, whose squares are computed with
+
 
 @dataclass(frozen=True, eq=False)
 class PlaneObstacle:
@@ -31,7 +33,7 @@ class PlaneObstacle:
 
     def __post_init__(self) -> None:
         _check_name(self.name)
-        _numbers(self, "point")
+        _lengths(self, "point")
         if not np.any(_numbers(self, "normal")):
             raise ScenarioError(place=f"{self.name}.normal", value=self.normal, expected="a vector that is not 0")
 
@@ -60,9 +62,9 @@ class BoxObstacle:
 
     def __post_init__(self) -> None:
         _check_name(self.name)
-        _numbers(self, "position")
+        _lengths(self, "position")
         _numbers(self, "rpy")
-        if not (_numbers(self, "size") > 0.0).all():
+        if not (_lengths(self, "size") > 0.0).all():
             raise ScenarioError(place=f"{self.name}.size", value=self.size, expected="3 numbers above 0 [m]")
 
     def distance(self, a: Array, b: Array) -> Scalar:
@@ -88,10 +90,11 @@ class SphereObstacle:
 
     def __post_init__(self) -> None:
         _check_name(self.name)
-        _numbers(self, "position")
+        _lengths(self, "position")
         number = scalar.real_number(self.radius)
-        if number is None or not 0.0 < number < np.inf:
-            raise ScenarioError(place=f"{self.name}.radius", value=self.radius, expected="a number above 0 [m]")
+        if number is None or not 0.0 < number <= FARTHEST:
+            expected = f"a number above 0 and at most {FARTHEST:g} [m]"
+            raise ScenarioError(place=f"{self.name}.radius", value=self.radius, expected=expected)
 
     def distance(self, a: Array, b: Array) -> Scalar:
         """Distance [m] of the segment a to b, each (3,) [m] in base axes; negative where it meets the ball."""
@@ -110,6 +113,14 @@ def _numbers(obstacle: Any, field: str) -> np.ndarray:
         numbers = np.zeros(0)
     if numbers.shape != (3,) or not np.isfinite(numbers).all():
         raise ScenarioError(place=f"{obstacle.name}.{field}", value=value, expected="3 finite numbers")
+    return numbers
+
+
+def _lengths(obstacle: Any, field: str) -> np.ndarray:
+    numbers = _numbers(obstacle, field)
+    if np.abs(numbers).max() > FARTHEST:
+        expected = f"3 numbers of at most {FARTHEST:g} [m]"
+        raise ScenarioError(place=f"{obstacle.name}.{field}", value=getattr(obstacle, field), expected=expected)
     return numbers
 
 

@@ -91,7 +91,7 @@ class TimeOptimalSegment(Record):
 
     kind: Literal["time_optimal"] = Field(description="Which kind of segment.")
     points: Points = Field(description="Waypoints [rad | m], the arm's own pose before them left away.")
-    grid: Annotated[int, Field(ge=10, le=100_000)] = Field(default=500, description="Number of grid points, about.")
+    grid: Annotated[int, Field(ge=10, le=5_000)] = Field(default=500, description="Number of grid points, about.")
 
 
 class LinePiece(Record):

@@ -146,10 +146,8 @@ def open_bus(name: str) -> can.BusABC:
     interface, channel = check_bus(name)
     import can
 
-    for package in (
-        "can",
-        "canopen",
-    ):  # what they log comes as our errors; without a handler it would go to the terminal
+    for package in ("can", "canopen"):
+        # what they log comes as our errors; without a handler it would go to the terminal
         logger = logging.getLogger(package)
         if not logger.handlers:
             logger.addHandler(logging.NullHandler())

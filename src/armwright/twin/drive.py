@@ -22,12 +22,7 @@ from armwright.twin.profile import approach, slowed
 from armwright.twin.state_machine import POWERED, Command, Event, State, StateMachine, Transition, commanded
 
 VOLTAGE_ENABLED, REMOTE, REACHED, LIMITED, OF_MODE, MISSED = 1 << 4, 1 << 9, 1 << 10, 1 << 11, 1 << 12, 1 << 13
-START, AT_ONCE, RELATIVE, HALT = (
-    1 << 4,
-    1 << 5,
-    1 << 6,
-    1 << 8,
-)  # bits of the controlword in profile position and homing
+START, AT_ONCE, RELATIVE, HALT = 1 << 4, 1 << 5, 1 << 6, 1 << 8  # of the controlword, in profile position and homing
 SPEEDING = 1.1  # of the largest speed: what is measured in counts may be above it a little
 AT_ONCE_OFF, SLOW_RAMP, QUICK_RAMP, ALL_CURRENT = 0, 1, 2, 3  # codes of the options
 STAYING = 4  # added to a code of 605A: the drive stays in quick stop active

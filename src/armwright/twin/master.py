@@ -26,7 +26,7 @@ from armwright.errors import BusError, RunStopped
 from armwright.reading import read_file
 from armwright.twin import clock
 from armwright.twin import objects as od
-from armwright.twin.bus import LOOK, bus_errors, node_numbers, open_bus
+from armwright.twin.bus import LOOK, bus_errors, check_bus, node_numbers, open_bus
 from armwright.twin.cycles import Cycles
 from armwright.twin.faults import TEXT
 from armwright.twin.objects import dictionary, eds_text
@@ -57,7 +57,8 @@ MISSING = 2  # answers in a row that a lost node has missed
 FROZEN, FEWEST = 0.02, 5  # [s] and cycles that an answer repeats itself,
 CHANGED = 20  # [thousandths] while the command changes by more: it is no measurement
 OPERATIONAL = 5  # state of network management that a heartbeat shows
-STRANGER, ECHOES = "another master is on the bus", 2  # frames more than our own that may be echoes which came late
+STRANGER, STRANGERS = "another master is on the bus", 2  # its SYNCs that are no proof yet
+ECHOING = "udp_multicast"  # the interface that brings back what this process sends
 ROUNDING = 1.5  # counts between where the scenario starts and where the arm stands
 STAYS, DISABLES = 6, 2  # object 605A: after the ramp of a quick stop hold the joint, or disable the drive
 
@@ -100,6 +101,7 @@ class Ending:
         still: names of the joints that stand still.   moving: of those that still moved after `seconds`.
         unknown: of those whose drives gave no answer that can be believed.
         held: True if the drives hold the arm; False if they are disabled.
+        limp: names of the joints whose drives have no torque, such as after a fault, though they are to hold the arm.
         lifted: names of the joints that gravity moves and that have no brake.   seconds: the quick stop took.
     """
 
@@ -109,6 +111,7 @@ class Ending:
     held: bool
     lifted: tuple[str, ...]
     seconds: float
+    limp: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         ways = {"at rest": self.still, "still moving": self.moving, "unknown, for want of answers": self.unknown}
@@ -119,8 +122,11 @@ class Ending:
             return text
         if not self.held:
             return f"{text}; the drives are disabled"
-        lifted = ", ".join(self.lifted)
-        return f"{text}; the drives hold the arm, which has no brake at {lifted}, until they are released (--release)"
+        lifted, limp = ", ".join(self.lifted), ", ".join(self.limp)
+        but = f" but for {limp}, where the drive has no torque" if limp else ""
+        return (
+            f"{text}; the drives hold the arm{but}, which has no brake at {lifted}, until they are released (--release)"
+        )
 
 
 class Master:
@@ -152,22 +158,22 @@ class Master:
         self.status = np.zeros(arm.n, dtype=int)
         self.torque, self.counts = np.zeros(arm.n), np.zeros(arm.n)
         self.cycles = Cycles(self.period)
-        self._cycle, self._heard = (
-            0,
-            np.zeros(arm.n, dtype=int),
-        )  # number of the cycle, and of the last one with an answer
+        self._cycle = 0  # since the drives were enabled
+        self._heard = [0] * arm.n  # cycle of the last answer
         self._beaten = np.full(arm.n, -np.inf)  # of the last heartbeat [s]
-        self._missed, self._doubled, self._repeated = (np.zeros(arm.n, dtype=int) for _ in range(3))  # cycles in a row
+        self._missed, self._doubled, self._repeated = ([0] * arm.n for _ in range(3))  # cycles in a row
         self._answers: list[list[bytes]] = [[] for _ in range(arm.n)]  # to this SYNC
         self._last: list[bytes] = [b""] * arm.n
-        self._commands = np.full((2, arm.n), np.nan)  # least and largest since an answer was another one [thousandths]
+        self._least, self._most = [np.inf] * arm.n, [-np.inf] * arm.n  # commands since an answer changed [thousandths]
         self._booted = np.zeros(arm.n, dtype=bool)
         self._replies: dict[tuple[int, int, int], int] = {}  # to requests of an object: node, index, subindex
-        self._masters = {SYNC: 0, 0x700 + MASTER: 0}  # frames of a master, less our own, which some buses echo
+        self._masters = {SYNC: 0, 0x700 + MASTER: 0}  # frames of a master, less the echoes of our own
+        self._echo = int(check_bus(bus)[0] == ECHOING)
         self._broken = ""
         self._all = threading.Condition()
         self._sent, self._received = od.packing(od.RECEIVED), od.packing(od.SENT)
         self._moves = False
+        self.enabled = False  # were the drives, in this run
 
     def __enter__(self) -> Master:
         import canopen
@@ -390,25 +396,32 @@ class Master:
             until: time of `clock.now` to wait to; None: for long.
         """
         with self._all:
-            self._doubled = np.where([len(each) > 1 for each in self._answers], self._doubled + 1, 0)
             for joint, answers in enumerate(self._answers):
+                self._doubled[joint] = self._doubled[joint] + 1 if len(answers) > 1 else 0
                 if answers and answers[-1] != self._last[joint]:
                     self._last[joint], self._repeated[joint] = answers[-1], 0
-                    self._commands[:, joint] = np.nan
+                    self._least[joint], self._most[joint] = np.inf, -np.inf
                 else:
                     self._repeated[joint] += 1
                 answers.clear()
         self.cycles.began()
-        self._masters[SYNC] -= 1
+        self._masters[SYNC] -= self._echo
         self._transmit(SYNC, b"")
         with self._all:
             clock.wait(self._all, self._complete, clock.now() + PATIENCE if until is None else until)
-            came = np.array([bool(each) for each in self._answers])
-            self._missed = np.where(came, 0, self._missed + 1)
-            self._heard[came] = self._cycle
+            came = [bool(each) for each in self._answers]
+            for joint, each in enumerate(came):
+                self._missed[joint] = 0 if each else self._missed[joint] + 1
+                if each:
+                    self._heard[joint] = self._cycle
             self._cycle += 1
-            self.cycles.received(len(came), int(came.sum()))
-            return bool(came.all())
+            self.cycles.received(len(came), sum(came))
+            return all(came)
+
+    @property
+    def _until(self) -> float:
+        """Time of `clock.now` to which answers to a SYNC that is sent now are waited for, but for lock-step's controller."""
+        return clock.now() + (ANSWER if self._heart is None else ANSWERED * self.period)
 
     def _transmit(self, can_id: int, data: bytes) -> None:
         try:
@@ -418,11 +431,12 @@ class Master:
 
     def send(self, word: int | Sequence[int], thousandths: np.ndarray) -> None:
         """Sends controlwords and torques to all nodes; they take effect at the next SYNC."""
-        self._commands[0] = np.fmin(self._commands[0], thousandths)
-        self._commands[1] = np.fmax(self._commands[1], thousandths)
-        words = np.broadcast_to(word, len(self.numbers))
-        for number, each, torque, counts in zip(self.numbers, words, thousandths, self.counts, strict=True):
-            self._transmit(0x200 + number, self._sent.pack(int(each), int(torque), int(counts)))
+        words = [word] * len(self.numbers) if isinstance(word, int) else word
+        # plain numbers, which Python handles faster than entries of arrays
+        rows = zip(self.numbers, words, np.asarray(thousandths).tolist(), self.counts.tolist(), strict=True)
+        for joint, (number, each, torque, counts) in enumerate(rows):
+            self._least[joint], self._most[joint] = min(self._least[joint], torque), max(self._most[joint], torque)
+            self._transmit(0x200 + number, self._sent.pack(each, int(torque), int(counts)))
 
     @property
     def q(self) -> np.ndarray:
@@ -441,17 +455,32 @@ class Master:
     @property
     def lost(self) -> bool:
         """True if a node counts as lost."""
-        return bool(np.any(self._missed >= self.missing))
+        return max(self._missed) >= self.missing
+
+    def heard(self) -> None:
+        """Sends SYNCs until all nodes have answered one, or one counts as lost.
+
+        Raises:
+            BusError: a node that does not answer; names it.
+        """
+        for _ in range(self.missing):
+            if self.cycle(clock.now() + ANSWER):
+                return
+        if self.lost:
+            joint = int(np.argmax(self._missed))
+            raise BusError.of(*self.error(self._wrong(joint, None, State.SWITCH_ON_DISABLED)).problems)
 
     def trouble(self, state: State) -> Trouble | None:
         """The cause to end a run after a cycle: a node that is lost, doubled or in another state; None if there is none."""
         if self._broken:
             return Trouble(None, f"{self.bus} failed: {self._broken}", "a bus that carries frames")
-        if self._masters[SYNC] > ECHOES:
+        if self._masters[SYNC] > STRANGERS:
             return Trouble(None, STRANGER, "one master")
-        doubts = self._doubts()
+        doubts, states = self._doubts(), self.states()
         doubted = np.any(doubts, axis=0)
-        for joint, found in enumerate(self.states()):
+        if not np.any(doubted) and all(found is state for found in states):
+            return None
+        for joint, found in enumerate(states):
             if found is not None and found is not state:
                 return self._wrong(joint, found, state)
             if doubted[joint]:
@@ -461,11 +490,13 @@ class Master:
 
     def _doubts(self) -> np.ndarray:
         """(reasons, n) which reasons there are not to believe in the nodes' answers."""
-        beat, changed = self._heartbeat, self._commands[1] - self._commands[0]
-        silent = np.zeros(len(self.numbers), dtype=bool) if beat is None else clock.now() - self._beaten > BEATS * beat
-        repeated = (self._repeated >= max(FROZEN / self.period, FEWEST)) & (changed > CHANGED)
-        doubled = self._doubled >= max(self.missing, 2)
-        return np.array([self._booted, self._missed >= self.missing, doubled, silent, repeated])
+        beat, most = self._heartbeat, max(FROZEN / self.period, FEWEST)
+        changed = [high - low > CHANGED for low, high in zip(self._least, self._most, strict=True)]
+        silent = [beat is not None and clock.now() - last > BEATS * beat for last in self._beaten]
+        lost = [missed >= self.missing for missed in self._missed]
+        doubled = [count >= max(self.missing, 2) for count in self._doubled]
+        repeated = [count >= most and change for count, change in zip(self._repeated, changed, strict=True)]
+        return np.array([self._booted, lost, doubled, silent, repeated])
 
     def _doubt(self, joint: int, reason: int) -> tuple[str, str]:
         """A row of `_doubts` in words: the problem, and what was expected."""
@@ -494,7 +525,7 @@ class Master:
         """
         ready, found = (State.SWITCHED_ON, State.QUICK_STOP), self.states()
         for _ in range(TRIES):
-            self.cycle()
+            self.cycle(clock.now() + ANSWER)  # brakes or the drives still hold the arm
             found = self.states()
             if all(state in ready for state in found):
                 break
@@ -502,16 +533,18 @@ class Master:
             words = [QUICK_STOP if state is None else UP.get(state, SHUTDOWN) for state in found]
             self.send(words, self.torque)
             if RESET in words:
-                self.cycle()
+                self.cycle(clock.now() + ANSWER)
                 self.send([DISABLE if word == RESET else word for word in words], self.torque)
         else:
             joint = next(k for k, state in enumerate(found) if state not in ready)
             raise BusError.of(*self.error(self._wrong(joint, found[joint], State.SWITCHED_ON)).problems)
         start = np.concatenate([self.q, self.applied])
         self._moves = True
-        self._booted[:], self._beaten[:], self._cycle = False, clock.now(), 0
+        self._booted[:], self._beaten[:] = False, clock.now()
+        self._cycle, self._heard = 0, [0] * len(self.numbers)
+        self.enabled = True
         self.send(ENABLE, self.torque)
-        self.cycle()
+        self.cycle(self._until)
         return start
 
     def error(self, trouble: Trouble, ending: Ending | None = None) -> RunStopped:
@@ -539,7 +572,7 @@ class Master:
         self._moves = False
         n = len(self.numbers)
         begun, nothing, seen = clock.now(), np.zeros(n), []
-        still, heard, doubted = (np.zeros(n, dtype=bool) for _ in range(3))
+        still, unpowered, heard, doubted, silent = (np.zeros(n, dtype=bool) for _ in range(5))
         if trouble is not None and trouble.joint is not None:
             doubted[trouble.joint] = not trouble.believed
         limits = np.array([body.limits.velocity for body in self.rehearsal.scenario.arm.coordinates])
@@ -548,23 +581,24 @@ class Master:
             self.send(QUICK_STOP, nothing)
             if self._heart is not None:  # in real time
                 clock.sleep_until(begun + k * self.period)
-            self.cycle(clock.now() + (ANSWER if self._heart is None else ANSWERED * self.period))
+            self.cycle(self._until)
             states = self.states()
             heard |= np.array([state is not None for state in states])
             seen.append(self.q)
             unpowered = np.array([state in HELD for state in states])
             slowed = len(seen) > LOOKED and np.abs(seen[-1] - seen[-1 - LOOKED]) < slow
             stopping = np.array([state is State.QUICK_STOP for state in states])
-            still = unpowered | (slowed & stopping)
-            unheard = doubted | (self._missed >= LOOKED)
+            still = slowed & (unpowered | stopping)
+            silent = np.array(self._missed) >= LOOKED
+            unheard = doubted | silent
             if np.all(still | unheard) and (k * self.period >= UNHEARD or not np.any(unheard)):
                 break
-        seconds, lost = clock.now() - begun, ~heard | doubted | (self._missed >= LOOKED)
+        seconds, lost = clock.now() - begun, ~heard | doubted | silent
         held = bool(self.lifted)
         if not held:
             self.send(DISABLE, nothing)
-            self.cycle(clock.now() + (ANSWER if self._heart is None else ANSWERED * self.period))
-        which = {"still": still & ~lost, "moving": ~still & ~lost, "unknown": lost}
+            self.cycle(self._until)
+        which = {"still": still & ~lost, "moving": ~still & ~lost, "unknown": lost, "limp": held & unpowered & ~lost}
         joints = {name: tuple(np.array(self.names)[chosen].tolist()) for name, chosen in which.items()}
         return Ending(**joints, held=held, lifted=self.lifted, seconds=seconds)
 

@@ -9,9 +9,7 @@ from armwright.dynamics import mass_matrix
 from armwright.model import Model
 from armwright.twin.units import Units
 
-SPEED_LOOP = (
-    0.3  # ω T of the speed loop; a quarter for the position, a sixth for the integrator: as in docs/bus-study.md
-)
+SPEED_LOOP = 0.3  # ω T of the speed loop; of it 1/4 for the position, 1/6 for the integrator, as in docs/bus-study.md
 FASTEST = 50.0  # [rad/s] of the speed loop, also at shorter periods
 
 

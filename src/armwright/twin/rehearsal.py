@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -12,7 +13,6 @@ from armwright.export.controller.recording import Recording, record
 from armwright.export.controller.stages import ControllerStages
 from armwright.simulation.loop.references import reference_rows
 from armwright.simulation.scenario import Scenario
-from armwright.simulation.scenario_parts import Loop
 from armwright.trajectory.limits import MotionLimits
 from armwright.trajectory.online import filtered
 from armwright.twin.bus import BITRATE, BusLoad
@@ -23,11 +23,8 @@ from armwright.twin.units import Units
 
 PROPORTION = 1.5  # of the speed in proportion: a reduced run may overshoot a little more
 SLOW = 0.02  # of the speed limit: slower than that a joint may be at any setting
-NOISE = 6.0 * np.sqrt(2.0)  # standard deviations of the difference of two noisy positions
-RISE, ROUNDED = (
-    0.25,
-    0.05,
-)  # [s] of a limited move from rest to its speed, and of its acceleration, where the record is silent
+RISE = 0.25  # [s] of a limited move from rest to its speed, where the record states no acceleration
+ROUNDED = 0.05  # [s] of the rise of its acceleration, where the record states no jerk
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +34,7 @@ class Rehearsal:
     Attributes:
         scenario: as it runs over the bus.   stages: the controller's programs.   recording: references, measurements, commands.
         load: of the bus.   units: of the bus.   source: the scenario without the bus, at this speed and torque.
-        full: the run at full speed and torque, of a reduced one.
+        full: the run at full speed and torque, of a reduced one.   speed, torque: of the run, in parts of the scenario's.
     """
 
     scenario: Scenario
@@ -47,6 +44,8 @@ class Rehearsal:
     units: Units
     source: Scenario
     full: Rehearsal | None = None
+    speed: float = 1.0
+    torque: float = 1.0
 
     @property
     def q(self) -> np.ndarray:
@@ -74,6 +73,11 @@ class Rehearsal:
     def largest_command(self) -> np.ndarray:
         """(n,) the largest command, as a share of the rated one."""
         return np.abs(self.recording.u).max(axis=0) / self.units.limit
+
+    @property
+    def reference_sha256(self) -> str:
+        """Checksum of the reference of the run at full speed, whatever it was read from or planned with."""
+        return hashlib.sha256((self.full or self).recording.r.tobytes()).hexdigest()
 
     def rows(self) -> list[tuple[str, str, str, str, str]]:
         """By joint: its name, range, largest speed, torque and error, as text."""
@@ -118,16 +122,17 @@ def rehearse(
     found = _rehearsed(source, bitrate, nodes)
     if speed < 1.0 or torque < 1.0:
         full = _rehearsed(scenario, bitrate, nodes)
-        if np.any(_too_fast(found, full, speed)):
-            found = _rehearsed(_limited_move(source, full, speed), bitrate, nodes)
-        fast = _too_fast(found, full, speed)
+        moves = _speeds(full)
+        if np.any(_too_fast(found, moves, speed)):
+            found = _rehearsed(_limited_move(source, moves, speed), bitrate, nodes)
+        fast = _too_fast(found, moves, speed)
         if np.any(fast):
             i = int(np.argmax(fast))
-            at = found.largest_speed[i], full.largest_speed[i]
+            at = _speeds(found)[i], moves[i]
             what = f"its speed is {at[0]:.4g} at {speed:g} of the speed and {at[1]:.4g} at all of it"
             expected = f"about {speed * at[1]:.4g}: a start and a reference from which the arm moves slowly"
             raise BusError(what, place=f"joint {scenario.arm.names[i]!r}", expected=expected)
-        found = replace(found, full=full)
+        found = replace(found, full=full, speed=float(speed), torque=float(torque))
     _check_limits(found)
     return found
 
@@ -140,16 +145,25 @@ def _rehearsed(scenario: Scenario, bitrate: int, nodes: Sequence[int] | None) ->
     return Rehearsal(on_bus, stages, record(stages, on_bus.ticks), load, Units.of(on_bus), scenario)
 
 
-def _too_fast(slow: Rehearsal, full: Rehearsal, speed: float) -> np.ndarray:
-    """(n,) True for joints whose largest speed did not fall in proportion, but for noise and what is slow anyway."""
-    arm, period = slow.scenario.arm, slow.stages.period
-    sensors = (slow.scenario.loop or Loop()).joint_sensors
-    noise = NOISE * np.broadcast_to(np.asarray(sensors.position_noise, dtype=float), arm.n) / period
-    floor = SLOW * np.array([body.limits.velocity for body in arm.coordinates]) + 2.0 * slow.units.count / period
-    return slow.largest_speed > PROPORTION * speed * full.largest_speed + noise + floor
+def _speeds(rehearsal: Rehearsal) -> np.ndarray:
+    """(n,) the largest speed [rad/s | m/s], without the noise of measurements, in which a fast motion could hide."""
+    loop = rehearsal.source.loop
+    assert loop is not None
+    sensors = loop.joint_sensors
+    if not np.any(np.asarray(sensors.position_noise)):
+        return rehearsal.largest_speed
+    quiet = replace(rehearsal.source, loop=replace(loop, sensors=replace(sensors, position_noise=0.0)))
+    return _rehearsed(quiet, rehearsal.load.bitrate, None).largest_speed
 
 
-def _limited_move(scenario: Scenario, full: Rehearsal, speed: float) -> Scenario:
+def _too_fast(slow: Rehearsal, full: np.ndarray, speed: float) -> np.ndarray:
+    """(n,) True for joints whose largest speed did not fall in proportion to that at full speed, but for what is slow anyway."""
+    limits = np.array([body.limits.velocity for body in slow.scenario.arm.coordinates])
+    floor = SLOW * limits + 2.0 * slow.units.count / slow.stages.period
+    return _speeds(slow) > PROPORTION * speed * full + floor
+
+
+def _limited_move(scenario: Scenario, full: np.ndarray, speed: float) -> Scenario:
     """The scenario with its reference passed through a move within a share of each joint's speed and acceleration."""
     arm, loop, limits = scenario.arm, scenario.loop, MotionLimits.of(scenario.arm)
     assert loop is not None
@@ -157,7 +171,7 @@ def _limited_move(scenario: Scenario, full: Rehearsal, speed: float) -> Scenario
     rows = reference_rows(
         arm, start if loop.reference is None else loop.reference, scenario.tick * np.arange(scenario.ticks + 1)
     )
-    most = speed * np.clip(full.largest_speed, SLOW * limits.velocity, limits.velocity)
+    most = speed * np.clip(full, SLOW * limits.velocity, limits.velocity)
     acceleration = np.minimum(speed * limits.acceleration, most / RISE)
     jerk = np.minimum(speed * limits.jerk, acceleration / ROUNDED)
     state = np.stack([start, np.zeros(arm.n), np.zeros(arm.n)])

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from armwright.errors import BusError, Problem
+from armwright.errors import BusError, OutputError, Problem, RunStopped
 from armwright.scalar import real_numbers
 from armwright.simulation.checks import is_whole
 from armwright.simulation.scenario import Scenario
@@ -104,7 +104,7 @@ def run_controller(
             largest, and at least 0.0175.
         missing: answers that a node misses in a row before the run ends, 1 to the larger of 3 and 20 ms of periods.
         permission: what the user has said before an arm may move over a bus that is not virtual; its dead-man key, asked
-            every cycle, ends the run with a quick stop.
+            every cycle, ends the run with a quick stop. A scenario is rehearsed at its speed and torque.
         heartbeat: [s] from beat to beat of the master and of the nodes in real time; three that are missing stop the arm.
         bitrate: [bit/s] for the time that frames take; of a rehearsal, its own.
     Returns:
@@ -116,19 +116,22 @@ def run_controller(
             such drives, two devices with one number, an arm that must not move or stands elsewhere.
     """
     check_bus(bus)
-    rehearsal = scenario if isinstance(scenario, Rehearsal) else rehearse(scenario, bitrate=bitrate)
-    period, joints = rehearsal.stages.period, rehearsal.scenario.arm.n
-    check_arguments(period, joints, following_error=following_error, missing=missing, heartbeat=heartbeat)
+    if isinstance(scenario, Rehearsal):
+        rehearsal = scenario
+    else:
+        rehearsal = rehearse(scenario, bitrate=bitrate, speed=permission.speed, torque=permission.torque, nodes=nodes)
+    check_arguments(rehearsal, following_error=following_error, missing=missing, heartbeat=heartbeat)
     if not isinstance(real_time, bool):
         raise BusError(place="real_time", value=real_time, expected="True or False")
     law = Law(rehearsal)
-    with _bus_failures(bus), Master(rehearsal, bus, nodes=nodes, eds=eds, missing=missing) as master:
+    master = Master(rehearsal, bus, nodes=nodes, eds=eds, missing=missing)
+    with _bus_failures(master), master:
         identities = master.identify()
         metal = check_permission(master, identities, permission, real_time=real_time)
         master.configure(heartbeat if real_time else None)
         run = _run(master, law, real_time, following_error, permission.may_move)
         if metal and permission.reduced and run.counts:
-            permission.write_reduced(bound(master, identities))
+            _store(permission, bound(master, identities), run)
     return run
 
 
@@ -150,23 +153,34 @@ def release_drives(
     """
     check_bus(bus)
     rehearsal = scenario if isinstance(scenario, Rehearsal) else rehearse(scenario, bitrate=bitrate)
-    with _bus_failures(bus), Master(rehearsal, bus, nodes=nodes) as master:
+    master = Master(rehearsal, bus, nodes=nodes)
+    with _bus_failures(master), master:
         check_serial(master, master.identify(), permission)
         master.release()
 
 
 @contextlib.contextmanager
-def _bus_failures(bus: str) -> Iterator[None]:
+def _bus_failures(master: Master) -> Iterator[None]:
     """Raises failures of an open bus as ours."""
     try:
         yield
     except bus_errors() as error:
-        raise BusError(f"failed: {error}", place="bus", value=bus, expected="a bus that carries frames") from None
+        kind = RunStopped if master.enabled else BusError
+        raise kind(f"failed: {error}", place="bus", value=master.bus, expected="a bus that carries frames") from None
+
+
+def _store(permission: Permission, bound: Mapping[str, Any], run: BusRun) -> None:
+    """Stores that a reduced run counts; a failure is no refusal, since the arm has moved."""
+    try:
+        permission.write_reduced(bound)
+    except OutputError as error:
+        stopped = RunStopped(f"the run is complete, but not stored as a rehearsal: {error}")
+        stopped.run = run
+        raise stopped from None
 
 
 def check_arguments(
-    period: float,
-    joints: int,
+    rehearsal: Rehearsal,
     *,
     following_error: float | Sequence[float] | None = None,
     missing: int = MISSING,
@@ -175,20 +189,26 @@ def check_arguments(
     """Refuses limits and monitors that are none, all at once.
 
     Args:
-        period: [s].   joints: how many.   following_error, missing, heartbeat: as of `run_controller`.
+        rehearsal: of the run.   following_error, missing, heartbeat: as of `run_controller`.
     Raises:
         BusError: names every argument that is out of range.
     """
+    period, joints = rehearsal.stages.period, rehearsal.scenario.arm.n
+    low, high = np.array([body.limits.position for body in rehearsal.scenario.arm.coordinates], dtype=float).T
     most_missing = max(LEAST_MOST_MISSING, math.floor(MOST_SILENCE / period + 1e-9))
     most_beat = MOST_BEAT / BEATS
     errors, beats = _positive(following_error), _positive(heartbeat)
     right_beat = beats is not None and beats.shape == () and LEAST_BEAT <= beats <= most_beat
-    right_error = following_error is None or (errors is not None and errors.shape in ((), (joints,)))
+    right_error = following_error is None or (
+        errors is not None and errors.shape in ((), (joints,)) and bool(np.all(errors < high - low))
+    )
     right_missing = is_whole(missing, 1) and missing <= most_missing
     in_a_row = f"a whole number from 1 to {most_missing}, at most {MOST_SILENCE:g} s or {LEAST_MOST_MISSING} cycles"
     in_object = f"{LEAST_BEAT:g} to {most_beat:.4g} s: {BEATS} beats are within the 65535 ms of object 1016"
+    ranges = ", ".join(f"{each:.4g}" for each in high - low)
+    expected_error = f"a number [rad | m], or {joints} of them, above 0 and below the joints' ranges {ranges}"
     rows = (
-        (right_error, "following_error", following_error, f"a number above 0 [rad | m], or {joints} of them"),
+        (right_error, "following_error", following_error, expected_error),
         (right_missing, "missing", missing, in_a_row),
         (right_beat, "heartbeat", heartbeat, in_object),
     )
@@ -287,13 +307,7 @@ def _driven(
 
 def _check_start(master: Master) -> None:
     """Refuses an arm that is not at the scenario's start."""
-    for _ in range(master.missing):
-        if master.cycle():
-            break
-    else:
-        silent = master.trouble(State.SWITCH_ON_DISABLED)
-        if silent is not None and master.lost:
-            raise BusError.of(*master.error(silent).problems)
+    master.heard()
     wanted = master.rehearsal.scenario.initial_state[0, : len(master.numbers)]
     off = np.abs(master.q - wanted) > ROUNDING * master.units.count
     if np.any(off):

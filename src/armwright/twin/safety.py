@@ -141,6 +141,7 @@ def bound(master: Master, identities: Sequence[Identity]) -> dict[str, Any]:
         "vendors": [each.vendor for each in identities],
         "products": [each.product for each in identities],
         "serials": [each.serial for each in identities],
+        "reference_sha256": master.rehearsal.reference_sha256,
     }
 
 
@@ -178,6 +179,13 @@ def check_permission(
         return False
     _check_verdict(permission)
     _check_drives(master)
+    rehearsed, said = (master.rehearsal.speed, master.rehearsal.torque), (permission.speed, permission.torque)
+    for name, ours, theirs in zip(("speed", "torque"), rehearsed, said, strict=True):
+        if ours != theirs:
+            what = f"the run was rehearsed at {ours:g} of the {name}"
+            raise BusError(
+                what, place=name, value=theirs, expected=f"a permission for {ours:g}, or `rehearse` at {theirs:g}"
+            )
     if not real_time:
         raise BusError("a real arm runs in real time", place="real_time", value=False, expected="True (--real-time)")
     if permission.may_move is None:
@@ -289,7 +297,7 @@ def _is_pose(reference: Any, joints: int) -> bool:
 
 
 def joints_without_brake(arm: Model) -> tuple[str, ...]:
-    """Names of the joints that gravity moves and that have no brake in the record.
+    """Names of the joints that gravity moves and that have no brake in the record, or one that is too weak.
 
     Args:
         arm: the model, whose positions are looked at within the limits of its joints.
@@ -300,4 +308,5 @@ def joints_without_brake(arm: Model) -> tuple[str, ...]:
     most = np.abs(interpret(load, poses)).reshape(POSES, arm.n).max(axis=0)
     limits = np.array([body.limits.torque for body in arm.coordinates])
     lifts = most > LOADED * np.where(np.isfinite(limits), limits, 1.0)
-    return tuple(body.joint for body, lift in zip(arm.coordinates, lifts, strict=True) if lift and body.brake is None)
+    holds = np.array([0.0 if body.brake is None else body.brake.holding for body in arm.coordinates], dtype=float)
+    return tuple(body.joint for body, falls in zip(arm.coordinates, lifts & (holds < most), strict=True) if falls)

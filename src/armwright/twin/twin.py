@@ -279,7 +279,7 @@ class Twin:
         self._applied = y["applied"]
         sent, torque = self.units.counts(y["q"]), self.units.thousandths(y["applied"])
         true = self.units.counts(np.reshape(self.simulation.plant_state.q, self.arm.n))
-        for drive, *values in zip(self.drives, sent, torque, true, strict=True):
+        for drive, *values in zip(self.drives, sent.tolist(), torque.tolist(), true.tolist(), strict=True):
             drive.measured(*map(int, values))
 
     # Without a master.

@@ -109,7 +109,10 @@ class CartesianPath:
             distance, angle = blend(before, after, cut).deviation(after.position)
             return max(distance / self.blend, angle / self.blend_angle) - 1.0
 
-        return most if over(most) <= 0.0 else float(brentq(over, 1e-9 * most, most, xtol=1e-9 * most))  # pyright: ignore[reportArgumentType]
+        least = 1e-9 * most
+        if over(least) > 0.0:  # a blend so small that the tool might as well stop
+            return None
+        return most if over(most) <= 0.0 else float(brentq(over, least, most, xtol=least))  # pyright: ignore[reportArgumentType]
 
     @cached_property
     def breaks(self) -> np.ndarray:

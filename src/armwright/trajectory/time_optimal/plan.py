@@ -29,7 +29,7 @@ from armwright.trajectory.time_optimal.planner import Planner
 SUPPORT = KERNELS.named("time_optimal")
 
 GRID = 500
-LEAST_GRID, MOST_GRID = 10, 100_000
+LEAST_GRID, MOST_GRID = 10, 5_000  # more take over ten seconds, and change no digit that anybody needs
 FINER = 3  # grids, each twice as fine, for a plan that …
 SLOWER = 1.05  # times what the limits at grid points allow is slower for what lies between them
 NEAR = 0.02  # of an even piece: a turn that near to another grid point is none of its own
