@@ -115,7 +115,7 @@ if TYPE_CHECKING:
     from armwright.results.run_file import load_run
     from armwright.results.statistics import statistics
     from armwright.robotfiles import check, convert, diff, new_robot
-    from armwright.scenarios import read_scenario, reproduce
+    from armwright.scenarios import read_scenario, reproduce, write_scenario
     from armwright.shadow.alarms import ShadowAlarm
     from armwright.shadow.observer import ShadowBandwidths
     from armwright.shadow.page import write_shadow
@@ -246,7 +246,7 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
     "armwright.modules.enumerate": ("enumerate_assemblies",),
     "armwright.modules.rank": ("rank_assemblies",),
     "armwright.modules.task": ("read_task",),
-    "armwright.scenarios": ("read_scenario", "reproduce"),
+    "armwright.scenarios": ("read_scenario", "reproduce", "write_scenario"),
     "armwright.simulation.step_study": ("step_study",),
     "armwright.simulation.integrate.events": ("joint_stops",),
     "armwright.motions.plan": ("Plan", "plan"),
@@ -535,6 +535,7 @@ __all__ = [
     "write_into",
     "write_parts",
     "write_report",
+    "write_scenario",
     "write_shadow",
     "write_toml",
     "write_verdict",

@@ -29,7 +29,7 @@ class Payload:
         time: () [s] when it is taken up; 0 or later.
         mass: () [kg]; 0 puts down what the hand held, and needs no more.
         com: (3,) [m] centre of mass, in the frame; of a point mass its place, absent: the frame's origin.
-        inertia: (3, 3) [kg m²] about the centre of mass, in the frame's axes, or three principal moments; absent: 0, a point mass.
+        inertia: (3, 3) [kg m²] about the centre of mass, in the frame's axes, or three principal moments; absent: a point mass.
         frame: name of the frame that carries it; by default the tip.
 
     Time, mass, com and inertia may each be a `Batch`, one value a lane.
