@@ -26,8 +26,7 @@ FLAT = (Box, Prism, Mesh)
 class Capsule:
     """All points within `radius` [m] of the segment between a and b, each (3,) [m] in the frame of a link.
 
-    The frame is that of `forward_kinematics(arm, q, frame=capsule.link)`, in which the record states the link's shapes. Links that
-    are fixed to another count as that one.
+    The frame is that of `forward_kinematics(arm, q, frame=capsule.link)`. Links that are fixed to another count as that one.
     """
 
     link: str
