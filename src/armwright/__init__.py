@@ -83,6 +83,7 @@ if TYPE_CHECKING:
     from armwright.identification.logs.preparation import Preparation, choose_preparation
     from armwright.identification.logs.prepared import prepare_log
     from armwright.identification.logs.read import read_log
+    from armwright.identification.logs.write import write_log
     from armwright.identification.motor.identify import MotorFit, identify_motor
     from armwright.identification.validation.limits import Limits
     from armwright.identification.validation.report import write_report
@@ -229,6 +230,7 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
     "armwright.identification.logs.log": ("Log",),
     "armwright.identification.logs.read": ("read_log",),
     "armwright.identification.logs.plot": ("plot_log",),
+    "armwright.identification.logs.write": ("write_log",),
     "armwright.identification.logs.preparation": ("Preparation", "choose_preparation"),
     "armwright.identification.logs.prepared": ("prepare_log",),
     "armwright.ik.measures": ("Manipulability", "manipulability"),
@@ -533,6 +535,7 @@ __all__ = [
     "validate",
     "workspace",
     "write_into",
+    "write_log",
     "write_parts",
     "write_report",
     "write_scenario",

@@ -43,6 +43,17 @@ def design(
     phase_margin: Annotated[float, option("--phase-margin", "DEG", "Phase lag to bear, degrees; default 30.")] = 30.0,
     poses: Annotated[int, option("--poses", "N", "Poses to draw within the position limits; default 2000.")] = 2000,
     seed: Annotated[int, option("--seed", "N", "Of the poses; default 0.")] = 0,
+    reference: Annotated[
+        Path | None,
+        option(
+            "--reference",
+            "FILE",
+            "Motion to follow from its start to its end: .motion.toml or .csv of `excite`, `plan`.",
+        ),
+    ] = None,
+    robot: Annotated[
+        str | None, option("--robot", "ROBOT", "In place of a scenario's, such as the identified one; its [values] go.")
+    ] = None,
     period: Annotated[float | None, option("--period", "S", "Of an arm: sample period in s.")] = None,
     controller: Annotated[
         str | None, option("--controller", "KIND", "Of an arm: cascade, the default, joint_pid or computed_torque.")
@@ -64,13 +75,15 @@ def design(
     Examples:
       armwright design arm.scenario.toml -o designed.scenario.toml
       armwright design arm.scenario.toml -o designed.scenario.toml --method pole-placement --bandwidth 15
-      armwright design lwa4p --period 4e-3 -o designed.scenario.toml
+      armwright design lwa4p --period 4e-3 --reference excite.csv -o excited.scenario.toml
+      armwright design excited.scenario.toml --robot identified.toml --reference round.motion.toml -o round.scenario.toml
     """
     import math
     from dataclasses import replace
 
     import armwright as aw
     from armwright.cli.progress import progress
+    from armwright.cli.simulate import following
     from armwright.control.design.design_gains import HEADS, with_gains
     from armwright.output import check_destination
 
@@ -79,10 +92,15 @@ def design(
         _refuse(options)
         check_destination(out, (".toml",), read=(scenario,))
         found = aw.read_scenario(scenario, allow=allow or ())
+        if robot is not None:
+            found = replace(found, arm=aw.load(robot), vary={})
     else:
         refuse_allow(allow)
+        _refuse_robot(robot)
         check_destination(out, (".toml",), read=(scenario,))
         found = _of_robot(scenario, **options)
+    if reference is not None:
+        found = _from_its_start(following(found, reference, scenario))
     wanted = None if bandwidth is None else _numbers(bandwidth, found.arm)
     with progress(f"gains of {Path(scenario).name}"):
         designed = aw.design_gains(
@@ -121,6 +139,26 @@ def _refuse(options: dict[str, Any]) -> None:
             raise ScenarioError(
                 "the scenario file states this already", place=f"--{name}", value=value, expected="none"
             )
+
+
+def _refuse_robot(robot: str | None) -> None:
+    """Refuses --robot beside an arm.
+
+    Raises:
+        ScenarioError: it was given.
+    """
+    if robot is not None:
+        raise ScenarioError("goes with a scenario file", place="--robot", value=robot, expected=f"FILE{SCENARIO}")
+
+
+def _from_its_start(scenario: Any) -> Any:
+    """The scenario from the beginning of its reference, at its pose, until its end, in whole periods."""
+    from dataclasses import replace
+    from math import ceil
+
+    motion = scenario.reference
+    ticks = max(ceil((motion.time + motion.duration) / scenario.tick * (1.0 - 1e-12)), 1)
+    return replace(scenario, start=motion.at(0.0)[0], duration=ticks * scenario.tick)
 
 
 def _of_robot(
