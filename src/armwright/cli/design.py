@@ -183,7 +183,8 @@ def _of_robot(
         "computed_torque": lambda: aw.ComputedTorque(1.0, 1.0),
     }
     loop = aw.Loop(ones[kind](), period=period, timing=aw.Timing(timing or "one-tick"))
-    return aw.Scenario(aw.load(robot), 1.0 if duration is None else duration, loop=loop)
+    whole = max(round(1.0 / period), 1) * period if period > 0.0 else 1.0  # a second, in whole periods
+    return aw.Scenario(aw.load(robot), whole if duration is None else duration, loop=loop)
 
 
 def _numbers(text: str, arm: Any) -> Any:

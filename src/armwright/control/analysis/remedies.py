@@ -1,6 +1,6 @@
 """Gains and a sample period with which a loop keeps its margins: what `armwright loops` recommends.
 
-A slower loop is the same one in a time that is f times longer: with a bandwidth ω for f ω,
+The loop of a joint with f times the bandwidth is the same one in a time that is 1/f times longer:
 
     kd f,  kp f²,  ki f³        of a PID or computed torque
     position_kp f,  speed_kp f,  speed_ki f²        of a cascade
@@ -26,7 +26,8 @@ POWERS = {  # of f, by gain
     "kd": 1, "kp": 2, "ki": 3, "position_kp": 1, "speed_kp": 1, "speed_ki": 2,
 }  # fmt: skip
 LEAST = 1.0 / 64.0  # f, below which none is looked for
-STEPS, FINE = 37, 9  # of f, from 1 down; and between two of these
+SHORTER = 0.85  # from one f of a joint to the next
+WATCHED = 12  # poses at which steps are chosen, the worst ones
 MOST_PARTS = 400  # of the period
 
 
@@ -35,12 +36,12 @@ class LoopRemedies:
     """Changes with which a loop keeps the margins at all analysed poses; each None where none was found.
 
     Attributes:
-        factor: f, of the bandwidth.   gains: (n,) by name, for f.   slower: the scenario with them.
+        factors: (n,) f, of each joint's bandwidth.   gains: (n,) by name, for f.   slower: the scenario with them.
         period: [s] a whole part of the loop's own.   faster: the scenario with it, its gains unchanged.
         asked: gain and phase margin [rad].
     """
 
-    factor: float | None
+    factors: np.ndarray | None
     gains: dict[str, np.ndarray]
     slower: Scenario | None
     period: float | None
@@ -52,9 +53,14 @@ class LoopRemedies:
         gain, phase = self.asked
         asked = f"a gain margin of {gain:g} and a phase margin of {np.degrees(phase):.3g}°"
         lines = []
-        if self.factor is not None:
-            words = ", ".join(f"{name} × {self.factor ** POWERS[name]:.3g}" for name in self.gains)
-            lines.append(f"gains of {self.factor:.3g} times the bandwidth keep {asked} at these poses: {words}")
+        if self.factors is not None and self.slower is not None:
+            names = self.slower.arm.names
+            joints = [
+                f"{joint} {f:.3g} times ({', '.join(f'{name} × {f ** POWERS[name]:.3g}' for name in self.gains)})"
+                for joint, f in zip(names, self.factors, strict=True)
+                if f < 1.0
+            ]
+            lines.append(f"a lower bandwidth keeps {asked} at these poses: {'; '.join(joints)}")
         if self.period is not None:
             rate = f"a period of {1e3 * self.period:.4g} ms ({1.0 / self.period:.4g} Hz)"
             lines.append(f"with its own gains the loop keeps {asked} at these poses with {rate}")
@@ -68,12 +74,10 @@ def loop_remedies(analysis: LoopAnalysis) -> LoopRemedies:
         analysis: of `analyse_loops`.
     """
     scenario, q, asked = analysis.loop.scenario, analysis.poses, analysis.asked
-    factor, gains = _slower(analysis, q, asked)
-    slower = None
-    if factor is not None:
-        slower = _replaced(scenario, scenario.controller, gains)
+    factors, gains = _slower(analysis, q, asked)
+    slower = None if factors is None else _replaced(scenario, scenario.controller, gains)
     period, faster = _faster(analysis, q, asked)
-    return LoopRemedies(factor, gains, slower, period, faster, asked)
+    return LoopRemedies(factors, gains, slower, period, faster, asked)
 
 
 def _innermost(control: Any) -> Any:
@@ -105,34 +109,36 @@ def _own_gains(scenario: Scenario) -> dict[str, np.ndarray]:
 
 def _slower(
     analysis: LoopAnalysis, q: np.ndarray, asked: tuple[float, float]
-) -> tuple[float | None, dict[str, np.ndarray]]:
-    """The largest f of a grid, and the gains for it."""
+) -> tuple[np.ndarray | None, dict[str, np.ndarray]]:
+    """(n,) f of each joint, and the gains for it: in each step that joint gets slower which brings the loop nearest.
+
+    The distance is the largest spectral radius over poses and over the changes of a command that the margins ask for.
+    """
     scenario, own = analysis.loop.scenario, _own_gains(analysis.loop.scenario)
     if not own:
         return None, {}
-    ones = {name: Batch(np.ones((1, scenario.arm.n))) for name in own}
+    n = scenario.arm.n
+    ones = {name: Batch(np.ones((1, n))) for name in own}
     loop = LinearLoop(_replaced(scenario, scenario.controller, ones), analysis.loop.period, analysis.loop.plant)
 
-    def first(factors: np.ndarray) -> int | None:
-        rows = np.concatenate([row * factors[:, None] ** POWERS[name] for name, row in own.items()], axis=1)
-        kept = np.ones(len(factors), dtype=bool)
-        for pose in q:
-            left = np.flatnonzero(kept)
-            if not left.size:
-                return None
-            kept[left] = loop.keeps(loop.slopes(pose, rows[left]), *asked)
-        return int(np.argmax(kept)) if kept.any() else None
+    def distances(factors: np.ndarray, poses: np.ndarray) -> np.ndarray:
+        """(candidates, poses) of factors (candidates, n)."""
+        rows = np.concatenate([row * factors ** POWERS[name] for name, row in own.items()], axis=1)
+        return np.stack([loop.largest_radius(loop.slopes(pose, rows), *asked) for pose in poses], axis=1)
 
-    coarse = np.geomspace(1.0, LEAST, STEPS)
-    at = first(coarse)
-    if at is None:
-        return None, {}
-    factor = coarse[at]
-    if at > 0:
-        fine = np.geomspace(coarse[at - 1], coarse[at], FINE)
-        finer = first(fine)
-        factor = coarse[at] if finer is None else fine[finer]
-    return float(factor), {name: row * factor ** POWERS[name] for name, row in own.items()}
+    best = np.ones((1, n))
+    while True:
+        every = distances(best, q)[0]
+        if (every < 1.0).all():
+            return best[0], {name: row * best[0] ** POWERS[name] for name, row in own.items()}
+        worst = q[np.argsort(-every)[:WATCHED]]
+        now = every.max()
+        while now >= 1.0:
+            tried = best * np.where(np.eye(n, dtype=bool), SHORTER, 1.0)
+            found = np.where(tried.min(axis=1) < LEAST, np.inf, distances(tried, worst).max(axis=1))
+            if not found.min() < now:  # no joint's bandwidth helps any more
+                return None, {}
+            best, now = tried[[int(found.argmin())]], found.min()
 
 
 def _faster(analysis: LoopAnalysis, q: np.ndarray, asked: tuple[float, float]) -> tuple[float | None, Scenario | None]:
