@@ -177,7 +177,10 @@ def random_scenario(seed):
     driven = rng.random() < 0.25
     loop = None if driven else aw.Loop(
         control, reference, period,
-        aw.Sensors(*some(0.5, lambda: (4096,)) or (None,), velocity=str(rng.choice(["exact", "difference"])), position_noise=float(some(0.4, lambda: 1e-4) or 0.0)),
+        aw.Sensors(
+            some(0.5, lambda: 4096), velocity=str(rng.choice(["exact", "difference"])),
+            position_noise=float(some(0.4, lambda: 1e-4) or 0.0),
+        ),
         aw.CommandFilter(limit=some(0.4, lambda: [30.0, np.inf]), rate=some(0.3, lambda: 1e4)),
         aw.Timing(str(rng.choice(["ideal", "one-tick", "sync"])), command_delay=differing(1.3e-3), measurement_loss=0.1),
         some(0.3, pose),
@@ -239,23 +242,28 @@ def follow(t, r, y):
 
 
 PID = aw.JointPID(10.0, kd=1.0)
+NOISES, STARTS = aw.Batch([0.0, 1e-3]), aw.Batch([[0, 0], [0.1, 0]])
+
+
+def heavier():
+    return aw.load(ARM).with_values({"forearm.mass_kg": 2.0})
 
 
 @pytest.mark.parametrize(
     ("scenario", "said"),
     [
-        (lambda: looped(follow), r"loop.controller: 'follow' of Python is not part of a scenario file; expected a controller of Arm"),
+        (lambda: looped(follow), r"loop.controller: 'follow' of Python is not part of a scenario file; expected a controller"),
         (lambda: looped(None), "loop.controller: has no controller"),
         (lambda: looped(PID, reference=lambda t: [0.0, t]), "loop.reference: '<lambda>' of Python"),
         (lambda: looped(PID, sensors=[aw.Sensors(), Own()]), "loop.sensors: a Own of Python is not part"),
-        (lambda: looped(PID, sensors=aw.Sensors(position_noise=aw.Batch([0.0, 1e-3]))), "loop.sensors.position_noise: cannot differ"),
+        (lambda: looped(PID, sensors=aw.Sensors(position_noise=NOISES)), "loop.sensors.position_noise: cannot differ"),
         (lambda: looped(PID, reference=np.zeros((11, 2))), "loop.reference: rows for every tick"),
-        (lambda: looped(aw.FeedForward(PID, model=aw.load(ARM).with_values({"forearm.mass_kg": 2.0}))), "loop.controller.model.*another arm"),
+        (lambda: looped(aw.FeedForward(PID, model=heavier())), "loop.controller.model.*another arm"),
         (lambda: replace(looped(PID), solver=aw.Solver(target="x86-64-v3")), "solver.target"),
         (lambda: replace(looped(PID), arm=aw.load(ARM).replace(gravity=[0, 0, 0])), "arm.*replace.gravity"),
         (lambda: replace(looped(PID), start=aw.simulate(looped(PID))), "start: a state is not part"),
         (lambda: replace(looped(PID), start=aw.Batch([[0.1, 0], [0.2, 0], [0.3, 0]]), lanes=range(1, 3)), "first_lane = 1"),
-        (lambda: looped(PID, reference=aw.Cubic(aw.Batch([[0, 0], [0.1, 0]]), [0.1, 0.1], 0.01)), "loop.reference.start: cannot differ"),
+        (lambda: looped(PID, reference=aw.Cubic(STARTS, [0.1, 0.1], 0.01)), "loop.reference.start: cannot differ"),
         (lambda: looped(PID, reference=aw.InputShaper(aw.Step([0, 0], [1, 1]), 5.0, kind="zvd")), "loop.reference.kind = 'zvd'"),
     ],
 )  # fmt: skip
@@ -263,6 +271,16 @@ def test_what_no_file_expresses_is_refused_by_name(scenario, said, tmp_path):
     with pytest.raises(ArmwrightError, match=said):
         aw.write_scenario(scenario(), tmp_path / "x.scenario.toml")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_file_that_is_there_is_not_replaced_by_one_beside_the_scenario(tmp_path):
+    (tmp_path / "x.robot.toml").write_text("mine")
+    heavy = replace(looped(PID), arm=heavier())
+    with pytest.raises(ArmwrightError, match=r"x.robot.toml: is there already"):
+        aw.write_scenario(heavy, tmp_path / "x.scenario.toml")
+    assert (tmp_path / "x.robot.toml").read_text() == "mine"
+    for _ in range(2):  # its own it replaces
+        aw.write_scenario(heavy, tmp_path / "y.scenario.toml")
 
 
 def test_a_planned_motion_is_named_by_its_file(tmp_path):

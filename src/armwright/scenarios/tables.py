@@ -99,13 +99,18 @@ def difference(one: Any, two: Any, place: str = "") -> str | None:
         found = (difference(getattr(one, name), getattr(two, name), place) for name in names)
         return next((each for each in found if each is not None), None)
     if _is_listed(one) and _is_listed(two):
-        if np.shape(one)[:1] != np.shape(two)[:1] if _has_shape(one, two) else len(one) != len(two):
-            return place
-        found = (difference(a, b, f"{place}[{k}]") for k, (a, b) in enumerate(zip(one, two, strict=True)))
-        return next((each for each in found if each is not None), None)
+        return _difference_of_lists(one, two, place)
     if _is_listed(one) != _is_listed(two) or isinstance(one, (bool, str)) != isinstance(two, (bool, str)):
         return place
     return None if one == two or (one != one and two != two) else place
+
+
+def _difference_of_lists(one: Any, two: Any, place: str) -> str | None:
+    """The place of the first difference between two lists or arrays."""
+    if len(one) != len(two):
+        return place
+    found = (difference(a, b, f"{place}[{k}]") for k, (a, b) in enumerate(zip(one, two, strict=True)))
+    return next((each for each in found if each is not None), None)
 
 
 def _same_motion(one: Motion, two: Motion) -> bool:
@@ -119,10 +124,6 @@ def _same_motion(one: Motion, two: Motion) -> bool:
 
 def _is_listed(value: Any) -> bool:
     return isinstance(value, (list, tuple)) or (isinstance(value, np.ndarray) and value.ndim > 0)
-
-
-def _has_shape(*values: Any) -> bool:
-    return all(isinstance(each, np.ndarray) for each in values)
 
 
 def _without(arm: Model) -> list[str]:

@@ -9,7 +9,8 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -20,7 +21,7 @@ from tomlkit.items import AoT, InlineTable, Table
 
 from armwright.description import builtin_names
 from armwright.description.writer import to_toml
-from armwright.errors import ArmwrightError, ScenarioError
+from armwright.errors import ArmwrightError, OutputError, ScenarioError
 from armwright.model import Model
 from armwright.model.joint_signals import joint_units
 from armwright.output import check_destination, whole_file
@@ -82,14 +83,37 @@ def write_scenario(
     else:
         text = tomlkit.dumps(_merged(base, tables, lanes, names))
     text = _with_comments(text, comments)
-    for companion, write in names.beside.items():
-        check_destination(companion)
-        write(companion)
-    again = parse_scenario(text, str(path), FolderFiles(path.parent, allow))
-    _check_same(again, tables, lanes, path)
+    with _written(names.beside, replacing=path.exists()):
+        again = parse_scenario(text, str(path), FolderFiles(path.parent, allow))
+        _check_same(again, tables, lanes, path)
     with whole_file(path, (".toml",)) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="\n")
     return (path, *names.beside)
+
+
+@contextmanager
+def _written(files: Mapping[Path, Callable[[Path], Any]], *, replacing: bool) -> Iterator[None]:
+    """Writes files beside a scenario; if the block fails, those that were not there are removed.
+
+    Args:
+        files: each with the function that writes it.   replacing: whether the scenario's file is there already.
+    Raises:
+        OutputError: a file of that name that belongs to no such scenario, or one that cannot be written.
+    """
+    new = [each for each in files if not each.exists()]
+    for file in files:
+        check_destination(file)
+        if file not in new and not replacing:
+            expected = "another name for the scenario, or robot= for its robot"
+            raise OutputError("is there already, and would be replaced", file=file, expected=expected)
+    try:
+        for file, write in files.items():
+            write(file)
+        yield
+    except BaseException:
+        for file in new:
+            file.unlink(missing_ok=True)
+        raise
 
 
 def _check_same(again: Scenario, tables: Tables, lanes: Mapping[str, np.ndarray], path: Path) -> None:
@@ -248,12 +272,12 @@ def _merge(raw: Any, old: Tables, new: Tables, place: tuple[str, ...], arm: Mode
     for key in [key for key in old if key not in new and key in raw]:
         del raw[key]
     for key, value in new.items():
-        before = old.get(key)
+        before: Any = old.get(key)
         if key in old and difference(before, value) is None:
             continue
         here = (*place, key)
         inside = raw.get(key)
-        tables = isinstance(value, dict) and isinstance(before, dict) and isinstance(inside, Mapping)
+        tables = all(isinstance(each, Mapping) for each in (value, before, inside))
         if tables and value.get("kind") == before.get("kind"):
             _merge(inside, before, value, here, arm, names)
         else:
@@ -315,14 +339,14 @@ def _named(value: Any, place: tuple[str, ...], arm: Model, names: _Names) -> Any
         return names.of_motion(value)
     if isinstance(value, Schedule):
         of = place[-1] if place[-1] != "file" else "reference"
-        units = {
+        units: dict[str, Sequence[str]] = {
             "schedule": joint_units(arm, "u"),
             "reference": joint_units(arm, "q"),
             "wrench": ["N"] * 3 + ["N m"] * 3,
         }
-        listed = list(WRENCH) if of == "wrench" else list(arm.names)
-        by_name = dict(zip(listed, units.get(of, [None] * len(listed)), strict=True))
-        stated = None if of == "brake" else [by_name[name] for name in value.names]
+        listed: list[str] = list(WRENCH) if of == "wrench" else list(arm.names)
+        by_name = dict(zip(listed, units[of], strict=True)) if of in units else {}  # brakes have no unit
+        stated = [by_name[name] for name in value.names] if by_name else None
         return names.of_schedule("commands" if of == "schedule" else of, value, stated)
     if isinstance(value, dict):
         return {key: _named(each, (*place, key), arm, names) for key, each in value.items()}

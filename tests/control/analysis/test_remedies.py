@@ -43,13 +43,18 @@ def test_remedies_keep_the_margins_and_less_does_not(law, period):
     nearly = {name: getattr(inner, name) * back ** powers[name] for name in found.gains}
     law_nearly = replace(law, inner=replace(inner, **nearly)) if hasattr(law, "inner") else replace(law, **nearly)
     assert not keeps(replace(one, loop=replace(one.loop, controller=law_nearly)), analysis)
-    assert keeps(found.faster, analysis)
-    assert period / found.period == pytest.approx(round(period / found.period))
-    longer = period / (round(period / found.period) - 1)
-    assert not keeps(replace(one, duration=1.0 // longer * longer, loop=replace(one.loop, period=longer)), analysis)
+    if found.faster is None:
+        assert analysis.period_with_margin == 0.0  # sampling is not what these gains suffer from
+    else:
+        assert keeps(found.faster, analysis)
+        parts = round(period / found.period)
+        assert period / found.period == pytest.approx(parts)
+        longer = period / (parts - 1)
+        loop = replace(one.loop, period=longer)
+        assert not keeps(replace(one, duration=1.0 // longer * longer, loop=loop), analysis)
+        assert f"a period of {1e3 * found.period:.4g} ms" in found.sentences()[1]
     worst = one.arm.names[int(found.factors.argmin())]
     assert f"{worst} {found.factors.min():.3g} times" in found.sentences()[0]
-    assert f"a period of {1e3 * found.period:.4g} ms" in found.sentences()[1]
 
 
 def test_nothing_is_recommended_where_nothing_helps():

@@ -56,12 +56,16 @@ def test_torque_drives_have_torques_and_no_currents(tmp_path):
     assert "held = true" in text
 
 
+def heavier(arm):
+    return arm.with_payload(1.0, [0, 0, 0], [0, 0, 0])
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
         (lambda run, arm, path: (run, path / "run.mat", path / "x.log.toml", arm), r"rows.*\.csv, \.nc, \.parquet"),
         (lambda run, arm, path: (run, path.parent / "run.csv", path / "x.log.toml", arm), "not below the log's folder"),
-        (lambda run, arm, path: (run, path / "run.csv", path / "x.log.toml", arm.with_payload(1, [0, 0, 0], [0, 0, 0])), "neither"),
+        (lambda run, arm, path: (run, path / "run.csv", path / "x.log.toml", heavier(arm)), "neither"),
         (lambda _, arm, path: (simulated(lanes=True)[1], path / "run.csv", path / "x.log.toml", arm), "2 lanes"),
     ],
 )  # fmt: skip
