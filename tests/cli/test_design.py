@@ -99,9 +99,9 @@ MOTION = """\
 robot = "identified.toml"
 start = 0.0
 [limits]
-velocity = 1.0
-acceleration = 4.0
-jerk = 60.0
+velocity = 0.4
+acceleration = 1.0
+jerk = 10.0
 [[segments]]
 kind = "grip"
 mass_kg = 0.5
@@ -112,25 +112,15 @@ goal = 0.4
 
 
 @pytest.mark.study
-@pytest.mark.parametrize("robot", ["lwa4p", "cmu-dd"])
-def test_a_chain_of_files_from_the_excitation_to_the_bus(robot, tmp_path, monkeypatch):
+@pytest.mark.parametrize(("robot", "period", "timing"), [("lwa4p", 4e-3, "one-tick"), ("cmu-dd", 5e-4, "ideal")])
+def test_a_chain_of_files_from_the_excitation_to_the_bus(robot, period, timing, tmp_path, monkeypatch):
     """excite → simulate → identify → plan → design → loops → simulate → C → FMU → twin; each reads what the step before wrote."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "go.motion.toml").write_text(MOTION)
-    period = {"lwa4p": 4e-3, "cmu-dd": 5e-4}[robot]
     armwright("excite", robot, "-o", "excite.csv", "--period", 8, "--harmonics", 3, "--starts", 1, "--velocity", 0.8)
     armwright(
-        "design",
-        robot,
-        "--period",
-        period,
-        "--timing",
-        "ideal",
-        "--reference",
-        "excite.csv",
-        "-o",
-        "excited.scenario.toml",
-    )
+        "design", robot, "--period", period, "--timing", timing, "--reference", "excite.csv", "-o", "excited.scenario.toml"
+    )  # fmt: skip
     armwright("simulate", "excited.scenario.toml", "-o", "excited.csv", "--log", "arm.log.toml")
     armwright("identify", "arm", "arm.log.toml", "-o", "identified.toml")
     armwright("plan", "go.motion.toml", "-o", "go.csv")
