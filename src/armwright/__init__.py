@@ -83,6 +83,7 @@ if TYPE_CHECKING:
     from armwright.identification.logs.preparation import Preparation, choose_preparation
     from armwright.identification.logs.prepared import prepare_log
     from armwright.identification.logs.read import read_log
+    from armwright.identification.logs.write import write_log
     from armwright.identification.motor.identify import MotorFit, identify_motor
     from armwright.identification.validation.limits import Limits
     from armwright.identification.validation.report import write_report
@@ -116,7 +117,7 @@ if TYPE_CHECKING:
     from armwright.results.run_file import load_run
     from armwright.results.statistics import statistics
     from armwright.robotfiles import check, convert, diff, new_robot
-    from armwright.scenarios import read_scenario, reproduce
+    from armwright.scenarios import read_scenario, reproduce, write_scenario
     from armwright.shadow.alarms import ShadowAlarm
     from armwright.shadow.observer import ShadowBandwidths
     from armwright.shadow.page import write_shadow
@@ -230,6 +231,7 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
     "armwright.identification.logs.log": ("Log",),
     "armwright.identification.logs.read": ("read_log",),
     "armwright.identification.logs.plot": ("plot_log",),
+    "armwright.identification.logs.write": ("write_log",),
     "armwright.identification.logs.preparation": ("Preparation", "choose_preparation"),
     "armwright.identification.logs.prepared": ("prepare_log",),
     "armwright.ik.measures": ("Manipulability", "manipulability"),
@@ -248,7 +250,7 @@ _HOMES = {  # where each public name lives; imported when first used, so that `i
     "armwright.modules.enumerate": ("enumerate_assemblies",),
     "armwright.modules.rank": ("rank_assemblies",),
     "armwright.modules.task": ("read_task",),
-    "armwright.scenarios": ("read_scenario", "reproduce"),
+    "armwright.scenarios": ("read_scenario", "reproduce", "write_scenario"),
     "armwright.simulation.step_study": ("step_study",),
     "armwright.simulation.integrate.events": ("joint_stops",),
     "armwright.motions.plan": ("Plan", "plan"),
@@ -536,8 +538,10 @@ __all__ = [
     "validate",
     "workspace",
     "write_into",
+    "write_log",
     "write_parts",
     "write_report",
+    "write_scenario",
     "write_shadow",
     "write_toml",
     "write_verdict",

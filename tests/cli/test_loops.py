@@ -43,6 +43,22 @@ def test_a_loop_that_keeps_its_margins(tmp_path):
     assert "keeps its margins" in page
 
 
+@pytest.mark.parametrize("change", ["gains", "period"])
+def test_what_would_keep_the_margins_is_written(change, tmp_path):
+    out = tmp_path / "fixed.scenario.toml"
+    code, text = run(tmp_path, "-o", out, "--change", change, period=4e-3)
+    assert code == 1  # of the loop as it is
+    assert "a lower bandwidth keeps" in " ".join(text.split())
+    assert "# armwright loops: " in out.read_text()
+    (tmp_path / "arm.scenario.toml").unlink()
+    result = CliRunner().invoke(app, ["loops", str(out), "--poses", "200"])
+    assert result.exit_code == 0, result.output
+    code, text = run(tmp_path, "-o", tmp_path / "same.scenario.toml")
+    assert code == 0
+    assert "is not written" in text
+    assert not (tmp_path / "same.scenario.toml").exists()
+
+
 def test_a_loop_that_is_too_slow(tmp_path):
     code, text = run(tmp_path, period=0.05)
     assert code == 1
@@ -56,6 +72,8 @@ def test_a_loop_that_is_too_slow(tmp_path):
         (("--phase-margin", "200"), SCENARIO, "phase_margin"),
         (("--poses", "0"), SCENARIO, "poses"),
         (("--plot", "loops.gif"), SCENARIO, ".gif"),
+        (("--change", "gains"), SCENARIO, "--change"),
+        (("--change", "delay", "-o", "x.scenario.toml"), SCENARIO, "--change"),
         ((), 'robot = "two-link"\nduration_s = 1.0\n[commands]\nconstant = [0, 0]\n', "loop"),
     ],
 )

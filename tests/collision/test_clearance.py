@@ -48,7 +48,8 @@ def test_capsules_hold_the_record_s_shapes():
         for visual in link.visuals:
             if visual.hole:
                 continue
-            at = (frame.placement @ visual.placement()).matrix().astype(float)
+            carrier = next(arm.frames[c.link].placement for c in capsules if c.body == frame.body)
+            at = (carrier.inverse() @ frame.placement @ visual.placement()).matrix().astype(float)
             mesh = surface(visual.solid, 360)
             points = mesh.vertices[rng.integers(0, len(mesh.vertices), 50)] @ at[:3, :3].T + at[:3, 3]
             inside = np.zeros(len(points), dtype=bool)
@@ -61,6 +62,37 @@ def test_capsules_hold_the_record_s_shapes():
                     inside |= off <= 0
                     nearest = np.minimum(nearest, off)
             assert inside.all(), (link.name, visual.name, nearest.max())
+
+
+@pytest.mark.parametrize("name", ["cmu-dd", "panda", "scara"])
+def test_capsules_stand_in_the_frames_of_their_links(name):
+    """Drawn where `forward_kinematics(frame=link)` puts them, they hold the link's shapes, or join its joints, at any pose."""
+    arm = aw.load("examples/scara.toml" if name == "scara" else name)
+    clear = aw.clearance(arm, radius=0.03)
+    shapes = {link.name: [each for each in link.visuals if not each.hole] for link in arm.record.links}
+    for q in np.random.default_rng(2).uniform(-1.5, 1.5, (8, arm.n)):
+        drawn = {}
+        for c in clear.capsules:
+            at = aw.forward_kinematics(arm, q, frame=c.link)
+            drawn.setdefault(c.link, []).append((*(at[:3, :3] @ end + at[:3, 3] for end in (c.a, c.b)), c.radius))
+        placed = body_placements(arm, q)
+        for body, (link, capsules) in enumerate((b.link, drawn[b.link]) for b in arm.bodies if b.link in drawn):
+            if shapes.get(link):
+                at = aw.forward_kinematics(arm, q, frame=link)
+                for visual in shapes[link]:
+                    within = at @ visual.placement().matrix().astype(float)
+                    points = surface(visual.solid, 40).vertices @ within[:3, :3].T + within[:3, 3]
+                    assert np.min([distance(points, *each) for each in capsules], axis=0).max() <= 1e-9, link
+            else:  # from the axis of its joint on
+                origin = np.asarray(placed[body].position, dtype=float)[None]
+                assert min(distance(origin, a, b, 0.0)[0] for a, b, _ in capsules) < 1e-9, link
+
+
+def distance(points, a, b, radius):
+    """(k,) distances of points (k, 3) from a capsule's surface; negative inside."""
+    along = b - a
+    t = np.clip((points - a) @ along / max(along @ along, 1e-30), 0.0, 1.0)
+    return np.linalg.norm(points - a - t[:, None] * along, axis=1) - radius
 
 
 def test_a_kernel_is_the_function_on_floats():
@@ -76,10 +108,10 @@ def test_distances_beside_sampled_capsules():
     arm, clear = aw.load("puma560"), puma()
     t = np.linspace(0, 1, 201)[:, None]
     for q in np.random.default_rng(5).uniform(-3, 3, (20, 6)):
-        placed = body_placements(arm, q)
         axes = {}
         for c in clear.capsules:
-            a, b = (np.asarray(placed[c.body].point(end), dtype=float) for end in (c.a, c.b))
+            at = aw.forward_kinematics(arm, q, frame=c.link)
+            a, b = (at[:3, :3] @ end + at[:3, 3] for end in (c.a, c.b))
             axes.setdefault(c.link, []).append((a + t * (b - a), c.radius))
         for (one, two), distance in zip(clear.pairs, clear.distances(q), strict=True):
             points = np.concatenate([each for each, _ in axes[one]])

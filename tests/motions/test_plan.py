@@ -424,6 +424,21 @@ duration_s = 0.4
 """
 
 
+def test_a_grip_of_a_mass_alone_takes_a_point_mass(tmp_path):
+    """As with zeros: at the tip's origin, or at the centre of mass that is stated."""
+    for com in ("", "com_m = [0, 0, 0.06]\n"):
+        alone = CARRYING.replace("com_m = [0, 0, 0.06]\n", com).replace("inertia_kg_m2 = [0.004, 0.004, 0.003]\n", "")
+        zeros = alone.replace(
+            "mass_kg = 2.0\n", f"mass_kg = 2.0\n{'' if com else 'com_m = [0, 0, 0]'}\ninertia_kg_m2 = [0, 0, 0]\n"
+        )
+        one, two = (planned(tmp_path, "", each) for each in (alone, zeros))
+        np.testing.assert_array_equal(one.payloads[0].com, [0, 0, 0.06 if com else 0])
+        assert str(one.report) == str(two.report)
+        np.testing.assert_array_equal(one.motion.at(0.3), two.motion.at(0.3))
+    with pytest.raises(ScenarioError, match=r"segments\[1\].com_m: missing; expected one beside an inertia"):
+        planned(tmp_path, "", CARRYING.replace("com_m = [0, 0, 0.06]\n", ""))
+
+
 def test_a_simulation_carries_what_the_motion_takes_up(tmp_path):
     """The motors hold the body's weight from the grip to the release: g(q) of the arm with the body, and of the arm alone."""
     plan = planned(tmp_path, "", CARRYING)

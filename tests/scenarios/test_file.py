@@ -288,6 +288,15 @@ mass_kg = 0
 """
 
 
+def test_a_payload_of_a_mass_alone_is_a_point_mass(tmp_path):
+    text = TWO + "[commands]\nconstant = [20, 5]\n[[inputs.payload]]\ntime_s = 0.05\nmass_kg = 2\n"
+    whole = text + "com_m = [0, 0, 0]\ninertia_kg_m2 = [0, 0, 0]\n"
+    one, two = (aw.simulate(scenario(tmp_path, each)) for each in (text, whole))
+    np.testing.assert_array_equal(one.q, two.q)
+    with pytest.raises(ScenarioError, match=r"inputs.payload\[0\].com_m: missing; expected one beside an inertia"):
+        scenario(tmp_path, text + "inertia_kg_m2 = [1, 1, 1]\n")
+
+
 def test_payloads_are_those_of_python_and_come_again(tmp_path):
     run = aw.simulate(scenario(tmp_path, TWO + "[commands]\nconstant = [20, 5]\n" + PAYLOAD))
     tensor = np.array([[0.012, 0.001, 0], [0.001, 0.01, 0], [0, 0, 0.009]])

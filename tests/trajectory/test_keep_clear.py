@@ -5,7 +5,6 @@ import pytest
 
 import armwright as aw
 from armwright.errors import ScenarioError
-from armwright.kinematics import body_placements
 from armwright.trajectory.keep_clear import nearest_along
 from physics.arms import arm
 from trajectory.cartesian.test_follow import corner
@@ -53,10 +52,8 @@ def test_a_tool_path_takes_the_solution_that_keeps_its_distance():
     model, path = arm("lwa4p"), corner("lwa4p")
     usual = aw.solve_path(model, path)
     upper_arm = next(c for c in aw.clearance(model, radius=0.04).capsules if c.body == 1)
-    placed = body_placements(model, usual.at(0.5 * path.length)[0])[upper_arm.body]
-    middle = np.asarray(
-        placed.point(0.3 * upper_arm.a + 0.7 * upper_arm.b), dtype=float
-    )  # of the usual solution's upper arm
+    placed = aw.forward_kinematics(model, usual.at(0.5 * path.length)[0], frame=upper_arm.link)
+    middle = (placed @ [*(0.3 * upper_arm.a + 0.7 * upper_arm.b), 1.0])[:3]  # of the usual solution's upper arm
     post = aw.SphereObstacle(0.03, middle, name="post")
     clear = aw.clearance(model, post, radius=0.04, least=0.01)
     assert clear.nearest(usual.at(np.linspace(0.0, path.length, 200))[0]).distance < 0.0

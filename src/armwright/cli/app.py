@@ -20,6 +20,7 @@ from armwright.cli.assemble import assemble
 from armwright.cli.check import check
 from armwright.cli.compare_controllers import compare_controllers
 from armwright.cli.convert import convert
+from armwright.cli.design import design
 from armwright.cli.diff import diff
 from armwright.cli.dynamics import forward_dynamics, inverse_dynamics
 from armwright.cli.examples import examples
@@ -165,7 +166,7 @@ PANELS: dict[str, tuple[Callable[..., None] | typer.Typer, ...]] = {
     "Compute": (inverse_dynamics, forward_dynamics, ik, workspace, plan),
     "Simulate": (simulate, sim, plot, animate, step_study, reproduce),
     "Identify": (excite, log, identify, validate),
-    "Control": (loops, tune, sweep, compare_controllers),
+    "Control": (design, loops, tune, sweep, compare_controllers),
     "Deploy": (export, twin, run_controller, shadow),
     "Learn": (examples,),
 }

@@ -83,6 +83,12 @@ def simulate(
     plot: Annotated[
         Path | None, option("--plot", "FILE", "Where its plot goes: .png, .svg, .pdf, or .html to zoom into.")
     ] = None,
+    log: Annotated[
+        Path | None, option("--log", "FILE.log.toml", "Describe the run of -o as a log for identify, or add it to one.")
+    ] = None,
+    hold_out: Annotated[
+        bool, typer.Option("--hold-out", help="Of --log: the run is for the verdict, not for a fit.")
+    ] = False,
 ) -> None:
     """Simulate an arm: drive commands in, motion out; or run a scenario file.
 
@@ -92,7 +98,7 @@ def simulate(
 
     A file that ends in .scenario.toml replaces these options: robot, controller, reference, timing, lanes. The files that
     it names must be in its folder or below, or in a folder given by --allow. With --reference its loop follows a motion
-    file, or a motion written by `armwright plan`.
+    file, or a motion written by `armwright plan`. With --log the run of -o becomes a log, as of a real arm.
 
     \b
     Examples:
@@ -103,6 +109,7 @@ def simulate(
       armwright simulate swing.scenario.toml -o run.nc
       armwright simulate swing.scenario.toml --allow ../robots -o run.nc
       armwright simulate arm.scenario.toml --reference pick.motion.toml --plot run.png
+      armwright simulate excited.scenario.toml -o excited.csv --log arm.log.toml
     """
     import armwright as aw
     from armwright.results.plot import check_plot
@@ -112,6 +119,7 @@ def simulate(
         check_recording(output)
     if plot is not None:
         check_plot(plot)
+    _check_log(log, output, hold_out)
     constants = {"voltage": voltage, "current": current, "torque": torque, "command": command}
     if robot.endswith(SCENARIO):
         from armwright.scenarios.mistakes import key_in_file, keys_in_text
@@ -136,7 +144,7 @@ def simulate(
             expected = "'all' or 'state', or no --plot, which draws rows"
             raise ScenarioError(place="recording.what", value="none", expected=expected, file=robot)
         try:
-            _run(scenario, output, plot)
+            _run(scenario, output, plot, log, hold_out)
         except (ScenarioError, DivergenceError) as error:  # of the run, which does not know the file
             raise error.renamed(key_in_file, keys_in_text).within(file=robot) from None
         return
@@ -154,7 +162,25 @@ def simulate(
             solver=aw.Solver(integrator or "auto", step, accuracy=accuracy),
             recording=aw.Recording(record_every, period=record_period),
         )
-        _run(scenario, output, plot)
+        _run(scenario, output, plot, log, hold_out)
+
+
+def _check_log(log: Path | None, output: Path | None, hold_out: bool) -> None:
+    """Refuses --log without a file of rows, and --hold-out without --log.
+
+    Raises:
+        ScenarioError: names the option.
+    """
+    from armwright.identification.logs.write import ROWS
+    from armwright.output import check_destination
+
+    if hold_out and log is None:
+        raise ScenarioError("goes with --log", place="--hold-out", expected="both")
+    if log is None:
+        return
+    check_destination(log, (".toml",))
+    if output is None or output.suffix.lower() not in ROWS:
+        raise ScenarioError(place="--log", value=str(log), expected=f"-o FILE beside it, one of {', '.join(ROWS)}")
 
 
 def following(scenario: Scenario, reference: Path, file: str) -> Scenario:
@@ -178,7 +204,9 @@ def following(scenario: Scenario, reference: Path, file: str) -> Scenario:
     return replace(scenario, loop=replace(scenario.loop, reference=motion))
 
 
-def _run(scenario: Scenario, output: Path | None, plot: Path | None) -> None:
+def _run(
+    scenario: Scenario, output: Path | None, plot: Path | None, log: Path | None = None, hold_out: bool = False
+) -> None:
     import armwright as aw
     from armwright.cli.progress import progress
 
@@ -192,9 +220,11 @@ def _run(scenario: Scenario, output: Path | None, plot: Path | None) -> None:
         spent = time.perf_counter() - start
         if output is not None:
             aw.save(run, output)
+        if output is not None and log is not None and not stopped:
+            aw.write_log(run, output, log, scenario.arm, hold_out=hold_out)
         if plot is not None:
             aw.plot(run, plot)
-    _show(scenario, run, spent, [path for path in (output, plot) if path is not None])
+    _show(scenario, run, spent, [path for path in (output, None if stopped else log, plot) if path is not None])
     if stopped:
         raise typer.Exit(130)
 

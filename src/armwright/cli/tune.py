@@ -128,7 +128,7 @@ def tune(
     if plot is not None:
         result.plot(plot)
     if result.changed:
-        result.save(out, scenario, tuple(allow or ()))
+        result.save(out, allow=allow or ())
     screen = console_for_tables()
     screen.print(table(f"{found.arm.name}: gains", HEADS, result.rows(), ("gain", "unit")))
     held = f"{result.lanes[1]} held-out lanes"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -15,6 +15,7 @@ from armwright.model import BASE, Model
 from armwright.solids.mesh import Mesh
 from armwright.solids.shapes import Box, Prism
 from armwright.solids.surface import surface
+from armwright.spatial import Placement
 
 LARGER = 1.0 + 1e-9  # so that rounding leaves no point outside
 ROUND = 1.005  # by which the corners of a round solid's flat sides go outward, so that they hold it
@@ -23,10 +24,13 @@ FLAT = (Box, Prism, Mesh)
 
 @dataclass(frozen=True, eq=False)
 class Capsule:
-    """All points within `radius` [m] of the segment between a and b, each (3,) [m] in the frame of body `body`."""
+    """All points within `radius` [m] of the segment between a and b, each (3,) [m] in the frame of a link.
+
+    The frame is that of `forward_kinematics(arm, q, frame=capsule.link)`. Links that are fixed to another count as that one.
+    """
 
     link: str
-    body: int  # index of a moving body, or BASE
+    body: int  # index of the moving body that carries the link, or BASE
     a: np.ndarray
     b: np.ndarray
     radius: float
@@ -54,15 +58,31 @@ def link_capsules(arm: Model, radius: float | Mapping[str, float] | None = None,
             raise ModelError(place="radius", value=name, expected="a link", choices=tuple(links))
     capsules: list[Capsule] = []
     for body in (BASE, *range(len(arm.bodies))):
-        label = arm.bodies[body].link if body != BASE else "base"
+        label = arm.bodies[body].link if body != BASE else base_link(arm)
         carried = [link for name, link in links.items() if arm.frames[name].body == body]
         clouds = [cloud for link in carried for cloud in _visual_points(arm, link)]
         if clouds:
-            capsules += [_refined(label, body, cloud) for cloud in _joined(clouds, most)]
+            found = [_refined(label, body, cloud) for cloud in _joined(clouds, most)]
         elif segments := _skeleton(arm, body):
             size = _given_radius(arm, label, radius)
-            capsules += [Capsule(label, body, a, b, size) for a, b in segments]
+            found = [Capsule(label, body, a, b, size) for a, b in segments]
+        else:
+            continue
+        into = arm.frames[
+            label
+        ].placement.inverse()  # from the body's frame, which stands on its joint, into the link's
+        capsules += [replace(each, a=_point(into, each.a), b=_point(into, each.b)) for each in found]
     return tuple(capsules)
+
+
+def base_link(arm: Model) -> str:
+    """Name of the link that stands still."""
+    return "base" if arm.description is None else arm.description.base
+
+
+def _point(placement: Placement, point: np.ndarray) -> np.ndarray:
+    """(3,) floats."""
+    return np.asarray(placement.point(point), dtype=float)
 
 
 def _given_radius(arm: Model, link: str, radius: float | Mapping[str, float] | None) -> float:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from armwright import scalar
-from armwright.collision.capsules import Capsule, link_capsules
+from armwright.collision.capsules import Capsule, base_link, link_capsules
 from armwright.collision.distance import segment_to_segment
 from armwright.collision.obstacles import Obstacle
 from armwright.errors import ModelError, ScenarioError
@@ -42,7 +42,8 @@ class Clearance:
     """Distances between an arm's links, and from them to obstacles, by capsules around the links. Made by `aw.clearance`.
 
     Attributes:
-        arm: the arm.   capsules: around its links.   obstacles: what stands around it, in base axes.
+        arm: the arm.   obstacles: what stands around it, in base axes.
+        capsules: around its links, each in the frame of `forward_kinematics(arm, q, frame=capsule.link)`.
         pairs: names (link, link) or (link, obstacle), one for each distance.   ignored: pairs of links that are not looked at.
         least: [m] distance that planners keep.
     """
@@ -73,7 +74,10 @@ class Clearance:
     def distances_at(self, q: Any) -> np.ndarray:
         """(pairs,) distances [m] at q (n,) [rad | m], numbers or symbols: what `distances` computes for many poses."""
         placed = body_placements(self.arm, q)
-        ends = {id(c): tuple(placed[c.body].point(end) for end in (c.a, c.b)) for c in self.capsules}
+        within = {c.link: self.arm.frames[c.link].placement for c in self.capsules}  # link in body
+        ends = {
+            id(c): tuple(placed[c.body].point(within[c.link].point(end)) for end in (c.a, c.b)) for c in self.capsules
+        }
 
         def distance(one: Capsule, two: Any) -> Any:
             if isinstance(two, Capsule):
@@ -165,9 +169,10 @@ def clearance(
     if distance is None or not 0.0 <= distance < np.inf:
         raise ScenarioError(place="least", value=least, expected="a distance of 0 or more [m]")
     capsules = link_capsules(arm, radius, most)
-    label = {BASE: "base"} | {i: body.link for i, body in enumerate(arm.bodies)}
+    label = {BASE: base_link(arm)} | {i: body.link for i, body in enumerate(arm.bodies)}
     ignored = {frozenset((label[body.parent], body.link)) for body in arm.bodies}
     for pair in ignore:
+        pair = tuple(label[BASE] if name == "base" else name for name in pair)  # whatever the record calls it
         for name in pair:
             if name not in label.values():
                 raise ModelError(place="ignore", value=name, expected="a link", choices=tuple(label.values()))

@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from armwright.description import RobotDescription, read_description
+from armwright.description import RobotDescription, builtin_names, read_description
 from armwright.description.readable import readable_robot
 from armwright.description.toml_file import read_text
 from armwright.errors import DescriptionError
@@ -50,7 +50,9 @@ def load(
         reading["kinematics_only"] = True
     description = described(name_or_path, **reading)
     model = built(description, name_or_path, on_impossible)
-    return replace(model, warnings=(*model.warnings, *outdated(description, Path(name_or_path))))
+    builtin = name_or_path if isinstance(name_or_path, str) and name_or_path in builtin_names() else None
+    warnings = (*model.warnings, *outdated(description, Path(name_or_path)))
+    return replace(model, warnings=warnings, file=builtin or os.path.abspath(name_or_path))
 
 
 def described(name_or_path: str | os.PathLike[str], **reading: Any) -> RobotDescription:

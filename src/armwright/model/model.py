@@ -27,11 +27,13 @@ class Model(Tree):
     Attributes:
         description: None of a model that was made without one.   warnings: what is doubtful about the arm.
         changes: those that `replace` made to what the description says.
+        file: what it was loaded from, a built-in name or the path of a file; None of a variant with another description.
     """
 
     description: RobotDescription | None = field(default=None, repr=False)
     warnings: tuple[str, ...] = ()
     changes: Mapping[str, Any] = field(default_factory=dict, repr=False)
+    file: str | None = field(default=None, repr=False)
 
     __repr__ = Tree.__repr__
     _repr_html_ = repr_html

@@ -199,7 +199,7 @@ def plan_text(text: str, place: str, files: Files) -> Plan:
         if not run.motions:
             raise ScenarioError("nothing moves", place="segments", expected="a move, waypoints or a dwell", file=place)
         payloads = tuple(run.payloads)
-        motion = Joined(run.motions, payloads)
+        motion = Joined(run.motions, payloads).from_file(place)
         try:
             nearest = check_clearance(arm, motion, table, run.begins)
         except ArmwrightError as error:

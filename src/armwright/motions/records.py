@@ -73,9 +73,16 @@ class GripSegment(Record):
 
     kind: Literal["grip"] = Field(description="Which kind of segment.")
     mass_kg: Annotated[Number, Field(gt=0)] = Field(description="Mass of the body.")
-    com_m: Three = Field(description="Its centre of mass, in the frame.")
-    inertia_kg_m2: Annotated[Tensor | tuple[Number, Number, Number], counted(3, "moments about x, y and z")] = Field(
-        description="About its centre of mass, in the frame's axes: a table, or three principal moments."
+    com_m: Three | None = Field(
+        default=None,
+        description="Its centre of mass, in the frame; of a point mass its place, absent: the frame's origin.",
+    )
+    inertia_kg_m2: Annotated[Tensor | tuple[Number, Number, Number], counted(3, "moments about x, y and z")] | None = (
+        Field(
+            default=None,
+            description="About its centre of mass, in the frame's axes: a table, or three principal moments; absent: 0, a point "
+            "mass.",
+        )
     )
     frame: str | None = Field(default=None, description="Which carries it; absent: the tip.")
 

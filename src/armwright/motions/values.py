@@ -225,4 +225,9 @@ def _grip_key(place: str) -> str:
 
 def _payload(segment: GripSegment, time: float) -> Payload:
     """The body of a grip, its inertia as a tensor."""
-    return Payload(time, segment.mass_kg, np.array(segment.com_m), inertia_tensor(segment.inertia_kg_m2), segment.frame)
+    if segment.com_m is None and segment.inertia_kg_m2 is not None:
+        expected = "one beside an inertia; a point mass has none"
+        raise ScenarioError("missing", place="segment.com_m", expected=expected)
+    com = None if segment.com_m is None else np.array(segment.com_m)
+    inertia = None if segment.inertia_kg_m2 is None else inertia_tensor(segment.inertia_kg_m2)
+    return Payload(time, segment.mass_kg, com, inertia, segment.frame)

@@ -2,5 +2,6 @@
 
 from armwright.scenarios.file import read_scenario
 from armwright.scenarios.reproduce import reproduce
+from armwright.scenarios.writer import write_scenario
 
-__all__ = ["read_scenario", "reproduce"]
+__all__ = ["read_scenario", "reproduce", "write_scenario"]

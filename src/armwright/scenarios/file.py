@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from armwright.description.toml_file import read_text
@@ -25,6 +26,18 @@ FAULTS = (
     "no table of its own; [loop.timing] has delays, jitter, losses and drift, [loop.sensors] noise and counts, [inputs] what "
     "disturbs, [values] and [lanes] other numbers of the arm"
 )
+
+
+@dataclass(frozen=True)
+class ScenarioSource:
+    """The file that a scenario was read from.
+
+    Attributes:
+        path: of the file.   document: its text, and the contents of all files that it names, as `Scenario.document`.
+    """
+
+    path: str
+    document: str
 
 
 def read_scenario(path: str | os.PathLike[str], *, allow: Iterable[str | os.PathLike[str]] = ()) -> Scenario:
@@ -61,7 +74,7 @@ def parse_scenario(text: str, place: str, files: Files, lanes: range | None = No
         table = mistakes.table(document.tables)
         if table.loop is not None:
             mistakes.controllers = controller_tables("loop.controller", table.loop.controller)
-        arm = build_model(files.robot(table.robot))
+        arm = replace(build_model(files.robot(table.robot)), file=files.place(table.robot))
         if table.without:
             arm = arm.replace(**dict.fromkeys(table.without))
         values = part_values(table, arm, mistakes)
@@ -86,12 +99,14 @@ def parse_scenario(text: str, place: str, files: Files, lanes: range | None = No
             first_lane=0 if lanes is None else lanes.start,
         )
     kept = files.document(text)
+    whole = json.dumps(kept.model_dump(exclude_none=True), sort_keys=True)
     notes = [
         f"{name} has {content.size / 2**20:.3g} MiB, too much to be kept with the run, which cannot be reproduced"
         for name, content in {place: kept.scenario, **kept.files}.items()
         if content.text is None
     ]
     # Of this scenario alone: a changed copy has neither.
-    object.__setattr__(scenario, "document", json.dumps(kept.model_dump(exclude_none=True), sort_keys=True))
+    object.__setattr__(scenario, "document", whole)
     object.__setattr__(scenario, "notes", tuple(notes))
+    object.__setattr__(scenario, "source", ScenarioSource(os.path.abspath(place), whole))
     return scenario

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from pathlib import Path
@@ -58,6 +59,10 @@ class Files(ABC):
         return Content.of(text, LARGEST - sum(each.size for each in others if each.text is not None))
 
     @abstractmethod
+    def place(self, name: str) -> str | None:
+        """The path of a robot's file, or a built-in name; None of kept contents, which are no file."""
+
+    @abstractmethod
     def robot(self, name: str) -> RobotDescription:
         """The record of a robot.
 
@@ -85,6 +90,10 @@ class FolderFiles(Files):
         """
         super().__init__()
         self.folder, self.allow = folder, tuple(allow)
+
+    def place(self, name: str) -> str:
+        """The path of a robot's file, or a built-in name."""
+        return name if name in builtin_names() else os.path.abspath(self.folder / name)
 
     def robot(self, name: str) -> RobotDescription:
         """The record of a built-in robot, or of one in a file beside the scenario."""
@@ -139,6 +148,10 @@ class KeptFiles(Files):
         """
         super().__init__()
         self.run, self.kept, self.origins = run, kept, kept.origins
+
+    def place(self, name: str) -> None:
+        """Kept contents are no file."""
+        return None
 
     def robot(self, name: str) -> RobotDescription:
         """The record of a robot."""

@@ -105,6 +105,15 @@ def _kinds(home: str) -> dict[str, type]:
     }
 
 
+def kind_of(home: str, value: Any) -> str | None:
+    """The name that a file gives a controller, filter or trajectory; None of one that no file can name.
+
+    Args:
+        home: "controller", "filter" or "reference".   value: that may be one.
+    """
+    return next((name for name, kind in _kinds(home).items() if type(value) is kind), None)
+
+
 def _around(name: str, kind: str, kinds: Mapping[str, type]) -> str:
     """The controller that has a key and may stand around one that has not: `gravity` of a feed_forward around a cascade."""
     fields = {each: {field.name for field in dataclasses.fields(kinds[each])} for each in kinds}

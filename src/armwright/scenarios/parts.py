@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -65,7 +66,7 @@ def _reference(part: str, fields: Fields, arm: Model, files: Files) -> Any:
     if kind == "pose":
         return fields["q"]
     if kind == "expression":
-        return _formulas(f"{place}.q", fields["q"])
+        return Formulas(tuple(fields["q"]), f"{place}.q")
     if kind == "schedule":
         return _joint_schedule(f"{place}.file", fields["file"], "q", arm, files)
     if kind == "motion":
@@ -89,7 +90,7 @@ def _motion(place: str, name: str, arm: Model, files: Files) -> Motion:
 
     text, file = files.table(place, name)
     if not name.endswith(".motion.toml"):
-        return parse_motion(text, file, arm)
+        return parse_motion(text, file, arm).from_file(file)
     plan = plan_text(text, file, files)
     if (plan.arm.name, *plan.arm.names) != (arm.name, *arm.names):
         expected = f"a motion of {arm.name}: {', '.join(arm.names)}"
@@ -97,17 +98,28 @@ def _motion(place: str, name: str, arm: Model, files: Files) -> Motion:
     return plan.motion
 
 
-def _formulas(place: str, texts: Sequence[str]) -> Any:
-    """q(t) from one formula a joint."""
-    try:
-        formulas = [expression(text, ("t",)) for text in texts]
-    except ExpressionError as error:
-        raise ScenarioError.of(*error.within(place).problems) from None
+@dataclass(frozen=True, eq=False)
+class Formulas:
+    """q(t) from one formula a joint.
 
-    def q(t: Scalar) -> np.ndarray:
+    Args:
+        texts: (n,) of the joints.   place: of them in the file, for errors.
+    Raises:
+        ScenarioError: a text that is no formula of t.
+    """
+
+    texts: Sequence[str]
+    place: str = "loop.reference.q"
+
+    def __post_init__(self) -> None:
         try:
-            return scalar.array([formula({"t": t}) for formula in formulas])
-        except ExpressionError as error:  # whoever asks names the part: loop or recording
-            raise ScenarioError.of(*error.within(place.partition(".")[2]).problems) from None
+            object.__setattr__(self, "_formulas", [expression(text, ("t",)) for text in self.texts])
+        except ExpressionError as error:
+            raise ScenarioError.of(*error.within(self.place).problems) from None
 
-    return q
+    def __call__(self, t: Scalar) -> np.ndarray:
+        """q (n,) [rad | m] at t [s]."""
+        try:
+            return scalar.array([formula({"t": t}) for formula in self._formulas])  # type: ignore[attr-defined]
+        except ExpressionError as error:  # whoever asks names the part: loop or recording
+            raise ScenarioError.of(*error.within(self.place.partition(".")[2]).problems) from None

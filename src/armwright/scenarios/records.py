@@ -121,11 +121,14 @@ class PayloadTable(Record):
 
     time_s: Number = Field(description="When it is taken up; 0 or later.")
     mass_kg: Number = Field(description="0 puts down what the hand held, and needs no more.")
-    com_m: Three | None = Field(default=None, description="Centre of mass, in the frame.")
+    com_m: Three | None = Field(
+        default=None, description="Centre of mass, in the frame; of a point mass its place, absent: the frame's origin."
+    )
     inertia_kg_m2: Annotated[Tensor | tuple[Number, Number, Number], counted(3, "moments about x, y and z")] | None = (
         Field(
             default=None,
-            description="About the centre of mass, in the frame's axes: a table, or three principal moments.",
+            description="About the centre of mass, in the frame's axes: a table, or three principal moments; absent: 0, a point "
+            "mass.",
         )
     )
     frame: str | None = Field(default=None, description="Which carries it; absent: the tip.")

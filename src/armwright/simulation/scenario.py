@@ -73,6 +73,8 @@ class Scenario:
             is among the others.
         seed: of noise, jitter, losses and draws.
         first_lane: number of the first lane, in a part of a larger run that `resolved` made.
+        source: the scenario file that it began as, whose comments and names of files `write_scenario` keeps; a copy that
+            `dataclasses.replace` has changed has it too.
         document: the scenario file that it was read from, with all it named; a run keeps it, to be reproduced. None of a
             scenario made in Python, and of a copy that `dataclasses.replace` has changed.
         notes: about its file, which a run repeats.
@@ -92,6 +94,7 @@ class Scenario:
     lanes: int | range | None = None
     seed: int = 0
     first_lane: int = field(default=0, repr=False)
+    source: Any = field(default=None, repr=False)
     document: str | None = field(default=None, init=False, repr=False)
     notes: tuple[str, ...] = field(default=(), init=False, repr=False)
 

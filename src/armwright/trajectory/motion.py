@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from abc import ABC, abstractmethod
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
@@ -27,11 +27,13 @@ class Motion(ABC):
     Attributes:
         time: [s] of the beginning.   duration: [s], without the time before it; infinite of a motion that does not end.
         payloads: bodies that the hand takes up and puts down on the way, which a simulation that follows the motion has too.
+        file: path of the motion file or the rows that it was read from; None of others.
     """
 
     time: Any  # float; of the kinds that are a few numbers perhaps a Batch
     duration: Any
     payloads: Any = ()
+    file: Any = None
 
     @property
     @abstractmethod
@@ -81,6 +83,11 @@ class Motion(ABC):
         from armwright.trajectory.motion_rows import save_motion
 
         save_motion(arm, self, path, rate)
+
+    def from_file(self, path: str | os.PathLike[str]) -> Self:
+        """The motion, which knows from now on the file that it was read from."""
+        object.__setattr__(self, "file", os.fspath(path))
+        return self
 
     def plot(self, arm: Model, path: str | os.PathLike[str] | None = None, payload: Any = None) -> Figure | None:
         """Figure of positions, speeds, accelerations, torques and voltages, written to a path if one is given.

@@ -131,7 +131,7 @@ def load_motion(path: str | os.PathLike[str], arm: Model | None = None) -> Piece
         raise ScheduleError(value=path, expected="the path of a motion, .csv or .nc")
     if Path(path).suffix.lower() == ".nc":
         return _from_netcdf(Path(path), arm)
-    return parse_motion(table_text(path), os.fspath(path), arm)
+    return parse_motion(table_text(path), os.fspath(path), arm).from_file(path)
 
 
 def parse_motion(text: str, place: str, arm: Model | None = None) -> PiecewisePolynomial:

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-import tomlkit
 
 from armwright.control.gains import gain_units
-from armwright.description.toml_file import read_text
 from armwright.errors import ScenarioError
 from armwright.output import check_destination, whole_file
-from armwright.scenarios.file import parse_scenario, read_scenario
-from armwright.scenarios.files import FolderFiles
+from armwright.scenarios.file import read_scenario
+from armwright.scenarios.writer import write_scenario
 from armwright.simulation.scenario import Scenario
 from armwright.tuning.objective import measure_units
 from armwright.tuning.search import Tried
@@ -168,37 +166,23 @@ class TuningResult:
     def save(
         self,
         path: str | os.PathLike[str],
-        source: str | os.PathLike[str],
-        allow: tuple[str | os.PathLike[str], ...] = (),
+        source: str | os.PathLike[str] | None = None,
+        allow: Iterable[str | os.PathLike[str]] = (),
     ) -> None:
-        """Writes the scenario file `source` with these gains in place of its own; the rest, comments included, stays.
+        """Writes the scenario with these gains as a file, as `write_scenario` does; comments of the file it was read from stay.
 
         Args:
-            path: of the new file; where `source` names files, in the same folder.   source: that the scenario was read from.
+            path: of the new file; where it names files, they lie in its folder or below.
+            source: scenario file that gets the controller in place of its own; None: the tuned scenario itself.
             allow: further folders that it may name files in.
         Raises:
-            ArmwrightError: a file that cannot be written, or does not give these gains when it is read.
+            ArmwrightError: a file that cannot be written, or a scenario that no file can express.
         """
-        path = check_destination(path, (".toml",), read=(source,))
-        text = tuned_text(read_text(Path(source)), self.gains)
-        files = FolderFiles(path.parent, [Path(folder) for folder in allow])
-        try:
-            again = parse_scenario(text, str(path), files)
-        except ScenarioError:
-            read_scenario(source, allow=allow)  # its own errors come first
-            raise
-        for name, values in self.gains.items():
-            if not np.array_equal(np.asarray(getattr(again.controller, name)), values):
-                what = f"the file does not give the tuned {name}"
-                raise ScenarioError(what, file=str(source), expected="a scenario file whose gains differ in no lane")
-        with whole_file(path, (".toml",)) as temporary:
-            temporary.write_text(text, encoding="utf-8")
-
-
-def tuned_text(text: str, gains: dict[str, np.ndarray]) -> str:
-    """A scenario file's text with gains (n,) by name in [loop.controller]; comments and order stay."""
-    document = tomlkit.parse(text)
-    controller = document["loop"]["controller"]  # type: ignore[index]
-    for name, values in gains.items():
-        controller[name] = [float(value) for value in values]  # type: ignore[index]
-    return tomlkit.dumps(document)
+        check_destination(path, (".toml",), read=(source,))
+        scenario = self.scenario
+        if source is not None:
+            read = read_scenario(source, allow=allow)
+            if read.loop is None:
+                raise ScenarioError("has no loop", place="loop", file=source, expected="the scenario that was tuned")
+            scenario = replace(read, loop=replace(read.loop, controller=scenario.controller))
+        write_scenario(scenario, path, allow=allow)

@@ -30,6 +30,39 @@ def test_another_solver_comes_to_the_same_motion(name, version, tmp_path):
     np.testing.assert_allclose(x[arm.n : 2 * arm.n], run.qd.values[-1], atol=1e-6)
 
 
+@pytest.mark.parametrize("version", ["3.0", "2.0"])
+def test_initial_values_have_one_name_in_both_interfaces(version, tmp_path):
+    """`start.q` and `start.qd` begin either kind of unit in the same state, motors behind elastic gears too."""
+    joint = {"command": "voltage", "motor": MOTOR, "friction": COULOMB}
+    arm = chain([{**joint, "elasticity": ELASTIC}, joint])
+    begun, found = {f"start.{name}.{joint}": v for name, row in (("q", [0.4, -0.2]), ("qd", [0.1, 0.3]))
+                    for joint, v in zip(arm.names, row, strict=True)}, []  # fmt: skip
+    for interface in ("co-simulation", "model-exchange"):
+        scenario = aw.Scenario(arm, duration=0.1, command=[0.0, 0.0], start=[0.1, 0.2])
+        exported = aw.export_fmu(
+            scenario, tmp_path / "plant.fmu", interface=interface, platforms=["host"], version=version
+        )
+        fmu = Instance(exported.path, exchange=interface == "model-exchange")
+        parameters = fmu.names("start", "parameter")
+        assert sorted(parameters) == sorted(begun)
+        starts = {v.name: v.start for v in fmu.description.modelVariables}
+        assert [float(starts[f"start.q.{joint}"]) for joint in arm.names] == [0.1, 0.2]
+        assert not any(starts[name] for name in fmu.names("x", "output"))
+        if interface == "model-exchange":
+            with pytest.raises(Exception, match="Set"):
+                fmu.set(fmu.names("x", "output")[0], 0.3)
+            assert "before initialization ends; start.q and start.qd can" in fmu.messages[-1]
+            fmu.close()
+            fmu = Instance(exported.path, exchange=True)
+        fmu.begin(**begun)
+        found.append(dict(zip(fmu.names("x", "output"), fmu.get(*fmu.names("x", "output")), strict=True)))
+        fmu.close()
+    assert found[0] == found[1]
+    run = aw.simulate(aw.Scenario(arm, duration=1e-3, command=[0.0, 0.0], start=aw.Start([0.4, -0.2], [0.1, 0.3])))
+    joints = [f"x.q.{joint}" for joint in arm.names]
+    np.testing.assert_array_equal([found[1][name] for name in joints], run.q.values[0])
+
+
 def test_stops_are_events_and_bounces_come_to_the_closed_form(tmp_path):
     arm = pendulum("torque", gravity=0.0, stops=STOPS, limits={"position_rad": [-0.1, 0.1]})
     exact = np.array(bounced(float(aw.mass_matrix(arm, np.zeros(1))[0, 0]), 0.1, 1.0, 2.0))

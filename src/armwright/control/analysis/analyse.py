@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from armwright.control.analysis.linear_loop import LinearLoop, Margins
 from armwright.control.analysis.noise import NoiseGain, noise_gain
 from armwright.control.analysis.regions import GAIN, OTHERS, PHASE, check_margins, longest_period
+from armwright.control.analysis.remedies import LoopRemedies, loop_remedies
 from armwright.control.analysis.workspace import JointInertias, joint_inertias
 from armwright.model.joint_signals import command_unit, joint_units
 from armwright.simulation.scenario import Scenario
@@ -58,6 +60,11 @@ class LoopAnalysis:
     def keeps_margins(self) -> bool:
         """True if the loop keeps the requested margins, one joint's command at a time, at every analysed pose."""
         return self.stable and self.period_with_margin >= self.loop.period
+
+    @cached_property
+    def remedies(self) -> LoopRemedies:
+        """Slower gains, and a shorter period, with which the loop keeps the margins; searched for when first asked for."""
+        return loop_remedies(self)
 
     def extreme_poses(self, joint: int) -> np.ndarray:
         """(k, n) poses of least and greatest inertia of a joint, the others fixed, and of its extreme gravity slopes."""

@@ -225,14 +225,18 @@ class LinearLoop:
 
     def keeps(self, slopes: Slopes, gain: float, phase: float) -> np.ndarray:
         """(…,) True if the loop is stable, and remains so with a factor `gain`, 1/gain or e^{-j phase} in any one command."""
+        return self.largest_radius(slopes, gain, phase) < 1.0
+
+    def largest_radius(self, slopes: Slopes, gain: float, phase: float) -> np.ndarray:
+        """(…,) largest spectral radius per tick of the loop, with 1, `gain`, 1/gain or e^{-j phase} in any one command."""
         plant, n = self.held(slopes), slopes.b.shape[-1]
-        stable = self._radius(slopes, plant) < 1.0
+        largest = self._radius(slopes, plant)
         for factor in {complex(gain), complex(1.0 / gain), complex(np.exp(-1j * phase))} - {1.0 + 0.0j}:
             number = factor.real if factor.imag == 0.0 else factor
             for command in range(n):
                 factors = np.where(np.arange(n) == command, number, 1.0)
-                stable = stable & (self._radius(slopes, plant, factors) < 1.0)
-        return stable
+                largest = np.maximum(largest, self._radius(slopes, plant, factors))
+        return largest
 
     def _margins(self, slopes: Slopes, command: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Gain margins above and below, and the phase margin [rad], of one command; NaN where the loop is not stable."""

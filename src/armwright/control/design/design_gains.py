@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -23,6 +23,9 @@ from armwright.parameters import Batch, numbers_by_lane
 from armwright.simulation.checks import check_choice, check_whole
 from armwright.simulation.loop.timing import Timing
 from armwright.simulation.scenario import Scenario
+
+if TYPE_CHECKING:
+    from armwright.control.design.limiting import JointLimit
 
 SUPPORT = SMALL_MOTIONS.named("design_gains")
 
@@ -47,6 +50,8 @@ class GainDesign:
         friction_error, weight_error: (n,) [rad | m] by how much dry friction, and weight that nothing compensates, may leave a
             joint beside its goal; 0 with an integral, which takes both away.
         keeps: whether the coupled loop keeps the margins at all poses.   asked: gain and phase margin [rad].   poses: how many.
+        damping: ζ.   drawn: how many poses were drawn, and their seed.
+        alone: (n,) [rad/s] bandwidth that each joint could have by itself; None where the bandwidth was stated.
     """
 
     scenario: Scenario
@@ -60,6 +65,9 @@ class GainDesign:
     keeps: bool
     asked: tuple[float, float]
     poses: int
+    damping: float
+    drawn: tuple[int, int]
+    alone: np.ndarray | None
 
     def __repr__(self) -> str:
         return f"GainDesign({self.method!r}, {', '.join(self.gains)}, keeps={self.keeps})"
@@ -70,6 +78,13 @@ class GainDesign:
         return [
             [joint, name, f"{g:.4g}"] for name, row in self.gains.items() for joint, g in zip(names, row, strict=True)
         ]
+
+    @cached_property
+    def limits(self) -> tuple[JointLimit, ...]:
+        """What limits each joint: how much faster it could be without one of its causes, computed when first asked for."""
+        from armwright.control.design.limiting import joint_limits  # which designs again, without each of the causes
+
+        return joint_limits(self)
 
     def sentences(self) -> list[str]:
         """The design in words."""
@@ -126,14 +141,16 @@ def design_gains(
     method = method or ("symmetric-optimum" if isinstance(law, Cascade) else "pole-placement")
     check_choice("method", method, tuple(RULES))
     scenario = one_lane(scenario)
-    designer = _Designer.of(scenario, law, method, zeta, (poses, seed), (gain_margin, phase_margin))
+    designer = Designer.of(scenario, law, method, zeta, (poses, seed), (gain_margin, phase_margin))
+    alone = None
     if bandwidth is None:
-        chosen = designer.fastest()
+        alone = designer.alone()
+        chosen = None if alone is None else designer.together(alone)
         if chosen is None:
             raise _refusal(designer, (poses, seed))
     else:
         chosen = _checked_bandwidth(bandwidth, designer)
-    return designer.result(chosen)
+    return designer.result(chosen, (poses, seed), alone)
 
 
 def designed_controller(scenario: Scenario) -> Any:
@@ -169,7 +186,7 @@ def one_lane(scenario: Scenario) -> Scenario:
 
 
 @dataclass(frozen=True, eq=False)
-class _Designer:
+class Designer:
     """A rule applied to the controller of a scenario, and the margins of what it gives.
 
     Attributes:
@@ -197,7 +214,7 @@ class _Designer:
         drawn: tuple[int, int],
         asked: tuple[float, float],
         period: float | None = None,
-    ) -> _Designer:
+    ) -> Designer:
         """Args:
         drawn: how many poses, and their seed.   period: [s] in place of the loop's own.
         """
@@ -270,27 +287,44 @@ class _Designer:
         kept[active] = True
         return kept
 
-    def fastest(self) -> np.ndarray | None:
-        """(n,) [rad/s] bandwidths with the greatest stiffness that keep all margins; None if no bandwidth keeps them."""
-        steps = np.geomspace(1.0, SLOWEST, STEPS.get(self.method, 25))
-        grid, chosen = steps[:, None] * self.highest, np.zeros(self.scenario.arm.n)
-        for joint in range(len(chosen)):
+    def alone(self, from_: np.ndarray | None = None) -> np.ndarray | None:
+        """(n,) [rad/s] bandwidth with the greatest stiffness that keeps each joint's margins; None if one of them has none.
+
+        Args:
+            from_: (n,) [rad/s] lowest of them that are tried, and taken where no other does; None: `SLOWEST` of the highest.
+        """
+        n, steps = self.scenario.arm.n, STEPS.get(self.method, 25)
+        low = SLOWEST * self.highest if from_ is None else np.minimum(from_, self.highest)
+        grid, chosen = np.geomspace(self.highest, low, steps), np.zeros(n)
+        for joint in range(n):
             kept = np.flatnonzero(self.keeping(grid, joint))
-            if not kept.size:
+            if kept.size:
+                chosen[joint] = grid[kept[self.stiffness(grid[kept])[:, joint].argmax()], joint]
+            elif from_ is None:
                 return None
-            chosen[joint] = grid[kept[self.stiffness(grid[kept])[:, joint].argmax()], joint]
+            else:
+                chosen[joint] = from_[joint]
+        return chosen
+
+    def together(self, alone: np.ndarray) -> np.ndarray | None:
+        """(n,) [rad/s] bandwidths (n,) of all joints, slowed by one factor until the coupled loop keeps the margins; or None."""
         scale, failing = 1.0, 1.0
-        while not self.keeping(scale * chosen[None])[0]:  # the coupled loop
+        while not self.keeping(scale * alone[None])[0]:
             scale, failing = SHORTER * scale, scale
             if scale < SLOWEST:
                 return None
         for _ in range(HALVINGS):
             middle = 0.5 * (scale + failing)
-            scale, failing = (middle, failing) if self.keeping(middle * chosen[None])[0] else (scale, middle)
-        return scale * chosen
+            scale, failing = (middle, failing) if self.keeping(middle * alone[None])[0] else (scale, middle)
+        return scale * alone
 
-    def result(self, bandwidth: np.ndarray) -> GainDesign:
-        """The design at bandwidths (n,)."""
+    def fastest(self) -> np.ndarray | None:
+        """(n,) [rad/s] bandwidths with the greatest stiffness that keep all margins; None if no bandwidth keeps them."""
+        alone = self.alone()
+        return None if alone is None else self.together(alone)
+
+    def result(self, bandwidth: np.ndarray, drawn: tuple[int, int], alone: np.ndarray | None) -> GainDesign:
+        """The design at bandwidths (n,); drawn, alone: as `GainDesign` has them."""
         gains = self.gains(bandwidth)
         if not all(np.isfinite(each).all() for each in gains.values()):
             value = float(np.max(bandwidth))
@@ -310,7 +344,7 @@ class _Designer:
             )
         return GainDesign(
             scenario, gains, self.method, bandwidth, joints.largest[0], joints.lag, friction, weight, keeps, self.asked,
-            len(joints.poses),
+            len(joints.poses), self.task.damping, drawn, alone,
         )  # fmt: skip
 
 
@@ -333,7 +367,7 @@ def current_gains(scenario: Scenario, period: float | None = None) -> dict[str, 
     return {"current_kp": kp, "current_ki": ki}
 
 
-def _checked_bandwidth(bandwidth: Any, designer: _Designer) -> np.ndarray:
+def _checked_bandwidth(bandwidth: Any, designer: Designer) -> np.ndarray:
     """A bandwidth (n,).
 
     Raises:
@@ -353,7 +387,7 @@ def _checked_bandwidth(bandwidth: Any, designer: _Designer) -> np.ndarray:
     return chosen
 
 
-def _refusal(designer: _Designer, drawn: tuple[int, int]) -> ScenarioError:
+def _refusal(designer: Designer, drawn: tuple[int, int]) -> ScenarioError:
     """The error where no bandwidth keeps the margins, with a period at which one does, or that it would without delays."""
     gain, phase = designer.asked
     what = (
@@ -365,7 +399,7 @@ def _refusal(designer: _Designer, drawn: tuple[int, int]) -> ScenarioError:
     def works(changed: Scenario, period: float) -> bool:
         law = designed_controller(changed)
         parts = (designer.method, designer.task.damping, drawn, designer.asked, period)
-        return _Designer.of(changed, law, *parts).fastest() is not None
+        return Designer.of(changed, law, *parts).fastest() is not None
 
     periods = (designer.loop.period / factor for factor in FASTER)
     period = next((each for each in periods if works(scenario, each)), None)

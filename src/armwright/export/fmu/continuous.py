@@ -51,7 +51,7 @@ class ContinuousModel:
     Attributes:
         arm: the model.   about: for the user.
         dynamics: (x, u, …, touching?) → xd, outputs, z?.   contacts: (x, u, …) → touching, None of an arm without.
-        tangent: of xd and outputs along directions of `SMOOTH`.
+        begin: (start, p, payload) → x, as the simulation begins.   tangent: of xd and outputs along directions of `SMOOTH`.
         blocks: initial values by name.   variables: all but time.   indicators: names of those that are events.
     """
 
@@ -59,6 +59,7 @@ class ContinuousModel:
     about: str
     dynamics: Program
     contacts: Program | None
+    begin: Program
     tangent: Program
     blocks: Mapping[str, np.ndarray]
     variables: tuple[Variable, ...]
@@ -85,11 +86,13 @@ def continuous_model(scenario: Scenario) -> ContinuousModel:
     values |= {name: first[f"{name}{SEEN}"] for name in config.inputs}
     dynamics, smooth, contacts, layout = _programs(config, arm, values)
     active = [port.name for port in dynamics.inputs if port.name in SMOOTH]
+    values["start"] = scenario.initial_state[0]
     variables, indicators = _variables(loop, scenario, layout, values, contacts is not None)
-    ports = (*dynamics.inputs, *dynamics.outputs)
+    begin = _beginning(config, arm, values)
+    ports = (*dynamics.inputs, *dynamics.outputs, *begin.inputs)
     blocks = {port.name: values.get(port.name, np.zeros(port.size)) for port in ports if port.size}
     return ContinuousModel(
-        arm, f"the arm {arm.name}, for the solver of the tool", dynamics, contacts,
+        arm, f"the arm {arm.name}, for the solver of the tool", dynamics, contacts, begin,
         with_tangents(smooth, active, {}, 1), blocks, variables, indicators,
     )  # fmt: skip
 
@@ -134,6 +137,16 @@ def _programs(
     return indicated, program, trace("contacts", contacts, shapes, ("touching",)), Layout.of(signals)
 
 
+def _beginning(config: LoopConfig, arm: Model, values: Mapping[str, np.ndarray]) -> Program:
+    """Initial state from positions and speeds (2n,) of the joints: motors, currents and temperatures as a simulation begins."""
+
+    def begin(start: Array, p: Array, payload: Array) -> Array:
+        return scalar.array(config.plant({"p": p, "payload": payload}).initial(start[: arm.n], start[arm.n :]))
+
+    shapes = {"start": (2 * arm.n,), "p": values["p"].shape, "payload": (10 * len(config.payload_frames),)}
+    return trace("begin", begin, shapes, ("x",))
+
+
 def _about(name: str) -> str:
     return {"tau_link": "torque that leaves the gear", "electrical_power": "electrical power into the drive"}.get(
         name, ""
@@ -150,6 +163,10 @@ def _variables(
         variability = "continuous" if name == "wrench" else "discrete"
         rows += variables_of(acting_layout(loop, name), joints, name, "input", variability, starts=values[name])
     rows += lane_values(loop, "plant")
+    begun = Layout((joint_signal(loop.arm, "q"), joint_signal(loop.arm, "qd")))
+    rows += variables_of(
+        begun, joints, "start", "parameter", "fixed", prefix="start", starts=values["start"], about="initial"
+    )
     states = variables_of(
         state, joints, "x", "output", "continuous", prefix="x", starts=values["x"], about="true", states=True
     )
@@ -170,13 +187,14 @@ def _variables(
 def continuous_source(model: ContinuousModel, token: str) -> dict[str, str]:
     """The texts of model.h and model.c of a model for model exchange."""
     unit = Unit(C_DOUBLE, "model_")
-    programs = [model.dynamics, *([] if model.contacts is None else [model.contacts])]
+    programs = [model.begin, model.dynamics, *([] if model.contacts is None else [model.contacts])]
     loop = LoopText(unit, [Call(program) for program in programs], "model_state", Clock(1.0))
     event = "(void)l;" if model.contacts is None else loop.call(model.contacts)
     outputs = loop.call(model.dynamics)
     unit.functions["model_outputs"] = f"void model_outputs(model_state *l)\n{{\n    {outputs}\n}}"
     unit.functions["model_event"] = f"void model_event(model_state *l)\n{{\n    {event}\n}}"
-    unit.functions["model_begin"] = "void model_begin(model_state *l)\n{\n    model_event(l);\n}"
+    begin = loop.call(model.begin)
+    unit.functions["model_begin"] = f"void model_begin(model_state *l)\n{{\n    {begin}\n    model_event(l);\n}}"
     unit.functions["model_tangent"] = _tangent(model, loop)
     places = {name: _places(ports) for name, ports in (("known", _knowns(model)), ("unknown", _unknowns(model)))}
     known = {each.name: places["known"].get((each.member, each.entry), -1) for each in model.variables}

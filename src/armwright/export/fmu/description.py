@@ -87,13 +87,13 @@ def _unit(each: Variable) -> str | None:
 
 
 def _start(each: Variable) -> float | None:
-    return each.start if each.causality in ("input", "parameter") or each.state else None
+    return each.start if each.causality in ("input", "parameter") else None
 
 
 def _initial(each: Variable) -> str | None:
     if each.causality in ("input", "independent"):
         return None
-    return "exact" if each.causality == "parameter" or each.state else "calculated"
+    return "exact" if each.causality == "parameter" else "calculated"
 
 
 def _unknowns(it: Description) -> tuple[list[int], list[int], list[int]]:
@@ -101,7 +101,7 @@ def _unknowns(it: Description) -> tuple[list[int], list[int], list[int]]:
     numbered = list(enumerate(it.variables, 1))
     outputs = [k for k, each in numbered if each.causality == "output"]
     derivatives = [k for k, each in numbered if each.derivative_of is not None]
-    computed = [k for k, each in numbered if each.causality == "output" and not each.state]
+    computed = [k for k, each in numbered if each.causality == "output"]
     return outputs, derivatives, computed
 
 

@@ -33,7 +33,7 @@ typedef struct {{
 {members}
 }} model_state;
 
-enum {{ COMPUTED, INPUT, FIXED }};
+enum {{ COMPUTED, INPUT, FIXED, STATE }}; /* FIXED: until initialisation ends; STATE: from then on */
 
 /* Where a variable's value is, and how it is set; of model exchange, its places among knowns and unknowns of derivatives. */
 typedef struct {{
@@ -93,7 +93,7 @@ def variable_table(
     rows = ["    {0, COMPUTED, -1, -1},"]
     for each in variables:
         kind = KINDS[each.variability if each.causality == "parameter" else each.causality]
-        kind = "INPUT" if each.state else kind
+        kind = "STATE" if each.state else kind
         offset = f"offsetof(model_state, {each.member}) + {each.entry} * sizeof(double)"
         places = [(where or {}).get(each.name, -1) for where in (known, unknown)]
         rows.append(f"    {{{offset}, {kind}, {places[0]}, {places[1]}}},")

@@ -28,8 +28,8 @@ class Payload:
     Args:
         time: () [s] when it is taken up; 0 or later.
         mass: () [kg]; 0 puts down what the hand held, and needs no more.
-        com: (3,) [m] centre of mass, in the frame.
-        inertia: (3, 3) [kg m²] about the centre of mass, in the frame's axes, or three principal moments; zeros for a point mass.
+        com: (3,) [m] centre of mass, in the frame; of a point mass its place, absent: the frame's origin.
+        inertia: (3, 3) [kg m²] about the centre of mass, in the frame's axes, or three principal moments; absent: a point mass.
         frame: name of the frame that carries it; by default the tip.
 
     Time, mass, com and inertia may each be a `Batch`, one value a lane.
@@ -40,6 +40,12 @@ class Payload:
     com: Any = None
     inertia: Any = None
     frame: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.inertia is None:  # a point mass; of a body with an inertia nobody knows the centre of mass but the user
+            object.__setattr__(self, "inertia", np.zeros(3))
+            if self.com is None:
+                object.__setattr__(self, "com", np.zeros(3))
 
 
 def carried(payload: Payload) -> str:
@@ -91,11 +97,10 @@ def _load(k: int, payload: Payload) -> tuple[np.ndarray, np.ndarray]:
             lane = int(np.argmax(values < 0.0))
             place = _place(k, name, values, lane)
             raise ScenarioError(place=place, value=float(values[lane]), expected=f"0 {unit} or more")
-    if payload.com is None or payload.inertia is None:
-        absent = "com" if payload.com is None else "inertia"
-        if (mass > 0.0).any():
-            raise ScenarioError("missing", place=f"payload[{k}].{absent}", expected="one beside a mass above 0")
-        return time, np.zeros((1, 10))
+    if payload.com is None:
+        raise ScenarioError(
+            "missing", place=f"payload[{k}].com", expected="one beside an inertia; a point mass has none"
+        )
     com = _numbers(k, "com", payload.com, (3,), "three numbers [m]")
     tensor = _tensor(k, payload.inertia)
     _check_tensor(k, tensor, mass)

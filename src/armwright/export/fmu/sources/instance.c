@@ -131,15 +131,16 @@ int instance_set(instance *i, const uint32_t *references, size_t count, const do
         return instance_fail(i, "fewer values than variables");
     }
     for (k = 0; k < count; k++) {
-        char text[96];
-        int kind;
+        char text[120];
+        int kind, begun = i->now.mode != CREATED && i->now.mode != BEGINNING;
         if (references[k] == 0u || references[k] > MODEL_VARIABLES) {
             return instance_fail(i, "no variable that can be set has that value reference");
         }
         kind = model_variables[references[k]].kind;
-        if (kind == COMPUTED || (kind == FIXED && i->now.mode != CREATED && i->now.mode != BEGINNING)) {
+        if (kind == COMPUTED || (kind == FIXED && begun) || (kind == STATE && !begun)) {
             (void)snprintf(text, sizeof text, "the variable with value reference %u cannot be set%s",
-                (unsigned)references[k], kind == COMPUTED ? "" : " after initialization");
+                (unsigned)references[k], kind == COMPUTED ? "" : kind == FIXED ? " after initialization"
+                : " before initialization ends; start.q and start.qd can");
             return instance_fail(i, text);
         }
         memcpy(place(&i->now.model, references[k]), &values[k], sizeof values[k]);
