@@ -153,6 +153,9 @@ def _built(command="voltage", motor=None, joint=None, robot=None, third=None) ->
     return build_model(parse({**record, **(robot or {})}, "chain"))
 
 
+START, GOAL = [0.2, -0.5, 0.1], [0.3, -0.6, 0.2]
+
+
 class Wave:
     """A smooth motion of all joints from where `looped` starts, at rest; it has an end."""
 
@@ -167,13 +170,16 @@ class Wave:
         )
 
 
-class Gripping(Wave):
-    """The same motion, which takes up a body."""
-
-    payloads = (aw.Payload(0.1, 0.5, com=[0.1, 0.0, 0.0], inertia=[1e-3] * 3),)
+BODY = aw.Payload(0.1, 0.5, com=[0.1, 0.0, 0.0], inertia=[1e-3] * 3)
 
 
-START, GOAL = [0.2, -0.5, 0.1], [0.3, -0.6, 0.2]
+def move(n: int, payloads=()) -> aw.Joined:
+    """A motion from where `looped` starts and back, which may take up a body."""
+    there, back = START[:n], [q + 0.1 for q in START[:n]]
+    parts = [aw.Quintic(there, back, duration=0.1), aw.Quintic(back, there, duration=0.1, time=0.1)]
+    return aw.Joined(parts, payloads)
+
+
 GAINS = {"voltage": (120.0, 6.0), "current": (60.0, 4.0), "torque": (600.0, 40.0)}
 
 
@@ -227,8 +233,8 @@ SCENARIOS = {  # of an arm: the scenario with a feature, and the one without
     "schedule of poses": lambda arm: _with(
         arm, reference=aw.Schedule([0.0, 0.1], [[0.2, -0.5], [0.25, -0.6]], ["joint0", "joint1"])
     ),
-    "motion": lambda arm: _with(arm, reference=Wave(2)),
-    "grips of a motion": lambda arm: (looped(arm, reference=Gripping(2)), looped(arm, reference=Wave(2))),
+    "motion": lambda arm: _with(arm, reference=move(2)),
+    "grips of a motion": lambda arm: (looped(arm, reference=move(2, [BODY])), looped(arm, reference=move(2))),
     "delays": lambda arm: _timed(arm, command_delay=1.4e-3, measurement_delay=0.7e-3),
     "jitter": lambda arm: _timed(arm, jitter=5e-3),
     "lost samples": lambda arm: _timed(arm, measurement_loss=0.2, command_loss=0.2),
@@ -240,7 +246,7 @@ SCENARIOS = {  # of an arm: the scenario with a feature, and the one without
     "command filter": lambda arm: _with(arm, command_filter=aw.CommandFilter(rate=300.0, limit=11.0)),
     "wrench": lambda arm: _given(arm, wrench=[0.0, 0.0, 5.0, 0.0, 1.0, 0.0]),
     "applied brakes": _braked,
-    "payloads over time": lambda arm: _given(arm, payload=Gripping.payloads),
+    "payloads over time": lambda arm: _given(arm, payload=[BODY]),
     "moving start": lambda arm: (replace(looped(arm), start=aw.Start(START[:2], [0.5] * 2)), looped(arm)),
     "lanes": lambda arm: (replace(looped(arm), vary={"rod1.mass_kg": aw.Batch([1.8, 2.2])}), looped(arm)),
 }

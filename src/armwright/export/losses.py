@@ -41,9 +41,10 @@ def of_all_formats(robot: RobotDescription, kept: str = "") -> list[str]:
     moving = [joint for joint in robot.joints if not isinstance(joint, FixedJoint)]
     motors = [(joint.name, joint.motor) for joint in moving if joint.motor is not None]
     electric = [name for name, motor in motors if motor.torque_constant_n_m_per_a is not None]
-    lossy = [
-        name for name, motor in motors if motor.gear_efficiency is not None or motor.gear_efficiency_table is not None
-    ]
+    lossy, by_load = (
+        [name for name, motor in motors if getattr(motor, key) is not None]
+        for key in ("gear_efficiency", "gear_efficiency_table")
+    )
     driven = [joint.name for joint in moving if (joint.command or robot.command) != "torque"]
     supply = [j.name for j in moving if j.limits.voltage_v is not None or j.limits.current_a is not None]
     planned = [j.name for j in moving if _acceleration(j.limits) is not None]
@@ -62,6 +63,7 @@ def of_all_formats(robot: RobotDescription, kept: str = "") -> list[str]:
     of_drives = [
         loss_of("electrical constants", electric),
         loss_of("gear efficiency", lossy),
+        loss_of("gear efficiency by load", by_load),
         loss_of("voltage and current limits", supply),
         loss_of("acceleration limits", planned),
         *(loss_of(part, names) for part, names in parts.items()),

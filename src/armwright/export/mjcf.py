@@ -90,7 +90,9 @@ def mjcf_text(description: RobotDescription) -> tuple[str, list[str]]:
             pair = {"joint1": joint.name, "joint2": joint.mimic.joint}
             line = _text((joint.mimic.offset, joint.mimic.multiplier, 0.0, 0.0, 0.0))
             ElementTree.SubElement(equality, "joint", {**pair, "polycoef": line})
-            losses.add("that it follows exactly (MuJoCo's equality constraints give way)", joint.name)
+            losses.add(
+                "that joints that follow others do so exactly (MuJoCo's equality constraints give way)", joint.name
+            )
     add_tendons(root, bodies, description, frames, losses)
     if not len(equality):
         root.remove(equality)

@@ -48,9 +48,9 @@ SUPPORT = Support(
         "play": "accelerations jump where flanks touch",
         "stops": "accelerations jump where stops touch",
         "delays": "delays of whole ticks",
-        "jitter": "none",
-        "lost samples": "none",
-        "clock drift": "none",
+        "jitter": "no jitter, loss or drift",
+        "lost samples": "no jitter, loss or drift",
+        "clock drift": "no jitter, loss or drift",
         "encoder counts": "none: they have no derivative",
     },
 )

@@ -40,7 +40,19 @@ from armwright.trajectory.motion import Motion
 if TYPE_CHECKING:
     import xarray as xr
 
-SUPPORT = SIMULATED.named("compare_controllers")
+SUPPORT = replace(
+    SIMULATED,
+    consumer="compare_controllers",
+    without_effect={
+        **SIMULATED.without_effect,
+        **dict.fromkeys(
+            ("pose", "schedule of poses", "motion", "grips of a motion"),
+            "each motion of the comparison is the reference",
+        ),
+        "moving start": "runs begin where a motion does, at rest",
+    },
+    refused={"commands over time": "a loop"},
+)
 
 INSTANTS = 400  # of the largest errors over time, in equal parts of a run
 RUNS = 8  # of a case, where nothing says otherwise

@@ -27,7 +27,16 @@ from armwright.simulation.scenario import Scenario
 if TYPE_CHECKING:
     from armwright.control.design.limiting import JointLimit
 
-SUPPORT = SMALL_MOTIONS.named("design_gains")
+SUPPORT = replace(
+    SMALL_MOTIONS,
+    consumer="design_gains",
+    approximated={
+        **SMALL_MOTIONS.approximated,
+        "loops at several rates": "designed as if they had the loop's period; the check of the margins counts the rates",
+        "lanes": "the record's own arm is designed for",
+    },
+    refused={"commands over time": "has no controller"},
+)
 
 DESIGNED = (JointPID, Cascade, ComputedTorque)
 HEADS = ("joint", "gain", "value")

@@ -39,6 +39,7 @@ SUPPORT = replace(
     MEASURED,
     consumer="validate",
     approximated={name: f"in predicted torques, {how}" for name, how in MEASURED.approximated.items()},
+    without_effect={"brakes": "they are released"},
 )
 
 QUANTITIES: tuple[Quantity, ...] = ("torque", "position", "speed")
