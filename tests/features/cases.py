@@ -127,6 +127,24 @@ def arms(feature: str, command: str = "voltage") -> tuple[aw.Model, aw.Model]:
     return _built(command, **keys), without
 
 
+TOGETHER = (  # features of the second joint that go with one another
+    *("gear efficiency", "smoothed friction", "load coefficient", "friction by direction", "friction offset"),
+    *("Stribeck friction", "heat", "friction by temperature", "springs", "cylinders", "elasticity", "stops", "brakes"),
+    *("cogging", "inductance", "supply"),
+)
+
+
+def together(features, command: str = "voltage") -> aw.Model:
+    """The arm with all of some features."""
+    keys = {"joint": {}, "motor": {}, "robot": {}}
+    for feature in features:
+        for part, values in ARMS[feature].items():
+            for key, value in values.items() if part in keys else ():
+                known = keys[part].get(key)
+                keys[part][key] = {**known, **value} if key == "friction" and known else value
+    return _built(command, **keys)
+
+
 def _built(command="voltage", motor=None, joint=None, robot=None, third=None) -> aw.Model:
     joints, links = [], []
     for k in range(2 if third is None else 3):

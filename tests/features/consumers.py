@@ -165,14 +165,14 @@ def _to_and_fro(arm):
 
 def fastest(arm, folder):
     path = aw.JointPath([[-0.3] * arm.n, [0.8] * arm.n, [-0.2] * arm.n])
-    limits = replace(aw.MotionLimits.of(arm), torque=[35.0, 12.0, 8.0][: arm.n])
+    limits = replace(aw.MotionLimits.of(arm), torque=[45.0, 16.0, 8.0][: arm.n])
     motion = aw.time_optimal(arm, path, limits, grid=60)
     return Answer([motion.duration], "\n".join(motion.notes), motion)
 
 
 def within_limits(arm, answer, folder):
     """Another grid finds no torque beyond the limit, and one that is reached."""
-    report = aw.limits_report(arm, answer.found, replace(aw.MotionLimits.of(arm), torque=[35.0, 12.0, 8.0][: arm.n]))
+    report = aw.limits_report(arm, answer.found, replace(aw.MotionLimits.of(arm), torque=[45.0, 16.0, 8.0][: arm.n]))
     assert 0.9 < report.largest < 1.0 + 1e-3
 
 
@@ -209,7 +209,7 @@ def compared(scenario, folder):
 
 
 def tuned(scenario, folder):
-    found = aw.tune(scenario, {"kp": (20.0, 300.0)}, lanes=2, generations=1, candidates=4, poses=10, **SMALL)
+    found = aw.tune(scenario, {"kp": (20.0, 300.0)}, lanes=4, generations=1, candidates=4, poses=10, **SMALL)
     return Answer([np.array([str(found)])], "", found)
 
 

@@ -14,7 +14,7 @@ import armwright as aw
 from armwright.description.robot import RobotDescription
 from armwright.features import ARM, FEATURES, GROUPS, SCENARIO, declared
 from armwright.features import CONSUMERS as DECLARED
-from features.cases import ARMS, SCENARIOS, arms, base
+from features.cases import ARMS, SCENARIOS, TOGETHER, arms, base, together
 from features.consumers import CONSUMERS
 
 PAIRS = [(name, feature) for name, each in CONSUMERS.items() for feature in declared(each.support).features]
@@ -74,6 +74,16 @@ def check(name, feature, folder):
         assert not same(answer.values, bare.values), f"{feature} is ignored"
         if consumer.law is not None:
             consumer.law(made, answer, folder / "with")
+
+
+@pytest.mark.parametrize("name", [name for name, each in CONSUMERS.items() if each.law is not None])
+def test_what_a_consumer_counts_exactly_it_counts_together(name, tmp_path):
+    consumer = CONSUMERS[name]
+    support = declared(consumer.support)
+    served = [feature for feature in TOGETHER if support.outcome(feature)[0] == "exact"]
+    arm = together(served, consumer.command)
+    made = arm if consumer.of is None else consumer.of(arm)
+    consumer.law(made, consumer.answer(made, tmp_path), tmp_path)
 
 
 def once(name):

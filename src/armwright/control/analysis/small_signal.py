@@ -51,7 +51,7 @@ SUPPORT = Support(
         ),
         **dict.fromkeys(("wrench", "applied brakes", "payloads over time"), "the loop is that without them"),
     },
-    refused={"commands over time": "a loop with a controller"},
+    refused={"commands over time": "a loop and its controller"},
 )
 
 

@@ -51,7 +51,7 @@ SUPPORT = replace(
         ),
         "moving start": "runs begin where a motion does, at rest",
     },
-    refused={"commands over time": "a loop"},
+    refused={"commands over time": "none beside controllers"},
 )
 
 INSTANTS = 400  # of the largest errors over time, in equal parts of a run
@@ -327,6 +327,8 @@ def _scenario_of(base: Scenario, name: str, given: Any) -> Scenario:
     """The scenario of a named controller."""
     place = f"controllers[{name!r}]"
     if not isinstance(given, Scenario):
+        if base.command is not None:
+            raise ScenarioError("commands over time", place="command", expected="none beside controllers, or a loop")
         loop = base.loop or Loop()
         return replace(base, command=None, loop=replace(loop, controller=given, reference=None))
     if given.arm.record != base.arm.record:

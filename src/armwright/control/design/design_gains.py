@@ -33,7 +33,7 @@ SUPPORT = replace(
     approximated={
         **SMALL_MOTIONS.approximated,
         "loops at several rates": "designed as if they had the loop's period; the check of the margins counts the rates",
-        "lanes": "the record's own arm is designed for",
+        "lanes": "the first is designed for",
     },
     refused={"commands over time": "has no controller"},
 )
@@ -61,6 +61,7 @@ class GainDesign:
         keeps: whether the coupled loop keeps the margins at all poses.   asked: gain and phase margin [rad].   poses: how many.
         damping: ζ.   drawn: how many poses were drawn, and their seed.
         alone: (n,) [rad/s] bandwidth that each joint could have by itself; None where the bandwidth was stated.
+        notes: about features of arm and scenario that the design leaves out.
     """
 
     scenario: Scenario
@@ -77,6 +78,7 @@ class GainDesign:
     damping: float
     drawn: tuple[int, int]
     alone: np.ndarray | None
+    notes: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         return f"GainDesign({self.method!r}, {', '.join(self.gains)}, keeps={self.keeps})"
@@ -105,7 +107,7 @@ class GainDesign:
             f"the gains {keeps} a gain margin of {gain:g} and a phase margin of {np.degrees(phase):.3g}° at {self.poses} "
             "extreme poses; between them nothing is proven",
             *rest_sentences(self.scenario.arm, self.friction_error, self.weight_error),
-            *SUPPORT.notes(self.scenario.arm, self.scenario),
+            *self.notes,
         ]
 
 
@@ -149,7 +151,7 @@ def design_gains(
     law = designed_controller(scenario)
     method = method or ("symmetric-optimum" if isinstance(law, Cascade) else "pole-placement")
     check_choice("method", method, tuple(RULES))
-    scenario = one_lane(scenario)
+    notes, scenario = SUPPORT.notes(scenario.arm, scenario), one_lane(scenario)
     designer = Designer.of(scenario, law, method, zeta, (poses, seed), (gain_margin, phase_margin))
     alone = None
     if bandwidth is None:
@@ -159,7 +161,7 @@ def design_gains(
             raise _refusal(designer, (poses, seed))
     else:
         chosen = _checked_bandwidth(bandwidth, designer)
-    return designer.result(chosen, (poses, seed), alone)
+    return replace(designer.result(chosen, (poses, seed), alone), notes=notes)
 
 
 def designed_controller(scenario: Scenario) -> Any:

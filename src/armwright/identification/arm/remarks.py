@@ -159,7 +159,7 @@ def driving_frictions(fit: ArmFit) -> list[str]:
 
 def measures_by_joint(fit: ArmFit, held_out: Sequence[HeldOut]) -> dict[str, dict[str, float]]:
     """Measures of the fit by joint: R² and RMS of the residual over the fitted rows, error on held-out parts that move."""
-    moving = [each.relative for each in held_out if not each.at_rest]
+    moving = [each.relative for each in held_out if not each.at_rest and np.isfinite(each.relative).any()]
     measures = {}
     for j, joint in enumerate(fit.equations.model.arm.names):
         if np.isnan(fit.rms[j]):

@@ -224,29 +224,37 @@ def _limit_exponential(linear: Slopes, rule: Integrator, command: np.ndarray) ->
     high = min(LONGEST, TURNING / fastest if fastest else np.inf)
     growing = np.maximum(values.real.max(axis=1), 0.0)
 
-    def failing(step: float) -> tuple[float, int] | None:
-        """1/|λ| and row of a mode that this step does not hold; None where it holds all of them."""
-        for row, (slope, rate, grows) in enumerate(zip(slopes, fast, growing, strict=True)):
-            factors, modes = np.linalg.eig(step_of(rule, slope, rate, linear.stiff, command)(step))
-            worst = int(np.abs(factors).argmax())
-            if np.abs(factors[worst]) > np.exp(grows * step) + SLACK:
-                return 1.0 / abs(_nearest_rate(slope, modes[:, worst])), row
+    def failing(step: float, row: int) -> float | None:
+        """1/|λ| of a mode of that row which this step does not hold; None where it holds all of them."""
+        slope = slopes[row]
+        factors, modes = np.linalg.eig(step_of(rule, slope, fast[row], linear.stiff, command)(step))
+        worst = int(np.abs(factors).argmax())
+        if np.abs(factors[worst]) > np.exp(growing[row] * step) + SLACK:
+            return 1.0 / abs(_nearest_rate(slope, modes[:, worst]))
         return None
 
-    fails = failing(high)
-    if fails is None:
+    # Every row halves the same interval, and those that hold the least step found so far need not: so the search takes little
+    # more than one step of each row.
+    found: tuple[float, float, int] | None = None
+    for row in range(len(slopes)):
+        fails = failing(high if found is None else found[0], row)
+        if fails is None:
+            continue
+        low, least, constant = 1e-6 * high, high, fails
+        while least > FINE * low:
+            middle = float(np.sqrt(low * least))
+            fails = failing(middle, row)
+            if fails is None:
+                low = middle
+            else:
+                least, constant = middle, fails
+        found = low, constant, row
+    if found is None:
         row = int(np.argmax(swinging.max(axis=1)))
         return high, 1.0 / fastest if fastest else LONGEST, row
     # Of the rest, if there is any, whose errors may make slow modes grow.
     explicit = 1.0 / max(float(np.abs(linear.rates).max(initial=0.0)), 1.0 / LONGEST)
-    low, (constant, row) = 1e-6 * high, fails
-    while high > FINE * low:
-        middle = float(np.sqrt(low * high))
-        fails = failing(middle)
-        if fails is None:
-            low = middle
-        else:
-            high, (constant, row) = middle, fails
+    low, constant, row = found
     return low, min(constant, explicit), row
 
 
