@@ -18,10 +18,6 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
-import numpy as np
-
-from armwright.parameters import Batch
-
 Outcome = Literal["exact", "approximated", "without effect", "refused"]
 
 
@@ -175,12 +171,14 @@ def _part(scenario: Any, part: str) -> Any:
 
 def _is_set(part: Any, name: str) -> bool:
     value = getattr(part, name, None)
-    values = value.values if isinstance(value, Batch) else value
+    values = getattr(value, "values", value)  # of a batch
     return values is not None and not (isinstance(values, (int, float)) and values == 0)
 
 
 def _is_pose(reference: Any) -> bool:
-    return isinstance(reference, (list, tuple, np.ndarray)) and np.ndim(reference) == 1
+    if isinstance(reference, (list, tuple)):
+        return not any(isinstance(each, (list, tuple)) for each in reference)
+    return getattr(reference, "ndim", 0) == 1
 
 
 SCENARIO = {

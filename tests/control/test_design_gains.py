@@ -295,4 +295,4 @@ def test_what_is_left_at_rest_without_an_integral_is_said():
         other = aw.design_gains(replace(one, loop=replace(one.loop, controller=law)), poses=50)
         assert other.friction_error.all() == left
         assert not other.weight_error.any()  # PD: gravity = True
-        assert len(other.sentences()) == 2 + left
+        assert len(other.sentences()) == 2 + left + len(other.notes)

@@ -58,7 +58,7 @@ def test_example(example: Path, tmp_path: Path) -> None:
         assert line in done.stdout
     for name in files:
         assert (folder / name).stat().st_size > 1000
-    assert 2 <= len(done.stdout.splitlines()) <= 12
+    assert 2 <= len(done.stdout.splitlines()) <= 14
     if picture := PICTURES.get(f"examples/{example.name}"):  # which the docs show
         told = picture.changed(folder / picture.file)
         assert told is None, f"{picture.file}: {told}; if it is meant to: make pictures, and look at it"

@@ -147,5 +147,5 @@ def test_a_file_of_another_kind_is_named(tmp_path):
 def test_a_loop_that_diverges_says_what_to_try():
     arm = aw.load("puma560")
     loop = aw.Loop(aw.JointPID(kp=1e7, kd=1e5), np.ones(6), 1e-3)
-    with pytest.raises(DivergenceError, match=r"smaller gains, if the loop is unstable \(armwright loops"):
+    with pytest.raises(DivergenceError, match=r"the loop is unstable: elbow oscillates .*`armwright loops FILE`"):
         aw.simulate(aw.Scenario(arm, 1.0, loop=loop))

@@ -142,6 +142,7 @@ CASES = {
     "seed": lambda: (replace(sensors(position_noise=1e-4), seed=4), sensors(position_noise=1e-4)),
     "first_lane": lambda: (replace(sensors(position_noise=1e-4), first_lane=4), sensors(position_noise=1e-4)),
     "document": lambda: BASE,
+    "source": lambda: BASE,
     "notes": lambda: BASE,
     "loop.controller": lambda: loop(controller=replace(LAW, position_kp=14.0)),
     "loop.reference": lambda: loop(reference=[0.32]),

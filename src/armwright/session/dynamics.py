@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,7 +16,9 @@ from armwright.session import motor_quantities
 from armwright.session.listing import Line, Listing, Output, Sheet, by_joint, by_row, significant
 from armwright.session.workspace import Workspace
 from armwright.spatial import roll_pitch_yaw
-from armwright.trajectory.rest import Torques, torques
+
+if TYPE_CHECKING:
+    from armwright.trajectory.rest import Torques
 
 
 def inverse_arm(session: Workspace, arguments: dict[str, Any]) -> list[Output]:
@@ -24,6 +26,8 @@ def inverse_arm(session: Workspace, arguments: dict[str, Any]) -> list[Output]:
     if arguments["file"] is not None:
         listing, notes = _inverse_of_sets(session, arguments["file"])
         return [*session.emit(listing), *notes]
+    from armwright.trajectory.rest import torques  # with the kernels, which a prompt does not wait for
+
     state = session.state
     found = torques(state.arm, state.loaded.dyn, *(each[None] for each in (state.q, state.qd, state.qdd)))
     torque = found.tau[0]
@@ -66,6 +70,8 @@ def _beyond(arm: Model, columns: list[tuple[str, list[str], np.ndarray]], found:
 
 def _inverse_of_sets(session: Workspace, file: str) -> tuple[Listing, list[Output]]:
     """Every row of a table with q_JOINT, qd_JOINT and qdd_JOINT, and notes; columns are those of `armwright inverse-dynamics`."""
+    from armwright.trajectory.rest import torques
+
     state, arm = session.state, session.state.arm
     quantities = ("q", "qd", "qdd")
     data = read_table(file, dict.fromkeys(quantities, arm.names), {q: joint_units(arm, q) for q in quantities})

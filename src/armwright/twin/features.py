@@ -19,6 +19,7 @@ FEATURES = {
     "seed": EXACT,
     "first_lane": EXACT,
     "document": NONE,
+    "source": NONE,
     "notes": NONE,
     "loop.controller": EXACT,
     "loop.controller, absent": REFUSED,

@@ -106,8 +106,8 @@ class GainDesign:
             f"{self.method}: bandwidths {speeds} rad/s, small delays {1e3 * self.lag.max():.3g} ms",
             f"the gains {keeps} a gain margin of {gain:g} and a phase margin of {np.degrees(phase):.3g}° at {self.poses} "
             "extreme poses; between them nothing is proven",
-            *rest_sentences(self.scenario.arm, self.friction_error, self.weight_error),
             *self.notes,
+            *rest_sentences(self.scenario.arm, self.friction_error, self.weight_error),
         ]
 
 
