@@ -122,7 +122,8 @@ def as_differences(scenario, answer, folder):
         scenario = replace(scenario, recording=aw.Recording(every=10))
     found = aw.sensitivities(scenario, ["rod0.mass_kg"])
     ends = [
-        aw.simulate(replace(scenario, vary={"rod0.mass_kg": 2.0 + sign * step}), **SMALL).q.values for sign in (1, -1)
+        aw.simulate(replace(scenario, vary={**scenario.vary, "rod0.mass_kg": 2.0 + sign * step}), **SMALL).q.values
+        for sign in (1, -1)
     ]
     expected, mine = (ends[0] - ends[1]) / (2 * step), found["d_q"].values
     scale = np.abs(expected).max() + 1e-12

@@ -34,7 +34,8 @@ LEFT_OUT = "left out"
 SUPPORT = Support(
     "loops",
     scenario=True,
-    approximated=dict.fromkeys(
+    approximated={"lanes": "the record's own arm is analysed"}
+    | dict.fromkeys(
         (
             *("gear loss", "dry friction", "smoothed friction", "friction by direction", "friction offset"),
             *("Stribeck friction", "sigmoid friction", "LuGre friction", "friction by temperature", "play"),

@@ -291,7 +291,7 @@ class _Found:
             return np.nan, np.inf, f"{joint}: {self._reason_unseen(j)}"
         h, std = float(self.fit.inverse[k[0]]), float(np.sqrt(self.spread[k[0], k[0]]))
         if HALF_95 * std > WIDEST * abs(h):
-            weight = self._weight(self.fit, k[0], std / abs(h) / self.fit.deviations[k[0]])
+            weight = self._weight(self.fit, k[0], std / abs(h) / float(self.fit.deviations[k[0]]))
             vague = f"its gain is ± {HALF_95 * std / abs(h):.0%} in 95 % of cases, too uncertain: "
             return h, std, f"{joint}: {vague}{self._remedy(weight, 'about')}"
         if h < 0:

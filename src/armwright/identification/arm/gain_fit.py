@@ -212,7 +212,7 @@ def _smallest(problem: GainProblem, weights: np.ndarray) -> np.ndarray:
     matrix = np.concatenate(blocks)
     size = np.linalg.norm(matrix, axis=0)
     size[size == 0] = 1.0
-    R = np.linalg.qr(matrix / size, mode="r")
+    R = np.asarray(np.linalg.qr(matrix / size, mode="r"))
     b = R.shape[1] - k - 1
     rows = np.array([problem.factors[j].rows for j in problem.joints])
     D = weights**2 * rows * problem.variances / size[-k:] ** 2
@@ -259,7 +259,7 @@ def _relative(jacobian: np.ndarray, inverse: np.ndarray) -> np.ndarray:
         return np.zeros(0)
     size = np.linalg.norm(jacobian[:, :-k], axis=0)
     size[size == 0] = 1.0
-    R = np.linalg.qr(np.column_stack([jacobian[:, :-k] / size, jacobian[:, -k:] * inverse]), mode="r")
+    R = np.asarray(np.linalg.qr(np.column_stack([jacobian[:, :-k] / size, jacobian[:, -k:] * inverse]), mode="r"))
     _, values, V = np.linalg.svd(R[len(size) :, -k:], full_matrices=True)
     values = np.concatenate([values, np.zeros(k - len(values))])
     floor = UNSEEN + 1e-9 * np.linalg.norm(jacobian[:, -k:] * inverse)  # rounding of an exact zero
