@@ -121,7 +121,9 @@ def features() -> str:
             words += _words(each)
         parts.append(f"## {title}\n\n{table(['', *(each.consumer for each in supports)], rows)}\n\n" + "\n".join(words))
     total = sum(count.values())
-    shares = ", ".join(f"{SIGNS[outcome]} {outcome} {number} ({number / total:.0%})" for outcome, number in count.items())
+    shares = ", ".join(
+        f"{SIGNS[outcome]} {outcome} {number} ({number / total:.0%})" for outcome, number in count.items()
+    )
     return f"{total} pairs: {shares}.\n\n" + "\n\n".join(parts)
 
 
