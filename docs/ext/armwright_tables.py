@@ -111,15 +111,16 @@ def features() -> str:
     for title, places in CONSUMERS.items():
         supports = [declared(place) for place in places]
         known = {name: feature for each in supports for name, feature in each.features.items()}
-        rows, words = [], []
+        rows: list[list[str]] = []
         for name in known:
             outcomes = [each.outcome(name)[0] if name in each.features else "" for each in supports]
             for outcome in filter(None, outcomes):
                 count[outcome] += 1
             rows.append([name, *(SIGNS.get(outcome, "") for outcome in outcomes)])
-        for each in supports:
-            words += _words(each)
-        parts.append(f"## {title}\n\n{table(['', *(each.consumer for each in supports)], rows)}\n\n" + "\n".join(words))
+        parts.append(
+            f"## {title}\n\n{table(['', *(each.consumer for each in supports)], rows)}\n\n"
+            + "\n".join(_words(supports))
+        )
     total = sum(count.values())
     shares = ", ".join(
         f"{SIGNS[outcome]} {outcome} {number} ({number / total:.0%})" for outcome, number in count.items()
@@ -127,16 +128,20 @@ def features() -> str:
     return f"{total} pairs: {shares}.\n\n" + "\n\n".join(parts)
 
 
-def _words(support: Any) -> list[str]:
-    """A line for each declared reason of a consumer, with the features that it is about."""
-    reasons: dict[tuple[str, str], list[str]] = {}
-    for name in support.features:
-        outcome, words = support.outcome(name)
-        if outcome != "exact":
-            reasons.setdefault((outcome, words), []).append(name)
+def _words(supports: Sequence[Any]) -> list[str]:
+    """A line for each declared reason, with the consumers that have it and the features that it is about."""
+    reasons: dict[tuple[str, str, str], list[str]] = {}
+    for each in supports:
+        own: dict[tuple[str, str], list[str]] = {}
+        for name in each.features:
+            outcome, words = each.outcome(name)
+            if outcome != "exact":
+                own.setdefault((outcome, words), []).append(name)
+        for (outcome, words), names in own.items():
+            reasons.setdefault((outcome, ", ".join(names), words), []).append(each.consumer)
     return [
-        f"- **{support.consumer}** {SIGNS[outcome]} {', '.join(names)}: {words}"
-        for (outcome, words), names in sorted(reasons.items())
+        f"- {SIGNS[outcome]} {features}: {words} ({', '.join(consumers)})"
+        for (outcome, features, words), consumers in sorted(reasons.items())
     ]
 
 
