@@ -140,7 +140,7 @@ def _words(supports: Sequence[Any]) -> list[str]:
         for (outcome, words), names in own.items():
             reasons.setdefault((outcome, ", ".join(names), words), []).append(each.consumer)
     return [
-        f"- {SIGNS[outcome]} {features}: {words} ({', '.join(consumers)})"
+        f"- {SIGNS[outcome]} **{features}**: {words} ({', '.join(consumers)})"
         for (outcome, features, words), consumers in sorted(reasons.items())
     ]
 
