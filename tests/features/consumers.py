@@ -226,7 +226,7 @@ def swept(scenario, folder):
     found = aw.sweep(scenario, folder / "store.zarr", lanes=count, **SMALL)
     data = found.load()
     assert data.finished.values.all(), str(found)
-    return Answer([data[name].values for name in data.data_vars if data[name].dtype.kind == "f"], "", found)
+    return Answer([data[name].values for name in sorted(data.data_vars) if data[name].dtype.kind == "f"], "", found)
 
 
 # Identification.

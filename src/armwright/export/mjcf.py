@@ -91,7 +91,8 @@ def mjcf_text(description: RobotDescription) -> tuple[str, list[str]]:
             line = _text((joint.mimic.offset, joint.mimic.multiplier, 0.0, 0.0, 0.0))
             ElementTree.SubElement(equality, "joint", {**pair, "polycoef": line})
             losses.add(
-                "that joints that follow others do so exactly (MuJoCo's equality constraints give way)", joint.name
+                "that it follows exactly, as joints that follow others do (MuJoCo's equality constraints give way)",
+                joint.name,
             )
     add_tendons(root, bodies, description, frames, losses)
     if not len(equality):

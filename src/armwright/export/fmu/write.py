@@ -23,7 +23,12 @@ from armwright.output import whole_file, working_folder
 from armwright.simulation.scenario import Scenario
 from armwright.simulation.scenario_parts import Loop
 
-SUPPORT = Support("export fmu", scenario=True)
+SUPPORT = Support(
+    "export fmu",
+    scenario=True,
+    without_effect={"brakes": "they are released unless inputs.brake applies them"},
+    refused={"lanes": "one arm"},
+)
 
 SOURCES = Path(__file__).parent / "sources"
 INTERFACES = ("co-simulation", "model-exchange")
