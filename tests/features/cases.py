@@ -266,5 +266,5 @@ SCENARIOS = {  # of an arm: the scenario with a feature, and the one without
     "applied brakes": _braked,
     "payloads over time": lambda arm: _given(arm, payload=[BODY]),
     "moving start": lambda arm: (replace(looped(arm), start=aw.Start(START[:2], [0.5] * 2)), looped(arm)),
-    "lanes": lambda arm: (replace(looped(arm), vary={"rod1.mass_kg": aw.Batch([1.8, 2.2])}), looped(arm)),
+    "lanes": lambda arm: (replace(looped(arm), vary={"rod1.mass_kg": aw.Batch([1.8, 1.9, 2.1, 2.2])}), looped(arm)),
 }

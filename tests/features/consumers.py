@@ -205,8 +205,9 @@ def compared(scenario, folder):
 
 
 def tuned(scenario, folder):
-    found = aw.tune(scenario, {"kp": (20.0, 300.0)}, lanes=4, generations=1, candidates=4, poses=10, **SMALL)
-    return Answer([np.array([str(found)])], "", found)
+    gain = "position_kp" if isinstance(scenario.controller, aw.Cascade) else "kp"
+    found = aw.tune(scenario, {gain: (10.0, 300.0)}, lanes=4, generations=1, candidates=4, poses=10, **SMALL)
+    return Answer([*found.held_out.values(), found.history], "", found)
 
 
 def reduced(scenario):

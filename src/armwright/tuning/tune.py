@@ -30,7 +30,7 @@ from armwright.tuning.space import GainSpace, rounded
 from armwright.tuning.uncertainty import USUAL, Uncertainty
 from armwright.validation import validated
 
-SUPPORT = SIMULATED.named("tune")
+SUPPORT = replace(SIMULATED, consumer="tune", refused={"commands over time": "has no controller"})
 
 STILL = 1e-6  # [rad | m] of a tracking error: an arm that only holds its pose
 METHODS = ("cma", "differential-evolution")
