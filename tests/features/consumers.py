@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from typer.testing import CliRunner
@@ -222,9 +224,19 @@ def as_simulated(scenario, answer, folder):
         np.testing.assert_array_equal(answer.found.load()[name].values.ravel(), run[name].values.ravel())
 
 
+@cache
+def _client():
+    """A cluster within this process, for all sweeps of the walk."""
+    from distributed import Client
+
+    client = Client(processes=False, n_workers=1, threads_per_worker=1, dashboard_address=None)
+    atexit.register(client.close)
+    return client
+
+
 def swept(scenario, folder):
     scenario, count = reduced(scenario), scenario.lane_count or 1
-    found = aw.sweep(scenario, folder / "store.zarr", lanes=count, **SMALL)
+    found = aw.sweep(scenario, folder / "store.zarr", lanes=count, client=_client(), **SMALL)
     data = found.load()
     assert data.finished.values.all(), str(found)
     return Answer([data[name].values for name in sorted(data.data_vars) if data[name].dtype.kind == "f"], "", found)
