@@ -289,7 +289,7 @@ class Support:
         return ("approximated", self.approximated), ("without effect", self.without_effect), ("refused", self.refused)
 
     def outcome(self, feature: str) -> tuple[Outcome, str]:
-        """What a feature is to the consumer, with the declared words; its own go before those of its groups."""
+        """Outcome of a feature for the consumer, with the declared words; its own go before those of its groups."""
         for name in (feature, *(group for group, features in GROUPS.items() if feature in features)):
             for outcome, declared in self._declared:
                 if name in declared:

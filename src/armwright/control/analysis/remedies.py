@@ -49,7 +49,7 @@ class LoopRemedies:
     asked: tuple[float, float]
 
     def sentences(self) -> list[str]:
-        """What would do, in words."""
+        """The remedy in words."""
         gain, phase = self.asked
         asked = f"a gain margin of {gain:g} and a phase margin of {np.degrees(phase):.3g}°"
         lines = []

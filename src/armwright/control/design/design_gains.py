@@ -92,7 +92,7 @@ class GainDesign:
 
     @cached_property
     def limits(self) -> tuple[JointLimit, ...]:
-        """What limits each joint: how much faster it could be without one of its causes, computed when first asked for."""
+        """Limit of each joint: how much faster it could be without one of its causes, computed when first asked for."""
         from armwright.control.design.limiting import joint_limits  # which designs again, without each of the causes
 
         return joint_limits(self)

@@ -1,4 +1,4 @@
-"""What limits a designed joint: the design again without one cause at a time, and how much faster each joint is then.
+"""Limits of designed joints: the design again without one cause at a time, and how much faster each joint is then.
 
     factor of a cause = bandwidth of the joint by itself without it / with it
 
@@ -29,7 +29,7 @@ MATTERS = 1.1  # factor from which a cause is named
 
 @dataclass(frozen=True)
 class JointLimit:
-    """What limits one joint's bandwidth.
+    """Limit of one joint's bandwidth.
 
     Attributes:
         joint: its name.   bandwidth: [rad/s] of the design.

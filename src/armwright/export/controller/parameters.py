@@ -151,7 +151,7 @@ def gain_members(stages: ControllerStages) -> list[Member]:
 
 
 def _rule(name: str, values: np.ndarray) -> int:
-    """What numbers a field of a law may have; what the scenario's break does not hold."""
+    """Numbers that a field of a law may have; what the scenario's break does not hold."""
     last = name.rpartition(".")[2]
     rule = INFINITE if last.endswith("limit") or np.isinf(values).any() else 0
     return rule | (NOT_NEGATIVE if (last.endswith("limit") or last in LIMITS) and (values >= 0.0).all() else 0)
