@@ -98,7 +98,7 @@ ARMS = {
             "command": None,
         }
     },
-    "branches": {"third": {"parent": "rod0"}, "robot": {"tip": "rod1"}},
+    "branches": {"third": {"parent": "rod0"}, "robot": {"tip": "rod2"}},
 }
 
 
@@ -121,7 +121,7 @@ def arms(feature: str, command: str = "voltage") -> tuple[aw.Model, aw.Model]:
     if feature == "mimic joints":
         without = _built(command, third={"limits": LIMITS})
     elif feature == "branches":
-        without = _built(command, third={}, robot={"tip": "rod1"})
+        without = _built(command, third={}, robot={"tip": "rod2"})
     else:
         without = _built(command, joint=case["bare"]) if "bare" in case else base(command)
     return _built(command, **keys), without
