@@ -224,9 +224,9 @@ def run_other(case: Case) -> None:
 
 
 CALLS: dict[str, tuple[float, Callable[[Random], Case], Callable[[Case], Any]]] = {
-    "function": (60, make_function, run_function),
-    "kernel": (150, make_kernel, run_kernel),
-    "object": (80, make_object, run_object),
+    "function": (300, make_function, run_function),
+    "kernel": (100, make_kernel, run_kernel),
+    "object": (300, make_object, run_object),
     "scenario-in-python": (20, make_scenario, run_scenario),
     "other": (10, make_other, run_other),
 }

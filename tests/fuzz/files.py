@@ -359,19 +359,19 @@ def run_session(case: Case) -> None:
 
 
 FILES: dict[str, tuple[float, Callable[[Random], Case], Callable[[Case], Any]]] = {
-    # kind: (share of the inputs, what makes one, what reads it)
-    "robot": (10, make_robot, run_robot),
-    "urdf": (10, make_urdf, run_robot),
+    # kind: (share of the inputs: the less one costs the more; what makes one; what reads it)
+    "robot": (8, make_robot, run_robot),
+    "urdf": (20, make_urdf, run_robot),
     "mjcf": (4, make_mjcf, run_robot),
     "parts": (3, make_parts, run_parts),
     "assembly": (5, make_assembly, run_assembly),
     "task": (5, make_task, run_task),
     "scenario": (4, make_scenario, run_scenario),
     "motion": (1, make_motion, run_motion),
-    "csv": (15, make_csv, run_csv),
+    "csv": (60, make_csv, run_csv),
     "log": (2, make_log, run_log),
-    "mesh": (10, make_mesh, run_mesh),
-    "formula": (20, make_formula, run_formula),
+    "mesh": (20, make_mesh, run_mesh),
+    "formula": (80, make_formula, run_formula),
     "run": (1, make_run, run_run),
     "session": (6, make_session, run_session),
 }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -25,18 +26,18 @@ def readable_robot(data: Any, folder: Path | None) -> tuple[RobotDescription, li
     fields: dict[str, Any] = {"name": "robot", "joints": (), "links": (), "frames": ()}
     unread: list[str] = []
     data = data if isinstance(data, Mapping) else {}
-    for key, field in RobotDescription.model_fields.items():
+    for key in RobotDescription.model_fields:
         value = data.get(key)
         if key in LISTS and isinstance(data.get(key[:-1]), list):  # [[joint]], which is reported as such
             value = [*(value if isinstance(value, list) else ()), *data[key[:-1]]]
         if value is None:
             continue
         if key not in LISTS:
-            read = _read(field.rebuild_annotation(), value, folder)
+            read = _read(key, value, folder)
             fields[key] = _instead(key, value) if read is None else read
             continue
         tables = [table for table in value if _has_names(table, key)] if isinstance(value, list) else []
-        records = [_read(LISTS[key], table, folder) for table in tables]
+        records = [_read(key, table, folder) for table in tables]
         fields[key] = tuple(record or _bare(key, table) for record, table in zip(records, tables, strict=True))
         if key == "joints":
             unread = [table["name"] for record, table in zip(records, tables, strict=True) if record is None]
@@ -53,10 +54,15 @@ def _instead(key: str, value: Any) -> Any:
     return {"name": "robot", "source": "estimate", "command": "torque"}.get(key)
 
 
-def _read(kind: Any, value: Any, folder: Path | None) -> Any:
-    """A value as what a field holds, or None."""
+@cache
+def _adapter(key: str) -> pydantic.TypeAdapter[Any]:
+    return pydantic.TypeAdapter(LISTS.get(key) or RobotDescription.model_fields[key].rebuild_annotation())
+
+
+def _read(key: str, value: Any, folder: Path | None) -> Any:
+    """A value as what a field of a robot, or a table of a list, holds, or None."""
     try:
-        return pydantic.TypeAdapter(kind).validate_python(value, context={"folder": folder})
+        return _adapter(key).validate_python(value, context={"folder": folder})
     except pydantic.ValidationError:
         return None
 
