@@ -258,7 +258,7 @@ def has_masked_entries(value: Any) -> bool:
 
 def real_number(value: Any) -> float | None:
     """A number of any type as a float; None if the value is no real number, or beyond the range of floats."""
-    if isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Real):
+    if isinstance(value, (bool, np.bool_, np.timedelta64)) or not isinstance(value, numbers.Real):
         return None
     try:
         return float(value)

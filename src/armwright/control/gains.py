@@ -92,7 +92,7 @@ def check_whole(law: str, name: str, value: Any, low: int, expected: str) -> Non
     Raises:
         ScenarioError: names it and what was expected.
     """
-    if isinstance(value, bool) or not isinstance(value, numbers.Integral) or value < low:
+    if scalar.real_number(value) is None or not isinstance(value, numbers.Integral) or value < low:
         raise ScenarioError(place=f"{law}.{name}", value=value, expected=expected)
 
 

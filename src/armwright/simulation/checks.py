@@ -61,7 +61,7 @@ def check_choice(place: str, value: Any, choices: tuple[str, ...]) -> None:
 
 def is_whole(value: Any, least: int) -> bool:
     """True for a whole number that is at least so large."""
-    return isinstance(value, numbers.Integral) and not isinstance(value, bool) and int(value) >= least
+    return isinstance(value, numbers.Integral) and scalar.real_number(value) is not None and int(value) >= least
 
 
 def check_whole(place: str, value: Any, least: int) -> None:
