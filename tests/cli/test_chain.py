@@ -1,6 +1,6 @@
 """The whole way by commands, for every built-in arm with motors: excite, simulate, identify, plan, design, export, run on a bus.
 
-Each step reads files that the steps before wrote. The bench (period, sensors, timing) and the task are stated once, as a user would.
+Each step reads files that the steps before wrote. The bench (period, sensors, timing) and the task are stated once, by the user.
 """
 
 from __future__ import annotations
@@ -151,11 +151,11 @@ def test_a_chain_of_files_from_the_excitation_to_the_bus(robot, tmp_path, monkey
     for k in range(NEW_MOTIONS):
         write_new_motion(tmp_path / f"new{k}.motion.toml", robot, rng)
         armwright("plan", f"new{k}.motion.toml", "-o", f"new{k}.csv")
-    armwright(
-        "simulate", "excited.scenario.toml", "--reference", "new0.csv", "-o", "new0.run.csv", "--log", "arm.log.toml", "--hold-out"
-    )  # fmt: skip
+    held = ("-o", "new0.run.csv", "--log", "arm.log.toml", "--hold-out")
+    armwright("simulate", "excited.scenario.toml", "--reference", "new0.csv", *held)
 
-    # identify, with the law of friction of the record, up to where the loop's bandwidth ends
+    # identify, with the law of friction of the record, up to where the loop's bandwidth ends: of a log this short the chosen
+    # cut-off leaves too few rows, and the command then asks for a higher one
     cutoff = max(json.loads(designed.stdout)["results"][0]["bandwidth"]) / (2 * np.pi)
     friction = "viscous,asymmetric" if has_friction_by_direction(arm) else "viscous,coulomb,offset"
     identify = {"cutoff": cutoff, "friction": tuple(friction.split(","))}
@@ -165,9 +165,8 @@ def test_a_chain_of_files_from_the_excitation_to_the_bus(robot, tmp_path, monkey
 
     # plan, design, simulate
     armwright("plan", "task.motion.toml", "-o", "task.csv")
-    armwright(
-        "design", "excited.scenario.toml", "--robot", "identified.toml", "--reference", "task.motion.toml", "-o", "task.scenario.toml"
-    )  # fmt: skip
+    task = ("--robot", "identified.toml", "--reference", "task.motion.toml")
+    armwright("design", "excited.scenario.toml", *task, "-o", "task.scenario.toml")
     armwright("loops", "task.scenario.toml", "--poses", 2000)
     armwright("simulate", "task.scenario.toml", "-o", "task.nc")
 
@@ -190,17 +189,17 @@ def test_a_chain_of_files_from_the_excitation_to_the_bus(robot, tmp_path, monkey
 def check_new_motions(arm, identify):
     """On new motions the written record's simulation follows the true one within NOISE times what noise explains.
 
-    The chain's log is simulated again with other seeds of its noise, and each is identified in the same way. The standard deviation
-    of the simulated motions of these records and the chain's, about their mean, is what noise explains. An error that all
-    of them share, as of a number that a step loses, is not part of it and fails, however small it is.
+    The chain's log is simulated again with other seeds of its noise, and each is identified in the same way. The standard
+    deviation of the simulated motions of these records and the chain's, about their mean, is what noise explains. An error
+    that all of them share, as of a number that a step loses, is not part of it and fails, however small it is.
     """
     scenario = aw.read_scenario("excited.scenario.toml")
     motions = [aw.load_motion(f"new{k}.csv", arm) for k in range(NEW_MOTIONS)]
     records = [aw.load("identified.toml")]
     for seed in SEEDS:
         run = aw.simulate(replace(scenario, seed=seed))
-        aw.save(run, f"seed{seed}.csv")
-        log = aw.read_log(aw.write_log(run, f"seed{seed}.csv", f"seed{seed}.log.toml", scenario.arm))
+        aw.save(run, f"seed{seed}.parquet")
+        log = aw.read_log(aw.write_log(run, f"seed{seed}.parquet", f"seed{seed}.log.toml", scenario.arm))
         records.append(aw.load(aw.identify_arm(log, sensitivity=False, **identify).write(f"seed{seed}.toml")))
     truth = followed(scenario, arm, motions)
     errors = [
