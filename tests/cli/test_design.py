@@ -1,4 +1,4 @@
-"""`armwright design`: the written file, what limits each joint, exit codes, and a chain of files without a number typed."""
+"""`armwright design`: the written file, what limits each joint, exit codes."""
 
 from __future__ import annotations
 
@@ -93,49 +93,3 @@ def test_an_arm_gets_a_scenario_that_follows_a_motion(tmp_path):
     np.testing.assert_array_equal(scenario.start.q, [0.1, 0.2])
     run = aw.simulate(scenario)
     np.testing.assert_allclose(run.q.values[-1], [0.4, -0.3], atol=0.15)
-
-
-MOTION = """\
-robot = "identified.toml"
-start = 0.0
-[limits]
-velocity = 0.4
-acceleration = 1.0
-jerk = 10.0
-[[segments]]
-kind = "grip"
-mass_kg = 0.5
-[[segments]]
-kind = "move"
-goal = 0.4
-"""
-
-
-@pytest.mark.study
-@pytest.mark.parametrize(("robot", "period", "timing"), [("lwa4p", 4e-3, "one-tick"), ("cmu-dd", 5e-4, "ideal")])
-def test_a_chain_of_files_from_the_excitation_to_the_bus(robot, period, timing, tmp_path, monkeypatch):
-    """excite → simulate → identify → plan → design → loops → simulate → C → FMU → twin; each reads what the step before wrote."""
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "go.motion.toml").write_text(MOTION)
-    armwright("excite", robot, "-o", "excite.csv", "--period", 8, "--harmonics", 3, "--starts", 1, "--velocity", 0.8)
-    armwright(
-        "design", robot, "--period", period, "--timing", timing, "--reference", "excite.csv", "-o", "excited.scenario.toml"
-    )  # fmt: skip
-    armwright("simulate", "excited.scenario.toml", "-o", "excited.csv", "--log", "arm.log.toml")
-    armwright("identify", "arm", "arm.log.toml", "-o", "identified.toml")
-    armwright("plan", "go.motion.toml", "-o", "go.csv")
-    armwright("design", "excited.scenario.toml", "--reference", "go.csv", "-o", "held.scenario.toml")
-    armwright("simulate", "held.scenario.toml", "-o", "held.csv", "--log", "arm.log.toml", "--hold-out")
-    armwright("validate", "identified.toml", "arm.log.toml")
-    armwright(
-        "design", "excited.scenario.toml", "--robot", "identified.toml", "--reference", "go.motion.toml", "-o", "go.scenario.toml"
-    )  # fmt: skip
-    armwright("loops", "go.scenario.toml", "--poses", 2000)
-    armwright("simulate", "go.scenario.toml", "-o", "go.nc")
-    text = armwright("export", "controller", "go.scenario.toml", "-o", "firmware")
-    assert "every command has the bits of the simulation" in text or "no C compiler" in text
-    armwright("export", "fmu", "go.scenario.toml", "--part", "both", "--platforms", "host", "-o", "go.fmu")
-    if robot == "lwa4p":  # frames of a bus take longer than half a millisecond
-        pytest.importorskip("canopen")
-        text = armwright("run-controller", "go.scenario.toml", "--go")
-        assert "are those of the simulation, to the bit" in text

@@ -49,6 +49,17 @@ def test_record_with_fitted_numbers_moves_as_the_truth(tmp_path):
     assert again.record.fits["fit"].log_sha256 == log.sha256
 
 
+def test_smoothing_speeds_go_with_friction_to_the_other_side(tmp_path):
+    """A fit writes friction of the joints where the record has that of the motors; Coulomb's sign stays as it was fitted."""
+    arm = aw.load("puma560")
+    assert {body.friction.on_motor for body in arm.coordinates} == {True}
+    found = aw.identify_arm(aw.read_log(write_log(tmp_path, arm, seconds=20)), arm, sensitivity=False)
+    again = aw.load(found.write(tmp_path / "found.toml"))
+    assert {body.friction.on_motor for body in again.coordinates} == {False}
+    before, after = ([body.friction.smoothing for body in each.coordinates] for each in (arm, again))
+    np.testing.assert_allclose(after, before, rtol=1e-14)
+
+
 def test_kinematics_alone_are_enough(tmp_path):
     """The same log without masses, motors and friction of the record: base parameters are the same."""
     arm = aw.load("lwa4p")

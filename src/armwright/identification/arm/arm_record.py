@@ -204,6 +204,14 @@ def _number(value: float, key: str) -> dict[str, Any]:
     return {"value": value, "source": key}
 
 
+def _scaled(quantity: Any, factor: float) -> Any:
+    """The quantity with value and deviation times a factor, from the same source."""
+    if factor == 1.0:
+        return quantity
+    std = None if quantity.std is None else quantity.std * factor
+    return quantity.replace(value=quantity.number * factor, std=std)
+
+
 def _with_drive(
     joint: Any,
     model: TorqueModel,
@@ -289,10 +297,11 @@ def _friction(
     values: dict[str, Any] = {"side": "motor"} if on_motor else {}
     if lossy and old is not None and old.load_coefficient is not None and "coulomb" in "".join(fitted):
         values["load_coefficient"] = old.load_coefficient
-    if old is not None and old.law == "coulomb" and (old.side == "motor") == on_motor:
-        smoothing = key_of("smoothing", "speed", linear)
-        if getattr(old, smoothing) is not None:
-            values[smoothing] = getattr(old, smoothing)
+    if old is not None and old.law == "coulomb":  # the fit took Coulomb's sign over this speed
+        smoothing = getattr(old, key_of("smoothing", "speed", joint.type == "prismatic" and old.side != "motor"))
+        if smoothing is not None:
+            turns = n / abs(ratio) if old.side == "motor" else n  # speeds of the new side by those of the old one
+            values[key_of("smoothing", "speed", linear)] = _scaled(smoothing, turns)
 
     def put(stem: str, dimension: Any, kind: str, factor: float, value: float | None = None) -> None:
         name = key_of(stem, dimension, linear)
