@@ -282,7 +282,7 @@ def keeps_its_margins(scenario, answer, folder):
     assert found.keeps
     factors = (found.asked[0], 1.0 / found.asked[0])
     rows = [np.where(np.arange(n) == joint, each, 1.0) for each in factors for joint in range(n)]
-    dies = growth(found.scenario, [np.ones(n), *rows])
+    dies = growth(replace(scenario, loop=found.scenario.loop), [np.ones(n), *rows])
     assert (dies < 1.0).all(), dies
 
 
@@ -480,20 +480,25 @@ def keeps_its_limits(arm, answer, folder):
 # Export, bus, formats.
 
 
+def by_model(scenario):
+    """The scenario with a controller that computes dynamics in place of a PD controller."""
+    if scenario.loop is None or not isinstance(scenario.controller, aw.JointPID):
+        return scenario
+    return replace(scenario, loop=replace(scenario.loop, controller=aw.ComputedTorque(200.0, 20.0)))
+
+
 def exported(scenario, folder):
-    if scenario.loop is not None and isinstance(scenario.controller, aw.JointPID):
-        scenario = replace(scenario, loop=replace(scenario.loop, controller=aw.ComputedTorque(200.0, 20.0)))
-    found = aw.export_controller(scenario, folder / "c", ticks=20)
+    found = aw.export_controller(by_model(scenario), folder / "c", ticks=20)
     texts = [path.read_text() for path in sorted((folder / "c").glob("*.c")) if "selftest" not in path.name]
-    return Answer([text.split("*/", 1)[1] for text in texts], "\n".join(found.notes), (scenario, found))
+    return Answer([text.split("*/", 1)[1] for text in texts], "\n".join(found.notes), found)
 
 
-def commands_of_simulation(_, answer, folder):
+def commands_of_simulation(scenario, answer, folder):
     """The compiled controller's commands have the bits of the simulation."""
-    scenario, found = answer.found
+    found = answer.found
     if found.comparison is None:
         pytest.skip("no C compiler")
-    run = aw.simulate(scenario, **SMALL)
+    run = aw.simulate(by_model(scenario), **SMALL)
     assert (found.comparison.ticks, found.comparison.others) == (20, 0)
     np.testing.assert_array_equal(found.comparison.commands, run.u_issued.values[:20])
 
