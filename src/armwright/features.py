@@ -322,7 +322,8 @@ CONSUMERS = {  # where each declaration stands in this package, by what the cons
     ),
     "Identification and validation": (
         *("identification.arm.torque_model.SUPPORT", "identification.arm.friction.SUPPORT"),
-        *("identification.arm.payload.SUPPORT", "identification.validation.validate.SUPPORT", "shadow.shadow.SUPPORT"),
+        *("identification.arm.payload.SUPPORT", "identification.motor.identify.SUPPORT"),
+        *("identification.validation.validate.SUPPORT", "shadow.shadow.SUPPORT"),
     ),
     "Deployment and files": (
         *("export.controller.write.SUPPORT", "export.fmu.write.SUPPORT", "twin.on_bus.SUPPORT", "export.ros2.SUPPORT"),

@@ -5,17 +5,27 @@ from __future__ import annotations
 import atexit
 import contextlib
 from collections.abc import Callable
+from ctypes import CDLL
 from dataclasses import dataclass, replace
 from functools import cache
+from typing import Any
 
 import numpy as np
+import pytest
 from typer.testing import CliRunner
 
 import armwright as aw
+from armwright.actuators import holding_command
 from armwright.actuators.coupling import shares_of, to_joints
 from armwright.control.analysis import LinearLoop
-from features.cases import GOAL, START, Wave, commanded, looped
+from armwright.control.wrapper import Wrapper
+from armwright.description.paths import quantities
+from armwright.dynamics import holding_torques
+from armwright.export.controller.sil import find_compiler
+from armwright.simulation.loop.references import reference_rows
+from features.cases import BODY, GOAL, START, Wave, base, commanded, looped
 from identification.arm.moved_arm import written_log
+from kernels.c_compilers import BITS, batch_function, build, compiler, run_batch
 
 SMALL = {"progress": False}
 
@@ -36,13 +46,15 @@ class Consumer:
     Attributes:
         support: where its declaration stands.   answer: of an arm or scenario, in a folder of its own.
         law: asserts that an answer is right.   of: the scenario of an arm; None: it takes arms alone.   command: of its drives.
+        each_pair: False: the law takes long, and is held with all exact features together only.
     """
 
     support: str
     answer: Callable[..., Answer]
-    law: Callable[..., None] | None = None
+    law: Callable[..., None]
     of: Callable[[aw.Model], aw.Scenario] | None = None
     command: str = "voltage"
+    each_pair: bool = True
 
 
 def states(arm, count=5, seed=1):
@@ -76,7 +88,27 @@ def c_files(arm, folder):
 
     paths = write_c(arm, ["inverse_dynamics", "forward_dynamics", "forward_kinematics"], folder)
     texts = {path.suffix: path.read_text() for path in paths if "selftest" not in path.name}
-    return Answer([texts[".c"]], texts[".h"])
+    return Answer([texts[".c"]], texts[".h"], paths[1])
+
+
+def bits_of_kernels(arm, answer, folder):
+    """The compiled C has the bits of the compiled kernels."""
+    source, (q, qd, qdd), dyn, n = answer.found, states(arm), aw.compile(arm), arm.n
+    calls = {
+        "inverse_dynamics": ((q, qd, qdd), (n,), dyn.inverse_dynamics(q, qd, qdd)),
+        "forward_dynamics": ((q, qd, 10 * qdd), (n,), dyn.forward_dynamics(q, qd, 10 * qdd)),
+        "forward_kinematics": ((q,), (4, 4), dyn.forward_kinematics(q)),
+    }
+    driver = [f'#include "{source.stem}.h"\n']
+    for name, (inputs, shape, _) in calls.items():
+        sizes = [n] * len(inputs) + [int(np.prod(shape))]
+        driver.append(batch_function(f"{source.stem}_{name}", sizes, len(inputs)))
+    (folder / "driver.c").write_text("".join(driver), encoding="ascii")
+    shared = folder / "library.so"
+    build([compiler("gcc"), *BITS, "-shared", "-fPIC", folder / "driver.c", source, "-o", shared, "-lm"])
+    for name, (inputs, shape, expected) in calls.items():
+        (found,) = run_batch(CDLL(str(shared)), f"{source.stem}_{name}", inputs, [shape])
+        np.testing.assert_array_equal(found, expected)
 
 
 def casadi_functions(arm, folder):
@@ -190,15 +222,76 @@ def loops(scenario, folder):
     return Answer([margins.gain_up, margins.gain_down, margins.phase, margins.radius], "\n".join(loop.notes))
 
 
+@dataclass(frozen=True, eq=False)
+class AboutRest(Wrapper):
+    """A controller with a factor on each command, beside the command that holds the arm."""
+
+    hold: Any = 0.0
+    factor: Any = 1.0
+
+    def memory(self, arm, y):
+        return aw.scalar.zeros(0)
+
+    def changed(self, r, y, u, s):
+        return aw.scalar.array(self.hold + self.factor * u), s
+
+
+def unlimited(arm):
+    """The arm without limits of its commands and without dry friction, which small motions leave out."""
+    limits = [f"{name}.limits.{key}" for name in arm.names for key in ("voltage_v", "current_a", "torque_n_m")]
+    dry = [f"{name}.friction.coulomb_{way}_n_m" for name in arm.names for way in ("positive", "negative")]
+    known = {path for path, _, _ in quantities(arm.record)}
+    return arm.with_values(dict.fromkeys(limits, 1e9) | {path: 0.0 for path in dry if path in known})
+
+
+def growth(scenario, factors):
+    """(k,) factor by which a small deviation from the start pose grows in 0.2 s of `simulate`, for factors (k, n) of commands."""
+    arm, (count, n) = unlimited(scenario.arm), np.shape(factors)
+    rest, size = np.array(START[:n]), 1e-8
+    hold = np.asarray(holding_command(arm, holding_torques(arm, rest)), dtype=float)
+    starts = np.tile(rest, (2 * count, 1))
+    starts[1::2] += size  # every second lane, whose motion less that of the lane before it is the deviation
+    law = AboutRest(scenario.controller, hold=hold, factor=aw.Batch(np.repeat(factors, 2, axis=0)))
+    loop = replace(scenario.loop, controller=law, reference=rest)
+    moved = replace(scenario, arm=arm, loop=loop, start=aw.Start(aw.Batch(starts)), duration=0.8, inputs=aw.Inputs())
+    q = aw.simulate(moved, **SMALL).q.values
+    sizes = np.sqrt(((q[1::2] - q[::2]) ** 2).mean(axis=2))
+    third, fourth = np.array_split(sizes, 4, axis=1)[2:]
+    before = np.maximum(np.sqrt((third**2).mean(axis=1)), 1e-6 * size)  # not less, which is rounding
+    return np.sqrt((fourth**2).mean(axis=1)) / before
+
+
+def ends_at_its_margins(scenario, answer, folder):
+    """With 0.97 of the gain margin of any command a small deviation dies away in `simulate`, with 1.03 of it it grows."""
+    up, n = answer.values[0], scenario.arm.n
+    rows = [np.where(np.arange(n) == joint, each * up, 1.0) for each in (0.97, 1.03) for joint in range(n)]
+    dies, grows = np.split(growth(scenario, rows), 2)
+    assert (dies < 1.0).all(), dies
+    assert (grows > 1.0).all(), grows
+
+
 def designed(scenario, folder):
     found = aw.design_gains(scenario, poses=50)
     values = [*found.gains.values(), found.friction_error, found.weight_error]
     return Answer(values, "\n".join(found.sentences()), found)
 
 
+def keeps_its_margins(scenario, answer, folder):
+    """A small deviation dies away in `simulate` with any command as much larger or smaller as the design says."""
+    found, n = answer.found, scenario.arm.n
+    assert found.keeps
+    factors = (found.asked[0], 1.0 / found.asked[0])
+    rows = [np.where(np.arange(n) == joint, each, 1.0) for each in factors for joint in range(n)]
+    dies = growth(replace(scenario, loop=found.scenario.loop), [np.ones(n), *rows])
+    assert (dies < 1.0).all(), dies
+
+
+def _to_goal(n):
+    return aw.Quintic(START[:n], GOAL[:n], duration=0.1)
+
+
 def compared(scenario, folder):
-    n = scenario.arm.n
-    motion = aw.Quintic(START[:n], GOAL[:n], duration=0.1)
+    motion = _to_goal(scenario.arm.n)
     found = aw.compare_controllers(
         scenario, {"own": scenario.controller or aw.JointPID(120.0, 0.0, 6.0)}, {"move": motion}, settle=0.05
     )
@@ -206,10 +299,58 @@ def compared(scenario, folder):
     return Answer([found.data[name].values for name in names], "", found)
 
 
+def errors_of_simulation(scenario, answer, folder):
+    """Errors and saturation of the same motion, from the rows of `simulate`."""
+    motion, data = _to_goal(scenario.arm.n), answer.found.data.isel(controller=0, motion=0, payload=0)
+    q, qd, _ = motion.at(0.0)
+    lanes = scenario.lane_count or 8
+    made = replace(
+        scenario,
+        loop=replace(scenario.loop, reference=motion),
+        start=aw.Start(q, qd),
+        duration=0.15,
+        recording=aw.Recording(what="state", reduce=["saturation"]),
+        lanes=lanes,
+    )
+    run = aw.simulate(made, **SMALL)
+    t = run.time.values
+    error = run.q.values.reshape(lanes, len(t), -1) - motion.at(t)[0]
+    moving = t <= motion.duration
+    np.testing.assert_allclose(data.rms_error, np.sqrt((error[:, moving] ** 2).mean(axis=(0, 1))), rtol=1e-9)
+    np.testing.assert_allclose(data.largest_error, np.abs(error).max(axis=(0, 1)), rtol=1e-9)
+    np.testing.assert_allclose(data.saturation, run.saturation.values.reshape(lanes, -1).mean(axis=0), atol=1e-12)
+
+
 def tuned(scenario, folder):
     gain = "position_kp" if isinstance(scenario.controller, aw.Cascade) else "kp"
-    found = aw.tune(scenario, {gain: (10.0, 300.0)}, lanes=4, generations=1, candidates=4, poses=10, **SMALL)
+    scenario = in_lanes(scenario)
+    found = aw.tune(scenario, {gain: (10.0, 300.0)}, generations=1, candidates=4, poses=10, **SMALL)
     return Answer([*found.held_out.values(), found.history], "", found)
+
+
+def in_lanes(scenario):
+    """The scenario with four lanes, where it has none."""
+    masses = aw.Batch([1.8, 1.95, 2.05, 2.2])
+    return scenario if scenario.lane_count else replace(scenario, vary={"rod0.mass_kg": masses})
+
+
+def judged_as_simulated(scenario, answer, folder):
+    """Measures of the start and of the gains in the lanes held out, every second one, are those of `simulate`."""
+    found, scenario = answer.found, in_lanes(scenario)
+    law = scenario.controller
+    assert set(found.held_out) == {"rms_error", "saturation"}
+    gains = {name: aw.Batch(np.repeat([found.start[name], found.gains[name]], 2, axis=0)) for name in found.gains}
+    vary = {name: aw.Batch(np.tile(each.values[1::2], 2)) for name, each in scenario.vary.items()}
+    made = replace(
+        scenario,
+        loop=replace(scenario.loop, controller=replace(law, **gains)),
+        vary=vary,
+        recording=aw.Recording(what="none", reduce=list(found.held_out)),
+    )
+    run = aw.simulate(made, **SMALL)
+    for name, values in found.held_out.items():
+        expected = run[name].values.reshape(2, 2, -1).mean(axis=1)
+        np.testing.assert_allclose(values[[0, 1]], expected, rtol=1e-9, atol=1e-12)
 
 
 def reduced(scenario):
@@ -229,7 +370,7 @@ def _client():
     """A cluster within this process, for all sweeps of the walk."""
     from distributed import Client
 
-    client = Client(processes=False, n_workers=1, threads_per_worker=1, dashboard_address=None)
+    client = Client(processes=False, n_workers=1, threads_per_worker=1, dashboard_address=":0")
     atexit.register(client.close)
     return client
 
@@ -302,6 +443,30 @@ def no_alarm(arm, answer, folder):
     assert not answer.found.alarms, answer.found.alarms[:3]
 
 
+class Dive(Wave):
+    """A wave of all joints in which the second goes down, beyond the end of its range in `cases.ENDS`."""
+
+    def __call__(self, t):
+        q = super().__call__(t)
+        return aw.scalar.array([2.0 * START[k] - each if k == 1 else each for k, each in enumerate(q)])
+
+
+def motors_found(arm, folder, moved=None):
+    """Torque constants, from those of another motor."""
+    made = arm if moved is None else moved
+    run = aw.simulate(looped(made, 2.0, reference=Dive(made.n, 2.0), period=2e-3), **SMALL)
+    command = made.coordinates[0].drive.command
+    log = written_log(folder, "log", made.names, run.time.values, run.q.values, run.u.values, command)
+    others = {f"{name}.motor.torque_constant_n_m_per_a": 0.066 for name in arm.names}
+    found = aw.identify_motor(log, arm.with_values(others), free=["Kt"], delay=0.0, starts=1, **SMALL)
+    return Answer([found.estimate.values], "\n".join(found.estimate.remarks), found)
+
+
+def constants_of_the_motors(arm, answer, folder):
+    np.testing.assert_allclose(answer.found.estimate.values, 0.06, rtol=1e-3)
+    assert all(each["r2"] > 0.999 for each in answer.found.estimate.fit.values()), answer.found.estimate.fit
+
+
 def excited(arm, folder):
     found = aw.design_excitation(arm, period=4.0, harmonics=2, starts=1, **SMALL)
     return Answer([*found.used.values(), found.states(20.0)[1]], "\n".join(found.notes), found)
@@ -315,12 +480,27 @@ def keeps_its_limits(arm, answer, folder):
 # Export, bus, formats.
 
 
+def by_model(scenario):
+    """The scenario with a controller that computes dynamics in place of a PD controller."""
+    if scenario.loop is None or not isinstance(scenario.controller, aw.JointPID):
+        return scenario
+    return replace(scenario, loop=replace(scenario.loop, controller=aw.ComputedTorque(200.0, 20.0)))
+
+
 def exported(scenario, folder):
-    if scenario.loop is not None and isinstance(scenario.controller, aw.JointPID):
-        scenario = replace(scenario, loop=replace(scenario.loop, controller=aw.ComputedTorque(200.0, 20.0)))
-    found = aw.export_controller(scenario, folder / "c", ticks=20)
+    found = aw.export_controller(by_model(scenario), folder / "c", ticks=20)
     texts = [path.read_text() for path in sorted((folder / "c").glob("*.c")) if "selftest" not in path.name]
     return Answer([text.split("*/", 1)[1] for text in texts], "\n".join(found.notes), found)
+
+
+def commands_of_simulation(scenario, answer, folder):
+    """The compiled controller's commands have the bits of the simulation."""
+    found = answer.found
+    if found.comparison is None:
+        pytest.skip("no C compiler")
+    run = aw.simulate(by_model(scenario), **SMALL)
+    assert (found.comparison.ticks, found.comparison.others) == (20, 0)
+    np.testing.assert_array_equal(found.comparison.commands, run.u_issued.values[:20])
 
 
 def fmu(scenario, folder):
@@ -332,10 +512,55 @@ def fmu(scenario, folder):
     return Answer(texts, "\n".join(found.notes), found)
 
 
+def moves_as_simulated(scenario, answer, folder):
+    """The compiled unit in FMPy moves as `simulate`, and commands the same."""
+    from export.fmu.fmus import Instance
+
+    if find_compiler() is None:
+        pytest.skip("no C compiler")
+    part = "both" if scenario.loop else "plant"
+    found = aw.export_fmu(scenario, folder / "compiled.fmu", part=part, platforms=["host"])
+    run, n = aw.simulate(scenario, **SMALL), scenario.arm.n
+    period = scenario.tick
+    times = period * np.arange(scenario.ticks)
+    unit = Instance(found.path)
+    rows = _inputs_of_unit(scenario, times, unit, run)
+    names = {prefix: unit.names(prefix, "input") for prefix in rows}
+    x, u = unit.names("x", "output"), unit.names("u", "output")
+    unit.begin()
+    for k, time in enumerate(times):
+        expected = np.concatenate([run.q.values[k], run.qd.values[k]])
+        np.testing.assert_allclose(unit.get(*x)[: 2 * n], expected, rtol=0.0, atol=1e-12)
+        for prefix, values in rows.items():
+            for name, value in zip(names[prefix], values[k], strict=True):
+                unit.set(name, value)
+        unit.step(time, period)
+        if scenario.loop:
+            np.testing.assert_allclose(unit.get(*u), run.u_issued.values[k], rtol=0.0, atol=1e-9)
+    assert not unit.messages
+    unit.close()
+
+
+def _inputs_of_unit(scenario, times, unit, run):
+    """Rows of a unit's inputs at some times."""
+    if scenario.loop is None:
+        rows = {"u": run.u.values[: len(times)]}
+    else:
+        rows = {"r": reference_rows(scenario.arm, scenario.loop.reference, times)}
+    for prefix in ("wrench", "brake"):
+        if unit.names(prefix, "input"):
+            rows[prefix] = np.tile(getattr(scenario.inputs, prefix), (len(times), 1))
+    if unit.names("payload", "input"):  # ten inertial numbers of BODY about the frame that holds it
+        m, x, j = 0.5, 0.1, 1e-3
+        numbers = np.array([m, m * x, 0.0, 0.0, j, 0.0, 0.0, j + m * x * x, 0.0, j + m * x * x])
+        rows["payload"] = (times > BODY.time - 0.5 * scenario.tick)[:, None] * numbers
+    return rows
+
+
 def ros2(arm, folder):
     aw.export_ros2(arm, folder / "ros")
     files = sorted(path for path in (folder / "ros").rglob("*") if path.is_file())
-    return Answer([path.read_text() for path in files], "", files)
+    return Answer([path.read_text() for path in files], "", next(path for path in files if path.suffix == ".urdf"))
 
 
 def on_bus(scenario, folder):
@@ -356,14 +581,28 @@ def converted(ending):
         aw.write_toml(arm.record, folder / "arm.toml")
         found = aw.convert(folder / "arm.toml", folder / f"out.{ending}")
         texts = [path.read_text() for path in sorted(folder.glob("out.*"))]
-        return Answer(texts, "\n".join([*found.lost, *found.notes]), found)
+        return Answer(texts, "\n".join([*found.lost, *found.notes]), folder / f"out.{ending}")
 
     return to
 
 
+def torques_of_mujoco(arm, answer, folder):
+    """MuJoCo's inverse dynamics of the file, friction and springs among them, in motion."""
+    mujoco = pytest.importorskip("mujoco", reason="MuJoCo is the oracle here: pip install mujoco")
+    model = mujoco.MjModel.from_xml_path(str(answer.found))
+    data, q = mujoco.MjData(model), states(arm)
+    places = [model.joint(name).id for name in arm.names]
+    found = []
+    for row in zip(*q, strict=True):
+        data.qpos[places], data.qvel[places], data.qacc[places] = row
+        mujoco.mj_inverse(model, data)
+        found.append(data.qfrc_inverse[places].copy())
+    np.testing.assert_allclose(found, aw.compile(arm).inverse_dynamics(*q), rtol=1e-7, atol=1e-7)
+
+
 def reads_back(arm, answer, folder):
-    """The file with its drive file is the same arm."""
-    again, q = aw.load(folder / "out.urdf"), states(arm)
+    """The URDF with its drive file is the same arm."""
+    again, q = aw.load(answer.found), states(arm)
     assert again.names == arm.names
     np.testing.assert_allclose(
         aw.compile(again).inverse_dynamics(*q), aw.compile(arm).inverse_dynamics(*q), rtol=1e-7, atol=1e-7
@@ -398,14 +637,30 @@ def shows_it(arm, answer, folder):
 
 
 def difference(arm, folder):
-    from features.cases import base
+    found = aw.diff(arm, base(arm.coordinates[0].drive.command))
+    return Answer([str(found)], "", found)
 
-    return Answer([str(aw.diff(arm, base(arm.coordinates[0].drive.command)))])
+
+def differs_in_every_number(arm, answer, folder):
+    """Every number that the records do not share is listed with its values, and the effect is that of the dynamics."""
+    other = base(arm.coordinates[0].drive.command)
+    one, two = ({path: each.value for path, each, _ in quantities(each.record)} for each in (arm, other))
+    listed = {each.path: (each.before, each.after) for each in answer.found.changes}
+    for path in {*one, *two}:
+        if one.get(path) != two.get(path) and path.split(".")[0] not in listed:  # of a part that comes or goes whole
+            assert listed[path] == (one.get(path), two.get(path))
+    effect = answer.found.effect
+    for arm_, gravity in zip((arm, other), effect.gravity, strict=True):
+        places = [arm_.names.index(name) for name in effect.joints]
+        q = np.zeros((len(effect.poses), arm_.n))
+        q[:, places] = effect.poses
+        tau = aw.compile(arm_.replace(friction=None)).bias_torques(q, 0.0 * q)[:, places]
+        np.testing.assert_allclose(gravity, tau, rtol=1e-9, atol=1e-9)
 
 
 CONSUMERS = {
     "kernels": Consumer("kernels.compiled.KERNELS", kernels, starts_as_simulated),
-    "export c": Consumer("export.c.SUPPORT", c_files),
+    "export c": Consumer("export.c.SUPPORT", c_files, bits_of_kernels),
     "CasADi": Consumer("kernels.compiled.CASADI", casadi_functions, as_kernels),
     "simulate": Consumer("simulation.simulation.SUPPORT", simulated, as_rk45, looped),
     "cvodes": Consumer("simulation.integrate.cvodes.SUPPORT", by_cvodes, as_rk45, looped),
@@ -413,23 +668,25 @@ CONSUMERS = {
     "ik": Consumer("ik.solve.SUPPORT", poses, reaches),
     "plan": Consumer("trajectory.limits_report.SUPPORT", reported, torques_of_inverse_dynamics),
     "time_optimal": Consumer("trajectory.time_optimal.plan.SUPPORT", fastest, within_limits),
-    "loops": Consumer("control.analysis.small_signal.SUPPORT", loops, None, looped),
-    "design_gains": Consumer("control.design.design_gains.SUPPORT", designed, None, looped),
-    "compare_controllers": Consumer("control.comparison.compare.SUPPORT", compared, None, looped),
-    "tune": Consumer("tuning.tune.SUPPORT", tuned, None, looped),
+    "loops": Consumer("control.analysis.small_signal.SUPPORT", loops, ends_at_its_margins, looped),
+    "design_gains": Consumer("control.design.design_gains.SUPPORT", designed, keeps_its_margins, looped),
+    "compare_controllers": Consumer("control.comparison.compare.SUPPORT", compared, errors_of_simulation, looped),
+    "tune": Consumer("tuning.tune.SUPPORT", tuned, judged_as_simulated, looped),
     "sweep": Consumer("sweeps.sweep.SUPPORT", swept, as_simulated, looped),
     "identify arm": Consumer("identification.arm.torque_model.SUPPORT", identified, predicts),
     "identify friction": Consumer("identification.arm.friction.SUPPORT", friction_found, viscous_friction),
     "identify payload": Consumer("identification.arm.payload.SUPPORT", payload_found, weighs_a_kilogram),
+    "identify motor": Consumer("identification.motor.identify.SUPPORT", motors_found, constants_of_the_motors),
     "validate": Consumer("identification.validation.validate.SUPPORT", validated, passes),
     "shadow": Consumer("shadow.shadow.SUPPORT", watched, no_alarm),
     "excite": Consumer("identification.experiments.excitation.SUPPORT", excited, keeps_its_limits),
-    "export controller": Consumer("export.controller.write.SUPPORT", exported, None, looped),
-    "export fmu": Consumer("export.fmu.write.SUPPORT", fmu, None, looped),
-    "export ros2": Consumer("export.ros2.SUPPORT", ros2),
+    "export controller": Consumer("export.controller.write.SUPPORT", exported, commands_of_simulation, looped),
+    # tests/export/fmu hold every effect of drives, every rule, and loops with all of their features, to the bit
+    "export fmu": Consumer("export.fmu.write.SUPPORT", fmu, moves_as_simulated, looped, each_pair=False),
+    "export ros2": Consumer("export.ros2.SUPPORT", ros2, reads_back),
     "twin": Consumer("twin.on_bus.SUPPORT", on_bus, bus_equals_simulation, looped, "current"),
     "convert to URDF": Consumer("export.urdf.SUPPORT", converted("urdf"), reads_back),
-    "convert to MJCF": Consumer("export.mjcf.SUPPORT", converted("xml")),
+    "convert to MJCF": Consumer("export.mjcf.SUPPORT", converted("xml"), torques_of_mujoco),
     "info": Consumer("cli.info.SUPPORT", information, shows_it),
-    "diff": Consumer("robotfiles.difference.SUPPORT", difference),
+    "diff": Consumer("robotfiles.difference.SUPPORT", difference, differs_in_every_number),
 }

@@ -12,6 +12,7 @@ import numpy as np
 from armwright.description.paths import path_name
 from armwright.description.robot import RobotDescription
 from armwright.errors import LogError, ModelError
+from armwright.features import Support
 from armwright.identification.logs.log import Log
 from armwright.identification.logs.read import read_log
 from armwright.identification.motor.channels import check_channels, feedback_remark
@@ -27,6 +28,8 @@ from armwright.identification.motor.starting import given_numbers, names_to_fit,
 from armwright.model.model import Model
 from armwright.progress import Shown, automatic
 from armwright.scalar import real_number
+
+SUPPORT = Support("identify motor", without_effect={"brakes": "they are released"})
 
 ROWS_PER_UNKNOWN = 5  # measurements
 MOST_DELAY = 10  # samples that are searched

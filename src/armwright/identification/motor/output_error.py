@@ -119,9 +119,13 @@ class Problem:
 
         p = np.concatenate([filled(at.parameters, self.nominal), filled(at.offsets, np.zeros(len(at.offsets)))], axis=1)
         delay = np.full(lanes, self.delay) if at.delay < 0 else values[:, at.delay]
-        y, raw = self.response.run(self.tables[s], p, delay, filled(at.start, at.fixed_start), slopes)
+        carried = self.response.carried
+        start = filled(at.start, at.fixed_start) @ carried.T
+        y, raw = self.response.run(self.tables[s], p, delay, start, slopes)
         if raw is None:
             return y, None
+        states = slice(-len(carried), None)
+        raw[..., states] = raw[..., states] @ carried  # a link's start position or speed is its motor's too
         numbers = np.concatenate([at.parameters, [at.delay], at.offsets, at.start])
         dy = np.zeros((*raw.shape[:-1], len(self.unknowns)))
         for direction in np.flatnonzero(numbers >= 0):

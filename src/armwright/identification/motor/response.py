@@ -108,6 +108,7 @@ class Response:
         nominal = Plant.of(varied.arm)
         self.layout, self.size = nominal.layout, nominal.size
         self.directions = self.columns + self.size
+        self.carried = self._carried(nominal)
         rule = INTEGRATORS[RULE]
 
         def substep(x, command, p, part):
@@ -120,6 +121,18 @@ class Response:
         self._inner = trace("substep", substep, {**x_p, "part": (2,)}, ("x_next",))
         self._substeps = substeps
         self._compiled: dict[bool, Loop] = {}
+
+    def _carried(self, plant: Plant) -> np.ndarray:
+        """(size, size) matrix that puts motors behind elastic gears where their links are, and leaves the rest of a state."""
+        carried, zero = np.eye(self.size), np.zeros(self.n)
+        for name, link in (("motor_q", 0), ("motor_qd", self.n)):
+            if name in self.layout:
+                place = self.layout.place(name)
+                for k, unit in enumerate(np.eye(self.n)):
+                    state = plant.initial(*((unit, zero) if link == 0 else (zero, unit)))
+                    carried[place, link + k] = np.asarray(state, dtype=float)[place]
+                carried[place, place] = 0.0
+        return carried
 
     def _stages(self, slopes: bool) -> tuple[Stage, ...]:
         """Stages of the loop over the rows, with derivatives or without."""
