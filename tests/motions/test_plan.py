@@ -220,6 +220,10 @@ POINTS = '[[segments]]\nkind = "waypoints"\npoints = [[0.3, 0, 0, 0, 0, 0], [0.5
             r"segments\[0\].times_s: joint\d uses .* limit; expected more time: \d\.\d+ times",
         ),
         (POINTS + "duration_s = 0.1\n", r"segments\[0\].duration_s = 0.1: expected 0.\d+ s or more, the shortest"),
+        (
+            MOVE.format("duration_s = 1e12"),
+            r"segments\[0\].kind = 'move': ends at 1e\+12 s; expected an end within 1e\+09 s",
+        ),
         (POINTS.replace("0.5", "9"), r"segments\[0\].points\[1\] of joint1 = 9.0: 6.033 rad outside its limits"),
         (POINTS.replace("0.5", "0.3"), r"segments\[0\].points\[1\]: is where the waypoint before it is"),
         (

@@ -44,7 +44,7 @@ from armwright.trajectory.limits import MotionLimits
 from armwright.trajectory.limits_report import LimitsReport, limits_report, unchecked_currents
 from armwright.trajectory.minimum_jerk import MinimumJerk
 from armwright.trajectory.motion import Motion
-from armwright.trajectory.piecewise import PiecewisePolynomial
+from armwright.trajectory.piecewise import LAST, PiecewisePolynomial
 from armwright.trajectory.rest_to_rest import Cubic, Quintic
 from armwright.trajectory.s_curve import SCurve
 from armwright.trajectory.state_to_state import Ruckig
@@ -246,8 +246,12 @@ class _Run:
 
     def follow(self, motion: Motion) -> None:
         """Moves the state on to the end of a motion."""
+        end = float(motion.time + motion.duration)
+        if not end <= LAST:
+            what, expected = f"ends at {end:.3g} s", f"an end within {LAST:.0e} s"
+            raise ScenarioError(what, place="segment.kind", value=self.kinds[-1], expected=expected)
         self.motions.append(motion)
-        self.time = float(motion.time + motion.duration)
+        self.time = end
         self.q, self.qd, self.qdd = (np.where(np.abs(each) < SAME, 0.0, each) for each in motion.at(self.time))
         if not self.qd.any():
             self.qdd = np.zeros(self.arm.n)  # a deceleration ends where the arm stands

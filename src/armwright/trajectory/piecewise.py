@@ -14,6 +14,7 @@ from armwright.scalar import Array, Scalar
 from armwright.trajectory.motion import Motion
 
 HALVINGS = 40  # of an interval that holds a root: an extremum's value is then right to rounding
+LAST = 1e9  # [s] of the end of a plan: some thirty years, where a float still tells a microsecond from the next
 SAME = 1e-13  # of a duration: knots of two joints this near to each other are one
 
 

@@ -17,7 +17,7 @@ from armwright.trajectory.cartesian.slowing import Pace, locally_slowed
 from armwright.trajectory.cartesian.solve import checked_limits, place, solve_path
 from armwright.trajectory.cartesian.uses import MARGIN, uses_of
 from armwright.trajectory.limits import MotionLimits
-from armwright.trajectory.piecewise import PiecewisePolynomial
+from armwright.trajectory.piecewise import LAST, PiecewisePolynomial
 from armwright.trajectory.s_curve import JERK, s_curve_times
 
 SLOWEST = 100.0  # a motion that must be slower than requested by more is next to a singularity
@@ -135,6 +135,11 @@ def _profile(path: CartesianPath, paces: list[Pace], time: float, slowed: float)
     knots, rows = [np.array([time])], []
     for (begin, end), pace in zip(path.runs, paces, strict=True):
         times = s_curve_times(end - begin, pace.speed, pace.acceleration, pace.jerk) * slowed
+        if not time + times.sum() <= LAST:
+            expected = f"one by which the path ends within {LAST:.0e} s"
+            raise ScenarioError(
+                f"it ends at {time + times.sum():.3g} s", place="speed", value=pace.speed, expected=expected
+            )
         derivative = np.zeros((7, 3))
         ramp, flat, _, cruise, *_ = times
         derivative[:, -1] = JERK * (end - begin) / (ramp * (ramp + flat) * (2.0 * ramp + flat + cruise))
