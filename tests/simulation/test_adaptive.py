@@ -291,7 +291,7 @@ def test_a_drive_with_windings_bristles_and_a_spring_is_followed():
     lanes, x0, u = loop.lanes(1), plant.initial([0.1], [0.0])[None], np.array([12.0])
     lanes.set("x", x0)
     lanes.set("u", u)
-    begin_adaptive(lanes, chosen, plant.layout, x0)
+    begin_adaptive(lanes, chosen, plant.layout, x0, 0.05)
     loop.run(lanes, 1e-2, (0, 5))
     for stiff in (True, False):
         solver = Cvodes(plant.derivative, shapes, Adaptivity(Allowed(1e-12, 1e-13), 0), stiff)

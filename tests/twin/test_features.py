@@ -238,6 +238,7 @@ WRONG = {
     ),
     "start.qd": (lambda: replace(BASE, start=Start([0.3], [0.1])), "start.qd: the arm moves at the start"),
     "start, a state": (lambda: replace(BASE, start=aw.simulate(BASE, progress=False)), "start: continues from"),
+    "solver.horizon": (lambda: solver("rk45", accuracy=1e-3, horizon=9.0), "with 'rk45' in a sampled loop"),
     "recording.reference": (lambda: keeping(reduce=("rms_error",), reference=[0.0]), "recording.reference"),
     "arm.body.limits, of torque absent": (
         lambda: scenario(limits={"position_rad": [-2.0, 2.0], "velocity_rad_per_s": 4.0}),

@@ -107,7 +107,7 @@ class LoopText:
         """Text of those stages.
 
         Raises:
-            ProgramError: a stage that has no C: an integration that looks for events.
+            ProgramError: a stage that has no C: an integration that looks for events, or goes on beyond its ticks.
         """
         self.unit, self.struct, self.clock, self._plan = unit, struct, clock, tuple(stages)
         self.sizes = {name: size for name, size in block_sizes(self._plan).items() if size}
@@ -115,6 +115,8 @@ class LoopText:
         for stage in stages:
             if isinstance(stage, Adapt) and stage.events:
                 raise ProgramError("looks for events", place="loop", expected="a solver without events")
+            if isinstance(stage, Adapt) and stage.ahead:
+                raise ProgramError("goes on beyond its ticks", place="loop", expected="a sampled loop")
 
     def members(self, further: Mapping[str, int]) -> list[str]:
         """Declarations of the struct's members: counter, blocks, further arrays, rings."""

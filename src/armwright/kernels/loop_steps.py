@@ -9,7 +9,7 @@ import sys
 
 from armwright.kernels.loop_blocks import BlockPrinter
 from armwright.kernels.machine import Value
-from armwright.kernels.stages import HALVINGS, NEXT, SECANTS, SEEN, SINCE, SWITCHES, Adapt, Integrate
+from armwright.kernels.stages import HALVINGS, HELD, NEXT, SECANTS, SEEN, SINCE, SWITCHES, Adapt, Integrate
 
 NEARLY = 1.01  # a step that would leave less than a hundredth of itself to the edge goes on to it
 LOST = 0.1  # how much shorter the next trial is where the state is infinite or NaN
@@ -107,13 +107,18 @@ class StepPrinter(BlockPrinter):
         zero, one = m.constant(0.0), m.constant(1.0)
         self._store("tried", 0, zero)
         t, edge = self._segment(stage, label)
-        m.jump(f"{label}.trial")
+        if stage.ahead:
+            self._go_on(stage, t)
+            waits = m.any(m.both(m.lt(self._load(SINCE), edge), self._not_frozen()))
+            m.branch(waits, f"{label}.trial", f"{label}.reached")
+        else:
+            m.jump(f"{label}.trial")
         m.begin(f"{label}.trial")
         now, wanted = self._load(SINCE), self._load("h_try")
         wanted = m.select(m.lt(zero, wanted), wanted, self._splat("%h"))
         active = m.both(m.lt(now, edge), self._not_frozen())
         left = m.sub(edge, now)
-        s = m.select(m.le(left, m.mul(wanted, m.constant(NEARLY))), left, wanted)
+        s = wanted if stage.ahead else m.select(m.le(left, m.mul(wanted, m.constant(NEARLY))), left, wanted)
         if stage.events:
             s = m.select(m.lt(zero, self._load("landed")), self._load("h_land"), s)
         ends = m.le(left, s)
@@ -127,7 +132,7 @@ class StepPrinter(BlockPrinter):
             s, ends = self._load("h"), m.both(ends, m.inverse(cut_short))
         error, grow = self._load("error"), self._load("grow")
         good = m.both(active, m.le(error, one))
-        then = m.select(ends, edge, m.add(now, s))
+        then = m.add(now, s) if stage.ahead else m.select(ends, edge, m.add(now, s))
         crossed = None
         if stage.events:
             good, crossed = self._find_events(stage, label, now, then, active, good)
@@ -150,6 +155,10 @@ class StepPrinter(BlockPrinter):
         tried = m.add(self._load("tried"), m.truth(active))
         self._store("tried", 0, tried)
         self._store("trials", 0, m.add(self._load("trials"), m.truth(active)))
+        if stage.ahead:
+            self._store("span", 0, m.select(good, s, self._load("span")))
+            for k in range(self.sizes["x"]):
+                self._store("x_from", k, m.select(good, self._load("x", k), self._load("x_from", k)))
         for port in stage.trial.outputs:
             if port.name.endswith(NEXT):
                 block = port.name.removesuffix(NEXT)
@@ -166,7 +175,42 @@ class StepPrinter(BlockPrinter):
         again = m.any(m.both(waits, m.inverse(over)))
         m.branch(again, f"{label}.trial", f"{label}.reached")
         m.begin(f"{label}.reached")
+        if stage.ahead:
+            self._look_back(stage, edge)
         self._end_segment(stage, label, t, edge)
+
+    def _go_on(self, stage: Adapt, t: Value) -> None:
+        """Lanes on which the same acts go on behind their last step; others begin anew, in steps as long as that lasted."""
+        m, (held, _) = self.m, stage.ahead
+        zero = m.constant(0.0)
+        self._program(held)
+        ahead = self._load("ahead")
+        same, reaches = m.lt(zero, self._load("same")), m.lt(zero, ahead)
+        on, anew = m.both(same, reaches), m.both(m.inverse(same), reaches)
+        wanted, lasted = self._load("h_try"), m.sub(self._load("span"), ahead)
+        self._store("h_try", 0, m.select(m.both(anew, m.lt(lasted, wanted)), lasted, wanted))
+        self._store(SINCE, 0, m.select(on, m.add(t, ahead), t))
+        for k in range(self.sizes["x"]):
+            self._store("x", k, m.select(on, self._load("x_end", k), self._load("x", k)))
+        for port in held.inputs:
+            if port.name.endswith(HELD) and port.name != f"x{HELD}":
+                self._copy(f'%"{port.name}.at"', port.name.removesuffix(HELD), port.size)
+
+    def _look_back(self, stage: Adapt, edge: Value) -> None:
+        """The state at the edge, within the last step; a lane that stopped stays where it is."""
+        m = self.m
+        zero, one = m.constant(0.0), m.constant(1.0)
+        beyond = m.sub(self._load(SINCE), edge)
+        reaches = m.both(m.lt(zero, beyond), self._not_frozen())
+        self._store("ahead", 0, m.select(reaches, beyond, zero))
+        span = m.select(reaches, self._load("span"), one)
+        self._store("part", 0, m.div(m.sub(span, beyond), span))
+        self._program(stage.ahead[1])
+        for k in range(self.sizes["x"]):
+            end = self._load("x", k)
+            at = m.select(reaches, self._load("x_at", k), end)
+            for block, value in (("x_end", end), ("x", at), (f"x{HELD}", at)):
+                self._store(block, k, value)
 
     def _most(self, stage: Adapt) -> Value:
         """Trials that a tick may take."""

@@ -25,7 +25,15 @@ lane in tick k of h seconds, with `b` the dict of its blocks:
                                    if error <= 1: b["x"], t = new, t + s
                                    b["h_try"] = grow s            (a step that was cut short does not shorten the next)
 
-Both end a step at every change. With a plan, the command in force is chosen among several planned ones: entry s of block
+    Adapt(…, ahead=…):         steps go on beyond the end of the tick, where the state is read from the path within the step:
+                               if held(x, u, …) and b["ahead"] > 0: t, b["x"] = b["ahead"], b["x_end"]   (else anew from x)
+                               while t < edge:
+                                   new, error, grow, path = trial(x, u, …, h=b["h_try"])
+                                   if error <= 1: b["x_from"], b["span"], b["x"], t = b["x"], h, new, t + h
+                               b["ahead"], b["x_end"] = t - edge, b["x"]
+                               b["x"] = along(x_from, path, part=(span - ahead) / span)
+
+All others end a step at every change. With a plan, the command in force is chosen among several planned ones: entry s of block
 "u_plan" from "u_from"[s - 1] seconds on. A lane whose state leaves the finite numbers keeps its last finite one, and block
 "frozen" says in which tick it happened, -1 before. So does one that takes more than `most` trials in one tick; block
 "stalled" is then 1, and "stalled_by" the entry with the largest error. "trials" counts them, "repeats" those that were too
@@ -74,6 +82,8 @@ CURSOR = (
 )  # of a lane's schedule: when its next row comes, which it is, the one behind its last
 NEVER = 2.0**62  # a tick that does not come
 ADAPTING = ("h_try", "tried", "rejected", "trials", "repeats", "largest", "stalled")  # of a lane that chooses its steps
+AHEAD = ("ahead", "span")  # [s] of a lane's last step: how far it reaches beyond the tick, and how long it is
+HELD = "_held"  # ending of a block as it was when a lane's last step began
 EXCHANGED = ("task", "attempt", "over", "fresh", "task_number", "attempt_number")  # blocks of a lane that searches
 HALVINGS = 40  # of the step in which an event lies: 1e-12 of it are left
 SWITCHES = 8  # places in one substep where something switches; the rest is then one step
@@ -190,6 +200,8 @@ class Adapt(_Switching):
         choose: (upper, crossed) → part, hit_new: the first place, and who is there.
         note: (hit, settled, landed, moved, after, side, event_first, event_count) → the last three, as they are next.
         touching, switched, bracket, narrow: as in `Integrate`.
+        held: (x, u, …, x_held, u_held, …) → same: whether nothing has changed that acts on the plant; steps then end where the
+            lane likes, behind its tick too.   along: (x_from, path, part) → x_at: the state after that part of a step.
     """
 
     trial: Program
@@ -205,6 +217,13 @@ class Adapt(_Switching):
     bracket: Program | None = None
     narrow: Program | None = None
     each: float | None = None
+    held: Program | None = None
+    along: Program | None = None
+
+    @property
+    def ahead(self) -> tuple[Program, ...]:
+        """The programs of steps that go on beyond their tick, if they do."""
+        return tuple(p for p in (self.held, self.along) if p is not None)
 
     @property
     def step(self) -> Program:
@@ -274,6 +293,9 @@ def _uses(stage: Stage) -> tuple[set[str], set[str]]:
         adaptive = {"h_try", "trials", "repeats", "largest", "stalled"}
         adaptive |= {"side", "event_first", "event_count"} if stage.events else set()
         adaptive |= {port.name.removesuffix(NEXT) for port in stage.trial.outputs if port.name.endswith(NEXT)}
+        adaptive |= (
+            {port.name for port in stage.ahead[0].inputs} | set(AHEAD) | {"x_end", "x_from"} if stage.ahead else set()
+        )
         reads, writes = reads | adaptive, writes | adaptive
     if stage.planned:
         reads, writes = reads | {"u_plan", "u_from"}, writes | {"u"}
@@ -309,6 +331,12 @@ def block_sizes(stages: tuple[Stage, ...]) -> dict[str, int]:
                 add(port.name.removesuffix(NEXT), port.size)
             if events:
                 add("h_land", 1)
+            if isinstance(stage, Adapt) and stage.ahead:
+                for port in (port for p in stage.ahead for port in (*p.inputs, *p.outputs)):
+                    add(port.name, port.size)
+                add("x_end", sizes["x"])
+                for name in AHEAD:
+                    add(name, 1)
             if stage.switching and isinstance(stage, Integrate):
                 add("left", 1)
             if stage.planned:

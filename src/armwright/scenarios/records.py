@@ -181,7 +181,12 @@ class SolverTable(Record):
         description="auto, or with a fixed step rk3, rk4, semi_implicit_euler; rk45; rodas3 for stiff arms; cvodes.",
     )
     accuracy: Number | None = Field(
-        default=None, description="Of auto: how wrong a run may be, in parts of each quantity's range; absent: 1e-3."
+        default=None,
+        description="How wrong a run may be, in parts of each quantity's range. Of auto: 1e-3 if absent. Of rk45: as a whole.",
+    )
+    horizon_s: Number | None = Field(
+        default=None,
+        description="Of rk45 with an accuracy: how long a run is to keep it; absent: duration_s.",
     )
     step_s: Number | None = Field(
         default=None,

@@ -43,6 +43,7 @@ from armwright.simulation.scenario_parts import Inputs, Loop, Recording, Solver,
 MOST_STEPS = 2**53
 WITH_LANES = ("command", "loop", "inputs", "start", "recording", "vary")  # fields that may hold batches and draws
 STEP = 1e-3  # [s] of an integrator, if nothing else is said
+OPEN_ENDED = 10.0  # [s] over which a run that has no end keeps its accuracy, if nothing else is said
 
 
 @dataclass(frozen=True, eq=False)
@@ -307,6 +308,12 @@ class Scenario:
         if self.loop is None:
             return self.integration_step
         return self.integration_step * self.substeps if self.loop.period is None else float(self.loop.period)
+
+    @property
+    def horizon(self) -> float:
+        """[s] of the run over which "rk45" keeps an accuracy: what the solver says, else the duration."""
+        stated = self.duration if self.solver.horizon is None else self.solver.horizon
+        return OPEN_ENDED if stated is None else float(stated)
 
     @property
     def whole_times(self) -> tuple[float, ...]:

@@ -122,6 +122,10 @@ class Solver:
         integrator: a name of `integrators.RULES`: "auto"; with a fixed step "rk3", "rk4", "semi_implicit_euler"; "rk45", and
             "rodas3" for stiff arms, which choose their steps within each tick; or "cvodes", slow and accurate, for some lanes.
         accuracy: of "auto": how wrong a run may be at its end, in parts of each quantity's range; default 1e-3.
+            Of "rk45", in place of rtol and atol: of all its steps together, however long the run is; for commands over time
+            and arms in which nothing sticks, and which have no stops and no play.
+        horizon: [s] of "rk45" with an accuracy: how long a run is to keep it; default the scenario's duration, and `OPEN_ENDED`
+            of one that has none.
         step: [s] of a rule of fixed step, default 1 ms; in a loop with a period it is that over `substeps`. With "auto", a step
             or a number of substeps is taken as it is, by "rk3".
         substeps: steps in each period of a loop.
@@ -140,6 +144,7 @@ class Solver:
     step: float | None = None
     substeps: int | None = None
     accuracy: float | None = None
+    horizon: float | None = None
     rtol: float | None = None
     atol: float | None = None
     max_substeps: int | None = None
@@ -150,6 +155,11 @@ class Solver:
         if self.step is not None:
             check_time("solver.step", self.step)
         check_choice("solver.integrator", self.integrator, tuple(RULES))
+        if self.horizon is not None:
+            check_time("solver.horizon", self.horizon)
+            if self.rule != "rk45" or self.accuracy is None:
+                what = f"goes with integrator = 'rk45' and an accuracy, not {self.rule!r}"
+                raise ScenarioError(what, place="solver.horizon", value=self.horizon)
         if self.substeps is not None:
             self._check_substeps(self.substeps)
         self._check_by_hand()

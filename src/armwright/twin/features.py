@@ -60,6 +60,7 @@ FEATURES = {
     "solver.step": EXACT,
     "solver.substeps": EXACT,
     "solver.accuracy": EXACT,
+    "solver.horizon": REFUSED,
     "solver.rtol": EXACT,
     "solver.atol": EXACT,
     "solver.max_substeps": NONE,

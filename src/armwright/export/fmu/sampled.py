@@ -192,7 +192,9 @@ def sampled_model(scenario: Scenario, part: str) -> SampledModel:
         {**blocks, **{name: values for name, values in extra.items() if values.size}},
         {name: values for name, values in inputs.items() if values.size},
         tuple(variables),
-        tuple(places_watched(loop.plant.layout)) if "x_first" in blocks and not controller else (),
+        tuple(places_watched(loop.plant.layout, loop.config.is_ahead))
+        if "x_first" in blocks and not controller
+        else (),
     )
 
 

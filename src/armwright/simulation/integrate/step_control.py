@@ -19,7 +19,8 @@ from armwright.signals import Layout
 
 SAFETY, SHRINK, GROW = 0.9, 0.2, 5.0  # of the step that would just do; and the most that a step changes
 LEAST_ERROR = 1e-10  # in units of what is allowed: below it a step grows as much as it may anyway
-SHARE = 0.03  # of the accuracy of a whole run, for the estimate of one step
+SHARE = 0.03  # of the accuracy of a whole run, for the estimate of one step in a sampled loop
+BUDGET = 0.03  # of the accuracy of a whole run, for the estimates of all its steps together where nothing is sampled
 FLOORS = {  # the least range of a quantity by its unit: what moves by less is as accurate as if it moved by that
     "rad": 1e-3,
     "m": 1e-4,
@@ -55,9 +56,12 @@ class Allowed:
         shares = error / allowed
         return scalar.sqrt(sum(entry * entry for entry in shares) / len(shares))
 
-    def share_of_range(self, error: Array, ranges: Array, places: Sequence[int]) -> tuple[Scalar, Scalar]:
+    def share_of_range(
+        self, error: Array, ranges: Array, places: Sequence[int], part: Scalar = SHARE
+    ) -> tuple[Scalar, Scalar]:
         """The largest error of a step in units of what its entry may be wrong by, NaN if any is not finite; and its place.
 
+        An entry may be wrong by the `part` of the accuracy, of its range.
         Of two entries, a/b and c/d are compared as a d and c b, so that one division is enough for all.
         """
         assert self.accuracy is not None
@@ -69,7 +73,7 @@ class Allowed:
             worst = scalar.where(more, float(places[k]), worst)
         # Comparisons lose a NaN, and an infinite range hides its error: the sum keeps both.
         finite = scalar.less_equal(sum(errors) + sum(ranges), sys.float_info.max)
-        return scalar.where(finite, largest / (SHARE * self.accuracy * beside), np.nan), worst
+        return scalar.where(finite, largest / (part * self.accuracy * beside), np.nan), worst
 
 
 def quick_growth(share: Scalar) -> Scalar:

@@ -12,15 +12,15 @@ import numpy as np
 from armwright import scalar
 from armwright.errors import ScenarioError
 from armwright.kernels.loop import Lanes
-from armwright.kernels.stages import NEXT, Adapt
-from armwright.program import call, interpret, trace
+from armwright.kernels.stages import HELD, NEXT, Adapt
+from armwright.program import Program, call, interpret, trace
 from armwright.scalar import Array, Scalar
 from armwright.signals import Layout
-from armwright.simulation.integrate.dormand_prince import ORDER, dormand_prince_step
+from armwright.simulation.integrate.dormand_prince import ORDER, along, dormand_prince_step
 from armwright.simulation.integrate.events import EventFunction, event_programs, event_values
 from armwright.simulation.integrate.exponential import Pairs
 from armwright.simulation.integrate.integrators import STEPPING, TOLERANCES
-from armwright.simulation.integrate.step_control import Allowed, floors, growth, quick_growth
+from armwright.simulation.integrate.step_control import BUDGET, SHARE, Allowed, floors, growth, quick_growth
 from armwright.simulation.plant.switching import Watched, switching_programs
 
 MOST_SUBSTEPS, EACH = (
@@ -65,12 +65,21 @@ class Adaptivity:
             ScenarioError: names the field, its value and what was expected.
         """
         auto, chooses, steps = rule == "auto", rule in TOLERANCES, rule in STEPPING
+        whole_run = rule == "rk45" and accuracy is not None
         whole = isinstance(max_substeps, Integral) and _is_number(max_substeps) and int(max_substeps) > 0
         tolerance, least = (f"a number of at least {v:g} and below 1" for v in (LEAST_TOLERANCE, LEAST_ACCURACY))
+        tolerant = "'rk45' without accuracy, 'rodas3' or 'cvodes'"
         checks = (  # name, value, whether it fits the rule, the rules that it fits, whether it may stand there, expected
-            ("accuracy", accuracy, auto, "'auto' without a step", _is_tolerance(accuracy, LEAST_ACCURACY), least),
-            ("rtol", rtol, chooses, "'rk45', 'rodas3' or 'cvodes'", _is_tolerance(rtol), tolerance),
-            ("atol", atol, chooses, "'rk45', 'rodas3' or 'cvodes'", _is_positive(atol), "a number above 0 and below 1"),
+            (
+                "accuracy",
+                accuracy,
+                auto or whole_run,
+                "'auto' without a step, or 'rk45'",
+                _is_tolerance(accuracy, LEAST_ACCURACY),
+                least,
+            ),
+            ("rtol", rtol, chooses and not whole_run, tolerant, _is_tolerance(rtol), tolerance),
+            ("atol", atol, chooses and not whole_run, tolerant, _is_positive(atol), "a number above 0 and below 1"),
             (
                 "max_substeps",
                 max_substeps,
@@ -94,7 +103,7 @@ class Adaptivity:
             return None
         relative, absolute = TOLERANCES.get(rule, (0.0, 0.0))
         relative, absolute = relative if rtol is None else float(rtol), absolute if atol is None else float(atol)
-        wanted = (ACCURACY if accuracy is None else float(accuracy)) if auto else None
+        wanted = (ACCURACY if accuracy is None else float(accuracy)) if auto or whole_run else None
         most = MOST_SUBSTEPS if max_substeps is None else int(max_substeps)
         return cls(Allowed(relative, absolute, wanted), most if auto or steps else 0, tuple(events.items()))
 
@@ -121,9 +130,12 @@ def speed_pairs(layout: Layout) -> Pairs:
     ]
 
 
-def places_watched(layout: Layout) -> list[int]:
-    """Places in a state of what is compared with its range: all but positions, whose speeds are wrong by as large a part."""
-    positions = {position for position, _ in speed_pairs(layout)}
+def places_watched(layout: Layout, ahead: bool) -> list[int]:
+    """Places in a state of what is compared with its range: of one step all but positions, whose speeds are as wrong.
+
+    With a budget for all steps together (`ahead`), positions too: those of a swing gather errors.
+    """
+    positions = set() if ahead else {position for position, _ in speed_pairs(layout)}
     return [k for k in range(layout.size) if k not in positions]
 
 
@@ -151,6 +163,7 @@ def adaptive_stage(
     order: int = ORDER,
     *,
     lands: bool = False,
+    ahead: bool = False,
 ) -> Adapt:
     """One tick of a plant by a rule that estimates its error, in steps that each lane chooses.
 
@@ -162,14 +175,18 @@ def adaptive_stage(
         order: of the error in h.
         lands: whether `step` also tells, last, the error of the rule alone, and at which part of the step something changes; a
             trial behind one that is refused then ends there, where this part is below 1.
+        ahead: whether a step of h seconds may be wrong by its part h / T of what a run of T = "horizon" seconds may, so that the
+            errors of all steps together stay below `BUDGET` of the accuracy; of a plant in which nothing switches. Steps then
+            go on beyond their tick, whose rows are read from the path.
     """
     held, events, allowed = (
         {**shapes, **({} if watched is None else watched.block)},
         dict(adaptivity.events),
         adaptivity.allowed,
     )
-    places = places_watched(layout) if allowed.accuracy is not None else []
-    by_range = dict.fromkeys(("x_first", "reach") if places else (), (len(places),))
+    places = places_watched(layout, ahead) if allowed.accuracy is not None else []
+    by_range: dict[str, tuple[int, ...]] = dict.fromkeys(("x_first", "reach") if places else (), (len(places),))
+    by_range |= {"horizon": (1,)} if ahead else {}
 
     def trial(x: Array, *rest: Array) -> tuple[Array, ...]:
         inputs, h = rest[: len(held) - 1], rest[-1]
@@ -181,18 +198,44 @@ def adaptive_stage(
             if smooth is not None:
                 grow = _landing(grow, share, part, growth(allowed.share(x, new, smooth), order))
             return (new, share, grow, *(path if events else ()))
-        first, reach = rest[len(held) - 1 : -1]
+        first, reach, *horizon = rest[len(held) - 1 : -1]
         reach = scalar.maximum(reach, scalar.abs(new[places] - first))
-        share, worst = allowed.share_of_range(error[places], reach, places)
-        grow = quick_growth(share)
+        least = BUDGET * h / horizon[0][0] if ahead else SHARE
+        share, worst = allowed.share_of_range(error[places], reach, places, least)
+        grow = growing(share)
         if smooth is not None:
-            grow = _landing(grow, share, part, quick_growth(allowed.share_of_range(smooth[places], reach, places)[0]))
-        return new, share, grow, worst, reach
+            grow = _landing(grow, share, part, growing(allowed.share_of_range(smooth[places], reach, places, least)[0]))
+        return new, share, grow, worst, reach, *(path if ahead else ())
+
+    def growing(share: Scalar) -> Scalar:
+        return growth(share, order - 1) if ahead else quick_growth(share)
 
     names = ("worst", f"reach{NEXT}") if by_range else ("path",) * bool(events)
+    names += (f"path{NEXT}",) * ahead
     program = trace("trial", trial, {**held, **by_range, "h": ()}, (f"x{NEXT}", "error", "grow", *names))
     watching = event_programs(events, layout) if events else {}
-    return Adapt(program, adaptivity.most, planned, seen, **watching, **switching_programs(watched, shapes), each=EACH)
+    further = watching | _ahead(shapes) if ahead else watching
+    return Adapt(program, adaptivity.most, planned, seen, **further, **switching_programs(watched, shapes), each=EACH)
+
+
+def _ahead(shapes: Mapping[str, tuple[int, ...]]) -> dict[str, Program]:
+    """The programs by which steps go on beyond their tick, for a plant with arguments of those shapes."""
+
+    def same(*values: Array) -> Array:
+        now, before = (np.concatenate(each) for each in (values[: len(shapes)], values[len(shapes) :]))
+        equal = scalar.equal(now[0], before[0])
+        for a, b in zip(now[1:], before[1:], strict=True):
+            equal = equal * scalar.equal(a, b)
+        return scalar.array([equal])
+
+    size = shapes["x"]
+    blocks = {"x_from": size, "path": (4, *size), "part": (1,)}
+    return {
+        "held": trace(
+            "held", same, {**shapes, **{f"{name}{HELD}": shape for name, shape in shapes.items()}}, ("same",)
+        ),
+        "along": trace("along", lambda x, path, part: along(x, path, part[0]), blocks, ("x_at",)),
+    }
 
 
 def _landing(grow: Scalar, share: Scalar, part: Scalar, smooth: Scalar) -> Scalar:
@@ -204,10 +247,12 @@ def _landing(grow: Scalar, share: Scalar, part: Scalar, smooth: Scalar) -> Scala
     return scalar.where(lands, scalar.minimum(scalar.minimum(part, CLOSEST), smooth), grow)
 
 
-def begin_adaptive(lanes: Lanes, adaptivity: Adaptivity, layout: Layout, x0: np.ndarray) -> None:
-    """Fills the blocks that `adaptive_stage` adds, for lanes that begin in x0 (lanes, nx) at t = 0."""
+def begin_adaptive(lanes: Lanes, adaptivity: Adaptivity, layout: Layout, x0: np.ndarray, horizon: float) -> None:
+    """Fills the blocks that `adaptive_stage` adds, for lanes that begin in x0 (lanes, nx) at t = 0, for so many seconds."""
+    if "horizon" in lanes.blocks:
+        lanes.set("horizon", np.array([horizon]))
     if adaptivity.allowed.accuracy is not None:
-        places = places_watched(layout)
+        places = places_watched(layout, "horizon" in lanes.blocks)
         lanes.set("x_first", x0[:, places])
         lanes.set("reach", floors(layout)[places])
     if adaptivity.events:

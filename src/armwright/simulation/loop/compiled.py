@@ -47,8 +47,8 @@ class CompiledLoop:
         """
         tick, chosen = make_tick(config), select_target(target)
         stages = [tick.before, tick.after] if tick.untraced is not None else [(*tick.before, *tick.after)]
-        # What one lane's friction asks for is done in all lanes of its tile: the fewer these are, the less.
-        tile = chosen if config.bare.sticking is not None else chosen.doubled()
+        # What one lane's friction or step asks for is done in all lanes of its tile: the fewer these are, the less.
+        tile = chosen if config.bare.sticking is not None or config.is_ahead else chosen.doubled()
         loops = tuple(Loop(part, tile, runs=runs) for part in stages)
         program, names = plant_outputs(config) if outputs else (None, ())
         kernel = None if program is None else Kernel(program, chosen)

@@ -86,6 +86,15 @@ class LoopConfig:
         return checksum(self.arm), names, self.integrator, tuple(self.inputs.items()), self.payload_frames
 
     @property
+    def is_ahead(self) -> bool:
+        """Whether "rk45" keeps the errors of all steps together below an accuracy, in steps that go on beyond their tick.
+
+        Nothing is sampled then and nothing switches; rows are read from the path within the step.
+        """
+        by_range = self.adaptivity is not None and self.adaptivity.allowed.accuracy is not None
+        return self.sampling is None and by_range and self.integrator == "rk45"
+
+    @property
     def bare(self) -> Plant:
         """The plant with the numbers of the record."""
         return Plant.of(self.arm, brakes="brake" in self.inputs)

@@ -35,7 +35,7 @@ def plant_stages(config: LoopConfig, seen: tuple[str, ...]) -> list[Stage]:
     if config.integrator == "cvodes":
         return []
     assert config.adaptivity is not None
-    key = ("adaptive", config.structure, config.adaptivity, planned, seen)
+    key = ("adaptive", config.structure, config.adaptivity, config.is_ahead, planned, seen)
     if config.adaptivity.events:  # functions of the user's, traced each time
         return [_adaptive(config, watched, planned, seen)]
     return [kept(key, lambda: _adaptive(config, watched, planned, seen))]
@@ -46,9 +46,8 @@ def _adaptive(config: LoopConfig, watched: Watched | None, planned: int, seen: t
     assert config.adaptivity is not None
     trial, layout = plant_trial(config, watched), config.bare.layout
     order, lands = ORDERS.get(config.integrator, ORDER_OF_ERROR), config.bare.sticking is not None
-    return adaptive_stage(
-        trial, config.plant_shapes, config.adaptivity, layout, planned, seen, watched, order, lands=lands
-    )
+    settings = (config.adaptivity, layout, planned, seen, watched, order)
+    return adaptive_stage(trial, config.plant_shapes, *settings, lands=lands, ahead=config.is_ahead)
 
 
 def plant_derivative(config: LoopConfig) -> Callable[..., Array]:
