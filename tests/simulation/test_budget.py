@@ -181,3 +181,11 @@ def test_what_it_cannot_keep_is_refused(rod):
     with pytest.raises(ScenarioError) as error:
         aw.Solver("rk45", accuracy=1e-3, rtol=1e-6)
     assert "'rk45' without accuracy" in str(error.value)
+
+
+def test_a_scenario_file_says_the_same(tmp_path):
+    file = tmp_path / "move.scenario.toml"
+    solver = '[solver]\nintegrator = "rk45"\naccuracy = 1e-4\nhorizon_s = 5.0\n'
+    file.write_text(f'robot = "two-link"\nduration_s = 0.1\n[commands]\nconstant = [1.0, 0.0]\n{solver}')
+    scenario = aw.read_scenario(file)
+    assert (scenario.solver.accuracy, scenario.horizon) == (1e-4, 5.0)

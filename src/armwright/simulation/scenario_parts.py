@@ -122,7 +122,7 @@ class Solver:
         integrator: a name of `integrators.RULES`: "auto"; with a fixed step "rk3", "rk4", "semi_implicit_euler"; "rk45", and
             "rodas3" for stiff arms, which choose their steps within each tick; or "cvodes", slow and accurate, for some lanes.
         accuracy: of "auto": how wrong a run may be at its end, in parts of each quantity's range; default 1e-3.
-            Of "rk45", in place of rtol and atol: of all its steps together, however long the run is; for commands over time
+            Of "rk45", in place of rtol and atol: of all its steps together; for commands over time
             and arms in which nothing sticks, and which have no stops and no play.
         horizon: [s] of "rk45" with an accuracy: how long a run is to keep it; default the scenario's duration, and `OPEN_ENDED`
             of one that has none.
