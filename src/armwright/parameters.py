@@ -87,6 +87,8 @@ class Draw:
         if self.kind == "record":
             return
         centre, spread, low, high = (self._numbers(name) for name in ("centre", "spread", "low", "high"))
+        object.__setattr__(self, "low", float(low))
+        object.__setattr__(self, "high", float(high))
         wrong = spread < centre if self.kind == "uniform" else spread < 0.0
         if np.any(wrong) or np.any(low >= high) or (self.kind == "lognormal" and np.any(centre <= 0.0)):
             raise ScenarioError(value=self, expected=f"{EXPECTED[self.kind]}, and low below high")

@@ -7,6 +7,7 @@ import numpy as np
 NEAR = 0.05  # of a step: how far values may be from whole multiples, which printed digits round
 SHARE = 0.98  # of the differences that must be whole multiples
 MOST_LEVELS = 100_000  # between the extremes; a finer grid is none
+LARGEST = 1e100  # of values: squares of their sums are numbers
 
 
 def quantisation_step(values: np.ndarray) -> float | None:
@@ -22,6 +23,8 @@ def quantisation_step(values: np.ndarray) -> float | None:
         return None
     steps = np.diff(levels)
     scale = np.abs(levels[[0, -1]]).max()
+    if scale > LARGEST:
+        return None
     steps = steps[steps > 1e-9 * scale]  # printed digits of one level
     if not len(steps) or (levels[-1] - levels[0]) / steps.min() > MOST_LEVELS:
         return None
