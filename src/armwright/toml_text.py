@@ -196,8 +196,13 @@ def _told(reason: str, line: str) -> str:
 
 def _joined(good: list[Statement], wrong: list[tuple[int, str]]) -> dict[str, Any]:
     """The tables of all statements together; one that contradicts those before it goes to `wrong`, and out of `good`."""
+    fine, stride = 0, 1  # statements that go together; often the next one is wrong again
     while (reason := _reason(good)) is not None:
-        k = bisect.bisect_left(range(len(good)), 1, key=lambda count: _reason(good[: count + 1]) is not None)
+        while fine + stride < len(good) and _reason(good[: fine + stride]) is None:
+            fine, stride = fine + stride, 2 * stride
+        counts = range(fine, min(fine + stride, len(good)))
+        k = fine + bisect.bisect_left(counts, 1, key=lambda count: _reason(good[: count + 1]) is not None)
+        fine, stride = k, 1
         line, text, _ = good.pop(k)
         while HEADER.match(text) and k < len(good) and not HEADER.match(good[k][1]):
             del good[k]  # the keys of a table that is there twice
