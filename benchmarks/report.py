@@ -181,10 +181,10 @@ CHAPTERS: dict[str, tuple[str, tuple[Column, ...]]] = {
         ),
     ),
     "auto": (
-        "Price of the error estimate, of a step by hand and of sticking, ns a step of 1 ms",
+        "Price of steps of their own choice, of a step by hand and of sticking, ns for a simulated ms",
         (
             *(label("arm", "arm"), label("work", "work"), label("lanes", "lanes"), time("rk3, 1 ms", "rk3")),
-            *(time("auto, the same steps", "auto"), ratio("auto ÷ rk3", "auto")),
+            *(time("auto", "auto"), ratio("auto ÷ rk3", "auto")),
             *(time("without the note of a coarse step", "unnoted"), ratio("rk3 ÷ without", "rk3")),
             *(time("rk3, sticking", "sticking"), ratio("sticking ÷ rk3", "sticking"), worst("error")),
         ),

@@ -54,7 +54,7 @@ def run(*arguments: str, code: int = 0) -> str:
 def test_a_built_in_arm_is_made_and_simulated_without_an_edit() -> None:
     assert "wrote arm.toml" in run("assemble", "lwa4p.assembly.toml", "-o", "arm.toml")
     assert aw.load("arm.toml").description == aw.assemble("lwa4p")
-    assert "0.01 s in 10 steps" in run("simulate", "arm.toml", "--current", "0", "--duration", "0.01")
+    assert "0.01 s in " in run("simulate", "arm.toml", "--current", "0", "--duration", "0.01")
 
 
 def test_an_arm_older_than_its_modules_says_so(folder: Path) -> None:

@@ -169,7 +169,7 @@ def test_simulate_writes_run_and_picture(tmp_path):
     result = run(
         "simulate", "cmu-dd", "--voltage", "8,12,8,4,2,1", "--duration", "0.2", "-o", files[0], "--plot", files[1]
     )
-    assert "cmu-dd: 0.2 s in 2" in result.stdout
+    assert "cmu-dd: 0.2 s in 33 steps" in result.stdout
     assert all(f"wrote {file}" in result.stdout for file in files)
     saved = aw.load_run(files[0])
     arm = aw.load("cmu-dd")

@@ -269,7 +269,7 @@ def test_a_wrench_is_six_numbers_or_a_table(tmp_path, wrench):
     np.testing.assert_array_equal(all_rows(scenario.input_schedules["wrench"]), [[3.0, 0, -5, 0, 0, 1]])
 
 
-TWO = 'robot = "two-link"\nduration_s = 0.2\nsolver.step_s = 1e-3\n'
+TWO = 'robot = "two-link"\nduration_s = 0.2\n'
 PAYLOAD = """
 [[inputs.payload]]
 time_s = 0.0503

@@ -8,7 +8,7 @@ import xarray
 
 import armwright as aw
 from armwright.errors import DivergenceError, ScenarioError
-from armwright.simulation.integrate.step_control import Allowed
+from armwright.simulation.integrate.step_control import share_of_range
 from physics.arms import arm
 from simulation.fields import scenario_of
 from simulation.plants import MOTOR, pendulum
@@ -21,13 +21,13 @@ ARMS = ("cmu-dd", "lwa4p", "panda", "puma560", "two-link")
 @pytest.mark.parametrize("entry", range(3))
 def test_no_entry_that_is_not_finite_is_overlooked(entry, bad):
     """Comparisons with NaN are false, so that the largest of several errors is found without it."""
-    allowed, errors, ranges = Allowed(0.0, 0.0, 1e-3), np.full(3, 1e-9), np.ones(3)
-    assert allowed.share_of_range(errors, ranges, range(3))[0] < 1.0
+    errors, ranges = np.full(3, 1e-9), np.ones(3)
+    assert share_of_range(errors, ranges, range(3), 3e-5)[0] < 1.0
     for values in (errors, ranges):
         wrong = values.copy()
         wrong[entry] = bad
         pair = (wrong, ranges) if values is errors else (errors, wrong)
-        assert not allowed.share_of_range(*pair, range(3))[0] <= 1.0
+        assert not share_of_range(*pair, range(3), 3e-5)[0] <= 1.0
 
 
 def pushed(name: str, share: float = 0.3) -> aw.Scenario:
@@ -57,9 +57,9 @@ def test_a_run_is_right_without_settings(name):
     assert run.attrs["integrator"] == "auto"
     assert run.attrs["accuracy"] == 1e-3
     assert len(run.time) == 501  # a row every millisecond
-    assert run.steps_tried >= 500
+    assert run.steps_tried < 500  # whose number does not follow from the rows
     assert 0 <= run.steps_repeated < run.steps_tried
-    assert 0 < run.largest_error <= 1
+    assert 0.0 < run.global_error.max() < 1e-3
 
 
 def test_an_accuracy_is_kept_and_paid_for():
@@ -112,7 +112,7 @@ def smoothed(model: aw.Model, speed: float | None) -> aw.Model:
     return replace(model, bodies=tuple(bodies))
 
 
-@pytest.mark.parametrize(("of", "rule"), [(None, "rk3"), (stiff, "rodas3"), (sticking, "rk3")])
+@pytest.mark.parametrize(("of", "rule"), [(None, "rk45"), (stiff, "rodas3"), (sticking, "rk45")])
 @pytest.mark.sample(1)
 def test_a_lanes_bits_do_not_depend_on_its_neighbours(of, rule):
     """Lane 77, alone, among a hundred and among a hundred thousand, whose steps are others."""
@@ -127,7 +127,7 @@ def test_a_lanes_bits_do_not_depend_on_its_neighbours(of, rule):
 
     alone, hundred, all_ = ends(slice(77, 78)), ends(slice(0, 100)), ends(slice(0, many))
     assert alone.attrs["rule"] == rule
-    for name in ("q", "qd", "steps_tried", "steps_repeated", "largest_error"):
+    for name in ("q", "qd", "steps_tried", "steps_repeated"):
         np.testing.assert_array_equal(alone[name].values[0], hundred[name].values[77])
         np.testing.assert_array_equal(alone[name].values[0], all_[name].values[77])
     assert len(np.unique(all_.steps_tried)) > 1
@@ -157,13 +157,13 @@ def test_a_lane_that_runs_out_of_substeps_is_marked_with_tick_and_joint():
 
 def test_the_limit_of_substeps_does_not_depend_on_the_recording_period():
     """What is enough for rows every millisecond is enough for one row of half a second; and a limit ends that one too."""
-    fine = replace(pushed("puma560", 1.0), solver=aw.Solver(accuracy=1e-7))
+    fine = replace(pushed("puma560", 1.0), solver=aw.Solver(accuracy=1e-10))
     rare = replace(fine, recording=aw.Recording(period=0.5))
     run = aw.simulate(rare)
     assert int(run.steps_tried) > 1000
     np.testing.assert_allclose(run.q.values[-1], aw.simulate(fine).q.values[-1], atol=1e-6)
     with pytest.raises(DivergenceError, match="ran out of substeps"):
-        aw.simulate(replace(rare, solver=aw.Solver(accuracy=1e-7, max_substeps=1)))
+        aw.simulate(replace(rare, solver=aw.Solver(accuracy=1e-10, max_substeps=1)))
 
 
 def test_rows_come_by_time():

@@ -35,6 +35,9 @@ def halved(name):
 
 def by_run(scenario, first, second, folder):
     """Halves of a run: the second starts from the first, which was read from a file."""
+    if scenario.solver.rule == "auto":  # an accuracy is that of the whole run
+        solver = dataclasses.replace(scenario.solver, horizon=scenario.duration)
+        scenario = dataclasses.replace(scenario, solver=solver)
     a = aw.simulate(dataclasses.replace(scenario, duration=first * scenario.tick))
     aw.save(a, folder / "first.nc")
     start = aw.load_run(folder / "first.nc")

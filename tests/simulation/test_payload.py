@@ -186,7 +186,7 @@ def test_two_hands_hold_their_own():
     left = aw.simulate(scenario_of(model, payload=emptied, **common))
     half = aw.simulate(scenario_of(held, **common | {"duration": 0.05}))
     rest = aw.simulate(
-        aw.Scenario(model.with_payload(*HELD, "forearm"), start=half, command=[20.0, 5.0], duration=0.05)
+        scenario_of(model.with_payload(*HELD, "forearm"), start=half, command=[20.0, 5.0], duration=0.05)
     )
     np.testing.assert_allclose(left.q.values[50:], rest.q.values, atol=1e-13)
 

@@ -67,7 +67,7 @@ def test_motor_reaches_the_speed_its_constants_say():
     stall = drive.gear_ratio * drive.torque_constant / drive.resistance
     damping = stall * drive.gear_ratio * drive.back_emf_constant + 0.03
     inertia = 0.02 + 25 * 1e-4
-    run = aw.simulate(aw.Scenario(arm, duration=6.0, command=[6.0]))
+    run = aw.simulate(aw.Scenario(arm, duration=6.0, command=[6.0], solver=aw.Solver(accuracy=1e-8)))
     speed = stall * 6.0 / damping
     assert speed < 0  # the gear turns the direction round
     assert run.qd.values[-1, 0] == pytest.approx(speed, rel=1e-9)

@@ -117,7 +117,7 @@ def test_where_friction_turns_round_the_floor_is_that_of_the_reference():
     found = aw.step_study(aw.Scenario(swing, 0.2, command=[6.0], start=start), steps=5, accuracies=[1e-2, 1e-7])
     assert found.reference == "rk45 at 1e-11"
     assert found.floor < 1e-6 < 1e-4 < found.trials[-1].error
-    assert found.auto.rule == "rk3"
+    assert found.auto.rule == "rk45"
     assert found.by_auto[1e-7].error < 0.1 * found.auto.error
 
 

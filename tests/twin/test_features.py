@@ -179,8 +179,10 @@ CASES = {
     ),
     "solver.substeps": lambda: (solver(substeps=3), solver(substeps=2)),
     "solver.accuracy": lambda: (solver(accuracy=0.1), solver(accuracy=1e-7)),
+    "solver.global_error": lambda: (solver("auto", global_error=False), solver("auto")),
     "solver.rtol": lambda: tuple(ringing(rtol=each, atol=1e-12) for each in (1e-3, 1e-9)),
     "solver.atol": lambda: tuple(ringing(rtol=1e-12, atol=each) for each in (1e-3, 1e-9)),
+    "solver.horizon": lambda: (solver("auto", horizon=500.0), solver("auto")),
     "solver.max_substeps": lambda: (solver("rk45", max_substeps=500), solver("rk45")),
     "solver.events": lambda: (solver("rk45", events={"up": lambda t, x: x.q[0] - 0.4}), solver("rk45")),
     "solver.target": lambda: replace(BASE, solver=aw.Solver(target=LEVEL)),
@@ -238,7 +240,6 @@ WRONG = {
     ),
     "start.qd": (lambda: replace(BASE, start=Start([0.3], [0.1])), "start.qd: the arm moves at the start"),
     "start, a state": (lambda: replace(BASE, start=aw.simulate(BASE, progress=False)), "start: continues from"),
-    "solver.horizon": (lambda: solver("rk45", accuracy=1e-3, horizon=9.0), "with 'rk45' in a sampled loop"),
     "recording.reference": (lambda: keeping(reduce=("rms_error",), reference=[0.0]), "recording.reference"),
     "arm.body.limits, of torque absent": (
         lambda: scenario(limits={"position_rad": [-2.0, 2.0], "velocity_rad_per_s": 4.0}),

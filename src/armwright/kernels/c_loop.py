@@ -19,8 +19,10 @@ from armwright.kernels.c import Unit
 from armwright.kernels.c_syntax import C_DOUBLE, identifier, literal
 from armwright.kernels.loop_steps import LOST, NEARLY
 from armwright.kernels.stages import (
+    HELD,
     NEXT,
     SECANTS,
+    SECANTS_WITHIN,
     SEEN,
     SINCE,
     SWITCHES,
@@ -107,7 +109,7 @@ class LoopText:
         """Text of those stages.
 
         Raises:
-            ProgramError: a stage that has no C: an integration that looks for events, or goes on beyond its ticks.
+            ProgramError: a stage that has no C: an integration that looks for events.
         """
         self.unit, self.struct, self.clock, self._plan = unit, struct, clock, tuple(stages)
         self.sizes = {name: size for name, size in block_sizes(self._plan).items() if size}
@@ -115,8 +117,6 @@ class LoopText:
         for stage in stages:
             if isinstance(stage, Adapt) and stage.events:
                 raise ProgramError("looks for events", place="loop", expected="a solver without events")
-            if isinstance(stage, Adapt) and stage.ahead:
-                raise ProgramError("goes on beyond its ticks", place="loop", expected="a sampled loop")
 
     def members(self, further: Mapping[str, int]) -> list[str]:
         """Declarations of the struct's members: counter, blocks, further arrays, rings."""
@@ -213,15 +213,16 @@ class LoopText:
     def _cut(self, stage: Integrate | Adapt, length: str) -> list[str]:
         """The step just taken ends at the first place where something switches; `cut` says whether there is one."""
         _, switched, bracket, narrow = stage.switching
+        within = stage.within if isinstance(stage, Adapt) else None
+        guess = [f"l->h[0] = l->part[0] * {length};", self.call(stage.step)] if within is None else [self.call(within)]
         return [
             self.call(switched),
             "if (0.0 < l->switched[0]) {",
             "    int secant;",
             "    cut = 1;",
             f"    {self.call(bracket)}",
-            f"    for (secant = 0; secant < {SECANTS}; secant++) {{",
-            f"        l->h[0] = l->part[0] * {length};",
-            *_indented([self.call(stage.step), *self._run(narrow)], 2),
+            f"    for (secant = 0; secant < {SECANTS if within is None else SECANTS_WITHIN}; secant++) {{",
+            *_indented([*guess, *self._run(narrow)], 2),
             "    }",
             f"    l->h[0] = l->bracket[1] * {length};",
             f"    {self.call(stage.step)}",
@@ -241,21 +242,28 @@ class LoopText:
                 "}",
                 "s = l->h[0];",
             ]
+        if stage.settle is not None:
+            cut += self._run(stage.settle)
+        if stage.ahead:
+            length, then = "wanted", ["then = now + s;"]
+            begun = ["l->span[0] = s;", "memcpy(l->x_from, l->x, sizeof l->x);"]
+        else:
+            length, begun = f"(left <= wanted * {NEARLY!r}) ? left : wanted", []
+            then = ["then = now + s;", "then = (ends && cut == 0) ? edge : then;"]
         inner = [
-            "int again = 1;",
+            *(self._go_on(stage) if stage.ahead else []),
+            f"int again = {f'l->{SINCE}[0] < edge && l->frozen[0] < 0.0' if stage.ahead else '1'};",
             "while (again != 0) {",
             "    const double now = l->since_tick[0], left = edge - now;",
             f"    const double wanted = (0.0 < l->h_try[0]) ? l->h_try[0] : {literal(h, C_DOUBLE)};",
             "    const int active = now < edge && l->frozen[0] < 0.0;",
-            f"    const double nearly = wanted * {NEARLY!r};",
-            "    double s = (left <= nearly) ? left : wanted, grow, following, then;",
-            "    const int ends = left <= s;",
+            f"    double s = {length}, grow, following, then;",
+            *([] if stage.ahead else ["    const int ends = left <= s;"]),
             "    int cut = 0, good, measured, rejected, waits, over;",
             "    l->h[0] = s;",
             *_indented([*touching, self.call(stage.trial), *cut]),
             "    good = active && l->error[0] <= 1.0;",
-            "    then = now + s;",
-            "    then = (ends && cut == 0) ? edge : then;",
+            *_indented(then),
             f"    measured = l->error[0] <= {sys.float_info.max!r};",
             f"    grow = measured ? l->grow[0] : {LOST!r};",
             "    grow = (0.0 < l->rejected[0] && 1.0 < grow) ? 1.0 : grow; /* behind a step that was refused */",
@@ -265,11 +273,10 @@ class LoopText:
             "    rejected = active && !(l->error[0] <= 1.0);",
             "    l->rejected[0] = (double)rejected;",
             "    l->repeats[0] += (double)rejected;",
-            "    l->largest[0] = (good && l->largest[0] < l->error[0]) ? l->error[0] : l->largest[0];",
             "    l->tried[0] += (double)active;",
             "    l->trials[0] += (double)active;",
             "    if (good) {",
-            *_indented([*taken, "l->since_tick[0] = then;"], 2),
+            *_indented([*begun, *taken, "l->since_tick[0] = then;"], 2),
             "    }",
             "    waits = active && l->since_tick[0] < edge;",
             f"    over = waits && {literal(most, C_DOUBLE)} <= l->tried[0];",
@@ -280,8 +287,47 @@ class LoopText:
             "    }",
             "    again = waits && !over;",
             "}",
+            *(self._look_back(stage) if stage.ahead else []),
         ]
         return ["l->tried[0] = 0.0;", *self._segments(stage, inner)]
+
+    def _go_on(self, stage: Adapt) -> list[str]:
+        """A lane on which the same acts goes on behind its last step; else it begins anew, in steps as long as that lasted."""
+        held, _ = stage.ahead
+        before = [port for port in held.inputs if port.name.endswith(HELD) and port.name != f"x{HELD}"]
+        return [
+            self.call(held),
+            "if (0.0 < l->same[0] && 0.0 < l->ahead[0]) {",
+            f"    l->{SINCE}[0] = l->{SINCE}[0] + l->ahead[0];",
+            "    memcpy(l->x, l->x_end, sizeof l->x);",
+            "} else if (0.0 < l->ahead[0]) {",
+            "    const double lasted = l->span[0] - l->ahead[0];",
+            "    l->h_try[0] = (lasted < l->h_try[0]) ? lasted : l->h_try[0];",
+            "}",
+            *(
+                f"memcpy(l->{identifier(port.name)}, l->{identifier(port.name.removesuffix(HELD))}, "
+                f"sizeof l->{identifier(port.name)});"
+                for port in before
+            ),
+        ]
+
+    def _look_back(self, stage: Adapt) -> list[str]:
+        """The state at the edge, within the last step; a lane that stopped stays where it is."""
+        return [
+            "{",
+            f"    const double beyond = l->{SINCE}[0] - edge;",
+            "    const int reaches = 0.0 < beyond && l->frozen[0] < 0.0;",
+            "    const double span = reaches ? l->span[0] : 1.0;",
+            "    l->ahead[0] = reaches ? beyond : 0.0;",
+            "    l->part[0] = (span - beyond) / span;",
+            f"    {self.call(stage.ahead[1])}",
+            "    memcpy(l->x_end, l->x, sizeof l->x);",
+            "    if (reaches) {",
+            "        memcpy(l->x, l->x_at, sizeof l->x);",
+            "    }",
+            f"    memcpy(l->x{HELD}, l->x, sizeof l->x);",
+            "}",
+        ]
 
     def _segments(self, stage: Integrate | Adapt, inner: Sequence[str]) -> list[str]:
         """A tick from change to change: `inner` moves the plant from `t` to `edge`."""

@@ -9,7 +9,18 @@ import sys
 
 from armwright.kernels.loop_blocks import BlockPrinter
 from armwright.kernels.machine import Value
-from armwright.kernels.stages import HALVINGS, HELD, NEXT, SECANTS, SEEN, SINCE, SWITCHES, Adapt, Integrate
+from armwright.kernels.stages import (
+    HALVINGS,
+    HELD,
+    NEXT,
+    SECANTS,
+    SECANTS_WITHIN,
+    SEEN,
+    SINCE,
+    SWITCHES,
+    Adapt,
+    Integrate,
+)
 
 NEARLY = 1.01  # a step that would leave less than a hundredth of itself to the edge goes on to it
 LOST = 0.1  # how much shorter the next trial is where the state is infinite or NaN
@@ -66,9 +77,11 @@ class StepPrinter(BlockPrinter):
         m.branch(some, f"{label}.bracket", f"{label}.cut")
         m.begin(f"{label}.bracket")
         self._program(bracket)
-        with m.repeat(f"{label}.secant", SECANTS):
-            self._store("h", 0, m.mul(self._load("part"), length))
-            self._program(stage.step)
+        within = stage.within if isinstance(stage, Adapt) else None
+        with m.repeat(f"{label}.secant", SECANTS if within is None else SECANTS_WITHIN):
+            if within is None:
+                self._store("h", 0, m.mul(self._load("part"), length))
+            self._program(within or stage.step)
             self._program(narrow)
             self._replace_blocks(narrow)
         self._store("h", 0, m.select(switches, m.mul(self._load("bracket", 1), length), length))
@@ -130,6 +143,9 @@ class StepPrinter(BlockPrinter):
             fine = m.both(active, m.le(self._load("error"), one))
             cut_short = self._cut(stage, label, fine, s, "true")
             s, ends = self._load("h"), m.both(ends, m.inverse(cut_short))
+        if stage.settle is not None:
+            self._program(stage.settle)
+            self._replace_blocks(stage.settle)
         error, grow = self._load("error"), self._load("grow")
         good = m.both(active, m.le(error, one))
         then = m.add(now, s) if stage.ahead else m.select(ends, edge, m.add(now, s))
@@ -150,8 +166,6 @@ class StepPrinter(BlockPrinter):
         rejected = m.truth(m.both(active, m.inverse(m.le(error, one))))
         self._store("rejected", 0, rejected)
         self._store("repeats", 0, m.add(self._load("repeats"), rejected))
-        largest = self._load("largest")
-        self._store("largest", 0, m.select(m.both(good, m.lt(largest, error)), error, largest))
         tried = m.add(self._load("tried"), m.truth(active))
         self._store("tried", 0, tried)
         self._store("trials", 0, m.add(self._load("trials"), m.truth(active)))

@@ -33,13 +33,12 @@ lane in tick k of h seconds, with `b` the dict of its blocks:
                                b["ahead"], b["x_end"] = t - edge, b["x"]
                                b["x"] = along(x_from, path, part=(span - ahead) / span)
 
-All others end a step at every change. With a plan, the command in force is chosen among several planned ones: entry s of block
-"u_plan" from "u_from"[s - 1] seconds on. A lane whose state leaves the finite numbers keeps its last finite one, and block
-"frozen" says in which tick it happened, -1 before. So does one that takes more than `most` trials in one tick; block
+All others end a step at every change. With a plan, the command in force is chosen among several planned ones: entry s of
+block "u_plan" from "u_from"[s - 1] seconds on. A lane whose state leaves the finite numbers keeps its last finite one, and
+block "frozen" says in which tick it happened, -1 before. So does one that takes more than `most` trials in one tick; block
 "stalled" is then 1, and "stalled_by" the entry with the largest error. "trials" counts them, "repeats" those that were too
-long, and "largest" is the largest error of a step that was taken. With events, a step of `Adapt` in which one happens is
-halved along its path `HALVINGS` times to find when, taken again to just behind it, and noted: "event_first" the first time
-[s], "event_count" how often.
+long. With events, a step of `Adapt` in which one happens is halved along its path `HALVINGS` times to find when, taken again
+to just behind it, and noted: "event_first" the first time [s], "event_count" how often.
 
 Loops that search instead of simulating have no time: each lane works on a task until it is over.
 
@@ -62,7 +61,7 @@ Where something may switch within steps, each substep of s seconds of `Integrate
         x, s = step(x, …, c, h=bracket[1] s), s - bracket[1] s                             (to just beyond the first place)
     b["x"] = new
 
-and `Adapt` cuts a trial that is good in the same way.
+and `Adapt` cuts a trial that is good in the same way; with `within`, guesses are states on the path of that trial.
 """
 
 from __future__ import annotations
@@ -81,13 +80,14 @@ CURSOR = (
     "end",
 )  # of a lane's schedule: when its next row comes, which it is, the one behind its last
 NEVER = 2.0**62  # a tick that does not come
-ADAPTING = ("h_try", "tried", "rejected", "trials", "repeats", "largest", "stalled")  # of a lane that chooses its steps
+ADAPTING = ("h_try", "tried", "rejected", "trials", "repeats", "stalled")  # of a lane that chooses its steps
 AHEAD = ("ahead", "span")  # [s] of a lane's last step: how far it reaches beyond the tick, and how long it is
 HELD = "_held"  # ending of a block as it was when a lane's last step began
 EXCHANGED = ("task", "attempt", "over", "fresh", "task_number", "attempt_number")  # blocks of a lane that searches
 HALVINGS = 40  # of the step in which an event lies: 1e-12 of it are left
 SWITCHES = 8  # places in one substep where something switches; the rest is then one step
 SECANTS = 10  # of a substep, to find one: enough where the state bends by as much as it moves
+SECANTS_WITHIN = 16  # the same along the path of a longer step, which costs little
 
 
 @dataclass(frozen=True)
@@ -200,8 +200,10 @@ class Adapt(_Switching):
         choose: (upper, crossed) → part, hit_new: the first place, and who is there.
         note: (hit, settled, landed, moved, after, side, event_first, event_count) → the last three, as they are next.
         touching, switched, bracket, narrow: as in `Integrate`.
+        settle: (x_next, u, …, touching, directions) → x_next: speeds that passed 0 are 0.
         held: (x, u, …, x_held, u_held, …) → same: whether nothing has changed that acts on the plant; steps then end where the
             lane likes, behind its tick too.   along: (x_from, path, part) → x_at: the state after that part of a step.
+        within: (x, path_next, part) → x_next: the same of the step just tried, where places are sought.
     """
 
     trial: Program
@@ -217,13 +219,20 @@ class Adapt(_Switching):
     bracket: Program | None = None
     narrow: Program | None = None
     each: float | None = None
+    settle: Program | None = None
     held: Program | None = None
     along: Program | None = None
+    within: Program | None = None
 
     @property
     def ahead(self) -> tuple[Program, ...]:
         """The programs of steps that go on beyond their tick, if they do."""
         return tuple(p for p in (self.held, self.along) if p is not None)
+
+    @property
+    def further(self) -> tuple[Program, ...]:
+        """The programs beside the trial and those of events and switching."""
+        return tuple(p for p in (self.settle, *self.ahead, self.within) if p is not None)
 
     @property
     def step(self) -> Program:
@@ -290,7 +299,7 @@ def _uses(stage: Stage) -> tuple[set[str], set[str]]:
     reads = ({port.name for port in stage.step.inputs} | {"frozen"}) - inside
     writes = {"x", "frozen"}
     if isinstance(stage, Adapt):
-        adaptive = {"h_try", "trials", "repeats", "largest", "stalled"}
+        adaptive = {"h_try", "trials", "repeats", "stalled"}
         adaptive |= {"side", "event_first", "event_count"} if stage.events else set()
         adaptive |= {port.name.removesuffix(NEXT) for port in stage.trial.outputs if port.name.endswith(NEXT)}
         adaptive |= (
@@ -331,9 +340,10 @@ def block_sizes(stages: tuple[Stage, ...]) -> dict[str, int]:
                 add(port.name.removesuffix(NEXT), port.size)
             if events:
                 add("h_land", 1)
-            if isinstance(stage, Adapt) and stage.ahead:
-                for port in (port for p in stage.ahead for port in (*p.inputs, *p.outputs)):
+            if isinstance(stage, Adapt):
+                for port in (port for p in stage.further for port in (*p.inputs, *p.outputs)):
                     add(port.name, port.size)
+            if isinstance(stage, Adapt) and stage.ahead:
                 add("x_end", sizes["x"])
                 for name in AHEAD:
                     add(name, 1)

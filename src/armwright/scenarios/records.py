@@ -181,12 +181,11 @@ class SolverTable(Record):
         description="auto, or with a fixed step rk3, rk4, semi_implicit_euler; rk45; rodas3 for stiff arms; cvodes.",
     )
     accuracy: Number | None = Field(
-        default=None,
-        description="How wrong a run may be, in parts of each quantity's range. Of auto: 1e-3 if absent. Of rk45: as a whole.",
+        default=None, description="Of auto: how wrong a run may be, in parts of each quantity's range; absent: 1e-3."
     )
     horizon_s: Number | None = Field(
         default=None,
-        description="Of rk45 with an accuracy: how long a run is to keep it; absent: duration_s.",
+        description="Of auto where nothing is sampled: how long a run is to keep its accuracy; absent: duration_s.",
     )
     step_s: Number | None = Field(
         default=None,
@@ -196,6 +195,10 @@ class SolverTable(Record):
     rtol: Number | None = Field(default=None, description="Relative tolerance of rk45, rodas3 and cvodes.")
     atol: Number | None = Field(
         default=None, description="Absolute tolerance of rk45, rodas3 and cvodes, in each state's unit."
+    )
+    global_error: bool = Field(
+        default=True,
+        description="Of auto: whether some lanes are simulated again, to say how wrong the run is as a whole.",
     )
     max_substeps: Whole | None = Field(
         default=None,

@@ -42,11 +42,9 @@ def part_values(table: ScenarioTable, arm: Model, mistakes: Mistakes) -> dict[st
         parts["inputs"]["wrench"] = np.array(table.inputs.wrench)
     with mistakes.noted():
         parts["inputs"]["brake"] = _brake(table.inputs.brake, arm)
-    accuracy = parts["solver"].get("accuracy")
     for name, value in parts["solver"].items():
-        beside = {"accuracy": accuracy} if name == "horizon" else {}
         with mistakes.noted():
-            Solver(**{"integrator": table.solver.integrator, **beside, name: value})
+            Solver(**{"integrator": table.solver.integrator, name: value})
     for name, time in (("duration", table.duration_s), ("loop.period", table.loop and table.loop.period_s)):
         if time is not None:
             with mistakes.noted():

@@ -55,14 +55,17 @@ class LoopRunner:
     """
 
     @alone
-    def __init__(self, scenario: Scenario, *, loop: CompiledLoop | None = None):
+    def __init__(self, scenario: Scenario, *, loop: CompiledLoop | None = None, sampled: bool | None = None):
+        """`sampled`: whether "auto" chooses its rule as for a sampled loop; by default it does where the scenario has one."""
         self.scenario = scenario = scenario.resolved
         self.arm = scenario.arm
         self.count, self.period = scenario.lane_count or 1, scenario.tick
         self.notes: list[str] = [*scenario.notes, *scenario.carried_notes]
         limit = StepLimit(self.arm) if loop is None else loop.step_limit
         self._check_step(limit)
-        self.rule = auto_rule(limit) if scenario.solver.rule == "auto" else scenario.solver.rule
+        self.rule = scenario.solver.rule
+        if self.rule == "auto":
+            self.rule = auto_rule(limit, sampled=scenario.sampled if sampled is None else sampled)
         self._started = scenario.started
         self.inputs = dict(scenario.input_schedules)
         if not scenario.sampled:
@@ -75,7 +78,6 @@ class LoopRunner:
         if scenario.sampled and self._started is None and scenario.start.q is None:
             self.notes += start_notes(self.arm, self.reference)
         self.config, self.initialisation = self._configured()
-        self._check_whole_run()
         target, outputs = scenario.solver.target, scenario.recording.what == "all"
         if loop is not None:
             loop.check(self.config, target, outputs=outputs)
@@ -121,24 +123,6 @@ class LoopRunner:
         substeps = None if scenario.loop is None or scenario.loop.period is None else scenario.substeps
         whole = () if scenario.sampled else scenario.whole_times
         limit.check_step(name, INTEGRATORS[name], scenario.integration_step, commands, substeps, whole=whole)
-
-    def _check_whole_run(self) -> None:
-        """Refuses an accuracy of "rk45", which is kept over a whole run, where steps cannot go on beyond their tick."""
-        solver, plant = self.scenario.solver, self.config.bare
-        if solver.rule != "rk45" or solver.accuracy is None:
-            return
-        reasons = {
-            "in a sampled loop": self.scenario.sampled,
-            "beside solver.events": bool(solver.events),
-            f"of {self.arm.name}, which sticks (friction without smoothing_rad_per_s, brakes)": plant.sticking
-            is not None,
-            f"of {self.arm.name}, which has stops or play": sum(plant.contacts) > 0,
-        }
-        for reason in (each for each, holds in reasons.items() if holds):
-            expected = "integrator = 'auto', or rtol and atol"
-            raise ScenarioError(
-                f"with 'rk45' {reason}", place="solver.accuracy", value=solver.accuracy, expected=expected
-            )
 
     def reference_of_ticks(self, ticks: int, *, first: bool = False) -> LoopReference | None:
         """The reference of so many ticks from here, `first` when the scenario is checked; None where nobody asks."""
@@ -226,7 +210,7 @@ class LoopRunner:
         if self._solver is not None:
             seen = {name + SEEN for name in self.loop.tick.seen}
             kept |= {"u", *seen} & {name for loop in self.loop.loops for name in loop.sizes}
-        begun = {"x_first", "horizon"}  # where ranges are measured from, and how long the whole run is
+        begun = {"x_first", "allowed"}  # where ranges are measured from, and what a step may be wrong by
         kept |= begun & {name for loop in self.loop.loops for name in loop.sizes}
         if self.scenario.sampled and self.scenario.reference is None:
             kept.add("r")  # where it began, and stays
@@ -248,7 +232,8 @@ class LoopRunner:
         for name, rows in self.rows.items():
             self.loop.loops[0].begin_rows(lanes, name, rows, self.tick)
         if self.scenario.solver.adaptivity is not None:
-            begin_adaptive(lanes, self.scenario.solver.adaptivity, self.plant.layout, x, self.scenario.horizon)
+            horizon = self.scenario.horizon if self.config.is_ahead else None
+            begin_adaptive(lanes, self.scenario.solver.adaptivity, self.plant.layout, x, horizon)
         for name, block in (("y_old", "y_kept"), ("u", "u"), ("u_queued", "u")):
             if name in lanes.rings:
                 lanes.fill_ring(name, values[block])

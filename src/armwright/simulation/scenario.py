@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -310,8 +310,19 @@ class Scenario:
         return self.integration_step * self.substeps if self.loop.period is None else float(self.loop.period)
 
     @property
+    def without_global_error(self) -> Scenario:
+        """The scenario for one of many runs, whose errors nobody reads."""
+        return replace(self, solver=replace(self.solver, global_error=False))
+
+    @property
+    def quantised(self) -> bool:
+        """Whether positions are measured in counts, or commands are issued in steps."""
+        loop = self.loop
+        return loop is not None and (loop.joint_sensors.quantised or loop.command_filter.resolution is not None)
+
+    @property
     def horizon(self) -> float:
-        """[s] of the run over which "rk45" keeps an accuracy: what the solver says, else the duration."""
+        """[s] of the run over which steps of "auto" keep its accuracy: what the solver says, else the duration."""
         stated = self.duration if self.solver.horizon is None else self.solver.horizon
         return OPEN_ENDED if stated is None else float(stated)
 

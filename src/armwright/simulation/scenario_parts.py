@@ -122,10 +122,8 @@ class Solver:
         integrator: a name of `integrators.RULES`: "auto"; with a fixed step "rk3", "rk4", "semi_implicit_euler"; "rk45", and
             "rodas3" for stiff arms, which choose their steps within each tick; or "cvodes", slow and accurate, for some lanes.
         accuracy: of "auto": how wrong a run may be at its end, in parts of each quantity's range; default 1e-3.
-            Of "rk45", in place of rtol and atol: of all its steps together; for commands over time
-            and arms in which nothing sticks, and which have no stops and no play.
-        horizon: [s] of "rk45" with an accuracy: how long a run is to keep it; default the scenario's duration, and `OPEN_ENDED`
-            of one that has none.
+        horizon: [s] of "auto" where nothing is sampled: how long a run is to keep its accuracy; default the scenario's duration,
+            and `OPEN_ENDED` of one that has none.
         step: [s] of a rule of fixed step, default 1 ms; in a loop with a period it is that over `substeps`. With "auto", a step
             or a number of substeps is taken as it is, by "rk3".
         substeps: steps in each period of a loop.
@@ -136,6 +134,8 @@ class Solver:
         events: of "rk45" and "rodas3", by name: functions (t, x) of time and state; their changes of sign are found and reported,
             as `events.joint_stops` makes them.
         target: processor level to compile for, as in `compile`.
+        global_error: of "auto": whether a few lanes are simulated again at a tenth of the accuracy, by which a run says how wrong
+            it is as a whole, in `global_error`; not where counts or command steps decide.
     Raises:
         ScenarioError: names the field, its value and what was expected.
     """
@@ -150,15 +150,18 @@ class Solver:
     max_substeps: int | None = None
     events: Mapping[str, EventFunction] = field(default_factory=dict)
     target: str | None = None
+    global_error: bool = True
 
     def __post_init__(self) -> None:
+        if not isinstance(self.global_error, bool):
+            raise ScenarioError(place="solver.global_error", value=self.global_error, expected="true or false")
         if self.step is not None:
             check_time("solver.step", self.step)
         check_choice("solver.integrator", self.integrator, tuple(RULES))
         if self.horizon is not None:
             check_time("solver.horizon", self.horizon)
-            if self.rule != "rk45" or self.accuracy is None:
-                what = f"goes with integrator = 'rk45' and an accuracy, not {self.rule!r}"
+            if self.rule != "auto":
+                what = f"goes with integrator = 'auto' without a step, not {self.rule!r}"
                 raise ScenarioError(what, place="solver.horizon", value=self.horizon)
         if self.substeps is not None:
             self._check_substeps(self.substeps)

@@ -20,6 +20,7 @@ from armwright.results.provenance import provenance
 from armwright.signals import Values
 from armwright.simulation.batch_runner import Work, handed_out, run_groups
 from armwright.simulation.checks import check_whole
+from armwright.simulation.companion import FINER, GlobalError, lanes_again
 from armwright.simulation.dataset import Recorded, run_dataset
 from armwright.simulation.fixed_steps import COARSE, coarse_step_note
 from armwright.simulation.inputs.input_schedule import lane_numbers
@@ -164,10 +165,15 @@ class Simulation(LoopRunner):
         if scenario.lane_count is None:
             remedy = self._remedy() if status.frozen[0] >= 0.0 else ""
             status.check(self.arm.name, self.period, self.state_entries, recorded.last_row(self), remedy)
+        wrong = None
+        if record is not None and not in_python and not real_time and not finished.stopped:
+            wrong = self._global_error(record, state, ticks, every, status)
         if keep_state and not finished.stopped:
             self._started = end = _joined(groups)
             self.tick, self._measured = origin + ticks, False
         run = run_dataset(self, recorded)
+        if wrong is not None:
+            wrong.add_to(run)
         note = instability_note(scenario, run) if self.untraced is None else None
         if note is not None:
             run.attrs["notes"] = "\n".join(filter(None, [note, str(run.attrs.get("notes", ""))]))
@@ -178,6 +184,27 @@ class Simulation(LoopRunner):
         if scenario.document is not None and duration is None and origin == begun:
             run.attrs["scenario"] = scenario.document
         return handed_out(run, finished, ticks, self.count)
+
+    def _global_error(
+        self, record: np.ndarray, state: LoopState | None, ticks: int, every: int, status: LaneStatus
+    ) -> GlobalError | None:
+        """How wrong a run is as a whole, from a few lanes that are simulated again, where `Solver.global_error` asks for it.
+
+        None where quantisers decide: errors then jump from one count to the next.
+        """
+        scenario, adaptivity = self.scenario, self.scenario.solver.adaptivity
+        asked = scenario.solver.rule == "auto" and scenario.solver.global_error and not scenario.quantised
+        if not asked or adaptivity is None or adaptivity.allowed.accuracy is None:
+            return None
+        again, size = lanes_again(self.count, status.trials), self.plant.layout.size
+        lanes = Lanes(len(again), self.loop.loops[0].target.width, again.start, scenario.first_lane)
+        self.begin(lanes, state)
+        lanes.set("allowed", FINER * lanes.get("allowed"))
+        rows, last = self._room(ticks, every, lanes.width, len(again)), self.origin + ticks
+        self.advance(lanes, self.origin, last + 1, last, rows, every)
+        ours, finer = record[:, again.start : again.stop, :size], rows[:, : len(again), :size]
+        t = (self.origin + np.arange(len(rows)) * every) * self.period
+        return GlobalError.of(t, ours, finer, self.plant.layout, adaptivity.allowed.accuracy)
 
     def note_coarse_step(self, state: LoopState | None, ticks: int, accuracy: float = ACCURACY) -> None:
         """Adds a note where the first lane moves otherwise with half the step, over some ticks from here.

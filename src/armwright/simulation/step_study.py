@@ -166,7 +166,11 @@ def _auto(scenario: Scenario, exact: xarray.Dataset, threads: int | None, accura
     recording = scenario.recording
     if not scenario.sampled:
         recording = replace(recording, every=None, period=scenario.tick)
-    auto = replace(scenario, solver=Solver(accuracy=accuracy, target=scenario.solver.target), recording=recording)
+    auto = replace(
+        scenario,
+        solver=Solver(accuracy=accuracy, target=scenario.solver.target, global_error=False),
+        recording=recording,
+    )
     try:
         run = simulate(auto, threads=threads)
     except (ScenarioError, DivergenceError) as error:

@@ -108,7 +108,7 @@ def sweep(
     if not rows and not reduced.recording.reduce:
         expected = f"what is kept of a lane, of {', '.join(REDUCERS)}"
         raise ScenarioError("stores nothing", place="recording.reduce", value=[], expected=expected)
-    first = simulate(_part(source, range(1), rows))
+    first = simulate(_part(source, range(1), rows).without_global_error)
     about = About(source.digest, count, min(chunk or count, count), rows, json.loads(first.attrs["made_with"]))
     store = _begun(path, about)
     done = kept = 0
@@ -193,7 +193,7 @@ def simulate_chunk(data: bytes, lanes: range, rows: bool) -> Result:
     Args:
         data: the pickled source.   lanes: of the chunk.   rows: whether recorded rows are wanted.
     """
-    run = simulate(_part(_unpickled(data), lanes, rows), threads=1)
+    run = simulate(_part(_unpickled(data), lanes, rows).without_global_error, threads=1)
     return {name: variable.values for name, variable in by_lane(run).items()}, json.loads(run.attrs["made_with"])
 
 

@@ -90,7 +90,7 @@ class Objective:
     def _simulated(self, scenario: Scenario) -> dict[str, np.ndarray]:
         """Results by lane of a scenario, simulated here or in chunks on a Dask cluster."""
         if self.client is None:
-            run = simulate(scenario)
+            run = simulate(scenario.without_global_error)
             return {str(name): run[name].values for name in run.data_vars if "lane" in run[name].dims}
         return simulated_on(self.client, scenario)
 

@@ -244,7 +244,7 @@ def _case(
 ) -> dict[str, Any]:
     """Measures of one controller on one motion with one payload."""
     scenario = _followed(loop, course, hand, runs, settle)
-    run = simulate(scenario)
+    run = simulate(scenario.without_global_error)
     t, q = run["time"].values, run["q"].values
     n, failed = q.shape[-1], 0
     for name in ("diverged_at", "stalled_at"):

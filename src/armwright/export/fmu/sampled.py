@@ -94,12 +94,13 @@ def sampled_model(scenario: Scenario, part: str) -> SampledModel:
         ScenarioError: several lanes; a start that goes on from a state; no controller, or one that cannot be traced, where
             one is asked for; a solver that is no stage of the loop.
     """
+    sampled = scenario.sampled  # or a plant under commands over time, whose steps are then those of their run
     scenario = plant_alone(scenario) if part == "plant" else _bare(scenario)
     if part != "plant" and scenario.controller is None:
         raise ScenarioError(
             "no controller", place="loop.controller", expected="one to export; an FMU of the plant needs none"
         )
-    loop = UnrecordedLoop(scenario)
+    loop = UnrecordedLoop(scenario, sampled=sampled)
     if loop.config.integrator == "cvodes":
         raise ScenarioError(
             "is not part of the code", place="solver.integrator", value="cvodes", expected="'auto' or another rule"

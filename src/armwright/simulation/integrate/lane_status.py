@@ -15,7 +15,7 @@ from armwright.simulation.integrate.stepping import Adaptivity
 if TYPE_CHECKING:
     import xarray
 
-BLOCKS = {"frozen": -1.0, "stalled": 0.0, "stalled_by": 0.0, "trials": 0.0, "repeats": 0.0, "largest": 0.0}
+BLOCKS = {"frozen": -1.0, "stalled": 0.0, "stalled_by": 0.0, "trials": 0.0, "repeats": 0.0}
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +25,7 @@ class LaneStatus:
     Attributes:
         frozen: tick in which a lane stopped, -1: none.   stalled: 1 where for want of substeps.   stalled_by: entry of the
             state whose error asked for more.
-        trials: substeps tried.   repeats: those that were too long.   largest: error of a substep in parts of what is allowed.
+        trials: substeps tried.   repeats: those that were too long.
         first, count: (lanes, E) of events: the first time [s], NaN: none, and how often.
     """
 
@@ -34,7 +34,6 @@ class LaneStatus:
     stalled_by: np.ndarray
     trials: np.ndarray
     repeats: np.ndarray
-    largest: np.ndarray
     first: np.ndarray
     count: np.ndarray
 
@@ -84,7 +83,7 @@ class LaneStatus:
     def add_to(
         self, run: xarray.Dataset, tick: float, adaptivity: Adaptivity | None, entries: Sequence[str], single: bool
     ) -> None:
-        """Adds variables to a run: times at which lanes diverged or stalled, substeps, the largest error, events."""
+        """Adds variables to a run: times at which lanes diverged or stalled, substeps, events."""
 
         dims, first = ((), 0) if single else (("lane",), slice(None))
         added: dict[str, Any] = {}  # put in at once: xarray aligns all variables at every change
@@ -113,7 +112,6 @@ class LaneStatus:
         if choosing is not None:
             put("steps_tried", self.trials, "1", "substeps that the integrator tried")
             put("steps_repeated", self.repeats, "1", "substeps that were too long, and taken again")
-            put("largest_error", self.largest, "1", "largest error of a substep, in parts of what is allowed")
         if choosing is not None and choosing.events:
             run.coords["event"] = ("event", [name for name, _ in choosing.events])
             put("event_time", self.first, "s", "first time of the event", "event")

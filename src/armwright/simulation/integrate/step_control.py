@@ -21,6 +21,7 @@ SAFETY, SHRINK, GROW = 0.9, 0.2, 5.0  # of the step that would just do; and the 
 LEAST_ERROR = 1e-10  # in units of what is allowed: below it a step grows as much as it may anyway
 SHARE = 0.03  # of the accuracy of a whole run, for the estimate of one step in a sampled loop
 BUDGET = 0.03  # of the accuracy of a whole run, for the estimates of all its steps together where nothing is sampled
+ROUNDING = 1e-15  # of a range: an estimate below it is none
 FLOORS = {  # the least range of a quantity by its unit: what moves by less is as accurate as if it moved by that
     "rad": 1e-3,
     "m": 1e-4,
@@ -56,24 +57,27 @@ class Allowed:
         shares = error / allowed
         return scalar.sqrt(sum(entry * entry for entry in shares) / len(shares))
 
-    def share_of_range(
-        self, error: Array, ranges: Array, places: Sequence[int], part: Scalar = SHARE
-    ) -> tuple[Scalar, Scalar]:
-        """The largest error of a step in units of what its entry may be wrong by, NaN if any is not finite; and its place.
-
-        An entry may be wrong by the `part` of the accuracy, of its range.
-        Of two entries, a/b and c/d are compared as a d and c b, so that one division is enough for all.
-        """
+    def of_step(self, horizon: float | None) -> float:
+        """What a step may be wrong by, in parts of a range; with a horizon [s], what a step of one second may be."""
         assert self.accuracy is not None
-        errors = scalar.abs(error)
-        largest, beside, worst = errors[0], ranges[0], float(places[0])
-        for k in range(1, len(errors)):
-            more = scalar.less(largest * ranges[k], errors[k] * beside)
-            largest, beside = scalar.where(more, errors[k], largest), scalar.where(more, ranges[k], beside)
-            worst = scalar.where(more, float(places[k]), worst)
-        # Comparisons lose a NaN, and an infinite range hides its error: the sum keeps both.
-        finite = scalar.less_equal(sum(errors) + sum(ranges), sys.float_info.max)
-        return scalar.where(finite, largest / (part * self.accuracy * beside), np.nan), worst
+        return SHARE * self.accuracy if horizon is None else BUDGET * self.accuracy / horizon
+
+
+def share_of_range(error: Array, ranges: Array, places: Sequence[int], part: Scalar) -> tuple[Scalar, Scalar]:
+    """The largest error of a step in units of what its entry may be wrong by, NaN if any is not finite; and its place.
+
+    An entry may be wrong by that part of its range.
+    Of two entries, a/b and c/d are compared as a d and c b, so that one division is enough for all.
+    """
+    errors = scalar.abs(error)
+    largest, beside, worst = errors[0], ranges[0], float(places[0])
+    for k in range(1, len(errors)):
+        more = scalar.less(largest * ranges[k], errors[k] * beside)
+        largest, beside = scalar.where(more, errors[k], largest), scalar.where(more, ranges[k], beside)
+        worst = scalar.where(more, float(places[k]), worst)
+    # Comparisons lose a NaN, and an infinite range hides its error: the sum keeps both.
+    finite = scalar.less_equal(sum(errors) + sum(ranges), sys.float_info.max)
+    return scalar.where(finite, largest / (part * beside), np.nan), worst
 
 
 def quick_growth(share: Scalar) -> Scalar:

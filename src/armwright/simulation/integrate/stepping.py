@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from numbers import Integral
 from typing import Any
@@ -20,7 +20,7 @@ from armwright.simulation.integrate.dormand_prince import ORDER, along, dormand_
 from armwright.simulation.integrate.events import EventFunction, event_programs, event_values
 from armwright.simulation.integrate.exponential import Pairs
 from armwright.simulation.integrate.integrators import STEPPING, TOLERANCES
-from armwright.simulation.integrate.step_control import BUDGET, SHARE, Allowed, floors, growth, quick_growth
+from armwright.simulation.integrate.step_control import ROUNDING, Allowed, floors, growth, quick_growth, share_of_range
 from armwright.simulation.plant.switching import Watched, switching_programs
 
 MOST_SUBSTEPS, EACH = (
@@ -30,6 +30,8 @@ MOST_SUBSTEPS, EACH = (
 ACCURACY = 1e-3  # of each quantity's range, at the end of a run
 LEAST_TOLERANCE = 1e-14  # below it an estimate is rounding
 LEAST_ACCURACY = 1e-12  # of a run, of which one step has a small part
+LOOKS = (0.25, 0.5, 0.75)  # parts of a step at which it is asked whether something has switched within
+REFUSED = 2.0  # error of a trial that goes beyond
 CLOSEST = 0.98  # of a refused step, for the next trial
 NO_EVENTS: Mapping[str, EventFunction] = {}
 
@@ -65,21 +67,12 @@ class Adaptivity:
             ScenarioError: names the field, its value and what was expected.
         """
         auto, chooses, steps = rule == "auto", rule in TOLERANCES, rule in STEPPING
-        whole_run = rule == "rk45" and accuracy is not None
         whole = isinstance(max_substeps, Integral) and _is_number(max_substeps) and int(max_substeps) > 0
         tolerance, least = (f"a number of at least {v:g} and below 1" for v in (LEAST_TOLERANCE, LEAST_ACCURACY))
-        tolerant = "'rk45' without accuracy, 'rodas3' or 'cvodes'"
         checks = (  # name, value, whether it fits the rule, the rules that it fits, whether it may stand there, expected
-            (
-                "accuracy",
-                accuracy,
-                auto or whole_run,
-                "'auto' without a step, or 'rk45'",
-                _is_tolerance(accuracy, LEAST_ACCURACY),
-                least,
-            ),
-            ("rtol", rtol, chooses and not whole_run, tolerant, _is_tolerance(rtol), tolerance),
-            ("atol", atol, chooses and not whole_run, tolerant, _is_positive(atol), "a number above 0 and below 1"),
+            ("accuracy", accuracy, auto, "'auto' without a step", _is_tolerance(accuracy, LEAST_ACCURACY), least),
+            ("rtol", rtol, chooses, "'rk45', 'rodas3' or 'cvodes'", _is_tolerance(rtol), tolerance),
+            ("atol", atol, chooses, "'rk45', 'rodas3' or 'cvodes'", _is_positive(atol), "a number above 0 and below 1"),
             (
                 "max_substeps",
                 max_substeps,
@@ -103,7 +96,7 @@ class Adaptivity:
             return None
         relative, absolute = TOLERANCES.get(rule, (0.0, 0.0))
         relative, absolute = relative if rtol is None else float(rtol), absolute if atol is None else float(atol)
-        wanted = (ACCURACY if accuracy is None else float(accuracy)) if auto or whole_run else None
+        wanted = (ACCURACY if accuracy is None else float(accuracy)) if auto else None
         most = MOST_SUBSTEPS if max_substeps is None else int(max_substeps)
         return cls(Allowed(relative, absolute, wanted), most if auto or steps else 0, tuple(events.items()))
 
@@ -175,9 +168,9 @@ def adaptive_stage(
         order: of the error in h.
         lands: whether `step` also tells, last, the error of the rule alone, and at which part of the step something changes; a
             trial behind one that is refused then ends there, where this part is below 1.
-        ahead: whether a step of h seconds may be wrong by its part h / T of what a run of T = "horizon" seconds may, so that the
-            errors of all steps together stay below `BUDGET` of the accuracy; of a plant in which nothing switches. Steps then
-            go on beyond their tick, whose rows are read from the path.
+        ahead: whether a step of h seconds may be wrong by its part h / T of what a run of T seconds may, so that the errors of
+            all steps together stay below `BUDGET` of the accuracy. Steps then go on beyond their tick, whose rows are read from
+            the path; they end where something switches.
     """
     held, events, allowed = (
         {**shapes, **({} if watched is None else watched.block)},
@@ -186,25 +179,27 @@ def adaptive_stage(
     )
     places = places_watched(layout, ahead) if allowed.accuracy is not None else []
     by_range: dict[str, tuple[int, ...]] = dict.fromkeys(("x_first", "reach") if places else (), (len(places),))
-    by_range |= {"horizon": (1,)} if ahead else {}
+    by_range |= {"allowed": (1,)} if places else {}
 
     def trial(x: Array, *rest: Array) -> tuple[Array, ...]:
         inputs, h = rest[: len(held) - 1], rest[-1]
         new, error, *path = step(x, *inputs, h)
-        smooth, part = (path.pop(-2), path.pop()) if lands else (None, None)
+        smooth, place = (path.pop(-2), path.pop()) if lands else (None, None)
         if not by_range:
             share = allowed.share(x, new, error)
             grow = growth(share, order)
             if smooth is not None:
-                grow = _landing(grow, share, part, growth(allowed.share(x, new, smooth), order))
+                grow = _landing(grow, share, place, growth(allowed.share(x, new, smooth), order))
             return (new, share, grow, *(path if events else ()))
-        first, reach, *horizon = rest[len(held) - 1 : -1]
+        first, reach, (part,) = rest[len(held) - 1 : -1]
         reach = scalar.maximum(reach, scalar.abs(new[places] - first))
-        least = BUDGET * h / horizon[0][0] if ahead else SHARE
-        share, worst = allowed.share_of_range(error[places], reach, places, least)
+        part = scalar.maximum(part * h, ROUNDING) if ahead else part
+        share, worst = share_of_range(error[places], reach, places, part)
         grow = growing(share)
         if smooth is not None:
-            grow = _landing(grow, share, part, growing(allowed.share_of_range(smooth[places], reach, places, least)[0]))
+            grow = _landing(grow, share, place, growing(share_of_range(smooth[places], reach, places, part)[0]))
+        if ahead and watched is not None:
+            share, grow = _seen_within(watched, len(shapes), x, path[0], inputs, share, grow)
         return new, share, grow, worst, reach, *(path if ahead else ())
 
     def growing(share: Scalar) -> Scalar:
@@ -214,12 +209,15 @@ def adaptive_stage(
     names += (f"path{NEXT}",) * ahead
     program = trace("trial", trial, {**held, **by_range, "h": ()}, (f"x{NEXT}", "error", "grow", *names))
     watching = event_programs(events, layout) if events else {}
-    further = watching | _ahead(shapes) if ahead else watching
+    further = watching | _ahead(shapes, searched=watched is not None) if ahead else watching
     return Adapt(program, adaptivity.most, planned, seen, **further, **switching_programs(watched, shapes), each=EACH)
 
 
-def _ahead(shapes: Mapping[str, tuple[int, ...]]) -> dict[str, Program]:
-    """The programs by which steps go on beyond their tick, for a plant with arguments of those shapes."""
+def _ahead(shapes: Mapping[str, tuple[int, ...]], *, searched: bool) -> dict[str, Program]:
+    """The programs by which steps go on beyond their tick, for a plant with arguments of those shapes.
+
+    `searched`: whether places within a step are sought, too.
+    """
 
     def same(*values: Array) -> Array:
         now, before = (np.concatenate(each) for each in (values[: len(shapes)], values[len(shapes) :]))
@@ -230,12 +228,47 @@ def _ahead(shapes: Mapping[str, tuple[int, ...]]) -> dict[str, Program]:
 
     size = shapes["x"]
     blocks = {"x_from": size, "path": (4, *size), "part": (1,)}
-    return {
+    tried = {"x": size, f"path{NEXT}": (4, *size), "part": (1,)}
+    programs = {
         "held": trace(
             "held", same, {**shapes, **{f"{name}{HELD}": shape for name, shape in shapes.items()}}, ("same",)
         ),
         "along": trace("along", lambda x, path, part: along(x, path, part[0]), blocks, ("x_at",)),
     }
+    if searched:
+        programs["within"] = trace("within", lambda x, path, part: along(x, path, part[0]), tried, (f"x{NEXT}",))
+    return programs
+
+
+def _seen_within(
+    watched: Watched, count: int, x: Array, path: Array, inputs: Sequence[Array], share: Scalar, grow: Scalar
+) -> tuple[Scalar, Scalar]:
+    """Error and factor of a trial; refused, up to the first of `LOOKS`, where something has switched that is back at its end.
+
+    So that the next trial ends within a contact of less than a step.
+
+    Args:
+        watched: what may switch.   count: of inputs, "x" among them, before contacts and directions.
+        x, path: of the step.   inputs: that are held.   share, grow: of the trial.
+    """
+
+    def gone(part: float) -> list[Scalar]:
+        at, switched = along(x, path, part), []
+        if watched.contacts:
+            depths = watched.depths(at, *inputs[: count - 1])
+            switched += [
+                scalar.less((it - 0.5) * depth, 0.0) for it, depth in zip(inputs[count - 1], depths, strict=True)
+            ]
+        if watched.sliding is not None:
+            switched += [scalar.less(s, 0.0) for s in watched.sliding(at, *inputs)]
+        return switched
+
+    at_end = gone(1.0)
+    for part in reversed(LOOKS):
+        back = sum(there * (1.0 - end) for there, end in zip(gone(part), at_end, strict=True))
+        share = scalar.where(scalar.less(0.0, back), scalar.maximum(share, REFUSED), share)
+        grow = scalar.where(scalar.less(0.0, back), scalar.minimum(grow, part), grow)
+    return share, grow
 
 
 def _landing(grow: Scalar, share: Scalar, part: Scalar, smooth: Scalar) -> Scalar:
@@ -247,12 +280,14 @@ def _landing(grow: Scalar, share: Scalar, part: Scalar, smooth: Scalar) -> Scala
     return scalar.where(lands, scalar.minimum(scalar.minimum(part, CLOSEST), smooth), grow)
 
 
-def begin_adaptive(lanes: Lanes, adaptivity: Adaptivity, layout: Layout, x0: np.ndarray, horizon: float) -> None:
-    """Fills the blocks that `adaptive_stage` adds, for lanes that begin in x0 (lanes, nx) at t = 0, for so many seconds."""
-    if "horizon" in lanes.blocks:
-        lanes.set("horizon", np.array([horizon]))
+def begin_adaptive(lanes: Lanes, adaptivity: Adaptivity, layout: Layout, x0: np.ndarray, horizon: float | None) -> None:
+    """Fills the blocks that `adaptive_stage` adds, for lanes that begin in x0 (lanes, nx) at t = 0.
+
+    `horizon`: [s] that one budget is for; None: every step has its own.
+    """
     if adaptivity.allowed.accuracy is not None:
-        places = places_watched(layout, "horizon" in lanes.blocks)
+        places = places_watched(layout, horizon is not None)
+        lanes.set("allowed", np.array([adaptivity.allowed.of_step(horizon)]))
         lanes.set("x_first", x0[:, places])
         lanes.set("reach", floors(layout)[places])
     if adaptivity.events:

@@ -87,12 +87,12 @@ class LoopConfig:
 
     @property
     def is_ahead(self) -> bool:
-        """Whether "rk45" keeps the errors of all steps together below an accuracy, in steps that go on beyond their tick.
+        """Whether "auto" keeps the errors of all steps together below an accuracy, in steps that go on beyond their tick.
 
-        Nothing is sampled then and nothing switches; rows are read from the path within the step.
+        That is where it is "rk45", as nothing is sampled; rows are then read from the path within the step.
         """
         by_range = self.adaptivity is not None and self.adaptivity.allowed.accuracy is not None
-        return self.sampling is None and by_range and self.integrator == "rk45"
+        return by_range and self.integrator == "rk45"
 
     @property
     def bare(self) -> Plant:

@@ -45,7 +45,8 @@ def _adaptive(config: LoopConfig, watched: Watched | None, planned: int, seen: t
     """The stage of a rule that chooses its steps."""
     assert config.adaptivity is not None
     trial, layout = plant_trial(config, watched), config.bare.layout
-    order, lands = ORDERS.get(config.integrator, ORDER_OF_ERROR), config.bare.sticking is not None
+    order = ORDERS.get(config.integrator, ORDER_OF_ERROR)
+    lands = config.bare.sticking is not None and not config.is_ahead
     settings = (config.adaptivity, layout, planned, seen, watched, order)
     return adaptive_stage(trial, config.plant_shapes, *settings, lands=lands, ahead=config.is_ahead)
 
@@ -83,7 +84,7 @@ def _plant_step(config: LoopConfig, contacts: Mapping[str, tuple[int, ...]]) -> 
 def plant_trial(config: LoopConfig, watched: Watched | None) -> Callable[..., tuple[Array, ...]]:
     """(x, u, …, h) → x⁺, its error, and the path where events need one: a step of a rule that estimates how wrong it is."""
     sticking, shapes = config.bare.sticking, config.plant_shapes | ({} if watched is None else watched.block)
-    if sticking is None:
+    if sticking is None or config.is_ahead:  # directions are held as contacts are
         return _smooth_trial(config, shapes)
     held = _smooth_trial(config, {**shapes, "directions": (len(sticking.places),)})
 
@@ -121,7 +122,10 @@ def _smooth_trial(config: LoopConfig, shapes: Mapping[str, tuple[int, ...]]) -> 
 
 
 def plant_watched(config: LoopConfig) -> Watched | None:
-    """The plant's switching functions within steps; None of an arm that has no stops and no play."""
+    """The plant's switching functions within steps; None of an arm that has no stops and no play.
+
+    Steps that go on beyond their ticks end where something begins to stick or breaks loose, too.
+    """
 
     def depths(x: Array, u: Array, *rest: Array) -> Array:
         return config.plant_call(u, rest)[0].contact_depths(x)
@@ -130,7 +134,18 @@ def plant_watched(config: LoopConfig) -> Watched | None:
         plant, inputs = config.plant_call(u, rest)
         return plant.switching_functions(x, inputs)
 
-    contacts = sum(config.bare.contacts)
+    def of_sticking(name: str) -> Callable[..., Array]:
+        def function(x: Array, u: Array, *rest: Array) -> Array:
+            plant, inputs = config.plant_call(u, rest)
+            assert plant.sticking is not None
+            return getattr(plant.sticking, name)(x, inputs)
+
+        return function
+
+    contacts, sticking = sum(config.bare.contacts), config.bare.sticking
+    if sticking is not None and config.is_ahead:
+        names = ("present", "sliding", "keeping", "settled")
+        return Watched(depths, functions, contacts, len(sticking.places), *(of_sticking(name) for name in names))
     return Watched(depths, functions, contacts) if contacts else None
 
 

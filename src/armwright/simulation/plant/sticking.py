@@ -40,6 +40,7 @@ from armwright.simulation.plant.joint_drive import DrivenJoint, sticks_on_joint,
 if TYPE_CHECKING:
     from armwright.simulation.plant.flow import PlantFlow
 
+SLACK = 1e-9  # of what friction can hold: a load that is beyond it by less does not move it
 ACTING = ("command", "wrench", "brake", "contacts")  # inputs by which the set-valued laws are solved
 Place = tuple[int, bool]  # of an element: its joint, and whether it is the motor by itself
 
@@ -213,7 +214,7 @@ class Sticking:
         ends = zip(
             self.speeds(x), self.speeds(moved), self._excess(x, inputs), self._excess(moved, inputs), strict=True
         )
-        for place, way, jump, (begin, end, (lacking, _), (breaking, lost)) in zip(
+        for place, way, jump, (begin, end, (lacking, _, _), (breaking, lost, _)) in zip(
             self.places, inputs.directions, jumps, ends, strict=True
         ):
             sticks, turned = scalar.equal(way, 0.0), scalar.less(way * end, 0.0) * jump
@@ -243,23 +244,55 @@ class Sticking:
             scalar.equal(moved, 0.0), 0.0, left / scalar.where(scalar.equal(moved, 0.0), 1.0, moved)
         )
 
-    def _excess(self, x: Array, inputs: PlantInputs) -> list[tuple[Scalar, Scalar]]:
+    def sliding(self, x: Array, inputs: PlantInputs) -> np.ndarray:
+        """Speeds (elements,) of what slides in its direction, below 0 where it has turned round; 1 of what sticks."""
+        assert inputs.directions is not None
+        jumps = self._jumps(x, self._sides(x, inputs))
+        return scalar.array(
+            [
+                scalar.where(scalar.equal(way, 0.0), 1.0, scalar.where(scalar.less(0.0, jump), way * speed, 1.0))
+                for way, speed, jump in zip(inputs.directions, self.speeds(x), jumps, strict=True)
+            ]
+        )
+
+    def keeping(self, x: Array, inputs: PlantInputs) -> np.ndarray:
+        """`sliding`, and of what sticks the acceleration (elements,) [rad/s² | m/s²] that its load lacks to set it in motion.
+
+        It counts as loose where the load is beyond by more than rounding, `SLACK` of what friction can hold: it then moves.
+        """
+        assert inputs.directions is not None
+        rows = zip(inputs.directions, self.sliding(x, inputs), self._excess(x, inputs), strict=True)
+        return scalar.array(
+            [scalar.where(scalar.equal(way, 0.0), SLACK * room - excess, s) for way, s, (excess, _, room) in rows]
+        )
+
+    def settled(self, x: Array, inputs: PlantInputs) -> np.ndarray:
+        """The state (size,) with speeds of 0 for what sticks and for what has passed 0 against its direction."""
+        assert inputs.directions is not None
+        slides = self.sliding(x, inputs)
+        still = [
+            scalar.maximum(scalar.equal(way, 0.0), scalar.less(s, 0.0))
+            for way, s in zip(inputs.directions, slides, strict=True)
+        ]
+        return self._with_rest(x, still)
+
+    def _excess(self, x: Array, inputs: PlantInputs) -> list[tuple[Scalar, Scalar, Scalar]]:
         """Accelerations [rad/s² | m/s²] by which loads would move what sticks if it stuck no more; below 0 what is left to that.
 
-        Beside each the one that falling friction adds once it slides. Of motors that turn several joints -1 and 0: what holds
-        them is no single torque.
+        Beside each the one that falling friction adds once it slides, and the one by which friction can hold in all. Of motors
+        that turn several joints -1, 0 and 1: what holds them is no single torque.
         """
         directions, model = inputs.directions, self.plant.model
         assert directions is not None
         sides = self._sides(x, inputs)
-        found: dict[Place, tuple[Scalar, Scalar]] = {}
+        found: dict[Place, tuple[Scalar, Scalar, Scalar]] = {}
         for i, on_motor in self.places:
             if (i, on_motor) not in self._together:
                 forth, back = (side[i].acceleration / model.coordinates[i].drive.gear_ratio for side in sides)
                 lost = _falling(model.coordinates[i], on_motor) / model.coordinates[i].drive.reflected
-                found[i, True] = scalar.maximum(forth, -back), lost
+                found[i, True] = scalar.maximum(forth, -back), lost, back - forth
         if self._inverse is not None or not self._together:
-            return [found.get(place, (-1.0, 0.0)) for place in self.places]
+            return [found.get(place, (-1.0, 0.0, 1.0)) for place in self.places]
         joints = self.plant.driven(x, inputs, self.of_joints(directions))
         mass, bias, gears = self._equations(x, inputs, joints, self.of_joints(directions), ())
         held = scalar.array([directions[k] for k, place in enumerate(self.places) if place in self._together])
@@ -272,7 +305,7 @@ class Sticking:
                 for side, way in zip(sides, (1.0, -1.0), strict=True)
             )
             excess = scalar.maximum(low - there, there - high) / mass[i, i]
-            found[place] = excess, _falling(model.coordinates[i], place[1]) / mass[i, i]
+            found[place] = excess, _falling(model.coordinates[i], place[1]) / mass[i, i], (high - low) / mass[i, i]
         return [found[place] for place in self.places]
 
     def _speed_of(self, place: Place) -> tuple[int, Scalar]:

@@ -9,11 +9,14 @@ their signs is taken again to just beyond the first such place, and then the res
 
 passes through 0: g is below 0 at the beginning, and 1 at the end. It is found by regula falsi with halved weights, the
 "Illinois" rule, each guess moved by a hair towards the end, so that the upper end of the bracket closes in. [DowellJarratt1971]
+
+Directions of motion may be held in the same way: s is then, of what slides, its speed in its direction, and of what sticks,
+by how much the load is less than what would set it in motion. A speed that came to 0 is 0 at the end of its step.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,16 +38,27 @@ class Watched:
         functions: (x, u, …, touching) → s (k,) of a state under these contacts; least (k,): one changes from a to b where
             a b < -least².
         contacts: how many.
+        elements: how many directions are held, where they are; the rest is None otherwise.
+        present: (x, u, …, touching) → directions (elements,) in which a step begins.
+        sliding, keeping: (x, u, …, touching, directions) → s (elements,), below 0 where a direction holds no longer; `sliding`
+            is that of what slides alone, 1 of the rest, and costs little.
+        settled: (x, u, …, touching, directions) → x, where speeds that passed 0 are 0.
     """
 
     depths: Callable[..., Array]
     functions: Callable[..., tuple[Array, Array]]
     contacts: int
+    elements: int = 0
+    present: Callable[..., Array] | None = None
+    sliding: Callable[..., Array] | None = None
+    keeping: Callable[..., Array] | None = None
+    settled: Callable[..., Array] | None = None
 
     @property
     def block(self) -> dict[str, tuple[int, ...]]:
-        """The block of the contacts, behind the other arguments of what depends on them."""
-        return {"touching": (self.contacts,)}
+        """The blocks of contacts and directions, behind the other arguments of what depends on them."""
+        blocks = {"touching": (self.contacts,), "directions": (self.elements,)}
+        return {name: shape for name, shape in blocks.items() if shape[0]}
 
 
 def switching_programs(watched: Watched | None, shapes: Mapping[str, tuple[int, ...]]) -> dict[str, Program]:
@@ -57,23 +71,30 @@ def switching_programs(watched: Watched | None, shapes: Mapping[str, tuple[int, 
     """
     if watched is None:
         return {}
-    deep = trace("depths", watched.depths, shapes, noinline=True)
+    deep = trace("depths", watched.depths, shapes, noinline=True) if watched.contacts else None
     size, constant = shapes["x"], {**{name: shape for name, shape in shapes.items() if name != "x"}, **watched.block}
+    held = len(watched.block)
 
-    def touching(x: Array, *inputs: Array) -> Array:
-        return scalar.array([scalar.less_equal(0.0, depth) for depth in call(deep, x, *inputs)])
+    def depths(x: Array, inputs: Sequence[Array]) -> Array:
+        return () if deep is None else call(deep, x, *inputs[: len(shapes) - 1])
 
-    def values(x: Array, *inputs: Array) -> tuple[list[Scalar], Array]:
+    def begun(x: Array, *inputs: Array) -> tuple[Array, ...]:
+        touching = [scalar.array([scalar.less_equal(0.0, depth) for depth in depths(x, inputs)])] if deep else []
+        return (*touching, *([] if watched.present is None else [watched.present(x, *inputs, *touching)]))
+
+    def values(x: Array, *inputs: Array) -> tuple[list[Scalar], list[Scalar], Array]:
+        keeping = () if watched.keeping is None else watched.keeping(x, *inputs)
         switching, least = watched.functions(x, *inputs)
-        return [*call(deep, x, *inputs[:-1]), *switching], least
+        return [*depths(x, inputs)], [*keeping, *switching], least
 
     def changes(x: Array, after: Array, *inputs: Array) -> tuple[list[Scalar], list[Scalar], list[Scalar]]:
-        (begins, least), (ends, _) = values(x, *inputs), values(after, *inputs)
-        entered = inputs[-1]
-        changed = [scalar.less((it - 0.5) * b, 0.0) for it, b in zip(entered, ends, strict=False)]
-        for a, b, little in zip(begins[len(changed) :], ends[len(changed) :], least, strict=True):
+        (deep_before, before, least), (deep_after, end, _) = values(x, *inputs), values(after, *inputs)
+        entered = inputs[-held] if deep_after else ()
+        changed = [scalar.less((it - 0.5) * b, 0.0) for it, b in zip(entered, deep_after, strict=True)]
+        changed += [scalar.less(b, 0.0) for b in end[: watched.elements]]
+        for a, b, little in zip(before[watched.elements :], end[watched.elements :], least, strict=True):
             changed.append(scalar.less(a * b, -(little * little)))
-        return changed, begins, ends
+        return changed, [*deep_before, *before], [*deep_after, *end]
 
     def switched(x: Array, after: Array, *inputs: Array) -> Array:
         return scalar.array([sum(changes(x, after, *inputs)[0])])
@@ -88,7 +109,8 @@ def switching_programs(watched: Watched | None, shapes: Mapping[str, tuple[int, 
     def narrow(after: Array, *rest: Array) -> tuple[Array, Array]:
         *inputs, weights, bracket, part = rest
         lower, upper, below, above, last = bracket
-        g = _furthest(weights, values(after, *inputs)[0])
+        found = values(after, *inputs)
+        g = _furthest(weights, [*found[0], *found[1]])
         beyond = scalar.less(0.0, g)
         bracket = [
             scalar.where(beyond, lower, part[0]),
@@ -103,15 +125,18 @@ def switching_programs(watched: Watched | None, shapes: Mapping[str, tuple[int, 
     arguments = (scalar.zeros(*shape) for shape in (size, *constant.values()))
     with np.errstate(all="ignore"):  # counted at zeros, where a parameter that varies may be a divisor
         others = len(watched.functions(*arguments)[1])
-    searched = {"weights": (watched.contacts + others,), "bracket": (5,), "part": (1,)}
-    return {
-        "touching": trace("touching", touching, shapes, noinline=True),
+    searched = {"weights": (watched.contacts + watched.elements + others,), "bracket": (5,), "part": (1,)}
+    programs = {
+        "touching": trace("touching", begun, shapes, tuple(watched.block), noinline=True),
         "switched": trace("switched", switched, {"x": size, **after, **constant}, noinline=True),
         "bracket": trace("bracket", begin, {"x": size, **after, **constant}, tuple(searched), noinline=True),
         "narrow": trace(
             "narrow", narrow, {**after, **constant, **searched}, (f"bracket{NEXT}", f"part{NEXT}"), noinline=True
         ),
     }
+    if watched.settled is not None:
+        programs["settle"] = trace("settle", watched.settled, {**after, **constant}, (f"x{NEXT}{NEXT}",))
+    return programs
 
 
 def _furthest(weights: Array, values: Array) -> Scalar:
