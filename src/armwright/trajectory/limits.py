@@ -18,6 +18,7 @@ QUANTITIES = {  # and the signal whose unit they have
 }  # fmt: skip
 UNIT = UNITS | {"jerk": ("rad/s³", "m/s³")}
 SMALLEST = 1e-30  # of a limit: the durations that follow, and their fifth powers, stay within the range of floats
+LARGEST = 1.0 / SMALLEST  # of a limit that is known
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,12 +155,18 @@ def _checked(place: str, value: Any, quantity: str, n: int) -> np.ndarray:
         values = np.full(1, np.nan)
     if quantity == "position":
         bounds = np.stack([-values, values], axis=-1) if values.ndim == 0 else values
-        if bounds.shape not in ((2,), (n, 2)) or not (bounds[..., 0] < bounds[..., 1]).all():
+        if bounds.shape not in ((2,), (n, 2)) or not ((bounds[..., 0] < bounds[..., 1]).all() and _is_in_range(bounds)):
             expected = f"a number to either side, or a lower and an upper bound for each of {n} joints"
+            expected += "" if _is_in_range(bounds) else f", {LARGEST:g} at most"
             raise ScenarioError(place=place, value=value, expected=expected)
         return np.broadcast_to(bounds, (n, 2)).astype(float)
-    if values.shape not in ((), (n,)) or not (values >= SMALLEST).all():
+    if values.shape not in ((), (n,)) or not ((values >= SMALLEST).all() and _is_in_range(values)):
         least = f"of {SMALLEST:g} or more" if ((values > 0.0) & (values < SMALLEST)).any() else "above 0"
+        least += "" if _is_in_range(values) else f" and of {LARGEST:g} at most"
         expected = f"a number {least}" + (f", or one for each of {n} joints" if n > 1 else "")
         raise ScenarioError(place=place, value=value, expected=expected)
     return np.broadcast_to(values, (n,)).astype(float)
+
+
+def _is_in_range(values: np.ndarray) -> bool:
+    return bool((~np.isfinite(values) | (np.abs(values) <= LARGEST)).all())

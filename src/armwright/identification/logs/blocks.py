@@ -129,6 +129,9 @@ def _signals(
             for values, column in zip(raw.T, signal.columns, strict=True):
                 _refuse_absurd(values, LARGEST, units[k], tables[key], column, row)
             values = converted(log, signal, k, raw, units[k])
+            values[np.isfinite(raw).all(axis=1)[:, None] & np.isnan(values)] = np.inf  # the difference of two that overflow
+            for each, column in zip(values.T, signal.columns, strict=True):
+                _refuse_absurd(each, LARGEST, "in SI units, at the joint", tables[key], column, row)
             numbers = joint_numbers(signal, log.joints, f"signals[{k}]")
             found.setdefault(QUANTITIES[signal.quantity].signal, []).extend(zip(numbers, values.T, strict=True))
     return {
@@ -145,7 +148,7 @@ def _refuse_absurd(
     Raises:
         LogError: with file and line.
     """
-    absurd = np.isfinite(values) & (np.abs(values) > most)
+    absurd = np.abs(values) > most
     if absurd.any():
         k = int(np.argmax(absurd))
         expected = f"at most {most:g} {unit}"

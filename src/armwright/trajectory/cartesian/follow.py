@@ -16,7 +16,7 @@ from armwright.trajectory.cartesian.path import CartesianPath
 from armwright.trajectory.cartesian.slowing import Pace, locally_slowed
 from armwright.trajectory.cartesian.solve import checked_limits, place, solve_path
 from armwright.trajectory.cartesian.uses import MARGIN, uses_of
-from armwright.trajectory.limits import MotionLimits
+from armwright.trajectory.limits import LARGEST, SMALLEST, MotionLimits
 from armwright.trajectory.piecewise import LAST, PiecewisePolynomial
 from armwright.trajectory.s_curve import JERK, s_curve_times
 
@@ -108,8 +108,9 @@ def _above_zero(name: str, value: Any, needed: bool) -> float:
     number = scalar.real_number(value)
     if value is None and not needed:
         return np.inf
-    if number is None or not 0.0 < number < np.inf:
-        raise ScenarioError(place=name, value=value, expected="a number above 0")
+    if number is None or not SMALLEST <= number <= LARGEST:
+        expected = "a number above 0" if number is None or number <= 0.0 else f"{SMALLEST:g} … {LARGEST:g}"
+        raise ScenarioError(place=name, value=value, expected=expected)
     return number
 
 
