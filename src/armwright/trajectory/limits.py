@@ -88,9 +88,9 @@ class MotionLimits:
                     raise ScenarioError(
                         "no joint of the arm", place=f"limits.{quantity}", value=name, choices=self.names
                     )
-                limits[self.names.index(name)] = _checked(f"limits.{quantity}[{name!r}]", each, quantity, 1)[0]
+                limits[self.names.index(name)] = checked_limit(f"limits.{quantity}[{name!r}]", each, quantity, 1)[0]
             return limits
-        return _checked(f"limits.{quantity}", value, quantity, self.n)
+        return checked_limit(f"limits.{quantity}", value, quantity, self.n)
 
     def unit(self, quantity: str, joint: int) -> str:
         """Unit of a joint's limit."""
@@ -148,7 +148,12 @@ def current_torques(arm: Model) -> np.ndarray:
     return np.array(torques)
 
 
-def _checked(place: str, value: Any, quantity: str, n: int) -> np.ndarray:
+def checked_limit(place: str, value: Any, quantity: str, n: int) -> np.ndarray:
+    """(n,) limits of a quantity, or (n, 2) of position, from what a user wrote at `place`; see `MotionLimits.of`.
+
+    Raises:
+        ScenarioError: names the place, its value and what was expected.
+    """
     try:
         values = scalar.real_numbers(value)
     except ValueError:
@@ -163,6 +168,7 @@ def _checked(place: str, value: Any, quantity: str, n: int) -> np.ndarray:
     if values.shape not in ((), (n,)) or not ((values >= SMALLEST).all() and _is_in_range(values)):
         least = f"of {SMALLEST:g} or more" if ((values > 0.0) & (values < SMALLEST)).any() else "above 0"
         least += "" if _is_in_range(values) else f" and of {LARGEST:g} at most"
+        least += f" [{' | '.join(dict.fromkeys(UNIT[QUANTITIES[quantity]]))}]"
         expected = f"a number {least}" + (f", or one for each of {n} joints" if n > 1 else "")
         raise ScenarioError(place=place, value=value, expected=expected)
     return np.broadcast_to(values, (n,)).astype(float)

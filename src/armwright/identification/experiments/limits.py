@@ -12,13 +12,10 @@ from armwright import scalar
 from armwright.errors import ScenarioError
 from armwright.kernels.compiled import CompiledArm, compile_arm
 from armwright.model import Body, Model
+from armwright.trajectory.limits import LARGEST, checked_limit
 from armwright.trajectory.rest import torques
 
 WHOLE_TURN = np.pi  # [rad] to either side, of revolute joints without limits
-QUANTITIES = {
-    "position": "[rad | m]", "velocity": "[rad/s | m/s]", "acceleration": "[rad/s² | m/s²]", "torque": "[N m | N]",
-    "voltage": "[V]",
-}  # fmt: skip
 MOTION = ("position", "velocity", "acceleration")
 
 
@@ -111,7 +108,7 @@ def excitation_limits(arm: Model, box: Any = None, **given: Any) -> ExcitationLi
         if quantity == "torque":  # a limit of the current is one of the torque
             record = np.minimum(record, [_current_torque(body) for body in arm.coordinates])
         value = given.get(quantity)
-        most[quantity] = record if value is None else _numbers(quantity, value, arm.n)
+        most[quantity] = record if value is None else checked_limit(quantity, value, quantity, arm.n)
     _drop_unknown(arm, most, given, reasons)
     free = [name for k, name in enumerate(arm.names) if not any(np.isfinite(each[k]) for each in most.values())]
     if free:
@@ -140,8 +137,9 @@ def _positions(arm: Model, given: Any, reasons: list[str]) -> tuple[np.ndarray, 
         bounds = np.stack([-values, values], axis=-1) if values.ndim < 2 else values
         if values.ndim == 0:
             bounds = np.tile(bounds, (arm.n, 1))
-        if bounds.shape != (arm.n, 2) or not np.isfinite(bounds).all() or (bounds[:, 0] >= bounds[:, 1]).any():
-            raise ScenarioError(place="position", value=given, expected=f"({arm.n}, 2) lower and upper bounds")
+        if bounds.shape != (arm.n, 2) or not (np.abs(bounds) <= LARGEST).all() or (bounds[:, 0] >= bounds[:, 1]).any():
+            expected = f"({arm.n}, 2) lower and upper bounds, {LARGEST:g} at most"
+            raise ScenarioError(place="position", value=given, expected=expected)
     for k, body in enumerate(arm.coordinates):
         if not np.isfinite(bounds[k]).all():
             if body.kind == "prismatic":
@@ -150,17 +148,6 @@ def _positions(arm: Model, given: Any, reasons: list[str]) -> tuple[np.ndarray, 
             bounds[k] = [-WHOLE_TURN, WHOLE_TURN]
             reasons.append(f"{body.joint} has no position limits: it stays within half a turn to either side")
     return bounds[:, 0], bounds[:, 1]
-
-
-def _numbers(quantity: str, value: Any, n: int) -> np.ndarray:
-    try:
-        values = scalar.real_numbers(value)
-    except ValueError:
-        values = np.zeros(1)
-    if values.shape not in ((), (n,)) or not (values > 0.0).all():
-        expected = f"a number above 0 {QUANTITIES[quantity]}, or one for each of {n} joints"
-        raise ScenarioError(place=quantity, value=value, expected=expected)
-    return np.broadcast_to(values, (n,)).astype(float)
 
 
 def _drop_unknown(arm: Model, most: dict[str, np.ndarray], given: dict[str, Any], reasons: list[str]) -> None:
