@@ -250,6 +250,7 @@ def test_bad_files_are_refused(tmp_path, text, said):
         ("acceleration = 3.0", "acceleration = { elbow = 1.0 }", "no joint of the arm"),
         ("acceleration = 3.0", "speed = 3.0", "limits.speed.*unknown key"),
         ("jerk = 60.0", "", r"toml:6: limits.jerk: no jerk limit of joint2"),
+        ("jerk = 60.0", "position = 1e308", r"limits.position = 1e\+308: expected .* 1e\+30 at most"),
         ("jerk = 60.0", "jerk = 1e-300", r"limits.jerk = 1e-300: expected a number of 1e-30 or more"),
         ("start = [0.1,", "start = [9,", r"start of joint1 = 9.0: 6.033 rad outside its limits"),
         ("start = [0.1,", "start = [nan,", "finite number"),

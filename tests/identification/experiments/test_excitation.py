@@ -157,6 +157,8 @@ def test_a_motion_is_saved_with_units(designed, tmp_path):
         ({}, "nothing bounds the speed of 'shoulder', 'elbow'"),
         ({"velocity": -1.0}, "velocity = -1.0: expected a number above 0"),
         ({"velocity": [1.0]}, r"velocity = \[1.0\]: expected a number above 0 .*one for each of 2 joints"),
+        ({"velocity": 1e308}, r"velocity = 1e\+308: expected a number above 0 and of 1e\+30 at most \[rad/s"),
+        ({"velocity": 1.0, "position": 1e308}, r"lower and upper bounds, 1e\+30 at most"),
         ({"velocity": 1.0, "harmonics": 1}, "harmonics = 1: expected a whole number, 2"),
         ({"velocity": 1.0, "criterion": "det"}, "criterion = 'det'"),
         ({"velocity": 1.0, "drives": ["rotr"]}, "did you mean rotor"),

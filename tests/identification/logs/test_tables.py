@@ -157,6 +157,27 @@ def test_absurd_numbers_are_refused_with_their_line(tmp_path, column, value):
         aw.read_log(written(tmp_path, ALL, {"arm.csv": table}))
 
 
+@pytest.mark.parametrize("counts", ["1e-160", "[1e-290, 1e-300]"])
+def test_units_that_make_absurd_numbers_are_refused(tmp_path, counts):
+    log = """
+robot = "two-link"
+files.bench.path = "bench.csv"
+time = { column = "t", unit = "s" }
+gears.matrix = [[1e-9, 1e-9], [-1e-9, 1e-9]]
+[[signals]]
+quantity = "position"
+columns = ["c1", "c2"]
+unit = "counts"
+side = "motor"
+counts_per_turn = """
+    (tmp_path / "x.log.toml").write_text(log + counts)
+    (tmp_path / "bench.csv").write_text("t,c1,c2\n" + "".join(f"{0.01 * k},{1e15 + k},{2e15 + k}\n" for k in range(50)))
+    with pytest.raises(
+        LogError, match=r"bench.csv:2: column 'c1' = .*: expected at most 1e\+30 in SI units, at the joint"
+    ):
+        aw.read_log(tmp_path / "x.log.toml")
+
+
 @pytest.mark.parametrize(("ending", "module"), [("parquet", "pyarrow"), ("mcap", "mcap")])
 def test_a_format_whose_package_is_absent(tmp_path, monkeypatch, ending, module):
     find = importlib.util.find_spec
