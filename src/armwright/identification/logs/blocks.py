@@ -129,7 +129,7 @@ def _signals(
             for values, column in zip(raw.T, signal.columns, strict=True):
                 _refuse_absurd(values, LARGEST, units[k], tables[key], column, row)
             values = converted(log, signal, k, raw, units[k])
-            lost = np.isfinite(raw).all(axis=1)[:, None] & np.isnan(values)
+            lost = np.isfinite(raw).all(axis=1, keepdims=True) & np.isnan(values)
             values[lost] = np.inf  # the difference of two that overflow
             for each, column in zip(values.T, signal.columns, strict=True):
                 _refuse_absurd(each, LARGEST, "in SI units, at the joint", tables[key], column, row)
