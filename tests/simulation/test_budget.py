@@ -204,3 +204,10 @@ def test_counts_leave_errors_unsaid():
     assert "global_error" not in aw.simulate(
         aw.Scenario(arm, 0.05, loop=replace(loop, sensors=aw.Sensors(counts=4096)))
     )
+
+
+def test_a_scenario_file_says_true_or_false(tmp_path):
+    path = tmp_path / "one.scenario.toml"
+    path.write_text('robot = "two-link"\nduration_s = 0.1\ncommands.constant = 0\nsolver.global_error = "yes"\n')
+    with pytest.raises(ScenarioError, match=r"one.scenario.toml:4: solver.global_error = 'yes': expected"):
+        aw.read_scenario(path)

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import ConfigDict, Field, StrictBool, model_validator
 
 from armwright.errors import ScenarioError
 from armwright.quantity import Record
@@ -196,7 +196,7 @@ class SolverTable(Record):
     atol: Number | None = Field(
         default=None, description="Absolute tolerance of rk45, rodas3 and cvodes, in each state's unit."
     )
-    global_error: bool = Field(
+    global_error: StrictBool = Field(
         default=True,
         description="Of auto: whether some lanes are simulated again, to say how wrong the run is as a whole.",
     )
