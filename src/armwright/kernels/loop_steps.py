@@ -18,11 +18,14 @@ from armwright.kernels.stages import (
     SEEN,
     SINCE,
     SWITCHES,
+    TOO_MANY,
     Adapt,
     Integrate,
 )
 
 NEARLY = 1.01  # a step that would leave less than a hundredth of itself to the edge goes on to it
+CLOSER, REMAINDER = 4, 2.0**-6  # steps up to where something switches, and what each but the last leaves
+BEYOND = 2.0**-24  # of a step: how far behind a place where something switches it then ends
 LOST = 0.1  # how much shorter the next trial is where the state is infinite or NaN
 
 
@@ -56,11 +59,21 @@ class StepPrinter(BlockPrinter):
         self._program(stage.step)
         alive = m.both(self._moving(), self._not_frozen())
         cut = self._cut(stage, label, alive, left, m.emit(f"icmp ult i64 %{label}.i, {SWITCHES}"))
-        self._accept(m.lt(m.constant(0.0), left))
+        goes_on = m.lt(m.constant(0.0), left)
+        if stage.grazing is not None:
+            self._program(stage.grazing)
+            grazes = m.both(m.both(alive, goes_on), m.lt(m.constant(0.0), self._load(f"grazed{NEXT}")))
+            self._store("grazed", 0, m.select(grazes, self._load(f"grazed{NEXT}"), self._load("grazed")))
+            self._store("frozen", 0, m.select(grazes, self._splat("%tick"), self._load("frozen")))
+        self._accept(goes_on)
         self._store("left", 0, m.select(cut, m.sub(left, self._load("h")), m.constant(0.0)))
         self._out(f"  %{label}.i.next = add i64 %{label}.i, 1")
         m.branch(m.any(cut), f"{label}.piece", f"{label}.whole")
         m.begin(f"{label}.whole")
+        if stage.landing is not None:
+            more = m.both(m.lt(m.constant(0.0), self._load("switched")), self._not_frozen())
+            self._store("frozen", 0, m.select(more, self._splat("%tick"), self._load("frozen")))
+            self._store("grazed", 0, m.select(more, m.constant(TOO_MANY), self._load("grazed")))
 
     def _cut(self, stage: Integrate | Adapt, label: str, where: Value, length: Value, allowed: Value) -> Value:
         """The lanes `where` something switches within the step just taken; their step now ends at the first such place.
@@ -84,12 +97,54 @@ class StepPrinter(BlockPrinter):
             self._program(within or stage.step)
             self._program(narrow)
             self._replace_blocks(narrow)
-        self._store("h", 0, m.select(switches, m.mul(self._load("bracket", 1), length), length))
-        self._program(stage.step)
+        part = self._load("bracket", 1)
+        if isinstance(stage, Integrate) and stage.landing is not None:
+            self._land(stage, switches, m.select(switches, m.mul(self._beyond(part), length), length))
+        else:
+            self._store("h", 0, m.select(switches, m.mul(part, length), length))
+            self._program(stage.step)
         last = m.block
         m.jump(f"{label}.cut")
         m.begin(f"{label}.cut")
         return m.emit(f"phi {m.mask} [ {none}, %{before} ], [ {switches}, %{last} ]")
+
+    def _land(self, stage: Integrate, switches: Value, cut: Value) -> None:
+        """The state behind a step of length `cut` that ends where something switches, and the tangents that it carries.
+
+        The last stage of a rule lies at the end of its step, which is just beyond that place, where slopes are others. Tangents
+        are therefore those of steps that come closer and closer to it, until that stage weighs nothing.
+        """
+        m = self.m
+        assert stage.landing is not None
+        for k in range(self.sizes["x"]):
+            self._store("x_before", k, self._load("x", k))
+        self._store("h", 0, cut)
+        self._program(stage.step)
+        values = self.sizes["x"] // (1 + stage.tangents)
+        located = [self._load(f"x{NEXT}", k) for k in range(values)]
+        left = cut
+        for closer in range(CLOSER if stage.tangents else 0):
+            part = 1.0 if closer == CLOSER - 1 else 1.0 - REMAINDER
+            h = m.mul(m.constant(part), left)
+            left = m.sub(left, h)
+            self._store("h", 0, m.select(switches, h, cut))
+            self._program(stage.step)
+            for k in range(self.sizes["x"] if closer < CLOSER - 1 else 0):
+                self._store("x", k, m.select(switches, self._load(f"x{NEXT}", k), self._load("x", k)))
+        for k, value in enumerate(located):
+            self._store(f"x{NEXT}", k, value)
+        self._program(stage.landing)
+        for k in range(self.sizes["x"]):
+            landed, moved = self._load(f"x{NEXT}{NEXT}", k), self._load(f"x{NEXT}", k)
+            self._store(f"x{NEXT}", k, m.select(switches, landed, moved))
+            self._store("x", k, self._load("x_before", k))
+        self._store("h", 0, cut)
+
+    def _beyond(self, part: Value) -> Value:
+        """A place within a step, moved so far that no rounding takes it for one before it."""
+        m, one = self.m, self.m.constant(1.0)
+        moved = m.add(part, m.constant(BEYOND))
+        return m.select(m.lt(moved, one), moved, one)
 
     def _accept(self, where: Value | None = None) -> None:
         """The state after a step, in lanes that move and stay finite; the others that move are frozen."""

@@ -86,6 +86,7 @@ HELD = "_held"  # ending of a block as it was when a lane's last step began
 EXCHANGED = ("task", "attempt", "over", "fresh", "task_number", "attempt_number")  # blocks of a lane that searches
 HALVINGS = 40  # of the step in which an event lies: 1e-12 of it are left
 SWITCHES = 8  # places in one substep where something switches; the rest is then one step
+TOO_MANY = -1.0  # block "grazed" of a lane in which that was not enough
 SECANTS = 10  # of a substep, to find one: enough where the state bends by as much as it moves
 SECANTS_WITHIN = 16  # the same along the path of a longer step, which costs little
 
@@ -176,6 +177,10 @@ class Integrate(_Switching):
         switched: (x, x_next, …, touching) → whether something switches within a step.
         bracket: the same → weights, bracket, part: between which parts of the step, and which to try.
         narrow: (x_next, …, touching, weights, bracket, part) → bracket_next, part_next, after a step of `part` of it.
+        landing: (x_next, …, touching, weights) → x_next: the state at the end of a step that was cut. A lane in which even
+            `SWITCHES` pieces do not suffice is then frozen.
+        grazing: (x, x_next, …, touching, h) → grazed: above 0 where a step has no derivative; the lane is frozen before it.
+        tangents: how many stand behind the values of block "x", each as long as these.
     """
 
     step: Program
@@ -185,6 +190,14 @@ class Integrate(_Switching):
     switched: Program | None = None
     bracket: Program | None = None
     narrow: Program | None = None
+    landing: Program | None = None
+    grazing: Program | None = None
+    tangents: int = 0
+
+    @property
+    def further(self) -> tuple[Program, ...]:
+        """The programs beside the step and those of switching."""
+        return tuple(p for p in (self.landing, self.grazing) if p is not None)
 
 
 @dataclass(frozen=True)
@@ -340,15 +353,17 @@ def block_sizes(stages: tuple[Stage, ...]) -> dict[str, int]:
                 add(port.name.removesuffix(NEXT), port.size)
             if events:
                 add("h_land", 1)
-            if isinstance(stage, Adapt):
-                for port in (port for p in stage.further for port in (*p.inputs, *p.outputs)):
-                    add(port.name, port.size)
+            for port in (port for p in stage.further for port in (*p.inputs, *p.outputs)):
+                add(port.name, port.size)
             if isinstance(stage, Adapt) and stage.ahead:
                 add("x_end", sizes["x"])
                 for name in AHEAD:
                     add(name, 1)
             if stage.switching and isinstance(stage, Integrate):
                 add("left", 1)
+            if isinstance(stage, Integrate) and stage.grazing is not None:
+                add("grazed", 1)
+                add("x_before", sizes["x"])
             if stage.planned:
                 commands = next(port.size for port in stage.step.inputs if port.name == "u")
                 add("u_plan", stage.planned * commands)

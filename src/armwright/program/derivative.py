@@ -66,6 +66,19 @@ def with_tangents(
     return _program(f"{program.name}_tangents", tuple(ports), enlarged, inputs, results, noinline)
 
 
+@alone
+def without_tangents(program: Program, active: Collection[str], count: int) -> Program:
+    """The program as it is, with active inputs that hold tangents in `count` directions behind their values, as above."""
+    symbols = _symbols(program)
+    inputs, ports = [], []
+    for port, symbol in zip(program.inputs, symbols, strict=True):
+        carried = port.name in active
+        ports.append(Port(port.name, (port.size * (1 + count),)) if carried else port)
+        tangent = casadi.SX.sym(f"d_{port.name}", port.size * count)  # type: ignore[arg-type]
+        inputs.append(casadi.vertcat(symbol, tangent) if carried else symbol)
+    return _program(f"{program.name}_plain", tuple(ports), program.outputs, inputs, program.graph.call(symbols))
+
+
 def _symbols(program: Program) -> list[casadi.SX]:
     return [casadi.SX.sym(port.name, port.size) for port in program.inputs]  # type: ignore[arg-type]
 

@@ -55,8 +55,13 @@ class LoopRunner:
     """
 
     @alone
-    def __init__(self, scenario: Scenario, *, loop: CompiledLoop | None = None, sampled: bool | None = None):
-        """`sampled`: whether "auto" chooses its rule as for a sampled loop; by default it does where the scenario has one."""
+    def __init__(
+        self, scenario: Scenario, *, loop: CompiledLoop | None = None, sampled: bool | None = None, lands: bool = False
+    ):
+        """`sampled`: whether "auto" chooses its rule as for a sampled loop; by default it does where the scenario has one.
+
+        `lands`: as of `LoopConfig`.
+        """
         self.scenario = scenario = scenario.resolved
         self.arm = scenario.arm
         self.count, self.period = scenario.lane_count or 1, scenario.tick
@@ -77,7 +82,8 @@ class LoopRunner:
         )
         if scenario.sampled and self._started is None and scenario.start.q is None:
             self.notes += start_notes(self.arm, self.reference)
-        self.config, self.initialisation = self._configured()
+        config, self.initialisation = self._configured()
+        self.config = replace(config, lands=lands)
         target, outputs = scenario.solver.target, scenario.recording.what == "all"
         if loop is not None:
             loop.check(self.config, target, outputs=outputs)

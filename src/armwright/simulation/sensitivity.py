@@ -1,9 +1,9 @@
 """Forward sensitivities: how simulated signals change with parameters and initial states, exact for the steps that are taken.
 
-Every program of a tick carries tangents along, so that what comes out is the derivative of the simulated discrete system.
-It is that of the continuous one in the limit of small steps where the plant's derivative is continuous in the state: friction
-is smoothed, and limits cut off continuously. Stops, gears with play and friction without a smoothing speed make it jump; they
-are refused, as are quantisers.
+Every program of a tick carries tangents along, so that what comes out is the derivative of the simulated discrete system, and in
+the limit of small steps that of the continuous one. Steps end where a contact begins or ends and where something begins to stick
+or breaks loose; tangents jump there with the time of that event (`plant.saltation`). Where such an event is all but missed there
+is no derivative, and it is refused, as are quantisers.
 """
 
 from __future__ import annotations
@@ -14,21 +14,19 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from armwright.actuators.friction import smoothing_key
-from armwright.actuators.gear import sticks
-from armwright.errors import ScenarioError
+from armwright.errors import DivergenceError, ScenarioError
 from armwright.features import Support
 from armwright.kernels.batch import Kernel
 from armwright.kernels.loop import Lanes, Loop
-from armwright.kernels.stages import Call, Delay, Integrate, Record, Stage
+from armwright.kernels.stages import NEXT, SWITCHES, TOO_MANY, Call, Delay, Integrate, Record, Stage
 from armwright.kernels.target import select_target
-from armwright.model import Model
 from armwright.model.vary import Varied
 from armwright.parameters import Batch, LaneFields, lane_values
-from armwright.program.derivative import with_tangents
+from armwright.program.derivative import with_tangents, without_tangents
 from armwright.signals import Signal
 from armwright.simulation.fixed_steps import COARSE, OR_NONE, accuracy_of, with_fixed_steps
 from armwright.simulation.integrate.integrators import INTEGRATORS
+from armwright.simulation.plant.joint_drive import contact_names
 from armwright.simulation.scenario import Scenario
 from armwright.simulation.scenario_parts import Recording
 from armwright.simulation.simulation import WATCHED, Simulation
@@ -42,11 +40,6 @@ SUPPORT = Support(
     scenario=True,
     without_effect={"brakes": "they are released unless inputs.brake applies them"},
     refused={
-        "dry friction": "a smoothing speed in the record",
-        "gear efficiency": "a smoothing speed in the record",
-        "efficiency table": "a smoothing speed in the record",
-        "play": "accelerations jump where flanks touch",
-        "stops": "accelerations jump where stops touch",
         "delays": "delays of whole ticks",
         "jitter": "no jitter, loss or drift",
         "lost samples": "no jitter, loss or drift",
@@ -73,6 +66,7 @@ def sensitivities(scenario: Scenario, by: Sequence[str]) -> xarray.Dataset:
         dataset: time, the signals, and for each its derivative d_<signal> with one more dimension, `parameter`.
     Raises:
         ScenarioError: what has no such derivative, or is not there; names it and what was expected.
+        DivergenceError: a single run left the finite numbers.
     """
     accuracy, chosen = accuracy_of(scenario), scenario.solver.rule == "auto"
     simulation, seeds, names = _simulation(scenario.resolved, by, accuracy, MOST_FINER if chosen else 1)
@@ -96,6 +90,7 @@ def sensitivities(scenario: Scenario, by: Sequence[str]) -> xarray.Dataset:
         records={"run": record},
     )  # fmt: skip
     single = scenario.lane_count is None
+    _end_stopped(simulation, lanes, record, every, single)
     dataset = _dataset(simulation, record[:, : simulation.count], blocks, loop.sizes, names, every, single)
     dataset.attrs = _about_steps(simulation, accuracy if chosen else None)
     return dataset
@@ -106,12 +101,56 @@ def _simulation(
 ) -> tuple[Simulation, dict[str, np.ndarray], list[str]]:
     """A simulation with fixed steps, tangents and names of its inputs; steps that are coarse are halved, up to `most` for one."""
     opened, seeds, names = _opened(with_fixed_steps(scenario, finer), by)
-    simulation = Simulation(opened)
+    simulation = Simulation(opened, lands=True)
     _check(simulation)
+    _check_start(simulation, names)
     simulation.note_coarse_step(opened.started, min(opened.ticks, WATCHED), accuracy)
     if finer < most and any(COARSE in note for note in simulation.notes):
         return _simulation(scenario, by, accuracy, most, 2 * finer)
     return simulation, seeds, names
+
+
+def _end_stopped(simulation: Simulation, lanes: Lanes, record: np.ndarray, every: int, single: bool) -> None:
+    """Refuses a run that stopped; of several lanes, rows of those are NaN from there on, and a note says so.
+
+    Args:
+        simulation: of the scenario.   lanes: at the end.   record: (rows, lanes, entries) of them, every so many ticks.
+        single: whether there is one lane.
+    """
+    frozen = lanes.get("frozen")[:, 0]
+    stopped = np.flatnonzero(frozen >= 0)
+    if not len(stopped):
+        return
+    first = stopped[np.argmin(frozen[stopped])]
+    grazed = int(lanes.get("grazed")[first, 0]) if "grazed" in lanes.blocks else 0
+    where, at = _watched_names(simulation), f"at t = {frozen[first] * simulation.period:g} s"
+    expected = ""
+    if grazed > 0:
+        place, how = where[grazed - 1]
+        what = f"{how} {at} so slowly that the least change decides whether it does: there is no derivative there"
+        expected = "a motion that passes clearly, or ends before"
+    elif grazed == TOO_MANY:
+        place, what = "scenario", f"more than {SWITCHES} contacts and turns of friction in one step {at}"
+        expected = "a shorter step, or a smaller accuracy"
+    else:
+        place, what = "scenario", f"the simulation left the finite numbers {at}"
+    if single:
+        error = ScenarioError if grazed else DivergenceError
+        raise error(what, place=place, expected=expected, file=simulation.arm.name)
+    for lane in stopped:
+        record[int(frozen[lane] - simulation.tick) // every + 1 :, lane] = np.nan
+    note = f"{len(stopped)} of {len(frozen)} lanes have no derivatives behind some time; lane {first}: {place} {what}"
+    simulation.notes.append(note)
+
+
+def _watched_names(simulation: Simulation) -> list[tuple[str, str]]:
+    """Places of contacts and of what sticks, and what happens there, as `landing_programs` count them."""
+    plant, bodies = simulation.plant, simulation.arm.coordinates
+    contacts = [(body, name) for body in bodies for name in contact_names(body)]
+    names = [(f"joint {body.joint!r}", f"meets or leaves {name}") for body, name in contacts]
+    for joint, on_motor in () if plant.sticking is None else plant.sticking.places:
+        names.append((f"joint {bodies[joint].joint!r}", f"{'its motor' * on_motor or 'it'} stops, or breaks loose,"))
+    return names
 
 
 def _about_steps(simulation: Simulation, accuracy: float | None) -> dict[str, Any]:
@@ -221,11 +260,10 @@ def _check(simulation: Simulation) -> None:
     if simulation.untraced is not None:
         what = f"is not compiled ({simulation.untraced}), and has no sensitivities"
         raise ScenarioError(what, place="loop.controller", expected="one that is")
-    if sum(simulation.plant.contacts):
-        what = "accelerations jump where stops and gears with play touch, and have no sensitivities there"
-        raise ScenarioError(what, place="arm", expected="one whose record has no `stops` and no `backlash_rad`")
-    if simulation.plant.sticking is not None:
-        raise _refused_sticking(simulation.arm)
+    if simulation.plant.sticking is not None and not simulation.plant.sticking.by_joints:
+        body = next(body for body in simulation.arm.coordinates if body.drive.coupling)
+        what = "is turned by motors that turn others too and that stick: where these break loose is not followed"
+        raise ScenarioError(what, place=f"joint {body.joint!r}", expected="a smoothing speed in the record's friction")
     if sampling is None or loop is None:
         return
     if sampling.delays.fractional or np.any(sampling.delays.earlier):
@@ -240,18 +278,14 @@ def _check(simulation: Simulation) -> None:
             raise ScenarioError("has no derivative", place=f"loop.{place}", value=value, expected="none")
 
 
-def _refused_sticking(arm: Model) -> ScenarioError:
-    """The error for an arm that sticks, by friction or gear loss of a joint or by a rigid brake."""
-    body = next((body for body in arm.tree.bodies if sticks(body)), None)
-    if body is not None:
-        key = smoothing_key(body)
-        what = "friction and gear loss without a smoothing speed jump where a joint turns back, and have no sensitivities there"
-        expected = f"a smoothing speed in the record, such as {key.partition('.')[2]} = 0.001"
-        return ScenarioError(what, place=f"joint {body.joint!r} {key}", expected=expected)
-    braked = next(body for body in arm.coordinates if body.brake is not None and body.brake.is_rigid)
-    what = "a brake that holds without a spring stops a joint at once, and has no sensitivities there"
-    expected = "a scenario without inputs.brake, or brake.stiffness and brake.damping in the record"
-    return ScenarioError(what, place=f"joint {braked.joint!r} brake", expected=expected)
+def _check_start(simulation: Simulation, names: Sequence[str]) -> None:
+    """Refuses the speed 0 that a joint with dry friction starts with: forward and back it has another derivative."""
+    arm, sticking = simulation.arm, simulation.plant.sticking
+    for k in sorted({joint for joint, _ in sticking.places} if sticking is not None else ()):
+        name, speeds = f"{STARTS[1]}[{k}]", np.asarray(simulation.scenario.initial_state)[:, arm.n + k]
+        if name in names and not speeds.all():
+            what = f"joint {arm.names[k]!r} starts at rest, from where dry friction makes forward and back differ"
+            raise ScenarioError(what, place=name, value=0.0, expected="a speed to start with, or another name in `by`")
 
 
 def _augmented(simulation: Simulation, seeds: dict[str, np.ndarray], count: int) -> tuple[tuple[Stage, ...], set[str]]:
@@ -275,7 +309,12 @@ def _augmented(simulation: Simulation, seeds: dict[str, np.ndarray], count: int)
             stored = {name: sizes[name] * (1 + count * (name in active)) for name in STORED if name in sizes}
             stage = Record(stage.name, tuple(stored), tuple(stored.values()))
         elif isinstance(stage, Integrate):
-            stage = replace(stage, step=with_tangents(stage.step, active, inner, count))
+            seen = {f"x{NEXT}", *active}
+            carried = {name: getattr(stage, name) for name in ("step", "landing")}
+            plain = {name: getattr(stage, name) for name in ("touching", "switched", "bracket", "narrow", "grazing")}
+            carried = {name: with_tangents(p, seen, inner, count) for name, p in carried.items() if p is not None}
+            plain = {name: without_tangents(p, seen, count) for name, p in plain.items() if p is not None}
+            stage = replace(stage, **carried, **plain, tangents=count)
         found.append(stage)
     return tuple(found), active
 

@@ -64,8 +64,8 @@ class Simulation(LoopRunner):
         ScenarioError: a joint without inertia, or a step too large for the arm's fastest time constant.
     """
 
-    def __init__(self, scenario: Scenario, *, loop: CompiledLoop | None = None):
-        super().__init__(scenario, loop=loop)
+    def __init__(self, scenario: Scenario, *, loop: CompiledLoop | None = None, lands: bool = False):
+        super().__init__(scenario, loop=loop, lands=lands)
         self._lanes: Lanes | None = None  # of a loop that is stepped
         self._measured = self.measured_in(self._started)  # whether the tick that comes next has its measurement
         self._paced: tuple[int, float] | None = None  # tick and clock [s] that steps in real time count from

@@ -55,6 +55,8 @@ class LoopConfig:
         payload_frames: names of the frames that payloads hang on, ten entries of block "payload" each.
         recorded: blocks that are stored, with their layouts.   reduction: what is computed along the way.
         reference: what is followed; None where nobody asks.   sampling: None where commands come from a schedule.
+        lands: whether steps of a fixed length end where something begins to stick or breaks loose, too, in a state whose
+            derivative is right there.
     """
 
     arm: Model
@@ -67,6 +69,7 @@ class LoopConfig:
     reduction: Reduction | None = None
     reference: LoopReference | None = None
     sampling: Sampling | None = None
+    lands: bool = False
 
     @property
     def plant_blocks(self) -> dict[str, tuple[int, ...]]:
@@ -83,7 +86,8 @@ class LoopConfig:
     def structure(self) -> tuple[Any, ...]:
         """All that the plant's programs depend on, but no values of lanes: the arm by its content, what varies, inputs, rule."""
         names = None if self.varied is None else self.varied.names
-        return checksum(self.arm), names, self.integrator, tuple(self.inputs.items()), self.payload_frames
+        inputs = tuple(self.inputs.items()), self.payload_frames
+        return checksum(self.arm), names, self.integrator, *inputs, self.lands
 
     @property
     def is_ahead(self) -> bool:

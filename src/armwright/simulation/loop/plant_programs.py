@@ -5,8 +5,9 @@ All of them take the arguments (x, u, …) of `LoopConfig.plant_blocks`, then th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 from armwright.kernels.stages import NEXT, Integrate, Stage
 from armwright.program import Program, kept, trace
@@ -16,8 +17,9 @@ from armwright.simulation.integrate.integrators import INTEGRATORS, ORDER_OF_ERR
 from armwright.simulation.integrate.rosenbrock import rodas3_trial
 from armwright.simulation.integrate.stepping import adaptive_stage, dormand_prince_trial, speed_pairs
 from armwright.simulation.loop.config import LoopConfig
+from armwright.simulation.plant.saltation import landing_programs
 from armwright.simulation.plant.slopes import plant_slopes
-from armwright.simulation.plant.switching import Watched, switching_programs
+from armwright.simulation.plant.switching import Switching, Watched, switching_programs
 
 USUAL = ("qdd", "tau", "voltage", "current")  # stored of every arm
 ORDERS = {"rk45": dormand_prince.ORDER, "rodas3": rosenbrock.ORDER}  # of the errors that rules estimate, in h
@@ -31,7 +33,11 @@ def plant_stages(config: LoopConfig, seen: tuple[str, ...]) -> list[Stage]:
     watched = plant_watched(config)
     if config.integrator in INTEGRATORS:
         step = plant_step(config, {} if watched is None else watched.block)
-        return [Integrate(step, planned, seen, **switching_programs(watched, config.plant_shapes))]
+        programs: dict[str, Any] = {**switching_programs(watched, config.plant_shapes)}
+        if config.lands and watched is not None:
+            programs = {name: program for name, program in programs.items() if name != "settle"}
+            programs |= _landing(config, watched)
+        return [Integrate(step, planned, seen, **programs)]
     if config.integrator == "cvodes":
         return []
     assert config.adaptivity is not None
@@ -143,10 +149,20 @@ def plant_watched(config: LoopConfig) -> Watched | None:
         return function
 
     contacts, sticking = sum(config.bare.contacts), config.bare.sticking
-    if sticking is not None and config.is_ahead:
+    if sticking is not None and (config.is_ahead or config.lands):
         names = ("present", "sliding", "keeping", "settled")
         return Watched(depths, functions, contacts, len(sticking.places), *(of_sticking(name) for name in names))
     return Watched(depths, functions, contacts) if contacts else None
+
+
+def _landing(config: LoopConfig, watched: Watched) -> dict[str, Program]:
+    """The programs of the end of a step at which something switches."""
+
+    def at_rest(x: Array, inputs: Sequence[Array], directions: Array) -> Array:
+        sticking = config.plant_call(inputs[0], inputs[1:])[0].sticking
+        return x if sticking is None else sticking.at_rest(x, directions)
+
+    return landing_programs(Switching(watched, config.plant_shapes), plant_derivative(config), at_rest)
 
 
 def plant_outputs(config: LoopConfig) -> tuple[Program, tuple[str, ...]]:

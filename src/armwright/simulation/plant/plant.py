@@ -112,7 +112,7 @@ class Plant(PlantOutputs):
         """The state one step later, inputs held: stiff parts exactly, the rest by the rule.
 
         In a trace the derivative is one program that the rule calls at each of its stages. Contacts are held too, so that no
-        stage sees another side of them; `switching` ends steps where they change.
+        stage sees another side of them; `switching` ends steps where they change. So are directions, where the inputs hold some.
 
         Args:
             rule: of `integrators.INTEGRATORS`.   x: (size,).   inputs: as `derivative`.   h: () [s].
@@ -120,7 +120,11 @@ class Plant(PlantOutputs):
             x_next: (size,).
         """
         inputs = self._held(x, inputs)
-        if self.sticking is None:
+        if (
+            self.sticking is not None and inputs.directions is not None
+        ):  # a speed of 0 that has a derivative has none here
+            x = self.sticking.at_rest(x, inputs.directions)
+        if self.sticking is None or inputs.directions is not None:
             return self.settled(self._stepped(rule, x, inputs, h))
 
         def moved(directions: Array) -> Any:

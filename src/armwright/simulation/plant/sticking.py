@@ -276,6 +276,10 @@ class Sticking:
         ]
         return self._with_rest(x, still)
 
+    def at_rest(self, x: Array, directions: Array) -> np.ndarray:
+        """The state (size,) with speeds of 0 for elements whose direction is 0."""
+        return self._with_rest(x, [scalar.equal(way, 0.0) for way in directions])
+
     def _excess(self, x: Array, inputs: PlantInputs) -> list[tuple[Scalar, Scalar, Scalar]]:
         """Accelerations [rad/s² | m/s²] by which loads would move what sticks if it stuck no more; below 0 what is left to that.
 
@@ -318,9 +322,7 @@ class Sticking:
 
     def _settled(self, x: Array, directions: Array) -> Array:
         """The state with speeds of 0 for what sticks, where sums of speeds have rounding left."""
-        if self._inverse is None:
-            return x
-        return self._with_rest(x, [scalar.equal(way, 0.0) for way in directions])
+        return x if self._inverse is None else self.at_rest(x, directions)
 
     def _with_rest(self, x: Array, still: Sequence[Scalar]) -> np.ndarray:
         """The state with speeds of 0 for elements that stand still."""

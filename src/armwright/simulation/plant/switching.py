@@ -19,8 +19,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from armwright import scalar
 from armwright.kernels.stages import NEXT
 from armwright.program import Program, call, trace
@@ -61,56 +59,76 @@ class Watched:
         return {name: shape for name, shape in blocks.items() if shape[0]}
 
 
-def switching_programs(watched: Watched | None, shapes: Mapping[str, tuple[int, ...]]) -> dict[str, Program]:
-    """The programs with which stages end steps where something switches; none where nothing does.
+class Switching:
+    """What of a plant may switch, by the arguments of programs.
 
     Depths are computed by one program that all others call: what is beyond 0 to one of them is so to all, to the last bit.
+    """
+
+    def __init__(self, watched: Watched, shapes: Mapping[str, tuple[int, ...]]):
+        """`shapes`: of the arguments of the depths of what is watched, "x" and "u" first."""
+        self.watched, self.shapes = watched, shapes
+        self.constant = {**{name: shape for name, shape in shapes.items() if name != "x"}, **watched.block}
+        self._deep = trace("depths", watched.depths, shapes, noinline=True) if watched.contacts else None
+        moving = {"x": shapes["x"], **self.constant}
+        others = (
+            trace("least", lambda x, *inputs: scalar.array(watched.functions(x, *inputs)[1]), moving).outputs[0].size
+        )
+        self.count = watched.contacts + watched.elements + others
+
+    def depths(self, x: Array, inputs: Sequence[Array]) -> Array:
+        """(contacts,) of a state; `inputs`: what follows x."""
+        return () if self._deep is None else call(self._deep, x, *inputs[: len(self.shapes) - 1])
+
+    def begun(self, x: Array, *inputs: Array) -> tuple[Array, ...]:
+        """Contacts and directions of a state, those of them that are held; `inputs` without these."""
+        depths, present = self.depths(x, inputs), self.watched.present
+        touching = [scalar.array([scalar.less_equal(0.0, depth) for depth in depths])] if self._deep else []
+        return (*touching, *([] if present is None else [present(x, *inputs, *touching)]))
+
+    def values(self, x: Array, *inputs: Array) -> tuple[list[Scalar], list[Scalar], Array]:
+        """Depths, the other functions, and the least of those that are no directions'."""
+        keeping = () if self.watched.keeping is None else self.watched.keeping(x, *inputs)
+        switching, least = self.watched.functions(x, *inputs)
+        return [*self.depths(x, inputs)], [*keeping, *switching], least
+
+    def changes(self, x: Array, after: Array, *inputs: Array) -> tuple[list[Scalar], list[Scalar], list[Scalar]]:
+        """1 for each function that changes over a step, and all of them before it and behind."""
+        elements, held = self.watched.elements, len(self.watched.block)
+        (deep_before, before, least), (deep_after, end, _) = self.values(x, *inputs), self.values(after, *inputs)
+        entered = inputs[-held] if deep_after else ()
+        changed = [scalar.less((it - 0.5) * b, 0.0) for it, b in zip(entered, deep_after, strict=True)]
+        changed += [scalar.less(b, 0.0) for b in end[:elements]]
+        for a, b, little in zip(before[elements:], end[elements:], least, strict=True):
+            changed.append(scalar.less(a * b, -(little * little)))
+        return changed, [*deep_before, *before], [*deep_after, *end]
+
+
+def switching_programs(watched: Watched | None, shapes: Mapping[str, tuple[int, ...]]) -> dict[str, Program]:
+    """The programs with which stages end steps where something switches; none where nothing does.
 
     Args:
         watched: what may switch.   shapes: of the arguments of its `depths`, "x" and "u" first.
     """
     if watched is None:
         return {}
-    deep = trace("depths", watched.depths, shapes, noinline=True) if watched.contacts else None
-    size, constant = shapes["x"], {**{name: shape for name, shape in shapes.items() if name != "x"}, **watched.block}
-    held = len(watched.block)
-
-    def depths(x: Array, inputs: Sequence[Array]) -> Array:
-        return () if deep is None else call(deep, x, *inputs[: len(shapes) - 1])
-
-    def begun(x: Array, *inputs: Array) -> tuple[Array, ...]:
-        touching = [scalar.array([scalar.less_equal(0.0, depth) for depth in depths(x, inputs)])] if deep else []
-        return (*touching, *([] if watched.present is None else [watched.present(x, *inputs, *touching)]))
-
-    def values(x: Array, *inputs: Array) -> tuple[list[Scalar], list[Scalar], Array]:
-        keeping = () if watched.keeping is None else watched.keeping(x, *inputs)
-        switching, least = watched.functions(x, *inputs)
-        return [*depths(x, inputs)], [*keeping, *switching], least
-
-    def changes(x: Array, after: Array, *inputs: Array) -> tuple[list[Scalar], list[Scalar], list[Scalar]]:
-        (deep_before, before, least), (deep_after, end, _) = values(x, *inputs), values(after, *inputs)
-        entered = inputs[-held] if deep_after else ()
-        changed = [scalar.less((it - 0.5) * b, 0.0) for it, b in zip(entered, deep_after, strict=True)]
-        changed += [scalar.less(b, 0.0) for b in end[: watched.elements]]
-        for a, b, little in zip(before[watched.elements :], end[watched.elements :], least, strict=True):
-            changed.append(scalar.less(a * b, -(little * little)))
-        return changed, [*deep_before, *before], [*deep_after, *end]
+    switching = Switching(watched, shapes)
 
     def switched(x: Array, after: Array, *inputs: Array) -> Array:
-        return scalar.array([sum(changes(x, after, *inputs)[0])])
+        return scalar.array([sum(switching.changes(x, after, *inputs)[0])])
 
     def begin(x: Array, after: Array, *inputs: Array) -> tuple[Array, Array, Array]:
-        changed, begins, ends = changes(x, after, *inputs)
+        changed, begins, ends = switching.changes(x, after, *inputs)
         weights = scalar.array([scalar.where(it, 1.0 / b, 0.0) for it, b in zip(changed, ends, strict=True)])
-        below = scalar.minimum(_furthest(weights, begins), 0.0)
+        below = scalar.minimum(furthest(weights, begins), 0.0)
         bracket = [0.0, 1.0, below, 1.0, 0.0]  # its ends θ, g there, and which moved last: 1 the upper, -1 the lower
         return weights, scalar.array(bracket), scalar.array([_guess(bracket)])
 
     def narrow(after: Array, *rest: Array) -> tuple[Array, Array]:
         *inputs, weights, bracket, part = rest
         lower, upper, below, above, last = bracket
-        found = values(after, *inputs)
-        g = _furthest(weights, [*found[0], *found[1]])
+        found = switching.values(after, *inputs)
+        g = furthest(weights, [*found[0], *found[1]])
         beyond = scalar.less(0.0, g)
         bracket = [
             scalar.where(beyond, lower, part[0]),
@@ -121,13 +139,10 @@ def switching_programs(watched: Watched | None, shapes: Mapping[str, tuple[int, 
         ]
         return scalar.array(bracket), scalar.array([_guess(bracket)])
 
-    after = {f"x{NEXT}": size}
-    arguments = (scalar.zeros(*shape) for shape in (size, *constant.values()))
-    with np.errstate(all="ignore"):  # counted at zeros, where a parameter that varies may be a divisor
-        others = len(watched.functions(*arguments)[1])
-    searched = {"weights": (watched.contacts + watched.elements + others,), "bracket": (5,), "part": (1,)}
+    size, constant, after = shapes["x"], switching.constant, {f"x{NEXT}": shapes["x"]}
+    searched = {"weights": (switching.count,), "bracket": (5,), "part": (1,)}
     programs = {
-        "touching": trace("touching", begun, shapes, tuple(watched.block), noinline=True),
+        "touching": trace("touching", switching.begun, shapes, tuple(watched.block), noinline=True),
         "switched": trace("switched", switched, {"x": size, **after, **constant}, noinline=True),
         "bracket": trace("bracket", begin, {"x": size, **after, **constant}, tuple(searched), noinline=True),
         "narrow": trace(
@@ -139,7 +154,7 @@ def switching_programs(watched: Watched | None, shapes: Mapping[str, tuple[int, 
     return programs
 
 
-def _furthest(weights: Array, values: Array) -> Scalar:
+def furthest(weights: Array, values: Array) -> Scalar:
     """g: the largest s_e(x) / s_e(x(1)) of those that change; -1 where none does."""
     shares = [scalar.where(scalar.equal(w, 0.0), -1.0, w * s) for w, s in zip(weights, values, strict=True)]
     furthest = shares[0]
