@@ -3,9 +3,10 @@
     .venv/bin/python tools/auto_steps.py
 
 Every built-in arm, and twenty of the `example-robot-data` wheel with motors that are sized by their effort limits, swing under
-constant voltages, currents or torques. CVODES is the truth; where friction sticks, which it does not follow, steps of an accuracy
-that is a hundred thousand times as high. The cost is the processor's time for the same run of many lanes, beside that of rk3
-at 1 ms, the default before steps were chosen.
+constant voltages, currents or torques, and follow a motion under a PID at 1 kHz. CVODES is the truth; in a loop and where
+friction sticks, which it does not follow, steps of an accuracy that is a hundred thousand times as high. The cost is the
+processor's time for the same run of many lanes, beside that of rk3 at 1 ms, the default before steps were chosen. The last two
+columns are how often the dynamics are evaluated, and how long it takes, where 64 lanes estimate their error, beside where not.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +26,8 @@ import xarray
 import armwright as aw
 from armwright.actuators.gear import sticks
 from armwright.errors import ArmwrightError
+from armwright.simulation.companion import FINER, lanes_again
+from armwright.simulation.integrate.stepping import ACCURACY
 
 ROOT = Path(__file__).resolve().parent.parent
 TABLE = ROOT / "docs" / "data" / "auto-steps.csv"
@@ -36,6 +40,8 @@ HEAD = (
     "evaluations a ms",
     "largest error of rk3 at 1 ms",
     "cost beside it",
+    "evaluations with the estimate, 64 lanes",
+    "time with it",
 )
 OTHERS = 20  # robots of the wheel
 MOST_JOINTS = 10
@@ -44,7 +50,12 @@ SHARE = 0.2  # of each limit that is commanded
 STAGES = {"rk45": 7, "rk3": 3, "rodas3": 3}  # evaluations a step
 VOLTS, RATIO, CONSTANT, INERTIA = 48.0, 100.0, 0.1, 2e-5  # [V] [-] [N m/A] [kg m²] of the motors
 SPARE = 2.0  # stall torque in effort limits
-LANES, TIMED = 256, 5  # of runs whose time is taken, and how many of them
+LANES, JUDGED, TIMED = (
+    256,
+    64,
+    5,
+)  # of runs whose time is taken, alone and with the estimate of their error; and how many
+RATE, POSES, BANDWIDTH = 1000, 100, 20.0  # of the loop [Hz], for its design, and of each joint [rad/s]
 LEAST = 1e-12  # range of a joint that sticks
 UNLIMITED = 10.0  # of a limit that is not stated [V | A | N m | N]
 
@@ -96,25 +107,37 @@ def command(arm: aw.Model) -> np.ndarray:
     return np.where(np.isfinite(limits), limits, UNLIMITED) * SHARE * np.cos(np.arange(arm.n))
 
 
-def swing(arm: aw.Model, solver: aw.Solver) -> xarray.Dataset:
+def swinging(arm: aw.Model) -> aw.Scenario:
     """The arm under these commands."""
-    return aw.simulate(aw.Scenario(arm, DURATION, command=command(arm), solver=solver))
+    return aw.Scenario(arm, DURATION, command=command(arm))
 
 
-def cost(arm: aw.Model, solvers: Sequence[aw.Solver]) -> list[float]:
+def controlled(arm: aw.Model) -> aw.Scenario:
+    """The arm under a PID at 1 kHz that moves every joint by a tenth of a radian or a hundredth of a metre."""
+    steps = np.array([0.1 if body.kind == "revolute" else 0.01 for body in arm.coordinates])
+    motion = aw.Quintic(np.zeros(arm.n), steps, 0.8 * DURATION)
+    law = aw.JointPID(kp=np.ones(arm.n), kd=np.ones(arm.n), gravity=True)
+    scenario = aw.Scenario(arm, DURATION, loop=aw.Loop(law, motion, 1.0 / RATE, sensors=aw.Sensors(velocity="exact")))
+    return aw.design_gains(scenario, poses=POSES, bandwidth=BANDWIDTH).scenario
+
+
+def ran(scenario: aw.Scenario, solver: aw.Solver) -> xarray.Dataset:
+    """A run of the scenario by that solver."""
+    return aw.simulate(replace(scenario, solver=solver))
+
+
+def costs(scenario: aw.Scenario, lanes: int, solvers: Sequence[aw.Solver], what: str = "state") -> list[float]:
     """The least processor's time [s] of a run of many lanes by each solver, in turns."""
-    commands = aw.Batch(np.tile(command(arm), (LANES, 1)))
-    rows = aw.Recording(what="state")
-    runs = [
-        aw.Simulation(aw.Scenario(arm, DURATION, command=commands, solver=solver, recording=rows)) for solver in solvers
-    ]
+    start = aw.Start(aw.Batch(np.tile(scenario.initial_state[:, : scenario.arm.n], (lanes, 1))))
+    many = replace(scenario, start=start, recording=aw.Recording(what=what))
+    runs = [aw.Simulation(replace(many, solver=solver)) for solver in solvers]
     times: list[list[float]] = [[] for _ in runs]
     for _ in range(TIMED):
         for run, taken in zip(runs, times, strict=True):
             run.reset()
-            start = time.process_time()
+            begun = time.process_time()
             run.run(threads=1, keep_state=False)
-            taken.append(time.process_time() - start)
+            taken.append(time.process_time() - begun)
     return [min(taken) for taken in times]
 
 
@@ -127,22 +150,30 @@ def largest_error(run: xarray.Dataset, truth: xarray.Dataset) -> float:
     )
 
 
-def row(name: str, arm: aw.Model) -> tuple[object, ...]:
+def row(name: str, scenario: aw.Scenario) -> tuple[object, ...]:
     """A row of the table."""
-    sticky = any(sticks(body) for body in arm.bodies)
-    truth = swing(arm, aw.Solver(accuracy=1e-8, max_substeps=10**6) if sticky else aw.Solver("cvodes"))
-    run = swing(arm, aw.Solver())
+    arm, sampled = scenario.arm, scenario.loop is not None
+    exact = aw.Solver("cvodes")
+    if sampled or any(sticks(body) for body in arm.bodies):
+        exact = aw.Solver(accuracy=1e-8, max_substeps=10**6, global_error=False)
+    truth, run = ran(scenario, exact), ran(scenario, aw.Solver())
     steps = float(run["steps_tried"]) / (1e3 * DURATION)
-    old = aw.Solver("rk3", 1e-3)
+    alone, old = aw.Solver(global_error=False), aw.Solver("rk3", substeps=1) if sampled else aw.Solver("rk3", 1e-3)
     try:
-        coarse = f"{largest_error(swing(arm, old), truth):.1e}"
-        ours, theirs = cost(arm, (aw.Solver(), old))
+        coarse = f"{largest_error(ran(scenario, old), truth):.1e}"
+        ours, theirs = costs(scenario, LANES, (alone, old))
         beside = f"{ours / theirs:.2f}"
     except ArmwrightError:
         coarse, beside = "refused", ""
-    rule = run.attrs["rule"]
-    error = largest_error(run, truth)
-    return name, arm.n, rule, f"{steps:.2f}", f"{error:.1e}", f"{steps * STAGES[rule]:.1f}", coarse, beside
+    finer = float(ran(scenario, aw.Solver(accuracy=FINER * ACCURACY, global_error=False))["steps_tried"]) / (
+        1e3 * DURATION
+    )
+    judged, unjudged = costs(scenario, JUDGED, (aw.Solver(), alone))
+    rule, error = run.attrs["rule"], largest_error(run, truth)
+    return (
+        name, arm.n, rule, f"{steps:.2f}", f"{error:.1e}", f"{steps * STAGES[rule]:.1f}", coarse, beside,
+        f"{1.0 + len(lanes_again(JUDGED, np.ones(JUDGED))) / JUDGED * finer / steps:.2f}", f"{judged / unjudged:.2f}",
+    )  # fmt: skip
 
 
 def main() -> None:
@@ -150,11 +181,12 @@ def main() -> None:
     sys.path.insert(0, str(ROOT / "tests"))
     rows = []
     for name, arm in arms():
-        try:
-            rows.append(row(name, arm))
-        except ArmwrightError as error:
-            rows.append((name, arm.n, "", "", f"CVODES: {error.what or 'stopped'}", "", "", ""))
-        print(*rows[-1])
+        for end, scenario in (("", swinging), (", 1 kHz loop", controlled)):
+            try:
+                rows.append(row(name + end, scenario(arm)))
+            except ArmwrightError as error:
+                rows.append((name + end, arm.n, "", "", error.what or "stopped", "", "", "", "", ""))
+            print(*rows[-1], flush=True)
     with TABLE.open("w", newline="", encoding="utf-8") as file:
         csv.writer(file, lineterminator="\n").writerows([HEAD, *rows])
 
