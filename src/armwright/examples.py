@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
+from armwright.entry import as_path
 from armwright.errors import OutputError
 from armwright.output import whole_file
 
@@ -56,6 +57,7 @@ def copy_examples(folder: str | os.PathLike[str]) -> list[Path]:
     Raises:
         OutputError: one of the files is there already, or the folder cannot be written; nothing is copied then.
     """
+    folder = as_path(folder, "folder", OutputError)
     sources = example_files()
     copies = {name: Path(folder) / name for name in sources}
     there = next((path for path in copies.values() if path.exists() or path.is_symlink()), None)

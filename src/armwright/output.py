@@ -17,6 +17,7 @@ import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from armwright.entry import as_path
 from armwright.errors import OutputError
 
 TEMPORARY = re.compile(r"\.armwright-((?P<host>[0-9a-f]{8})-(?P<process>\d{1,10})-)?[0-9a-f]{16}(\..*)?")
@@ -35,7 +36,7 @@ def check_destination(
     Raises:
         OutputError: an unknown ending, a file that is read, a missing folder, a folder in the file's place, no permission.
     """
-    path = Path(path)
+    path = Path(as_path(path, "path", OutputError))
     if endings and path.suffix.lower() not in endings:
         what = f"the ending {path.suffix!r} is not offered" if path.suffix else "has no ending"
         raise OutputError(what, file=path, expected=" or ".join(filter(None, (", ".join(endings[:-1]), endings[-1]))))

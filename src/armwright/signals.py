@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from armwright import scalar
-from armwright.errors import ShapeError, nearest
+from armwright.errors import ScenarioError, ShapeError, nearest
 from armwright.printable import is_seen
 from armwright.scalar import Array
 
@@ -119,6 +119,8 @@ class Layout:
     signals: tuple[Signal, ...] = ()
 
     def __post_init__(self) -> None:
+        if not isinstance(self.signals, Iterable) or not all(isinstance(each, Signal) for each in self.signals):
+            raise ScenarioError(place="Layout.signals", value=self.signals, expected="signals")
         names = [signal.name for signal in self.signals]
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:

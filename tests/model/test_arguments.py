@@ -49,9 +49,13 @@ def test_a_transposed_batch_is_recognised():
 
 
 @pytest.mark.parametrize("name", PLAIN)
-def test_something_else_than_an_arm_is_refused(name):
-    with pytest.raises(ModelError, match=r"'puma560': expected an arm; load it first: aw\.load"):
-        getattr(aw, name)("puma560", **_arguments(name, 6))
+def test_an_arm_may_be_named(name):
+    arguments = {key: 0.3 + value for key, value in _arguments(name, 6).items()}
+    own, named = (getattr(aw, name)(each, **arguments) for each in (arm("puma560"), "puma560"))
+    for ours, theirs in zip(*((each if isinstance(each, tuple) else (each,)) for each in (own, named)), strict=True):
+        np.testing.assert_array_equal(ours, theirs)
+    with pytest.raises(ModelError, match=r"arm = 3: expected an arm: its name, its file, or what aw\.load returns"):
+        getattr(aw, name)(3, **_arguments(name, 6))
 
 
 def test_the_wrench_has_six_numbers():

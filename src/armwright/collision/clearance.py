@@ -14,6 +14,7 @@ from armwright import scalar
 from armwright.collision.capsules import Capsule, base_link, link_capsules
 from armwright.collision.distance import segment_to_segment
 from armwright.collision.obstacles import Obstacle
+from armwright.entry import AnyArm, as_arm
 from armwright.errors import ModelError, ScenarioError
 from armwright.kinematics import body_placements
 from armwright.kinematics.reach import reach
@@ -133,7 +134,7 @@ class Clearance:
 
 
 def clearance(
-    arm: Model,
+    arm: AnyArm,
     obstacles: Iterable[Any] = (),
     *,
     radius: float | Mapping[str, float] | None = None,
@@ -158,6 +159,7 @@ def clearance(
         ModelError: a link without shapes and without radius, a radius with which all links always overlap, or a name that is no
             link.   RunError: a mesh that cannot be read.
     """
+    arm = as_arm(arm)
     if not isinstance(arm, Model):
         raise ModelError(place="arm", value=arm, expected="an arm, as aw.load(name) gives")
     obstacles = (obstacles,) if isinstance(obstacles, Obstacle) else tuple(obstacles)

@@ -22,7 +22,8 @@ from armwright.description.record_of import Arm, record_of
 from armwright.description.robot import RobotDescription
 from armwright.description.toml_file import read_text
 from armwright.description.writer import for_folder, to_toml
-from armwright.errors import ModelError, OutputError
+from armwright.entry import expect
+from armwright.errors import IdentificationError, ModelError, OutputError
 from armwright.output import check_destination, whole_file
 
 Verdict = Literal["identified", "not identified"]
@@ -60,6 +61,8 @@ class Estimate:
     log: str = ""
 
     def __post_init__(self) -> None:
+        if not isinstance(self.names, Sequence) or not all(isinstance(name, str) for name in self.names):
+            raise IdentificationError(place="Estimate.names", value=self.names, expected="names")
         names, count = tuple(self.names), len(self.names)
         defaults = {"at_bound": np.zeros(count, dtype=bool), "identifiable": np.ones(count, dtype=bool)}
         for name, default in defaults.items():
@@ -69,8 +72,10 @@ class Estimate:
         object.__setattr__(self, "values", np.asarray(self.values, dtype=float))
         object.__setattr__(self, "covariance", np.asarray(self.covariance, dtype=float))
         object.__setattr__(self, "units", tuple(self.units) or tuple(unit_at(name) for name in names))
-        assert self.values.shape == (count,)
-        assert self.covariance.shape == (count, count)
+        for name, shape in (("values", (count,)), ("covariance", (count, count))):
+            if np.shape(given := getattr(self, name)) != shape:
+                what, expected = f"shape {np.shape(given)}", f"{shape}, as there are {count} names"
+                raise IdentificationError(what, place=f"Estimate.{name}", expected=expected)
 
     @property
     def std(self) -> np.ndarray:
@@ -178,6 +183,7 @@ def write_into(
         OutputError: the file cannot be written.   DescriptionError: the robot cannot be believed, with these numbers or
             without; then nothing is written.
     """
+    expect(estimate, Estimate, "estimate", "an aw.Estimate", IdentificationError)
     path = check_destination(output, (".toml",))
     text = updated_text(robot, estimate, path.parent, key)
     with whole_file(path) as temporary:

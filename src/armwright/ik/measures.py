@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from armwright.entry import AnyArm, as_arm
 from armwright.errors import ModelError, ShapeError
 from armwright.ik.targets import checked_array
 from armwright.kernels.batch import Kernel
@@ -15,7 +16,7 @@ from armwright.kernels.target import select_target
 from armwright.kinematics import forward_kinematics
 from armwright.kinematics.manipulability import checked_task as known_task
 from armwright.kinematics.manipulability import singular_values
-from armwright.model import Model, check_arm
+from armwright.model import Model
 from armwright.program import trace
 from armwright.scalar import Array, real_number
 
@@ -58,7 +59,7 @@ class Manipulability:
 
 
 def manipulability(
-    arm: Model,
+    arm: AnyArm,
     q: Any,
     *,
     frame: str | None = None,
@@ -83,6 +84,7 @@ def manipulability(
         ShapeError: q has another shape.   ModelError: no such frame or aim, a length that is not above 0, or an arm that
             branches and names no tip.
     """
+    arm = as_arm(arm)
     checked_task(arm, aim, length)
     positions = checked_array(q, "q")
     if positions.shape[-1:] != (arm.n,):
@@ -97,7 +99,7 @@ def checked_task(arm: Model, aim: str, length: float) -> None:
     Raises:
         ModelError: names it.
     """
-    check_arm(arm)
+    arm = as_arm(arm)
     known_task(aim)
     number = real_number(length)
     if number is None or not 0.0 < number < np.inf:

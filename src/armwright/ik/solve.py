@@ -8,6 +8,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
+from armwright.entry import AnyArm, as_arm
 from armwright.errors import ModelError, ShapeError
 from armwright.features import Support
 from armwright.ik.chain import Chain
@@ -26,7 +27,7 @@ from armwright.kernels.stages import Call, Exchange
 from armwright.kernels.target import select_target
 from armwright.kinematics.aim import Aim
 from armwright.kinematics.reach import reach
-from armwright.model import Model, check_arm
+from armwright.model import Model
 from armwright.other_names import answering
 from armwright.program import trace
 from armwright.scalar import Array, Scalar, real_number
@@ -145,7 +146,7 @@ def solver(
 
 @answering
 def inverse_kinematics(
-    arm: Model,
+    arm: AnyArm,
     targets: Any,
     *,
     frame: str | None = None,
@@ -193,7 +194,7 @@ def inverse_kinematics(
             matrix, NaN), no such frame, a tolerance below 1e-12, an arm that branches and names no tip, or one without the
             closed form that is asked for.
     """
-    check_arm(arm)
+    arm = as_arm(arm)
     poses, shape, part = checked_targets(targets, aim)
     limit = real_number(tolerance)
     if limit is None or not 1e-12 <= limit < 1.0:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from armwright.entry import AnyArm, as_arm
 from armwright.errors import ModelError
 from armwright.ik.measures import checked_task, limit_margin, measures
 from armwright.model import Model
@@ -23,7 +24,7 @@ UNITS = {
 
 
 def workspace(
-    arm: Model,
+    arm: AnyArm,
     samples: int = SAMPLES,
     *,
     frame: str | None = None,
@@ -48,6 +49,7 @@ def workspace(
     Raises:
         ModelError: no such frame or aim, samples, length or threads that are none, or an arm that branches and names no tip.
     """
+    arm = as_arm(arm)
     import xarray as xr
 
     checked_task(arm, aim, length)

@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 
 import numpy as np
 
+from armwright.entry import AnyArm, as_arm
 from armwright.errors import ModelError, ShapeError
 from armwright.features import Support
 from armwright.kernels.format import DOUBLE, select_format
 from armwright.kernels.kernel_methods import KernelMethods, Real
 from armwright.kernels.signatures import PARAMETERS, SIGNATURES, trace_kernel
-from armwright.model import Model, check_arm
+from armwright.model import Model
 from armwright.notebook import repr_html
 from armwright.other_names import advice
 from armwright.progress import automatic
@@ -66,7 +67,7 @@ class CompiledArm(KernelMethods[Real]):
     ):
         from armwright.kernels.target import select_target
 
-        check_arm(arm)
+        arm = as_arm(arm)
         if target is not None and not isinstance(target, str):
             raise ModelError(place="target", value=target, expected="the name of a processor level, such as x86-64-v3")
         if not isinstance(vary, Sequence):
@@ -283,7 +284,7 @@ def _checked(varied: Varied, place: int) -> Callable[[tuple[Any, ...]], None]:
 
 @overload
 def compile_arm(
-    arm: Model,
+    arm: AnyArm,
     target: str | None = None,
     vary: Sequence[str] = (),
     dtype: Literal["float64"] | type[np.float64] | np.dtype[np.float64] = "float64",
@@ -292,7 +293,7 @@ def compile_arm(
 
 @overload
 def compile_arm(
-    arm: Model,
+    arm: AnyArm,
     target: str | None = None,
     vary: Sequence[str] = (),
     *,
@@ -302,12 +303,12 @@ def compile_arm(
 
 @overload
 def compile_arm(
-    arm: Model, target: str | None = None, vary: Sequence[str] = (), dtype: str | type | np.dtype = DOUBLE.name
+    arm: AnyArm, target: str | None = None, vary: Sequence[str] = (), dtype: str | type | np.dtype = DOUBLE.name
 ) -> CompiledArm[Any]: ...
 
 
 def compile_arm(
-    arm: Model, target: str | None = None, vary: Sequence[str] = (), dtype: str | type | np.dtype = DOUBLE.name
+    arm: AnyArm, target: str | None = None, vary: Sequence[str] = (), dtype: str | type | np.dtype = DOUBLE.name
 ) -> CompiledArm[Any]:
     """Kernels for an arm, compiled when first used.
 
@@ -327,4 +328,4 @@ def compile_arm(
     Raises:
         ModelError: no arm, an unknown target, parameter or dtype, or a target that this processor does not reach.
     """
-    return CompiledArm(arm, target, vary, dtype)
+    return CompiledArm(as_arm(arm), target, vary, dtype)

@@ -1,6 +1,6 @@
 """The frozen numeric tree that the algorithms read, and how it is built from a description."""
 
-from armwright.model.arguments import check_arm, one_state, one_state_with_masses
+from armwright.model.arguments import one_state, one_state_with_masses
 from armwright.model.drive import (
     Brake,
     Cogging,
@@ -39,7 +39,6 @@ __all__ = [
     "TableSpring",
     "Thermal",
     "build_model",
-    "check_arm",
     "on_tree",
     "one_state",
     "one_state_with_masses",

@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from armwright import scalar
+from armwright.entry import as_arm
 from armwright.errors import ModelError, ShapeError
 from armwright.model.model import Model
 
@@ -18,16 +19,6 @@ WRENCH = (6,)
 SCALARS = (scalar.Symbol, int, float, np.number)  # that arrays of objects may hold: in a trace both stand side by side
 
 Function = TypeVar("Function", bound=Callable[..., Any])
-
-
-def check_arm(arm: Any) -> None:
-    """Refuses a value that is no arm, such as the name of one.
-
-    Raises:
-        ModelError: it is no `Model`.
-    """
-    if not isinstance(arm, Model):
-        raise ModelError(value=arm, expected="an arm; load it first: aw.load(NAME or PATH)")
 
 
 def one_state(function: Function) -> Function:
@@ -43,7 +34,7 @@ def one_state(function: Function) -> Function:
 
     @functools.wraps(function)
     def checked(model: Model, *arrays: Any, **named: Any) -> Any:
-        check_arm(model)
+        model = as_arm(model)
         place = f"{function.__name__}: "
         state = [_of_one_state(place, model, name, value) for name, value in zip(names, arrays, strict=False)]
         rest = {name: _of_one_state(place, model, name, value) for name, value in named.items()}
@@ -62,7 +53,7 @@ def one_state_with_masses(function: Function) -> Function:
 
     @functools.wraps(function)
     def with_masses(model: Model, *arrays: Any, **named: Any) -> Any:
-        check_arm(model)
+        model = as_arm(model)
         if model.without_masses:
             links = ", ".join(map(repr, model.without_masses))
             expected = "mass_kg, com_m and inertia_kg_m2 in the record; kinematics alone need none"

@@ -12,6 +12,7 @@ import pydantic
 
 from armwright.description.paths import quantities
 from armwright.description.robot import FixedJoint, NamedFrame, PrismaticJoint, RevoluteJoint, RobotDescription
+from armwright.entry import as_path
 from armwright.errors import DescriptionError, Problem
 from armwright.lint.feasibility import frame_origin_sign
 from armwright.modules.assembly import Assembly, origin, read_assembly
@@ -56,7 +57,7 @@ def assemble(
         DescriptionError: an unknown module or connector, connectors that do not fit, an angle that is no step, a
             closed chain, two roots, an impossible body.
     """
-    place = assembly.name if isinstance(assembly, Assembly) else os.fspath(assembly)
+    place = assembly.name if isinstance(assembly, Assembly) else as_path(assembly, "assembly", DescriptionError)
     built_from = None
     if not isinstance(assembly, Assembly):
         name = assembly

@@ -11,6 +11,8 @@ from pydantic import Field, model_validator
 from armwright.description.consistency import check_sources, check_unique
 from armwright.description.robot import Name
 from armwright.description.toml_file import read_record
+from armwright.entry import as_path
+from armwright.errors import DescriptionError
 from armwright.quantity import NotNegative, Positive, Record, Source, Vector3
 from armwright.spatial import rotation_rpy
 from armwright.validation import Invalid
@@ -71,4 +73,4 @@ def read_task(path: str | os.PathLike[str]) -> Task:
     Raises:
         DescriptionError: no such file, or one that is no task.
     """
-    return read_record(Path(path), Task)
+    return read_record(Path(as_path(path, "path", DescriptionError)), Task)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from armwright.description.toml_file import read_text
+from armwright.entry import as_path
 from armwright.errors import ArmwrightError, ScenarioError
 from armwright.model import Model, build_model
 from armwright.motions.obstacles import check_clearance
@@ -156,7 +157,7 @@ def plan(path: str | os.PathLike[str], *, allow: Iterable[str | os.PathLike[str]
         ArmwrightError: no such file, a key or value that cannot be, a segment that cannot be planned; names file, segment,
             key, value and what was expected.
     """
-    path = Path(path)
+    path = Path(as_path(path, "path", ScenarioError))
     files = FolderFiles(path.parent, [Path(folder) for folder in allow])
     return plan_text(read_text(path, ScenarioError), str(path), files)
 

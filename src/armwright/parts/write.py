@@ -8,6 +8,7 @@ from pathlib import Path
 from armwright.description.database import read_toml
 from armwright.description.robot import RobotDescription
 from armwright.description.writer import to_toml
+from armwright.entry import as_path
 from armwright.errors import DescriptionError, OutputError
 from armwright.output import check_destination, whole_file
 from armwright.parts.build import PartsBuild, build_parts
@@ -26,7 +27,7 @@ def write_parts(
     Raises:
         DescriptionError: the parts cannot be believed.   OutputError: a file cannot be written; then none is.
     """
-    parts, arm = Path(parts), Path(arm)
+    parts, arm = Path(as_path(parts, "parts", DescriptionError)), Path(as_path(arm, "arm", OutputError))
     if os.path.realpath(arm) == os.path.realpath(parts):
         raise OutputError("this is the parts file itself", file=arm, expected="another file for the arm")
     check_destination(arm, (".toml",))

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from armwright.entry import AnyArm, AnyRun, as_arm, as_run
 from armwright.errors import RunError
 from armwright.model import Model
 from armwright.output import check_destination, whole_file
@@ -38,7 +39,7 @@ SCRIPTS = (
 STYLES = (PLOT_PAGES / "page.css", PAGES / "player.css")
 
 
-def animate(run: xr.Dataset, arm: Model, path: str | os.PathLike[str], *, lane: int | None = None) -> None:
+def animate(run: AnyRun, arm: AnyArm, path: str | os.PathLike[str], *, lane: int | None = None) -> None:
     """Writes the arm's motion through a run, as animated glTF or as a page with a player; completely or not at all.
 
     Bodies look like the visuals of the arm's links; an arm without any is drawn as a figure of its joints. Between
@@ -54,6 +55,8 @@ def animate(run: xr.Dataset, arm: Model, path: str | os.PathLike[str], *, lane: 
             that is missing or cannot be read.
         OutputError: an unknown ending, a folder that is missing, no permission, a full disk.
     """
+    run = as_run(run)
+    arm = as_arm(arm)
     path = check_destination(path, ENDINGS)
     run = one_lane(in_order(run), lane)
     t, motions = drawable_motions(run, arm)

@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from armwright.entry import AnyArm, as_arm
 from armwright.errors import ArmwrightError, OutputError, Problem
 from armwright.model import Model
 from armwright.pictures.posed_arm import checked_pose, posed_arm
@@ -59,7 +60,7 @@ class LiveArm:
         notes: visuals that are drawn in another way than the record has them.
     """
 
-    def __init__(self, arm: Model, q: Any = None, port: int = 0):
+    def __init__(self, arm: AnyArm, q: Any = None, port: int = 0):
         """Starts to serve the page.
 
         Args:
@@ -70,7 +71,7 @@ class LiveArm:
         self._changed = threading.Condition()
         self._closed = False
         self._news = self._pages = 0  # how many messages there were, and pages of arms
-        self._draw(arm, q)
+        self._draw(as_arm(arm), q)
         self._server = _serve(self, port)
         self.url = f"http://{LOOPBACK}:{self._server.port}/{self._server.token}/"
         self._thread = threading.Thread(target=self._server.serve_forever, args=(0.1,), name=self.url, daemon=True)

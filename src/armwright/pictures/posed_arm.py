@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 
 from armwright import scalar
+from armwright.entry import as_arm
 from armwright.errors import Problem, RunError, ShapeError
 from armwright.kinematics import body_placements
-from armwright.model import Model, check_arm
+from armwright.model import Model
 from armwright.pictures.body_shapes import Shape, body_shapes
 from armwright.pictures.joint_figure import cylinder_figures
 from armwright.pictures.render import Surfaces
@@ -60,7 +61,7 @@ def posed_arm(arm: Model, q: Any = None) -> PosedArm:
     Raises:
         ModelError: it is no arm.   ShapeError: q is no pose of it.
     """
-    check_arm(arm)
+    arm = as_arm(arm)
     pose = checked_pose(arm, np.zeros(arm.n) if q is None else q)
     moved = pose if arm.mimics is None else arm.mimics.positions(pose)
     travel = {k: (float(position), float(position)) for k, position in enumerate(moved)}

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, overload
 
+from armwright.entry import AnyArm, as_arm
 from armwright.errors import OutputError, Problem
-from armwright.model import Model
 from armwright.output import check_destination, whole_file
 from armwright.pictures.posed_arm import posed_arm
 
@@ -32,15 +32,15 @@ class Shown:
 
 
 @overload
-def show(arm: Model, path: str | os.PathLike[str], q: Any = None, *, size: int | None = None) -> Shown: ...
+def show(arm: AnyArm, path: str | os.PathLike[str], q: Any = None, *, size: int | None = None) -> Shown: ...
 
 
 @overload
-def show(arm: Model, path: None = None, q: Any = None, *, live: Literal[True], port: int = 0) -> LiveArm: ...
+def show(arm: AnyArm, path: None = None, q: Any = None, *, live: Literal[True], port: int = 0) -> LiveArm: ...
 
 
 def show(
-    arm: Model,
+    arm: AnyArm,
     path: str | os.PathLike[str] | None = None,
     q: Any = None,
     *,
@@ -63,6 +63,7 @@ def show(
         ShapeError: q is no pose of the arm.
         OutputError: the picture cannot be written, or not in that size; the port is in use, or no port.
     """
+    arm = as_arm(arm)
     if live:
         from armwright.pictures.live import LiveArm
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from armwright.entry import AnyRun, as_run
 from armwright.output import check_destination, whole_file
 from armwright.results.plot import EDGE, GRID, TEXT, save_figure
 
@@ -24,7 +25,7 @@ COLOURS = "viridis"
 BAR = "#3B6EA8"
 
 
-def draw_workspace(dataset: xr.Dataset, path: str | os.PathLike[str]) -> None:
+def draw_workspace(dataset: AnyRun, path: str | os.PathLike[str]) -> None:
     """Draws a workspace: a still picture of maps and histograms, or a page (.html) with a rotatable point cloud.
 
     Args:
@@ -32,6 +33,7 @@ def draw_workspace(dataset: xr.Dataset, path: str | os.PathLike[str]) -> None:
     Raises:
         OutputError: an unknown ending, a folder that is missing, no permission, a full disk.
     """
+    dataset = as_run(dataset, "dataset")
     path = check_destination(path, ENDINGS)
     with whole_file(path, ENDINGS) as temporary:
         ending = path.suffix[1:].lower()

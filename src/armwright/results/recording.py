@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from armwright.entry import AnyRun, as_run
 from armwright.errors import OutputError, Problem, RunError
 from armwright.model import Model
 from armwright.model.joint_signals import LONG_NAMES, UNITS, command_unit, joint_units
@@ -202,7 +203,7 @@ def check_recording(path: str | os.PathLike[str]) -> Path:
     return path
 
 
-def save(run: xr.Dataset, path: str | os.PathLike[str]) -> None:
+def save(run: AnyRun, path: str | os.PathLike[str]) -> None:
     """Writes a run in the format that the file's ending names: .nc, .csv, .parquet, .mcap or .mat; whole or not at all.
 
     Args:
@@ -213,6 +214,7 @@ def save(run: xr.Dataset, path: str | os.PathLike[str]) -> None:
         OutputError: an unknown ending, a folder that is missing, no permission, a full disk, Parquet without pyarrow, MCAP
             without mcap.
     """
+    run = as_run(run)
     check_run(run)
     path = check_recording(path)
     writers = {

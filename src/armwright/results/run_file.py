@@ -13,6 +13,7 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from armwright.entry import as_path
 from armwright.errors import RunError
 from armwright.results.run_reader import UNREADABLE, first_line, read_unsealed, undeclared
 from armwright.results.run_schema import check_run
@@ -41,7 +42,7 @@ def load_run(path: str | os.PathLike[str]) -> xr.Dataset:
         RunError: no such file, one that is no NetCDF file, was damaged or names other files, or one whose variables are not
             those of a run: missing, of another type or shape, larger than the file can hold, times that do not increase.
     """
-    path = Path(path)
+    path = Path(as_path(path, "path", RunError))
     if not os.path.isfile(path):  # which is False of a name too long; Path.is_file raises
         what = "a folder" if os.path.isdir(path) else "no plain file" if os.path.exists(path) else "no such file"
         raise RunError(what, file=path, expected="a run saved as .nc")

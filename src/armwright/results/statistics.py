@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from armwright import scalar
+from armwright.entry import AnyRun, as_run
 from armwright.errors import RunError
 from armwright.results.aliases import LOOP_STATE
 from armwright.results.run_schema import check_run
@@ -21,7 +22,7 @@ PERCENTILES = (5.0, 25.0, 50.0, 75.0, 95.0)
 PIECE = 4_000_000  # numbers in one go
 
 
-def statistics(run: xr.Dataset, percentiles: Sequence[float] = PERCENTILES) -> xr.Dataset:
+def statistics(run: AnyRun, percentiles: Sequence[float] = PERCENTILES) -> xr.Dataset:
     """Mean, standard deviation, least, most and percentiles over the lanes, of every variable that has them.
 
     Lanes that diverged or ran out of steps are left out, and counted in the attributes; so are unknown numbers (NaN).
@@ -34,6 +35,7 @@ def statistics(run: xr.Dataset, percentiles: Sequence[float] = PERCENTILES) -> x
     Raises:
         RunError: no run, one without lanes, no lane that reached its end, or percentiles outside of 0 to 100.
     """
+    run = as_run(run)
     import xarray as xr
 
     check_run(run)

@@ -10,7 +10,8 @@ from typing import Any
 from armwright.description import RobotDescription, read_description
 from armwright.description.drive_file import ENDING
 from armwright.description.writer import for_folder, write_toml
-from armwright.errors import OutputError, RunError
+from armwright.entry import as_path
+from armwright.errors import DescriptionError, OutputError, RunError
 from armwright.export.mjcf import write_mjcf
 from armwright.export.urdf import write_urdf
 from armwright.output import check_destination
@@ -50,6 +51,7 @@ def convert(source: str | os.PathLike[str], target: str | os.PathLike[str], **re
         DescriptionError: a source that cannot be believed.   OutputError: a target that cannot be written, or is the source
             itself.   RunError: an .nc that is no run.
     """
+    source = as_path(source, "source", DescriptionError)
     if Path(source).suffix.lower() == RUN:
         return _converted_run(Path(source), target, reading)
     path = check_destination(target, ENDINGS)

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from armwright.description.toml_file import read_text
+from armwright.entry import as_path
 from armwright.errors import ScenarioError
 from armwright.model import build_model
 from armwright.scenarios.files import Files, FolderFiles
@@ -51,7 +52,7 @@ def read_scenario(path: str | os.PathLike[str], *, allow: Iterable[str | os.Path
     Raises:
         ArmwrightError: no such file, or something in it that cannot be believed; names file, key, value and what was expected.
     """
-    path, folders = Path(path), [Path(folder) for folder in allow]
+    path, folders = Path(as_path(path, "path", ScenarioError)), [Path(folder) for folder in allow]
     for folder in folders:
         if not folder.is_dir():
             raise ScenarioError("no such folder", place="allow", value=str(folder))

@@ -21,6 +21,7 @@ from tomlkit.items import AoT, InlineTable, Table
 
 from armwright.description import builtin_names
 from armwright.description.writer import to_toml
+from armwright.entry import AnyScenario, as_scenario
 from armwright.errors import ArmwrightError, OutputError, ScenarioError
 from armwright.model import Model
 from armwright.model.joint_signals import joint_units
@@ -47,7 +48,7 @@ NAMED = (  # places of the names of other files
 
 
 def write_scenario(
-    scenario: Scenario,
+    scenario: AnyScenario,
     path: str | os.PathLike[str],
     *,
     robot: str | os.PathLike[str] | None = None,
@@ -71,6 +72,7 @@ def write_scenario(
             would do. A file that it names which is not below its folder, or has other contents now.
         OutputError: it cannot be written.
     """
+    scenario = as_scenario(scenario)
     if not isinstance(scenario, Scenario):
         raise ScenarioError(value=scenario, expected="an aw.Scenario")
     path, allow = Path(path), [Path(each) for each in allow]

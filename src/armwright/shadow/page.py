@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from armwright.entry import expect
+from armwright.errors import LogError
 from armwright.identification.validation.pictures import INK, PREDICTED, QUIET, RESIDUAL, SIZE, curve, page_svg, words
 from armwright.identification.validation.prediction import units_of
 from armwright.identification.validation.report import html_table, write_report
@@ -33,6 +35,7 @@ def write_shadow(path: str | os.PathLike[str], shadow: Shadow) -> Path:
     Raises:
         OutputError: the file cannot be written.
     """
+    expect(shadow, Shadow, "shadow", "what aw.shadow_log returns", LogError)
     sections = [("Alarms", _alarms(shadow)), ("Every joint", html_table(HEADS, _escaped(shadow.rows()), (0, 1)))]
     sections.append(("Where limits come from", _list(shadow.notes)))
     runs = sorted(shadow.runs, key=lambda each: not each.alarms)[:DRAWN]

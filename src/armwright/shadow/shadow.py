@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from armwright.entry import AnyArm, AnyLog, as_arm, as_log
 from armwright.errors import LogError, ScenarioError
 from armwright.fitting.measures import rms
 from armwright.identification.arm.torque_model import MEASURED
@@ -208,8 +209,8 @@ class Shadow:
 
 
 def shadow_log(
-    log: Log,
-    robot: Model | str | os.PathLike[str] | None = None,
+    log: AnyLog,
+    robot: AnyArm | None = None,
     *,
     runs: Sequence[str] | None = None,
     deviation: Any = None,
@@ -233,6 +234,8 @@ def shadow_log(
         LogError: another arm's log, positions or torques that are missing.   ScenarioError: as `ArmShadow`.
         ModelError: an arm without masses, or currents of motors whose constants are not known.
     """
+    log = as_log(log)
+    robot = None if robot is None else as_arm(robot, "robot")
     from armwright.model.load import load
 
     if robot is None and log.arm is None:

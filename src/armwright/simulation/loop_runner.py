@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from armwright.entry import as_scenario
 from armwright.errors import ScenarioError
 from armwright.kernels.loop import Lanes
 from armwright.kernels.stages import SEEN, state_blocks
@@ -62,7 +63,7 @@ class LoopRunner:
 
         `lands`: as of `LoopConfig`.
         """
-        self.scenario = scenario = scenario.resolved
+        self.scenario = scenario = as_scenario(scenario).resolved
         self.arm = scenario.arm
         self.count, self.period = scenario.lane_count or 1, scenario.tick
         self.notes: list[str] = [*scenario.notes, *scenario.carried_notes]

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
+from armwright.entry import AnyScenario, as_scenario
 from armwright.errors import DivergenceError, ScenarioError
 from armwright.features import Support
 from armwright.kernels.batch import Kernel
@@ -54,7 +55,7 @@ CONTROLLER = "loop.controller."
 STORED = {"x": "", "y": "_measured", "u": ""}  # block → what the names of its signals end in
 
 
-def sensitivities(scenario: Scenario, by: Sequence[str]) -> xarray.Dataset:
+def sensitivities(scenario: AnyScenario, by: Sequence[str]) -> xarray.Dataset:
     """Derivatives of simulated signals by parameters and initial states.
 
     Args:
@@ -68,6 +69,7 @@ def sensitivities(scenario: Scenario, by: Sequence[str]) -> xarray.Dataset:
         ScenarioError: what has no such derivative, or is not there; names it and what was expected.
         DivergenceError: a single run left the finite numbers.
     """
+    scenario = as_scenario(scenario)
     accuracy, chosen = accuracy_of(scenario), scenario.solver.rule == "auto"
     simulation, seeds, names = _simulation(scenario.resolved, by, accuracy, MOST_FINER if chosen else 1)
     opened = simulation.scenario

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from armwright.entry import AnyScenario, as_scenario
 from armwright.errors import ScenarioError
 from armwright.features import Support
 from armwright.interfaces import JointReference, Measurement
@@ -376,7 +377,7 @@ class Simulation(LoopRunner):
 
 
 def simulate(
-    scenario: Scenario,
+    scenario: AnyScenario,
     *,
     progress: Shown = None,
     threads: int | None = None,
@@ -400,6 +401,7 @@ def simulate(
         DivergenceError: a single run left the finite numbers.
         Interrupted: Ctrl-C, a KeyboardInterrupt whose `run` holds the lanes that were finished.
     """
+    scenario = as_scenario(scenario)
     with automatic(progress, f"simulating {scenario.arm.name}", "steps") as tell:
         simulation = Simulation(scenario, loop=loop)
         return simulation.run(progress=tell, threads=threads, keep_state=scenario.recording.what == "all")

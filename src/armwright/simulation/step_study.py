@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from armwright.entry import AnyScenario, as_scenario
 from armwright.errors import DivergenceError, ScenarioError
 from armwright.simulation.checks import check_whole
 from armwright.simulation.integrate.integrators import INTEGRATORS
@@ -96,7 +97,7 @@ class StepStudy:
 
 
 def step_study(
-    scenario: Scenario,
+    scenario: AnyScenario,
     *,
     steps: int = STEPS,
     accuracies: Sequence[float] = ACCURACIES,
@@ -117,6 +118,7 @@ def step_study(
         ScenarioError: an integrator that chooses its own steps, no steps, no such accuracy, too many lanes for CVODES.
         DivergenceError: CVODES cannot solve it.
     """
+    scenario = as_scenario(scenario)
     if scenario.solver.rule == "auto":
         fixed = replace(scenario.solver, integrator="rk3", accuracy=None, max_substeps=None)
         scenario = replace(scenario, solver=fixed)

@@ -15,9 +15,10 @@ from pathlib import Path
 from typing import Any
 
 from armwright.content import checksum
+from armwright.entry import as_scenario
 from armwright.errors import ScenarioError
 from armwright.parameters import batches
-from armwright.scenarios.file import parse_scenario, read_scenario
+from armwright.scenarios.file import parse_scenario
 from armwright.scenarios.files import Document, KeptFiles
 from armwright.simulation.scenario import WITH_LANES, Scenario
 
@@ -119,7 +120,7 @@ def source_of(scenario: Scenario | str | os.PathLike[str]) -> Source:
     """
     path = "scenario"
     if not isinstance(scenario, Scenario):
-        path, scenario = os.fspath(scenario), read_scenario(scenario)
+        path, scenario = str(scenario), as_scenario(scenario)
     if scenario.document is not None:
         return FileSource(path, scenario.document)
     source = PythonSource(scenario)

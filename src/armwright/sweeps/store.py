@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from armwright.entry import as_path
 from armwright.errors import OutputError, RunError, ScenarioError
 
 if TYPE_CHECKING:
@@ -343,7 +344,7 @@ def load_sweep(path: str | os.PathLike[str], *, verify: bool = False) -> xr.Data
     import_zarr()
     import xarray as xr
 
-    path = Path(path)
+    path = Path(as_path(path, "path", RunError))
     if not os.path.isdir(path):
         raise RunError("no such folder", file=path, expected="a store of aw.sweep")
     store = SweepStore(path, verify)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from armwright import scalar
+from armwright.entry import expect
 from armwright.errors import ScenarioError
 from armwright.scalar import Array, Scalar
 from armwright.simulation.inputs.payload import Payload
@@ -33,6 +34,7 @@ class Joined(Motion):
     payloads: Sequence[Payload] = ()
 
     def __post_init__(self) -> None:
+        expect(self.motions, Sequence, "Joined.motions", "motions, one at least", ScenarioError)
         if not self.motions or not all(isinstance(each, Motion) for each in self.motions):
             raise ScenarioError(place="Joined.motions", value=self.motions, expected="motions, one at least")
         object.__setattr__(self, "motions", tuple(self.motions))

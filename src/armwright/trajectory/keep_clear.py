@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from armwright.collision import Clearance, Nearest
+from armwright.entry import AnyArm, AnyMotion, as_arm, as_motion
 from armwright.errors import ScenarioError
 from armwright.model import Model
 from armwright.trajectory.limits_report import dense_times
@@ -73,7 +74,7 @@ def check_arm(clearance: Any, arm: Model) -> None:
         raise ScenarioError(place="clearance", value=clearance, expected=f"aw.clearance(arm, …) of {arm.name}")
 
 
-def check_clearance(arm: Model, motion: Motion, clearance: Clearance) -> tuple[Nearest, float]:
+def check_clearance(arm: AnyArm, motion: AnyMotion, clearance: Clearance) -> tuple[Nearest, float]:
     """The least distance during a motion, and its time [s].
 
     Args:
@@ -83,6 +84,8 @@ def check_clearance(arm: Model, motion: Motion, clearance: Clearance) -> tuple[N
     Raises:
         ScenarioError: something comes nearer than `clearance.least`: what, how near and when; the clearance of another arm.
     """
+    arm = as_arm(arm)
+    motion = as_motion(motion, arm)
     check_arm(clearance, arm)
     if not isinstance(motion, Motion):
         raise ScenarioError(place="motion", value=motion, expected="a motion of the arm's joints")

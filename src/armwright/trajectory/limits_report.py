@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from armwright.entry import AnyArm, AnyMotion, as_arm, as_motion
 from armwright.errors import ScenarioError
 from armwright.kernels.compiled import KERNELS, compile_arm
 from armwright.model import Model
@@ -174,8 +175,8 @@ class LimitsReport:
 
 
 def limits_report(
-    arm: Model,
-    motion: Motion,
+    arm: AnyArm,
+    motion: AnyMotion,
     limits: MotionLimits | None = None,
     *,
     payload: Payload | Sequence[Payload] | None = None,
@@ -196,6 +197,8 @@ def limits_report(
     Raises:
         ScenarioError: a motion of other joints, or one that does not end.
     """
+    arm = as_arm(arm)
+    motion = as_motion(motion, arm)
     stated = limits is None
     limits = MotionLimits.of(arm) if limits is None else limits
     if motion.n != arm.n or limits.n != arm.n:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
@@ -12,10 +11,10 @@ import numpy as np
 
 from armwright.control.analysis.regions import check_margins
 from armwright.control.design import design_gains
+from armwright.entry import AnyScenario, as_scenario
 from armwright.errors import ScenarioError
 from armwright.parameters import numbers_by_lane
 from armwright.progress import Progress, Shown, automatic
-from armwright.scenarios.file import read_scenario
 from armwright.scenarios.files import Document
 from armwright.scenarios.tuning_records import TuningTable
 from armwright.simulation.checks import check_choice, check_whole
@@ -38,7 +37,7 @@ STARTS = ("scenario", "analytic", "pole-placement", "symmetric-optimum", "loop-s
 
 
 def tune(
-    scenario: Scenario | str | os.PathLike[str],
+    scenario: AnyScenario,
     gains: Mapping[str, Any] | None = None,
     *,
     start: str | None = None,
@@ -93,8 +92,7 @@ def tune(
         ScenarioError: unstable start gains, margins that no gains were found to keep, a reference that does not
             move, or bad arguments. `cma` is not installed.
     """
-    if not isinstance(scenario, Scenario):
-        scenario = read_scenario(scenario)
+    scenario = as_scenario(scenario)
     arguments = {
         "start": start, "gains": gains, "draws": draws, "objectives": objectives, "limits": limits, "over": over,
         "improve_each": improve_each, "lanes": lanes, "method": method, "generations": generations,

@@ -15,6 +15,7 @@ import numpy as np
 
 from armwright.actuators import drive_torque
 from armwright.actuators.coupling import shares_of, to_joints
+from armwright.entry import AnyArm, as_arm
 from armwright.errors import BusError
 from armwright.model import Model
 from armwright.model.joint_signals import LONG_NAMES, joint_units
@@ -129,7 +130,7 @@ class BusListener:
 
 
 def bus_recording(
-    arm: Model, rows: Sequence[tuple[float, np.ndarray, np.ndarray]], residuals: Sequence[Residuals] = ()
+    arm: AnyArm, rows: Sequence[tuple[float, np.ndarray, np.ndarray]], residuals: Sequence[Residuals] = ()
 ) -> Any:
     """A run of the recorded rows, for `save`: q, tau and, with a shadow, its residuals.
 
@@ -138,6 +139,7 @@ def bus_recording(
     Returns:
         run: with dimensions time and joint.
     """
+    arm = as_arm(arm)
     t, q, tau = (np.array([row[k] for row in rows], dtype=float) for k in range(3))
     values = {"q": q.reshape(-1, arm.n), "tau": tau.reshape(-1, arm.n)}
     names = {"residual_torque": ("torque", "tau"), "residual_position": ("position", "q")}

@@ -18,6 +18,7 @@ import numpy as np
 
 from armwright import scalar
 from armwright.control.wrapper import Wrapper
+from armwright.entry import AnyScenario, as_scenario
 from armwright.errors import BusError, Problem, ScenarioError
 from armwright.export.controller.stages import check_one_arm
 from armwright.features import Support
@@ -101,7 +102,7 @@ class OnBus(Wrapper):
         return SimpleNamespace(arm=self.arm, period=self.period, q=y.q, qd=qd, current=y.current)
 
 
-def scenario_on_bus(scenario: Scenario, *, bitrate: int = BITRATE, nodes: Sequence[int] | None = None) -> Scenario:
+def scenario_on_bus(scenario: AnyScenario, *, bitrate: int = BITRATE, nodes: Sequence[int] | None = None) -> Scenario:
     """The scenario as run over a bus: commands and measurements in bus units, with the delays of frames.
 
     Args:
@@ -115,6 +116,7 @@ def scenario_on_bus(scenario: Scenario, *, bitrate: int = BITRATE, nodes: Sequen
             positions of the joints; a resolution of commands; a measurement that frames do not carry; an arm without limits,
             or with drives that take voltages; a period that the bus or object 60C2 does not hold; nodes that are none.
     """
+    scenario = as_scenario(scenario)
     with _as_bus_error():
         check_one_arm(scenario)
     if scenario.loop is None or scenario.controller is None:

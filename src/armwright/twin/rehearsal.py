@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from armwright.entry import AnyScenario, as_scenario
 from armwright.errors import BusError
 from armwright.export.controller.recording import Recording, record
 from armwright.export.controller.stages import ControllerStages
@@ -95,7 +96,7 @@ class Rehearsal:
 
 
 def rehearse(
-    scenario: Scenario,
+    scenario: AnyScenario,
     *,
     bitrate: int = BITRATE,
     speed: float = 1.0,
@@ -118,6 +119,7 @@ def rehearse(
             that is not slower at a lower speed; names the joint.
         ScenarioError: a controller that cannot be traced, or a motion that diverges.
     """
+    scenario = as_scenario(scenario)
     source = reduced(scenario, speed, torque)
     found = _rehearsed(source, bitrate, nodes)
     if speed < 1.0 or torque < 1.0:

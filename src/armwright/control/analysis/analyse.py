@@ -12,8 +12,8 @@ from armwright.control.analysis.noise import NoiseGain, noise_gain
 from armwright.control.analysis.regions import GAIN, OTHERS, PHASE, check_margins, longest_period
 from armwright.control.analysis.remedies import LoopRemedies, loop_remedies
 from armwright.control.analysis.workspace import JointInertias, joint_inertias
+from armwright.entry import AnyScenario, as_scenario
 from armwright.model.joint_signals import command_unit, joint_units
-from armwright.simulation.scenario import Scenario
 
 HEADS = (
     "joint", "inertia held", "inertia free", "gravity slope", "coupling", "gain margin ×", "gain margin ÷", "phase margin",
@@ -154,7 +154,7 @@ class LoopAnalysis:
 
 
 def analyse_loops(
-    scenario: Scenario,
+    scenario: AnyScenario,
     poses: int = 100_000,
     *,
     seed: int = 0,
@@ -171,6 +171,7 @@ def analyse_loops(
     Raises:
         ScenarioError: a scenario without a controller, or with one that cannot be traced; margins that are none.
     """
+    scenario = as_scenario(scenario)
     check_margins(gain_margin, phase_margin)
     loop = LinearLoop(scenario)
     inertias = joint_inertias(loop.plant.arm, poses, seed)

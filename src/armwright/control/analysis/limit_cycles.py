@@ -20,6 +20,7 @@ import numpy as np
 from armwright.control.analysis.linear_loop import LinearLoop
 from armwright.control.analysis.noise import measured_entries
 from armwright.control.analysis.small_signal import Slopes
+from armwright.entry import expect
 from armwright.errors import ScenarioError
 
 COUNTS = np.geomspace(0.505, 20.0, 80)  # amplitudes that are looked at; beyond, a rounded sine is nearly the sine
@@ -50,6 +51,7 @@ def limit_cycle(loop: LinearLoop, q: Any, joint: int) -> LimitCycle | None:
     Raises:
         ScenarioError: encoders without counts, several poses, or no such joint.
     """
+    expect(loop, LinearLoop, "loop", "an aw.LinearLoop", ScenarioError)
     slopes, scenario = loop.slopes(q), loop.scenario
     _ = loop.slopes(q, joint=joint)  # which checks the joint
     assert scenario.loop is not None

@@ -12,6 +12,7 @@ from armwright import scalar
 from armwright.control.analysis.linear_loop import LinearLoop
 from armwright.control.analysis.workspace import checked_poses
 from armwright.control.gains import gain_units
+from armwright.entry import AnyScenario, as_scenario
 from armwright.errors import ScenarioError
 from armwright.parameters import Batch, numbers_by_lane
 from armwright.simulation.checks import check_choice
@@ -50,7 +51,7 @@ class GainRegion:
 
 
 def gain_region(
-    scenario: Scenario,
+    scenario: AnyScenario,
     joint: str,
     gains: Mapping[str, Any],
     q: Any,
@@ -68,6 +69,7 @@ def gain_region(
     Raises:
         ScenarioError: names that are none, or gains that are no numbers.
     """
+    scenario = as_scenario(scenario)
     arm, control = LinearLoop(scenario).scenario.arm, scenario.controller  # which refuses what has no loop
     check_margins(gain_margin, phase_margin)
     if joint not in arm.names:
@@ -157,7 +159,7 @@ def usual_gains(control: Any) -> tuple[str, str] | None:
 
 
 def longest_period(
-    scenario: Scenario, q: Any, *, gain_margin: float = 1.0, phase_margin: float = 0.0, others: str = "closed"
+    scenario: AnyScenario, q: Any, *, gain_margin: float = 1.0, phase_margin: float = 0.0, others: str = "closed"
 ) -> tuple[float, float | None]:
     """Longest sample period at which a loop keeps its margins at all poses, with unchanged gains.
 
@@ -173,6 +175,7 @@ def longest_period(
             One that is 0.1 % longer fails.
         failing: [s] the shortest that was seen to fail; None where even 400 times the loop's own keeps them.
     """
+    scenario = as_scenario(scenario)
     check_margins(gain_margin, phase_margin)
     check_choice("others", others, OTHERS)
     first = LinearLoop(scenario)

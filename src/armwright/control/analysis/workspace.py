@@ -9,6 +9,7 @@ import numpy as np
 
 from armwright import scalar
 from armwright.dynamics import holding_torques, mass_matrix
+from armwright.entry import AnyArm, as_arm
 from armwright.errors import ScenarioError
 from armwright.kernels.batch import Kernel
 from armwright.kernels.target import select_target
@@ -79,7 +80,7 @@ def sampled_poses(arm: Model, count: int, seed: int = 0) -> np.ndarray:
     return low + (high - low) * np.random.default_rng(seed).uniform(size=(count, arm.n))
 
 
-def joint_inertias(arm: Model, poses: int | np.ndarray = 100_000, seed: int = 0) -> JointInertias:
+def joint_inertias(arm: AnyArm, poses: int | np.ndarray = 100_000, seed: int = 0) -> JointInertias:
     """Inertia, gravity's slope and coupling of every joint over the workspace, by one compiled kernel.
 
     Args:
@@ -90,6 +91,7 @@ def joint_inertias(arm: Model, poses: int | np.ndarray = 100_000, seed: int = 0)
     Raises:
         ScenarioError: as `sampled_poses`, or poses of another arm.
     """
+    arm = as_arm(arm)
     listed = isinstance(poses, (np.ndarray, list, tuple))
     q = np.atleast_2d(checked_poses(poses, arm.n)) if listed else sampled_poses(arm, poses, seed)
 

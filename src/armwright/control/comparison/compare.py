@@ -22,6 +22,7 @@ from armwright.control.comparison.measures import (
     settling_time,
     tool_path,
 )
+from armwright.entry import AnyScenario, as_scenario
 from armwright.errors import ScenarioError
 from armwright.fitting.measures import rms
 from armwright.kernels.compiled import compile_arm
@@ -141,7 +142,7 @@ class Comparison:
 
 
 def compare_controllers(
-    scenario: Scenario,
+    scenario: AnyScenario,
     controllers: Mapping[str, Any],
     motions: Mapping[str, Any],
     payloads: Mapping[str, Any] | Sequence[Any] = (None,),
@@ -170,6 +171,7 @@ def compare_controllers(
     Raises:
         ScenarioError: no controllers or motions, another arm, a motion of other joints or without an end; as `simulate`.
     """
+    scenario = as_scenario(scenario)
     if not isinstance(scenario, Scenario):
         raise ScenarioError(place="scenario", value=scenario, expected="an aw.Scenario of the arm")
     arm = scenario.arm

@@ -18,6 +18,7 @@ from armwright.control.design.joint_plants import JointPlants, current_lag
 from armwright.control.design.rest_errors import rest_errors, rest_sentences
 from armwright.control.design.rules import RULES, SYMMETRIC, JointGains, Task
 from armwright.control.joint_pid import JointPID
+from armwright.entry import AnyScenario, as_scenario
 from armwright.errors import ScenarioError
 from armwright.parameters import Batch, numbers_by_lane
 from armwright.simulation.checks import check_choice, check_whole
@@ -112,7 +113,7 @@ class GainDesign:
 
 
 def design_gains(
-    scenario: Scenario,
+    scenario: AnyScenario,
     method: str | None = None,
     *,
     bandwidth: Any = None,
@@ -142,6 +143,7 @@ def design_gains(
         ScenarioError: no such controller, a bandwidth that the rule cannot give, or margins that no bandwidth keeps: says which
             period or delay would do. The extra `control` is not installed.
     """
+    scenario = as_scenario(scenario)
     check_margins(gain_margin, phase_margin)
     check_whole("poses", poses, 1)
     check_whole("seed", seed, 0)

@@ -9,13 +9,14 @@ import numpy as np
 from armwright import scalar
 from armwright.control.analysis.hold import sampled_system
 from armwright.control.analysis.small_signal import SmallPlant
+from armwright.entry import AnyArm, as_arm
 from armwright.errors import ScenarioError
 from armwright.model import Model
 
 OUTPUTS = ("q", "qd")
 
 
-def state_space(arm: Model, q: Any = None, *, period: float | None = None, delay: float = 0.0) -> Any:
+def state_space(arm: AnyArm, q: Any = None, *, period: float | None = None, delay: float = 0.0) -> Any:
     """Linear model of an arm with its drives about a pose at rest, as a `control.StateSpace` with named signals.
 
         d(x - x₀)/dt = A (x - x₀) + B (u - u₀),   y = (q, q̇) - (q₀, 0)
@@ -33,6 +34,7 @@ def state_space(arm: Model, q: Any = None, *, period: float | None = None, delay
     Raises:
         ScenarioError: a pose of another length, a delay without a period, or python-control is not installed.
     """
+    arm = as_arm(arm)
     control = import_control()
     if not isinstance(arm, Model):
         raise ScenarioError(place="arm", value=arm, expected="an arm, as aw.load(name) gives")

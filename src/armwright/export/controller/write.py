@@ -7,6 +7,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
+from armwright.entry import AnyScenario, as_scenario
 from armwright.errors import ModelError
 from armwright.export.c import folder_to_write
 from armwright.export.controller.build_files import cmake, readme
@@ -23,7 +24,6 @@ from armwright.kernels.c import REALS
 from armwright.kernels.compiled import KERNELS
 from armwright.output import whole_file, working_folder
 from armwright.simulation.checks import is_whole
-from armwright.simulation.scenario import Scenario
 
 OF_THE_BUS = "it belongs to the sensors, the bus and the arm"
 SUPPORT = Support(
@@ -69,7 +69,7 @@ class ExportedController:
 
 
 def export_controller(
-    scenario: Scenario,
+    scenario: AnyScenario,
     directory: str | Path,
     *,
     name: str | None = None,
@@ -107,6 +107,7 @@ def export_controller(
         ModelError: a controller that takes more RAM or flash than there is. The compiler ends with an error, or the compiled
             code gives other commands than the simulation; nothing is then written. Float without a compiler.
     """
+    scenario = as_scenario(scenario)
     if real not in REALS:
         raise ModelError(place="real", value=real, choices=REALS)
     if real == "float" and find_compiler() is None:

@@ -10,6 +10,7 @@ from hashlib import sha256
 from importlib.metadata import version as version_of
 from pathlib import Path
 
+from armwright.entry import as_arm
 from armwright.errors import ModelError
 from armwright.export.fmu.build import PLATFORMS, build, chosen_platforms
 from armwright.export.fmu.continuous import continuous_model, continuous_source
@@ -103,7 +104,7 @@ def export_fmu(
             raise ModelError(place=place, value=value, choices=choices)
     identifier = _identifier(path, name)
     targets = chosen_platforms(platforms)
-    scenario = source if isinstance(source, Scenario) else Scenario(source, loop=Loop(period=PERIOD))
+    scenario = source if isinstance(source, Scenario) else Scenario(as_arm(source, "source"), loop=Loop(period=PERIOD))
     if interface == "model-exchange" and part != "plant":
         what = "a controller acts at its ticks, which a solver of other steps does not know"
         raise ModelError(what, place="part", value=part, expected="'plant', or interface = 'co-simulation'")

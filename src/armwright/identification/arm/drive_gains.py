@@ -16,6 +16,7 @@ import numpy as np
 
 from armwright.description.drive import DC_EQUIVALENT, Motor
 from armwright.description.paths import path_name
+from armwright.entry import AnyArm, AnyLog, as_arm, as_log
 from armwright.errors import IdentificationError
 from armwright.identification.arm.base import base_parameters
 from armwright.identification.arm.correlation import correlated
@@ -79,9 +80,9 @@ class GainModel(TorqueModel):
 
 
 def identify_drive_gains(
-    log: Log,
-    loaded_log: Log,
-    robot: Model,
+    log: AnyLog,
+    loaded_log: AnyLog,
+    robot: AnyArm,
     mass: float,
     com: Iterable[float] | None = None,
     inertia: np.ndarray | None = None,
@@ -107,6 +108,9 @@ def identify_drive_gains(
         IdentificationError: a mass that is not above 0, voltages, coupled motors, gear loss, one log twice, logs that are
             exchanged, logs that do not fit the arm.
     """
+    log = as_log(log)
+    loaded_log = as_log(loaded_log, "loaded_log")
+    robot = as_arm(robot, "robot")
     known = _known_parameters(mass, mass_std, com, inertia)
     log, loaded_log = (_checked(each, robot) for each in (log, loaded_log))
     source = torque_source(log)

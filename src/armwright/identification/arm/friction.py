@@ -16,6 +16,7 @@ from armwright.actuators.gear import loses_power
 from armwright.description.friction import key_of
 from armwright.description.paths import path_name, unit_at
 from armwright.dynamics.gears import joint_torques
+from armwright.entry import AnyArm, AnyLog, as_arm, as_log
 from armwright.errors import IdentificationError
 from armwright.fitting.measures import agreement
 from armwright.identification.arm.friction_law import (
@@ -143,8 +144,8 @@ def friction_over_speed(rows: FrictionRows, bins: int = BINS) -> np.ndarray:
 
 
 def identify_friction(
-    log: Log,
-    robot: Model,
+    log: AnyLog,
+    robot: AnyArm,
     *,
     preparation: Preparation | None = None,
     warming: Mapping[str, float] | None = None,
@@ -166,6 +167,8 @@ def identify_friction(
     Raises:
         IdentificationError: an arm without masses, an unknown candidate, a log that does not fit.
     """
+    log = as_log(log)
+    robot = as_arm(robot, "robot")
     for each in candidates:
         if each not in CANDIDATES:
             raise IdentificationError("unknown", place="candidates", value=each, choices=CANDIDATES)

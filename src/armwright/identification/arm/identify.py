@@ -13,6 +13,7 @@ from typing import Any, Literal
 import numpy as np
 
 from armwright.description.robot import Source
+from armwright.entry import as_arm, as_log
 from armwright.errors import ArmwrightError, IdentificationError
 from armwright.identification.arm.arm_record import Paths, RecordParameters, described, record_parameters
 from armwright.identification.arm.base import BaseParameters, base_parameters, regrouped, regrouped_further
@@ -187,7 +188,8 @@ def identify_arm(
     """
     if method not in METHODS:
         raise IdentificationError(place="method", value=method, choices=tuple(METHODS))
-    arm = log.arm if robot is None else robot
+    log = as_log(log)
+    arm = log.arm if robot is None else as_arm(robot, "robot")
     if arm is None:
         raise IdentificationError(
             "missing", place="robot", expected="an arm, or kinematics alone, here or in the log's file"

@@ -23,6 +23,7 @@ from armwright import scalar
 from armwright.actuators.coupling import motor_shares
 from armwright.actuators.gear import loses_power
 from armwright.dynamics.gears import joint_torques
+from armwright.entry import AnyArm, AnyLog, as_arm, as_log
 from armwright.errors import IdentificationError, LogError
 from armwright.identification.arm.base import BaseParameters, regrouped
 from armwright.identification.arm.equations import Equations, equations_of, stacked
@@ -135,8 +136,8 @@ def payload_model(arm: Model, frame: str | None = None, own: TorqueModel | None 
 
 
 def identify_payload(
-    log: Log,
-    robot: Model,
+    log: AnyLog,
+    robot: AnyArm,
     *,
     loaded_log: Log | None = None,
     frame: str | None = None,
@@ -156,6 +157,8 @@ def identify_payload(
     Raises:
         IdentificationError: a log without positions or torques, of another arm, with too few rows.
     """
+    log = as_log(log)
+    robot = as_arm(robot, "robot")
     for each in (log,) if loaded_log is None else (log, loaded_log):
         check_efforts(each, robot.names, each.fit)
     log, loaded_log = of_robot(log, robot), None if loaded_log is None else of_robot(loaded_log, robot)

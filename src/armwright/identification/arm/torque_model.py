@@ -18,10 +18,11 @@ import numpy as np
 
 from armwright.actuators.coupling import shares_of
 from armwright.description.paths import path_name
+from armwright.entry import as_arm
 from armwright.errors import IdentificationError
 from armwright.features import Support
 from armwright.kernels.compiled import KERNELS
-from armwright.model import Model, check_arm
+from armwright.model import Model
 
 if TYPE_CHECKING:
     from armwright.kernels.compiled import CompiledArm
@@ -229,7 +230,7 @@ def torque_model(
     """
     from armwright.kernels.compiled import compile_arm
 
-    check_arm(arm)
+    arm = as_arm(arm)
     _check(arm, friction, springs, lacks, stribeck_speed)
     if "gravity" in lacks:
         arm = arm.replace(gravity=(0.0, 0.0, 0.0))

@@ -20,6 +20,7 @@ import casadi
 import numpy as np
 from scipy.linalg import block_diag, null_space
 
+from armwright.entry import AnyArm, as_arm
 from armwright.errors import ScenarioError
 from armwright.identification.experiments.columns import DRIVES, BaseRegressor
 from armwright.identification.experiments.information import (
@@ -31,7 +32,7 @@ from armwright.identification.experiments.information import (
 from armwright.identification.experiments.limits import ExcitationLimits, excitation_limits
 from armwright.kernels.compiled import KERNELS
 from armwright.kernels.signatures import SIGNATURES, trace_kernel
-from armwright.model import Model, check_arm
+from armwright.model import Model
 from armwright.model.joint_signals import joint_units
 from armwright.progress import Shown, automatic
 from armwright.results.tables import joint_columns, write_table
@@ -125,7 +126,7 @@ class Excitation:
 
 
 def design_excitation(
-    arm: Model,
+    arm: AnyArm,
     *,
     period: float = 10.0,
     harmonics: int = 5,
@@ -161,7 +162,7 @@ def design_excitation(
     Raises:
         ScenarioError: numbers that are none, a joint that nothing bounds, or no motion within the limits.
     """
-    check_arm(arm)
+    arm = as_arm(arm)
     _check(period, harmonics, starts, criterion, scaling, seed)
     given = {
         "position": position, "velocity": velocity, "acceleration": acceleration, "torque": torque, "voltage": voltage,

@@ -13,10 +13,11 @@ from typing import Any
 import numpy as np
 
 from armwright import scalar
+from armwright.entry import as_arm
 from armwright.errors import IdentificationError
 from armwright.identification.experiments.columns import DRIVES, BaseRegressor
 from armwright.identification.experiments.information import column_norms, scaled
-from armwright.model import Model, check_arm
+from armwright.model import Model
 from armwright.parameters import lane_counts
 from armwright.simulation.scenario import Scenario
 from armwright.simulation.sensitivity import sensitivities
@@ -246,7 +247,7 @@ def compare_experiments(
     if not isinstance(candidates, Mapping) or not candidates:
         raise IdentificationError(place="candidates", value=candidates, expected="experiments by name")
     if arm is not None:
-        check_arm(arm)
+        arm = as_arm(arm)
         regressor = BaseRegressor.of(arm, drives, np.full(arm.n, 1e-3))
         found = {name: _of_motion(name, each, regressor, noise, rate) for name, each in candidates.items()}
     else:

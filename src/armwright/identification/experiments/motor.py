@@ -192,7 +192,7 @@ def motor_experiment(kind: str, guess: MotorGuess, *, sample: float = 1e-3, seed
     Raises:
         ScenarioError: an unknown kind, or travel or speed that leave no room for it; says how much it would take.
     """
-    if kind not in KINDS:
+    if not isinstance(kind, str) or kind not in KINDS:
         raise ScenarioError("unknown", place="kind", value=kind, choices=tuple(KINDS))
     number = scalar.real_number(sample)
     if number is None or not 0.0 < number <= guess.time_constant:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from armwright.entry import AnyLog, as_log
 from armwright.identification.logs.log import Log
 from armwright.identification.logs.preparation import Preparation, choose_preparation
 from armwright.identification.logs.prepared import prepare_log
@@ -35,7 +36,7 @@ def check_log_plot(path: str | os.PathLike[str]) -> None:
 
 
 def plot_log(
-    log: Log, path: str | os.PathLike[str], run: str | None = None, preparation: Preparation | None = None
+    log: AnyLog, path: str | os.PathLike[str], run: str | None = None, preparation: Preparation | None = None
 ) -> None:
     """Writes a picture of a run: every signal over time on the left, its spectrum on the right; pale as logged, dark as prepared.
 
@@ -47,6 +48,7 @@ def plot_log(
     Raises:
         LogError: no such run, or no stretch that is long enough.   OutputError: the file cannot be written.
     """
+    log = as_log(log)
     check_log_plot(path)
     figure = draw_log(log, run, preparation)
     with whole_file(path, ENDINGS) as temporary:

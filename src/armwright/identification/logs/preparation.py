@@ -13,6 +13,7 @@ from typing import Literal
 import numpy as np
 from scipy import signal as sp
 
+from armwright.entry import AnyLog, as_log
 from armwright.errors import LogError
 from armwright.identification.logs.log import Log, LogRun
 from armwright.identification.logs.quantisation import quantisation_step
@@ -71,7 +72,7 @@ class Preparation:
 
 
 def choose_preparation(
-    log: Log,
+    log: AnyLog,
     run: str | None = None,
     *,
     cutoff: float | None = None,
@@ -93,6 +94,7 @@ def choose_preparation(
     Raises:
         LogError: no such run, or a choice that the log's rate does not allow.
     """
+    log = as_log(log)
     chosen = log.run(run)
     if chosen.census is None:
         raise LogError("was not checked", place="log", expected="what read_log returns")

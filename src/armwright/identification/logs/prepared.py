@@ -10,6 +10,7 @@ import numpy as np
 from scipy import signal as sp
 from scipy.interpolate import CubicSpline
 
+from armwright.entry import AnyLog, as_log
 from armwright.errors import LogError
 from armwright.identification.logs.blocks import ROWS, Block
 from armwright.identification.logs.findings import number_of
@@ -36,7 +37,7 @@ BESIDE_GAP = 8  # rows beyond a window that a spline goes through
 RATES = {"q": ("qd", "qdd"), "qd": ("qdd",)}  # what follows from a signal by differentiation, in order
 
 
-def prepare_log(log: Log, run: str | None = None, preparation: Preparation | None = None) -> xr.Dataset:
+def prepare_log(log: AnyLog, run: str | None = None, preparation: Preparation | None = None) -> xr.Dataset:
     """A run filtered, differentiated and decimated, in memory.
 
     Args:
@@ -47,6 +48,7 @@ def prepare_log(log: Log, run: str | None = None, preparation: Preparation | Non
     Raises:
         LogError: no stretch is long enough.
     """
+    log = as_log(log)
     import xarray as xr
 
     chosen = log.run(run)

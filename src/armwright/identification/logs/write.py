@@ -10,6 +10,7 @@ import tomlkit
 
 from armwright.description import builtin_names
 from armwright.description.toml_file import read_text
+from armwright.entry import AnyArm, AnyRun, as_arm, as_path, as_run
 from armwright.errors import LogError
 from armwright.identification.logs.log_file import LogTable
 from armwright.model import Model
@@ -25,7 +26,7 @@ FILE = "run"  # key of the runs' file
 
 
 def write_log(
-    run: xr.Dataset, rows: str | os.PathLike[str], path: str | os.PathLike[str], arm: Model, *, hold_out: bool = False
+    run: AnyRun, rows: str | os.PathLike[str], path: str | os.PathLike[str], arm: AnyArm, *, hold_out: bool = False
 ) -> Path:
     """Writes the log file of a simulated run, or adds the run to one that is there.
 
@@ -41,8 +42,10 @@ def write_log(
     Raises:
         LogError: rows or an arm that the log cannot name, or a log of other signals.   OutputError: it cannot be written.
     """
+    run = as_run(run)
+    arm = as_arm(arm)
+    name = Path(as_path(rows, "rows", LogError))
     path = check_destination(path, (".toml",), read=(rows,))
-    name = Path(rows)
     if name.suffix.lower() not in ROWS:
         raise LogError(place="rows", value=os.fspath(rows), expected=f"a run saved as {', '.join(ROWS)}")
     if "lane" in run.dims:

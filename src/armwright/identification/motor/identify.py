@@ -11,6 +11,7 @@ import numpy as np
 
 from armwright.description.paths import path_name
 from armwright.description.robot import RobotDescription
+from armwright.entry import as_log
 from armwright.errors import LogError, ModelError
 from armwright.features import Support
 from armwright.identification.logs.log import Log
@@ -87,7 +88,7 @@ def identify_motor(
         LogError: the log lacks what a fit needs.   ModelError: no such joint or parameter, an arm that does not match the log.
         DescriptionError: the robot cannot be believed.
     """
-    log = log if isinstance(log, Log) else read_log(log)
+    log = as_log(log)
     static = static if static is None or isinstance(static, Log) else read_log(static)
     _check(free, fixed, per_run, starts, most_delay)
     asked = [log.run(name).name for name in runs] if runs is not None else list(log.fit)

@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 
 from armwright.description import builtin_names
+from armwright.entry import as_log
 from armwright.errors import ArmwrightError, LogError
 from armwright.identification.arm.torque_model import MEASURED
 from armwright.identification.logs.log import Log
 from armwright.identification.logs.preparation import Preparation
-from armwright.identification.logs.read import read_log
 from armwright.identification.validation.free_simulation import (
     default_window,
     driving_signal,
@@ -168,7 +168,7 @@ def validate(
     with automatic(progress, "validating") as tell:
         scenario = arm if isinstance(arm, Scenario) else None
         model, path = _record(arm, record)
-        data = log if isinstance(log, Log) else read_log(log)
+        data = as_log(log)
         asked = DEFAULT if limits is None else read_limits(limits)
         check_limits(asked, model, limits if isinstance(limits, (str, os.PathLike)) else "")
         check_match(model, data)

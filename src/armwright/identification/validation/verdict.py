@@ -13,6 +13,7 @@ import tomlkit
 from pydantic import Field
 
 from armwright.description.toml_file import toml_tables
+from armwright.entry import as_path, expect
 from armwright.errors import LogError
 from armwright.identification.validation.validate import Validation, record_sha256
 from armwright.output import check_destination, whole_file
@@ -67,7 +68,7 @@ class StoredVerdict:
 
 def verdict_path(record: str | os.PathLike[str]) -> Path:
     """Path of the verdict on a record: arm.toml has arm.verdict.toml beside it."""
-    return Path(record).with_suffix(ENDING)
+    return Path(as_path(record, "record", LogError)).with_suffix(ENDING)
 
 
 def check_verdict(record: str | os.PathLike[str]) -> None:
@@ -90,6 +91,7 @@ def write_verdict(validation: Validation) -> Path:
     Raises:
         LogError: a built-in arm, or one made in Python.   OutputError: the file cannot be written.
     """
+    expect(validation, Validation, "validation", "what aw.validate returns", LogError)
     if validation.record is None:
         raise LogError(
             "has no file, so no verdict can be stored beside it", place="record", value=validation.arm.name,

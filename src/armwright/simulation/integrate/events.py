@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 
 from armwright import scalar
+from armwright.entry import AnyArm, as_arm
 from armwright.errors import ScenarioError
 from armwright.interfaces import UNTRACEABLE, why
 from armwright.kernels.stages import NEXT
-from armwright.model import Model
 from armwright.program import Program, trace
 from armwright.scalar import Array, Scalar
 from armwright.signals import Layout, Values
@@ -25,7 +25,7 @@ from armwright.simulation.integrate.dormand_prince import along
 EventFunction = Callable[[Any, Any], Any]  # (t, x) → g, with x.q, x.qd and what else the plant's state has
 
 
-def joint_stops(arm: Model) -> dict[str, EventFunction]:
+def joint_stops(arm: AnyArm) -> dict[str, EventFunction]:
     """Events of the joints that reach, or leave, an end of their range.
 
     Args:
@@ -33,6 +33,7 @@ def joint_stops(arm: Model) -> dict[str, EventFunction]:
     Returns:
         events: by name, "JOINT low" and "JOINT high": q_j - limit [rad | m].
     """
+    arm = as_arm(arm)
 
     def passing(j: int, limit: float) -> EventFunction:
         return lambda t, x: x.q[j] - limit

@@ -7,13 +7,14 @@ import json
 import os
 import zipfile
 import zlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from armwright.entry import expect
 from armwright.errors import RunError, ScenarioError
 from armwright.model import Model
 from armwright.output import whole_file
@@ -59,6 +60,8 @@ class LoopState:
     measured: bool = False
 
     def __post_init__(self) -> None:
+        for name, kind in (("entries", Sequence), ("blocks", Mapping), ("rings", Mapping)):
+            expect(getattr(self, name), kind, f"LoopState.{name}", "what `Simulation.state` returns", ScenarioError)
         object.__setattr__(self, "entries", tuple(self.entries))
         for name in ("blocks", "rings"):
             object.__setattr__(self, name, {key: _read_only(values) for key, values in getattr(self, name).items()})

@@ -8,9 +8,9 @@ import numpy as np
 
 from armwright import scalar
 from armwright.collision import Clearance
+from armwright.entry import AnyArm, as_arm
 from armwright.errors import ScenarioError
 from armwright.kinematics.aim import Aim
-from armwright.model import Model
 from armwright.trajectory.cartesian.motion import CartesianMotion, SlowStretch
 from armwright.trajectory.cartesian.path import CartesianPath
 from armwright.trajectory.cartesian.slowing import Pace, locally_slowed
@@ -27,7 +27,7 @@ SLOW = get_args(Slow)
 
 
 def follow_path(
-    arm: Model,
+    arm: AnyArm,
     path: CartesianPath,
     speed: float,
     acceleration: float,
@@ -69,6 +69,7 @@ def follow_path(
         ScenarioError: as `solve_path`; a limit exceeded with `constant`; a speed that singularity forbids: where, which joint,
             which speed it would need.   ModelError: no such frame or aim.
     """
+    arm = as_arm(arm)
     asked = {"speed": speed, "acceleration": acceleration, "jerk": jerk, "angular_speed": angular_speed}
     asked["angular_acceleration"] = angular_acceleration
     values = {name: _above_zero(name, value, name in ("speed", "acceleration")) for name, value in asked.items()}

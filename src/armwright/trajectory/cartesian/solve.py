@@ -11,6 +11,7 @@ import numpy as np
 from scipy.interpolate import PPoly
 
 from armwright.collision import Clearance
+from armwright.entry import AnyArm, as_arm
 from armwright.errors import ABSENT, ModelError, ScenarioError
 from armwright.ik.solve import inverse_kinematics, solver
 from armwright.ik.starts import random_positions
@@ -98,7 +99,7 @@ class ToolPathSolution:
 
 
 def solve_path(
-    arm: Model,
+    arm: AnyArm,
     path: CartesianPath,
     *,
     near: Any = None,
@@ -130,6 +131,7 @@ def solve_path(
             a singularity (where, which joint, its speed), or too near to something (what, where, how near).
         ModelError: no such frame or aim.
     """
+    arm = as_arm(arm)
     limits = checked_limits(arm, limits)
     if not isinstance(path, CartesianPath):
         raise ScenarioError(place="path", value=path, expected="an aw.CartesianPath")

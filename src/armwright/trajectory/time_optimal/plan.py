@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from armwright.collision import Clearance
+from armwright.entry import AnyArm, as_arm
 from armwright.errors import ModelError, ScenarioError
 from armwright.kernels.compiled import KERNELS, compile_arm
 from armwright.model import Model
@@ -39,7 +40,7 @@ MOST_GRADED = 60  # … pieces at most grow evenly in length from either end on:
 
 
 def time_optimal(
-    arm: Model,
+    arm: AnyArm,
     path: Any,
     limits: MotionLimits | None = None,
     *,
@@ -69,6 +70,7 @@ def time_optimal(
         ScenarioError: a path outside the position limits or too near to something, limits that cannot be judged or that nothing
             satisfies, with the place on the path, the joint and by how much.   ModelError: no arm.
     """
+    arm = as_arm(arm)
     if not isinstance(arm, Model):
         raise ModelError(place="arm", value=arm, expected="an arm, as aw.load(name) gives")
     path = path if isinstance(path, JointPath) else JointPath(path)
