@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 from arms import joint_count, random_states, timed_arm
 from peak import operations, peak
-from peers.mujoco_peer import MuJoCoLoop
-from peers.mujoco_peer import compiled_loop as mujoco_loop
+from peers.mujoco_peer import MuJoCoLoop, compiled_loop as mujoco_loop
 from peers.native import NoLoop, Results, aligned
 from peers.pinocchio_peer import PinocchioArm, PinocchioLoop, compiled_loop, pin, symmetric
 from records import Record, Task, record

@@ -8,8 +8,7 @@ import math
 import casadi
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from armwright import scalar
 from armwright.errors import ArmwrightError, SymbolError

@@ -8,8 +8,7 @@ from importlib import resources
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from armwright.errors import DescriptionError, Problem
 from armwright.toml_text import TomlText, _locations, _split

@@ -16,8 +16,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from hypothesis import HealthCheck, given, settings
-from hypothesis import seed as seeded
+from hypothesis import HealthCheck, given, seed as seeded, settings
 
 import armwright as aw
 from armwright.export.controller.sil import find_compiler

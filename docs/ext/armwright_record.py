@@ -20,13 +20,10 @@ from armwright.identification.logs import log_file as log
 from armwright.lazy_schema import Later
 from armwright.modules import assembly, library, task
 from armwright.motions import records as motions
-from armwright.parts import materials
-from armwright.parts import records as parts
+from armwright.parts import materials, records as parts
 from armwright.quantity import Quantity, Source
-from armwright.scenarios import records as scenario
-from armwright.scenarios import tuning_records as tuning
-from armwright.solids import shapes as solids
-from armwright.solids import visual
+from armwright.scenarios import records as scenario, tuning_records as tuning
+from armwright.solids import shapes as solids, visual
 
 TABLES: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...] = (
     ("The file itself", "", (robot.RobotDescription,)),

@@ -107,8 +107,15 @@ class _TerminalBar:
         self.at: tuple[int, int | None] = (0, None)  # until someone tells, the bar only shows that it lives
 
     def start(self) -> None:
-        from rich.progress import BarColumn, ProgressColumn, Task, TaskProgressColumn, TextColumn, TimeRemainingColumn
-        from rich.progress import Progress as Bar
+        from rich.progress import (
+            BarColumn,
+            Progress as Bar,
+            ProgressColumn,
+            Task,
+            TaskProgressColumn,
+            TextColumn,
+            TimeRemainingColumn,
+        )
         from rich.text import Text
 
         unit = self.unit

@@ -33,6 +33,7 @@ ORDER = (
     ("lazy_schema",),  # tables that few files have
     ("validation",),  # pydantic's errors as ours
     ("other_names",),
+    ("lazy",),  # names that are imported when they are first used
     ("toml_text",),  # and the lines that they are on
     ("quantity",),  # values with unit, source and uncertainty
     ("solids",),

@@ -14,8 +14,7 @@ import pytest
 import armwright as aw
 from armwright.content import checksum
 from armwright.description.robot import RobotDescription
-from armwright.features import ARM, FEATURES, GROUPS, SCENARIO, declared
-from armwright.features import CONSUMERS as DECLARED
+from armwright.features import ARM, CONSUMERS as DECLARED, FEATURES, GROUPS, SCENARIO, declared
 from features.cases import ARMS, SCENARIOS, TOGETHER, arms, base, together
 from features.consumers import CONSUMERS
 

@@ -6,8 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from armwright.kinematics import AxialMotion, joint_motions
 from armwright.spatial import ArticulatedInertia, Placement, rotation_rpy, skew

@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 import tomlkit
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 import armwright as aw
 from armwright.description.robot import RobotDescription

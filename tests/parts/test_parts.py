@@ -13,8 +13,7 @@ import numpy as np
 import pytest
 import tomlkit
 import trimesh
-from hypothesis import given, reject, settings
-from hypothesis import strategies as st
+from hypothesis import given, reject, settings, strategies as st
 
 import armwright as aw
 from armwright.description import read_description

@@ -11,8 +11,7 @@ from armwright.description.database import read_toml
 from armwright.model import build_model
 from armwright.pictures.arm_glb import animated_arm
 from armwright.pictures.posed_arm import upright
-from physics.arms import OWN
-from physics.arms import arm as arm_of
+from physics.arms import OWN, arm as arm_of
 from pictures.gltf_rules import Gltf
 from pictures.playing import pose_of
 from simulation.runs import MIXED, mixed_arm

@@ -1,8 +1,7 @@
 """Keyframes: few, at times that single precision holds, and nowhere further from the motion than they may be."""
 
 import numpy as np
-from hypothesis import example, given, settings
-from hypothesis import strategies as st
+from hypothesis import example, given, settings, strategies as st
 
 from armwright.pictures.keyframes import LARGEST_TURN, keyframes
 

@@ -9,8 +9,7 @@ import pytest
 
 import armwright as aw
 from armwright.errors import TO_FILL_IN, ArmwrightError, DescriptionError, OutputError
-from description.urdf_files import joint as urdf_joint
-from description.urdf_files import link, robot, written
+from description.urdf_files import joint as urdf_joint, link, robot, written
 from docs.pages import run_here
 
 LINE = re.compile(r'^(?P<key>\w+) = (?P<value>.*"TODO".*?)(?:  #.*)?$', re.MULTILINE)

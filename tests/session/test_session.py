@@ -8,20 +8,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 import armwright as aw
 from armwright.control import JointPID
 from armwright.errors import RunError, ScenarioError
 from armwright.session import Session
 from armwright.session.arguments import same, words
-from armwright.session.commands import COMMANDS
-from armwright.session.commands import TABLE as ALL_COMMANDS
+from armwright.session.commands import COMMANDS, TABLE as ALL_COMMANDS
 from armwright.session.listing import Drawing, Line, Sheet, significant
 from armwright.session.simulation import at_dac_ticks
-from armwright.session.variables import TABLE as ALL_VARIABLES
-from armwright.session.variables import VARIABLES
+from armwright.session.variables import TABLE as ALL_VARIABLES, VARIABLES
 from armwright.simulation.inputs.schedule import Schedule
 from pictures.reading import Page
 from session.walks import refused, write_files

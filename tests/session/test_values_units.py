@@ -7,8 +7,7 @@ from math import isclose, pi
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from armwright.errors import SessionError
 from armwright.expressions import number as plain_number

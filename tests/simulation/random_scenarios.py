@@ -22,8 +22,10 @@ from simulation.exact import ExactPlant
 from simulation.plants import MOTOR, chain
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tools"))
-from auto_steps import command as share_of_limits  # pyright: ignore[reportMissingImports]
-from auto_steps import with_motors  # pyright: ignore[reportMissingImports]
+from auto_steps import (
+    command as share_of_limits,  # pyright: ignore[reportMissingImports]
+    with_motors,  # pyright: ignore[reportMissingImports]
+)
 
 ROWS = 0.02  # [s] from row to row
 OF_WHEEL = (

@@ -26,8 +26,7 @@ from armwright.simulation.integrate.stepping import (
 from armwright.simulation.plant.plant import Plant, plant_derivative
 from physics.arms import arm
 from simulation.fields import scenario_of
-from simulation.plants import ELASTIC, LUGRE, MOTOR
-from simulation.plants import pendulum as pendulum_arm
+from simulation.plants import ELASTIC, LUGRE, MOTOR, pendulum as pendulum_arm
 from simulation.test_simulation import motor_alone
 
 START = {"q0": [0.4, 0.4], "qd0": [0.5, 0.5]}

@@ -5,8 +5,7 @@ import time
 import numpy as np
 import pytest
 
-from armwright.twin import faults
-from armwright.twin import objects as od
+from armwright.twin import faults, objects as od
 from armwright.twin.state_machine import State
 from armwright.twin.twin import Twin
 

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from armwright.twin import faults
-from armwright.twin import objects as od
+from armwright.twin import faults, objects as od
 from armwright.twin.drive import Drive
 from armwright.twin.state_machine import State
 

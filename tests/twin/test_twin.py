@@ -10,8 +10,7 @@ import pytest
 
 import armwright as aw
 from armwright.errors import BusError
-from armwright.twin import faults
-from armwright.twin import objects as od
+from armwright.twin import faults, objects as od
 from armwright.twin.faults import Fault, read_fault
 from armwright.twin.state_machine import State
 from armwright.twin.twin import Twin

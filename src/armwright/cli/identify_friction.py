@@ -49,8 +49,7 @@ def friction(
       armwright identify friction arm.log.toml --robot arm.toml -o arm_with_friction.toml
     """
     import armwright as aw
-    from armwright.cli.tables import console_for_tables, number
-    from armwright.cli.tables import table as shown_table
+    from armwright.cli.tables import console_for_tables, number, table as shown_table
     from armwright.identification.arm.friction import friction_over_speed, friction_rows, with_identified_friction
     from armwright.output import check_destination
 

@@ -168,8 +168,7 @@ def run_controller(
     """
     from armwright.twin.bus import check_bus, is_virtual
     from armwright.twin.rehearsal import rehearse
-    from armwright.twin.run import check_arguments, release_drives
-    from armwright.twin.run import run_controller as run_over_bus
+    from armwright.twin.run import check_arguments, release_drives, run_controller as run_over_bus
     from armwright.twin.safety import Permission
 
     check_bus(bus)

@@ -14,8 +14,7 @@ from armwright.ik.targets import checked_array
 from armwright.kernels.batch import Kernel
 from armwright.kernels.target import select_target
 from armwright.kinematics import forward_kinematics
-from armwright.kinematics.manipulability import checked_task as known_task
-from armwright.kinematics.manipulability import singular_values
+from armwright.kinematics.manipulability import checked_task as known_task, singular_values
 from armwright.model import Model
 from armwright.program import trace
 from armwright.scalar import Array, real_number

@@ -22,8 +22,7 @@ from armwright.pictures.arm_glb import animated_arm
 from armwright.results.aliases import PARTIAL
 from armwright.results.notes import UNREAL
 from armwright.results.plot_curves import describe
-from armwright.results.plot_page import PAGES as PLOT_PAGES
-from armwright.results.plot_page import Numbers, embedded, packed, page, plot_data
+from armwright.results.plot_page import PAGES as PLOT_PAGES, Numbers, embedded, packed, page, plot_data
 from armwright.results.recording import in_order
 
 if TYPE_CHECKING:

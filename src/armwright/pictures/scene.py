@@ -14,8 +14,7 @@ from armwright.model import Model
 from armwright.pictures.arm_glb import arm_glb, node_of, still_place
 from armwright.pictures.body_shapes import body_shapes
 from armwright.pictures.posed_arm import PosedArm
-from armwright.results.plot_page import PAGES as PLOT_PAGES
-from armwright.results.plot_page import embedded, packed, page
+from armwright.results.plot_page import PAGES as PLOT_PAGES, embedded, packed, page
 
 PAGES = Path(__file__).parent / "pages"
 SCRIPTS = (PLOT_PAGES / "unpack.js", *(PAGES / name for name in ("gltf.js", "stage.js", "pose.js")))

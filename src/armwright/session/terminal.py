@@ -20,8 +20,7 @@ from armwright.session.arguments import Argument, read_words, same
 from armwright.session.controllers import gain_names, laws
 from armwright.session.formulas import ACCEPTED
 from armwright.session.listing import Line, Output, Screen
-from armwright.session.variables import TABLE as VARIABLE_TABLE
-from armwright.session.variables import VARIABLES
+from armwright.session.variables import TABLE as VARIABLE_TABLE, VARIABLES
 from armwright.session.workspace import Ask, Command, Workspace
 
 HISTORY = "sim.history"  # file of earlier lines

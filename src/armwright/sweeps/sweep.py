@@ -22,8 +22,7 @@ from armwright.scenarios.records import MOST_LANES
 from armwright.simulation.batch_runner import Progress
 from armwright.simulation.checks import check_whole
 from armwright.simulation.scenario import Scenario
-from armwright.simulation.simulation import SUPPORT as SIMULATED
-from armwright.simulation.simulation import simulate
+from armwright.simulation.simulation import SUPPORT as SIMULATED, simulate
 from armwright.sweeps.cluster import connected
 from armwright.sweeps.source import Source, source_of
 from armwright.sweeps.store import About, SweepStore, by_lane, difference, import_zarr

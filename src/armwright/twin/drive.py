@@ -14,8 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from armwright.twin import faults
-from armwright.twin import objects as od
+from armwright.twin import faults, objects as od
 from armwright.twin.homing import ATTAINED, Homing
 from armwright.twin.objects import ENTRIES, Key
 from armwright.twin.profile import approach, slowed

@@ -24,8 +24,7 @@ import numpy as np
 
 from armwright.errors import BusError, RunStopped
 from armwright.reading import read_file
-from armwright.twin import clock
-from armwright.twin import objects as od
+from armwright.twin import clock, objects as od
 from armwright.twin.bus import LOOK, bus_errors, check_bus, node_numbers, open_bus
 from armwright.twin.cycles import Cycles
 from armwright.twin.faults import TEXT

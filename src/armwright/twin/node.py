@@ -9,8 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from armwright.twin import faults
-from armwright.twin import objects as od
+from armwright.twin import faults, objects as od
 from armwright.twin.drive import Drive
 from armwright.twin.objects import ENTRIES, Key, dictionary, eds_text
 from armwright.twin.state_machine import POWERED

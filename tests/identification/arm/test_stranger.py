@@ -13,8 +13,7 @@ import pytest
 import armwright as aw
 from armwright.errors import LogError
 from armwright.results.tables import write_table
-from identification.arm.moved_arm import multisine
-from identification.arm.moved_arm import written_log as written_arm_log
+from identification.arm.moved_arm import multisine, written_log as written_arm_log
 
 ORIGINS = (  # xyz [m], roll [rad]
     ("0 0 0.35", 0.0), ("0.08 0 0.05", -np.pi / 2), ("0.38 0 0", 0.0),

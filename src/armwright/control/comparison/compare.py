@@ -34,8 +34,7 @@ from armwright.simulation.inputs.payload import Payload
 from armwright.simulation.oscillation import unstable_loop
 from armwright.simulation.scenario import Scenario
 from armwright.simulation.scenario_parts import Loop, Recording, Start
-from armwright.simulation.simulation import SUPPORT as SIMULATED
-from armwright.simulation.simulation import simulate
+from armwright.simulation.simulation import SUPPORT as SIMULATED, simulate
 from armwright.trajectory.motion import Motion
 
 if TYPE_CHECKING:

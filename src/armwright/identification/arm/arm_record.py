@@ -14,8 +14,7 @@ from armwright.description.robot import RobotDescription, Source
 from armwright.errors import IdentificationError
 from armwright.identification.arm.equations import Equations, stacked
 from armwright.identification.arm.fit import ArmFit, measures_of
-from armwright.identification.arm.gear_loss import EFFICIENCY, LossyModel
-from armwright.identification.arm.gear_loss import LOWEST as LEAST_EFFICIENCY
+from armwright.identification.arm.gear_loss import EFFICIENCY, LOWEST as LEAST_EFFICIENCY, LossyModel
 from armwright.identification.arm.physical import (
     PER_LINK,
     PhysicalBounds,

@@ -33,8 +33,7 @@ from armwright.identification.arm.friction_law import (
 )
 from armwright.identification.arm.samples import Samples, check_efforts, samples_of
 from armwright.identification.arm.spring_record import spring_keys
-from armwright.identification.arm.torque_model import SUPPORT as LINEAR
-from armwright.identification.arm.torque_model import torque_model
+from armwright.identification.arm.torque_model import SUPPORT as LINEAR, torque_model
 from armwright.identification.estimate import Estimate
 from armwright.identification.logs.checks import of_robot
 from armwright.identification.logs.log import Log

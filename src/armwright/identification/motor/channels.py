@@ -23,8 +23,7 @@ import numpy as np
 from armwright.errors import LogError
 from armwright.fitting.measures import r_squared
 from armwright.identification.linear.records import Stretch
-from armwright.identification.linear.residuals import CERTAIN as CHANCE
-from armwright.identification.linear.residuals import feedback
+from armwright.identification.linear.residuals import CERTAIN as CHANCE, feedback
 from armwright.identification.motor.guess import Guess, first_order
 from armwright.identification.motor.measured import Measured
 

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy import signal as sp
-from scipy import stats
+from scipy import signal as sp, stats
 
 from armwright.identification.logs.delay import Delay, delay_between
 
