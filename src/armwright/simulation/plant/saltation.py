@@ -6,7 +6,7 @@ to that place, and from there along f₊ for as long:
     x⁺ = x + (f₋ - f₊) δ,   δ = -g / ġ,   ġ = ∇g · f₋
 
 With g = 0 that is x itself, and its derivative  S⁺ = S + (f₋ - f₊) ∂δ,  ∂δ = -(∇g S + ∂g/∂p) / ġ,  is that of a motion whose
-switching time moves with what is differentiated by. [diBernardoEtAl2008]
+switching time moves with what is differentiated by. [DiBernardoEtAl2008]
 
 Where g all but touches 0, a small change decides whether there is an event at all. With the rates ġ₀ and ġ₁ at both ends of a
 step of length h, g rises to  g₀ + h ġ₀² / 2 (ġ₀ - ġ₁)  within it, and behind a passage at its end by  h ġ₁² / 2 (ġ₀ - ġ₁)  more.
