@@ -89,9 +89,8 @@ def functions() -> dict[str, list[str]]:
     found = {}
     for name in aw.__all__:
         value = getattr(aw, name)
-        parameters = [*inspect.signature(value).parameters] if inspect.isfunction(value) else []
-        if parameters[:1] == ["model"]:
-            found[name] = parameters[1:]
+        if inspect.isfunction(value) and value.__module__.split(".")[1] in ("dynamics", "kinematics", "actuators"):
+            found[name] = [*inspect.signature(value).parameters][1:]
     return found
 
 

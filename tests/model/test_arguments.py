@@ -13,10 +13,7 @@ from armwright.model.arguments import JOINTS
 from physics.arms import arm
 
 PLAIN = [
-    name
-    for name in aw.__all__
-    if inspect.isfunction(getattr(aw, name))
-    and {"model"} == {*inspect.signature(getattr(aw, name)).parameters} & {"model"}
+    name for name in aw.__all__ if inspect.isfunction(getattr(aw, name)) and hasattr(getattr(aw, name), "__wrapped__")
 ]
 
 

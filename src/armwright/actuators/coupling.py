@@ -16,18 +16,18 @@ Shares = list[
 ]  # for every motor, which other joints turn it and by how much: the rows of B - 1
 
 
-def shares_of(model: Model) -> Shares:
+def shares_of(arm: Model) -> Shares:
     """B - 1 of an arm; all rows are empty where no motor is coupled."""
-    index = {name: k for k, name in enumerate(model.names)}
+    index = {name: k for k, name in enumerate(arm.names)}
     return [
         [(index[name], ratio / body.drive.gear_ratio) for name, ratio in body.drive.coupling]
-        for body in model.coordinates
+        for body in arm.coordinates
     ]
 
 
-def motor_shares(model: Model) -> np.ndarray:
+def motor_shares(arm: Model) -> np.ndarray:
     """B (n, n) of an arm, 1 without coupled motors; of rows of torques,  tau_joints = tau_motors B."""
-    return np.asarray(_matrix(shares_of(model)), dtype=float)
+    return np.asarray(_matrix(shares_of(arm)), dtype=float)
 
 
 def to_motors(shares: Shares, q: Array) -> Array:
@@ -88,10 +88,10 @@ def _matrix(shares: Shares) -> np.ndarray:
     return scalar.array(b)
 
 
-def coupled_inertia(model: Model) -> np.ndarray:
+def coupled_inertia(arm: Model) -> np.ndarray:
     """Σ Bᵢᵀ n² J_m Bᵢ (n, n) of the motors that several joints turn, in joint coordinates [kg m² | kg m | kg]."""
-    inertia, shares = scalar.zeros(model.n, model.n), shares_of(model)
-    for i, body in enumerate(model.coordinates):
+    inertia, shares = scalar.zeros(arm.n, arm.n), shares_of(arm)
+    for i, body in enumerate(arm.coordinates):
         row = [(i, 1.0), *shares[i]] if shares[i] else []
         for a, share_a in row:
             for b, share_b in row:

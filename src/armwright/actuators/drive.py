@@ -27,36 +27,36 @@ class DriveOutput:
     current: Array  # (n,) [A]
 
 
-def limited_drive(model: Model, qd: Array, u: Array) -> DriveOutput:
+def limited_drive(arm: Model, qd: Array, u: Array) -> DriveOutput:
     """Torques that drives with limits give for their commands in steady state, as `winding.driven_winding`.
 
     Args:
-        model: the arm.   qd: (n,) [rad/s | m/s].   u: (n,) [V | A | N m | N], by the joint's `command`.
+        arm: the model.   qd: (n,) [rad/s | m/s].   u: (n,) [V | A | N m | N], by the joint's `command`.
     Returns:
         output: torque, voltage and current of every joint.
     Raises:
         ModelError: a drive without the constants that its command needs.
     """
-    rows, w = [], to_motors(shares_of(model), qd)
-    for i, body in enumerate(model.coordinates):
+    rows, w = [], to_motors(shares_of(arm), qd)
+    for i, body in enumerate(arm.coordinates):
         check_command(body)
         winding = driven_winding(body, body.drive, w[i], u[i], body.limits.voltage)
         rows.append((winding.torque, winding.voltage, winding.current))
     return DriveOutput(*(scalar.array(column) for column in zip(*rows, strict=True)))
 
 
-def demanded_drive(model: Model, qd: Array, tau: Array) -> DriveOutput:
+def demanded_drive(arm: Model, qd: Array, tau: Array) -> DriveOutput:
     """Voltages and currents necessary for torques, eq. (11) and i = tau / (n Kt), without limits.
 
     Args:
-        model: the arm.   qd: (n, …) of the joints [rad/s | m/s].
+        arm: the model.   qd: (n, …) of the joints [rad/s | m/s].
         tau: (n, …) of the motors, each referred to its joint, as `inverse_dynamics` gives them [N m | N].
     Returns:
         output: tau itself, voltage and current of every motor, (n, …).
     """
-    qd = to_motors(shares_of(model), qd)
+    qd = to_motors(shares_of(arm), qd)
     voltage, current = [], []
-    for i, body in enumerate(model.coordinates):
+    for i, body in enumerate(arm.coordinates):
         drive, unknown = body.drive, np.nan * tau[i]
         has_constant = drive.torque_constant is not None
         current.append(joint_current(drive, tau[i]) if has_constant else unknown)
@@ -65,24 +65,24 @@ def demanded_drive(model: Model, qd: Array, tau: Array) -> DriveOutput:
     return DriveOutput(tau, scalar.stack(voltage), scalar.stack(current))
 
 
-def in_command_units(model: Model, output: DriveOutput) -> np.ndarray:
+def in_command_units(arm: Model, output: DriveOutput) -> np.ndarray:
     """Commands (n,) for given drive outputs, each in its joint's own unit [V | A | N m | N]."""
     parts = {"voltage": output.voltage, "current": output.current, "torque": output.tau}
-    drives = [body.drive for body in model.coordinates]
+    drives = [body.drive for body in arm.coordinates]
     return scalar.array([command_for(parts[drive.command][i], drive.dead_zone) for i, drive in enumerate(drives)])
 
 
-def holding_command(model: Model, torques: Array) -> np.ndarray:
+def holding_command(arm: Model, torques: Array) -> np.ndarray:
     """Commands that balance the arm's weight and springs at rest, as far as the drives' limits allow.
 
     Args:
-        model: the arm.   torques: (n,) [N m | N] that hold it at its pose.
+        arm: the model.   torques: (n,) [N m | N] that hold it at its pose.
     Returns:
         u: (n,) [V | A | N m | N], each in its joint's own unit.
     Raises:
         ModelError: a drive without the constants that its command needs.
     """
     still = scalar.array(0.0 * torques)
-    torques = from_joints(shares_of(model), torques)
-    wanted = in_command_units(model, demanded_drive(model, still, torques))
-    return in_command_units(model, limited_drive(model, still, wanted))
+    torques = from_joints(shares_of(arm), torques)
+    wanted = in_command_units(arm, demanded_drive(arm, still, torques))
+    return in_command_units(arm, limited_drive(arm, still, wanted))

@@ -172,20 +172,20 @@ def _same(a: Scalar, b: Scalar) -> bool:
     return a is b or (not scalar.is_symbolic(a, b) and a == b)
 
 
-def friction_torques(model: Model, qd: Array) -> np.ndarray:
+def friction_torques(arm: Model, qd: Array) -> np.ndarray:
     """Friction of all joints and motors, f(q̇): what the joints need beside the links' dynamics. [OlssonEtAl1998]
 
     Motor-side friction acts on the motors' speeds, and on the joints by Bᵀ where motors are coupled.
 
     Args:
-        model: the arm.   qd: (n,) [rad/s | m/s].
+        arm: the model.   qd: (n,) [rad/s | m/s].
     Returns:
         f: (n,) [N m | N], joint side; 0 where the record has no friction.
     """
-    shares = shares_of(model)
+    shares = shares_of(arm)
     w = to_motors(shares, qd)
-    motors = [motor_friction(body, w[i]) for i, body in enumerate(model.coordinates)]
-    return scalar.array(link_friction(model, qd) + to_joints(shares, motors))
+    motors = [motor_friction(body, w[i]) for i, body in enumerate(arm.coordinates)]
+    return scalar.array(link_friction(arm, qd) + to_joints(shares, motors))
 
 
 def motor_friction(body: Body, speed: Scalar) -> Scalar:
@@ -193,18 +193,18 @@ def motor_friction(body: Body, speed: Scalar) -> Scalar:
     return joint_friction(body.friction, speed) if body.friction is not None and body.friction.on_motor else 0.0
 
 
-def link_friction(model: Model, qd: Array) -> np.ndarray:
+def link_friction(arm: Model, qd: Array) -> np.ndarray:
     """Friction behind the gears (n,) [N m | N], and all that of joints that follow others."""
-    names = set(model.names)
+    names = set(arm.names)
     bodies = (
         replace(body, friction=None)
         if body.joint in names and body.friction is not None and body.friction.on_motor
         else body
-        for body in model.bodies
+        for body in arm.bodies
     )
-    return _all_friction(replace(model, bodies=tuple(bodies)), qd)
+    return _all_friction(replace(arm, bodies=tuple(bodies)), qd)
 
 
 @on_tree(Mimics.torques)
-def _all_friction(model: Model, qd: Array) -> np.ndarray:
-    return scalar.array([joint_friction(body.friction, qd[i]) for i, body in model.outward()])
+def _all_friction(arm: Model, qd: Array) -> np.ndarray:
+    return scalar.array([joint_friction(body.friction, qd[i]) for i, body in arm.outward()])

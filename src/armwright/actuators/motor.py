@@ -19,64 +19,64 @@ ATTRIBUTES = {"resistance_ohm": "resistance", "torque_constant_n_m_per_a": "torq
 
 
 @one_state
-def motor_current(model: Model, tau: Array) -> np.ndarray:
+def motor_current(arm: Model, tau: Array) -> np.ndarray:
     """Armature currents for motor torques:  i = tau / (n Kt).
 
     Args:
-        model: the arm.   tau: (n,) [N m | N], referred to the joints.
+        arm: the model.   tau: (n,) [N m | N], referred to the joints.
     Returns:
         i: (n,) [A].
     Raises:
         ModelError: a drive without a torque constant.
     """
-    _check_motors(model, "motor_current", "torque_constant_n_m_per_a")
-    return scalar.array([joint_current(body.drive, tau[i]) for i, body in enumerate(model.coordinates)])
+    _check_motors(arm, "motor_current", "torque_constant_n_m_per_a")
+    return scalar.array([joint_current(body.drive, tau[i]) for i, body in enumerate(arm.coordinates)])
 
 
 @one_state
-def motor_voltage(model: Model, qd: Array, tau: Array) -> np.ndarray:
+def motor_voltage(arm: Model, qd: Array, tau: Array) -> np.ndarray:
     """Motor voltages for joint torques, eq. (11):  V = R tau / (n Kt) + n Ke q̇.
 
     Args:
-        model: the arm.   qd: (n,) [rad/s | m/s].   tau: (n,) [N m | N], motor torque referred to the joints.
+        arm: the model.   qd: (n,) [rad/s | m/s].   tau: (n,) [N m | N], motor torque referred to the joints.
     Returns:
         V: (n,) [V].
     Raises:
         ModelError: a drive without resistance or torque constant.
     """
-    _check_motors(model, "motor_voltage", *COMMAND_NEEDS["voltage"])
-    w = to_motors(shares_of(model), qd)
-    return scalar.array([joint_voltage(body.drive, w[i], tau[i]) for i, body in enumerate(model.coordinates)])
+    _check_motors(arm, "motor_voltage", *COMMAND_NEEDS["voltage"])
+    w = to_motors(shares_of(arm), qd)
+    return scalar.array([joint_voltage(body.drive, w[i], tau[i]) for i, body in enumerate(arm.coordinates)])
 
 
 @one_state
-def motor_torque(model: Model, qd: Array, voltage: Array) -> np.ndarray:
+def motor_torque(arm: Model, qd: Array, voltage: Array) -> np.ndarray:
     """Motor torques for voltages, eq. (12):  tau = n Kt (V - n Ke q̇) / R.
 
     Args:
-        model: the arm.   qd: (n,) [rad/s | m/s].   voltage: (n,) [V].
+        arm: the model.   qd: (n,) [rad/s | m/s].   voltage: (n,) [V].
     Returns:
         tau: (n,) [N m | N], referred to the joints, before rotor, gear loss and friction.
     Raises:
         ModelError: a drive without resistance or torque constant.
     """
-    _check_motors(model, "motor_torque", *COMMAND_NEEDS["voltage"])
-    w = to_motors(shares_of(model), qd)
-    return scalar.array([joint_torque(body.drive, w[i], voltage[i]) for i, body in enumerate(model.coordinates)])
+    _check_motors(arm, "motor_torque", *COMMAND_NEEDS["voltage"])
+    w = to_motors(shares_of(arm), qd)
+    return scalar.array([joint_torque(body.drive, w[i], voltage[i]) for i, body in enumerate(arm.coordinates)])
 
 
-def drive_torque(model: Model, qd: Array, u: Array) -> np.ndarray:
+def drive_torque(arm: Model, qd: Array, u: Array) -> np.ndarray:
     """Motor torques for commands, each in its joint's own unit: volts by eq. (12), amperes as n Kt i, torque as it is.
 
     Args:
-        model: the arm.   qd: (n,) [rad/s | m/s].   u: (n,) [V | A | N m | N], by the joint's `command`.
+        arm: the model.   qd: (n,) [rad/s | m/s].   u: (n,) [V | A | N m | N], by the joint's `command`.
     Returns:
         tau: (n,) [N m | N], referred to the joints, before rotor, gear loss and friction.
     Raises:
         ModelError: a drive without the constants that its command needs.
     """
-    w = to_motors(shares_of(model), qd)
-    return scalar.array([_torque_of_command(body, w[i], u[i]) for i, body in enumerate(model.coordinates)])
+    w = to_motors(shares_of(arm), qd)
+    return scalar.array([_torque_of_command(body, w[i], u[i]) for i, body in enumerate(arm.coordinates)])
 
 
 def _torque_of_command(body: Body, speed: Scalar, u: Scalar) -> Scalar:
@@ -109,9 +109,9 @@ def check_constants(body: Body, what: str, *keys: str) -> None:
             raise ModelError(f"{what} needs it, and the record does not have it", place=f"{body.joint}.motor.{key}")
 
 
-def _check_motors(model: Model, what: str, *keys: str) -> None:
+def _check_motors(arm: Model, what: str, *keys: str) -> None:
     """Refuses an arm whose motors lack constants."""
-    for body in model.coordinates:
+    for body in arm.coordinates:
         check_constants(body, what, *keys)
 
 

@@ -18,7 +18,7 @@ from armwright.spatial import ArticulatedInertia
 
 
 @one_state_with_masses
-def articulated_body(model: Model, q: Array, qd: Array, tau: Array, wrench: Array | None = None) -> np.ndarray:
+def articulated_body(arm: Model, q: Array, qd: Array, tau: Array, wrench: Array | None = None) -> np.ndarray:
     """Accelerations that motor torques give, joint by joint: what `forward_dynamics` gives, in time linear in n.
 
     A joint feels all that hangs behind it as one articulated body of inertia I and bias force p, force and moment f at an
@@ -29,7 +29,7 @@ def articulated_body(model: Model, q: Array, qd: Array, tau: Array, wrench: Arra
     Bias forces are those of the motion without q̈, gravity's included, so a is what q̈ adds to it.
 
     Args:
-        model: the arm.   q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].
+        arm: the model.   q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].
         tau: (n,) [N m | N] motor torque referred to the joints, before rotor, gear loss and friction.
         wrench: (6,) [N, N m] force and moment of the environment on the arm at the tip, in base axes.
     Returns:
@@ -38,42 +38,42 @@ def articulated_body(model: Model, q: Array, qd: Array, tau: Array, wrench: Arra
         ModelError: a wrench on an arm that branches and names no tip; joints that follow others, coupled motors and gears with
             loss, whose accelerations depend on each other all at once.
     """
-    lossy = any(loses_power(body) for body in model.coordinates)
+    lossy = any(loses_power(body) for body in arm.coordinates)
     for met, what in (
-        (model.mimics is not None, "joints that follow others"),
-        (any(shares_of(model)), "coupled motors"),
+        (arm.mimics is not None, "joints that follow others"),
+        (any(shares_of(arm)), "coupled motors"),
         (lossy, "gears with loss"),
     ):
         if met:
             raise ModelError(
                 f"articulated_body is not for arms with {what}",
-                value=model.name,
+                value=arm.name,
                 expected="forward_dynamics or composite_body",
             )
-    return articulated_accelerations(model, q, qd, tau, friction_torques(model, qd), wrench)
+    return articulated_accelerations(arm, q, qd, tau, friction_torques(arm, qd), wrench)
 
 
 def articulated_accelerations(
-    model: Model, q: Array, qd: Array, driven: Array, resisting: Array, wrench: Array | None = None
+    arm: Model, q: Array, qd: Array, driven: Array, resisting: Array, wrench: Array | None = None
 ) -> np.ndarray:
     """`forward.accelerations` by the recursion over articulated bodies."""
-    motion = joint_motions(model, q)
-    axial = [AxialMotion(body, motion[i], q[i]) for i, body in model.outward()]
-    share, d = articulated_shares(model, axial)
-    f, n = inertial_forces(model, motion, qd, scalar.zeros(model.n), wrench)
+    motion = joint_motions(arm, q)
+    axial = [AxialMotion(body, motion[i], q[i]) for i, body in arm.outward()]
+    share, d = articulated_shares(arm, axial)
+    f, n = inertial_forces(arm, motion, qd, scalar.zeros(arm.n), wrench)
     net = driven - resisting
-    if model.is_sprung:
-        net = net - sprung_torques(model, q)
+    if arm.is_sprung:
+        net = net - sprung_torques(arm, q)
     freely = {}  # r/D, the acceleration of a joint whose parent has none beyond its bias
-    for i, body in model.inward():
+    for i, body in arm.inward():
         r = net[i] - (n[i] if body.kind == "revolute" else f[i])[2]
         freely[i] = r / d[i]
         if body.parent != BASE:
             k, kn = share[i]
             force, moment = axial[i].force_to_parent(f[i] + k * r, n[i] + kn * r)
             f[body.parent], n[body.parent] = f[body.parent] + force, n[body.parent] + moment
-    a, wd, qdd = {BASE: scalar.zeros(3)}, {BASE: scalar.zeros(3)}, scalar.zeros(model.n)
-    for i, body in model.outward():
+    a, wd, qdd = {BASE: scalar.zeros(3)}, {BASE: scalar.zeros(3)}, scalar.zeros(arm.n)
+    for i, body in arm.outward():
         a[i], wd[i] = axial[i].acceleration_to_body(a[body.parent], wd[body.parent])
         k, kn = share[i]
         qdd[i] = freely[i] - (k @ a[i] + kn @ wd[i])
@@ -83,16 +83,16 @@ def articulated_accelerations(
 
 
 def articulated_shares(
-    model: Model, axial: list[AxialMotion]
+    arm: Model, axial: list[AxialMotion]
 ) -> tuple[dict[int, tuple[Array, Array]], dict[int, Scalar]]:
     """u/D as force and moment (3,), and D [kg m² | kg], of every joint: the recursion of articulated inertias.
 
     D are the pivots of the mass matrix taken from the tips, so they are positive where it is positive definite, and are those of
     an arm with regrouped parameters too: what is regrouped turns about the axis without inertia, and leaves u as it is.
     """
-    inertia = [ArticulatedInertia.rigid(body.mass, body.first_moment, body.inertia) for body in model.bodies]
+    inertia = [ArticulatedInertia.rigid(body.mass, body.first_moment, body.inertia) for body in arm.bodies]
     share, d = {}, {}
-    for i, body in model.inward():
+    for i, body in arm.inward():
         u, un = inertia[i].column(body.kind)
         d[i] = (un if body.kind == "revolute" else u)[2] + body.drive.joint_inertia
         share[i] = u / d[i], un / d[i]

@@ -16,14 +16,14 @@ from armwright.scalar import Array
 
 
 @one_state_with_masses
-def composite_body(model: Model, q: Array, qd: Array, tau: Array, wrench: Array | None = None) -> np.ndarray:
+def composite_body(arm: Model, q: Array, qd: Array, tau: Array, wrench: Array | None = None) -> np.ndarray:
     """Accelerations that motor torques give, by the mass matrix: what `forward_dynamics` gives, cheapest for short arms.
 
     q̈ = M⁻¹ ( tau - C q̇ - g - s - f + Jᵀ wrench ),  M = L D Lᵀ solved without pivots; with gear loss by Newton's method on the
     equation of `forward_dynamics`, one such solve a step.  [WalkerOrin1982]
 
     Args:
-        model: the arm.   q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].
+        arm: the model.   q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].
         tau: (n,) [N m | N] motor torque referred to the joints, before rotor, gear loss and friction.
         wrench: (6,) [N, N m] force and moment of the environment on the arm at the tip, in base axes.
     Returns:
@@ -31,12 +31,12 @@ def composite_body(model: Model, q: Array, qd: Array, tau: Array, wrench: Array 
     Raises:
         ModelError: a wrench on an arm that branches and names no tip.
     """
-    model, driven, gears = motors(model, qd, tau)
-    return composite_accelerations(model, q, qd, driven, link_friction(model, qd), wrench, gears)
+    arm, driven, gears = motors(arm, qd, tau)
+    return composite_accelerations(arm, q, qd, driven, link_friction(arm, qd), wrench, gears)
 
 
 def composite_accelerations(
-    model: Model,
+    arm: Model,
     q: Array,
     qd: Array,
     driven: Array,
@@ -45,8 +45,8 @@ def composite_accelerations(
     gears: Sequence[Gear] = (),
 ) -> np.ndarray:
     """`forward.accelerations` by the mass matrix."""
-    bias = newton_euler(model, q, qd, scalar.zeros(model.n), wrench) + resisting
-    mass = mass_matrix(model, q)
+    bias = newton_euler(arm, q, qd, scalar.zeros(arm.n), wrench) + resisting
+    mass = mass_matrix(arm, q)
     if gears:
         return through_gears(mass, bias - driven, gears)[0]
     return scalar.solve_symmetric(mass, driven - bias)  # (15)

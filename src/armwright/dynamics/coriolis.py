@@ -11,16 +11,16 @@ from armwright.scalar import Array
 
 
 @one_state_with_masses
-def coriolis_matrix(model: Model, q: Array, qd: Array) -> np.ndarray:
+def coriolis_matrix(arm: Model, q: Array, qd: Array) -> np.ndarray:
     """C(q, q̇) of Christoffel symbols:  C_ij = ½ Σ_k (∂M_ij/∂q_k + ∂M_ik/∂q_j - ∂M_jk/∂q_i) q̇_k.  [SicilianoEtAl2009]
 
     C q̇ is `bias_torques` without gravity and friction, and Ṁ - 2C is skew. Newton and Euler's velocity torques are
     c_i = Σ_jk Γ_ijk q̇_j q̇_k with Γ symmetric in j and k, so C = ½ ∂c/∂q̇: their slope at half the speed.
 
     Args:
-        model: the arm.   q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].
+        arm: the model.   q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].
     Returns:
         C: (n, n) [N m s/rad | N s/m] and, for mixed joints, [N m s/m, N s/rad].
     """
-    weightless = model.replace(gravity=scalar.zeros(3))
-    return scalar.jacobian(lambda x: link_torques(weightless, q, x, scalar.zeros(model.n)), 0.5 * qd)
+    weightless = arm.replace(gravity=scalar.zeros(3))
+    return scalar.jacobian(lambda x: link_torques(weightless, q, x, scalar.zeros(arm.n)), 0.5 * qd)

@@ -22,7 +22,7 @@ from armwright.scalar import Array, Factored
 
 @one_state_with_masses
 def inverse_dynamics_derivatives(
-    model: Model, q: Array, qd: Array, qdd: Array, wrench: Array | None = None
+    arm: Model, q: Array, qd: Array, qdd: Array, wrench: Array | None = None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Derivatives of `inverse_dynamics`:  ∂tau/∂q, ∂tau/∂q̇ and ∂tau/∂q̈, which is M without gear loss.  [GriewankWalther2008]
 
@@ -31,7 +31,7 @@ def inverse_dynamics_derivatives(
     and the slopes are those beside the jump.
 
     Args:
-        model: the arm.   q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].   qdd: (n,) [rad/s² | m/s²].
+        arm: the model.   q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].   qdd: (n,) [rad/s² | m/s²].
         wrench: (6,) [N, N m] force and moment of the environment on the arm at the tip, in base axes; it is held.
     Returns:
         dtau_dq: (n, n) row torque, column q; [N m/rad | N m/m, N/rad | N/m].
@@ -40,21 +40,21 @@ def inverse_dynamics_derivatives(
     Raises:
         ModelError: a wrench on an arm that branches and names no tip.
     """
-    n = model.n
+    n = arm.n
 
     def torques(x: np.ndarray) -> np.ndarray:
-        return inverse_torques(model, q, x[n : 2 * n], x[2 * n :], wrench, nudge=x[:n])
+        return inverse_torques(arm, q, x[n : 2 * n], x[2 * n :], wrench, nudge=x[:n])
 
     slope = scalar.jacobian(torques, np.concatenate([scalar.zeros(n), qd, qdd]))
     by_qdd = slope[:, 2 * n :]
-    if all(not loses_power(body) and not body.drive.coupling for body in model.coordinates):
+    if all(not loses_power(body) and not body.drive.coupling for body in arm.coordinates):
         by_qdd = scalar.array([[by_qdd[min(i, j), max(i, j)] for j in range(n)] for i in range(n)])
     return slope[:, :n], slope[:, n : 2 * n], by_qdd
 
 
 @one_state_with_masses
 def forward_dynamics_derivatives(
-    model: Model, q: Array, qd: Array, tau: Array, wrench: Array | None = None
+    arm: Model, q: Array, qd: Array, tau: Array, wrench: Array | None = None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Derivatives of `forward_dynamics`:  ∂q̈/∂q, ∂q̈/∂q̇ and ∂q̈/∂tau, which is M⁻¹ without gear loss.  [CarpentierMansard2018]
 
@@ -63,7 +63,7 @@ def forward_dynamics_derivatives(
     smoothing speed dry friction and gear loss count 0 at rest, and the slopes are those beside their jump.
 
     Args:
-        model: the arm.   q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].
+        arm: the model.   q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].
         tau: (n,) [N m | N] motor torque referred to the joints, before rotor, gear loss and friction.
         wrench: (6,) [N, N m] force and moment of the environment on the arm at the tip, in base axes; it is held.
     Returns:
@@ -73,21 +73,21 @@ def forward_dynamics_derivatives(
     Raises:
         ModelError: a wrench on an arm that branches and names no tip.
     """
-    return driven_derivatives(model, q, qd, tau, lambda qd, tau: tau, wrench)
+    return driven_derivatives(arm, q, qd, tau, lambda qd, tau: tau, wrench)
 
 
 def driven_derivatives(
-    model: Model, q: Array, qd: Array, u: Array, torque: Callable[[Array, Array], Array], wrench: Array | None = None
+    arm: Model, q: Array, qd: Array, u: Array, torque: Callable[[Array, Array], Array], wrench: Array | None = None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """∂q̈/∂q, ∂q̈/∂q̇ and ∂q̈/∂u (n, n) for commands u (n,) of which motors make  torque(q̇, u)."""
-    n = model.n
-    qdd, factors = _solved(model, q, qd, torque(qd, u), wrench)
+    n = arm.n
+    qdd, factors = _solved(arm, q, qd, torque(qd, u), wrench)
 
     def missing(x: np.ndarray) -> np.ndarray:
         """Torques that the joints get beyond those that they need at that q̈."""
         speeds, commands = x[n : 2 * n], x[2 * n :]
-        driven = joint_torques(model, speeds, qdd, torque(speeds, commands))
-        return driven - torques_of_links(model, q, speeds, qdd, wrench, nudge=x[:n])
+        driven = joint_torques(arm, speeds, qdd, torque(speeds, commands))
+        return driven - torques_of_links(arm, q, speeds, qdd, wrench, nudge=x[:n])
 
     slope = scalar.jacobian(missing, np.concatenate([scalar.zeros(n), qd, u]))
     by_state = scalar.solve_factored(factors, slope[:, : 2 * n])
@@ -95,11 +95,11 @@ def driven_derivatives(
     return by_state[:, :n], by_state[:, n:], scalar.array(by_u)
 
 
-def _solved(model: Model, q: Array, qd: Array, tau: Array, wrench: Array | None) -> tuple[np.ndarray, Factored]:
+def _solved(arm: Model, q: Array, qd: Array, tau: Array, wrench: Array | None) -> tuple[np.ndarray, Factored]:
     """The accelerations, and the factors of M_links + Bᵀ diag(G') D B."""
-    model, driven, gears = motors(model, qd, tau)
-    bias = newton_euler(model, q, qd, scalar.zeros(model.n), wrench) + link_friction(model, qd)
+    arm, driven, gears = motors(arm, qd, tau)
+    bias = newton_euler(arm, q, qd, scalar.zeros(arm.n), wrench) + link_friction(arm, qd)
     if gears:
-        return through_gears(mass_matrix(model, q), bias - driven, gears)
-    factors = scalar.factor_symmetric(mass_matrix(model, q))
+        return through_gears(mass_matrix(arm, q), bias - driven, gears)
+    factors = scalar.factor_symmetric(mass_matrix(arm, q))
     return scalar.solve_factored(factors, driven - bias), factors

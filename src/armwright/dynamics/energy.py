@@ -12,38 +12,38 @@ from armwright.spatial import cross
 
 
 @one_state_with_masses
-def energy(model: Model, q: Array, qd: Array) -> tuple[Scalar, Scalar]:
+def energy(arm: Model, q: Array, qd: Array) -> tuple[Scalar, Scalar]:
     """Kinetic and potential energy, T and U: without friction, gear loss and drives their sum stays what it is.
 
     Args:
-        model: the arm.   q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].
+        arm: the model.   q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].
     Returns:
         kinetic: () [J], links and rotors.   potential: () [J], zero where all mass lies at the base's origin.
     """
-    return kinetic_energy(model, q, qd), potential_energy(model, q)
+    return kinetic_energy(arm, q, qd), potential_energy(arm, q)
 
 
 @one_state_with_masses
-def kinetic_energy(model: Model, q: Array, qd: Array) -> Scalar:
+def kinetic_energy(arm: Model, q: Array, qd: Array) -> Scalar:
     """T = ½ Σ ( m |v|² + 2 v·(ω × m c) + ω·I ω ) + ½ Σ n² J_m w²: from the velocities of bodies and motors.
 
     Args:
-        model: the arm.   q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].
+        arm: the model.   q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].
     Returns:
         T: () [J], links and rotors.
     """
-    total, shares = _kinetic_energy(model, q, qd), shares_of(model)
-    for i, (body, w) in enumerate(zip(model.coordinates, to_motors(shares, qd), strict=True)):
+    total, shares = _kinetic_energy(arm, q, qd), shares_of(arm)
+    for i, (body, w) in enumerate(zip(arm.coordinates, to_motors(shares, qd), strict=True)):
         if shares[i]:
             total = total + 0.5 * body.drive.reflected * w * w
     return total
 
 
 @on_tree()
-def _kinetic_energy(model: Model, q: Array, qd: Array) -> Scalar:
+def _kinetic_energy(arm: Model, q: Array, qd: Array) -> Scalar:
     """T of the links and of the rotors that one joint each turns."""
     w, v, total = {BASE: scalar.zeros(3)}, {BASE: scalar.zeros(3)}, 0.0
-    for (i, body), motion in zip(model.outward(), joint_motions(model, q), strict=True):
+    for (i, body), motion in zip(arm.outward(), joint_motions(arm, q), strict=True):
         along_z = scalar.array([0.0, 0.0, qd[i]])
         w[i] = motion.to_body(w[body.parent])
         v[i] = motion.to_body(v[body.parent] + cross(w[body.parent], motion.position))
@@ -60,17 +60,17 @@ def _kinetic_energy(model: Model, q: Array, qd: Array) -> Scalar:
 
 
 @one_state_with_masses
-def potential_energy(model: Model, q: Array) -> Scalar:
+def potential_energy(arm: Model, q: Array) -> Scalar:
     """U = - Σ m gᵀ p_c + U_springs, zero where all mass lies at the base's origin and springs are as `spring_potential` says.
 
     Args:
-        model: the arm.   q: (n,) [rad | m].
+        arm: the model.   q: (n,) [rad | m].
     Returns:
         U: () [J].
     """
-    placed = body_placements(model, q)
+    placed = body_placements(arm, q)
     height = -sum(
-        model.gravity @ (placed[i].rotation @ body.first_moment + body.mass * placed[i].position)
-        for i, body in model.outward()
+        arm.gravity @ (placed[i].rotation @ body.first_moment + body.mass * placed[i].position)
+        for i, body in arm.outward()
     )
-    return height + spring_potential(model, q) if model.is_sprung else height
+    return height + spring_potential(arm, q) if arm.is_sprung else height

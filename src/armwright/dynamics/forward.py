@@ -20,7 +20,7 @@ SHORT = 5  # joints from the base to a body, itself included, on average: a chai
 
 
 @one_state_with_masses
-def forward_dynamics(model: Model, q: Array, qd: Array, tau: Array, wrench: Array | None = None) -> np.ndarray:
+def forward_dynamics(arm: Model, q: Array, qd: Array, tau: Array, wrench: Array | None = None) -> np.ndarray:
     """Accelerations that motor torques give, the exact inverse of `inverse_dynamics`.  [WalkerOrin1982] [Featherstone2008]
 
     Without gear loss  q̈ = M⁻¹ ( tau - C q̇ - g - s - f + Jᵀ wrench ).  With it  M_links q̈ + C q̇ + g + s + f_links - Jᵀ wrench =
@@ -30,7 +30,7 @@ def forward_dynamics(model: Model, q: Array, qd: Array, tau: Array, wrench: Arra
     motors are coupled or gears lose power; else by `articulated_body`: they agree to rounding.
 
     Args:
-        model: the arm.   q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].
+        arm: the model.   q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].
         tau: (n,) [N m | N] motor torque referred to the joints, before rotor, gear loss and friction.
         wrench: (6,) [N, N m] force and moment of the environment on the arm at the tip, in base axes.
     Returns:
@@ -38,12 +38,12 @@ def forward_dynamics(model: Model, q: Array, qd: Array, tau: Array, wrench: Arra
     Raises:
         ModelError: a wrench on an arm that branches and names no tip.
     """
-    model, driven, gears = motors(model, qd, tau)
-    return accelerations(model, q, qd, driven, link_friction(model, qd), wrench, gears)
+    arm, driven, gears = motors(arm, qd, tau)
+    return accelerations(arm, q, qd, driven, link_friction(arm, qd), wrench, gears)
 
 
 def accelerations(
-    model: Model,
+    arm: Model,
     q: Array,
     qd: Array,
     driven: Array,
@@ -57,28 +57,28 @@ def accelerations(
     loss of the model itself have no part.
 
     Args:
-        model: the arm, without the rotors of those gears.   q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].
+        arm: the arm, without the rotors of those gears.   q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].
         driven, resisting: (n,) [N m | N].   wrench: (6,) [N, N m] of the environment on the arm at the tip, in base axes.
         gears: from `gears.lossy_gears`.
     Returns:
         qdd: (n,) [rad/s² | m/s²]; not finite where M is singular.
     """
-    far = sum(len(model.path(i)) for i in range(len(model.bodies))) > SHORT * model.n
-    if far and not gears and model.mimics is None and not any(shares_of(model)):
-        return articulated_accelerations(model, q, qd, driven, resisting, wrench)
-    return composite_accelerations(model, q, qd, driven, resisting, wrench, gears)
+    far = sum(len(arm.path(i)) for i in range(len(arm.bodies))) > SHORT * arm.n
+    if far and not gears and arm.mimics is None and not any(shares_of(arm)):
+        return articulated_accelerations(arm, q, qd, driven, resisting, wrench)
+    return composite_accelerations(arm, q, qd, driven, resisting, wrench, gears)
 
 
 @one_state_with_masses
-def forward_arm(model: Model, q: Array, qd: Array, u: Array) -> np.ndarray:
+def forward_arm(arm: Model, q: Array, qd: Array, u: Array) -> np.ndarray:
     """The report's Forward Arm: drive commands in, accelerations out.  tau by eq. (12), then `forward_dynamics`.
 
     Args:
-        model: the arm.   q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].
+        arm: the model.   q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].
         u: (n,) [V | A | N m | N], each in the unit of its joint's drive command; no limit is applied.
     Returns:
         qdd: (n,) [rad/s² | m/s²].
     Raises:
         ModelError: a drive without the constants that its command needs.
     """
-    return forward_dynamics(model, q, qd, drive_torque(model, qd, u))
+    return forward_dynamics(arm, q, qd, drive_torque(arm, qd, u))

@@ -32,29 +32,29 @@ SEARCHED = 6  # parts of the way at which the slope is looked at where gears hav
 SETTLED = 1e-4  # of a gear's torque: an iteration that goes on leaves more of it, one that has ended only rounding
 
 
-def gear_losses(model: Model, qd: Array) -> list[GearLoss | None]:
+def gear_losses(arm: Model, qd: Array) -> list[GearLoss | None]:
     """G of every motor at the joints' speeds, load-proportional friction included; None for gears without loss."""
-    w = to_motors(shares_of(model), qd)
-    return [gear_loss(body.drive, w[i], body.friction) for i, body in enumerate(model.coordinates)]
+    w = to_motors(shares_of(arm), qd)
+    return [gear_loss(body.drive, w[i], body.friction) for i, body in enumerate(arm.coordinates)]
 
 
-def motor_torques(model: Model, qd: Array, qdd: Array, joint_torques: Array) -> np.ndarray:
+def motor_torques(arm: Model, qd: Array, qdd: Array, joint_torques: Array) -> np.ndarray:
     """Torques of the motors that give the joints these:  tau = G⁻¹(B⁻ᵀ r) + D B q̈ + f_m(B q̇)  (n,) [N m | N]."""
-    shares = shares_of(model)
+    shares = shares_of(arm)
     w, wd, leaving = to_motors(shares, qd), to_motors(shares, qdd), from_joints(shares, joint_torques)
     tau = []
-    for i, (body, loss) in enumerate(zip(model.coordinates, gear_losses(model, qd), strict=True)):
+    for i, (body, loss) in enumerate(zip(arm.coordinates, gear_losses(arm, qd), strict=True)):
         entering = leaving[i] if loss is None else loss.input(leaving[i])
         tau.append(entering + motor_friction(body, w[i]) + body.drive.reflected * wd[i])
     return scalar.array(tau)
 
 
-def joint_torques(model: Model, qd: Array, qdd: Array, tau: Array) -> np.ndarray:
+def joint_torques(arm: Model, qd: Array, qdd: Array, tau: Array) -> np.ndarray:
     """Torques that the motors give the joints:  Bᵀ G(tau - D B q̈ - f_m(B q̇))  (n,) [N m | N]."""
-    shares = shares_of(model)
+    shares = shares_of(arm)
     w, wd = to_motors(shares, qd), to_motors(shares, qdd)
     leaving = []
-    for i, (body, loss) in enumerate(zip(model.coordinates, gear_losses(model, qd), strict=True)):
+    for i, (body, loss) in enumerate(zip(arm.coordinates, gear_losses(arm, qd), strict=True)):
         entering = tau[i] - motor_friction(body, w[i]) - body.drive.reflected * wd[i]
         leaving.append(entering if loss is None else loss.output(entering))
     return to_joints(shares, leaving)
@@ -89,42 +89,40 @@ class Gear:
         return Gear(row, values[k], values[k + 1], self.loss.unpacked(values[k + 2 :]))
 
 
-def lossy_gears(
-    model: Model, torques: Array, losses: Sequence[GearLoss | None]
-) -> tuple[Model, np.ndarray, list[Gear]]:
+def lossy_gears(arm: Model, torques: Array, losses: Sequence[GearLoss | None]) -> tuple[Model, np.ndarray, list[Gear]]:
     """Torques of an arm's motors, divided into those that its rotors' accelerations change in the gear and the others.
 
     Args:
-        model: the arm.   torques: (n,) tau - f_m(w) of the motors [N m | N].   losses: of their gears.
+        arm: the model.   torques: (n,) tau - f_m(w) of the motors [N m | N].   losses: of their gears.
     Returns:
-        model: without the rotors of the gears below.   driven: (n,) what reaches the joints from all others [N m | N].
+        arm: without the rotors of the gears below.   driven: (n,) what reaches the joints from all others [N m | N].
         gears: with loss, behind rotors.
     """
-    shares, gears, driven, rotors = shares_of(model), [], [], set()
-    for i, (body, torque, loss) in enumerate(zip(model.coordinates, torques, losses, strict=True)):
+    shares, gears, driven, rotors = shares_of(arm), [], [], set()
+    for i, (body, torque, loss) in enumerate(zip(arm.coordinates, torques, losses, strict=True)):
         inertia = body.drive.reflected
         if loss is not None and (scalar.is_symbolic(inertia) or inertia > 0.0):
             gears.append(Gear([(i, 1.0), *shares[i]], inertia, torque, loss))
             rotors.add(body.joint)
             torque, loss = 0.0, None
         driven.append(torque if loss is None else loss.output(torque))
-    return without_rotors(model, rotors) if rotors else model, to_joints(shares, driven), gears
+    return without_rotors(arm, rotors) if rotors else arm, to_joints(shares, driven), gears
 
 
-def motors(model: Model, qd: Array, tau: Array) -> tuple[Model, np.ndarray, list[Gear]]:
+def motors(arm: Model, qd: Array, tau: Array) -> tuple[Model, np.ndarray, list[Gear]]:
     """`lossy_gears` of an arm whose motors give torques tau (n,) [N m | N], at the joints' speeds."""
-    w = to_motors(shares_of(model), qd)
-    torques = [tau[i] - motor_friction(body, w[i]) for i, body in enumerate(model.coordinates)]
-    return lossy_gears(model, scalar.array(torques), gear_losses(model, qd))
+    w = to_motors(shares_of(arm), qd)
+    torques = [tau[i] - motor_friction(body, w[i]) for i, body in enumerate(arm.coordinates)]
+    return lossy_gears(arm, scalar.array(torques), gear_losses(arm, qd))
 
 
-def without_rotors(model: Model, joints: Collection[str]) -> Model:
+def without_rotors(arm: Model, joints: Collection[str]) -> Model:
     """The arm without the rotors of those joints' motors."""
     bodies = (
         replace(body, drive=replace(body.drive, rotor_inertia=0.0)) if body.joint in joints else body
-        for body in model.bodies
+        for body in arm.bodies
     )
-    return replace(model, bodies=tuple(bodies))
+    return replace(arm, bodies=tuple(bodies))
 
 
 def through_gears(mass: Array, bias: Array, gears: Sequence[Gear]) -> tuple[np.ndarray, Factored]:

@@ -17,7 +17,7 @@ STILL = scalar.zeros(3)
 
 
 @one_state_with_masses
-def inverse_dynamics(model: Model, q: Array, qd: Array, qdd: Array, wrench: Array | None = None) -> np.ndarray:
+def inverse_dynamics(arm: Model, q: Array, qd: Array, qdd: Array, wrench: Array | None = None) -> np.ndarray:
     """Motor torques that give acceleration `qdd` in state (q, qd).  [LuhWalkerPaul1980]
 
     tau = G⁻¹(B⁻ᵀ r) + n² J_m B q̈ + f_m(B q̇),   r = M_links q̈ + C q̇ + g(q) + s(q) + f_links(q̇) - Jᵀ wrench:  what the joints
@@ -26,82 +26,82 @@ def inverse_dynamics(model: Model, q: Array, qd: Array, qdd: Array, wrench: Arra
     tau = M q̈ + C q̇ + g + s + f - Jᵀ wrench.
 
     Args:
-        model: the arm.   q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].   qdd: (n,) [rad/s² | m/s²].
+        arm: the model.   q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].   qdd: (n,) [rad/s² | m/s²].
         wrench: (6,) [N, N m] force and moment of the environment on the arm at the tip, in base axes.
     Returns:
         tau: (n,) [N m | N] torques of the motors, each referred to its joint, before rotor, gear loss and friction.
     Raises:
         ModelError: a wrench on an arm that branches and names no tip.
     """
-    return inverse_torques(model, q, qd, qdd, wrench)
+    return inverse_torques(arm, q, qd, qdd, wrench)
 
 
 def inverse_torques(
-    model: Model, q: Array, qd: Array, qdd: Array, wrench: Array | None = None, nudge: Array | None = None
+    arm: Model, q: Array, qd: Array, qdd: Array, wrench: Array | None = None, nudge: Array | None = None
 ) -> np.ndarray:
     """`inverse_dynamics` at positions that `nudge` moves on, as in `newton_euler`."""
-    return motor_torques(model, qd, qdd, torques_of_links(model, q, qd, qdd, wrench, nudge))
+    return motor_torques(arm, qd, qdd, torques_of_links(arm, q, qd, qdd, wrench, nudge))
 
 
 @one_state_with_masses
-def bias_torques(model: Model, q: Array, qd: Array, wrench: Array | None = None) -> np.ndarray:
+def bias_torques(arm: Model, q: Array, qd: Array, wrench: Array | None = None) -> np.ndarray:
     """Torques that no acceleration asks for, the report's bias vector, eq. (14):  h = C q̇ + g(q) + s(q) + f(q̇) - Jᵀ wrench.
 
     Args:
-        model: the arm.   q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].
+        arm: the model.   q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].
         wrench: (6,) [N, N m] force and moment of the environment on the arm at the tip, in base axes.
     Returns:
         h: (n,) [N m | N].
     Raises:
         ModelError: a wrench on an arm that branches and names no tip.
     """
-    return newton_euler(model, q, qd, scalar.zeros(model.n), wrench) + friction_torques(model, qd)
+    return newton_euler(arm, q, qd, scalar.zeros(arm.n), wrench) + friction_torques(arm, qd)
 
 
 @one_state_with_masses
-def gravity_torques(model: Model, q: Array) -> np.ndarray:
+def gravity_torques(arm: Model, q: Array) -> np.ndarray:
     """Torques that hold the arm against gravity:  g(q) = ∂U/∂q, inverse dynamics at rest without friction and springs.
 
     Args:
-        model: the arm.   q: (n,) [rad | m].
+        arm: the model.   q: (n,) [rad | m].
     Returns:
         g: (n,) [N m | N].
     """
-    return link_torques(model, q, scalar.zeros(model.n), scalar.zeros(model.n))
+    return link_torques(arm, q, scalar.zeros(arm.n), scalar.zeros(arm.n))
 
 
-def holding_torques(model: Model, q: Array) -> np.ndarray:
+def holding_torques(arm: Model, q: Array) -> np.ndarray:
     """Torques that hold the arm at rest against gravity and springs, g(q) + s(q)  (n,) [N m | N]; q (n,) [rad | m]."""
-    return newton_euler(model, q, scalar.zeros(model.n), scalar.zeros(model.n))
+    return newton_euler(arm, q, scalar.zeros(arm.n), scalar.zeros(arm.n))
 
 
 def torques_of_links(
-    model: Model, q: Array, qd: Array, qdd: Array, wrench: Array | None = None, nudge: Array | None = None
+    arm: Model, q: Array, qd: Array, qdd: Array, wrench: Array | None = None, nudge: Array | None = None
 ) -> np.ndarray:
     """Torques that the joints need behind the gears:  M_links q̈ + C q̇ + g + s + f_links - Jᵀ wrench  (n,) [N m | N]."""
-    torques = newton_euler(model, q, qd, qdd, wrench, nudge) + link_friction(model, qd)
-    if model.mimics is None:
+    torques = newton_euler(arm, q, qd, qdd, wrench, nudge) + link_friction(arm, qd)
+    if arm.mimics is None:
         return torques
-    followers = without_rotors(model, model.names)
+    followers = without_rotors(arm, arm.names)
     return torques + _rotor_torques(followers, qdd)
 
 
 @on_tree(Mimics.torques)
-def _rotor_torques(model: Model, qdd: Array) -> np.ndarray:
-    return scalar.array([body.drive.joint_inertia * qdd[i] for i, body in model.outward()])
+def _rotor_torques(arm: Model, qdd: Array) -> np.ndarray:
+    return scalar.array([body.drive.joint_inertia * qdd[i] for i, body in arm.outward()])
 
 
 def newton_euler(
-    model: Model, q: Array, qd: Array, qdd: Array, wrench: Array | None = None, nudge: Array | None = None
+    arm: Model, q: Array, qd: Array, qdd: Array, wrench: Array | None = None, nudge: Array | None = None
 ) -> np.ndarray:
     """`link_torques`, and s(q) of springs where the arm has some  (n,) [N m | N]."""
-    torques = link_torques(model, q, qd, qdd, wrench, nudge)
-    return torques + sprung_torques(model, q, nudge) if model.is_sprung else torques
+    torques = link_torques(arm, q, qd, qdd, wrench, nudge)
+    return torques + sprung_torques(arm, q, nudge) if arm.is_sprung else torques
 
 
 @on_tree(Mimics.torques)
 def link_torques(
-    model: Model, q: Array, qd: Array, qdd: Array, wrench: Array | None = None, nudge: Array | None = None
+    arm: Model, q: Array, qd: Array, qdd: Array, wrench: Array | None = None, nudge: Array | None = None
 ) -> np.ndarray:
     """The links' part alone:  M_links(q) q̈ + C(q, q̇) q̇ + g(q) - Jᵀ wrench  (n,) [N m | N].
 
@@ -109,10 +109,10 @@ def link_torques(
     acceleration tensor U = ω̇× + ω×ω× carries equations (4), (5) and (7). `nudge` (n,) moves q on by a first-order
     amount, for derivatives; the wrench stays as it is in base axes.
     """
-    motion = joint_motions(model, q, nudge)
-    f, n = inertial_forces(model, motion, qd, qdd, wrench)
-    tau = scalar.zeros(model.n)
-    for i, body in model.inward():
+    motion = joint_motions(arm, q, nudge)
+    f, n = inertial_forces(arm, motion, qd, qdd, wrench)
+    tau = scalar.zeros(arm.n)
+    for i, body in arm.inward():
         tau[i] = n[i][2] if body.kind == "revolute" else f[i][2]  # (10), the axis is z
         if body.parent != BASE:
             pushed = motion[i].to_parent(f[i])
@@ -122,12 +122,12 @@ def link_torques(
 
 
 def inertial_forces(
-    model: Model, motion: list[JointMotion], qd: Array, qdd: Array, wrench: Array | None = None
+    arm: Model, motion: list[JointMotion], qd: Array, qdd: Array, wrench: Array | None = None
 ) -> tuple[dict[int, Array], dict[int, Array]]:
     """Force and moment (3,) [N], [N m] that each body by itself asks for, about its origin, in its axes; less the wrench."""
-    w, wd, vd, u = {BASE: STILL}, {BASE: STILL}, {BASE: -model.gravity}, {BASE: scalar.zeros(3, 3)}
+    w, wd, vd, u = {BASE: STILL}, {BASE: STILL}, {BASE: -arm.gravity}, {BASE: scalar.zeros(3, 3)}
     f, n = {}, {}
-    for i, body in model.outward():
+    for i, body in arm.outward():
         a = body.parent
         w[i], wd[i] = turning(body, motion[i], w[a], wd[a], qd[i], qdd[i])  # (1) (2)
         vd[i] = origin_acceleration(body, motion[i], w[i], vd[a], u[a], qd[i], qdd[i])  # (4)
@@ -135,16 +135,16 @@ def inertial_forces(
         f[i] = body.mass * vd[i] + u[i] @ body.first_moment  # (5) (6)
         n[i] = inertial_moment(body.inertia, u[i]) + cross(body.first_moment, vd[i])  # (7), about the body's origin
     if wrench is not None:
-        tip, force, moment = _wrench_on_body(model, motion, wrench)
+        tip, force, moment = _wrench_on_body(arm, motion, wrench)
         if tip != BASE:
             f[tip], n[tip] = f[tip] - force, n[tip] - moment
     return f, n
 
 
-def _wrench_on_body(model: Model, motion: list[JointMotion], wrench: Array) -> tuple[int, Array, Array]:
+def _wrench_on_body(arm: Model, motion: list[JointMotion], wrench: Array) -> tuple[int, Array, Array]:
     """The body that carries the tip, and the wrench as force and moment about its origin, in its axes."""
-    tip = model.frame()
+    tip = arm.frame()
     force, moment = wrench[:3], wrench[3:]
-    for i in model.path(tip.body):
+    for i in arm.path(tip.body):
         force, moment = motion[i].to_body(force), motion[i].to_body(moment)
     return tip.body, force, moment + cross(tip.placement.position, force)

@@ -12,7 +12,7 @@ from armwright.scalar import Array
 
 
 @one_state_with_masses
-def forward_arm_linearised(model: Model, q: Array, qd: Array, u: Array) -> tuple[np.ndarray, np.ndarray]:
+def forward_arm_linearised(arm: Model, q: Array, qd: Array, u: Array) -> tuple[np.ndarray, np.ndarray]:
     """A and B of  δẋ = A δx + B δu,  x = (q, q̇), about a state and its drive commands: the slopes of `forward_arm`.
 
     A = [[0, 1], [∂q̈/∂q, ∂q̈/∂q̇]],  B = [[0], [∂q̈/∂u]],  back EMF, friction and gear loss included.
@@ -21,7 +21,7 @@ def forward_arm_linearised(model: Model, q: Array, qd: Array, u: Array) -> tuple
     gear loss without a smoothing speed count 0 at rest, where they would hold a joint: their jump is in neither matrix.
 
     Args:
-        model: the arm.   q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].
+        arm: the model.   q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].
         u: (n,) [V | A | N m | N], each in the unit of its joint's drive command; no limit is applied.
     Returns:
         A: (2n, 2n) [1/s, 1/s², mixed joints as in `forward_dynamics_derivatives`].
@@ -29,7 +29,7 @@ def forward_arm_linearised(model: Model, q: Array, qd: Array, u: Array) -> tuple
     Raises:
         ModelError: a drive without the constants that its command needs.
     """
-    by_q, by_qd, by_u = driven_derivatives(model, q, qd, u, lambda qd, u: drive_torque(model, qd, u))
-    unit, none = np.eye(model.n), scalar.zeros(model.n, model.n)
+    by_q, by_qd, by_u = driven_derivatives(arm, q, qd, u, lambda qd, u: drive_torque(arm, qd, u))
+    unit, none = np.eye(arm.n), scalar.zeros(arm.n, arm.n)
     a = np.concatenate([np.concatenate([none, unit], axis=1), np.concatenate([by_q, by_qd], axis=1)])
     return scalar.array(a), scalar.array(np.concatenate([none, by_u]))

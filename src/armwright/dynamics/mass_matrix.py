@@ -13,7 +13,7 @@ from armwright.spatial import cross, displaced_inertia
 
 
 @one_state_with_masses
-def mass_matrix(model: Model, q: Array) -> np.ndarray:
+def mass_matrix(arm: Model, q: Array) -> np.ndarray:
     """M(q), rotors' inertia Nᵀ J_m N included, of coupled motors too:  kinetic energy = ½ q̇ᵀ M q̇.  [WalkerOrin1982]
 
     All bodies behind a joint are taken as one, turning with unit acceleration: its inertial force and moment, carried
@@ -21,31 +21,31 @@ def mass_matrix(model: Model, q: Array) -> np.ndarray:
     origin, which need no division by a mass that may be 0.
 
     Args:
-        model: the arm.   q: (n,) [rad | m].
+        arm: the model.   q: (n,) [rad | m].
     Returns:
         M: (n, n) symmetric; [kg m²] for two revolute joints, [kg m] for mixed ones, [kg] for two prismatic ones.
     """
-    inertia = _composite_bodies(model, q)
-    return scalar.array(inertia + coupled_inertia(model)) if any(shares_of(model)) else inertia
+    inertia = _composite_bodies(arm, q)
+    return scalar.array(inertia + coupled_inertia(arm)) if any(shares_of(arm)) else inertia
 
 
 @on_tree(Mimics.inertia)
-def _composite_bodies(model: Model, q: Array) -> np.ndarray:
+def _composite_bodies(arm: Model, q: Array) -> np.ndarray:
     """M of the links and of the rotors that one joint each turns."""
-    motion = joint_motions(model, q)
-    m = [body.mass for body in model.bodies]
-    h = [body.first_moment for body in model.bodies]  # M_j c_j
-    e = [body.inertia for body in model.bodies]
-    columns = scalar.zeros(model.n, model.n)
-    for j, body in model.inward():
+    motion = joint_motions(arm, q)
+    m = [body.mass for body in arm.bodies]
+    h = [body.first_moment for body in arm.bodies]  # M_j c_j
+    e = [body.inertia for body in arm.bodies]
+    columns = scalar.zeros(arm.n, arm.n)
+    for j, body in arm.inward():
         force, moment = _unit_acceleration(body.kind, m[j], h[j], e[j])  # (19)-(22)
         columns[j, j] = (moment if body.kind == "revolute" else force)[2] + body.drive.joint_inertia  # (23)
         at = j
-        while model.bodies[at].parent != BASE:
+        while arm.bodies[at].parent != BASE:
             force, moment = motion[at].to_parent(force), motion[at].to_parent(moment)  # (24)
             moment = moment + cross(motion[at].position, force)  # (25)
-            at = model.bodies[at].parent
-            columns[at, j] = columns[j, at] = (moment if model.bodies[at].kind == "revolute" else force)[2]  # (26)
+            at = arm.bodies[at].parent
+            columns[at, j] = columns[j, at] = (moment if arm.bodies[at].kind == "revolute" else force)[2]  # (26)
         a = body.parent
         if a != BASE:
             p, shifted = motion[j].position, motion[j].to_parent(h[j])

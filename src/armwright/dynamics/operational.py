@@ -13,7 +13,7 @@ from armwright.scalar import Array
 
 
 @one_state_with_masses
-def operational_inertia(model: Model, q: Array, frame: str | None = None) -> np.ndarray:
+def operational_inertia(arm: Model, q: Array, frame: str | None = None) -> np.ndarray:
     """Inertia of the tip or of another frame, the operational space's:  Λ = (J M⁻¹ Jᵀ)⁻¹, rotors included.  [Khatib1987]
 
     A wrench w at the frame, the arm at rest and nothing else acting, gives it the acceleration Λ⁻¹ w. At a singular
@@ -21,22 +21,22 @@ def operational_inertia(model: Model, q: Array, frame: str | None = None) -> np.
     happens, Λ⁻¹ = J M⁻¹ Jᵀ itself is the thing to compute, with `jacobian` and `forward_dynamics_derivatives`.
 
     Args:
-        model: the arm.   q: (n,) [rad | m].   frame: name of a frame of the arm; by default its tip.
+        arm: the model.   q: (n,) [rad | m].   frame: name of a frame of the arm; by default its tip.
     Returns:
         Lambda: (6, 6) symmetric, linear rows first, in base axes; [kg | kg m | kg m²].
     Raises:
         ModelError: no such frame, no tip, or fewer than six joints carry the frame, so that Λ exists nowhere.
     """
-    path = model.path(model.frame(frame).body)
-    carried = len(path if model.mimics is None else {model.mimics.coordinate[i] for i in path})
+    path = arm.path(arm.frame(frame).body)
+    carried = len(path if arm.mimics is None else {arm.mimics.coordinate[i] for i in path})
     if carried < 6:
-        place = f"joints that carry {frame or model.tip!r}"
+        place = f"joints that carry {frame or arm.tip!r}"
         raise ModelError(
-            "operational_inertia needs more", place=place, value=carried, expected="six or more", file=model.name
+            "operational_inertia needs more", place=place, value=carried, expected="six or more", file=arm.name
         )
-    factors = scalar.factor_symmetric(mass_matrix(model, q))
-    half = scalar.solve_lower(factors, jacobian(model, q, frame).T)  # Λ⁻¹ = halfᵀ D⁻¹ half
-    scaled = half * factors.inverse.reshape(model.n, 1)
+    factors = scalar.factor_symmetric(mass_matrix(arm, q))
+    half = scalar.solve_lower(factors, jacobian(arm, q, frame).T)  # Λ⁻¹ = halfᵀ D⁻¹ half
+    scaled = half * factors.inverse.reshape(arm.n, 1)
     mobility = scalar.zeros(6, 6)
     for i in range(6):
         for j in range(i + 1):

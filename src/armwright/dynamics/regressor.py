@@ -21,7 +21,7 @@ COLUMNS = 6 + len(LINEAR)  # of one joint's `drive_parameters`
 
 @one_state
 @on_tree(Mimics.torques)
-def regressor(model: Model, q: Array, qd: Array, qdd: Array) -> np.ndarray:
+def regressor(arm: Model, q: Array, qd: Array, qdd: Array) -> np.ndarray:
     """Y of  M_links q̈ + C q̇ + g = Y(q, q̇, q̈) π,  π = `arm.inertial_parameters`.  [AtkesonAnHollerbach1986]
 
     Columns for each moving link, in the order of joints: [m, m c_x, m c_y, m c_z, Ixx, Ixy, Ixz, Iyy, Iyz, Izz], the
@@ -29,21 +29,21 @@ def regressor(model: Model, q: Array, qd: Array, qdd: Array) -> np.ndarray:
     tau = Y π + Y_d π_d + s, with `regressor_drive` and `spring_torques`: take s off measured torques before a fit.
 
     Args:
-        model: the arm.   q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].   qdd: (n,) [rad/s² | m/s²].
+        arm: the model.   q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].   qdd: (n,) [rad/s² | m/s²].
     Returns:
         Y: (n, 10 N) [N m | N] per [kg, kg m, kg m²].
     """
 
     def torques(parameters: np.ndarray) -> np.ndarray:
-        bodies = (body.with_inertial_parameters(parameters[10 * i : 10 * i + 10]) for i, body in model.outward())
-        return link_torques(replace(model, bodies=tuple(bodies)), q, qd, qdd)
+        bodies = (body.with_inertial_parameters(parameters[10 * i : 10 * i + 10]) for i, body in arm.outward())
+        return link_torques(replace(arm, bodies=tuple(bodies)), q, qd, qdd)
 
-    return scalar.jacobian(torques, scalar.zeros(10 * model.n))
+    return scalar.jacobian(torques, scalar.zeros(10 * arm.n))
 
 
 @one_state
 @on_tree(Mimics.torques)
-def regressor_drive(model: Model, qd: Array, qdd: Array) -> np.ndarray:
+def regressor_drive(arm: Model, qd: Array, qdd: Array) -> np.ndarray:
     """Y_d of  Nᵀ J_m N q̈ + f(q̇) = Y_d(q̇, q̈) π_d,  π_d = `arm.drive_parameters`.  [OlssonEtAl1998]
 
     Columns for each joint: [n² J_m, viscous, offset, Coulomb where q̇ > 0, Coulomb where q̇ < 0, Stribeck, sigmoid
@@ -51,20 +51,20 @@ def regressor_drive(model: Model, qd: Array, qdd: Array) -> np.ndarray:
     Stribeck level, no sigmoid.
 
     Args:
-        model: the arm.   qd: (n,) [rad/s | m/s].   qdd: (n,) [rad/s² | m/s²].
+        arm: the model.   qd: (n,) [rad/s | m/s].   qdd: (n,) [rad/s² | m/s²].
     Returns:
         Y_d: (n, 7 N) [N m | N] per [kg m² | kg, N m s/rad | N s/m, then N m | N].
     Raises:
         ModelError: a motor that other joints turn as well, whose inertia is no number of one joint.
     """
-    for body in model.bodies:
+    for body in arm.bodies:
         _ = body.drive.armature  # refuses coupled motors
 
     def torques(parameters: np.ndarray) -> np.ndarray:
-        rows = parameters.reshape(model.n, COLUMNS)
-        return scalar.array([_drive(body, rows[i], qd[i], qdd[i]) for i, body in model.outward()])
+        rows = parameters.reshape(arm.n, COLUMNS)
+        return scalar.array([_drive(body, rows[i], qd[i], qdd[i]) for i, body in arm.outward()])
 
-    return scalar.jacobian(torques, scalar.zeros(COLUMNS * model.n))
+    return scalar.jacobian(torques, scalar.zeros(COLUMNS * arm.n))
 
 
 def _drive(body: Body, parameters: Array, speed: Scalar, acceleration: Scalar) -> Scalar:

@@ -13,37 +13,37 @@ from armwright.spatial import cross
 
 
 @one_state
-def spring_torques(model: Model, q: Array) -> np.ndarray:
+def spring_torques(arm: Model, q: Array) -> np.ndarray:
     """Torques that hold the arm against its springs:  s(q) = ∂U/∂q,  U their energy; what the joints need beside g(q).
 
     A spring at a joint with the torque t(q) asks for s = -t(q). A cylinder of length L that pushes with F(L) asks for
     s = -F ∂L/∂q of every joint between its ends.
 
     Args:
-        model: the arm.   q: (n,) [rad | m].
+        arm: the model.   q: (n,) [rad | m].
     Returns:
         s: (n,) [N m | N]; 0 where no spring acts.
     """
-    return sprung_torques(model, q)
+    return sprung_torques(arm, q)
 
 
 @on_tree(Mimics.torques)
-def sprung_torques(model: Model, q: Array, nudge: Array | None = None) -> np.ndarray:
+def sprung_torques(arm: Model, q: Array, nudge: Array | None = None) -> np.ndarray:
     """`spring_torques`; `nudge` (n,) moves q on by a first-order amount, for derivatives."""
-    s = scalar.zeros(model.n)
-    for i, body in model.outward():
+    s = scalar.zeros(arm.n)
+    for i, body in arm.outward():
         if body.spring is not None:
             s[i] = -spring_torque(body.spring, q[i] if nudge is None else q[i] + nudge[i])
-    if model.cylinders:
-        motion = joint_motions(model, q, nudge)
-        for cylinder in model.cylinders:
-            _add_cylinder(s, model, cylinder, motion)
+    if arm.cylinders:
+        motion = joint_motions(arm, q, nudge)
+        for cylinder in arm.cylinders:
+            _add_cylinder(s, arm, cylinder, motion)
     return scalar.array(s)
 
 
-def _add_cylinder(s: np.ndarray, model: Model, cylinder: Cylinder, motion: list[JointMotion]) -> None:
+def _add_cylinder(s: np.ndarray, arm: Model, cylinder: Cylinder, motion: list[JointMotion]) -> None:
     """Adds a cylinder's torques to s (n,), in the frame of the last body that carries both ends."""
-    paths = [model.path(body) for body in cylinder.bodies]
+    paths = [arm.path(body) for body in cylinder.bodies]
     common = sum(a == b for a, b in zip(*paths, strict=False))  # both begin at the base and part once
     ends, levers = [], []
     for path, point in zip(paths, cylinder.ends, strict=True):
@@ -57,8 +57,8 @@ def _add_cylinder(s: np.ndarray, model: Model, cylinder: Cylinder, motion: list[
     push = _force_over_length(cylinder, scalar.sqrt(line @ line)) * line  # on the second end
     for arms, path, force in zip(levers, paths, (-push, push), strict=True):
         for k, i in enumerate(path[common:]):
-            axis = model.bodies[i].placement.rotation[:, 2]
-            turns = model.bodies[i].kind == "revolute"
+            axis = arm.bodies[i].placement.rotation[:, 2]
+            turns = arm.bodies[i].kind == "revolute"
             s[i] = s[i] - axis @ (cross(arms[i], force) if turns else force)
             if k < len(path) - common - 1:
                 force = motion[i].to_body(force)
@@ -69,27 +69,27 @@ def _force_over_length(cylinder: Cylinder, length: Scalar) -> Scalar:
     return (cylinder.preload + cylinder.stiffness * cylinder.length) / length - cylinder.stiffness
 
 
-def spring_potential(model: Model, q: Array) -> Scalar:
+def spring_potential(arm: Model, q: Array) -> Scalar:
     """Energy of all springs [J]: of each joint's 0 at its rest or its table's first point, of a cylinder 0 at its stated length.
 
     Args:
-        model: the arm.   q: (n,) [rad | m].
+        arm: the model.   q: (n,) [rad | m].
     Returns:
         U: () [J].
     """
-    return _at_joints(model, q) + cylinder_energy(model, q)
+    return _at_joints(arm, q) + cylinder_energy(arm, q)
 
 
 @on_tree()
-def _at_joints(model: Model, q: Array) -> Scalar:
-    return sum(spring_energy(body.spring, q[i]) for i, body in model.outward() if body.spring is not None)
+def _at_joints(arm: Model, q: Array) -> Scalar:
+    return sum(spring_energy(body.spring, q[i]) for i, body in arm.outward() if body.spring is not None)
 
 
-def cylinder_energy(model: Model, q: Array) -> Scalar:
+def cylinder_energy(arm: Model, q: Array) -> Scalar:
     """½ stiffness (ℓ - length)² - preload (ℓ - length)  [J], summed over the cylinders."""
     total = 0.0
-    placed = body_placements(model, q) if model.cylinders else {}
-    for cylinder in model.cylinders:
+    placed = body_placements(arm, q) if arm.cylinders else {}
+    for cylinder in arm.cylinders:
         a, b = (placed[body].point(end) for body, end in zip(cylinder.bodies, cylinder.ends, strict=True))
         way = scalar.sqrt((b - a) @ (b - a)) - cylinder.length
         total = total + 0.5 * cylinder.stiffness * way * way - cylinder.preload * way

@@ -11,34 +11,34 @@ from armwright.spatial import Placement
 
 
 @on_tree()
-def body_placements(model: Model, q: Array) -> dict[int, Placement]:
+def body_placements(arm: Model, q: Array) -> dict[int, Placement]:
     """Placement of every body's frame in the base at q (n,) [rad | m]; BASE is the identity."""
     placed = {BASE: Placement.identity()}
-    for (i, body), motion in zip(model.outward(), joint_motions(model, q), strict=True):
+    for (i, body), motion in zip(arm.outward(), joint_motions(arm, q), strict=True):
         placed[i] = placed[body.parent] @ motion.placement()
     return placed
 
 
 @on_tree()
-def frame_placement(model: Model, q: Array, frame: str | None = None) -> Placement:
+def frame_placement(arm: Model, q: Array, frame: str | None = None) -> Placement:
     """Placement in the base of a named frame, by default the tip; only the joints that carry it are computed."""
-    target = model.frame(frame)
-    motions = joint_motions(model, q)
+    target = arm.frame(frame)
+    motions = joint_motions(arm, q)
     placed = Placement.identity()
-    for i in model.path(target.body):
+    for i in arm.path(target.body):
         placed = placed @ motions[i].placement()
     return placed @ target.placement
 
 
 @one_state
-def forward_kinematics(model: Model, q: Array, frame: str | None = None) -> np.ndarray:
+def forward_kinematics(arm: Model, q: Array, frame: str | None = None) -> np.ndarray:
     """Pose of the tip or of another frame:  T = A_0^1 A_1^2 … A_{N-1}^N.  [DenavitHartenberg1955]
 
     Args:
-        model: the arm.   q: (n,) [rad | m].   frame: name of a frame of the arm; by default its tip.
+        arm: the model.   q: (n,) [rad | m].   frame: name of a frame of the arm; by default its tip.
     Returns:
         T: (4, 4) homogeneous transform, the frame's coordinates to base coordinates; [-] and [m].
     Raises:
         ModelError: no such frame, or the arm branches and names no tip.
     """
-    return frame_placement(model, q, frame).matrix()
+    return frame_placement(arm, q, frame).matrix()

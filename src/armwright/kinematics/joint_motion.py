@@ -79,9 +79,9 @@ def _congruent(r: Array, t: Array) -> np.ndarray:
     return scalar.array(full)
 
 
-def joint_motions(model: Model, q: Array, nudge: Array | None = None) -> list[JointMotion]:
+def joint_motions(arm: Model, q: Array, nudge: Array | None = None) -> list[JointMotion]:
     """All joints' motions at q (N,) [rad | m] of a tree, moved on to first order by `nudge` (N,) where that is given."""
-    return [JointMotion(body, q[i], None if nudge is None else nudge[i]) for i, body in model.outward()]
+    return [JointMotion(body, q[i], None if nudge is None else nudge[i]) for i, body in arm.outward()]
 
 
 def turning(body: Body, motion: JointMotion, w: Array, wd: Array, qd: Scalar, qdd: Scalar) -> tuple[Array, Array]:

@@ -32,27 +32,27 @@ def checked_task(task: str) -> tuple[bool, Aim]:
         raise ModelError(place="aim", value=task, expected=f"'rotation', {EXPECTED}") from None
 
 
-def task_jacobian(model: Model, q: Array, frame: str | None, task: str, length: float) -> np.ndarray:
+def task_jacobian(arm: Model, q: Array, frame: str | None, task: str, length: float) -> np.ndarray:
     """Rows of the Jacobian that a task needs, angles times a length:  [J_v; L J_ω]  [m/rad | -].
 
     Args:
-        model: the arm.   q: (n,) [rad | m].   frame: by default the tip.   length: L [m], what a turn by 1 rad counts as.
+        arm: the model.   q: (n,) [rad | m].   frame: by default the tip.   length: L [m], what a turn by 1 rad counts as.
         task: "rotation" (3 rows), or part of the pose that counts, as `Aim` has it: "pose" (6), "position" (3), "axis" (5),
             "pitch" (4), ….
     Raises:
         ModelError: no such task or frame.
     """
     placed, aim = checked_task(task)
-    rows = jacobian(model, q, frame)
+    rows = jacobian(arm, q, frame)
     linear, angular = rows[:3], rows[3:] * length
     if aim.kind != "pose":  # turns that change what counts
-        angular = turning_rows(aim, forward_kinematics(model, q, frame)[:3, :3]) @ angular
+        angular = turning_rows(aim, forward_kinematics(arm, q, frame)[:3, :3]) @ angular
     return scalar.array([*linear, *angular] if placed else [*angular])
 
 
 @one_state
 def singular_values(
-    model: Model, q: Array, frame: str | None = None, aim: str = "pose", length: float = 1.0
+    arm: Model, q: Array, frame: str | None = None, aim: str = "pose", length: float = 1.0
 ) -> np.ndarray:
     """Singular values of the Jacobian, the largest first:  J = U diag(σ) Vᵀ,  by Jacobi's rotations from one side.
     [Hestenes1958]
@@ -61,7 +61,7 @@ def singular_values(
     ones keep their digits, which those from J Jᵀ do not.
 
     Args:
-        model: the arm.   q: (n,) [rad | m].   frame: name of a frame of the arm; by default its tip.
+        arm: the model.   q: (n,) [rad | m].   frame: name of a frame of the arm; by default its tip.
         aim: "rotation", or part of the pose that counts: "pose", "position", "axis", "pitch", …, as in `inverse_kinematics`.
         length: [m] that a turn by 1 rad counts as, so that all have one unit.
     Returns:
@@ -69,7 +69,7 @@ def singular_values(
     Raises:
         ModelError: no such frame or aim, or the arm branches and names no tip.
     """
-    matrix = task_jacobian(model, q, frame, aim, length)
+    matrix = task_jacobian(arm, q, frame, aim, length)
     rows = matrix if matrix.shape[0] <= matrix.shape[1] else matrix.T
     symbolic = scalar.is_symbolic(rows)
     for _ in range(SWEEPS):

@@ -7,23 +7,23 @@ from armwright.model import Model
 from armwright.scalar import Array, Scalar
 
 
-def reach(model: Model, frame: str | None = None) -> Scalar:
+def reach(arm: Model, frame: str | None = None) -> Scalar:
     """An upper bound of a frame's distance from the base's origin: the sum of the lengths between the joints' axes.
 
     Base to the first joint's origin, from there to the next one, …, last joint to the frame, as if the arm could be pulled
     straight; a sliding joint counts with the longer of its ends. No pose is further out, and most arms come close.
 
     Args:
-        model: the arm.   frame: name; by default the tip.
+        arm: the model.   frame: name; by default the tip.
     Returns:
         length: [m]; infinite where a sliding joint has no limits.
     Raises:
         ModelError: no such frame, or an arm that branches and names no tip.
     """
-    tip = model.frame(frame)
+    tip = arm.frame(frame)
     total = 0.0
-    for i in model.path(tip.body):
-        body = model.bodies[i]
+    for i in arm.path(tip.body):
+        body = arm.bodies[i]
         if body.kind == "revolute":
             total = total + _length(body.placement.position)
             continue

@@ -33,8 +33,8 @@ def one_state(function: Function) -> Function:
     names = list(inspect.signature(function).parameters)[1:]
 
     @functools.wraps(function)
-    def checked(model: Model, *arrays: Any, **named: Any) -> Any:
-        model = as_arm(model)
+    def checked(arm: Model, *arrays: Any, **named: Any) -> Any:
+        model = as_arm(arm)
         place = f"{function.__name__}: "
         state = [_of_one_state(place, model, name, value) for name, value in zip(names, arrays, strict=False)]
         rest = {name: _of_one_state(place, model, name, value) for name, value in named.items()}
@@ -52,8 +52,8 @@ def one_state_with_masses(function: Function) -> Function:
     checked = one_state(function)
 
     @functools.wraps(function)
-    def with_masses(model: Model, *arrays: Any, **named: Any) -> Any:
-        model = as_arm(model)
+    def with_masses(arm: Model, *arrays: Any, **named: Any) -> Any:
+        model = as_arm(arm)
         if model.without_masses:
             links = ", ".join(map(repr, model.without_masses))
             expected = "mass_kg, com_m and inertia_kg_m2 in the record; kinematics alone need none"
