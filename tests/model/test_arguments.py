@@ -13,7 +13,10 @@ from armwright.model.arguments import JOINTS
 from physics.arms import arm
 
 PLAIN = [
-    name for name in aw.__all__ if inspect.isfunction(getattr(aw, name)) and hasattr(getattr(aw, name), "__wrapped__")
+    name
+    for name in aw.__all__
+    if inspect.isfunction(getattr(aw, name))
+    and getattr(aw, name).__module__.split(".")[1] in ("dynamics", "kinematics", "actuators")
 ]
 
 
