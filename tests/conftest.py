@@ -15,17 +15,22 @@ settings.load_profile("armwright")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 CACHE = pytest.StashKey[str]()
+KEPT = "ARMWRIGHT_TESTS_CACHE"
 
 
 def pytest_configure(config):
-    """Compiled code is kept in a folder of this run, shared by its workers; the user's own is not touched."""
+    """Compiled code is kept in a folder of this run, shared by its workers; the user's own is not touched.
+
+    `ARMWRIGHT_TESTS_CACHE` names one that stays, for several runs on the same code.
+    """
     if not hasattr(config, "workerinput"):
-        config.stash[CACHE] = os.environ["ARMWRIGHT_CACHE_DIR"] = tempfile.mkdtemp(prefix="armwright-tests-")
+        config.stash[CACHE] = "" if (kept := os.environ.get(KEPT)) else tempfile.mkdtemp(prefix="armwright-tests-")
+        os.environ["ARMWRIGHT_CACHE_DIR"] = kept or config.stash[CACHE]
 
 
 def pytest_unconfigure(config):
     """The folder of this run goes with it."""
-    if not hasattr(config, "workerinput"):
+    if not hasattr(config, "workerinput") and config.stash[CACHE]:
         shutil.rmtree(config.stash[CACHE], ignore_errors=True)
 
 

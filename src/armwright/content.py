@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import hashlib
 import pickle
-from collections.abc import Iterator, Mapping, Set
+from collections.abc import Callable, Mapping, Set
 from dataclasses import fields, is_dataclass
 from enum import Enum
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+PLAIN = (bool, int, float, complex, str, bytes, Path, range)  # what says by its text which it is
 
 
 def checksum(value: Any) -> str:
@@ -20,37 +22,48 @@ def checksum(value: Any) -> str:
     (`__reduce__`, `__getstate__`) counts by that: of a compiled arm the arm and its settings, not the code compiled so far.
     """
     hashed = hashlib.sha256()
-    for piece in _pieces(value, frozenset()):
+
+    def add(piece: bytes) -> None:
         hashed.update(piece + b"\n")
+
+    _add(add, value, frozenset())
     return hashed.hexdigest()
 
 
-def _pieces(value: Any, within: frozenset[int]) -> Iterator[bytes]:
-    """Bytes that are equal for equal values in every process; pickles are not."""
+def _add(add: Callable[[bytes], None], value: Any, within: frozenset[int]) -> None:
+    """Adds bytes that are equal for equal values in every process; pickles are not."""
     if id(value) in within:
-        yield b"itself"
+        add(b"itself")
         return
-    yield type(value).__qualname__.encode()
+    add(type(value).__qualname__.encode())
+    if value is None or isinstance(value, PLAIN):
+        add(repr(value).encode())
+        return
     inner = within | {id(value)}
-    if value is None or isinstance(value, (bool, int, float, complex, str, bytes, Path, range)):
-        yield repr(value).encode()
-    elif isinstance(value, Enum):
-        yield value.name.encode()
+    if isinstance(value, Enum):
+        add(value.name.encode())
     elif isinstance(value, (np.ndarray, np.generic)) and value.dtype != object:
-        yield f"{value.dtype.str} {value.shape}".encode()
-        yield np.ascontiguousarray(value).tobytes()
+        add(f"{value.dtype.str} {value.shape}".encode())
+        add(np.ascontiguousarray(value).tobytes())
     elif isinstance(value, (list, tuple, np.ndarray)):
-        yield str(len(value)).encode()
+        add(str(len(value)).encode())
         for each in value:
-            yield from _pieces(each, inner)
+            _add(add, each, inner)
     elif isinstance(value, Set):
-        yield from sorted(b"".join(_pieces(each, inner)) for each in value)
+        for piece in sorted(_joined(each, inner) for each in value):
+            add(piece)
     else:
-        yield from _pieces_of_object(value, inner)
+        _add_object(add, value, inner)
 
 
-def _pieces_of_object(value: Any, within: frozenset[int]) -> Iterator[bytes]:
-    """Bytes of a mapping, a dataclass, a function or another object, by its fields."""
+def _joined(value: Any, within: frozenset[int]) -> bytes:
+    pieces: list[bytes] = []
+    _add(pieces.append, value, within)
+    return b"".join(pieces)
+
+
+def _add_object(add: Callable[[bytes], None], value: Any, within: frozenset[int]) -> None:
+    """Adds bytes of a mapping, a dataclass, a function or another object, by its fields."""
     if isinstance(value, Mapping):
         items = {str(key): each for key, each in value.items()}
     elif isinstance(value, type):
@@ -73,7 +86,7 @@ def _pieces_of_object(value: Any, within: frozenset[int]) -> Iterator[bytes]:
         items = dict(getattr(value, "__dict__", {}))
         if not items:
             items = {"pickle": pickle.dumps(value, protocol=5)}
-    yield str(len(items)).encode()
+    add(str(len(items)).encode())
     for name, each in items.items():
-        yield name.encode()
-        yield from _pieces(each, within)
+        add(name.encode())
+        _add(add, each, within)

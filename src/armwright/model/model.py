@@ -5,8 +5,10 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
+from functools import cached_property
 from typing import Any
 
+from armwright.content import checksum
 from armwright.description.robot import RobotDescription, Source
 from armwright.errors import DescriptionError, ModelError, Problem
 from armwright.lint.feasibility import check_bodies, check_drives, impossible_links
@@ -37,6 +39,11 @@ class Model(Tree):
 
     __repr__ = Tree.__repr__
     _repr_html_ = repr_html
+
+    @cached_property
+    def sha256(self) -> str:
+        """Checksum of all that it holds."""
+        return checksum(self)
 
     @property
     def record(self) -> RobotDescription:

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
-from armwright.content import checksum
 from armwright.model import Model
 from armwright.model.add_load import add_load
 from armwright.model.simplify import simplified
@@ -87,7 +86,7 @@ class LoopConfig:
         """All that the plant's programs depend on, but no values of lanes: the arm by its content, what varies, inputs, rule."""
         names = None if self.varied is None else self.varied.names
         inputs = tuple(self.inputs.items()), self.payload_frames
-        return checksum(self.arm), names, self.integrator, *inputs, self.lands
+        return self.arm.sha256, names, self.integrator, *inputs, self.lands
 
     @property
     def is_ahead(self) -> bool:

@@ -10,7 +10,6 @@ import numpy as np
 import scipy.linalg
 
 from armwright.actuators.gear import loses_power
-from armwright.content import checksum
 from armwright.errors import ScenarioError
 from armwright.model import Model
 from armwright.program import Program, interpret, kept
@@ -64,7 +63,7 @@ class StepLimit:
 
     @cached_property
     def _jacobian(self) -> Program:
-        return self._program or kept(("linearised", checksum(self.model)), lambda: linearised(self.model))
+        return self._program or kept(("linearised", self.model.sha256), lambda: linearised(self.model))
 
     def _slopes(self, command: np.ndarray) -> tuple[Slopes, np.ndarray]:
         """The plant linearised about those of the states (m, size) that have finite slopes, and these states."""

@@ -62,7 +62,7 @@ class VariedStepLimit:
     @cached_property
     def _key(self) -> tuple[str, tuple[str, ...]]:
         """The arm by its content, and what varies."""
-        return checksum(self.varied.arm), self.varied.names
+        return self.varied.arm.sha256, self.varied.names
 
     def _check(self, lanes: np.ndarray, name: str, integrator: Integrator, step: float, commands: np.ndarray,
         substeps: int | None, whole: Sequence[float],
