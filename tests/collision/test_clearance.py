@@ -181,7 +181,7 @@ def test_neighbours_are_not_looked_at():
         (lambda arm: puma().distances(np.zeros((3, 5))), ShapeError, "clearance"),
         (lambda arm: puma().nearest(np.full((3, 6), np.nan)), ScenarioError, "q"),
         (lambda arm: puma().nearest(np.zeros((0, 6))), ScenarioError, "q"),
-        (lambda arm: aw.clearance(arm.name), ModelError, "arm"),
+        (lambda arm: aw.clearance(arm.n), ModelError, "arm"),
     ],
 )
 def test_refused(call, error, place):

@@ -402,7 +402,7 @@ def test_other_refusals(tmp_path):
         (name,) = options
         with pytest.raises(ModelError, match=rf"^{name} = .*: expected a whole number of 1 or more$"):
             aw.export_controller(pid_loop(), tmp_path / "out", **options)
-    with pytest.raises(ScenarioError, match=r"^scenario = .*: expected a Scenario"):
+    with pytest.raises(ScenarioError, match=r"^scenario = .*: expected a scenario: an aw"):
         aw.export_controller(arm("two-link"), tmp_path / "out")
     with pytest.raises(ModelError, match=r"^real = 'half': there is double, float$"):
         aw.export_controller(pid_loop(), tmp_path / "out", real="half")

@@ -137,8 +137,8 @@ def test_out_of_reach_with_a_goal_and_several():
         ({"solutions": 0}, "solutions"),
         ({"solutions": 2.0}, "solutions"),
         ({"solutions": True}, "solutions"),
-        ({"weight": 0.0}, "weight"),
-        ({"weight": np.nan}, "weight"),
+        ({"length": 0.0}, "length"),
+        ({"length": np.nan}, "length"),
     ],
 )
 def test_bad_input_is_named(options, place):

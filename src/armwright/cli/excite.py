@@ -164,8 +164,8 @@ def motor(
     }  # fmt: skip
     given = {name: value for name, value in options.items() if value is not None}
     guess = _guess(robot, joint, given)
-    with as_options("sample", "seed"):
-        found = aw.motor_experiment(kind, guess, sample=sample, seed=seed)
+    with as_options("seed", period="--sample"):
+        found = aw.motor_experiment(kind, guess, period=sample, seed=seed)
     say(found)
     found.save(output)
     say(f"wrote {output}")

@@ -160,8 +160,6 @@ def clearance(
             link.   RunError: a mesh that cannot be read.
     """
     arm = as_arm(arm)
-    if not isinstance(arm, Model):
-        raise ModelError(place="arm", value=arm, expected="an arm, as aw.load(name) gives")
     obstacles = (obstacles,) if isinstance(obstacles, Obstacle) else tuple(obstacles)
     for obstacle in obstacles:
         if not isinstance(obstacle, Obstacle):

@@ -156,7 +156,7 @@ def inverse_kinematics(
     method: Method = "auto",
     goal: Goal | None = None,
     solutions: int | None = None,
-    weight: float | None = None,
+    length: float | None = None,
     threads: int = 1,
 ) -> PoseSolutions:
     """Joint positions within the limits that bring the tip, or another frame, to poses.
@@ -182,11 +182,11 @@ def inverse_kinematics(
         method: "auto", "numeric", or "closed-form", which leaves targets that it does not solve without positions (NaN).
         goal: the solution that is "nearest" to `near` (least Σ (q - near)²), farthest from the "limits" (least Σ of squared
             distances from the middles of the joints' ranges, in halves of them), or of most "manipulability" (angles times
-            `weight`). Of several descents; joints that a pose leaves free then move until the goal grows no better. The result
+            `length`). Of several descents; joints that a pose leaves free then move until the goal grows no better. The result
             is the best of these, not proven to be the best of all. [Liegeois1977]
         solutions: how many are wanted that differ by 0.05 rad or m of a joint: one more axis (…, solutions, n), best first: by
             the goal, else by `near`, else by distance to limits; nan and success False where fewer were found.
-        weight: [m/rad] of angles against lengths, where a target is not reached; by default a third of the arm's reach.
+        length: [m/rad] of angles against lengths, where a target is not reached; by default a third of the arm's reach.
     Returns:
         solutions: of every target; those that are out of reach have the nearest positions and say how far off they are.
     Raises:
@@ -209,11 +209,11 @@ def inverse_kinematics(
             expected = f"{arm.n} finite numbers, or as many for each target"
             raise ShapeError(place="near", value=starts.shape if not fits else near, expected=expected)
         starts = np.broadcast_to(starts, (*shape, arm.n)).reshape(-1, arm.n)
-    _check_choice(goal, starts is not None, solutions, weight)
+    _check_choice(goal, starts is not None, solutions, length)
     closed = _closed_form(arm, frame, part, method, starts is not None)
     if goal is not None or solutions is not None:
-        plain = solver(arm, frame, part, limit, False, weight)
-        begins = None if starts is None else solver(arm, frame, part, limit, True, weight)
+        plain = solver(arm, frame, part, limit, False, length)
+        begins = None if starts is None else solver(arm, frame, part, limit, True, length)
         if closed is None:
             candidates = descended(plain, begins, poses, starts, solutions or 1, threads)
         else:
@@ -223,14 +223,14 @@ def inverse_kinematics(
         q = best_different(plain, poses, candidates, starts, goal, solutions or 1, limit)
         return _several(plain, q, poses, shape, solutions, limit)
     if closed is None:
-        values, more = _numeric(arm, frame, part, limit, poses, starts, weight, threads), {}
+        values, more = _numeric(arm, frame, part, limit, poses, starts, length, threads), {}
     else:
         branches, best = closed.solve(poses, starts, limit, threads)
         values, branch = _of_branches(best)
         left = np.flatnonzero(branch < 0)
         if len(left) and method == "auto":
             some = _numeric(
-                arm, frame, part, limit, poses[left], None if starts is None else starts[left], weight, threads
+                arm, frame, part, limit, poses[left], None if starts is None else starts[left], length, threads
             )
             for every, found in zip(values, some, strict=True):
                 every[left] = found
@@ -335,4 +335,4 @@ def _check_choice(goal: Goal | None, near: bool, solutions: int | None, weight: 
         raise ModelError(place="solutions", value=solutions, expected=f"a whole number from 1 to {MOST_SOLUTIONS}")
     length = None if weight is None else real_number(weight)
     if weight is not None and (length is None or not 1e-6 <= length <= 1e6):
-        raise ModelError(place="weight", value=weight, expected="a number from 1e-6 to 1e6 [m/rad]")
+        raise ModelError(place="length", value=weight, expected="a number from 1e-6 to 1e6 [m/rad]")

@@ -73,8 +73,6 @@ def write_scenario(
         OutputError: it cannot be written.
     """
     scenario = as_scenario(scenario)
-    if not isinstance(scenario, Scenario):
-        raise ScenarioError(value=scenario, expected="an aw.Scenario")
     path, allow = Path(path), [Path(each) for each in allow]
     check_destination(path, (".toml",))
     names = _Names(path, None if robot is None else os.fspath(robot))

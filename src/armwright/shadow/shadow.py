@@ -66,10 +66,9 @@ class ArmShadow:
         held: bool = False,
         on_alarm: Callable[[ShadowAlarm], object] | None = None,
     ):
-        from armwright.model.load import load
-
-        if not isinstance(arm, Model):
-            record, arm = record or arm, load(arm)
+        if isinstance(arm, (str, os.PathLike)):
+            record = record or arm
+        arm = as_arm(arm)
         if on_alarm is not None:
             if record is None:
                 expected = "the path of the record's file, beside which its verdict stands"
@@ -235,14 +234,11 @@ def shadow_log(
         ModelError: an arm without masses, or currents of motors whose constants are not known.
     """
     log = as_log(log)
-    robot = None if robot is None else as_arm(robot, "robot")
-    from armwright.model.load import load
-
     if robot is None and log.arm is None:
         raise LogError("missing", place="robot", expected="a robot's file, here or in the log", file=log.path)
-    if robot is not None and not isinstance(robot, Model):
+    if isinstance(robot, (str, os.PathLike)):
         record = record or robot
-    arm = log.arm if robot is None else robot if isinstance(robot, Model) else load(robot)
+    arm = log.arm if robot is None else as_arm(robot, "robot")
     assert arm is not None
     check_match(arm, log)
     sources: tuple[Source, ...] = ("tau", "current")

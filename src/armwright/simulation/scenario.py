@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from armwright.entry import as_arm
 from armwright.errors import ArmwrightError, ScenarioError
 from armwright.model import Model
 from armwright.model.joint_signals import joint_signal
@@ -102,8 +103,7 @@ class Scenario:
     _repr_html_ = repr_html
 
     def __post_init__(self) -> None:
-        if not isinstance(self.arm, Model):
-            raise ScenarioError(place="arm", value=self.arm, expected="an arm, as aw.load(name) gives")
+        object.__setattr__(self, "arm", as_arm(self.arm))
         if not isinstance(self.start, (Start, LoopState)) and not hasattr(self.start, "data_vars"):  # which a run has
             object.__setattr__(self, "start", Start(self.start))
         if self.command is None and self.loop is None:

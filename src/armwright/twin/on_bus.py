@@ -150,6 +150,7 @@ def plant_on_bus(scenario: Scenario, *, bitrate: int = BITRATE) -> Scenario:
     Raises:
         BusError: as `scenario_on_bus`.
     """
+    scenario = as_scenario(scenario)
     with _as_bus_error():
         check_one_arm(scenario)
     _, _, loop = _carried(scenario, bitrate)

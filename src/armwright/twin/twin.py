@@ -80,7 +80,7 @@ class Twin:
         self.simulation = Simulation(self.scenario)
         if not isinstance(faults, (list, tuple)) or not all(isinstance(fault, Fault) for fault in faults):
             raise BusError(place="faults", value=faults, expected="a list of faults")
-        self.arm, self.faults = scenario.arm, tuple(faults)
+        self.arm, self.faults = self.scenario.arm, tuple(faults)
         self._lock, self._ended = threading.RLock(), threading.Event()
         self.load = load = BusLoad(self.arm.n, self.period, bitrate)
         numbers = node_numbers(nodes, self.arm.n)

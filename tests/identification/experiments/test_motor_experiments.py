@@ -32,7 +32,7 @@ def test_the_prbs_is_a_maximum_length_sequence():
 
 
 def test_the_multisine_has_a_low_crest_and_no_other_frequencies():
-    found = aw.motor_experiment("multisine", GUESS, sample=1e-6)
+    found = aw.motor_experiment("multisine", GUESS, period=1e-6)
     amplitudes = np.abs(np.fft.rfft(found.values))
     lines = amplitudes > 1e-9 * amplitudes.max()
     assert amplitudes[lines].min() == pytest.approx(amplitudes.max(), rel=1e-9)
@@ -142,7 +142,7 @@ def test_a_record_without_a_largest_voltage_gets_one(tmp_path):
         (lambda: aw.MotorGuess(0.0, 0.05, 12.0), r"MotorGuess\.gain = 0.0: expected a number above 0"),
         (lambda: aw.MotorGuess(1.0, np.nan, 12.0), r"MotorGuess\.time_constant"),
         (lambda: aw.MotorGuess(1.0, 0.1, 12.0, dead_zone=7.0), "hardly leaves the dead zone"),
-        (lambda: aw.motor_experiment("prbs", GUESS, sample=1.0), "sample = 1.0: expected a time above 0"),
+        (lambda: aw.motor_experiment("prbs", GUESS, period=1.0), "period = 1.0: expected a time above 0"),
         (lambda: aw.motor_experiment("prbs9", GUESS), "did you mean prbs"),
         (lambda: aw.MotorGuess.of(arm("two-link")), "no resistance, no torque constant"),
         (lambda: aw.MotorGuess.of(arm("cmu-dd"), "joint9"), "joint = 'joint9'"),

@@ -323,7 +323,7 @@ def test_a_limit_of_position_is_named_with_the_joint_and_how_far():
         ({"time": np.inf}, ScenarioError, "time"),
         ({"path": 3}, ScenarioError, "path"),
         ({"aim": "turn"}, ModelError, "aim"),
-        ({"arm": "puma560"}, ModelError, "arm"),
+        ({"arm": 5}, ModelError, "arm"),
         ({"limits": 3.0}, ScenarioError, "limits"),
         ({"limits": aw.MotionLimits.of(arm("panda"))}, ScenarioError, "limits"),
     ],

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import assume, given, settings
 
 import armwright as aw
-from armwright.errors import ModelError, ScenarioError
+from armwright.errors import ScenarioError
 from armwright.model import Model
 from armwright.trajectory.time_optimal import PathMotion
 from armwright.trajectory.time_optimal.plan import grid_points
@@ -257,11 +257,6 @@ def test_a_path_speed_that_is_too_high_is_named_with_the_highest(end: int) -> No
     aw.time_optimal(arm, path, grid=50, speeds=tuple(0.95e-3 * highest * speeds))
     with pytest.raises(ScenarioError, match="speeds"):
         aw.time_optimal(arm, path, grid=50, speeds=tuple(1.1e-3 * highest * speeds))
-
-
-def test_what_is_no_arm_is_refused() -> None:
-    with pytest.raises(ModelError, match=r"arm = 'cmu-dd': expected an arm, as aw.load\(name\) gives"):
-        aw.time_optimal("cmu-dd", [[0.0] * 6, [1.0] * 6])  # pyright: ignore[reportArgumentType]
 
 
 def test_a_motor_that_gravity_exceeds_is_named_with_the_place_and_the_torque() -> None:

@@ -21,6 +21,7 @@ import numpy as np
 from armwright.control.analysis.hold import Held, split_delay, zero_order_hold
 from armwright.control.analysis.small_signal import SUPPORT, Slopes, SmallPlant, SmallSignal
 from armwright.control.analysis.workspace import checked_poses
+from armwright.entry import as_scenario
 from armwright.errors import ScenarioError
 from armwright.parameters import batches, has_draws
 from armwright.simulation.checks import check_time, is_whole
@@ -67,10 +68,7 @@ class LinearLoop:
         Raises:
             ScenarioError: a scenario without a controller, or one that cannot be traced.
         """
-        if not isinstance(scenario, Scenario):
-            raise ScenarioError(
-                place="scenario", value=scenario, expected="an aw.Scenario with a loop and its controller"
-            )
+        scenario = as_scenario(scenario)
         if period is not None:
             check_time("period", period)
         loop = scenario.loop

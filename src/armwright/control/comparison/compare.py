@@ -171,8 +171,6 @@ def compare_controllers(
         ScenarioError: no controllers or motions, another arm, a motion of other joints or without an end; as `simulate`.
     """
     scenario = as_scenario(scenario)
-    if not isinstance(scenario, Scenario):
-        raise ScenarioError(place="scenario", value=scenario, expected="an aw.Scenario of the arm")
     arm = scenario.arm
     if runs is not None:
         check_whole("runs", runs, 1)

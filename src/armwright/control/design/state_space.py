@@ -36,8 +36,6 @@ def state_space(arm: AnyArm, q: Any = None, *, period: float | None = None, dela
     """
     arm = as_arm(arm)
     control = import_control()
-    if not isinstance(arm, Model):
-        raise ScenarioError(place="arm", value=arm, expected="an arm, as aw.load(name) gives")
     pose = _pose(arm, q)
     if period is None and delay:
         raise ScenarioError("goes with a period", place="delay", value=delay, expected="period = …, or no delay")

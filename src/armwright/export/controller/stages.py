@@ -196,8 +196,6 @@ def check_one_arm(scenario: Scenario) -> None:
     Raises:
         ScenarioError: no scenario, several lanes, a state to go on from.
     """
-    if not isinstance(scenario, Scenario):
-        raise ScenarioError(place="scenario", value=scenario, expected="a Scenario, as aw.read_scenario(FILE) gives")
     if (scenario.lane_count or 1) > 1:
         what = f"{scenario.lane_count} lanes"
         raise ScenarioError(what, place="lanes", expected="one arm: a scenario without batches and draws")

@@ -174,7 +174,7 @@ class MotorExperiment:
         return "\n".join([head, f"{peaks}, {np.abs(angle).max():.4g} rad from the start", *self.reasons])
 
 
-def motor_experiment(kind: str, guess: MotorGuess, *, sample: float = 1e-3, seed: int = 0) -> MotorExperiment:
+def motor_experiment(kind: str, guess: MotorGuess, *, period: float = 1e-3, seed: int = 0) -> MotorExperiment:
     """An experiment that identifies a motor, as large as the limits of the guess allow.
 
     "step": up, back to zero, down, and back, each for 5 T: gain, time constant, delay. "staircase": 8 levels up and down
@@ -185,7 +185,7 @@ def motor_experiment(kind: str, guess: MotorGuess, *, sample: float = 1e-3, seed
 
     Args:
         kind: one of these.   guess: of the motor.
-        sample: period of whoever plays the command [s]; each value is held for a multiple of it.
+        period: of whoever plays the command [s]; each value is held for a multiple of it.
         seed: of the PRBS's beginning.
     Returns:
         experiment: its command, with reasons.
@@ -194,15 +194,15 @@ def motor_experiment(kind: str, guess: MotorGuess, *, sample: float = 1e-3, seed
     """
     if not isinstance(kind, str) or kind not in KINDS:
         raise ScenarioError("unknown", place="kind", value=kind, choices=tuple(KINDS))
-    number = scalar.real_number(sample)
+    number = scalar.real_number(period)
     if number is None or not 0.0 < number <= guess.time_constant:
         expected = f"a time above 0, up to the time constant {guess.time_constant:g} s"
-        raise ScenarioError(place="sample", value=sample, expected=expected)
-    shape, period, reasons = KINDS[kind](guess, sample, seed)
-    size, bound = _size(kind, guess, shape, period)
+        raise ScenarioError(place="period", value=period, expected=expected)
+    shape, held, reasons = KINDS[kind](guess, period, seed)
+    size, bound = _size(kind, guess, shape, held)
     values = size * shape
     reason = f"as large as {bound} allows: {size:.4g} {guess.unit}"
-    return MotorExperiment(kind, guess, period, values, (*reasons, reason))
+    return MotorExperiment(kind, guess, held, values, (*reasons, reason))
 
 
 def _size(kind: str, guess: MotorGuess, shape: np.ndarray, period: float) -> tuple[float, str]:

@@ -15,7 +15,6 @@ from armwright.entry import as_log
 from armwright.errors import LogError, ModelError
 from armwright.features import Support
 from armwright.identification.logs.log import Log
-from armwright.identification.logs.read import read_log
 from armwright.identification.motor.channels import check_channels, feedback_remark
 from armwright.identification.motor.drive_record import value_at, with_numbers
 from armwright.identification.motor.fitting import fitted
@@ -89,7 +88,7 @@ def identify_motor(
         DescriptionError: the robot cannot be believed.
     """
     log = as_log(log)
-    static = static if static is None or isinstance(static, Log) else read_log(static)
+    static = None if static is None else as_log(static, "static")
     _check(free, fixed, per_run, starts, most_delay)
     asked = [log.run(name).name for name in runs] if runs is not None else list(log.fit)
     if priors and robot is None and log.arm is None:

@@ -147,7 +147,7 @@ def _of_experiment(kind: str, data: Measured, problem: Problem, guess: Guess) ->
     most = float(max(np.abs(s.inputs.command).max() for s in data.stretches))
     try:
         coarse = MotorGuess(guess.gain, max(guess.time, data.period), most, min(guess.band, 0.4 * most))
-        found = motor_experiment(kind, coarse, sample=data.period)
+        found = motor_experiment(kind, coarse, period=data.period)
     except ScenarioError:
         return None
     every = max(round(found.period / data.period), 1)

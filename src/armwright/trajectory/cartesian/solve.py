@@ -12,7 +12,7 @@ from scipy.interpolate import PPoly
 
 from armwright.collision import Clearance
 from armwright.entry import AnyArm, as_arm
-from armwright.errors import ABSENT, ModelError, ScenarioError
+from armwright.errors import ABSENT, ScenarioError
 from armwright.ik.solve import inverse_kinematics, solver
 from armwright.ik.starts import random_positions
 from armwright.kinematics.aim import AXES, Aim
@@ -171,8 +171,6 @@ def checked_limits(arm: Any, limits: Any) -> MotionLimits:
     Raises:
         ModelError: no arm.   ScenarioError: no limits, or of another number of joints.
     """
-    if not isinstance(arm, Model):
-        raise ModelError(place="arm", value=arm, expected="an arm, as aw.load(name) gives")
     limits = MotionLimits.of(arm) if limits is None else limits
     if not isinstance(limits, MotionLimits) or limits.n != arm.n:
         what = f"limits of {limits.n} joints" if isinstance(limits, MotionLimits) else ""

@@ -8,9 +8,8 @@ import numpy as np
 
 from armwright.collision import Clearance
 from armwright.entry import AnyArm, as_arm
-from armwright.errors import ModelError, ScenarioError
+from armwright.errors import ScenarioError
 from armwright.kernels.compiled import KERNELS, compile_arm
-from armwright.model import Model
 from armwright.simulation.inputs.payload import Payload
 from armwright.trajectory.limits import MotionLimits
 from armwright.trajectory.path import JointPath
@@ -71,8 +70,6 @@ def time_optimal(
             satisfies, with the place on the path, the joint and by how much.   ModelError: no arm.
     """
     arm = as_arm(arm)
-    if not isinstance(arm, Model):
-        raise ModelError(place="arm", value=arm, expected="an arm, as aw.load(name) gives")
     path = path if isinstance(path, JointPath) else JointPath(path)
     limits = MotionLimits.of(arm) if limits is None else limits
     if not isinstance(limits, MotionLimits) or path.n != arm.n or limits.n != arm.n:
