@@ -55,8 +55,8 @@ def saved(run: subprocess.CompletedProcess, folder: Path) -> dict[str, Any]:
     return json.loads(path.read_text(encoding="utf-8"))
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("chapter", CHAPTERS)
-@pytest.mark.sample(3)
 def test_every_row_is_checked(saved, chapter):
     rows = saved["chapters"][chapter]["rows"]
     assert rows
@@ -67,6 +67,7 @@ def test_every_row_is_checked(saved, chapter):
             assert min(timing["samples"]) > 0.0
 
 
+@pytest.mark.study
 def test_ours_is_beside_every_peer_that_has_the_kernel(saved):
     rows = {row["labels"]["work"]: row for row in saved["chapters"]["kernels"]["rows"]}
     for work, row in rows.items():
@@ -75,11 +76,13 @@ def test_ours_is_beside_every_peer_that_has_the_kernel(saved):
     assert all(row["facts"]["of_slots"] > 0.0 for row in rows.values())
 
 
+@pytest.mark.study
 def test_forms_of_a_kernel(saved):
     forms = {row["labels"]["form"].split("=")[0] for row in saved["chapters"]["variants"]["rows"]}
     assert forms >= {"float32", "vary", "with friction (the peer without)"}
 
 
+@pytest.mark.study
 def test_the_result_says_where_it_is_from(saved):
     machine = saved["machine"]
     assert machine["processor"]
@@ -87,6 +90,7 @@ def test_the_result_says_where_it_is_from(saved):
     assert {"python", "numpy", "casadi", "llvmlite", "pin", "mujoco"} <= set(machine["versions"])
 
 
+@pytest.mark.study
 def test_tables_and_pictures_are_saved(saved, run, folder):
     (path,) = folder.glob("*.md")
     text = path.read_text(encoding="utf-8")

@@ -32,6 +32,7 @@ from kernels.harness import same_bits
 from physics.arms import arm, workshop
 
 ARMS = ("panda", "cmu-dd", "sprung")  # sprung: a prismatic joint, branches, losses, every friction law, springs
+QUICK = "cmu-dd"  # soon built: `make test` has all of its functions, `make test-all` those of the others
 ONCE = ("inverse_dynamics+wrench",)  # with a wrench in float too
 WHOLE = ("sprung",)  # all functions; of the others those that compilers are done with soon
 LONG = ("inverse_dynamics_derivatives", "forward_dynamics_derivatives", "forward_arm_linearised", "coriolis_matrix")
@@ -73,6 +74,7 @@ def short_name(form: str) -> str:
 
 
 FORMS = [(name, form) for name in ARMS for form in offered(arm(name))]
+MARKED = [pytest.param(*each, marks=() if each[0] == QUICK else pytest.mark.study) for each in FORMS]
 
 
 @pytest.fixture(scope="module")
@@ -128,8 +130,7 @@ def test_every_form_of_every_kernel_is_among_them():
         assert {f"{signature.name}:{option}" for option in signature.options} <= forms
 
 
-@pytest.mark.parametrize(("name", "form"), FORMS)
-@pytest.mark.sample(16)
+@pytest.mark.parametrize(("name", "form"), MARKED)
 def test_c_has_the_bits_of_the_compiled_kernel(libraries, name, form):
     """On 10,000 random states, and on zeros of both signs, far angles, subnormals, infinities and NaN in every input."""
     model, parsed = arm(name), parse_form(form)

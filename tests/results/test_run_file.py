@@ -23,7 +23,7 @@ from armwright.results.run_file import SEAL, SEAL_LENGTH
 from cli.test_bad_input import refused
 from results import damaged_runs
 
-FILES = 32  # four of each way of damage
+FILES = 16  # two of each way of damage
 TESTS = Path(__file__).parents[1]
 
 
