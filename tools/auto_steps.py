@@ -2,7 +2,7 @@
 
     .venv/bin/python tools/auto_steps.py
 
-Every built-in arm, and twenty of the `example-robot-data` wheel with motors that are sized by their effort limits, swing under
+Every built-in arm, and fourteen of the `example-robot-data` wheel with motors that are sized by their effort limits, swing under
 constant voltages, currents or torques, and follow a motion under a PID at 1 kHz. CVODES is the truth; in a loop and where
 friction sticks, which it does not follow, steps of an accuracy that is a hundred thousand times as high. The cost is the
 processor's time for the same run of many lanes, beside that of rk3 at 1 ms, the default before steps were chosen. The last two
@@ -43,7 +43,7 @@ HEAD = (
     "evaluations with the estimate, 64 lanes",
     "time with it",
 )
-OTHERS = 20  # robots of the wheel
+OTHERS = 14  # robots of the wheel
 MOST_JOINTS = 10
 DURATION = 0.5  # [s]
 SHARE = 0.2  # of each limit that is commanded
@@ -67,14 +67,17 @@ def arms() -> Iterator[tuple[str, aw.Model]]:
 
     for name in builtin_names():
         yield name, aw.load(name)
-    count = 0
+    count, families = 0, set[str]()
     for name, file in robot_files().items():
         if count == OTHERS:
             return
+        if (family := Path(name).stem.split("_")[0]) in families:  # a robot in other configurations
+            continue
         with tempfile.TemporaryDirectory() as folder:
             arm = with_motors(file, Path(folder))
         if arm is not None:
             count += 1
+            families.add(family)
             yield Path(name).stem, arm
 
 
@@ -150,6 +153,11 @@ def largest_error(run: xarray.Dataset, truth: xarray.Dataset) -> float:
     )
 
 
+def short(error: float) -> str:
+    """A number of two digits without what its exponent does not need."""
+    return f"{error:.1e}".replace("e-0", "e-")
+
+
 def row(name: str, scenario: aw.Scenario) -> tuple[object, ...]:
     """A row of the table."""
     arm, sampled = scenario.arm, scenario.loop is not None
@@ -160,7 +168,7 @@ def row(name: str, scenario: aw.Scenario) -> tuple[object, ...]:
     steps = float(run["steps_tried"]) / (1e3 * DURATION)
     alone, old = aw.Solver(global_error=False), aw.Solver("rk3", substeps=1) if sampled else aw.Solver("rk3", 1e-3)
     try:
-        coarse = f"{largest_error(ran(scenario, old), truth):.1e}"
+        coarse = short(largest_error(ran(scenario, old), truth))
         ours, theirs = costs(scenario, LANES, (alone, old))
         beside = f"{ours / theirs:.2f}"
     except ArmwrightError:
@@ -171,7 +179,7 @@ def row(name: str, scenario: aw.Scenario) -> tuple[object, ...]:
     judged, unjudged = costs(scenario, JUDGED, (aw.Solver(), alone))
     rule, error = run.attrs["rule"], largest_error(run, truth)
     return (
-        name, arm.n, rule, f"{steps:.2f}", f"{error:.1e}", f"{steps * STAGES[rule]:.1f}", coarse, beside,
+        name, arm.n, rule, f"{steps:.2f}", short(error), f"{steps * STAGES[rule]:.1f}", coarse, beside,
         f"{1.0 + len(lanes_again(JUDGED, np.ones(JUDGED))) / JUDGED * finer / steps:.2f}", f"{judged / unjudged:.2f}",
     )  # fmt: skip
 
