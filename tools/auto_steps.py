@@ -2,7 +2,7 @@
 
     .venv/bin/python tools/auto_steps.py
 
-Every built-in arm, and fourteen of the `example-robot-data` wheel with motors that are sized by their effort limits, swing under
+Every built-in arm, and fifteen of the `example-robot-data` wheel with motors that are sized by their effort limits, swing under
 constant voltages, currents or torques, and follow a motion under a PID at 1 kHz. CVODES is the truth; in a loop and where
 friction sticks, which it does not follow, steps of an accuracy that is a hundred thousand times as high. The cost is the
 processor's time for the same run of many lanes, beside that of rk3 at 1 ms, the default before steps were chosen. The last two
@@ -43,7 +43,7 @@ HEAD = (
     "evaluations with the estimate, 64 lanes",
     "time with it",
 )
-OTHERS = 14  # robots of the wheel
+OTHERS = 15  # robots of the wheel
 MOST_JOINTS = 10
 DURATION = 0.5  # [s]
 SHARE = 0.2  # of each limit that is commanded
