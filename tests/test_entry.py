@@ -117,6 +117,7 @@ def test_names_and_files_are_read(tmp_path):
     np.testing.assert_array_equal(run.q, aw.simulate(SCENARIO).q)
     aw.save(run, tmp_path / "run.nc")
     np.testing.assert_array_equal(as_run(tmp_path / "run.nc").q, run.q)
+    aw.plot({"file": tmp_path / "run.nc", "run": run}, tmp_path / "both.svg")
     assert as_scenario(file).duration == SCENARIO.duration
     assert as_run(run) is run
     assert as_motion(MOTION) is MOTION

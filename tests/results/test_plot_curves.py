@@ -206,8 +206,8 @@ def test_runs_that_cannot_be_drawn_are_refused(run):
     other = invented(aw.load("two-link"))
     for runs, quantities, words in (
         ({"a": run, "b": other}, None, r"^b joints = .*: expected those of a: turn, slide, hinge$"),
-        ({"a": {}}, None, "a dict is no run"),
-        (7, None, "a int is no run"),
+        ({"a": {}}, None, r"^a = \{\}: expected a run"),
+        (7, None, "^run = 7: expected a run"),
         ({}, None, "no runs"),
         ([], None, "no runs"),
         ({"a": run.assign(tau=run["tau"] * np.nan)}, ["tau"], r"^a: no finite number of tau to be drawn$"),

@@ -50,7 +50,7 @@ def test_unknown_numbers_stay_unknown(run):
     ("make", "said"),
     [
         (lambda run: aw.statistics(run.isel(lane=0)), "expected a run of many lanes"),
-        (lambda run: aw.statistics(3), "a int is no run"),
+        (lambda run: aw.statistics(3), "run = 3: expected a run: its file, or what"),
         (lambda run: aw.statistics(run, [120]), "expected numbers from 0 to 100"),
         (lambda run: aw.statistics(run.assign(diverged_at=("lane", np.zeros(40)))), "none of the 40 lanes"),
     ],

@@ -13,16 +13,16 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
+from armwright.entry import AnyRun
 from armwright.output import check_destination, whole_file
 from armwright.results.plot_curves import BAND_OPACITY, Curve, Panel, Plot, Style, describe
 from armwright.results.plot_page import plot_page
 
 if TYPE_CHECKING:
-    import xarray as xr
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    Runs = xr.Dataset | Mapping[str, xr.Dataset] | Sequence[xr.Dataset]
+    Runs = AnyRun | Mapping[str, AnyRun] | Sequence[AnyRun]
     Names = str | Sequence[str] | None
 
 ENDINGS = (".png", ".svg", ".pdf", ".html")
@@ -61,7 +61,7 @@ def plot(
     every sample in single precision, so that zooming in shows them all.
 
     Args:
-        runs: what `simulate` returned, or a part of it such as `run.isel(joint=0)`; or several by name,
+        runs: what `simulate` returned, its file, or a part of it such as `run.isel(joint=0)`; or several by name,
             `{"before": run1, "after": run2}`; or a list of runs. Several must have the same joints.
         path: file ending in .png, .svg, .pdf or .html; None: the figure is returned.
         joints: one or several names, or numbers from 1; None: all.

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from armwright.entry import AnyRun, as_run
 from armwright.errors import RunError
 from armwright.printable import printable
 from armwright.results.aliases import PARTIAL, QUANTITIES, joint_names, variables
@@ -114,7 +115,7 @@ class Plot:
 
 
 def describe(
-    runs: xr.Dataset | Mapping[str, xr.Dataset] | Sequence[xr.Dataset],
+    runs: AnyRun | Mapping[str, AnyRun] | Sequence[AnyRun],
     joints: str | Sequence[str] | None = None,
     quantities: str | Sequence[str] | None = None,
 ) -> Plot:
@@ -124,7 +125,7 @@ def describe(
     runs of a single joint are drawn, a colour is a run.
 
     Args:
-        runs: a run; or name → run; or a list, whose runs are called "run 1", "run 2", …
+        runs: a run or its file; or name → run; or a list, whose runs are called "run 1", "run 2", …
         joints: names, or numbers from 1; None: all.
         quantities: variables of the run, or the session's names of them, drawn in this order; None: positions, velocities,
             torques and the drives' voltages or currents, with their references.
@@ -133,7 +134,10 @@ def describe(
     """
     joints, quantities = ([one] if isinstance(one, str) else one for one in (joints, quantities))
     quantities = variables(quantities)
-    named = {name: _part(name or "run", in_order(run), joints, quantities) for name, run in _named(runs).items()}
+    named = {
+        name: _part(name or "run", in_order(as_run(run, name or "run")), joints, quantities)
+        for name, run in _named(runs).items()
+    }
     first, *others = named
     names = [str(joint) for joint in named[first]["joint"].values]  # as they are, to be compared; printable below
     for other in others:
@@ -154,7 +158,7 @@ def describe(
     return Plot(title, printable(_note(named)), shown[0], times, panels, drawing.legend(panels))
 
 
-def _named(runs: xr.Dataset | Mapping[str, xr.Dataset] | Sequence[xr.Dataset]) -> dict[str, xr.Dataset]:
+def _named(runs: AnyRun | Mapping[str, AnyRun] | Sequence[AnyRun]) -> dict[str, AnyRun]:
     """Name → run, for each way in which runs can be passed; the name of a run passed alone is ""."""
     import xarray as xr
 

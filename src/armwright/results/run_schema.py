@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from armwright.entry import ENTRIES
 from armwright.errors import RunError, shown
 from armwright.model.joint_signals import LONG_NAMES
 from armwright.results.aliases import LOOP_STATE, PARTIAL, SESSION
@@ -72,7 +73,7 @@ def check_run(run: Any) -> None:
     import xarray as xr
 
     if not isinstance(run, xr.Dataset):
-        raise RunError(f"a {type(run).__name__} is no run", expected=A_RUN)
+        raise RunError(place="run", value=run, expected=ENTRIES["run"].expected)
     _check_attributes(run.attrs)
     if not run.variables and SESSION in run.attrs:
         return  # a session that was saved before its first simulation

@@ -23,7 +23,6 @@ from armwright.identification.arm.equations import Equations, Factor, Part, equa
 from armwright.identification.arm.samples import Samples
 from armwright.identification.arm.triangular import triangle
 
-METHODS = ("ols", "wls", "irls")
 MOST_ITERATIONS = 50
 SETTLED = 1e-6  # relative change of the joints' variances
 HUBER, TUKEY = 1.345, 4.685  # standard deviations; both keep 95 % of the efficiency on normal noise [HollandWelsch1977]
