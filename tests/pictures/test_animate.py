@@ -121,7 +121,7 @@ def test_runs_that_are_none_of_this_arm(arm, tmp_path):
             aw.animate(bad, arm, tmp_path / "run.glb")
         assert (caught.value.place, caught.value.expected) == (place, expected)
         assert "\n" not in str(caught.value)
-    with pytest.raises(RunError, match="DataFrame"):
+    with pytest.raises(RunError, match="expected a run: its file, or what"):
         aw.animate(run.to_dataframe(), arm, tmp_path / "run.glb")
     assert list(tmp_path.iterdir()) == []
 

@@ -155,7 +155,7 @@ def test_refused(tmp_path):
             aw.show(arm("panda"), tmp_path / "arm.png", wrong)
         assert refused.value.place == "q"
     with pytest.raises(ModelError, match="expected an arm"):
-        aw.show("panda", tmp_path / "arm.png")  # type: ignore[arg-type]
+        aw.show(7, tmp_path / "arm.png")  # type: ignore[arg-type]
     for size in (10, 10**6, 300.0, True):
         with pytest.raises(OutputError) as caught:
             aw.show(arm("panda"), tmp_path / "arm.png", size=size)  # type: ignore[arg-type]
