@@ -1,4 +1,4 @@
-"""What public functions take: an arm, a scenario, a log, a run or a motion as it is, or the name or file that it is read from.
+"""Arms, scenarios, logs, runs and motions as public functions take them: as they are, or by name or file.
 
 Types and readers lie in rooms above this one. They are named here as text and imported at the call, so that every function of
 every room takes the same things and refuses others in the same words.

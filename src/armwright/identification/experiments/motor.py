@@ -185,7 +185,7 @@ def motor_experiment(kind: str, guess: MotorGuess, *, period: float = 1e-3, seed
 
     Args:
         kind: one of these.   guess: of the motor.
-        period: of whoever plays the command [s]; each value is held for a multiple of it.
+        period: sample period [s] of the device that plays the command; each value is held for a multiple of it.
         seed: of the PRBS's beginning.
     Returns:
         experiment: its command, with reasons.

@@ -105,7 +105,7 @@ def contact_depths(body: Body, at: JointMotion) -> list[Scalar]:
 
 
 def contact_names(body: Body) -> list[str]:
-    """What `contact_depths` are of."""
+    """Names of the contacts of `contact_depths`, in its order."""
     names = [] if body.stops is None else ["its upper stop", "its lower stop"]
     play = body.elasticity is not None and body.elasticity.backlash is not None
     return names + ["the flanks of its gear that push forward", "the flanks of its gear that push back"] * play

@@ -43,7 +43,7 @@ def landing_programs(
     """
     watched, size = switching.watched, switching.shapes["x"]
     moving, held = {"x": size, **switching.constant}, len(watched.block)
-    # Not "plant", as steps call theirs: what a module calls is told apart by its name.
+    # Not "plant", the name in the steps: programs of one native module need different names.
     rate = trace("rate", derivative, moving, ("xd",), noinline=True)
 
     def passing(x: Array, *rest: Array) -> Array:

@@ -60,7 +60,7 @@ class Watched:
 
 
 class Switching:
-    """What of a plant may switch, by the arguments of programs.
+    """Contacts, directions and other switching functions of a plant, as functions of the arguments of its programs.
 
     Depths are computed by one program that all others call: what is beyond 0 to one of them is so to all, to the last bit.
     """
