@@ -63,7 +63,7 @@ def sticking(arm: aw.Model) -> aw.Model:
     return replace(arm, bodies=tuple(bodies))
 
 
-class Unnoted(aw.Simulation):
+class Unnoted(aw.simulation.Simulation):
     """Simulation that never looks whether its step is too coarse."""
 
     def _note_coarse_step(self, *_: object) -> None:
@@ -71,7 +71,10 @@ class Unnoted(aw.Simulation):
 
 
 def runner(
-    arm: aw.Model, solver: aw.Solver, commands: np.ndarray, kind: type[aw.Simulation] = aw.Simulation
+    arm: aw.Model,
+    solver: aw.Solver,
+    commands: np.ndarray,
+    kind: type[aw.simulation.Simulation] = aw.simulation.Simulation,
 ) -> Callable[[], xarray.Dataset]:
     """Runs the lanes, compiled before."""
     kept = aw.Recording(every=20, what="state")

@@ -120,7 +120,7 @@ def loop_scenario(
     return aw.Scenario(
         arm,
         DURATION,
-        loop=aw.Loop(law, aw.Quintic(START, GOAL, TRAVEL), PERIOD, sensors=sensors),
+        loop=aw.Loop(law, aw.trajectories.Quintic(START, GOAL, TRAVEL), PERIOD, sensors=sensors),
         start=START,
         solver=aw.Solver("rk3" if third_order else "semi_implicit_euler", target=target),
         recording=kept if recording is None else recording,
@@ -142,7 +142,7 @@ def feature_records(quick: bool, repetitions: int) -> list[Record]:
     for name, left_out in [*FEATURES.items()][:: QUICK_FEATURES if quick else 1]:
         arm = robot(sticking=left_out.get("sticking", True))
         options: dict[str, Any] = {key: value for key, value in left_out.items() if key != "sticking"}
-        simulation = aw.Simulation(loop_scenario(arm, candidates, arms, **options))
+        simulation = aw.simulation.Simulation(loop_scenario(arm, candidates, arms, **options))
         run = partial(simulation.run, threads=1, keep_state=False)
         contestant = Contestant(name, _again(simulation, run), lanes * TICKS, check)
         entries.append(Entry(_labels(name, lanes, 1), {"ours": contestant}, {}))
@@ -154,7 +154,7 @@ def feature_records(quick: bool, repetitions: int) -> list[Record]:
     return records
 
 
-def _again(simulation: aw.Simulation, run: Callable[[], Any]) -> Callable[[], Any]:
+def _again(simulation: aw.simulation.Simulation, run: Callable[[], Any]) -> Callable[[], Any]:
     """A run from the start, whatever ran before."""
 
     def runs() -> Any:

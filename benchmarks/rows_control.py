@@ -111,7 +111,7 @@ def crowd_records(quick: bool, repetitions: int) -> list[Record]:
     entries = []
     for lanes in (1000, 10_000) if quick else (100_000, 1_000_000):
         q0 = np.random.default_rng(4).uniform(-0.5, 0.5, (lanes, arm.n))
-        simulation = aw.Simulation(
+        simulation = aw.simulation.Simulation(
             aw.Scenario(
                 arm,
                 duration=ticks * STEP,
@@ -142,7 +142,7 @@ def analysis_records(quick: bool, repetitions: int) -> list[Record]:
     poses, entries = 1000 if quick else 100_000, []
     for name in (CROWD,) if quick else ANALYSED:
         arm = aw.load(name)
-        least = aw.joint_inertias(arm, poses).free.min(axis=0)
+        least = aw.loops.joint_inertias(arm, poses).free.min(axis=0)
         volts = [body.drive.gear_ratio * (body.drive.torque_constant or 1.0) for body in arm.coordinates]
         gains = BANDWIDTH * least / np.abs(volts)
         control = aw.Cascade(position_kp=BANDWIDTH / 4.0, speed_kp=gains, speed_ki=BANDWIDTH / 6.0 * gains)
@@ -152,7 +152,7 @@ def analysis_records(quick: bool, repetitions: int) -> list[Record]:
             right = len(found.inertias.q) == poses and found.stable and found.period_stable > STEP
             return Check(0.0 if right else float("nan"), EXACT)
 
-        run = partial(aw.analyse_loops, aw.Scenario(arm, 1.0, loop=loop), poses)
+        run = partial(aw.loops.analyse_loops, aw.Scenario(arm, 1.0, loop=loop), poses)
         labels = {
             "arm": name,
             "joints": arm.n,
@@ -172,7 +172,7 @@ def control_records(quick: bool, repetitions: int) -> list[Record]:
     random = np.random.default_rng(3)
     kp = random.uniform(0.8, 1.2, (lanes, 1)) * np.array([60.0, 120.0, 60.0, 30.0, 30.0, 30.0])
     control = aw.JointPID(kp=aw.Batch(kp), ki=aw.Batch(2.0 * kp), kd=aw.Batch(0.1 * kp))
-    reference = aw.Sine(np.zeros(6), AMPLITUDE, 1.0)
+    reference = aw.trajectories.Sine(np.zeros(6), AMPLITUDE, 1.0)
 
     def scenario(effect: dict[str, Any], what: str, every: int) -> aw.Scenario:
         loop = aw.Loop(controller=control, reference=reference, period=STEP, **effect.get("loop", {}))
@@ -188,7 +188,7 @@ def control_records(quick: bool, repetitions: int) -> list[Record]:
         return Check(relative_error(states, ends, 1) if np.isfinite(states).all() else float("nan"), tolerance)
 
     def ours(effect: str) -> Contestant:
-        simulation = aw.Simulation(scenario(effects[effect], "state", every=0))
+        simulation = aw.simulation.Simulation(scenario(effects[effect], "state", every=0))
 
         def checked(run: Any) -> Check:
             states = np.concatenate([run["q"].values[:count, -1], run["qd"].values[:count, -1]], axis=-1)

@@ -65,7 +65,7 @@ def closed_records(name: str, quick: bool, repetitions: int) -> list[Record]:
     ]
 
 
-def check(arm: aw.Model, poses: np.ndarray, q: np.ndarray, found: aw.PoseSolutions) -> Check:
+def check(arm: aw.Model, poses: np.ndarray, q: np.ndarray, found: aw.kinematics.PoseSolutions) -> Check:
     """Largest error of all solutions; NaN where a pose is not solved or the positions that it was computed from are not found."""
     branches = found.branches
     assert branches is not None
@@ -146,7 +146,7 @@ def without_avx512() -> Iterator[None]:
         target.select_target.cache_clear()
 
 
-def check_numeric(arm: aw.Model, poses: np.ndarray, found: aw.PoseSolutions) -> Check:
+def check_numeric(arm: aw.Model, poses: np.ndarray, found: aw.kinematics.PoseSolutions) -> Check:
     """Largest error of the solutions; NaN where too few poses are solved."""
     return Check(error_of(arm, poses, found.q, found.success, LEAST_SOLVED), DESCENT)
 

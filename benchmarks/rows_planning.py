@@ -38,8 +38,8 @@ def tasks(quick: bool) -> list[Task]:
 def rigid_records(name: str, grid: int, repetitions: int) -> list[Record]:
     """Limits of velocity and of a rigid body's torque, which toppra can have too."""
     arm = aw.load(name).replace(friction=None, efficiency=None)
-    path, limits = random_path(arm), aw.MotionLimits.of(arm, voltage=np.inf)
-    plan, contestants, facts = partial(aw.time_optimal, arm, path, limits, grid=grid), {}, {}
+    path, limits = random_path(arm), aw.trajectories.MotionLimits.of(arm, voltage=np.inf)
+    plan, contestants, facts = partial(aw.trajectories.time_optimal, arm, path, limits, grid=grid), {}, {}
     if importlib.util.find_spec("toppra") is not None:
         solve = by_toppra(path.parameter, path.waypoints, limits, np.linspace(0.0, path.length, grid + 1), arm)
         duration, expected = plan().duration, float(solve().duration)
@@ -56,8 +56,8 @@ def rigid_records(name: str, grid: int, repetitions: int) -> list[Record]:
 def motor_records(name: str, grid: int, repetitions: int) -> list[Record]:
     """All limits of the arm's drives: voltage and friction too."""
     arm = aw.load(name)
-    path, limits = random_path(arm), aw.MotionLimits.of(arm)
-    plan = partial(aw.time_optimal, arm, path, limits, grid=grid)
+    path, limits = random_path(arm), aw.trajectories.MotionLimits.of(arm)
+    plan = partial(aw.trajectories.time_optimal, arm, path, limits, grid=grid)
     ours = Contestant("ours", plan, grid, partial(check_plan, arm, limits, None))
     labels = {"arm": name, "joints": arm.n, "work": "time-optimal: with friction and voltage", "points": grid}
     return raced(labels, {"ours": ours}, repetitions, "time-optimal", {"motion": plan().duration})
@@ -66,9 +66,9 @@ def motor_records(name: str, grid: int, repetitions: int) -> list[Record]:
 def waypoint_records(name: str, count: int, repetitions: int) -> list[Record]:
     """A cubic spline through waypoints with optimised times; SciPy's with these times given, and toppra along a spline."""
     arm = aw.load(name)
-    limits = aw.MotionLimits.of(arm, acceleration=ACCELERATION, torque=np.inf, voltage=np.inf)
+    limits = aw.trajectories.MotionLimits.of(arm, acceleration=ACCELERATION, torque=np.inf, voltage=np.inf)
     points = waves(limits, count)
-    plan = partial(aw.Waypoints, points, limits)
+    plan = partial(aw.trajectories.Waypoints, points, limits)
     motion = plan()
     times = motion.polynomial.knots
     curve = partial(CubicSpline, times, points, bc_type="clamped")
@@ -95,13 +95,13 @@ def raced(
     return [record(row) for row in race([Entry(labels, contestants, beside, facts=facts)], repetitions)]
 
 
-def random_path(arm: aw.Model) -> aw.JointPath:
+def random_path(arm: aw.Model) -> aw.trajectories.JointPath:
     """Through five random poses well within the position limits."""
     low, high = np.clip([body.limits.position for body in arm.coordinates], -2.0, 2.0).T
-    return aw.JointPath(np.random.default_rng(0).uniform(0.6 * low, 0.6 * high, (5, arm.n)))
+    return aw.trajectories.JointPath(np.random.default_rng(0).uniform(0.6 * low, 0.6 * high, (5, arm.n)))
 
 
-def waves(limits: aw.MotionLimits, count: int) -> np.ndarray:
+def waves(limits: aw.trajectories.MotionLimits, count: int) -> np.ndarray:
     """(count, n) poses along sines of different frequency, within half of the position limits."""
     draw = np.random.default_rng(0)
     low, high = np.clip(limits.position, -np.pi, np.pi).T
@@ -109,7 +109,9 @@ def waves(limits: aw.MotionLimits, count: int) -> np.ndarray:
     return 0.5 * (low + high) + 0.25 * (high - low) * np.sin(2.0 * np.pi * angles)
 
 
-def by_toppra(knots: np.ndarray, points: np.ndarray, limits: aw.MotionLimits, grid: np.ndarray, arm: Any = None) -> Any:
+def by_toppra(
+    knots: np.ndarray, points: np.ndarray, limits: aw.trajectories.MotionLimits, grid: np.ndarray, arm: Any = None
+) -> Any:
     """toppra's work along the natural spline through points at `knots`: its default solver, rest at both ends."""
     import toppra
     from toppra import algorithm, constraint
@@ -144,25 +146,27 @@ def check_duration(expected: float, found: Any) -> Check:
     return Check(abs(float(found.duration) / expected - 1.0) if found is not None else float("nan"), AS_TOPPRA)
 
 
-def check_plan(arm: aw.Model, limits: aw.MotionLimits, same: Any, found: Any) -> Check:
+def check_plan(arm: aw.Model, limits: aw.trajectories.MotionLimits, same: Any, found: Any) -> Check:
     """Excess of limits on a dense grid, and the other's duration where there is one."""
-    if not aw.limits_report(arm, found, limits, samples=10).kept:
+    if not aw.trajectories.limits_report(arm, found, limits, samples=10).kept:
         return Check(float("nan"), KEPT)
     return same(found) if same is not None else Check(max(float(found.excess), 0.0), KEPT)
 
 
-def check_spline(arm: aw.Model, limits: aw.MotionLimits, curve: CubicSpline, found: aw.Waypoints) -> Check:
+def check_spline(
+    arm: aw.Model, limits: aw.trajectories.MotionLimits, curve: CubicSpline, found: aw.trajectories.Waypoints
+) -> Check:
     """Difference from SciPy's spline at the same times [rad]; NaN where a limit is exceeded."""
-    kept = aw.limits_report(arm, found, limits, samples=10).kept
+    kept = aw.trajectories.limits_report(arm, found, limits, samples=10).kept
     return Check(difference(found, curve) if kept else float("nan"), KEPT)
 
 
-def check_curve(motion: aw.Waypoints, found: CubicSpline) -> Check:
+def check_curve(motion: aw.trajectories.Waypoints, found: CubicSpline) -> Check:
     """Difference from our spline [rad]."""
     return Check(difference(motion, found), KEPT)
 
 
-def difference(motion: aw.Waypoints, curve: CubicSpline) -> float:
+def difference(motion: aw.trajectories.Waypoints, curve: CubicSpline) -> float:
     """Largest difference of positions [rad], four times between waypoints."""
     knots = motion.polynomial.knots
     t = np.linspace(knots[0], knots[-1], 4 * len(knots))

@@ -15,7 +15,7 @@ folder = Path(sys.argv[1] if len(sys.argv) > 1 else "build/examples")
 folder.mkdir(parents=True, exist_ok=True)
 
 arm = aw.load("cmu-dd")
-meant = aw.read_schedule(Path(__file__).with_name("cmu-dd-steps.csv"), arm.names)
+meant = aw.simulation.read_schedule(Path(__file__).with_name("cmu-dd-steps.csv"), arm.names)
 random = np.random.default_rng(1982)
 
 

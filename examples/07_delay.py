@@ -15,7 +15,7 @@ folder.mkdir(parents=True, exist_ok=True)
 arm = aw.load("cmu-dd")
 
 law = aw.JointPID(kp=[800, 1800, 600, 300, 60, 40], kd=[80, 180, 60, 24, 6, 4], gravity=True)  # [V/rad], [V s/rad]
-motion = aw.Quintic(start=np.zeros(6), goal=[0.8, 0.5, 0.3, 0.5, 0.2, 0.4], duration=0.8)
+motion = aw.trajectories.Quintic(start=np.zeros(6), goal=[0.8, 0.5, 0.3, 0.5, 0.2, 0.4], duration=0.8)
 delays = {"at once": 0.0, "4 ms late": 4e-3, "8 ms late": 8e-3}
 run = aw.simulate(
     aw.Scenario(

@@ -26,7 +26,7 @@ runs = {}
 for name, (law, volts) in cases.items():
     scenario = aw.Scenario(
         arm, duration=4.0,
-        loop=aw.Loop(controller=law, reference=aw.Step(start=np.zeros(6), goal=[0.5, 0, 0, 0, 0, 0]), period=1e-3,
+        loop=aw.Loop(controller=law, reference=aw.trajectories.Step(start=np.zeros(6), goal=[0.5, 0, 0, 0, 0, 0]), period=1e-3,
             command_filter=aw.CommandFilter(limit=volts)),
         recording=aw.Recording(reduce=["overshoot", "settling_time:band=0.05"]),
     )  # fmt: skip

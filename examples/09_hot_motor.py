@@ -15,7 +15,7 @@ folder.mkdir(parents=True, exist_ok=True)
 arm = aw.load(Path(__file__).with_name("hot-lift.toml"))
 
 law = aw.JointPID(kp=80.0, kd=8.0, speed_feedforward=2.4, gravity=True)  # feed-forward: n Ke, the back EMF
-lift = aw.Sine(centre=[0.0], amplitude=[0.6], frequency_hz=0.5)
+lift = aw.trajectories.Sine(centre=[0.0], amplitude=[0.6], frequency_hz=0.5)
 run = aw.simulate(
     aw.Scenario(
         arm, duration=240.0, loop=aw.Loop(law, lift, 2e-3),

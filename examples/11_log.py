@@ -27,12 +27,12 @@ signals = [
 """
 file = folder / "bench.log.toml"
 file.write_text(description)
-for finding in aw.read_log(file, on_error="keep").errors:
+for finding in aw.identification.read_log(file, on_error="keep").errors:
     print(finding)
 
 file.write_text(description.replace("rad/s", "deg/s"))
-log = aw.read_log(file)  # raises if it finds an error
-data = aw.prepare_log(log)
-print("\n".join(aw.choose_preparation(log).reasons))
+log = aw.identification.read_log(file)  # raises if it finds an error
+data = aw.identification.prepare_log(log)
+print("\n".join(aw.identification.choose_preparation(log).reasons))
 speeds = np.stack([np.interp(data["time"], t, column) for column in qd.T], axis=1)
 print(f"speeds from counts, filtered: off by {np.abs(data['qd'].values - speeds).max():.1e} rad/s at most")

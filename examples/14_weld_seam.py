@@ -16,10 +16,12 @@ arm = aw.load("puma560")
 wall = np.array([[0.0, 0.0, 1.0, 0.5], [0.0, 1.0, 0.0, -0.25], [-1.0, 0.0, 0.0, 0.3], [0.0, 0.0, 0.0, 1.0]])
 c, s = np.cos(0.3), np.sin(0.3)  # the torch's tilt at the lower end of the first line
 tilted = np.array([[0.0, -s, c, 0.5], [0.0, c, s, -0.25], [-1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
-lines = [aw.Line(tilted), aw.Line([0.5, 0.0, 0.0]), aw.Line([0.5, 0.2, 0.3])]
-arc = aw.Arc([0.5, 0.1, 0.1], [0.5, 0.2, 0.0])
-seam = aw.CartesianPath([*lines[:2], arc, lines[2]], wall, blend=0.02, blend_angle=0.1)
-motion = aw.follow_path(arm, seam, speed=0.2, acceleration=2.0, limits=aw.MotionLimits.of(arm, velocity=2.0))
+lines = [aw.trajectories.Line(tilted), aw.trajectories.Line([0.5, 0.0, 0.0]), aw.trajectories.Line([0.5, 0.2, 0.3])]
+arc = aw.trajectories.Arc([0.5, 0.1, 0.1], [0.5, 0.2, 0.0])
+seam = aw.trajectories.CartesianPath([*lines[:2], arc, lines[2]], wall, blend=0.02, blend_angle=0.1)
+motion = aw.trajectories.follow_path(
+    arm, seam, speed=0.2, acceleration=2.0, limits=aw.trajectories.MotionLimits.of(arm, velocity=2.0)
+)
 
 t = np.linspace(0.0, motion.duration, 3000)
 q, qd, _ = motion.at(t)

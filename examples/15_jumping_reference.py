@@ -19,9 +19,10 @@ rows[50:, 0], rows[450:, 0], rows[600:, 0] = 0.4, -0.3, 0.2  # before the last m
 rows[900:, 0] += 0.3 * np.arange(600) * 1e-3  # it creeps away
 
 law = aw.ComputedTorque(kp=900.0, kd=60.0)
+held = aw.trajectories.ReferenceFilter(law, velocity=2.0, acceleration=15.0, jerk=300.0)
 runs = {
     name: aw.simulate(aw.Scenario(arm, duration=1.499, loop=aw.Loop(controller, rows, 1e-3)))
-    for name, controller in (("plain", law), ("filtered", aw.ReferenceFilter(law, velocity=2.0, acceleration=15.0, jerk=300.0)))
+    for name, controller in (("plain", law), ("filtered", held))
 }  # fmt: skip
 for name, run in runs.items():
     torque, speed = (np.abs(run[each].values[:, 0]).max() for each in ("tau", "qd"))

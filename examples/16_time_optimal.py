@@ -11,16 +11,16 @@ import armwright as aw
 
 arm, period = aw.load("cmu-dd"), 1e-3
 points = [0.0, 0.35, 0.0, 0.6, 0.0, 0.4], [0.7, 0.3, 0.5, 0.2, -0.6, 0.1], [1.6, -0.5, 0.6, 1.2, -0.8, -0.6]
-path, limits = aw.JointPath(points), aw.MotionLimits.of(arm)
-fast = aw.time_optimal(arm, path)
+path, limits = aw.trajectories.JointPath(points), aw.trajectories.MotionLimits.of(arm)
+fast = aw.trajectories.time_optimal(arm, path)
 most = np.abs(fast.at(np.linspace(0.0, fast.duration, 3000))[2]).max(axis=0)  # accelerations that it reaches
 free = limits.replace(torque=np.inf, voltage=np.inf, acceleration=most)
-scale = (aw.time_optimal(arm, path, free).duration / fast.duration) ** 2  # time goes as 1/√acceleration
-alone = slow = aw.time_optimal(arm, path, free.replace(acceleration=scale * most))
-while not aw.limits_report(arm, slow).kept:
-    slow = aw.time_optimal(arm, path, free.replace(acceleration=(scale := 0.95 * scale) * most), grid=100)
+scale = (aw.trajectories.time_optimal(arm, path, free).duration / fast.duration) ** 2  # time goes as 1/√acceleration
+alone = slow = aw.trajectories.time_optimal(arm, path, free.replace(acceleration=scale * most))
+while not aw.trajectories.limits_report(arm, slow).kept:
+    slow = aw.trajectories.time_optimal(arm, path, free.replace(acceleration=(scale := 0.95 * scale) * most), grid=100)
 print(f"with motors: {fast.duration:.3f} s, at a limit for {fast.saturated:.1%} of it")
-print(f"by acceleration, as long: {aw.limits_report(arm, alone).excesses()[-1]}")
+print(f"by acceleration, as long: {aw.trajectories.limits_report(arm, alone).excesses()[-1]}")
 print(f"by acceleration, such that the motors can do it: {slow.duration:.3f} s")
 figure, axes = plt.subplots(2, 2, sharex=True, sharey="row", figsize=(10, 5.5), layout="constrained")
 for column, (name, plan) in zip(axes.T, {"with motors": fast, "by acceleration": alone}.items(), strict=True):

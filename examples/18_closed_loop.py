@@ -16,7 +16,7 @@ folder.mkdir(parents=True, exist_ok=True)
 
 arm = aw.load("two-link")
 goal, kp, kd = np.array([-0.9, 0.6]), np.array([900.0, 250.0]), np.array([180.0, 50.0])
-sim = aw.Simulation(aw.Scenario(arm, start=[-1.57, 0.0], solver=aw.Solver(step=1e-3)))
+sim = aw.simulation.Simulation(aw.Scenario(arm, start=[-1.57, 0.0], solver=aw.Solver(step=1e-3)))
 rows = []
 while sim.time < 1.5:
     y = sim.measurement

@@ -12,10 +12,11 @@ import pytest
 
 import armwright as aw
 from armwright.entry import ENTRIES, as_motion, as_run, as_scenario
+from public_names import PUBLIC
 
 ARM = aw.load("two-link")
 SCENARIO = aw.Scenario(ARM, 0.01, command=[0.0, 0.0])
-MOTION = aw.Quintic([0.0, 0.0], [1.0, 1.0], 1.0)
+MOTION = aw.trajectories.Quintic([0.0, 0.0], [1.0, 1.0], 1.0)
 WRONG = {
     "None": None, "text": "no-such-thing", "number": 3.5, "list": [1, 2], "another type": aw.Batch([1.0]), "bytes": b"x",
     "scenario": SCENARIO, "arm": ARM,
@@ -39,12 +40,14 @@ def log(tmp_path_factory):
     """A log of a simulated run."""
     folder = tmp_path_factory.mktemp("log")
     aw.save(GOOD["run"], folder / "run.csv")
-    return aw.read_log(aw.write_log(GOOD["run"], folder / "run.csv", folder / "own.log.toml", ARM))
+    return aw.identification.read_log(
+        aw.identification.write_log(GOOD["run"], folder / "run.csv", folder / "own.log.toml", ARM)
+    )
 
 
 def parameters(name):
     """Parameters of a public name that are walked: the first, and all that take one of the entries; None of what takes none."""
-    function = getattr(aw, name)
+    function = PUBLIC[name]
     if not callable(function):
         return []
     try:
@@ -59,14 +62,14 @@ def _kind(parameter):
     return FORMS.get(str(parameter.annotation).removesuffix(" | None").strip())
 
 
-CASES = [(name, each) for name in sorted(aw.__all__) for each in parameters(name)]
+CASES = [(name, each) for name in sorted(PUBLIC) for each in parameters(name)]
 
 
 @pytest.mark.parametrize(("name", "parameter"), CASES, ids=[f"{name}-{each.name}" for name, each in CASES])
 def test_a_wrong_object_is_refused_in_words(name, parameter, log, tmp_path, monkeypatch):
     """Only errors of ours, a `TypeError` of the signature itself, or of a record the error of its fields."""
     monkeypatch.chdir(tmp_path)
-    function = getattr(aw, name)
+    function = PUBLIC[name]
     given = {
         each.name: log if each.name in ("log", "loaded_log") else GOOD.get(each.name)
         for each in inspect.signature(function).parameters.values()

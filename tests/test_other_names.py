@@ -10,10 +10,11 @@ import pytest
 import armwright as aw
 from armwright.kernels.signatures import SIGNATURES
 from armwright.other_names import HERE, OTHERS
+from public_names import GROUPS, PUBLIC
 
 
 def test_every_name_that_is_told_is_there():
-    assert set(OTHERS) <= {*aw.__all__, *SIGNATURES}
+    assert set(OTHERS) <= {name.rpartition(".")[2] for name in (*PUBLIC, *SIGNATURES)}
     assert len(HERE) == sum(len(others.split()) + 1 for others in OTHERS.values())  # none stands for two things
 
 
@@ -25,6 +26,8 @@ def test_every_name_that_is_told_is_there():
         ("buildModelFromUrdf", "load"),
         ("inverseDynamics", "inverse_dynamics"),
         ("SerialLink", "load"),
+        ("identify_arm", "identification.identify_arm"),
+        ("lspb", "trajectories.Trapezoid"),
     ],
 )
 def test_public_names(name, here):
@@ -57,3 +60,16 @@ def test_python_names_the_nearest(line):
 
 def test_only_public_names_are_listed():
     assert dir(aw) == sorted([*aw.__all__, "__version__"])
+    for module in GROUPS.values():
+        assert dir(module) == module.__all__
+
+
+def test_the_top_is_short_and_each_name_has_one_home():
+    assert len(aw.__all__) - len(GROUPS) <= 75
+    assert len({id(value) for value in PUBLIC.values()}) == len(PUBLIC)
+
+
+def test_a_file_with_the_name_of_a_function_does_not_hide_it():
+    from armwright.sweeps.sweep import sweep
+
+    assert aw.sweeps.sweep is sweep

@@ -72,7 +72,7 @@ def test_a_link_in_place_of_a_file_that_the_user_did_not_name_is_replaced(tmp_pa
     (tmp_path / "secret").write_text("kept")
     for name in ("arm.urdf", "arm.drive.toml", "two_link.c"):
         (tmp_path / name).symlink_to(tmp_path / "secret" if name != "arm.urdf" else tmp_path / "named.urdf")
-    aw.convert("two-link", tmp_path / "arm.urdf")
+    aw.robotfiles.convert("two-link", tmp_path / "arm.urdf")
     write_c(aw.load("two-link"), ["jacobian"], tmp_path)
     assert (tmp_path / "secret").read_text() == "kept"
     assert (tmp_path / "named.urdf").is_file()
@@ -106,11 +106,11 @@ def run():
 
 
 WRITERS = {  # what writes one file or several into a folder
-    "export_controller": lambda folder: aw.export_controller(scenario(), folder / "c"),
+    "export_controller": lambda folder: aw.export.export_controller(scenario(), folder / "c"),
     "write_c": lambda folder: write_c(aw.load("two-link"), ["mass_matrix"], folder / "c"),
-    "export_fmu": lambda folder: aw.export_fmu(scenario(), folder / "arm.fmu"),
-    "export_ros2": lambda folder: aw.export_ros2(aw.load("two-link"), folder / "ros"),
-    **{f"convert to {ending}": lambda folder, ending=ending: aw.convert("puma560", folder / f"arm.{ending}")
+    "export_fmu": lambda folder: aw.export.export_fmu(scenario(), folder / "arm.fmu"),
+    "export_ros2": lambda folder: aw.export.export_ros2(aw.load("two-link"), folder / "ros"),
+    **{f"convert to {ending}": lambda folder, ending=ending: aw.robotfiles.convert("puma560", folder / f"arm.{ending}")
        for ending in ("toml", "urdf", "xml")},
     **{f"save as {ending}": lambda folder, ending=ending: aw.save(run(), folder / f"run.{ending}")
        for ending in ("nc", "csv", "mcap", "mat", "parquet")},

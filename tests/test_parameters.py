@@ -228,7 +228,7 @@ def test_masked_batches_are_refused():
 )
 def test_positions_that_are_no_numbers_are_refused(value):
     with pytest.raises(ScenarioError, match=r"Step\.start"):
-        aw.Step(value, [0.0, 0.0])
+        aw.trajectories.Step(value, [0.0, 0.0])
     with pytest.raises(ScheduleError, match="commands"):
         aw.Schedule([0.0], [value], ["a", "b"])
     with pytest.raises(ScenarioError, match="kp"):

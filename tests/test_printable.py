@@ -27,11 +27,11 @@ FILES = {  # seed, name in it, what reads it
     "URDF": ("arm.urdf", '"upper"', lambda path: aw.load(path, smoothing=0.01)),
     "MJCF": ("arm.xml", '"pedestal"', lambda path: aw.load(path, smoothing=0.01)),
     "parts": ("arm.parts.toml", '"sawn"', build_parts),
-    "modules": ("toy.modules.toml", '"toy"', lambda path: aw.assemble(path.parent / "toy.assembly.toml")),
-    "assembly": ("toy.assembly.toml", '"arm"', aw.assemble),
-    "connector": ("toy.assembly.toml", '"second.out"', aw.assemble),
-    "task": ("pick.task.toml", '"pick"', aw.read_task),
-    "log's run": ("bench.log.toml", '"first"', aw.read_log),
+    "modules": ("toy.modules.toml", '"toy"', lambda path: aw.modules.assemble(path.parent / "toy.assembly.toml")),
+    "assembly": ("toy.assembly.toml", '"arm"', aw.modules.assemble),
+    "connector": ("toy.assembly.toml", '"second.out"', aw.modules.assemble),
+    "task": ("pick.task.toml", '"pick"', aw.modules.read_task),
+    "log's run": ("bench.log.toml", '"first"', aw.identification.read_log),
 }
 OBSTACLE = '\n[[obstacles]]\nkind = "plane"\npoint_m = [0, 0, -9]\nnormal = [0, 0, 1]\nname = "floor"\n'
 
@@ -66,9 +66,9 @@ def test_in_python(code):
     for make in (
         lambda name: arm.replace(name=name),
         lambda name: arm.with_payload(1.0, [0, 0, 0], np.eye(3) * 1e-3, name=name),
-        lambda name: aw.PlaneObstacle([0, 0, 0], [0, 0, 1], name=name),
-        lambda name: aw.SphereObstacle(1.0, [0, 0, 0], name=name),
-        lambda name: aw.BoxObstacle([1, 1, 1], [0, 0, 0], name=name),
+        lambda name: aw.collision.PlaneObstacle([0, 0, 0], [0, 0, 1], name=name),
+        lambda name: aw.collision.SphereObstacle(1.0, [0, 0, 0], name=name),
+        lambda name: aw.collision.BoxObstacle([1, 1, 1], [0, 0, 0], name=name),
         lambda name: aw.Signal("x", "m", (2,), labels=("a", name)),
     ):
         make("größe b")
@@ -82,10 +82,10 @@ def test_motion_obstacle(tmp_path):
     for name, taken in (("floor 2", True), ("flo\u202eor", False)):
         path.write_text(text.replace("floor", name), encoding="utf-8")
         if taken:
-            aw.plan(path)
+            aw.trajectories.plan(path)
         else:
             with pytest.raises(ArmwrightError, match="invisible characters"):
-                aw.plan(path)
+                aw.trajectories.plan(path)
 
 
 def test_a_sentence_is_short_when_it_is_shown():

@@ -10,6 +10,7 @@ import pytest
 
 import armwright as aw
 from armwright.errors import ArmwrightError
+from public_names import PUBLIC
 
 SEEDS = Path(__file__).parent / "fuzz" / "seeds"
 TUNED = SEEDS / "tuned.scenario.toml"
@@ -21,7 +22,7 @@ def scenario():
 
 @cache
 def log():
-    return aw.read_log(SEEDS / "bench.log.toml")
+    return aw.identification.read_log(SEEDS / "bench.log.toml")
 
 
 def reproduce(folder, shown):
@@ -31,35 +32,35 @@ def reproduce(folder, shown):
 
 def sweep(folder, shown):
     pytest.importorskip("zarr", reason="of the extra sweep")
-    aw.sweep(TUNED, folder / f"{type(shown).__name__}.zarr", lanes=2, progress=shown)
+    aw.sweeps.sweep(TUNED, folder / f"{type(shown).__name__}.zarr", lanes=2, progress=shown)
 
 
 CALLS = {  # a short call of each, by its name
-    "Simulation.run": lambda folder, shown: aw.Simulation(scenario()).run(progress=shown),
-    "design_excitation": lambda folder, shown: aw.design_excitation(
+    "Simulation.run": lambda folder, shown: aw.simulation.Simulation(scenario()).run(progress=shown),
+    "design_excitation": lambda folder, shown: aw.identification.design_excitation(
         aw.load("two-link"), period=5.0, harmonics=2, starts=1, velocity=2.0, acceleration=5.0, position=1.0, progress=shown
     ),
-    "enumerate_assemblies": lambda folder, shown: aw.enumerate_assemblies(
-        aw.read_modules("improv"), max_joints=2, limit=1, progress=shown
+    "enumerate_assemblies": lambda folder, shown: aw.modules.enumerate_assemblies(
+        aw.modules.read_modules("improv"), max_joints=2, limit=1, progress=shown
     ),
-    "identify_motor": lambda folder, shown: aw.identify_motor(log(), starts=1, progress=shown),
-    "rank_assemblies": lambda folder, shown: aw.rank_assemblies(
-        aw.read_modules("improv"), aw.read_task(SEEDS / "pick.task.toml"), max_joints=3, limit=1, progress=shown
+    "identify_motor": lambda folder, shown: aw.identification.identify_motor(log(), starts=1, progress=shown),
+    "rank_assemblies": lambda folder, shown: aw.modules.rank_assemblies(
+        aw.modules.read_modules("improv"), aw.modules.read_task(SEEDS / "pick.task.toml"), max_joints=3, limit=1, progress=shown
     ),
-    "read_log": lambda folder, shown: aw.read_log(SEEDS / "bench.log.toml", progress=shown),
+    "read_log": lambda folder, shown: aw.identification.read_log(SEEDS / "bench.log.toml", progress=shown),
     "reproduce": reproduce,
-    "shadow_log": lambda folder, shown: aw.shadow_log(log(), "two-link", deviation=1.0, progress=shown),
+    "shadow_log": lambda folder, shown: aw.shadow.shadow_log(log(), "two-link", deviation=1.0, progress=shown),
     "simulate": lambda folder, shown: aw.simulate(scenario(), progress=shown),
     "sweep": sweep,
-    "tune": lambda folder, shown: aw.tune(TUNED, progress=shown),
-    "validate": lambda folder, shown: aw.validate("two-link", log(), simulation=False, progress=shown),
+    "tune": lambda folder, shown: aw.tuning.tune(TUNED, progress=shown),
+    "validate": lambda folder, shown: aw.identification.validate("two-link", log(), simulation=False, progress=shown),
 }  # fmt: skip
 
 
 def with_progress():
     """Names of public functions and methods with that argument."""
-    for name in aw.__all__:
-        value = getattr(aw, name)
+    for path, value in PUBLIC.items():
+        name = path.rpartition(".")[2]
         parts = (
             {f"{name}.{key}": each for key, each in vars(value).items()} if inspect.isclass(value) else {name: value}
         )

@@ -22,9 +22,9 @@ READERS = {  # what reads a file that the user names
     "urdf": read_urdf,
     "xml": aw.load,
     "parts.toml": build_parts,
-    "assembly.toml": aw.assemble,
-    "modules.toml": aw.read_modules,
-    "task.toml": aw.read_task,
+    "assembly.toml": aw.modules.assemble,
+    "modules.toml": aw.modules.read_modules,
+    "task.toml": aw.modules.read_task,
     "scenario.toml": aw.read_scenario,
     "csv": lambda path: read_numbers(path, [Column("t")]),
     "sim": lambda path: read_script(str(path)),
@@ -93,4 +93,4 @@ def test_what_is_no_path(path):
     with pytest.raises(DescriptionError, match="expected the path of a TOML file"):
         read_file(path, "a TOML file", DescriptionError)
     with pytest.raises(ArmwrightError, match="expected the path of a CSV file"):
-        aw.read_schedule(path, ["elbow"])
+        aw.simulation.read_schedule(path, ["elbow"])

@@ -78,7 +78,7 @@ def test_errors_are_printable_whoever_shows_them():
 @pytest.fixture
 def robot(tmp_path):
     """A robot whose names, title and notes would steer a terminal."""
-    text = aw.to_toml(aw.load("two-link").record)
+    text = aw.robotfiles.to_toml(aw.load("two-link").record)
     escaped = "".join(f"\\u{ord(letter):04x}" for letter in HOSTILE)
     text = text.replace('"shoulder"', f'"shoulder{NAME}"').replace('name = "two-link"', f'name = "two{NAME}"')
     path = tmp_path / "arm.toml"

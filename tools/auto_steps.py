@@ -118,10 +118,10 @@ def swinging(arm: aw.Model) -> aw.Scenario:
 def controlled(arm: aw.Model) -> aw.Scenario:
     """The arm under a PID at 1 kHz that moves every joint by a tenth of a radian or a hundredth of a metre."""
     steps = np.array([0.1 if body.kind == "revolute" else 0.01 for body in arm.coordinates])
-    motion = aw.Quintic(np.zeros(arm.n), steps, 0.8 * DURATION)
+    motion = aw.trajectories.Quintic(np.zeros(arm.n), steps, 0.8 * DURATION)
     law = aw.JointPID(kp=np.ones(arm.n), kd=np.ones(arm.n), gravity=True)
     scenario = aw.Scenario(arm, DURATION, loop=aw.Loop(law, motion, 1.0 / RATE, sensors=aw.Sensors(velocity="exact")))
-    return aw.design_gains(scenario, poses=POSES, bandwidth=BANDWIDTH).scenario
+    return aw.loops.design_gains(scenario, poses=POSES, bandwidth=BANDWIDTH).scenario
 
 
 def ran(scenario: aw.Scenario, solver: aw.Solver) -> xarray.Dataset:
@@ -133,7 +133,7 @@ def costs(scenario: aw.Scenario, lanes: int, solvers: Sequence[aw.Solver], what:
     """The least processor's time [s] of a run of many lanes by each solver, in turns."""
     start = aw.Start(aw.Batch(np.tile(scenario.initial_state[:, : scenario.arm.n], (lanes, 1))))
     many = replace(scenario, start=start, recording=aw.Recording(what=what))
-    runs = [aw.Simulation(replace(many, solver=solver)) for solver in solvers]
+    runs = [aw.simulation.Simulation(replace(many, solver=solver)) for solver in solvers]
     times: list[list[float]] = [[] for _ in runs]
     for _ in range(TIMED):
         for run, taken in zip(runs, times, strict=True):

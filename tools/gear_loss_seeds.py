@@ -164,7 +164,7 @@ def written_log(folder: Path, name: str, arm: aw.Arm, seed: list[int]) -> Log:
         f'[[signals]]\nquantity = "current"\ncolumns = {[f"mA{k}" for k in range(arm.n)]}\nunit = "mA"\n',
         encoding="utf-8",
     )
-    return aw.read_log(path)
+    return aw.identification.read_log(path)
 
 
 def nominal(arm: aw.Arm) -> aw.Arm:
@@ -176,7 +176,7 @@ def nominal(arm: aw.Arm) -> aw.Arm:
 def one_seed(folder: Path, arm: aw.Arm, start: aw.Arm, friction: Sequence[str], seed: int, validated: bool) -> Seed:
     """Errors of one log's fit."""
     log = written_log(folder, "log", arm, [seed, 28])
-    found = aw.identify_arm(log, start, friction=friction, record=validated, sensitivity=False)
+    found = aw.identification.identify_arm(log, start, friction=friction, record=validated, sensitivity=False)
     fit = found.fit
     model = fit.equations.model
     own = {column.name: value for column, value in zip(model.columns, model.prior, strict=True)}
@@ -185,9 +185,9 @@ def one_seed(folder: Path, arm: aw.Arm, start: aw.Arm, friction: Sequence[str], 
     passed = None
     if validated:
         new = written_log(folder, "new", arm, [seed, 29])
-        if aw.validate(arm, new, simulation=False).passed:
+        if aw.identification.validate(arm, new, simulation=False).passed:
             written = found.write(folder / "found.toml")
-            passed = aw.validate(written, new, simulation=False).passed
+            passed = aw.identification.validate(written, new, simulation=False).passed
     return Seed(fit.values - fit.base.of(np.nan_to_num(truth)), fit.std, float(np.nanmin(fit.r2)), passed)
 
 

@@ -27,7 +27,12 @@ import armwright as aw
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 from identification.linear.random_systems import Truth, random_truth, sampled_truth
 
-FITS = {"arx": aw.fit_arx, "oe": aw.fit_oe, "armax": aw.fit_armax, "n4sid": aw.fit_n4sid}
+FITS = {
+    "arx": aw.identification.fit_arx,
+    "oe": aw.identification.fit_oe,
+    "armax": aw.identification.fit_armax,
+    "n4sid": aw.identification.fit_n4sid,
+}
 FAMILIES = {"discrete": random_truth, "sampled": sampled_truth}
 AS_GOOD = 1.01  # times the error of the model with the true orders
 HEADS = ("right", "in interval", "width", "as good", "both", "order right", "gain in 95 %", "s a fit")
@@ -59,7 +64,9 @@ def measures(name: str, select: str, truth: Truth, noise: float) -> list[float]:
     begin = time.perf_counter()
     model = FITS[name](truth.u, truth.y, 1.0, select=select)
     seconds = time.perf_counter() - begin
-    oracle = aw.fit_oe(truth.u, truth.y, 1.0, order=(truth.order, len(truth.b) - truth.delay), delay=truth.delay)
+    oracle = aw.identification.fit_oe(
+        truth.u, truth.y, 1.0, order=(truth.order, len(truth.b) - truth.delay), delay=truth.delay
+    )
     low, high = model.delays or (model.delay, model.delay)
     inside, gain = low <= truth.delay <= high, truth.b.sum() / truth.a.sum()
     good = fresh_error(model, truth, noise) <= AS_GOOD * fresh_error(oracle, truth, noise)
@@ -68,7 +75,7 @@ def measures(name: str, select: str, truth: Truth, noise: float) -> list[float]:
     return [right[0], inside, high - low + 1, good, inside and good, right[1], covered, seconds]
 
 
-def fresh_error(model: aw.LinearModel, truth: Truth, noise: float) -> float:
+def fresh_error(model: aw.identification.LinearModel, truth: Truth, noise: float) -> float:
     """Expected RMS of the free simulation on a fresh log: the input backwards, noise of the same size."""
     u = truth.u[::-1]
     y = lfilter(truth.b, truth.a, u) + 5.0

@@ -32,7 +32,7 @@ def time_optimal(seed: int, grid: int) -> tuple[float, float]:
     from trajectory.path_problems import largest_use, random_problem
 
     arm, path, limits = random_problem(seed)
-    motion = aw.time_optimal(arm, path, limits, grid=grid)
+    motion = aw.trajectories.time_optimal(arm, path, limits, grid=grid)
     return largest_use(arm, motion, limits), motion.duration
 
 

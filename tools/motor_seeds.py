@@ -1,4 +1,4 @@
-"""How well `aw.identify_motor` finds a known motor: many seeds with 1 % noise, converters of 12 bit and 2.3 samples of delay.
+"""How well `identify_motor` finds a known motor: many seeds with 1 % noise, converters of 12 bit and 2.3 samples of delay.
 
     python tools/motor_seeds.py [SEEDS [SECONDS]]
 
@@ -32,7 +32,7 @@ def main(seeds: int, most_seconds: float) -> None:
             if time.monotonic() - begin > most_seconds:
                 break
             done += 1
-            estimate = aw.identify_motor(write_log(Path(folder), seed), starts=4).estimate
+            estimate = aw.identification.identify_motor(write_log(Path(folder), seed), starts=4).estimate
             for name in errors:
                 path, truth = ("delay_s", DELAY * PERIOD) if name == "delay" else (PATHS[name], TRUE[name])
                 std = estimate.std[estimate.number(path)]

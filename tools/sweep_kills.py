@@ -171,7 +171,7 @@ def main() -> int:
             code, seconds = killed_run(folder, cluster, options.lanes, random.Random(options.seed), options.kills)
         finally:
             cluster.stop()
-        stored = aw.load_sweep(folder / STORE)
+        stored = aw.sweeps.load_sweep(folder / STORE)
         parsed = parse_scenario(LONGER, "arm", FolderFiles(folder), range(options.lanes))
         run = aw.simulate(parsed)
         names = [each for each in stored.data_vars if "lane" in stored[each].dims and each != "finished"]

@@ -76,7 +76,7 @@ def overhead(lanes: int, repetitions: int) -> None:
         it.wait_for_workers(workers, timeout=120)
 
         def swept(count: int, name: str) -> None:
-            done = aw.sweep(ROBUST, Path(folder) / f"{name}.zarr", lanes=count, client=it, progress=False)
+            done = aw.sweeps.sweep(ROBUST, Path(folder) / f"{name}.zarr", lanes=count, client=it, progress=False)
             assert done.done == count
 
         def spent() -> float:
@@ -111,7 +111,7 @@ def memory(lanes: int) -> None:
         file.write_text(SHORT, encoding="utf-8")
         with local_cluster() as cluster, connected(cluster.scheduler_address) as client:
             client.wait_for_workers(os.cpu_count() or 1, timeout=120)
-            done = aw.sweep(file, Path(folder) / "runs.zarr", lanes=lanes, client=client, progress=False)
+            done = aw.sweeps.sweep(file, Path(folder) / "runs.zarr", lanes=lanes, client=client, progress=False)
             workers: dict[str, Any] = client.run(highest_memory)
         size = sum(each.stat().st_size for each in (Path(folder) / "runs.zarr").rglob("*") if each.is_file()) / 1e6
     each = ", ".join(f"{value:.0f}" for value in workers.values())

@@ -41,7 +41,7 @@ BY_HAND = aw.Cascade(
 def scenario(law: Any = BY_HAND) -> aw.Scenario:
     """The arm on its bus, along a motion of all joints."""
     start = np.array([0.0, 0.4, -0.6, 0.0, 0.5, 0.0])
-    motion = aw.Quintic(start=start, goal=start + np.array(MOVES), duration=1.0)
+    motion = aw.trajectories.Quintic(start=start, goal=start + np.array(MOVES), duration=1.0)
     loop = aw.Loop(
         law,
         reference=motion,
@@ -75,8 +75,8 @@ def quiet_textbook() -> aw.Cascade:
 
 def noise_gains(law: Any) -> np.ndarray:
     """(n,) noise gain of each joint's command, the largest over the extreme poses [A/rad]."""
-    loop = aw.LinearLoop(scenario(law))
-    inertias = aw.joint_inertias(loop.plant.arm, 2000, 0)
+    loop = aw.loops.LinearLoop(scenario(law))
+    inertias = aw.loops.joint_inertias(loop.plant.arm, 2000, 0)
     q = inertias.q[inertias.extremes()]
     return np.sqrt((noise_gain(loop, q).command ** 2).sum(axis=-1)).max(axis=0)
 
@@ -88,8 +88,8 @@ def judged(laws: dict[str, Any], lanes: int, seed: int) -> dict[str, dict[str, f
         every = scenario_lanes(scenario(law), DRAWS, lanes, seed)
         keep = aw.Recording(what="none", reduce=("rms_error", "peak_error", "saturation"))
         run = aw.simulate(replace(every, recording=keep))
-        loop = aw.LinearLoop(scenario(law))
-        inertias = aw.joint_inertias(loop.plant.arm, 2000, 0)
+        loop = aw.loops.LinearLoop(scenario(law))
+        inertias = aw.loops.joint_inertias(loop.plant.arm, 2000, 0)
         q = inertias.q[inertias.extremes()]
         slopes = loop.slopes(q)
         found[name] = {
@@ -111,7 +111,7 @@ def main() -> None:
     parser.add_argument("--held-out", type=int, default=200, help="lanes of another seed that judge")
     asked = parser.parse_args()
     began = time.perf_counter()
-    result = aw.tune(
+    result = aw.tuning.tune(
         scenario(), GAINS, start=asked.start, draws=DRAWS, objectives=OBJECTIVES, improve_each=True, lanes=asked.lanes,
         generations=asked.generations, limits={"noise_gain": QUIETER * noise_gains(BY_HAND)},
     )  # fmt: skip

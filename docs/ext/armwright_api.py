@@ -13,7 +13,7 @@ from typing import Any
 
 import armwright as aw
 
-PAGE = Path(__file__).parents[1] / "reference" / "api.md"
+PAGES = Path(__file__).parents[1] / "reference" / "python"
 ENTRY = re.compile(r"^([\w.]+)(\([^)]*\))?(?:: (.*))?$")  # NAME, NAME(what the signature shows), NAME: members
 LISTED = re.compile(r"<!-- generated: api\n(.*?)-->", re.DOTALL)
 SECTION = re.compile(r"^(Args|Attributes|Returns|Raises|Yields):$")
@@ -30,23 +30,24 @@ def api(*lines: str) -> str:
     return "\n\n".join(part for line in lines if line.strip() for part in _entry(line.strip()))
 
 
-def others() -> str:
-    """Entries for the public names that no list of the page has."""
-    lines = [line for text in LISTED.findall(_page()) for line in text.splitlines()]
-    listed = {re.split(r"[:(]", line)[0].rpartition(".")[2] for line in lines}
-    return "\n\n".join(part for name in sorted(set(aw.__all__) - listed) for part in _entry(name))
-
-
-def _page() -> str:
-    return PAGE.read_text(encoding="utf-8")
+def others(group: str) -> str:
+    """Entries for the public names of a group, or of those at the "top", that no list of the pages has."""
+    pages = [path.read_text(encoding="utf-8") for path in PAGES.glob("*.md")]
+    listed = {
+        re.split(r"[:(]", line)[0] for page in pages for text in LISTED.findall(page) for line in text.splitlines()
+    }
+    here = aw.__all__ if group == "top" else [f"{group}.{name}" for name in getattr(aw, group).__all__]
+    names = [name for name in here if name not in listed and not inspect.ismodule(_found(name))]
+    known = [name for name in names if group == "top" or name.partition(".")[2] not in aw.__all__]
+    return "\n\n".join(part for name in known for part in _entry(name))
 
 
 def _entry(line: str) -> Iterator[str]:
     match = ENTRY.match(line)
-    assert match is not None, f"docs/reference/api.md: {line!r} is no name"
+    assert match is not None, f"docs/reference/python: {line!r} is no name"
     path, shown, members = match.groups()
     thing = _found(path)
-    name = f"aw.{path}" if path in aw.__all__ else f"armwright.{path}"
+    name = f"aw.{path}" if _public(path) else f"armwright.{path}"
     yield f"### `{name}`"
     yield from _body(name, thing, shown)
     for member in _documented(thing) if members == "*" else (members or "").split():
@@ -63,10 +64,16 @@ def _documented(thing: type) -> list[str]:
     ]
 
 
+def _public(path: str) -> bool:
+    """True of a name at the top, or of a group."""
+    group, _, name = path.rpartition(".")
+    return path in aw.__all__ or (group in aw.__all__ and name in getattr(aw, group).__all__)
+
+
 def _found(path: str) -> Any:
     """Object by its path within the package."""
-    if path in aw.__all__:
-        return getattr(aw, path)
+    if _public(path):
+        return functools.reduce(getattr, path.split("."), aw)
     module, _, name = path.rpartition(".")
     try:
         return getattr(importlib.import_module(f"armwright.{module}"), name)

@@ -24,8 +24,8 @@ def say(stage, text):
 
 def assemble(folder):
     """The arm that the modules make, by the data of the modules."""
-    robot = aw.assemble(folder / "arm.assembly.toml")
-    aw.write_toml(robot, folder / "arm.toml")
+    robot = aw.modules.assemble(folder / "arm.assembly.toml")
+    aw.robotfiles.write_toml(robot, folder / "arm.toml")
     arm = aw.load(folder / "arm.toml")
     say("modules", f"base PB21 L1 PB22 L2 PB23 L3: {arm.n} joints, {robot.total_mass:.4g} kg")
     return arm
@@ -34,10 +34,10 @@ def assemble(folder):
 def measure(folder, arm):
     """The scenario of the bench, and logs of two motions: a designed one to fit, and another one to judge."""
     bench = aw.read_scenario(folder / "bench.scenario.toml")  # its [values] are the arm's secret
-    designed = aw.design_excitation(arm, period=12.0, harmonics=3, starts=1, velocity=0.8, torque=np.inf)
+    designed = aw.identification.design_excitation(arm, period=12.0, harmonics=3, starts=1, velocity=0.8, torque=np.inf)
     centre, sine, cosine = (np.round(getattr(designed.trajectory, name), 4) for name in ("centre", "sine", "cosine"))
-    excited = aw.Fourier.at_rest(centre, sine, cosine, period=12.0, periods=1)
-    other = aw.Fourier.at_rest(centre, -0.7 * sine, 0.7 * cosine, period=10.0, periods=1)
+    excited = aw.trajectories.Fourier.at_rest(centre, sine, cosine, period=12.0, periods=1)
+    other = aw.trajectories.Fourier.at_rest(centre, -0.7 * sine, 0.7 * cosine, period=10.0, periods=1)
     for name, motion in (("excited", excited), ("other", other)):
         loop = replace(bench.loop, reference=motion)
         run = aw.simulate(replace(bench, loop=loop, start=motion(0.0)[0], duration=motion.period))
@@ -54,7 +54,7 @@ def measure(folder, arm):
 
 def identify(folder, arm):
     """The arm's own numbers, from counts and amperes."""
-    found = aw.identify_arm(aw.read_log(folder / "bench.log.toml"), arm)
+    found = aw.identification.identify_arm(aw.identification.read_log(folder / "bench.log.toml"), arm)
     found.write(folder / "identified.toml")
     told = f"{len(found.formulas)} of {found.structural} base parameters"
     drive = f"viscous friction of joint 1 {found.estimate['fv1']:.2f} N m s/rad (modules 15.68, the arm's own 19.00)"
@@ -64,8 +64,10 @@ def identify(folder, arm):
 
 def validate(folder):
     """Verdicts of the motion that was held out: on the identified record, and on the modules' data."""
-    found, before = (aw.validate(folder / name, folder / "bench.log.toml") for name in ("identified.toml", "arm.toml"))
-    aw.write_verdict(found)
+    found, before = (
+        aw.identification.validate(folder / name, folder / "bench.log.toml") for name in ("identified.toml", "arm.toml")
+    )
+    aw.identification.write_verdict(found)
     rms = [np.mean([each.of("torque", joint).overall.rms for joint in found.arm.names]) for each in (found, before)]
     verdict = "passes" if found.passed else "FAILS"
     say("validate", f"{verdict}: torques of another motion within {rms[0]:.2f} N m rms (modules {rms[1]:.2f})")
@@ -74,7 +76,7 @@ def validate(folder):
 
 def plan(folder):
     """The motion that the arm is for, within the limits of the identified record."""
-    planned = aw.plan(folder / "round.motion.toml")
+    planned = aw.trajectories.plan(folder / "round.motion.toml")
     kept = "every limit is kept" if planned.report.kept else "A LIMIT IS EXCEEDED"
     say("plan", f"{planned.motion.duration:.3f} s in {len(planned.kinds)} segments, {kept}")
     return planned.motion
@@ -85,7 +87,7 @@ def tune(bench, arm, motion):
     duration = bench.loop.period * np.ceil(motion.duration / bench.loop.period)
     loop = replace(bench.loop, reference=motion)
     nominal = replace(bench, arm=arm, vary={}, loop=loop, start=motion(0.0)[0], duration=duration)
-    result = aw.tune(nominal, {"position_kp": 5, "speed_kp": 4}, draws={"record": True}, lanes=16, generations=5)
+    result = aw.tuning.tune(nominal, {"position_kp": 5, "speed_kp": 4}, draws={"record": True}, lanes=16, generations=5)
     begun, tuned = result.objectives["rms_error"]
     share = f"rms error {tuned / begun:.0%} of the first gains' on arms not tuned on"
     say("tune", f"{share}, {result.simulations} runs, margins of 2 and 30° kept")
@@ -107,7 +109,7 @@ def drive(bench, tuned, arm, modules):
 
 def export(folder, scenario):
     """The controller as C99, and its commands beside those of the simulation."""
-    made = aw.export_controller(scenario, folder / "c", name="six_joints")
+    made = aw.export.export_controller(scenario, folder / "c", name="six_joints")
     lines = len(made.paths[1].read_text().splitlines())
     say("C", f"{made.paths[1].name}: {lines} lines of C99, no allocation, {len(made.paths)} files")
     same = made.comparison
@@ -124,8 +126,8 @@ def twin(scenario):
     )  # frames carry thousandths of the rated torque
     scenario = replace(scenario, loop=replace(scenario.loop, sensors=sensors, command_filter=command_filter))
     try:
-        with aw.Twin(scenario, "virtual"):
-            run = aw.run_controller(scenario, "virtual")
+        with aw.bus.Twin(scenario, "virtual"):
+            run = aw.bus.run_controller(scenario, "virtual")
     except aw.ArmwrightError as error:  # the extra is not installed
         say("twin", str(error))
         return

@@ -64,7 +64,7 @@ ENTRIES = {
         "armwright.identification.logs.log.Log",
         "armwright.identification.logs.read.read_log",
         LogError,
-        "a log: its file, or what aw.read_log returns",
+        "a log: its file, or what aw.identification.read_log returns",
     ),
     "run": Entry(
         "xarray.Dataset",
@@ -76,7 +76,7 @@ ENTRIES = {
         "armwright.trajectory.motion.Motion",
         "armwright.trajectory.motion_rows.load_motion",
         ScheduleError,
-        "a motion: its file, or what a planner or aw.load_motion returns",
+        "a motion: its file, or what a planner or aw.trajectories.load_motion returns",
     ),
 }
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container
+from collections.abc import Callable, Iterable
 from functools import wraps
 from typing import ParamSpec, TypeVar
 
@@ -44,10 +44,15 @@ KEYWORDS = {  # likewise, of arguments by keyword: the name here → theirs
 HERE = {other: name for name, others in OTHERS.items() for other in (*others.split(), name.replace("_", "").lower())}
 
 
-def advice(name: str, known: Container[str]) -> str:
-    """The end of an error about an unknown name: its name in Armwright, or nothing."""
-    here = HERE.get(name.replace("_", "").lower(), "")
-    return f"; here it is {here}" if here in known else ""
+def advice(name: str, known: Iterable[str]) -> str:
+    """The end of an error about an unknown name: its name in Armwright, or nothing.
+
+    Args:
+        name: that is unknown.   known: the names that there are, those of groups as GROUP.NAME.
+    """
+    here = (HERE.get(name.replace("_", "").lower(), ""), name)
+    found = next((each for each in known if each.rpartition(".")[2] in here), "")
+    return f"; here it is {found}" if found else ""
 
 
 def answering(function: Callable[P, R]) -> Callable[P, R]:

@@ -11,8 +11,9 @@ import pytest
 
 import armwright as aw
 from armwright.kernels.signatures import SIGNATURES
+from public_names import PUBLIC
 
-FUNCTIONS = [name for name in aw.__all__ if inspect.isfunction(getattr(aw, name))]
+FUNCTIONS = [name for name, value in PUBLIC.items() if inspect.isfunction(value)]
 SECTION = r"^{}:\n(?P<text>(?:[ ]+.*\n?)+)"
 ARRAYS = ("q", "qd", "qdd", "tau", "voltage", "u", "wrench")
 SHAPED = r"\([^)]*\)"
@@ -25,7 +26,7 @@ def _section(function: Callable[..., Any], name: str) -> str:
 
 @pytest.mark.parametrize("name", FUNCTIONS)
 def test_arguments_are_told_by_name(name: str) -> None:
-    function = getattr(aw, name)
+    function = PUBLIC[name]
     told = _section(function, "Args")
     for parameter in inspect.signature(function).parameters:
         assert re.search(rf"(^|\s){parameter}: \S", told), f"{name} says nothing of {parameter}"
@@ -33,7 +34,7 @@ def test_arguments_are_told_by_name(name: str) -> None:
 
 @pytest.mark.parametrize("name", FUNCTIONS)
 def test_the_result_is_told(name: str) -> None:
-    function = getattr(aw, name)
+    function = PUBLIC[name]
     if inspect.signature(function).return_annotation == "None":
         return
     assert _section(function, "Returns"), f"{name} does not say what it returns"
@@ -41,7 +42,7 @@ def test_the_result_is_told(name: str) -> None:
 
 @pytest.mark.parametrize("name", FUNCTIONS)
 def test_arrays_have_shape_and_unit(name: str) -> None:
-    function = getattr(aw, name)
+    function = PUBLIC[name]
     told = _section(function, "Args")
     for parameter in set(inspect.signature(function).parameters) & set(ARRAYS):
         place = re.search(rf"(^|\s){parameter}: (?P<text>.*?)(?=   \w+: |$)", told, re.MULTILINE)
@@ -61,9 +62,9 @@ def test_compiled_kernels_tell_shape_and_unit_of_everything(name: str) -> None:
     assert (inspect.getdoc(method) or "").split("\n")[0].strip()
 
 
-@pytest.mark.parametrize("name", [name for name in aw.__all__ if inspect.isclass(getattr(aw, name))])
+@pytest.mark.parametrize("name", [name for name, value in PUBLIC.items() if inspect.isclass(value)])
 def test_classes_and_their_methods_are_explained(name: str) -> None:
-    thing = getattr(aw, name)
+    thing = PUBLIC[name]
     assert inspect.getdoc(thing)
     for method, function in vars(thing).items():
         if not method.startswith("_") and inspect.isfunction(function):

@@ -40,7 +40,7 @@ def test_a_built_in_arm_need_not_be_named(folder):
 
 
 def test_the_arm_of_a_scenario_file_need_not_be_named(folder):
-    text = aw.to_toml(aw.load("two-link")).replace('name = "two-link"', 'name = "mine"')
+    text = aw.robotfiles.to_toml(aw.load("two-link")).replace('name = "two-link"', 'name = "mine"')
     (folder / "mine.toml").write_text(text, encoding="utf-8")
     text = 'robot = "mine.toml"\nduration_s = 0.1\n[commands]\nconstant = 0\n'
     (folder / "mine.scenario.toml").write_text(text, encoding="utf-8")

@@ -53,7 +53,7 @@ def run(*arguments: str, code: int = 0) -> str:
 
 def test_a_built_in_arm_is_made_and_simulated_without_an_edit() -> None:
     assert "wrote arm.toml" in run("assemble", "lwa4p.assembly.toml", "-o", "arm.toml")
-    assert aw.load("arm.toml").description == aw.assemble("lwa4p")
+    assert aw.load("arm.toml").description == aw.modules.assemble("lwa4p")
     assert "0.01 s in " in run("simulate", "arm.toml", "--current", "0", "--duration", "0.01")
 
 
@@ -68,7 +68,7 @@ def test_an_arm_older_than_its_modules_says_so(folder: Path) -> None:
         (folder / name).write_text(f"{text}\n# changed\n")
         (told,) = set(aw.load(arm).warnings) - set(before)
         assert f"older than ../{name}" in told or f"older than {name}" in told
-        (told,) = (str(finding.problem) for finding in aw.check(arm).warnings if finding.check == "age")
+        (told,) = (str(finding.problem) for finding in aw.robotfiles.check(arm).warnings if finding.check == "age")
         (folder / name).write_text(text)
         assert aw.load(arm).warnings == before
         (folder / name).rename(folder / "away")

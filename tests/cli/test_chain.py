@@ -194,13 +194,17 @@ def check_new_motions(arm, identify):
     that all of them share, as of a number that a step loses, is not part of it and fails, however small it is.
     """
     scenario = aw.read_scenario("excited.scenario.toml")
-    motions = [aw.load_motion(f"new{k}.csv", arm) for k in range(NEW_MOTIONS)]
+    motions = [aw.trajectories.load_motion(f"new{k}.csv", arm) for k in range(NEW_MOTIONS)]
     records = [aw.load("identified.toml")]
     for seed in SEEDS:
         run = aw.simulate(replace(scenario, seed=seed))
         aw.save(run, f"seed{seed}.parquet")
-        log = aw.read_log(aw.write_log(run, f"seed{seed}.parquet", f"seed{seed}.log.toml", scenario.arm))
-        records.append(aw.load(aw.identify_arm(log, sensitivity=False, **identify).write(f"seed{seed}.toml")))
+        log = aw.identification.read_log(
+            aw.identification.write_log(run, f"seed{seed}.parquet", f"seed{seed}.log.toml", scenario.arm)
+        )
+        records.append(
+            aw.load(aw.identification.identify_arm(log, sensitivity=False, **identify).write(f"seed{seed}.toml"))
+        )
     truth = followed(scenario, arm, motions)
     errors = [
         {name: values - truth[name] for name, values in followed(scenario, record, motions).items()}

@@ -103,7 +103,7 @@ def test_info_shows_an_arm_that_load_would_refuse(tmp_path):
 def test_info_shows_springs(tmp_path):
     """With the keys of the file, and cylinders with both ends."""
     path = tmp_path / "sprung.toml"
-    path.write_text(aw.to_toml(arm("sprung").record), encoding="utf-8")
+    path.write_text(aw.robotfiles.to_toml(arm("sprung").record), encoding="utf-8")
     shown = " ".join(run("info", path).stdout.split())
     assert "joint2 positions_m [-0.8, -0.1, 0.3, 0.9], forces_n [30, 12, -8, -9], outside linear" in shown
     assert "balancer base (0.3, -0.2, 0.9) link1 (0.1, 0.5, 0) -80 0.9 240" in shown

@@ -38,7 +38,7 @@ def test_designed_gains_are_written_into_the_file_with_their_reasons(tmp_path):
     file.write_text(SCENARIO)
     text = armwright("design", file, "-o", out, "--poses", 200)
     written = out.read_text()
-    design = aw.design_gains(aw.read_scenario(file), poses=200)
+    design = aw.loops.design_gains(aw.read_scenario(file), poses=200)
     inner = aw.read_scenario(out).controller.inner
     for name, gains in design.gains.items():
         np.testing.assert_array_equal(getattr(inner, name), gains)
@@ -84,7 +84,7 @@ def test_refused_in_one_line_and_nothing_is_written(arguments, said, tmp_path, m
 
 def test_an_arm_gets_a_scenario_that_follows_a_motion(tmp_path):
     arm = aw.load("two-link")
-    motion = aw.Quintic([0.1, 0.2], [0.4, -0.3], 0.5)
+    motion = aw.trajectories.Quintic([0.1, 0.2], [0.4, -0.3], 0.5)
     motion.save(tmp_path / "go.csv", arm)
     out = tmp_path / "go.scenario.toml"
     armwright("design", "two-link", "--period", 3e-3, "--reference", tmp_path / "go.csv", "-o", out, "--poses", 200)

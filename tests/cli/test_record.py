@@ -36,7 +36,7 @@ def test_check_shows_what_it_looked_at():
 
 def test_one_is_not_many(tmp_path):
     robot = aw.load("two-link").description
-    path = aw.write_toml(
+    path = aw.robotfiles.write_toml(
         robot.replace(links=robot.links[:1], joints=robot.joints[:1], frames=(), tip=None), tmp_path / "a.toml"
     )
     assert "two-link: 1 link, 1 joint that moves" in run("check", path).stdout
@@ -60,7 +60,7 @@ def test_diff_of_the_same():
 def test_diff_lists_parameters_and_consequence(tmp_path):
     new = aw.load("lwa4p").with_values({"link6.mass_kg": 2.0}, "estimate").with_payload(1.0, [0, 0, 0.1], [0, 0, 0])
     assert new.description is not None
-    path = aw.write_toml(new.description, tmp_path / "new.toml")
+    path = aw.robotfiles.write_toml(new.description, tmp_path / "new.toml")
     shown = run("diff", "lwa4p", path).stdout
     assert re.search(r"^link6\.mass_kg +1\.5 +2 +\+33\.3 % +publication: .* → estimate", shown, re.M)
     assert re.search(r"^payload +absent +link of 1 kg", shown, re.M)

@@ -50,13 +50,13 @@ def test_another_payload_raises_an_alarm(folder):
     assert "kg at the tip explains" in text
     assert "http" not in text.replace("http://www.w3.org", "")
     table = json.loads(command(*arguments, "--json", code=1))["tables"][0]
-    found = aw.shadow_log(aw.read_log(folder / "heavy.log.toml"), folder / "two-link.toml")
+    found = aw.shadow.shadow_log(aw.identification.read_log(folder / "heavy.log.toml"), folder / "two-link.toml")
     assert [row["joint"] for row in table["rows"]] == list(found.arm.names)
     assert found.alarms[0][1].t < 0.5
 
 
 def test_live_tables_follow_the_log(folder, monkeypatch):
-    found = aw.shadow_log(aw.read_log(folder / "heavy.log.toml"), folder / "two-link.toml")
+    found = aw.shadow.shadow_log(aw.identification.read_log(folder / "heavy.log.toml"), folder / "two-link.toml")
     pauses = []
     monkeypatch.setattr(shadow_live.time, "sleep", pauses.append)
     shown = command(folder / "heavy.log.toml", "--robot", folder / "two-link.toml", "--live", code=1)
@@ -115,6 +115,6 @@ def test_currents_are_torques_of_their_motors(tmp_path):
     at = text.rindex("[[signals]]")
     signal = text[at:].replace('"torque"', '"current"').replace('"N m"', '"A"').replace('side = "joint"\n', "")
     path.write_text(text[:at] + signal)
-    found = aw.shadow_log(aw.read_log(path), arm, deviation=0.5)
+    found = aw.shadow.shadow_log(aw.identification.read_log(path), arm, deviation=0.5)
     assert not found.alarms
     assert (found.largest() < 0.05 * np.abs(tau).max(axis=0)).all()

@@ -48,7 +48,7 @@ def test_a_record_that_fails_its_limits(made):
     code, text = run(record, log, "--limits", limits, "--run", "fit")
     assert code == 1
     assert "FAILS" in text
-    stored = aw.stored_verdict(record)
+    stored = aw.identification.stored_verdict(record)
     assert stored is not None
     assert not stored.passed
 

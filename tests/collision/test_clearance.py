@@ -8,17 +8,17 @@ import pytest
 import armwright as aw
 from armwright.collision.capsules import bounding_capsule, link_capsules
 from armwright.errors import ModelError, ScenarioError, ShapeError
-from armwright.kinematics import body_placements
+from armwright.kinematics.forward_kinematics import body_placements
 from armwright.solids.surface import surface
 
-FLOOR = aw.PlaneObstacle((0, 0, -0.2), (0, 0, 2), name="floor")
-TABLE = aw.BoxObstacle((0.4, 0.6, 0.1), (0.7, 0.2, 0.1), (0, 0, 0.5), name="table")
-BALL = aw.SphereObstacle(0.1, (0.4, -0.5, 0.6), name="ball")
+FLOOR = aw.collision.PlaneObstacle((0, 0, -0.2), (0, 0, 2), name="floor")
+TABLE = aw.collision.BoxObstacle((0.4, 0.6, 0.1), (0.7, 0.2, 0.1), (0, 0, 0.5), name="table")
+BALL = aw.collision.SphereObstacle(0.1, (0.4, -0.5, 0.6), name="ball")
 
 
 @cache
 def puma():
-    return aw.clearance(aw.load("puma560"), (FLOOR, TABLE, BALL), radius=0.06)
+    return aw.collision.clearance(aw.load("puma560"), (FLOOR, TABLE, BALL), radius=0.06)
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -68,7 +68,7 @@ def test_capsules_hold_the_record_s_shapes():
 def test_capsules_stand_in_the_frames_of_their_links(name):
     """Drawn where `forward_kinematics(frame=link)` puts them, they hold the link's shapes, or join its joints, at any pose."""
     arm = aw.load("examples/scara.toml" if name == "scara" else name)
-    clear = aw.clearance(arm, radius=0.03)
+    clear = aw.collision.clearance(arm, radius=0.03)
     shapes = {link.name: [each for each in link.visuals if not each.hole] for link in arm.record.links}
     for q in np.random.default_rng(2).uniform(-1.5, 1.5, (8, arm.n)):
         drawn = {}
@@ -130,7 +130,7 @@ def test_distances_beside_sampled_capsules():
 def test_the_nearest_is_named():
     q = np.zeros((3, 6))
     q[1, 1] = -1.5  # reaches down
-    nearest = aw.clearance(aw.load("puma560"), (FLOOR,), radius=0.06).nearest(q)
+    nearest = aw.collision.clearance(aw.load("puma560"), (FLOOR,), radius=0.06).nearest(q)
     assert (nearest.index, nearest.pair[1]) == (1, "floor")
     assert nearest.distance < 0
     assert str(nearest).endswith(" mm")
@@ -138,7 +138,7 @@ def test_the_nearest_is_named():
 
 @pytest.mark.parametrize("length", [1e-320, 1e-200, 1.0, 1e300])
 def test_a_normal_has_any_length(length):
-    plane = aw.PlaneObstacle((0.0, 0.0, -0.3), (0.0, length, 2.0 * length))
+    plane = aw.collision.PlaneObstacle((0.0, 0.0, -0.3), (0.0, length, 2.0 * length))
     a, b = np.array([0.1, 0.2, 0.5]), np.array([0.3, -0.2, 0.4])
     unit = np.array([0.0, 1.0, 2.0]) / np.sqrt(5.0)
     expected = min(unit @ (end - [0.0, 0.0, -0.3]) for end in (a, b))
@@ -148,16 +148,18 @@ def test_a_normal_has_any_length(length):
 def test_a_radius_in_millimetres_is_told_from_a_large_one():
     arm = aw.load("puma560")
     with pytest.raises(ModelError, match=r"all links overlap in each of 2000 poses.*expected metres, as 0.06"):
-        aw.clearance(arm, radius=60)
+        aw.collision.clearance(arm, radius=60)
     with pytest.raises(ModelError, match=r"expected a smaller radius, or these pairs in ignore"):
-        aw.clearance(arm, radius=0.8)
+        aw.collision.clearance(arm, radius=0.8)
     names = [body.link for body in arm.bodies]
     every = [(one, two) for one in names for two in names if one < two]
-    assert aw.clearance(arm, (FLOOR,), radius=0.8, ignore=every).pairs == tuple((each, "floor") for each in names)
+    assert aw.collision.clearance(arm, (FLOOR,), radius=0.8, ignore=every).pairs == tuple(
+        (each, "floor") for each in names
+    )
 
 
 def test_neighbours_are_not_looked_at():
-    clear = aw.clearance(aw.load("two-link"), radius=0.02)
+    clear = aw.collision.clearance(aw.load("two-link"), radius=0.02)
     assert clear.pairs == ()
     assert clear.distances(np.zeros((4, 2))).shape == (4, 0)
     with pytest.raises(ScenarioError):
@@ -167,21 +169,21 @@ def test_neighbours_are_not_looked_at():
 @pytest.mark.parametrize(
     ("call", "error", "place"),
     [
-        (lambda arm: aw.clearance(arm), ModelError, "radius"),
-        (lambda arm: aw.clearance(arm, radius=0.0), ModelError, "radius"),
-        (lambda arm: aw.clearance(arm, radius=60), ModelError, "radius"),
-        (lambda arm: aw.clearance(arm, radius={"elbow": 1.0}), ModelError, "radius"),
-        (lambda arm: aw.clearance(arm, radius={"link1": 0.1}), ModelError, "radius"),
-        (lambda arm: aw.clearance(arm, radius=0.1, ignore=[("link1", "link9")]), ModelError, "ignore"),
-        (lambda arm: aw.clearance(arm, "x", radius=0.1), ScenarioError, "obstacles"),
-        (lambda arm: aw.PlaneObstacle((0, 0, 0), (0, 0, 0)), ScenarioError, "plane.normal"),
-        (lambda arm: aw.PlaneObstacle((0, np.nan, 0), (0, 0, 1)), ScenarioError, "plane.point"),
-        (lambda arm: aw.BoxObstacle((1, 1, 0), (0, 0, 0)), ScenarioError, "box.size"),
-        (lambda arm: aw.SphereObstacle(-1, (0, 0, 0)), ScenarioError, "sphere.radius"),
+        (lambda arm: aw.collision.clearance(arm), ModelError, "radius"),
+        (lambda arm: aw.collision.clearance(arm, radius=0.0), ModelError, "radius"),
+        (lambda arm: aw.collision.clearance(arm, radius=60), ModelError, "radius"),
+        (lambda arm: aw.collision.clearance(arm, radius={"elbow": 1.0}), ModelError, "radius"),
+        (lambda arm: aw.collision.clearance(arm, radius={"link1": 0.1}), ModelError, "radius"),
+        (lambda arm: aw.collision.clearance(arm, radius=0.1, ignore=[("link1", "link9")]), ModelError, "ignore"),
+        (lambda arm: aw.collision.clearance(arm, "x", radius=0.1), ScenarioError, "obstacles"),
+        (lambda arm: aw.collision.PlaneObstacle((0, 0, 0), (0, 0, 0)), ScenarioError, "plane.normal"),
+        (lambda arm: aw.collision.PlaneObstacle((0, np.nan, 0), (0, 0, 1)), ScenarioError, "plane.point"),
+        (lambda arm: aw.collision.BoxObstacle((1, 1, 0), (0, 0, 0)), ScenarioError, "box.size"),
+        (lambda arm: aw.collision.SphereObstacle(-1, (0, 0, 0)), ScenarioError, "sphere.radius"),
         (lambda arm: puma().distances(np.zeros((3, 5))), ShapeError, "clearance"),
         (lambda arm: puma().nearest(np.full((3, 6), np.nan)), ScenarioError, "q"),
         (lambda arm: puma().nearest(np.zeros((0, 6))), ScenarioError, "q"),
-        (lambda arm: aw.clearance(arm.n), ModelError, "arm"),
+        (lambda arm: aw.collision.clearance(arm.n), ModelError, "arm"),
     ],
 )
 def test_refused(call, error, place):

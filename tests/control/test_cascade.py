@@ -53,7 +53,7 @@ def test_it_is_the_loop_by_hand():
         speed_kp=6.0, speed_ki=20.0, effort_limit=3.0, speed_every=2, current_kp=2.0, current_ki=30.0,
     )  # fmt: skip
     common = {
-        "reference": aw.Quintic(np.zeros(6), np.full(6, 0.5), 0.15), "period": PERIOD, "duration": 0.3,
+        "reference": aw.trajectories.Quintic(np.zeros(6), np.full(6, 0.5), 0.15), "period": PERIOD, "duration": 0.3,
         "vary": {}, "initial_command": np.zeros(6),
     }  # fmt: skip
     model = arm("cmu-dd")
@@ -154,7 +154,7 @@ def test_it_tracks_with_each_kind_of_drive():
     for name, speed_kp in (("two-link", [400.0, 100.0]), ("lwa4p", 20.0), ("cmu-dd", [400.0, 900, 300, 150, 40, 20])):
         model = arm(name)
         law = Cascade(position_kp=10.0, speed_kp=speed_kp, speed_ki=np.asarray(speed_kp) * 15.0, speed_feedforward=1.0)
-        motion = aw.Quintic(np.zeros(model.n), np.full(model.n, 0.2), 0.5)
+        motion = aw.trajectories.Quintic(np.zeros(model.n), np.full(model.n, 0.2), 0.5)
         run = aw.simulate(
             aw.Scenario(
                 model,

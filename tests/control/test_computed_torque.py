@@ -28,7 +28,7 @@ def test_the_arm_accelerates_as_it_is_asked(name):
 
 def tracking(model, period, reckoned=None):
     start = np.array([0.2, -0.4, 0.1, 0.3, 0.2, -0.1])[: model.n]
-    motion = aw.Quintic(start, start + 0.4, 0.8)
+    motion = aw.trajectories.Quintic(start, start + 0.4, 0.8)
     law = ComputedTorque(kp=100.0, kd=20.0, model=reckoned)
     run = aw.simulate(
         aw.Scenario(model, duration=1.0, start=start, loop=aw.Loop(controller=law, reference=motion, period=period))

@@ -28,14 +28,14 @@ def arm():
 
 def test_the_linear_model_is_the_arm_near_the_pose(arm):
     q = np.array([0.4, -0.7])
-    system = aw.state_space(arm, q)
+    system = aw.loops.state_space(arm, q)
     assert system.state_labels == ["q[shoulder]", "q[elbow]", "qd[shoulder]", "qd[elbow]"]
     assert system.input_labels == ["torque[shoulder]", "torque[elbow]"]
     assert system.output_labels == ["q[shoulder]", "q[elbow]", "qd[shoulder]", "qd[elbow]"]
     still = arm.replace(friction=None)
     hold, mass = aw.gravity_torques(arm, q), aw.mass_matrix(arm, q)
-    a, step = aw.state_space(still, q).A, 1e-6
-    assert aw.state_space(still, q).B[2:] == pytest.approx(np.linalg.inv(mass), rel=1e-9)
+    a, step = aw.loops.state_space(still, q).A, 1e-6
+    assert aw.loops.state_space(still, q).B[2:] == pytest.approx(np.linalg.inv(mass), rel=1e-9)
     for k in range(2):
         moved = q + step * np.eye(2)[k]
         slope = np.linalg.solve(aw.mass_matrix(arm, moved), hold - aw.gravity_torques(arm, moved)) / step
@@ -43,7 +43,7 @@ def test_the_linear_model_is_the_arm_near_the_pose(arm):
 
 
 def test_drives_have_their_states_and_their_commands_names():
-    system = aw.state_space(aw.load("cmu-dd"))
+    system = aw.loops.state_space(aw.load("cmu-dd"))
     assert system.input_labels[0].startswith("voltage[")
     assert system.nstates >= 12
     assert all(name.startswith(("q[", "qd[", "current[")) for name in system.state_labels)
@@ -51,11 +51,11 @@ def test_drives_have_their_states_and_their_commands_names():
 
 def test_the_sampled_model_is_that_of_python_control_and_delays_are_states(arm):
     q = np.array([0.4, -0.7])
-    continuous, sampled = aw.state_space(arm, q), aw.state_space(arm, q, period=1e-3)
+    continuous, sampled = aw.loops.state_space(arm, q), aw.loops.state_space(arm, q, period=1e-3)
     same = control.c2d(continuous, 1e-3, "zoh")
     assert np.allclose(sampled.A, same.A, rtol=1e-10, atol=1e-12)
     assert np.allclose(sampled.B, same.B, rtol=1e-10, atol=1e-12)
-    late = aw.state_space(arm, q, period=1e-3, delay=1.4e-3)
+    late = aw.loops.state_space(arm, q, period=1e-3, delay=1.4e-3)
     assert late.state_labels[4:] == [f"torque[{joint}], {k} ago" for k in (1, 2) for joint in arm.names]
     w = 20.0
     ratio = late(np.exp(1j * w * 1e-3))[0, 0] / continuous(1j * w)[0, 0]
@@ -64,7 +64,7 @@ def test_the_sampled_model_is_that_of_python_control_and_delays_are_states(arm):
 
 def test_regulators_and_kalman_filters_of_the_model_solve_riccatis_equations(arm):
     linalg = pytest.importorskip("scipy.linalg")
-    system = aw.state_space(arm, [0.4, -0.7], period=1e-3)
+    system = aw.loops.state_space(arm, [0.4, -0.7], period=1e-3)
     q, r = np.diag([100.0, 100.0, 1.0, 1.0]), np.diag([1e-3, 1e-2])
     gain = control.dlqr(system, q, r)[0]
     p = linalg.solve_discrete_are(system.A, system.B, q, r)
@@ -86,13 +86,13 @@ def viscous(arm, joint):
 @pytest.mark.parametrize(("law", "zeta"), [(PD, 1.0), (PD, 0.7), (PID, 1.0), (CASCADE, 0.8)])
 def test_placed_poles_lie_where_they_were_asked_for(law, zeta):
     w = 8.0
-    design = aw.design_gains(scenario(law), "pole-placement", bandwidth=w, damping=zeta, poses=50)
+    design = aw.loops.design_gains(scenario(law), "pole-placement", bandwidth=w, damping=zeta, poses=50)
     arm = aw.load("two-link").replace(gravity=[0.0, 0.0, 0.0])  # which the law compensates, or the integral
     gains = design.gains
     if isinstance(law, aw.Cascade):
         p, s, i = (gains[name] for name in ("position_kp", "speed_kp", "speed_ki"))
         gains = {"kp": s * p + i, "ki": i * p, "kd": s}
-    poses = aw.joint_inertias(arm, 50, 0)
+    poses = aw.loops.joint_inertias(arm, 50, 0)
     for joint in range(2):
         q = poses.q[poses.held[:, joint].argmax()]
         # the joint alone: all others held still
@@ -110,7 +110,7 @@ def test_placed_poles_lie_where_they_were_asked_for(law, zeta):
 
 
 def test_the_symmetric_optimum_is_kesslers():
-    design = aw.design_gains(scenario(CASCADE, "lwa4p", 4e-3), bandwidth=1.0 / (2.0 * 6e-3), poses=50)
+    design = aw.loops.design_gains(scenario(CASCADE, "lwa4p", 4e-3), bandwidth=1.0 / (2.0 * 6e-3), poses=50)
     lag = 6e-3  # half a period of hold, one of delay
     assert design.method == "symmetric-optimum"
     assert design.lag == pytest.approx(lag)
@@ -130,7 +130,7 @@ def test_the_symmetric_optimum_of_a_damped_joint_is_not_slower_than_its_bandwidt
     bodies = tuple(replace(body, friction=Friction(viscous=150.0)) for body in one.arm.bodies)
     damped = replace(one, arm=replace(one.arm, bodies=bodies).replace(gravity=[0.0, 0.0, 0.0]))
     w, lag = 40.0, 6e-3  # half a period of hold, one of delay
-    design = aw.design_gains(damped, bandwidth=w, poses=50)
+    design = aw.loops.design_gains(damped, bandwidth=w, poses=50)
     gains = {"speed_ki": np.zeros(2), **design.gains}
     columns = (gains[name] for name in ("position_kp", "speed_kp", "speed_ki"))
     for m, p, s, i in zip(design.inertia, *columns, strict=True):
@@ -146,9 +146,9 @@ def test_the_symmetric_optimum_of_a_damped_joint_is_not_slower_than_its_bandwidt
 
 def test_a_shaped_loop_crosses_with_the_phase_that_belongs_to_the_damping():
     w, zeta = 10.0, 0.6
-    design = aw.design_gains(scenario(PD), "loop-shaping", bandwidth=w, damping=zeta, poses=50)
+    design = aw.loops.design_gains(scenario(PD), "loop-shaping", bandwidth=w, damping=zeta, poses=50)
     arm, law = aw.load("two-link").replace(gravity=[0.0, 0.0, 0.0]), design.gains
-    poses = aw.joint_inertias(arm, 50, 0)
+    poses = aw.loops.joint_inertias(arm, 50, 0)
     for joint in range(2):
         q = poses.q[poses.held[:, joint].argmax()]
         inertia = aw.mass_matrix(arm, q)[joint, joint]
@@ -162,7 +162,7 @@ def test_a_shaped_loop_crosses_with_the_phase_that_belongs_to_the_damping():
 
 def test_the_regulator_of_a_joint_without_damping_is_the_closed_form():
     one = replace(scenario(PD), arm=aw.load("two-link").replace(friction=None))
-    design = aw.design_gains(one, "lqr", bandwidth=6.0, poses=50)
+    design = aw.loops.design_gains(one, "lqr", bandwidth=6.0, poses=50)
     # coupling changes it a little; without it  kp = m ω²,  kd = √2 m ω
     assert design.gains["kp"] == pytest.approx(design.inertia * 36.0, rel=0.4)
     assert design.gains["kd"] == pytest.approx(design.inertia * 6.0 * np.sqrt(2.0), rel=0.4)
@@ -171,27 +171,27 @@ def test_the_regulator_of_a_joint_without_damping_is_the_closed_form():
 @pytest.mark.parametrize("method", ["pole-placement", "symmetric-optimum", "loop-shaping", "lqr"])
 @pytest.mark.parametrize("law", [PD, CASCADE], ids=["pd", "cascade"])
 def test_gains_without_a_stated_bandwidth_keep_the_margins_at_other_poses(method, law):
-    design = aw.design_gains(scenario(law, period=2e-3), method, poses=100)
+    design = aw.loops.design_gains(scenario(law, period=2e-3), method, poses=100)
     assert design.keeps
-    margins = aw.LinearLoop(design.scenario).margins(np.random.default_rng(7).uniform(-3.0, 3.0, (30, 2)))
+    margins = aw.loops.LinearLoop(design.scenario).margins(np.random.default_rng(7).uniform(-3.0, 3.0, (30, 2)))
     assert margins.radius.max() < 1.0
     assert np.degrees(margins.phase.min()) > 29.0
     assert margins.gain_up.min() > 1.95
-    slower = aw.design_gains(scenario(law, period=2.4e-3), method, poses=100)
+    slower = aw.loops.design_gains(scenario(law, period=2.4e-3), method, poses=100)
     assert (slower.bandwidth < design.bandwidth).all()
 
 
 def test_computed_torque_is_designed_for_double_integrators():
-    design = aw.design_gains(scenario(aw.ComputedTorque(kp=1.0, kd=1.0)), bandwidth=10.0, poses=50)
+    design = aw.loops.design_gains(scenario(aw.ComputedTorque(kp=1.0, kd=1.0)), bandwidth=10.0, poses=50)
     assert design.gains["kp"].tolist() == [100.0, 100.0]
     assert design.gains["kd"].tolist() == [20.0, 20.0]
 
 
 def test_what_wraps_the_controller_stays():
     wrapped = aw.FeedForward(PD, inertia="joint")
-    design = aw.design_gains(scenario(wrapped), bandwidth=5.0, poses=50)
+    design = aw.loops.design_gains(scenario(wrapped), bandwidth=5.0, poses=50)
     assert type(design.scenario.controller) is aw.FeedForward
-    plain = aw.design_gains(scenario(PD), bandwidth=5.0, poses=50)
+    plain = aw.loops.design_gains(scenario(PD), bandwidth=5.0, poses=50)
     assert design.scenario.controller.inner.kp.tolist() == plain.scenario.controller.kp.tolist()
 
 
@@ -210,14 +210,14 @@ def test_a_current_loop_is_designed_by_the_magnitude_optimum():
         for changes in ({}, {"inductance": None})
     )
     with pytest.raises(aw.ArmwrightError, match="no winding resistance and inductance"):
-        aw.design_gains(one, poses=50)
-    design = aw.design_gains(wound, poses=50)
+        aw.loops.design_gains(one, poses=50)
+    design = aw.loops.design_gains(wound, poses=50)
     assert design.keeps
     late = 2.5e-4 * 1.5  # half a period of hold, one of delay
     assert design.gains["current_kp"] == pytest.approx(5e-3 / (2.0 * late))
     assert design.gains["current_ki"] == pytest.approx(1.5 / (2.0 * late))
     assert design.lag == pytest.approx(np.full(2, 4 * 2.5e-4 / 2.0 + 2.5e-4 + 2.0 * late))
-    held = aw.joint_inertias(wound.arm, 50, 0).held.max(axis=0)
+    held = aw.loops.joint_inertias(wound.arm, 50, 0).held.max(axis=0)
     assert design.inertia == pytest.approx(held / 20.0)  # N m/A at the joint
 
 
@@ -240,7 +240,7 @@ def _driven(arm, drive):
 )
 def test_bad_input(changes, words):
     with pytest.raises(aw.ArmwrightError) as caught:
-        aw.design_gains(scenario(PD), **{"poses": 20, **changes})
+        aw.loops.design_gains(scenario(PD), **{"poses": 20, **changes})
     assert words in str(caught.value)
     assert "\n" not in str(caught.value)
 
@@ -248,19 +248,19 @@ def test_bad_input(changes, words):
 def test_margins_that_no_bandwidth_keeps_say_what_would():
     slow = scenario(aw.JointPID(kp=100.0, kd=10.0), period=0.2)  # upright it falls, faster than the loop can see
     with pytest.raises(aw.ArmwrightError, match="no bandwidth keeps") as caught:
-        aw.design_gains(slow, poses=20)
+        aw.loops.design_gains(slow, poses=20)
     assert "a sample period of" in str(caught.value)
 
 
 def test_a_law_that_no_rule_designs():
     with pytest.raises(aw.ArmwrightError, match="no rule designs"):
-        aw.design_gains(scenario(lambda t, r, y: 10.0 * (r.q - y.q)))
+        aw.loops.design_gains(scenario(lambda t, r, y: 10.0 * (r.q - y.q)))
 
 
 @pytest.mark.parametrize("changes", [{"q": [0.0]}, {"q": [0.0, np.nan]}, {"delay": 1e-3}, {"period": -1.0}])
 def test_no_state_space(arm, changes):
     with pytest.raises(aw.ArmwrightError):
-        aw.state_space(arm, **changes)
+        aw.loops.state_space(arm, **changes)
 
 
 @pytest.mark.parametrize("wrapped", [False, True])
@@ -269,22 +269,24 @@ def test_a_designed_cascade_arrives_though_its_commands_are_late(wrapped):
     start, goal = np.array([0.2, 0.5]), np.array([1.0, -0.4])
     law = aw.FeedForward(CASCADE) if wrapped else CASCADE
     bodies = tuple(replace(body, friction=Friction(viscous=100.0)) for body in aw.load("two-link").bodies)
-    one = scenario(law, period=4e-3, reference=aw.Quintic(start, goal, 1.0))
+    one = scenario(law, period=4e-3, reference=aw.trajectories.Quintic(start, goal, 1.0))
     one = replace(one, arm=replace(one.arm, bodies=bodies), start=start)
-    run = aw.simulate(aw.design_gains(one, poses=50).scenario)
+    run = aw.simulate(aw.loops.design_gains(one, poses=50).scenario)
     assert np.abs(run.q.values[-1] - goal).max() < 2e-3
     known = replace(law, inner=replace(CASCADE, delay_ticks=1)) if wrapped else replace(CASCADE, delay_ticks=1)
     stated = replace(one, loop=replace(one.loop, controller=known))
-    assert (aw.simulate(aw.design_gains(stated, poses=50).scenario).q.values == run.q.values).all()
+    assert (aw.simulate(aw.loops.design_gains(stated, poses=50).scenario).q.values == run.q.values).all()
 
 
 def test_what_is_left_at_rest_without_an_integral_is_said():
     start = np.array([0.3, 0.4])
     friction = Friction(viscous=1.0, coulomb_positive=3.0, coulomb_negative=2.0)
     bodies = [replace(body, friction=friction) for body in aw.load("two-link").bodies]
-    one = scenario(replace(CASCADE, speed_ki=0.0), period=4e-3, reference=aw.Quintic(start, start + 0.5, 0.6))
+    one = scenario(
+        replace(CASCADE, speed_ki=0.0), period=4e-3, reference=aw.trajectories.Quintic(start, start + 0.5, 0.6)
+    )
     one = replace(one, arm=replace(one.arm, bodies=tuple(bodies)), start=start, duration=2.0)
-    design = aw.design_gains(one, poses=200)
+    design = aw.loops.design_gains(one, poses=200)
     stiffness = design.gains["position_kp"] * design.gains["speed_kp"]
     assert design.friction_error == pytest.approx(3.0 / stiffness)
     error = np.abs(aw.simulate(design.scenario).q.values[-1] - start - 0.5)
@@ -292,7 +294,7 @@ def test_what_is_left_at_rest_without_an_integral_is_said():
     assert (error <= design.friction_error + design.weight_error).all()
     assert "without an integral, dry friction up to" in design.sentences()[-1]
     for law, left in ((CASCADE, False), (PD, True)):
-        other = aw.design_gains(replace(one, loop=replace(one.loop, controller=law)), poses=50)
+        other = aw.loops.design_gains(replace(one, loop=replace(one.loop, controller=law)), poses=50)
         assert other.friction_error.all() == left
         assert not other.weight_error.any()  # PD: gravity = True
         assert len(other.sentences()) == 2 + left + len(other.notes)

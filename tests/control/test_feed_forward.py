@@ -56,7 +56,7 @@ def test_inertia_of_a_joint_is_what_accelerating_it_alone_asks_for(name):
 
 def tracking(law, period=1e-3):
     model = arm("cmu-dd")
-    motion = aw.Quintic(np.zeros(6), np.array([0.8, 0.5, 0.3, 0.5, 0.2, 0.4]), 0.8)
+    motion = aw.trajectories.Quintic(np.zeros(6), np.array([0.8, 0.5, 0.3, 0.5, 0.2, 0.4]), 0.8)
     run = aw.simulate(aw.Scenario(model, duration=0.9, loop=aw.Loop(law, motion, period)))
     assert run.attrs["controller"] == "compiled"
     return np.abs(run.q.values - run.q_reference.values).max()
@@ -100,7 +100,7 @@ def test_a_scenario_file_has_it_around_another(tmp_path):
     law: Any = scenario.loop and scenario.loop.controller
     assert (type(law).__name__, law.inertia, law.inner.kp) == ("FeedForward", "joint", 30.0)
     by_hand = aw.FeedForward(aw.JointPID(kp=30.0, kd=[6.0, 5.0]), friction=True, inertia="joint")
-    loop = aw.Loop(by_hand, aw.Quintic([0, 0], [0.1, 0.1], 0.05), 1e-3)
+    loop = aw.Loop(by_hand, aw.trajectories.Quintic([0, 0], [0.1, 0.1], 0.05), 1e-3)
     expected = aw.simulate(aw.Scenario(arm("two-link"), duration=0.05, loop=loop))
     np.testing.assert_array_equal(aw.simulate(scenario).q.values, expected.q.values)
     text = path.read_text()
@@ -119,7 +119,7 @@ def test_the_loops_analysis_knows_the_rates_inside():
     model = arm("two-link")
     cascade = aw.Cascade(position_kp=5.0, speed_kp=3.0, position_every=4, speed_every=2)
     loops = [
-        aw.LinearLoop(aw.Scenario(model, duration=0.1, loop=aw.Loop(law, None, 1e-3)))
+        aw.loops.LinearLoop(aw.Scenario(model, duration=0.1, loop=aw.Loop(law, None, 1e-3)))
         for law in (cascade, aw.FeedForward(cascade))
     ]
     assert [loop.cycle for loop in loops] == [4, 4]

@@ -93,12 +93,12 @@ def test_runs_and_files_keep_them(path, tmp_path):
         aw.save(run, tmp_path / f"run{ending}")
     assert tuple(aw.load_run(tmp_path / "run.nc")["joint"].values) == JOINTS
     assert "q_joint_0.0 [rad],q_Rev 2 [rad]" in (tmp_path / "run.csv").read_text(encoding="utf-8")
-    aw.convert(path, tmp_path / "arm.toml")
-    aw.convert(tmp_path / "arm.toml", tmp_path / "back.urdf")
+    aw.robotfiles.convert(path, tmp_path / "arm.toml")
+    aw.robotfiles.convert(tmp_path / "arm.toml", tmp_path / "back.urdf")
     for name in ("arm.toml", "back.urdf"):
         again = aw.load(tmp_path / name)
         assert (tuple(again.names), again.tip) == (JOINTS, LINKS[1])
-    assert not aw.diff(path, tmp_path / "arm.toml").changes
+    assert not aw.robotfiles.diff(path, tmp_path / "arm.toml").changes
 
 
 def test_exported_c_has_identifiers(path, tmp_path):
@@ -112,7 +112,7 @@ def test_drives_and_lines_are_found_by_them(path, tmp_path):
     (tmp_path / "arm.drive.toml").write_text(DRIVE, encoding="utf-8")
     arm = aw.load(path, drive=tmp_path / "arm.drive.toml")
     assert (arm.bodies[0].drive.gear_ratio, arm.tip) == (50, "link 1")
-    aw.convert(path, tmp_path / "arm.toml")
+    aw.robotfiles.convert(path, tmp_path / "arm.toml")
     text = (
         (tmp_path / "arm.toml").read_text(encoding="utf-8").replace("viscous_n_m_s_per_rad = 0.5", "viscous = 0.5", 1)
     )

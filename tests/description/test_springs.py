@@ -201,12 +201,12 @@ def test_variants_keep_the_cylinders_whose_ends_still_move():
 def test_a_difference_names_the_spring():
     """Number by number, a cylinder that is gone as a whole, and what it does to the torques that hold the arm."""
     more = arm("sprung").with_values({"joint1.spring.preload_n_m": -5.0})
-    difference = aw.diff(arm("sprung"), more)
+    difference = aw.robotfiles.diff(arm("sprung"), more)
     assert [change.path for change in difference.changes] == ["joint1.spring.preload_n_m"]
     assert difference.effect is not None
     assert difference.effect.gravity_change == pytest.approx([2.0, 0.0, 0.0, 0.0, 0.0])
     robot = arm("sprung").record
-    less = aw.diff(robot, robot.replace(cylinders=robot.cylinders[1:]))
+    less = aw.robotfiles.diff(robot, robot.replace(cylinders=robot.cylinders[1:]))
     assert [(change.path, change.before, change.after) for change in less.changes] == [
         ("balancer", "cylinder from base to link1", None)
     ]

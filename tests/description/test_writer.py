@@ -124,23 +124,29 @@ def test_arms_are_written_like_their_descriptions(tmp_path):
     """Text and file of an arm are those of its description, and read back as it."""
     for name, arm in forms(tmp_path).items():
         assert arm.description is not None
-        text = aw.to_toml(arm)
-        assert text == aw.to_toml(arm.description), name
+        text = aw.robotfiles.to_toml(arm)
+        assert text == aw.robotfiles.to_toml(arm.description), name
         assert again(text) == arm.description, name
-        path = aw.write_toml(arm, tmp_path / "written.toml")
+        path = aw.robotfiles.write_toml(arm, tmp_path / "written.toml")
         assert aw.load(path, on_impossible="warn").description == arm.description, name
-        assert aw.check(arm).errors == aw.check(arm.description).errors
+        assert aw.robotfiles.check(arm).errors == aw.robotfiles.check(arm.description).errors
 
 
 def test_an_mjcf_is_written_like_its_description(tmp_path):
     pytest.importorskip("mujoco")
     write_mjcf(aw.load("panda"), tmp_path / "panda.xml")
     arm = aw.load(tmp_path / "panda.xml", smoothing=0.01)
-    assert again(aw.to_toml(arm)) == arm.description
+    assert again(aw.robotfiles.to_toml(arm)) == arm.description
 
 
 @pytest.mark.parametrize(
-    "write", [aw.to_toml, aw.check, lambda arm: write_urdf(arm, "x.urdf"), lambda arm: write_mjcf(arm, "x.xml")]
+    "write",
+    [
+        aw.robotfiles.to_toml,
+        aw.robotfiles.check,
+        lambda arm: write_urdf(arm, "x.urdf"),
+        lambda arm: write_mjcf(arm, "x.xml"),
+    ],
 )
 def test_what_no_description_holds_is_not_written(write, tmp_path, monkeypatch):
     """An arm that `replace` changed is not its description; a name is no arm."""
@@ -148,7 +154,7 @@ def test_what_no_description_holds_is_not_written(write, tmp_path, monkeypatch):
     with pytest.raises(ModelError) as error:
         write(aw.load("panda").replace(friction=None))
     assert (error.value.value, error.value.what) == ("panda", "differs from its description by replace(friction=…)")
-    for wrong in ("panda", 5) if write is not aw.check else ():
+    for wrong in ("panda", 5) if write is not aw.robotfiles.check else ():
         with pytest.raises(ModelError) as error:
             write(wrong)
         assert error.value.value == wrong

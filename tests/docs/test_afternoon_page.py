@@ -35,7 +35,7 @@ def test_the_page_runs_as_it_says(tmp_path: Path) -> None:
                 assert " ".join(line.split()) in printed, f"{command}: {line!r} is shown, and not printed"
             commands += 1
     assert commands == 4
-    verdict = aw.stored_verdict(tmp_path / "tx40.toml")
+    verdict = aw.identification.stored_verdict(tmp_path / "tx40.toml")
     assert verdict is not None
     assert verdict.passed
     shown = {

@@ -15,7 +15,7 @@ def test_the_drill_is_planned_and_goes_along_its_axis(tmp_path):
     ]
     ((command, lines),) = [each for each in shown if "drill" in each[0]]
     assert shell(command, tmp_path).stdout.splitlines() == lines
-    plan = aw.plan(tmp_path / "drill.motion.toml")
+    plan = aw.trajectories.plan(tmp_path / "drill.motion.toml")
     motion = plan.motion
     s = np.linspace(0.0, motion.duration, 501)
     poses = aw.compile(plan.arm).forward_kinematics(motion.at(s)[0])

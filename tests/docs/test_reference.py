@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-import armwright as aw
 from armwright import errors
 from docs.pages import ROOT, page
+from public_names import GROUPS, PUBLIC
 
 TOOL = ROOT / "docs" / "ext" / "armwright_pages.py"
 DIRECTIVE = re.compile(r"^(?:`{3,}|:{3,})\{([\w-]+)\}|^\(([\w-]+)\)=$", re.MULTILINE)
@@ -72,14 +72,23 @@ def test_a_page_is_plain_markdown(name: str) -> None:
 
 
 def test_every_public_name_is_in_the_reference() -> None:
-    shown = set(
-        re.findall(r"^### `(?:aw|armwright)\.(?:[\w.]+\.)?(\w+)`$", page("docs/reference/api.md"), re.MULTILINE)
-    )
-    assert set(aw.__all__) <= shown
+    shown = [name for text in _python().values() for name in re.findall(r"^### `aw\.([\w.]+)`$", text, re.MULTILINE)]
+    assert sorted(shown) == sorted(PUBLIC)
+
+
+def test_each_group_is_a_page() -> None:
+    for group in GROUPS:
+        shown = re.findall(r"^### `aw\.([\w.]+)`$", page(f"docs/reference/python/{group}.md"), re.MULTILINE)
+        assert {name.partition(".")[0] for name in shown} == {group}
+
+
+def _python() -> dict[str, str]:
+    """Pages of the Python reference by their paths."""
+    return {name: page(name) for name in _pages() if name.startswith("docs/reference/python/")}
 
 
 def test_every_exception_is_in_the_reference() -> None:
-    listed = re.findall(r"^### `armwright\.errors\.(\w+)`$", page("docs/reference/api.md"), re.MULTILINE)
+    listed = re.findall(r"^### `armwright\.errors\.(\w+)`$", page("docs/reference/python/errors.md"), re.MULTILINE)
     ours = [
         name
         for name, thing in vars(errors).items()
@@ -93,7 +102,7 @@ def test_entries_of_the_reference_say_what_they_take(monkeypatch: pytest.MonkeyP
     monkeypatch.syspath_prepend(str(TOOL.parent))
     import armwright_api  # pyright: ignore[reportMissingImports]
 
-    text = armwright_api.api("CompiledArm: inverse_dynamics", "load", "Simulation: step")
+    text = armwright_api.api("CompiledArm: inverse_dynamics", "load", "simulation.Simulation: step")
     assert "### `aw.load`" in text
     assert "- `q`: (…, n) [rad | m]" in text
     assert "- `tau`: (…, n) [N m | N]" in text

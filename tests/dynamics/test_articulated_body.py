@@ -10,7 +10,8 @@ import pytest
 from armwright import scalar
 from armwright.dynamics import articulated_body, composite_body, mass_matrix
 from armwright.dynamics.articulated_body import articulated_shares
-from armwright.kinematics import AxialMotion, joint_motions
+from armwright.kinematics.axial_motion import AxialMotion
+from armwright.kinematics.joint_motion import joint_motions
 from armwright.model import Model, build_model
 from armwright.model.simplify import base_parameters, simplified
 from armwright.program import interpret, trace

@@ -9,7 +9,7 @@ import pytest
 
 from armwright.dynamics import centre_of_mass, energy, kinetic_energy, potential_energy
 from armwright.errors import ModelError
-from armwright.kinematics import body_placements
+from armwright.kinematics.forward_kinematics import body_placements
 from armwright.model import build_model
 from physics.arms import NAMES, all_positions, arm, description, random_state
 from reference.random_trees import random_description

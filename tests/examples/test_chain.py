@@ -66,7 +66,7 @@ def test_each_stage_does_what_it_is_for(chain: tuple[dict[str, str], Path]) -> N
     assert first > tuned > modules > identified
     assert identified < 2.0
     assert said["twin"].startswith("1510 cycles of 6 drives on a virtual CAN bus, equal to the simulation to the bit")
-    verdict = aw.stored_verdict(folder / "identified.toml")
+    verdict = aw.identification.stored_verdict(folder / "identified.toml")
     assert verdict is not None
     assert verdict.passed
 

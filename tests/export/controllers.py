@@ -96,7 +96,9 @@ def voltage_loop(ticks):
 def computed_torque(ticks):
     """Computed torque for the direct-drive arm at 2 kHz, its reference held within limits."""
     arm, duration = aw.load("cmu-dd"), 0.5e-3 * ticks
-    law = aw.ReferenceFilter(aw.ComputedTorque(kp=100.0, kd=20.0, ki=50.0), velocity=2.0, acceleration=20.0, jerk=400.0)
+    law = aw.trajectories.ReferenceFilter(
+        aw.ComputedTorque(kp=100.0, kd=20.0, ki=50.0), velocity=2.0, acceleration=20.0, jerk=400.0
+    )
     loop = aw.Loop(
         law,
         reference=swinging(arm, 0.3, 2.0),

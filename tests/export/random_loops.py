@@ -109,7 +109,7 @@ def controllers(draw: Draw, arm: Model) -> Any:
         "friction": lambda inner: aw.FrictionCompensation(
             inner, draw(number(0.0, 0.01)), draw(number(1e-3, 0.1)), draw(number(0.1, 1.2))
         ),
-        "reference": lambda inner: aw.ReferenceFilter(
+        "reference": lambda inner: aw.trajectories.ReferenceFilter(
             inner, draw(number(0.2, 4.0)), draw(number(1.0, 50.0)), draw(number(10.0, 2000.0))
         ),
     }
@@ -127,8 +127,8 @@ def references(draw: Draw, arm: Model) -> Any:
     goal = np.full(arm.n, draw(number(-0.5, 0.5)))
     if kind == "step":
         return goal
-    quintic = aw.Quintic(np.full(arm.n, 0.1), goal, duration=0.1)
-    return aw.InputShaper(
+    quintic = aw.trajectories.Quintic(np.full(arm.n, 0.1), goal, duration=0.1)
+    return aw.trajectories.InputShaper(
         quintic, draw(number(10.0, 60.0)), draw(number(0.0, 0.3)), draw(st.sampled_from(["zv", "zvd"]))
     )
 
@@ -167,7 +167,7 @@ def compared(scenario: aw.Scenario, folder: str | Path) -> SoftwareInTheLoop | N
         ModelError: commands of other bits.
     """
     try:
-        return aw.export_controller(scenario, folder).comparison
+        return aw.export.export_controller(scenario, folder).comparison
     except ScenarioError as error:
         if "left the finite numbers" not in str(error):
             raise

@@ -42,7 +42,7 @@ def exported(tmp_path_factory):
 
     @functools.cache
     def controller(which: str):
-        return aw.export_controller(CONTROLLERS[which](TICKS), tmp_path_factory.mktemp(which))
+        return aw.export.export_controller(CONTROLLERS[which](TICKS), tmp_path_factory.mktemp(which))
 
     return controller
 
@@ -76,7 +76,7 @@ def test_the_recording_is_the_simulation():
 def test_a_wrong_number_is_found(tmp_path):
     """Another gain in the code, and the comparison and the self-test say so."""
     stages = ControllerStages.of(pid_loop())
-    exported = aw.export_controller(pid_loop(), tmp_path)
+    exported = aw.export.export_controller(pid_loop(), tmp_path)
     code = exported.paths[1]
     code.write_text(re.sub(r"\b20\.0\b", "20.0000000000001", code.read_text()))
     found = software_in_the_loop(stages, record(stages, 50), tmp_path)
@@ -91,7 +91,7 @@ def test_a_wrong_number_is_found(tmp_path):
 
 def test_inputs_that_are_not_finite_change_nothing(tmp_path):
     """The law's state and the command stay, and the next good sample goes on from them."""
-    name = aw.export_controller(pid_loop(), tmp_path, ticks=20).name
+    name = aw.export.export_controller(pid_loop(), tmp_path, ticks=20).name
     body = f"""
     uint32_t status;
     double before;
@@ -126,7 +126,7 @@ def test_the_status_tells_of_limits(tmp_path):
     """A position beyond its joint's limits, and a command that asks for more than the filter lets through."""
     model = arm("puma560")
     loop = {"controller": aw.JointPID(kp=100.0), "command_filter": aw.CommandFilter(limit=20.0, rate=1e3)}
-    name = aw.export_controller(pid_loop(model, **loop), tmp_path, ticks=5).name
+    name = aw.export.export_controller(pid_loop(model, **loop), tmp_path, ticks=5).name
     low, _ = model.coordinates[0].limits.position
     body = f"""
     {name}_init(&state, &{name}_default_parameters, &y, &u);
@@ -147,7 +147,7 @@ def test_the_status_tells_of_limits(tmp_path):
 def test_reset_begins_anew_from_the_last_command(tmp_path):
     """The rate limit goes on from it; init takes the command that it is given."""
     loop = {"controller": lambda t, r, y: 10.0 * r.q, "command_filter": aw.CommandFilter(rate=1e3)}
-    name = aw.export_controller(pid_loop(**loop), tmp_path, ticks=5).name
+    name = aw.export.export_controller(pid_loop(**loop), tmp_path, ticks=5).name
     body = f"""
     {name}_init(&state, &{name}_default_parameters, &y, &u);
     r.q[0] = 10.0;
@@ -166,7 +166,7 @@ def test_reset_begins_anew_from_the_last_command(tmp_path):
 
 
 def test_the_watchdog_hook_is_served_every_step(tmp_path):
-    name = aw.export_controller(pid_loop(), tmp_path, ticks=5).name
+    name = aw.export.export_controller(pid_loop(), tmp_path, ticks=5).name
     (tmp_path / "hook.h").write_text("extern unsigned served, unwell;\n")
     (tmp_path / "hook.c").write_text("unsigned served = 0u, unwell = 0u;\n")
     hook = f"-D{name.upper()}_WATCHDOG(state)=(served++, unwell += ((state)->status != 0u))"
@@ -182,7 +182,7 @@ def test_the_watchdog_hook_is_served_every_step(tmp_path):
 
 def test_gains_become_parameters(tmp_path):
     """With their values the bits are those of the simulation with a batch of one; with others the command is another one."""
-    exported = aw.export_controller(pid_loop(), tmp_path, gains=("kp", "kd"), ticks=100)
+    exported = aw.export.export_controller(pid_loop(), tmp_path, gains=("kp", "kd"), ticks=100)
     name = exported.name
     assert exported.comparison is not None
     assert "double kp[2]; /* the law's */" in exported.paths[0].read_text()
@@ -232,7 +232,7 @@ def test_it_builds_with_cmake_and_without_a_compiler(exported, tmp_path, monkeyp
         assert done.returncode == 0, done.stderr
     assert subprocess.run([compiler("ctest"), "--test-dir", tmp_path], capture_output=True).returncode == 0
     monkeypatch.setattr("shutil.which", lambda name: None)
-    without = aw.export_controller(pid_loop(), tmp_path / "without", ticks=5)
+    without = aw.export.export_controller(pid_loop(), tmp_path / "without", ticks=5)
     assert without.comparison is None
     assert without.notes[0].startswith("no C compiler here")
     assert all(path.is_file() for path in without.paths)
@@ -264,7 +264,7 @@ def test_strict_compilers_and_sanitizers_have_nothing_to_say(exported, tmp_path,
 def test_cppcheck_has_nothing_to_say(tmp_path):
     """Of a small law: it takes minutes for the straight lines of a long one."""
     loop = {"command_filter": aw.CommandFilter(limit=20.0, rate=1e3)}
-    code = aw.export_controller(pid_loop(**loop), tmp_path, ticks=20).paths[1]
+    code = aw.export.export_controller(pid_loop(**loop), tmp_path, ticks=20).paths[1]
     options = ("--std=c99", "--quiet", "--error-exitcode=1", "--enable=warning,style,performance,portability")
     done = subprocess.run([compiler("cppcheck"), *options, code], capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr
@@ -293,7 +293,7 @@ def test_in_float_the_commands_are_near(tmp_path, which, most):
     """By parts of their range, on the simulation's inputs; no double is left, and the self-test holds its bits in Clang, too."""
     compiler("gcc")
     scenario = aw.read_scenario(EXAMPLES / "swing.scenario.toml") if which == "swing" else CONTROLLERS[which](1000)
-    controller = aw.export_controller(scenario, tmp_path, real="float")
+    controller = aw.export.export_controller(scenario, tmp_path, real="float")
     assert controller.comparison is not None
     assert 1e-9 < controller.comparison.error < most
     assert "double" not in re.sub(
@@ -366,7 +366,7 @@ class Vectorised:
 )
 def test_what_cannot_be_exported_is_refused(tmp_path, changes, message):
     with pytest.raises(ScenarioError, match=message):
-        aw.export_controller(pid_loop(**changes), tmp_path / "out")
+        aw.export.export_controller(pid_loop(**changes), tmp_path / "out")
     assert not list(tmp_path.iterdir())
 
 
@@ -384,37 +384,37 @@ class WholeGains:
 
 @pytest.mark.parametrize("law", [aw.JointPID(kp=20, kd=2), aw.JointPID(kp=[20, 30]), WholeGains()])
 def test_gains_that_are_whole_numbers_become_parameters(tmp_path, law):
-    exported = aw.export_controller(pid_loop(controller=law), tmp_path, gains="kp", ticks=20)
+    exported = aw.export.export_controller(pid_loop(controller=law), tmp_path, gains="kp", ticks=20)
     assert exported.comparison is None or exported.comparison.others == 0
     assert "    double kp" in (tmp_path / f"{exported.name}.h").read_text()
     with pytest.raises(ScenarioError, match=r"^gains = 'every': "):
-        aw.export_controller(pid_loop(controller=WholeGains()), tmp_path, gains=("every",))
+        aw.export.export_controller(pid_loop(controller=WholeGains()), tmp_path, gains=("every",))
 
 
 def test_a_law_that_branches_is_told_what_to_write(tmp_path):
     message = r"cannot be traced \(test_controller\.py, line \d+\): a comparison of .* known yet; expected scalar\.less\(a, b\)$"
     with pytest.raises(ScenarioError, match=message):
-        aw.export_controller(pid_loop(controller=branching), tmp_path)
+        aw.export.export_controller(pid_loop(controller=branching), tmp_path)
 
 
 def test_other_refusals(tmp_path):
     for options in ({"ticks": 0}, {"ticks": 1.5}, {"ram": "1k"}):
         (name,) = options
         with pytest.raises(ModelError, match=rf"^{name} = .*: expected a whole number of 1 or more$"):
-            aw.export_controller(pid_loop(), tmp_path / "out", **options)
+            aw.export.export_controller(pid_loop(), tmp_path / "out", **options)
     with pytest.raises(ScenarioError, match=r"^scenario = .*: expected a scenario: an aw"):
-        aw.export_controller(arm("two-link"), tmp_path / "out")
+        aw.export.export_controller(arm("two-link"), tmp_path / "out")
     with pytest.raises(ModelError, match=r"^real = 'half': there is double, float$"):
-        aw.export_controller(pid_loop(), tmp_path / "out", real="half")
+        aw.export.export_controller(pid_loop(), tmp_path / "out", real="half")
     with pytest.raises(ScenarioError, match=r"^loop\.controller: no controller"):
-        aw.export_controller(aw.Scenario(arm("two-link"), duration=1.0, command=[0.0, 0.0]), tmp_path / "out")
+        aw.export.export_controller(aw.Scenario(arm("two-link"), duration=1.0, command=[0.0, 0.0]), tmp_path / "out")
     with pytest.raises(ScenarioError, match=r"^gains = 'kq': .*\bkp\b"):
-        aw.export_controller(pid_loop(), tmp_path / "out", gains=("kq",))
+        aw.export.export_controller(pid_loop(), tmp_path / "out", gains=("kq",))
     with pytest.raises(ScenarioError, match=r"^gains = 'delay_ticks': "):
-        aw.export_controller(pid_loop(), tmp_path / "out", gains=("delay_ticks",))
+        aw.export.export_controller(pid_loop(), tmp_path / "out", gains=("delay_ticks",))
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match="cannot be created, or is no folder"):
-        aw.export_controller(pid_loop(), tmp_path / "file")
+        aw.export.export_controller(pid_loop(), tmp_path / "file")
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 

@@ -26,7 +26,7 @@ def counted(scenario):
 @pytest.mark.parametrize("which", CONTROLLERS)
 def test_in_counts_every_command_has_the_bits_of_the_simulation(tmp_path, which):
     compiler("gcc")
-    comparison = aw.export_controller(counted(CONTROLLERS[which](2000)), tmp_path, counts=True).comparison
+    comparison = aw.export.export_controller(counted(CONTROLLERS[which](2000)), tmp_path, counts=True).comparison
     assert comparison is not None
     assert comparison.others == 0
     assert comparison.ticks == 2000
@@ -35,7 +35,7 @@ def test_in_counts_every_command_has_the_bits_of_the_simulation(tmp_path, which)
 def test_counts_are_whole_numbers_of_the_encoders(tmp_path):
     """4096 in a turn of each joint: 1000 counts are 1000 · 2π / 4096 rad, which kp turns into the command."""
     loop = {"controller": aw.JointPID(kp=20.0), "sensors": aw.Sensors(counts=4096, side="link")}
-    exported = aw.export_controller(pid_loop(**loop), tmp_path, counts=True)
+    exported = aw.export.export_controller(pid_loop(**loop), tmp_path, counts=True)
     assert "int32_t counts[2]; /* [1]" in exported.paths[0].read_text()
     name = exported.name
     body = f"""
@@ -51,9 +51,9 @@ def test_positions_that_are_no_counts_are_refused(tmp_path):
     with pytest.raises(
         ScenarioError, match=r"^loop\.sensors\.counts: shoulder, elbow: measured exactly, not in counts"
     ):
-        aw.export_controller(pid_loop(), tmp_path / "out", counts=True)
+        aw.export.export_controller(pid_loop(), tmp_path / "out", counts=True)
     with pytest.raises(ScenarioError, match=r"^loop\.sensors\.counts: positions are no whole counts"):
-        aw.export_controller(CONTROLLERS["cascade"](300), tmp_path / "out", counts=True)  # its spikes are not
+        aw.export.export_controller(CONTROLLERS["cascade"](300), tmp_path / "out", counts=True)  # its spikes are not
     assert not list(tmp_path.iterdir())
 
 
@@ -71,7 +71,7 @@ def test_parameters_of_another_scenario_are_loaded(tmp_path):
     files = {}
     for kp in (20.0, 35.0):
         law = aw.JointPID(kp=[kp, 10.0], kd=2.0)
-        files[kp] = aw.export_controller(pid_loop(controller=law), tmp_path / f"{kp:g}", gains=("kp",), ticks=50)
+        files[kp] = aw.export.export_controller(pid_loop(controller=law), tmp_path / f"{kp:g}", gains=("kp",), ticks=50)
     name, folder = files[20.0].name, tmp_path / "20"
     texts = [files[kp].paths[1].read_text() for kp in files]
     assert [line for line in texts[0].splitlines() if "20.0" not in line] == [
@@ -91,9 +91,13 @@ def test_parameters_of_another_scenario_are_loaded(tmp_path):
 
 
 def test_damaged_or_foreign_parameters_change_nothing(tmp_path):
-    exported = aw.export_controller(pid_loop(), tmp_path, gains=("kp",), ticks=20)
+    exported = aw.export.export_controller(pid_loop(), tmp_path, gains=("kp",), ticks=20)
     name, good = exported.name, exported.paths[-1].read_bytes()
-    ki = aw.export_controller(pid_loop(), tmp_path / "ki", name=name, gains=("ki",), ticks=20).paths[-1].read_bytes()
+    ki = (
+        aw.export.export_controller(pid_loop(), tmp_path / "ki", name=name, gains=("ki",), ticks=20)
+        .paths[-1]
+        .read_bytes()
+    )
     damaged = bytearray(good)
     damaged[20] ^= 1
     for k, content in enumerate((good, good[:-1], bytes(damaged), ki)):
@@ -110,9 +114,11 @@ def test_damaged_or_foreign_parameters_change_nothing(tmp_path):
 def test_parameters_that_no_controller_can_have_are_refused(tmp_path, real):
     """Each number in turn: gains are finite, limits are not negative and may be infinite, ranges of positions may be infinite."""
     compiler("gcc")
-    law = aw.ReferenceFilter(aw.JointPID(kp=20.0, limit=[30.0, 40.0]), velocity=2.0, acceleration=20.0, jerk=400.0)
+    law = aw.trajectories.ReferenceFilter(
+        aw.JointPID(kp=20.0, limit=[30.0, 40.0]), velocity=2.0, acceleration=20.0, jerk=400.0
+    )
     gains = ("controller.kp", "controller.limit", "velocity")
-    exported = aw.export_controller(pid_loop(controller=law), tmp_path, gains=gains, ticks=20, real=real)
+    exported = aw.export.export_controller(pid_loop(controller=law), tmp_path, gains=gains, ticks=20, real=real)
     name, good = exported.name, exported.paths[-1].read_bytes()
     dtype = np.dtype("<f8" if real == "double" else "<f4")
     numbers = np.frombuffer(good[4:-4], dtype)
@@ -153,7 +159,7 @@ def test_parameters_that_no_controller_can_have_are_refused(tmp_path, real):
 def test_a_command_in_force_that_is_no_number_is_taken_as_zero(tmp_path):
     """Of that joint alone, and the status says so; the rate limit, the bridge and a reset begin from it."""
     loop = {"controller": lambda t, r, y: 10.0 * r.q, "command_filter": aw.CommandFilter(rate=1e3)}
-    name = aw.export_controller(pid_loop(**loop), tmp_path, ticks=5).name
+    name = aw.export.export_controller(pid_loop(**loop), tmp_path, ticks=5).name
     body = f"""
     u.u[0] = NAN;
     u.u[1] = 3.0;
@@ -176,7 +182,7 @@ def test_a_command_in_force_that_is_no_number_is_taken_as_zero(tmp_path):
 def test_a_measurement_that_is_no_number_cannot_be_begun_from(tmp_path):
     """The law's memory would be none: the status says so until `init` is called with another one."""
     law = aw.JointPID(kp=20.0, kd=1.0, cutoff_hz=50.0)
-    name = aw.export_controller(pid_loop(controller=law), tmp_path, ticks=5).name
+    name = aw.export.export_controller(pid_loop(controller=law), tmp_path, ticks=5).name
     body = f"""
     y.q[1] = NAN;
     {name}_init(&state, &{name}_default_parameters, &y, &u);
@@ -191,7 +197,7 @@ def test_a_measurement_that_is_no_number_cannot_be_begun_from(tmp_path):
 def test_it_takes_over_without_a_jump(tmp_path):
     """The first command is the one in force; the difference goes away evenly, and the law's integrator sees nothing of it."""
     law = aw.JointPID(kp=20.0, ki=40.0, limit=[30.0, 30.0], anti_windup="clamping")
-    name = aw.export_controller(pid_loop(controller=law), tmp_path, ticks=20).name
+    name = aw.export.export_controller(pid_loop(controller=law), tmp_path, ticks=20).name
     body = f"""
     static {name}_state plain;
     {name}_command other = {{{{0.0}}}};
@@ -223,7 +229,7 @@ def test_a_controller_that_does_not_fit_is_refused(tmp_path, monkeypatch, with_)
     """Its state is what its struct holds, its stack no less than the arrays of a step; limits below either are refused."""
     compiler("arm-none-eabi-gcc")
     monkeypatch.setattr("armwright.export.controller.footprint.CROSS", with_ if with_ != "gcc" else "nowhere-gcc")
-    exported = aw.export_controller(pid_loop(), tmp_path / "c", ram=100_000, flash=100_000, ticks=5)
+    exported = aw.export.export_controller(pid_loop(), tmp_path / "c", ram=100_000, flash=100_000, ticks=5)
     took = exported.footprint
     assert took is not None
     body = 'printf("%d %d", (int)sizeof state, (int)(sizeof y + sizeof r + sizeof u + sizeof(two_link_controller_parameters)));'
@@ -237,7 +243,7 @@ def test_a_controller_that_does_not_fit_is_refused(tmp_path, monkeypatch, with_)
         with pytest.raises(
             ModelError, match=rf"^{next(iter(limit))} = \d+: does not fit: it takes [\d,]+ bytes of RAM \(state "
         ):
-            aw.export_controller(pid_loop(), tmp_path / "out", **limit, ticks=5)
+            aw.export.export_controller(pid_loop(), tmp_path / "out", **limit, ticks=5)
     assert not (tmp_path / "out").exists()
 
 
@@ -245,10 +251,10 @@ def test_gains_of_an_inner_controller_become_parameters(tmp_path):
     """Of a PID within feed-forward: the bits of a batch of one, and the names of where they stand."""
     compiler("gcc")
     law = aw.FeedForward(aw.JointPID(kp=20.0, kd=2.0), inertia="full")
-    exported = aw.export_controller(pid_loop(controller=law), tmp_path, gains=("kp", "inner.kd"), ticks=100)
+    exported = aw.export.export_controller(pid_loop(controller=law), tmp_path, gains=("kp", "inner.kd"), ticks=100)
     assert exported.comparison is not None
     text = exported.paths[0].read_text()
     assert "double inner_kp; /* the law's */" in text or "double inner_kp[2]; /* the law's */" in text
     assert "inner_kd" in text
     with pytest.raises(ScenarioError, match=r"^gains = 'kq': .*\binner\.kp\b"):
-        aw.export_controller(pid_loop(controller=law), tmp_path / "out", gains=("kq",))
+        aw.export.export_controller(pid_loop(controller=law), tmp_path / "out", gains=("kq",))

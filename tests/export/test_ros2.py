@@ -20,7 +20,7 @@ yaml = pytest.importorskip("yaml")
 @pytest.mark.parametrize("name", [*builtin_names(), "examples/scara.toml"])
 def test_limits_are_those_of_the_arm(tmp_path, name):
     arm = aw.load(name)
-    exported = aw.export_ros2(arm, tmp_path / "ros")
+    exported = aw.export.export_ros2(arm, tmp_path / "ros")
     assert all(path.is_file() for path in exported.paths)
     root = ElementTree.parse(exported.paths[0]).getroot()
     limits = yaml.safe_load((tmp_path / "ros" / "joint_limits.yaml").read_text())["joint_limits"]
@@ -52,7 +52,7 @@ def test_limits_are_those_of_the_arm(tmp_path, name):
 @pytest.mark.parametrize("name", ["puma560", "lwa4p", "cmu-dd", "panda", "examples/scara.toml"])
 def test_the_arm_comes_back(tmp_path, name):
     arm = aw.load(name)
-    back = aw.load(aw.export_ros2(arm, tmp_path).paths[0], on_impossible="warn")
+    back = aw.load(aw.export.export_ros2(arm, tmp_path).paths[0], on_impossible="warn")
     assert back.names == arm.names
     for q, qd, qdd in np.random.default_rng(0).normal(size=(3, 3, arm.n)):
         ours, theirs = (aw.inverse_dynamics(each, q, qd, qdd) for each in (arm, back))
@@ -62,7 +62,7 @@ def test_the_arm_comes_back(tmp_path, name):
 
 def test_controllers_name_the_joints_and_the_command(tmp_path):
     arm = aw.load("lwa4p")
-    exported = aw.export_ros2(arm, tmp_path, command="effort", rate=250, hardware="schunk/Powerball")
+    exported = aw.export.export_ros2(arm, tmp_path, command="effort", rate=250, hardware="schunk/Powerball")
     table = yaml.safe_load((tmp_path / "controllers.yaml").read_text())
     manager, own = (table[name]["ros__parameters"] for name in ("controller_manager", "arm_controller"))
     assert manager["update_rate"] == 250
@@ -78,7 +78,7 @@ def test_names_of_any_kind_stay_in_the_folder_and_come_back(tmp_path):
     for old, new in (("two-link", "../../up: 1"), ("shoulder", "off"), ("elbow", "Ellbogen 🤖")):
         text = text.replace(f'name = "{old}"', f'name = "{new}"')
     (tmp_path / "arm.toml").write_text(text, encoding="utf-8")
-    exported = aw.export_ros2(aw.load(tmp_path / "arm.toml"), tmp_path / "out")
+    exported = aw.export.export_ros2(aw.load(tmp_path / "arm.toml"), tmp_path / "out")
     assert {path.parent for path in exported.paths} == {tmp_path / "out"}
     assert aw.load(exported.paths[0]).names == ["off", "Ellbogen 🤖"]
     table = yaml.safe_load((tmp_path / "out" / "joint_limits.yaml").read_text(encoding="utf-8"))
@@ -98,7 +98,7 @@ def test_a_mimic_joint_has_states_only(tmp_path):
         f"<robot name='grip'><link name='base'/>{link.format('left')}{link.format('right')}"
         f"{joint.format('a', 'left', '')}{follows}</robot>"
     )
-    exported = aw.export_ros2(aw.load(urdf), tmp_path / "ros")
+    exported = aw.export.export_ros2(aw.load(urdf), tmp_path / "ros")
     control = ElementTree.parse(exported.paths[0]).getroot().findall("ros2_control/joint")
     assert [len(each.findall("command_interface")) for each in control] == [3, 0]
     limits = yaml.safe_load((tmp_path / "ros" / "joint_limits.yaml").read_text())["joint_limits"]
@@ -127,6 +127,6 @@ def test_the_command_writes_and_refuses(tmp_path):
     assert not (tmp_path / "other").exists()
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match="cannot be created, or is no folder"):
-        aw.export_ros2(aw.load("puma560"), tmp_path / "file")
+        aw.export.export_ros2(aw.load("puma560"), tmp_path / "file")
     with pytest.raises(ModelError, match="rate"):
-        aw.export_ros2(aw.load("puma560"), tmp_path, rate=1.5)
+        aw.export.export_ros2(aw.load("puma560"), tmp_path, rate=1.5)

@@ -37,7 +37,7 @@ def test_a_float_cascade_commands_what_the_simulation_does(tmp_path, starts, tic
     scenario = three_rates(ticks)
     stages = ControllerStages.of(scenario)
     recording = record(stages, ticks)
-    exported = aw.export_controller(scenario, tmp_path, real="float", ticks=256)
+    exported = aw.export.export_controller(scenario, tmp_path, real="float", ticks=256)
     for start in starts:
         begun_at(exported.paths[1], start)
         compared = software_in_the_loop(stages, recording, tmp_path, "float")
@@ -48,7 +48,7 @@ def test_a_float_cascade_commands_what_the_simulation_does(tmp_path, starts, tic
 @pytest.mark.parametrize("real", ["double", "float"])
 def test_each_loop_is_due_in_its_ticks(tmp_path, real):
     """Seen by the speed and the effort that are held in between, while reference and speed go on in every tick."""
-    name = aw.export_controller(three_rates(64), tmp_path, real=real, ticks=64).name
+    name = aw.export.export_controller(three_rates(64), tmp_path, real=real, ticks=64).name
     body = f"""
     static const uint64_t starts[] = {{{", ".join(f"UINT64_C({start})" for start in STARTS)}}};
     int k, j;
@@ -72,7 +72,7 @@ def test_each_loop_is_due_in_its_ticks(tmp_path, real):
 
 def test_rates_keep_their_phase_through_steps_that_are_not_finite(tmp_path):
     """Nothing of such a step is kept but its count of ticks."""
-    name = aw.export_controller(three_rates(64), tmp_path, ticks=64).name
+    name = aw.export.export_controller(three_rates(64), tmp_path, ticks=64).name
     body = f"""
     int k;
     {name}_init(&state, &{name}_default_parameters, &y, &u);
@@ -117,7 +117,7 @@ def test_the_law_s_time_is_right_as_long_as_it_is_said_to_be(real, seconds, peri
 
 def test_a_law_of_the_time_says_when_it_is_over(tmp_path):
     """By a note, a macro and a status bit; a law that does not read the time has none of them."""
-    exported = aw.export_controller(pid_loop(controller=of_time), tmp_path, real="float", ticks=50)
+    exported = aw.export.export_controller(pid_loop(controller=of_time), tmp_path, real="float", ticks=50)
     last = ControllerStages.of(pid_loop(controller=of_time)).ticks_of_time("float")
     assert last is not None
     assert f"#define TWO_LINK_CONTROLLER_TIME_TICKS UINT64_C({last})" in exported.paths[0].read_text()
@@ -132,7 +132,7 @@ def test_a_law_of_the_time_says_when_it_is_over(tmp_path):
     {name}_reset(&state, &{name}_default_parameters, &y);
     printf("%u", (unsigned)STEP);"""
     assert run_c(tmp_path, name, body) == ["0", "0", str(TIME), "0"]
-    without = aw.export_controller(pid_loop(), tmp_path / "without", real="float", ticks=50)
+    without = aw.export.export_controller(pid_loop(), tmp_path / "without", real="float", ticks=50)
     assert without.notes == ()
     assert "_TIME_TICKS" not in without.paths[0].read_text()
     assert "(float)state->tick" not in without.paths[1].read_text()

@@ -191,11 +191,14 @@ class Wave:
 BODY = aw.Payload(0.1, 0.5, com=[0.1, 0.0, 0.0], inertia=[1e-3] * 3)
 
 
-def move(n: int, payloads=()) -> aw.Joined:
+def move(n: int, payloads=()) -> aw.trajectories.Joined:
     """A motion from where `looped` starts and back, which may take up a body."""
     there, back = START[:n], [q + 0.1 for q in START[:n]]
-    parts = [aw.Quintic(there, back, duration=0.1), aw.Quintic(back, there, duration=0.1, time=0.1)]
-    return aw.Joined(parts, payloads)
+    parts = [
+        aw.trajectories.Quintic(there, back, duration=0.1),
+        aw.trajectories.Quintic(back, there, duration=0.1, time=0.1),
+    ]
+    return aw.trajectories.Joined(parts, payloads)
 
 
 GAINS = {"voltage": (120.0, 6.0), "current": (60.0, 4.0), "torque": (600.0, 40.0)}

@@ -144,7 +144,7 @@ def by_cvodes(scenario, folder):
 
 
 def sensitivities(scenario, folder):
-    found = aw.sensitivities(scenario, ["rod0.mass_kg"])
+    found = aw.simulation.sensitivities(scenario, ["rod0.mass_kg"])
     numbers = [found[name].values for name in found.data_vars if found[name].dtype.kind == "f"]
     return Answer(numbers, found.attrs.get("notes", ""), found)
 
@@ -155,7 +155,7 @@ def as_differences(scenario, answer, folder):
     scenario = replace(scenario, solver=solver)
     if scenario.loop is None:
         scenario = replace(scenario, recording=aw.Recording(every=10))
-    found = aw.sensitivities(scenario, ["rod0.mass_kg"])
+    found = aw.simulation.sensitivities(scenario, ["rod0.mass_kg"])
     ends = [
         aw.simulate(replace(scenario, vary={**scenario.vary, "rod0.mass_kg": 2.0 + sign * step}), **SMALL).q.values
         for sign in (1, -1)
@@ -182,7 +182,7 @@ def reaches(arm, answer, folder):
 
 
 def reported(arm, folder):
-    report = aw.limits_report(arm, _to_and_fro(arm))
+    report = aw.trajectories.limits_report(arm, _to_and_fro(arm))
     return Answer([*report.highest.values(), *report.lowest.values()], "\n".join(report.notes), report)
 
 
@@ -196,20 +196,22 @@ def torques_of_inverse_dynamics(arm, answer, folder):
 
 def _to_and_fro(arm):
     ends = np.array([[0.0] * arm.n, [0.8] * arm.n])
-    there = aw.Quintic(*ends, duration=3.0)  # slow, and back by the pose of the largest weight
-    return aw.Joined([there, aw.Quintic(*ends[::-1], duration=3.0, time=3.0)])
+    there = aw.trajectories.Quintic(*ends, duration=3.0)  # slow, and back by the pose of the largest weight
+    return aw.trajectories.Joined([there, aw.trajectories.Quintic(*ends[::-1], duration=3.0, time=3.0)])
 
 
 def fastest(arm, folder):
-    path = aw.JointPath([[-0.3] * arm.n, [0.8] * arm.n, [-0.2] * arm.n])
-    limits = replace(aw.MotionLimits.of(arm), torque=[45.0, 16.0, 8.0][: arm.n])
-    motion = aw.time_optimal(arm, path, limits, grid=60)
+    path = aw.trajectories.JointPath([[-0.3] * arm.n, [0.8] * arm.n, [-0.2] * arm.n])
+    limits = replace(aw.trajectories.MotionLimits.of(arm), torque=[45.0, 16.0, 8.0][: arm.n])
+    motion = aw.trajectories.time_optimal(arm, path, limits, grid=60)
     return Answer([motion.duration], "\n".join(motion.notes), motion)
 
 
 def within_limits(arm, answer, folder):
     """Another grid finds no torque beyond the limit, and one that is reached."""
-    report = aw.limits_report(arm, answer.found, replace(aw.MotionLimits.of(arm), torque=[45.0, 16.0, 8.0][: arm.n]))
+    report = aw.trajectories.limits_report(
+        arm, answer.found, replace(aw.trajectories.MotionLimits.of(arm), torque=[45.0, 16.0, 8.0][: arm.n])
+    )
     assert 0.9 < report.largest < 1.0 + 1e-3
 
 
@@ -272,7 +274,7 @@ def ends_at_its_margins(scenario, answer, folder):
 
 
 def designed(scenario, folder):
-    found = aw.design_gains(scenario, poses=50)
+    found = aw.loops.design_gains(scenario, poses=50)
     values = [*found.gains.values(), found.friction_error, found.weight_error]
     return Answer(values, "\n".join(found.sentences()), found)
 
@@ -288,12 +290,12 @@ def keeps_its_margins(scenario, answer, folder):
 
 
 def _to_goal(n):
-    return aw.Quintic(START[:n], GOAL[:n], duration=0.1)
+    return aw.trajectories.Quintic(START[:n], GOAL[:n], duration=0.1)
 
 
 def compared(scenario, folder):
     motion = _to_goal(scenario.arm.n)
-    found = aw.compare_controllers(
+    found = aw.loops.compare_controllers(
         scenario, {"own": scenario.controller or aw.JointPID(120.0, 0.0, 6.0)}, {"move": motion}, settle=0.05
     )
     names = ("rms_error", "largest_error", "peak_share", "saturation")
@@ -325,7 +327,7 @@ def errors_of_simulation(scenario, answer, folder):
 def tuned(scenario, folder):
     gain = "position_kp" if isinstance(scenario.controller, aw.Cascade) else "kp"
     scenario = in_lanes(scenario)
-    found = aw.tune(scenario, {gain: (10.0, 300.0)}, generations=1, candidates=4, poses=10, **SMALL)
+    found = aw.tuning.tune(scenario, {gain: (10.0, 300.0)}, generations=1, candidates=4, poses=10, **SMALL)
     return Answer([*found.held_out.values(), found.history], "", found)
 
 
@@ -378,7 +380,7 @@ def _client():
 
 def swept(scenario, folder):
     scenario, count = reduced(scenario), scenario.lane_count or 1
-    found = aw.sweep(scenario, folder / "store.zarr", lanes=count, client=_client(), **SMALL)
+    found = aw.sweeps.sweep(scenario, folder / "store.zarr", lanes=count, client=_client(), **SMALL)
     data = found.load()
     assert data.finished.values.all(), str(found)
     return Answer([data[name].values for name in sorted(data.data_vars) if data[name].dtype.kind == "f"], "", found)
@@ -403,7 +405,7 @@ def _log(arm, folder, moved=None, seconds=3.0, payload=None):
 
 
 def identified(arm, folder, moved=None):
-    found = aw.identify_arm(_log(arm, folder, moved), arm, sensitivity=False, record=False)
+    found = aw.identification.identify_arm(_log(arm, folder, moved), arm, sensitivity=False, record=False)
     return Answer([found.estimate.values], "\n".join(found.estimate.remarks), found)
 
 
@@ -412,7 +414,7 @@ def predicts(arm, answer, folder):
 
 
 def friction_found(arm, folder, moved=None):
-    found = aw.identify_friction(_log(arm, folder, moved), arm, candidates=("stribeck",))
+    found = aw.identification.identify_friction(_log(arm, folder, moved), arm, candidates=("stribeck",))
     return Answer([found.values], "\n".join(found.remarks), found)
 
 
@@ -424,7 +426,7 @@ def viscous_friction(arm, answer, folder):
 
 def payload_found(arm, folder, moved=None):
     log = _log(arm, folder, moved, payload=(1.0, [0.1, 0.0, 0.0], [1e-3] * 3))
-    found = aw.identify_payload(log, arm)
+    found = aw.identification.identify_payload(log, arm)
     return Answer([found.values], "\n".join(found.remarks), found)
 
 
@@ -433,7 +435,7 @@ def weighs_a_kilogram(arm, answer, folder):
 
 
 def validated(arm, folder, moved=None):
-    found = aw.validate(arm, _log(arm, folder, moved), **SMALL)
+    found = aw.identification.validate(arm, _log(arm, folder, moved), **SMALL)
     return Answer([each.predicted for each in found.predictions], "\n".join(found.notes), found)
 
 
@@ -442,7 +444,7 @@ def passes(arm, answer, folder):
 
 
 def watched(arm, folder, moved=None):
-    found = aw.shadow_log(_log(arm, folder, moved), arm, deviation=[0.3] * arm.n, **SMALL)
+    found = aw.shadow.shadow_log(_log(arm, folder, moved), arm, deviation=[0.3] * arm.n, **SMALL)
     return Answer([found.runs[0].residuals.torque], "\n".join(found.notes), found)
 
 
@@ -465,7 +467,7 @@ def motors_found(arm, folder, moved=None):
     command = made.coordinates[0].drive.command
     log = written_log(folder, "log", made.names, run.time.values, run.q.values, run.u.values, command)
     others = {f"{name}.motor.torque_constant_n_m_per_a": 0.066 for name in arm.names}
-    found = aw.identify_motor(log, arm.with_values(others), free=["Kt"], delay=0.0, starts=1, **SMALL)
+    found = aw.identification.identify_motor(log, arm.with_values(others), free=["Kt"], delay=0.0, starts=1, **SMALL)
     return Answer([found.estimate.values], "\n".join(found.estimate.remarks), found)
 
 
@@ -475,12 +477,12 @@ def constants_of_the_motors(arm, answer, folder):
 
 
 def excited(arm, folder):
-    found = aw.design_excitation(arm, period=4.0, harmonics=2, starts=1, **SMALL)
+    found = aw.identification.design_excitation(arm, period=4.0, harmonics=2, starts=1, **SMALL)
     return Answer([*found.used.values(), found.states(20.0)[1]], "\n".join(found.notes), found)
 
 
 def keeps_its_limits(arm, answer, folder):
-    report = aw.limits_report(arm, answer.found.trajectory)
+    report = aw.trajectories.limits_report(arm, answer.found.trajectory)
     assert report.largest < 1.0 + 1e-2, str(report)
 
 
@@ -495,7 +497,7 @@ def by_model(scenario):
 
 
 def exported(scenario, folder):
-    found = aw.export_controller(by_model(scenario), folder / "c", ticks=20)
+    found = aw.export.export_controller(by_model(scenario), folder / "c", ticks=20)
     texts = [path.read_text() for path in sorted((folder / "c").glob("*.c")) if "selftest" not in path.name]
     return Answer([text.split("*/", 1)[1] for text in texts], "\n".join(found.notes), found)
 
@@ -513,7 +515,7 @@ def commands_of_simulation(scenario, answer, folder):
 def fmu(scenario, folder):
     from zipfile import ZipFile
 
-    found = aw.export_fmu(scenario, folder / "arm.fmu", part="both" if scenario.loop else "plant", platforms=())
+    found = aw.export.export_fmu(scenario, folder / "arm.fmu", part="both" if scenario.loop else "plant", platforms=())
     with ZipFile(found.path) as archive:
         texts = [archive.read(name).decode() for name in sorted(archive.namelist()) if name.endswith((".c", ".h"))]
     return Answer(texts, "\n".join(found.notes), found)
@@ -526,7 +528,7 @@ def moves_as_simulated(scenario, answer, folder):
     if find_compiler() is None:
         pytest.skip("no C compiler")
     part = "both" if scenario.loop else "plant"
-    found = aw.export_fmu(scenario, folder / "compiled.fmu", part=part, platforms=["host"])
+    found = aw.export.export_fmu(scenario, folder / "compiled.fmu", part=part, platforms=["host"])
     run, n = aw.simulate(scenario, **SMALL), scenario.arm.n
     period = scenario.tick
     times = period * np.arange(scenario.ticks)
@@ -565,7 +567,7 @@ def _inputs_of_unit(scenario, times, unit, run):
 
 
 def ros2(arm, folder):
-    aw.export_ros2(arm, folder / "ros")
+    aw.export.export_ros2(arm, folder / "ros")
     files = sorted(path for path in (folder / "ros").rglob("*") if path.is_file())
     return Answer([path.read_text() for path in files], "", next(path for path in files if path.suffix == ".urdf"))
 
@@ -574,8 +576,8 @@ def on_bus(scenario, folder):
     if scenario.loop is not None:
         seen = replace(scenario.loop.joint_sensors, side="link")
         scenario = replace(scenario, loop=replace(scenario.loop, period=4e-3, sensors=seen))
-    with aw.Twin(scenario, "virtual"):
-        run = aw.run_controller(scenario, "virtual", following_error=3.0)
+    with aw.bus.Twin(scenario, "virtual"):
+        run = aw.bus.run_controller(scenario, "virtual", following_error=3.0)
     return Answer([run.q, run.u], "", run)
 
 
@@ -585,8 +587,8 @@ def bus_equals_simulation(scenario, answer, folder):
 
 def converted(ending):
     def to(arm, folder):
-        aw.write_toml(arm.record, folder / "arm.toml")
-        found = aw.convert(folder / "arm.toml", folder / f"out.{ending}")
+        aw.robotfiles.write_toml(arm.record, folder / "arm.toml")
+        found = aw.robotfiles.convert(folder / "arm.toml", folder / f"out.{ending}")
         texts = [path.read_text() for path in sorted(folder.glob("out.*"))]
         return Answer(texts, "\n".join([*found.lost, *found.notes]), folder / f"out.{ending}")
 
@@ -619,7 +621,7 @@ def reads_back(arm, answer, folder):
 def information(arm, folder):
     from armwright.cli.app import app
 
-    aw.write_toml(arm.record, folder / "arm.toml")
+    aw.robotfiles.write_toml(arm.record, folder / "arm.toml")
     with contextlib.chdir(folder):
         done = CliRunner().invoke(app, ["info", "arm.toml"], env={"COLUMNS": "400"})
     assert done.exit_code == 0, done.output
@@ -644,7 +646,7 @@ def shows_it(arm, answer, folder):
 
 
 def difference(arm, folder):
-    found = aw.diff(arm, base(arm.coordinates[0].drive.command))
+    found = aw.robotfiles.diff(arm, base(arm.coordinates[0].drive.command))
     return Answer([str(found)], "", found)
 
 

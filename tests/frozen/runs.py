@@ -361,7 +361,7 @@ RUNS: dict[str, Callable[[], aw.Scenario]] = {
         start=wave(7),
         loop=aw.Loop(
             controller=ComputedTorque(kp=400.0, kd=40.0, ki=10.0),
-            reference=aw.Sine(centre=wave(7), amplitude=[0.1] * 7, frequency_hz=2.0),
+            reference=aw.trajectories.Sine(centre=wave(7), amplitude=[0.1] * 7, frequency_hz=2.0),
             period=1e-3,
         ),
         solver=aw.Solver(substeps=4, integrator="rk3"),

@@ -48,7 +48,7 @@ def _arm() -> aw.Model:
 @cache
 def _rehearsal(period: float = 4e-3, counts: float = 360_000, duration: float = 0.02, start: tuple[float, ...] = (-1.2, 0.0),
                limit: float | None = None) -> Any:  # fmt: skip
-    return aw.rehearse(_scenario(period, counts, duration, start, limit))
+    return aw.bus.rehearse(_scenario(period, counts, duration, start, limit))
 
 
 def _scenario(period: float, counts: float, duration: float, start: Any, limit: float | None) -> aw.Scenario:
@@ -56,7 +56,7 @@ def _scenario(period: float, counts: float, duration: float, start: Any, limit: 
         position_kp=15.0, speed_kp=[700.0, 160.0], speed_ki=[7000.0, 1600.0], speed_feedforward=1.0, delay_ticks=1
     )
     loop = aw.Loop(
-        law, aw.Quintic([-1.2, 0.0], [-1.15, 0.05], 0.02), period=period, timing=aw.Timing("one-tick"),
+        law, aw.trajectories.Quintic([-1.2, 0.0], [-1.15, 0.05], 0.02), period=period, timing=aw.Timing("one-tick"),
         sensors=aw.Sensors(counts=counts, side="link", velocity="difference"),
         command_filter=aw.CommandFilter(limit=limit),
     )  # fmt: skip
@@ -65,7 +65,11 @@ def _scenario(period: float, counts: float, duration: float, start: Any, limit: 
 
 def make_bus(rng: Random) -> Case:
     target = rng.choice(("run",) * 5 + ("rehearse", "Twin", "both"))
-    names = [*inspect.signature({"rehearse": aw.rehearse, "Twin": aw.Twin}.get(target, aw.run_controller)).parameters]
+    names = [
+        *inspect.signature(
+            {"rehearse": aw.bus.rehearse, "Twin": aw.bus.Twin}.get(target, aw.bus.run_controller)
+        ).parameters
+    ]
     arguments = {name: GOOD[name] for name in names if name in GOOD}
     odd = [name for name in names[1:] if name != "permission"]
     for name in rng.sample(odd, min(len(odd), rng.choice((1, 1, 2)))):
@@ -94,14 +98,14 @@ def run_bus(case: Case) -> None:
 
     with mock.patch.object(can, "Bus", virtual_only), mock.patch.object(master, "ANSWER", WAIT):
         if target == "run":
-            aw.run_controller(_rehearsal(), **arguments)
+            aw.bus.run_controller(_rehearsal(), **arguments)
         elif target == "both":
-            with aw.Twin(_scenario(4e-3, 360_000, 0.02, (-1.2, 0.0), None), "virtual:fuzz"):
-                aw.run_controller(_rehearsal(), **arguments)
+            with aw.bus.Twin(_scenario(4e-3, 360_000, 0.02, (-1.2, 0.0), None), "virtual:fuzz"):
+                aw.bus.run_controller(_rehearsal(), **arguments)
         else:
             values = {"period": 4e-3, "counts": 360_000, "duration": 0.02, "start": [-1.2, 0.0], "limit": None}
             scenario = _scenario(**{**values, **case.call["fields"]})
-            (aw.rehearse if target == "rehearse" else aw.Twin)(scenario, **arguments)
+            (aw.bus.rehearse if target == "rehearse" else aw.bus.Twin)(scenario, **arguments)
 
 
 @cache

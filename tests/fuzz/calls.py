@@ -14,6 +14,7 @@ import armwright as aw
 from armwright.kernels.signatures import SIGNATURES
 from fuzz.case import Case
 from fuzz.values import built, odd_value
+from public_names import BY_NAME
 
 ARMS = ("two-link", "two-link", "two-link", "cmu-dd")
 POSE, ZERO = [0.1, 0.2], [0.0, 0.0]
@@ -163,7 +164,7 @@ def make_object(rng: Random) -> Case:
 
 def run_object(case: Case) -> None:
     target = case.call["target"]
-    value = getattr(aw, target)(**{name: built(recipe) for name, recipe in case.call["arguments"].items()})
+    value = BY_NAME[target](**{name: built(recipe) for name, recipe in case.call["arguments"].items()})
     if target in REFERENCES and not isinstance(value.time if target != "Sine" else value.phase, (aw.Batch, aw.Draw)):
         fields = vars(value).values()
         if not any(isinstance(field, (aw.Batch, aw.Draw)) for field in fields):
@@ -197,7 +198,7 @@ def run_scenario(case: Case) -> None:
         fields.setdefault(part, getattr(aw, PARTS[part])(**values))
     scenario = aw.Scenario(arm("two-link"), **fields)
     if case.call["start"]:
-        aw.Simulation(scenario)
+        aw.simulation.Simulation(scenario)
 
 
 def make_other(rng: Random) -> Case:
@@ -215,7 +216,7 @@ def run_other(case: Case) -> None:
         "threads": lambda: setattr(aw.compile(two_link), "threads", values["count"]),
         "load": lambda: aw.load(**values),
         "show": lambda: aw.show(two_link, "arm.png", **values),
-        "read_schedule": lambda: aw.read_schedule(**values),
+        "read_schedule": lambda: aw.simulation.read_schedule(**values),
         "compile": lambda: aw.compile(two_link, **values),
         "controller": lambda: aw.Loop(aw.JointPID(kp=values["kp"]), values["position"]),
     }

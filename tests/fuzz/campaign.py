@@ -83,10 +83,9 @@ def prepare() -> None:
     import matplotlib.pyplot
     import mujoco  # noqa: F401 - which looks about the machine once
 
-    import armwright as aw
+    from public_names import PUBLIC
 
-    for name in aw.__all__:
-        getattr(aw, name)
+    assert PUBLIC  # each imported
     rng = Random(0)
     for kind in ("urdf", "mjcf", "mesh", "run", "mcap", "parquet", "zarr"):
         KINDS[kind][1](rng)

@@ -72,14 +72,14 @@ def run_robot(case: Case) -> None:
     """Reads a robot's file, of whatever format, and does a little with the arm."""
     do, file = case.call["do"], case.call["file"]
     if do == "check":
-        aw.check(file, **case.call.get("options", {}))
+        aw.robotfiles.check(file, **case.call.get("options", {}))
         return
     if do in ("urdf", "mjcf"):
-        aw.convert(file, {"urdf": "new.urdf", "mjcf": "new.xml"}[do])
+        aw.robotfiles.convert(file, {"urdf": "new.urdf", "mjcf": "new.xml"}[do])
         return
     arm = aw.load(file, **case.call.get("options", {}))
     if do == "to_toml" and arm.description is not None:
-        aw.to_toml(arm.description)
+        aw.robotfiles.to_toml(arm.description)
     elif do == "evaluate":
         with np.errstate(all="ignore"):  # numbers near the largest overflow; the caller sees inf
             aw.forward_dynamics(arm, *np.zeros((3, arm.n)))
@@ -103,7 +103,7 @@ def make_assembly(rng: Random) -> Case:
 
 
 def run_assembly(case: Case) -> None:
-    aw.assemble("toy.assembly.toml")
+    aw.modules.assemble("toy.assembly.toml")
 
 
 def make_task(rng: Random) -> Case:
@@ -111,7 +111,7 @@ def make_task(rng: Random) -> Case:
 
 
 def run_task(case: Case) -> None:
-    aw.read_task("pick.task.toml")
+    aw.modules.read_task("pick.task.toml")
 
 
 def make_scenario(rng: Random) -> Case:
@@ -124,7 +124,7 @@ def make_scenario(rng: Random) -> Case:
 def run_scenario(case: Case) -> None:
     scenario = aw.read_scenario("one.scenario.toml")
     if case.call == "start":
-        aw.Simulation(scenario)
+        aw.simulation.Simulation(scenario)
 
 
 def make_tuned(rng: Random) -> Case:
@@ -139,11 +139,11 @@ def make_motion(rng: Random) -> Case:
 
 
 def run_motion(case: Case) -> None:
-    plan = aw.plan("one.motion.toml")
+    plan = aw.trajectories.plan("one.motion.toml")
     assert not plan.report.excesses() or str(plan)
     if case.call is not None:
         plan.save(case.call)
-        aw.load_motion(case.call, plan.arm)
+        aw.trajectories.load_motion(case.call, plan.arm)
 
 
 def make_csv(rng: Random) -> Case:
@@ -159,7 +159,7 @@ def run_csv(case: Case) -> None:
     from armwright.results.tables import read_table
 
     if case.call == "torques.csv":
-        aw.read_schedule("torques.csv", ["shoulder", "elbow"], ["N m", "N m"])
+        aw.simulation.read_schedule("torques.csv", ["shoulder", "elbow"], ["N m", "N m"])
     else:
         read_table("sets.csv", {key: ["shoulder", "elbow"] for key in ("q", "qd", "qdd")})
 
@@ -174,9 +174,9 @@ def make_log(rng: Random) -> Case:
 
 
 def run_log(case: Case) -> None:
-    log = aw.read_log("bench.log.toml", on_error="raise" if case.call == "raise" else "keep")
+    log = aw.identification.read_log("bench.log.toml", on_error="raise" if case.call == "raise" else "keep")
     if case.call == "prepare" and not log.errors:
-        aw.prepare_log(log)
+        aw.identification.prepare_log(log)
 
 
 def make_mesh(rng: Random) -> Case:

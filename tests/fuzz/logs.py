@@ -46,9 +46,9 @@ def log_text(file: str, time: str, unit: str, q: str, tau: str) -> str:
 
 
 def run_log(case: Case) -> None:
-    log = aw.read_log("bench.log.toml", on_error="raise" if case.call == "raise" else "keep")
+    log = aw.identification.read_log("bench.log.toml", on_error="raise" if case.call == "raise" else "keep")
     if case.call == "prepare" and not log.errors:
-        aw.prepare_log(log)
+        aw.identification.prepare_log(log)
 
 
 # Dialects of CSV.
@@ -136,9 +136,9 @@ def run_dialect(case: Case) -> None:
     from armwright.results.tables import read_table
 
     if case.call == "schedule":
-        aw.read_schedule("bench.csv", ["c1", "c2"])
+        aw.simulation.read_schedule("bench.csv", ["c1", "c2"])
     elif case.call == "motion":
-        aw.load_motion("bench.csv")
+        aw.trajectories.load_motion("bench.csv")
     elif case.call == "table":
         read_table("bench.csv", {key: ["1", "2"] for key in "cvm"})
     else:
@@ -319,7 +319,7 @@ from distributed import Client
 import armwright as aw
 if __name__ == "__main__":
     with Client(processes=False, n_workers=1, threads_per_worker=1, dashboard_address=None) as client:
-        aw.sweep(sys.argv[1], sys.argv[2], lanes=4, chunk=2, client=client, progress=False)
+        aw.sweeps.sweep(sys.argv[1], sys.argv[2], lanes=4, chunk=2, client=client, progress=False)
 """
 ODD_JSON: tuple[Any, ...] = (
     *(
@@ -401,7 +401,7 @@ def run_zarr(case: Case) -> None:
     import dask
 
     with dask.config.set(scheduler="synchronous"):
-        run = aw.load_sweep(case.call)
+        run = aw.sweeps.load_sweep(case.call)
         if os.path.isdir("runs.zarr"):
             run.load()
 

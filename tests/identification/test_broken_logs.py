@@ -31,9 +31,9 @@ def bench(folder):
 def loaded(folder):
     """Two links in motion with a payload, and their record without."""
     arm = aw.load("two-link")
-    aw.write_toml(arm, folder / "without.toml")
+    aw.robotfiles.write_toml(arm, folder / "without.toml")
     carrying = arm.with_payload(PAYLOAD, [0.1, 0.0, 0.0], 0.01 * np.eye(3))
-    aw.write_toml(carrying, folder / "truth.toml")
+    aw.robotfiles.write_toml(carrying, folder / "truth.toml")
     moved(
         folder,
         "log",

@@ -24,7 +24,7 @@ def loaded(path: Path) -> Any:
     return aw.load(path).record
 
 
-def estimate(**changes: Any) -> aw.Estimate:
+def estimate(**changes: Any) -> aw.identification.Estimate:
     fields: dict[str, Any] = {
         "names": NAMES,
         "values": [1.234, 0.01, 0.3, 0.0023, 7.0],
@@ -36,11 +36,11 @@ def estimate(**changes: Any) -> aw.Estimate:
         "condition": 12.3,
         "log": "bench.log.toml",
     }
-    return aw.Estimate(**{**fields, **changes})
+    return aw.identification.Estimate(**{**fields, **changes})
 
 
 def test_the_written_robot_has_numbers_deviations_correlation_and_checksum(tmp_path: Path) -> None:
-    path = aw.write_into("cmu-dd", estimate(), tmp_path / "fitted.toml")
+    path = aw.identification.write_into("cmu-dd", estimate(), tmp_path / "fitted.toml")
     record = loaded(path)
     joint, link, fit = record.joints[0], record.link("link2"), record.fits["fit"]
     assert (joint.motor.resistance_ohm.value, joint.motor.resistance_ohm.std) == (1.234, 0.01)
@@ -62,19 +62,19 @@ def test_all_other_lines_stay_as_they_were(tmp_path: Path) -> None:
     own = tmp_path / "own.toml"
     own.write_text(text.replace("resistance_ohm = 4.4", "resistance_ohm = 4.4 # cold"), encoding="utf-8")
     before = own.read_text(encoding="utf-8").splitlines()
-    aw.write_into(own, estimate(), own)
+    aw.identification.write_into(own, estimate(), own)
     after = own.read_text(encoding="utf-8").splitlines()
     removed = [line for line in difflib.ndiff(before, after) if line.startswith("- ")]
     assert len(removed) == 3, "only the three lines of the numbers"
     assert any("1.234" in line and line.endswith("# cold") for line in after)
     once = own.read_text(encoding="utf-8")
-    aw.write_into(own, estimate(), own)
+    aw.identification.write_into(own, estimate(), own)
     assert own.read_text(encoding="utf-8") == once, "a second time changes nothing"
 
 
 def test_an_arm_in_memory_is_written_as_its_file_is(tmp_path: Path) -> None:
-    first = aw.load(aw.write_into("cmu-dd", estimate(), tmp_path / "a.toml"))
-    second = aw.load(aw.write_into(first, estimate(), tmp_path / "b.toml"))
+    first = aw.load(aw.identification.write_into("cmu-dd", estimate(), tmp_path / "a.toml"))
+    second = aw.load(aw.identification.write_into(first, estimate(), tmp_path / "b.toml"))
     assert second.record == first.record
 
 
@@ -85,13 +85,13 @@ def test_tables_that_are_missing_are_made(tmp_path: Path) -> None:
         "joint1.friction.coulomb_negative_n_m",
     )
     fitted = estimate(names=names, values=[1e-3, 2.0, 3.0], covariance=np.eye(3) * 1e-8)
-    friction = loaded(aw.write_into("cmu-dd", fitted, tmp_path / "a.toml")).joints[0].friction
+    friction = loaded(aw.identification.write_into("cmu-dd", fitted, tmp_path / "a.toml")).joints[0].friction
     assert (friction.coulomb_positive_n_m.value, friction.coulomb_negative_n_m.value) == (2.0, 3.0)
 
 
 def test_what_the_log_cannot_tell_stays_and_is_listed(tmp_path: Path) -> None:
     unknown = estimate(identifiable=[False, True, True, True, True], verdict="not identified")
-    record = loaded(aw.write_into("cmu-dd", unknown, tmp_path / "a.toml"))
+    record = loaded(aw.identification.write_into("cmu-dd", unknown, tmp_path / "a.toml"))
     assert record.joints[0].motor.resistance_ohm.value == 4.4
     assert record.fits["fit"].unidentified == NAMES[:1]
     assert record.fits["fit"].verdict == "not identified"
@@ -100,7 +100,7 @@ def test_what_the_log_cannot_tell_stays_and_is_listed(tmp_path: Path) -> None:
 def test_a_value_at_its_bound_has_no_deviation(tmp_path: Path) -> None:
     bound = estimate(at_bound=[True, False, False, False, False])
     assert np.isnan(bound.std[0])
-    record = loaded(aw.write_into("cmu-dd", bound, tmp_path / "a.toml"))
+    record = loaded(aw.identification.write_into("cmu-dd", bound, tmp_path / "a.toml"))
     assert record.joints[0].motor.resistance_ohm.std is None
     assert record.fits["fit"].at_bound == NAMES[:1]
     assert "at its bound" in str(bound)
@@ -119,11 +119,11 @@ def test_interval_and_selection() -> None:
 def test_what_cannot_be_believed_is_refused_and_nothing_is_written(tmp_path: Path) -> None:
     wrong = estimate(values=[-1.0, 0.01, 0.3, 0.0023, 7.0])
     with pytest.raises(DescriptionError) as error:
-        aw.write_into("cmu-dd", wrong, tmp_path / "a.toml")
+        aw.identification.write_into("cmu-dd", wrong, tmp_path / "a.toml")
     assert "resistance_ohm" in error.value.place
     assert not list(tmp_path.iterdir())
     with pytest.raises(OutputError):
-        aw.write_into("cmu-dd", estimate(), tmp_path / "a.csv")
+        aw.identification.write_into("cmu-dd", estimate(), tmp_path / "a.csv")
 
 
 @pytest.mark.parametrize(
@@ -137,7 +137,7 @@ def test_what_cannot_be_believed_is_refused_and_nothing_is_written(tmp_path: Pat
     ],
 )
 def test_a_fit_that_contradicts_itself_or_the_robot_is_refused(tmp_path: Path, old: str, new: str, place: str) -> None:
-    path = aw.write_into("cmu-dd", estimate(), tmp_path / "a.toml")
+    path = aw.identification.write_into("cmu-dd", estimate(), tmp_path / "a.toml")
     text = path.read_text(encoding="utf-8")
     assert old in text
     path.write_text(text.replace(old, new), encoding="utf-8")

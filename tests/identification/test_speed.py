@@ -68,19 +68,19 @@ def test_the_pipeline_and_a_motor_take_no_longer_than_eleven_loops(yardstick, tm
     motor = write_motor_log(tmp_path, 0, name="motor")
 
     def pipeline() -> None:
-        aw.identify_arm(aw.read_log(path), arm).write(tmp_path / "identified.toml")
+        aw.identification.identify_arm(aw.identification.read_log(path), arm).write(tmp_path / "identified.toml")
 
     pipeline()  # compiles
     limit = 11 * loop_seconds(yardstick)
-    assert seconds(lambda: aw.identify_motor(motor, starts=16)) < limit
+    assert seconds(lambda: aw.identification.identify_motor(motor, starts=16)) < limit
     assert seconds(pipeline) < limit
 
 
 def test_a_measured_motor_takes_no_longer_than_two_loops(yardstick, tmp_path):
     """4093 rows of a PRBS in less than 1 s, compiled code at hand."""
-    log = aw.read_log(log_of(tmp_path, "dc_motor", DC_MOTOR))
-    aw.identify_motor(log)  # compiles
-    assert min(seconds(lambda: aw.identify_motor(log)) for _ in range(2)) < 2.2 * loop_seconds(yardstick)
+    log = aw.identification.read_log(log_of(tmp_path, "dc_motor", DC_MOTOR))
+    aw.identification.identify_motor(log)  # compiles
+    assert min(seconds(lambda: aw.identification.identify_motor(log)) for _ in range(2)) < 2.2 * loop_seconds(yardstick)
 
 
 def loop_seconds(yardstick: Callable[[], object]) -> float:

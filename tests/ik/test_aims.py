@@ -82,7 +82,7 @@ def test_tools_that_point_straight_down(name, tmp_path):
     q = q[(q[:, 3] > -1.8) & (q[:, 3] < 2.1)]
     assert len(q) > 1000
     at, _ = forward(name, q)
-    down = aw.pose_towards(at, [0.0, 0.0, -1.0])
+    down = aw.kinematics.pose_towards(at, [0.0, 0.0, -1.0])
     for aim in ("pitch", "axis"):
         found = aw.inverse_kinematics(arm, down, aim=aim)
         assert found.success.mean() >= 0.999
@@ -90,14 +90,18 @@ def test_tools_that_point_straight_down(name, tmp_path):
         there, how = forward(name, found.q[found.success])
         assert np.linalg.norm(there - at[found.success], axis=1).max() <= TOLERANCE
         assert np.abs(how.apply([0.0, 0.0, 1.0])[:, :2]).max() <= 2.0 * TOLERANCE
-    nearly = aw.pose_towards(at, np.stack([*1e-5 * rng.normal(size=(2, len(at))), -np.ones(len(at))], axis=1))
+    nearly = aw.kinematics.pose_towards(
+        at, np.stack([*1e-5 * rng.normal(size=(2, len(at))), -np.ones(len(at))], axis=1)
+    )
     assert aw.inverse_kinematics(arm, nearly, aim="pitch").success.mean() >= 0.99
 
 
 def test_what_cannot_be_reached_is_said_by_what_counts(tmp_path):
     arm = small_arm("pitch-4", tmp_path)
-    high = aw.pose_towards([[0.0, 0.0, 5.0]], [1.0, 0.0, 0.0])
-    stretched = aw.pose_towards([[0.54, 0.0, 0.105]], [0.0, 0.0, 1.0])  # at the end of its reach with its hand up
+    high = aw.kinematics.pose_towards([[0.0, 0.0, 5.0]], [1.0, 0.0, 0.0])
+    stretched = aw.kinematics.pose_towards(
+        [[0.54, 0.0, 0.105]], [0.0, 0.0, 1.0]
+    )  # at the end of its reach with its hand up
     for target, far in ((high, 4.0), (stretched, 0.0)):
         found = aw.inverse_kinematics(arm, target, aim="pitch")
         assert not found.success.any()
@@ -165,7 +169,7 @@ def test_measures_have_the_rows_that_count(aim):
         errors = [partial_turn(part, each[:3, :3], pose[:3, :3])[0][0] for each in ends]
         rows = [np.subtract(errors[:6], errors[6:]) / (2.0 * h)]
     jacobian = np.stack([*change[:, :3, 3].T, *rows])
-    found = aw.manipulability(arm, q, aim=aim)
+    found = aw.kinematics.manipulability(arm, q, aim=aim)
     np.testing.assert_allclose(found.singular_values, np.linalg.svd(jacobian, compute_uv=False), rtol=1e-6, atol=1e-8)
     assert found.singular_values.shape == (3 + part.counted,)
 
@@ -194,7 +198,9 @@ def test_several_solutions_and_goals(aim, tmp_path):
     strong = aw.inverse_kinematics(arm, targets, aim=aim, goal="manipulability")
     assert strong.success.all()
     length = 1.0
-    value = [aw.manipulability(arm, each.q, aim=aim, length=length).yoshikawa.mean() for each in (plain, strong)]
+    value = [
+        aw.kinematics.manipulability(arm, each.q, aim=aim, length=length).yoshikawa.mean() for each in (plain, strong)
+    ]
     assert value[1] > value[0]
     near = aw.inverse_kinematics(arm, targets, aim=aim, near=samples_of(arm, 20), goal="nearest")
     assert near.success.all()
@@ -232,7 +238,7 @@ def test_words_that_are_none(word):
 def test_targets_that_cannot_be():
     arm = aw.load("puma560")
     with pytest.raises(ModelError, match=r"targets\[1\]: the frame's z axis is vertical, which has no yaw"):
-        aw.inverse_kinematics(arm, aw.pose_towards(np.ones((2, 3)), [[1, 0, 0], [0, 0, 1]]), aim="yaw z")
+        aw.inverse_kinematics(arm, aw.kinematics.pose_towards(np.ones((2, 3)), [[1, 0, 0], [0, 0, 1]]), aim="yaw z")
     with pytest.raises(ShapeError, match=r"targets.*aw\.pose_towards"):
         aw.inverse_kinematics(arm, [0.4, 0.1, 0.3], aim="pitch")
 
@@ -242,7 +248,7 @@ def test_poses_towards_a_direction(axis):
     rng = np.random.default_rng(2)
     at, ways = rng.normal(size=(30, 3)), rng.normal(size=(30, 3))
     ways[:6] = [*np.eye(3), *-np.eye(3)]
-    poses = aw.pose_towards(at, ways, axis)
+    poses = aw.kinematics.pose_towards(at, ways, axis)
     turn = poses[:, :3, :3]
     assert np.abs(np.swapaxes(turn, 1, 2) @ turn - np.eye(3)).max() < 1e-14
     assert (np.linalg.det(turn) > 0.0).all()
@@ -250,7 +256,7 @@ def test_poses_towards_a_direction(axis):
         turn[:, :, "xyz".index(axis)], ways / np.linalg.norm(ways, axis=1, keepdims=True), atol=1e-15
     )
     np.testing.assert_array_equal(poses[:, :3, 3], at)
-    assert aw.pose_towards([0.1, 0.2, 0.3], [0, 0, -2.0]).shape == (4, 4)
+    assert aw.kinematics.pose_towards([0.1, 0.2, 0.3], [0, 0, -2.0]).shape == (4, 4)
 
 
 @pytest.mark.parametrize(
@@ -265,4 +271,4 @@ def test_poses_towards_a_direction(axis):
 )
 def test_directions_that_are_none(at, way, axis, place):
     with pytest.raises((ModelError, ShapeError), match=place):
-        aw.pose_towards(at, way, axis)
+        aw.kinematics.pose_towards(at, way, axis)

@@ -29,7 +29,7 @@ def test_singular_values_are_those_of_numpy(name, aim, tmp_path):
     q[:50, -1] = q[:50, 0] = 0.0
     q[50:60] = 0.0  # singular
     q[60:70] = 1e-7
-    found = aw.manipulability(arm, q, aim=aim, length=0.4)
+    found = aw.kinematics.manipulability(arm, q, aim=aim, length=0.4)
     truth = np.linalg.svd(rows_of(arm, q, aim, 0.4), compute_uv=False)
     assert np.abs(found.singular_values - truth).max() < 1e-13
     assert np.abs(found.yoshikawa - truth.prod(axis=1)).max() < 1e-13
@@ -45,7 +45,7 @@ def test_small_singular_values_keep_their_digits():
     arm = aw.load("two-link")
     q = np.array([[0.3, bend] for bend in (1e-2, 1e-5, 1e-9)])
     rows = aw.compile(arm).jacobian(q)[:, :3]
-    found = aw.manipulability(arm, q, aim="position")
+    found = aw.kinematics.manipulability(arm, q, aim="position")
     area = np.sqrt(np.linalg.det(rows[0].T @ rows[0])) / np.sin(1e-2)  # l1 l2
     assert np.allclose(found.yoshikawa, area * np.sin(q[:, 1]), rtol=1e-6)
 
@@ -54,7 +54,7 @@ def test_manipulability_is_that_of_the_robotics_toolbox():
     rtb = pytest.importorskip("roboticstoolbox", reason="needs the toolbox: pip install roboticstoolbox-python")
     robot, arm = rtb.models.DH.Panda(), aw.load("panda")
     q, _ = samples(arm, 20)
-    ours = aw.manipulability(arm, q, frame=None).yoshikawa
+    ours = aw.kinematics.manipulability(arm, q, frame=None).yoshikawa
     theirs = np.array([robot.manipulability(each, method="yoshikawa", axes="all") for each in q])
     if not np.allclose(aw.compile(arm).forward_kinematics(q[0]), robot.fkine(q[0]).A, atol=1e-6):
         tool = np.linalg.inv(robot.fkine(q[0]).A) @ aw.compile(arm).forward_kinematics(q[0])
@@ -67,8 +67,8 @@ def test_distance_to_limits():
     arm = aw.load("puma560")
     low, high = np.array([body.limits.position for body in arm.bodies]).T
     q = np.stack([(low + high) / 2, low, low - 0.1 * (high - low)])
-    assert np.allclose(aw.manipulability(arm, q).limit_margin, [0.5, 0.0, -0.1])
-    assert aw.manipulability(arm, q[0]).limit_margin.shape == ()
+    assert np.allclose(aw.kinematics.manipulability(arm, q).limit_margin, [0.5, 0.0, -0.1])
+    assert aw.kinematics.manipulability(arm, q[0]).limit_margin.shape == ()
 
 
 @pytest.mark.parametrize(
@@ -77,21 +77,24 @@ def test_distance_to_limits():
 )
 def test_bad_input_is_named(options, place):
     arm = aw.load("two-link")
-    for function in (lambda: aw.manipulability(arm, np.zeros(2), **options), lambda: aw.workspace(arm, 10, **options)):
+    for function in (
+        lambda: aw.kinematics.manipulability(arm, np.zeros(2), **options),
+        lambda: aw.kinematics.workspace(arm, 10, **options),
+    ):
         with pytest.raises(ModelError) as error:
             function()
         assert place is None or error.value.place == place
     with pytest.raises(ShapeError):
-        aw.manipulability(arm, np.zeros(3))
+        aw.kinematics.manipulability(arm, np.zeros(3))
     for value in (0, 1.5, True):
         with pytest.raises(ModelError, match="samples"):
-            aw.workspace(arm, value)
+            aw.kinematics.workspace(arm, value)
 
 
 def test_the_workspace_of_two_links_is_an_annulus(tmp_path):
     """Radii |l1 - l2| and l1 + l2 with joints that turn around; w = l1 l2 |sin q2|."""
     arm = aw.load("two-link")
-    found = aw.workspace(arm, 20_000, aim="position", seed=3)
+    found = aw.kinematics.workspace(arm, 20_000, aim="position", seed=3)
     dyn = aw.compile(arm)
     assert np.abs(dyn.forward_kinematics(found.q.values)[:, :3, 3] - found.position.values).max() < 1e-12
     low, high = np.array([body.limits.position for body in arm.bodies]).T
@@ -101,13 +104,13 @@ def test_the_workspace_of_two_links_is_an_annulus(tmp_path):
     assert np.abs(found.manipulability.values - truth.prod(axis=1)).max() < 1e-13
     assert float(found.reach_percentiles.sel(percentile=100.0)) == found.reach.values.max()
     assert abs(float(found.reach_percentiles.sel(percentile=50.0)) - np.median(found.reach.values)) < 1e-3
-    again = aw.workspace(arm, 20_000, aim="position", seed=3, threads=2)
+    again = aw.kinematics.workspace(arm, 20_000, aim="position", seed=3, threads=2)
     assert again.identical(found)
     for name in ("cloud.png", "cloud.html"):
-        aw.draw_workspace(found, tmp_path / name)
+        aw.pictures.draw_workspace(found, tmp_path / name)
         assert (tmp_path / name).stat().st_size > 10_000
     with pytest.raises(OutputError):
-        aw.draw_workspace(found, tmp_path / "cloud.txt")
+        aw.pictures.draw_workspace(found, tmp_path / "cloud.txt")
 
 
 @pytest.mark.parametrize(
@@ -125,20 +128,20 @@ def test_arms_in_a_plane_are_seen_from_in_front_of_it(axis, titles, tmp_path):
     hand = '<joint name="h" type="fixed"><parent link="l2"/><child link="l3"/><origin xyz="0.4 0 0"/></joint>'
     path = tmp_path / "planar.urdf"
     path.write_text(f'<robot name="planar">{links}{joints}{hand}</robot>')
-    found = aw.workspace(aw.load(path, kinematics_only=True), 2000)
+    found = aw.kinematics.workspace(aw.load(path, kinematics_only=True), 2000)
     assert flat_axes(found.position.values) == titles[1][0]
     left, right, *_ = draw(found).axes
     assert titles[0] in left.get_title(loc="left")
     assert titles[1] in right.get_title(loc="left")
-    aw.draw_workspace(found, tmp_path / "planar.html")
+    aw.pictures.draw_workspace(found, tmp_path / "planar.html")
     assert "left out" not in (tmp_path / "planar.html").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("name", ["examples/scara.toml"])
 def test_sliding_joints_and_few_samples_are_drawn(name, tmp_path):
-    found = aw.workspace(aw.load(name), 1)
-    aw.draw_workspace(found, tmp_path / "one.png")
-    aw.draw_workspace(found, tmp_path / "one.html")
+    found = aw.kinematics.workspace(aw.load(name), 1)
+    aw.pictures.draw_workspace(found, tmp_path / "one.png")
+    aw.pictures.draw_workspace(found, tmp_path / "one.html")
     assert not [*tmp_path.glob("*.part")]
 
 

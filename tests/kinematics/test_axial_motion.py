@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from armwright.kinematics import AxialMotion, joint_motions
+from armwright.kinematics.axial_motion import AxialMotion
+from armwright.kinematics.joint_motion import joint_motions
 from armwright.spatial import ArticulatedInertia, Placement, rotation_rpy, skew
 from physics.arms import arm
 

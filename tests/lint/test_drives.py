@@ -163,7 +163,7 @@ def test_check_shows_them(tmp_path, monkeypatch):
     path = Path("scara.toml")
     text = (EXAMPLES / path).read_text(encoding="utf-8")
     path.write_text(text.replace(f"{KT} = 0.05\n", f"{KT} = 50\n"), encoding="utf-8")
-    (found,) = [found for found in aw.check(path).findings if found.check == "drives"]
+    (found,) = [found for found in aw.robotfiles.check(path).findings if found.check == "drives"]
     assert found.level == "warning"
     result = CliRunner().invoke(app, ["check", str(path)])
     assert result.exit_code == 0

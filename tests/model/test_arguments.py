@@ -11,17 +11,18 @@ import armwright as aw
 from armwright.errors import ModelError, ShapeError
 from armwright.model.arguments import JOINTS
 from physics.arms import arm
+from public_names import PUBLIC
 
 PLAIN = [
     name
-    for name in aw.__all__
-    if inspect.isfunction(getattr(aw, name))
-    and getattr(aw, name).__module__.split(".")[1] in ("dynamics", "kinematics", "actuators")
+    for name in PUBLIC
+    if inspect.isfunction(PUBLIC[name])
+    and PUBLIC[name].__module__.split(".")[1] in ("dynamics", "kinematics", "actuators")
 ]
 
 
 def _arguments(name, n):
-    parameters = list(inspect.signature(getattr(aw, name)).parameters.values())[1:]
+    parameters = list(inspect.signature(PUBLIC[name]).parameters.values())[1:]
     return {p.name: np.zeros(n) for p in parameters if p.default is p.empty}
 
 
@@ -37,7 +38,7 @@ def test_another_shape_is_refused(name, shape):
     given = _arguments(name, 6)
     for argument in given:
         with pytest.raises(ShapeError) as error:
-            getattr(aw, name)(arm("puma560"), **given | {argument: np.zeros(shape)})
+            PUBLIC[name](arm("puma560"), **given | {argument: np.zeros(shape)})
         batch = "; for many states at once see aw.compile" if len(shape) == 2 else ""
         assert (error.value.place, error.value.what) == (f"{name}: {argument}", f"shape {shape}")
         assert error.value.expected == f"(6,), one number for each joint of puma560{batch}"
@@ -51,11 +52,11 @@ def test_a_transposed_batch_is_recognised():
 @pytest.mark.parametrize("name", PLAIN)
 def test_an_arm_may_be_named(name):
     arguments = {key: 0.3 + value for key, value in _arguments(name, 6).items()}
-    own, named = (getattr(aw, name)(each, **arguments) for each in (arm("puma560"), "puma560"))
+    own, named = (PUBLIC[name](each, **arguments) for each in (arm("puma560"), "puma560"))
     for ours, theirs in zip(*((each if isinstance(each, tuple) else (each,)) for each in (own, named)), strict=True):
         np.testing.assert_array_equal(ours, theirs)
     with pytest.raises(ModelError, match=r"arm = 3: expected an arm: its name, its file, or what aw\.load returns"):
-        getattr(aw, name)(3, **_arguments(name, 6))
+        PUBLIC[name](3, **_arguments(name, 6))
 
 
 def test_the_wrench_has_six_numbers():
@@ -91,7 +92,7 @@ def test_something_else_than_numbers_is_refused(name, value):
     given = _arguments(name, 2)
     for argument in given:
         with pytest.raises(ShapeError) as error:
-            getattr(aw, name)(arm("two-link"), **given | {argument: value})
+            PUBLIC[name](arm("two-link"), **given | {argument: value})
         assert (error.value.place, error.value.expected) == (f"{name}: {argument}", "numbers")
 
 
@@ -106,9 +107,9 @@ def test_arrays_of_objects_that_are_numbers_are_taken():
 def test_numbers_of_any_type_are_computed_with_as_floats(name, dtype):
     """Whole numbers of one byte would overflow if they were multiplied as such."""
     given = {argument: np.ones(6) for argument in _arguments(name, 6)}
-    wanted = getattr(aw, name)(arm("cmu-dd"), **given)
-    typed = getattr(aw, name)(arm("cmu-dd"), **{key: value.astype(dtype) for key, value in given.items()})
-    listed = getattr(aw, name)(arm("cmu-dd"), **{key: value.tolist() for key, value in given.items()})
+    wanted = PUBLIC[name](arm("cmu-dd"), **given)
+    typed = PUBLIC[name](arm("cmu-dd"), **{key: value.astype(dtype) for key, value in given.items()})
+    listed = PUBLIC[name](arm("cmu-dd"), **{key: value.tolist() for key, value in given.items()})
     for found in (typed, listed):
         for a, b in zip(*(each if isinstance(each, tuple) else (each,) for each in (wanted, found)), strict=True):
             np.testing.assert_array_equal(a, b)

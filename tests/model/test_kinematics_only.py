@@ -60,7 +60,7 @@ def test_simulations_are_refused(arm):
 def test_variants_and_saved_files_keep_it_and_numbers_end_it(arm, tmp_path):
     with pytest.raises(ModelError, match="links 'fore'"):
         aw.gravity_torques(arm.with_payload(1.0, [0, 0, 0], [0.1, 0.1, 0.1]), [0.0, 0.0])
-    aw.write_toml(arm, tmp_path / "again.toml")
+    aw.robotfiles.write_toml(arm, tmp_path / "again.toml")
     with pytest.raises(ModelError, match="links 'fore'"):
         aw.gravity_torques(aw.load(tmp_path / "again.toml"), [0.0, 0.0])
     known = arm.with_values({"fore.mass_kg": 1.0, "fore.com_m": [0.1, 0.0, 0.0]})

@@ -33,7 +33,7 @@ def toy(document: dict[str, Any] | None = None) -> ModuleLibrary:
 
 @pytest.fixture(scope="module")
 def lwa4p() -> Model:
-    return build_model(aw.assemble("lwa4p"))
+    return build_model(aw.modules.assemble("lwa4p"))
 
 
 def sequences(document: dict[str, Any], max_joints: int, max_links: int) -> set[tuple[tuple[str, int], ...]]:
@@ -89,7 +89,7 @@ def test_modules_that_move_alike_are_one() -> None:
 
 
 def test_impossible_modules_are_left_out_and_named() -> None:
-    found = aw.enumerate_assemblies(aw.read_modules("improv"), max_joints=2, limit=3)
+    found = aw.modules.enumerate_assemblies(aw.modules.read_modules("improv"), max_joints=2, limit=3)
     assert set(found.left_out) == {"PB24", "L5"}
     assert "triangle inequality" in found.left_out["L5"]
     assert len(found.candidates) == 3 < found.total
@@ -98,7 +98,7 @@ def test_impossible_modules_are_left_out_and_named() -> None:
 def test_every_assembly_is_one_that_can_be_made() -> None:
     """Names, masses and joints of what is listed are those of the arm that `assemble` makes."""
     seen = []
-    found = aw.enumerate_assemblies(
+    found = aw.modules.enumerate_assemblies(
         toy(), max_joints=2, limit=40, progress=lambda done, total: seen.append((done, total))
     )
     assert seen[-1] == (40, 40)
@@ -114,7 +114,7 @@ def test_every_assembly_is_one_that_can_be_made() -> None:
 
 def test_the_reach_of_a_known_arm() -> None:
     """Straight up is as far as the LWA 4P comes: 0.1013 + 0.35 + 0.3012 + 0.0748 m."""
-    modules, _ = possible_modules(aw.read_modules("improv"))
+    modules, _ = possible_modules(aw.modules.read_modules("improv"))
     names = ["base", "PB21", "L1", "PB22", "L2", "PB23"]
     for chain in chains(modules, Rules(6, 6, 1)):
         if [step.module for step in chain.steps] == names:
@@ -178,7 +178,7 @@ def test_static_torques_are_the_float_reference(lwa4p: Model) -> None:
 @settings(max_examples=5, deadline=None)
 @given(st.integers(0, 2**31))
 def test_poses_that_can_be_reached_are_reached(seed: int) -> None:
-    arm = build_model(aw.assemble("lwa4p"))
+    arm = build_model(aw.modules.assemble("lwa4p"))
     low, high = ranges(arm)
     poses = np.stack([forward_kinematics(arm, q) for q in np.random.default_rng(seed).uniform(low, high, (4, 6))])
     q, off, angle = inverse_kinematics(arm, poses, np.array([True, True, False, True]), STARTS)
@@ -229,8 +229,8 @@ def task(**changes: Any) -> Task:
 
 def test_what_is_called_feasible_is() -> None:
     """Poses, torques and times of the first arms, computed again from the arms and the plain functions."""
-    library, wanted = aw.read_modules("improv"), task()
-    ranking = aw.rank_assemblies(library, wanted, min_joints=6, limit=8)
+    library, wanted = aw.modules.read_modules("improv"), task()
+    ranking = aw.modules.rank_assemblies(library, wanted, min_joints=6, limit=8)
     assert len(ranking.ranked) == 8 < ranking.long_enough <= ranking.total
     order = [(not r.feasible, -len(r.reached), -r.margin, r.mass) for r in ranking.ranked]
     assert order == sorted(order)
@@ -264,11 +264,11 @@ def test_what_is_called_feasible_is() -> None:
     ],
 )
 def test_why_an_arm_does_not_do_it(changes: dict[str, Any], why: str) -> None:
-    library = aw.read_modules("improv")
+    library = aw.modules.read_modules("improv")
     few = [library.module(name) for name in ("base", "PB21", "L1", "PB22", "L2", "PB23")]
     poses = [{"name": "pick", "xyz_m": [0.35, 0.15, 0.35]}, {"name": "place", "xyz_m": [0.30, -0.25, 0.30]}]
     wanted = task(**changes, poses=poses)
-    first = aw.rank_assemblies(library.replace(modules=few), wanted, min_joints=6, limit=4).ranked[0]
+    first = aw.modules.rank_assemblies(library.replace(modules=few), wanted, min_joints=6, limit=4).ranked[0]
     assert not first.feasible
     assert why in first.why_not
     assert first.margin < 0.0
@@ -276,11 +276,12 @@ def test_why_an_arm_does_not_do_it(changes: dict[str, Any], why: str) -> None:
 
 def test_poses_out_of_reach() -> None:
     far = task(poses=[{"name": "moon", "xyz_m": [0.0, 0.0, 30.0]}])
-    found = aw.rank_assemblies(toy(), far, max_joints=2)
+    found = aw.modules.rank_assemblies(toy(), far, max_joints=2)
     assert (found.ranked, found.long_enough) == ((), 0)
     below = task(poses=[{"name": "cellar", "xyz_m": [0.0, 0.0, -0.55]}])
     assert all(
-        "does not come to cellar" in r.why_not for r in aw.rank_assemblies(toy(), below, max_joints=1, limit=3).ranked
+        "does not come to cellar" in r.why_not
+        for r in aw.modules.rank_assemblies(toy(), below, max_joints=1, limit=3).ranked
     )
 
 
@@ -316,18 +317,18 @@ def test_tasks_that_are_refused(changes: dict[str, Any], message: str) -> None:
 )
 def test_rules_that_are_refused(rules: dict[str, Any], place: str, value: int, expected: str) -> None:
     with pytest.raises(DescriptionError) as caught:
-        aw.enumerate_assemblies(toy(), **rules)
+        aw.modules.enumerate_assemblies(toy(), **rules)
     assert (caught.value.place, caught.value.value, caught.value.expected) == (place, value, expected)
 
 
 def test_rules_that_leave_nothing_are_refused() -> None:
     with pytest.raises(DescriptionError, match="library 'toy': the connectors allow no arm of 6 to 6 joints"):
-        aw.enumerate_assemblies(toy(), min_joints=6)
+        aw.modules.enumerate_assemblies(toy(), min_joints=6)
 
 
 def test_a_library_without_a_ground_makes_no_arm() -> None:
     document = library()
     del document["modules"][0]["ground"]
     with pytest.raises(DescriptionError, match="no module has a ground") as caught:
-        aw.enumerate_assemblies(toy(document))
+        aw.modules.enumerate_assemblies(toy(document))
     assert caught.value.place == "library 'toy'"

@@ -458,7 +458,7 @@ def test_a_mistyped_library_of_an_assembly(name: str, what: str, tmp_path: Path)
     path = folder / "arm.assembly.toml"
     path.write_text(tomlkit.dumps(document), encoding="utf-8")
     with pytest.raises(DescriptionError) as error:
-        aw.assemble(path)
+        aw.modules.assemble(path)
     assert (error.value.place, error.value.value, error.value.file) == ("libraries[1]", name, str(path))
     assert error.value.what.startswith(what)
 
@@ -467,7 +467,7 @@ def test_what_comes_with_armwright_can_be_read() -> None:
     assert library_names() == ["improv"]
     assert assembly_names() == ["lwa4p", "lwa4p-tool"]
     for name in assembly_names():
-        assert build_model(aw.assemble(name)).n == 6
+        assert build_model(aw.modules.assemble(name)).n == 6
 
 
 def test_springs_at_joints_are_part_of_what_holds_the_arm():

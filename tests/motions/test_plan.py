@@ -23,7 +23,7 @@ EXAMPLES = sorted((Path(__file__).parents[2] / "examples" / "motions").glob("*.m
 def test_examples_keep_their_limits(file):
     if 'curve = "ruckig"' in file.read_text(encoding="utf-8"):
         pytest.importorskip("ruckig", reason="ruckig is not installed")
-    plan = aw.plan(file)
+    plan = aw.trajectories.plan(file)
     assert plan.report.kept, plan.report.excesses()
     check_continuous(plan.motion, 2)
     t = np.linspace(0.0, plan.motion.duration, 20011)
@@ -38,7 +38,7 @@ def test_examples_keep_their_limits(file):
 
 
 def test_a_seam_is_led_at_a_constant_speed():
-    plan = aw.plan(next(path for path in EXAMPLES if "welding" in path.name))
+    plan = aw.trajectories.plan(next(path for path in EXAMPLES if "welding" in path.name))
     begin = plan.begins[1]
     t = np.linspace(begin + 0.3, plan.begins[2] - 0.3, 1001)  # but for its ends
     place = aw.compile(plan.arm).forward_kinematics(plan.motion.at(t)[0])[:, :3, 3]
@@ -76,7 +76,7 @@ def test_where_a_tool_is_slower_than_asked_is_said(tmp_path):
 
 
 def test_full_speed_is_at_the_motors_limits():
-    plan = aw.plan(next(path for path in EXAMPLES if "full-speed" in path.name))
+    plan = aw.trajectories.plan(next(path for path in EXAMPLES if "full-speed" in path.name))
     states = plan.motion.at(np.linspace(0.0, plan.motion.duration, 2001))
     dyn = aw.compile(plan.arm)
     tau = dyn.inverse_dynamics(*states)
@@ -87,7 +87,7 @@ def test_full_speed_is_at_the_motors_limits():
 
 
 def test_a_payload_counts_from_its_grip_to_its_release():
-    plan = aw.plan(next(path for path in EXAMPLES if "pick" in path.name))
+    plan = aw.trajectories.plan(next(path for path in EXAMPLES if "pick" in path.name))
     grip, release = (plan.begins[plan.kinds.index(kind)] for kind in ("grip", "release"))
     assert [body.time for body in plan.payloads] == [grip, release]
     loaded = aw.compile(plan.arm.with_payload(2.0, [0, 0, 0.06], [0.004, 0.004, 0.003]))
@@ -119,7 +119,7 @@ MOVE = '[[segments]]\nkind = "move"\ngoal = {{ joint2 = 0.4 }}\n{}\n'
 def planned(tmp_path, text, head=FILE):
     path = tmp_path / "a.motion.toml"
     path.write_text(head + text)
-    return aw.plan(path)
+    return aw.trajectories.plan(path)
 
 
 def test_segments_follow_each_other(tmp_path):
@@ -128,7 +128,7 @@ def test_segments_follow_each_other(tmp_path):
     text += '[[segments]]\nkind = "move"\ngoal = 0.0\ncurve = "cubic"\nduration_s = 4.0\n'
     plan = planned(tmp_path, text)
     assert plan.kinds == ("move", "dwell", "waypoints", "move")
-    first = aw.SCurve([0.1, 0, 0, 0, 0, 0], [0.1, 0.4, 0, 0, 0, 0], plan.limits)
+    first = aw.trajectories.SCurve([0.1, 0, 0, 0, 0, 0], [0.1, 0.4, 0, 0, 0, 0], plan.limits)
     np.testing.assert_allclose(plan.begins[:3], [0.0, first.duration, first.duration + 0.5])
     t = np.linspace(0.0, first.duration, 100)
     np.testing.assert_allclose(plan.motion.at(t)[0], first.at(t)[0], atol=1e-12)
@@ -461,7 +461,9 @@ def test_a_simulation_carries_what_the_motion_takes_up(tmp_path):
         np.testing.assert_allclose(row.tau.values, dyn.gravity_torques(row.q.values), atol=0.1)
     weight = loaded.gravity_torques(row.q.values) - aw.compile(arm).gravity_torques(row.q.values)
     assert np.abs(weight[1:3]).min() > 1.0  # N m, ten times what the comparison allows
-    by_hand = dataclasses.replace(scenario, loop=dataclasses.replace(loop, reference=aw.Joined(plan.motion.motions)))
+    by_hand = dataclasses.replace(
+        scenario, loop=dataclasses.replace(loop, reference=aw.trajectories.Joined(plan.motion.motions))
+    )
     stated = aw.simulate(dataclasses.replace(by_hand, inputs=aw.Inputs(payload=list(plan.payloads))))
     np.testing.assert_array_equal(run.tau, stated.tau)
     other = dataclasses.replace(scenario, inputs=aw.Inputs(payload=aw.Payload(0.0, 0.0)))
@@ -521,11 +523,13 @@ def test_the_command_plans_writes_and_draws(tmp_path):
     assert "all limits that are known are kept" in done.output
     assert files[1].stat().st_size > 10_000
     t = np.linspace(0.0, plan.motion.duration, 100)
-    np.testing.assert_allclose(aw.load_motion(files[0], plan.arm).at(t)[0], plan.motion.at(t)[0], atol=1e-9)
+    np.testing.assert_allclose(
+        aw.trajectories.load_motion(files[0], plan.arm).at(t)[0], plan.motion.at(t)[0], atol=1e-9
+    )
 
 
 def test_a_page_names_the_motion_and_its_segments(tmp_path):
-    plan = aw.plan(EXAMPLES[0].parent / "pick-and-place.motion.toml")
+    plan = aw.trajectories.plan(EXAMPLES[0].parent / "pick-and-place.motion.toml")
     plan.plot(tmp_path / "page.html")
     page = (tmp_path / "page.html").read_text(encoding="utf-8")
     assert f"<title>lwa4p   ·   {plan.title}</title>" in page
@@ -550,12 +554,12 @@ def test_an_arm_without_a_tip_is_asked_for_a_frame(tmp_path):
     file = tmp_path / "a.motion.toml"
     file.write_text(tool, encoding="utf-8")
     with pytest.raises(ScenarioError, match=r"segments\[0\].frame: missing; expected the frame that follows the path"):
-        aw.plan(file)
+        aw.trajectories.plan(file)
     file.write_text(tool + 'frame = "hand"\n', encoding="utf-8")
-    assert aw.plan(file).report.kept
+    assert aw.trajectories.plan(file).report.kept
     file.write_text(tool.replace("[-0.05, 0, 0]", "[0, 0, 0]") + 'frame = "hand"\n', encoding="utf-8")
     with pytest.raises(ScenarioError, match=r"segments\[0\].path\[0\] = .*: has no length"):
-        aw.plan(file)
+        aw.trajectories.plan(file)
 
 
 def test_pairs_of_links_may_be_left_out(tmp_path):
@@ -564,13 +568,13 @@ def test_pairs_of_links_may_be_left_out(tmp_path):
     file = tmp_path / "a.motion.toml"
     file.write_text(text + move, encoding="utf-8")
     with pytest.raises(ScenarioError, match=r"link2 and link4 are .* mm apart"):
-        aw.plan(file)
+        aw.trajectories.plan(file)
     others = [f'["link{i}", "link{j}"]' for i in (1, 2) for j in (4, 5, 6)]
     file.write_text(f"{text}ignore = [{', '.join(others)}]\n{move}", encoding="utf-8")
-    assert "link2 and link4" not in aw.plan(file).nearest
+    assert "link2 and link4" not in aw.trajectories.plan(file).nearest
     file.write_text(f'{text}ignore = [["link2", "hand"]]\n{move}', encoding="utf-8")
     with pytest.raises(ScenarioError, match=r"ignore = 'hand': expected a link"):
-        aw.plan(file)
+        aw.trajectories.plan(file)
 
 
 def test_the_command_says_what_is_exceeded(tmp_path):
@@ -649,7 +653,7 @@ def test_a_tool_is_led_with_a_part_of_its_orientation(aim, start, turn, tmp_path
     small_arm("servo-5", tmp_path)
     file = tmp_path / "led.motion.toml"
     file.write_text(SERVO.format(aim=aim, start=start, turn=turn), encoding="utf-8")
-    plan = aw.plan(file)
+    plan = aw.trajectories.plan(file)
     assert plan.report.kept
     check_continuous(plan.motion, 2)
     ends = plan.motion.at(np.array([0.0, plan.motion.duration]))[0]
@@ -701,4 +705,4 @@ def test_parts_of_an_orientation_that_cannot_be(aim, turn, said, tmp_path):
     file = tmp_path / "led.motion.toml"
     file.write_text(SERVO.format(aim=aim, start=DOWN, turn=turn), encoding="utf-8")
     with pytest.raises(ArmwrightError, match=said):
-        aw.plan(file)
+        aw.trajectories.plan(file)

@@ -15,7 +15,7 @@ import trimesh
 import armwright as aw
 from armwright.description.database import parse
 from armwright.errors import ModelError, OutputError, ShapeError
-from armwright.kinematics import body_placements
+from armwright.kinematics.forward_kinematics import body_placements
 from armwright.model import build_model
 from armwright.pictures.body_shapes import body_shapes
 from armwright.pictures.joint_figure import CYLINDER, bone_size

@@ -27,23 +27,23 @@ def tensor(library: ModuleLibrary, name: str, body: int = 0):
 
 
 def test_it_weighs_what_the_modules_weigh() -> None:
-    assert aw.assemble("lwa4p").total_mass == pytest.approx(12.32, abs=1e-12)
-    assert aw.assemble("lwa4p-tool").total_mass == pytest.approx(13.72, abs=1e-12)
+    assert aw.modules.assemble("lwa4p").total_mass == pytest.approx(12.32, abs=1e-12)
+    assert aw.modules.assemble("lwa4p-tool").total_mass == pytest.approx(13.72, abs=1e-12)
 
 
 def test_the_tip_is_where_the_published_rows_put_it() -> None:
-    made, published = build_model(aw.assemble("lwa4p-tool")), aw.load("lwa4p")
+    made, published = build_model(aw.modules.assemble("lwa4p-tool")), aw.load("lwa4p")
     for q in np.random.default_rng(1).uniform(-2.7, 2.7, (10, 6)):
         np.testing.assert_allclose(
             aw.forward_kinematics(made, q), aw.forward_kinematics(published, q), rtol=0, atol=1e-12
         )
-    straight = aw.forward_kinematics(build_model(aw.assemble("lwa4p")), np.zeros(6))
+    straight = aw.forward_kinematics(build_model(aw.modules.assemble("lwa4p")), np.zeros(6))
     np.testing.assert_allclose(straight[:3, 3], [0.0, 0.0, 0.1013 + 0.35 + 0.3012 + 0.0748], atol=1e-12)
 
 
 def test_links_have_the_published_masses_centres_and_tensors() -> None:
     """Body by body, in the published link frames: to the last digit that is printed."""
-    made, published = build_model(aw.assemble("lwa4p-tool")), aw.load("lwa4p")
+    made, published = build_model(aw.modules.assemble("lwa4p-tool")), aw.load("lwa4p")
     for q in np.random.default_rng(2).uniform(-2.7, 2.7, (3, 6)):
         np.testing.assert_allclose(aw.gravity_torques(made, q), aw.gravity_torques(published, q), rtol=0, atol=1e-12)
     for ours, theirs in zip(made.bodies, published.bodies, strict=True):
@@ -59,7 +59,7 @@ def test_links_have_the_published_masses_centres_and_tensors() -> None:
 
 def test_where_the_two_differ() -> None:
     """The published model repeats PB22's friction for PB21; position limits are the modules' own but for joint 3."""
-    made, published = build_model(aw.assemble("lwa4p-tool")), aw.load("lwa4p")
+    made, published = build_model(aw.modules.assemble("lwa4p-tool")), aw.load("lwa4p")
     for k, (ours, theirs) in enumerate(zip(made.bodies, published.bodies, strict=True)):
         assert ours.friction is not None
         assert theirs.friction is not None

@@ -40,7 +40,7 @@ held = true
 @pytest.fixture(scope="module")
 def run():
     """A loop with encoders, whose controller follows a ramp."""
-    ramp = aw.Ramp(np.zeros(2), 0.2 * np.ones(2), 0.1)
+    ramp = aw.trajectories.Ramp(np.zeros(2), 0.2 * np.ones(2), 0.1)
     loop = aw.Loop(aw.JointPID(kp=50.0, kd=5.0), ramp, 1e-3, sensors=aw.Sensors(counts=4096))
     return aw.simulate(aw.Scenario(aw.load("two-link"), 0.05, loop=loop))
 
@@ -122,11 +122,13 @@ def test_a_recorded_mcap_goes_back_into_a_fit(tmp_path):
     arm = aw.load("two-link")
     rng = np.random.default_rng(3)
     a, b = 0.3 * rng.normal(size=(2, 2, 5))
-    motion = aw.Fourier(np.array([0.3, -0.2]), a, b, 4.0)
+    motion = aw.trajectories.Fourier(np.array([0.3, -0.2]), a, b, 4.0)
     loop = aw.Loop(aw.ComputedTorque(kp=100.0, kd=20.0), motion, 2e-3)
     aw.save(aw.simulate(aw.Scenario(arm, 8.0, loop=loop)), tmp_path / "run.mcap")
     (tmp_path / "run.log.toml").write_text(LOG.replace("joint1", arm.names[0]).replace("joint2", arm.names[1]))
-    found = aw.identify_arm(aw.read_log(tmp_path / "run.log.toml"), arm, record=False, sensitivity=False)
+    found = aw.identification.identify_arm(
+        aw.identification.read_log(tmp_path / "run.log.toml"), arm, record=False, sensitivity=False
+    )
     assert found.verdict == "identified", str(found)
     truth = found.fit.base.of(np.nan_to_num(found.fit.equations.model.prior))
     np.testing.assert_allclose(found.fit.values, truth, rtol=2e-3, atol=2e-3 * np.abs(truth).max())

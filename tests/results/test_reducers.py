@@ -136,7 +136,7 @@ def test_the_highest_temperature_is_that_of_the_record():
     law = aw.JointPID(kp=aw.Batch([80.0, 120.0]), kd=8.0, gravity=True)
     run = aw.simulate(
         aw.Scenario(
-            model, duration=2.0, loop=aw.Loop(controller=law, reference=aw.Sine([0.0], [0.6], 2.0), period=PERIOD),
+            model, duration=2.0, loop=aw.Loop(controller=law, reference=aw.trajectories.Sine([0.0], [0.6], 2.0), period=PERIOD),
             recording=aw.Recording(reduce=["peak_temperature", "energy"]),
         )
     )  # fmt: skip

@@ -203,12 +203,12 @@ def test_pipes_and_folders_are_not_waited_for(tmp_path):
 @pytest.mark.parametrize("seed", range(40))
 def test_damaged_states_are_refused(tmp_path, seed):
     random = np.random.default_rng(seed)
-    simulation = aw.Simulation(aw.Scenario(aw.load("two-link"), 0.01, command=[1, 1]))
+    simulation = aw.simulation.Simulation(aw.Scenario(aw.load("two-link"), 0.01, command=[1, 1]))
     simulation.state.save(tmp_path / "state.npz")
     data = bytearray((tmp_path / "state.npz").read_bytes())
     for at in random.integers(len(data), size=1 + seed % 4):
         data[at] = random.integers(256)
     (tmp_path / "state.npz").write_bytes(data[: random.integers(len(data))] if seed % 5 == 0 else data)
     with contextlib.suppress(ArmwrightError):
-        state = aw.LoopState.load(tmp_path / "state.npz")
+        state = aw.simulation.LoopState.load(tmp_path / "state.npz")
         aw.Scenario(aw.load("two-link"), 0.01, command=[1, 1], start=state)

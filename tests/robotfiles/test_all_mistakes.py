@@ -110,16 +110,19 @@ def test_check_shows_the_lines_with_marks(path):
 
 def test_the_marks_stand_below_findings_of_a_file_that_is_read(tmp_path):
     path = tmp_path / "arm.toml"
-    text = aw.to_toml(aw.load("puma560")).replace("gear_ratio", "gear_efficiency = 0.3\ngear_ratio", 1)
+    text = aw.robotfiles.to_toml(aw.load("puma560")).replace("gear_ratio", "gear_efficiency = 0.3\ngear_ratio", 1)
     path.write_text(text, encoding="utf-8")
-    finding = next(each for each in aw.check(path).warnings if "self-locking" in each.problem.what)
+    finding = next(each for each in aw.robotfiles.check(path).warnings if "self-locking" in each.problem.what)
     assert text.split("\n")[int(finding.problem.line) - 1] == "gear_efficiency = 0.3"
 
 
 def test_keys_that_contradict_each_other_are_reported_beside_misspelt_ones(tmp_path):
     """They are looked for together with the others, and not only once these are mended."""
     text = re.sub(
-        r"position_rad = .*", "velocity_rad_s = 3\nposition_rad = [1, -1]", aw.to_toml(aw.load("cmu-dd")), count=1
+        r"position_rad = .*",
+        "velocity_rad_s = 3\nposition_rad = [1, -1]",
+        aw.robotfiles.to_toml(aw.load("cmu-dd")),
+        count=1,
     )
     text = text.replace("[joints.motor]\n", "[joints.motor]\ncurrent_loop_hz = 100\nresistence_ohm = 1\n", 1)
     path = tmp_path / "arm.toml"

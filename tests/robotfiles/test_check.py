@@ -16,13 +16,13 @@ from physics.arms import sprung, workshop
 
 @pytest.mark.parametrize("name", ["cmu-dd", "lwa4p", "panda", "two-link"])
 def test_built_in_arms_are_without_fault(name):
-    report = aw.check(name)
+    report = aw.robotfiles.check(name)
     assert report.findings == ()
     assert report.joints == aw.load(name).n
 
 
 def test_accepted_faults_are_warnings():
-    report = aw.check("puma560")
+    report = aw.robotfiles.check("puma560")
     assert not report.errors
     assert [finding.check for finding in report.warnings] == ["mass properties"] * 2
 
@@ -37,7 +37,7 @@ def test_every_check_finds_what_it_looks_for(tmp_path):
     data["links"][4]["visuals"] = [{"solid": box, "xyz_m": [0, 0, 0], "rpy_rad": [0, 0, 0]}]
     data["remarks"] = ["a mesh is not on the search path"]
     path = write_toml(parse(data, "workshop"), tmp_path / "workshop.toml")
-    report = aw.check(path)
+    report = aw.robotfiles.check(path)
     assert [(finding.check, "link1" in str(finding.problem)) for finding in report.errors] == [
         ("mass properties", True)
     ]
@@ -47,7 +47,7 @@ def test_every_check_finds_what_it_looks_for(tmp_path):
     assert "link2" in found["plausibility"]
     assert "link5" in found["shapes"]
     assert report.findings[0].level == "error"
-    (same,), (error,) = aw.check(parse(data, "workshop")).errors, report.errors
+    (same,), (error,) = aw.robotfiles.check(parse(data, "workshop")).errors, report.errors
     assert replace(same.problem, file=error.problem.file) == error.problem
     lines = path.read_text(encoding="utf-8").split("\n")[: int(error.problem.line)]
     assert [line for line in lines if line.startswith("name")][-1] == 'name = "link1"'
@@ -58,7 +58,7 @@ def test_what_loading_doubts_of_cylinders_is_a_finding():
     data = sprung()
     data["cylinders"][0]["length_m"] = 5.0
     robot = parse(data, "sprung")
-    found = [str(finding.problem) for finding in aw.check(robot).warnings if finding.check == "cylinders"]
+    found = [str(finding.problem) for finding in aw.robotfiles.check(robot).warnings if finding.check == "cylinders"]
     assert any("length_m = 5.0" in finding for finding in found)
     assert set(found) <= set(build_model(robot).warnings)
 
@@ -70,10 +70,10 @@ def test_parts_that_have_changed(tmp_path):
 
     for name in ("cmu-dd.parts.toml", "cmu-dd.toml"):
         copy(f"{next(iter(robots.__path__))}/{name}", tmp_path / name)
-    assert aw.check(tmp_path / "cmu-dd.toml").findings == ()
+    assert aw.robotfiles.check(tmp_path / "cmu-dd.toml").findings == ()
     with (tmp_path / "cmu-dd.parts.toml").open("a") as file:
         file.write("# another drawing\n")
-    (finding,) = aw.check(tmp_path / "cmu-dd.toml").warnings
+    (finding,) = aw.robotfiles.check(tmp_path / "cmu-dd.toml").warnings
     assert finding.check == "age"
 
 
@@ -81,12 +81,12 @@ def test_a_file_that_is_no_record(tmp_path):
     path = tmp_path / "arm.toml"
     path.write_text("name = 3", encoding="utf-8")
     with pytest.raises(DescriptionError) as caught:
-        aw.check(path)
+        aw.robotfiles.check(path)
     assert caught.value.file == f"{path}:1"
 
 
 def test_negative_gear_ratios_are_noted_and_no_warnings():
-    report = aw.check("puma560")
+    report = aw.robotfiles.check("puma560")
     notes = [finding.problem for finding in report.findings if finding.level == "note"]
     joints = [joint for joint in aw.load("puma560").description.joints if float(joint.motor.gear_ratio) < 0]
     assert [note.place for note in notes] == [f"joint {joint.name!r} motor.gear_ratio" for joint in joints]

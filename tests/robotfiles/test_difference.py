@@ -13,7 +13,7 @@ from physics.arms import arm
 
 @pytest.mark.parametrize("name", builtin_names())
 def test_an_arm_does_not_differ_from_itself(name):
-    found = aw.diff(name, arm(name))
+    found = aw.robotfiles.diff(name, arm(name))
     assert not found
     assert found.effect is not None
     assert found.effect.poses.shape == (33, arm(name).n)
@@ -24,7 +24,7 @@ def test_an_arm_does_not_differ_from_itself(name):
 def test_changed_numbers_are_listed_with_their_sources():
     old = arm("lwa4p")
     new = old.with_values({"link6.mass_kg": {"value": 2.0, "std": 0.1}, "joint2.friction.viscous_n_m_s_per_rad": 20.0})
-    found = {change.path: change for change in aw.diff(old, new).changes}
+    found = {change.path: change for change in aw.robotfiles.diff(old, new).changes}
     assert list(found) == ["joint2.friction.viscous_n_m_s_per_rad", "link6.mass_kg"]
     mass = found["link6.mass_kg"]
     assert (mass.before, mass.after, mass.std_before, mass.std_after) == (1.5, 2.0, None, 0.1)
@@ -36,19 +36,19 @@ def test_changed_numbers_are_listed_with_their_sources():
 def test_a_source_alone_is_a_difference():
     old = arm("panda")
     same = old.with_values({"link1.mass_kg": old.description.link("link1").mass_kg.value}, "estimate")  # type: ignore[union-attr]
-    (change,) = aw.diff(old, same).changes
+    (change,) = aw.robotfiles.diff(old, same).changes
     assert change.path == "link1.mass_kg"
     assert change.is_source_only
 
 
 def test_whole_links_come_and_go():
     loaded = arm("panda").with_payload(1.0, [0, 0, 0.1], np.zeros(3))
-    found = aw.diff("panda", loaded)
+    found = aw.robotfiles.diff("panda", loaded)
     assert [(c.path, c.before, c.after) for c in found.changes] == [
         ("payload_mount", None, "fixed joint"),
         ("payload", None, "link of 1 kg"),
     ]
-    back = aw.diff(loaded, "panda")
+    back = aw.robotfiles.diff(loaded, "panda")
     assert [(c.path, c.before, c.after) for c in back.changes] == [
         ("payload_mount", "fixed joint", None),
         ("payload", "link of 1 kg", None),
@@ -59,7 +59,7 @@ def test_the_consequence_is_that_of_the_dynamics():
     """A point mass at the tip: gravity changes by Jᵀ m g, the mass matrix by m Jᵀ J."""
     mass = 3.0
     bare = arm("puma560")
-    told = aw.diff(bare, bare.with_payload(mass, [0, 0, 0], np.zeros(3))).effect
+    told = aw.robotfiles.diff(bare, bare.with_payload(mass, [0, 0, 0], np.zeros(3))).effect
     assert told is not None
     assert told.mass[1] - told.mass[0] == pytest.approx(mass)
     for k, q in enumerate(told.poses):
@@ -73,7 +73,7 @@ def test_the_consequence_is_that_of_the_dynamics():
 
 
 def test_sample_poses_stay_within_limits():
-    found = aw.diff("panda", "panda").effect
+    found = aw.robotfiles.diff("panda", "panda").effect
     assert found is not None
     for body, positions in zip(arm("panda").bodies, found.poses[1:].T, strict=True):
         low, high = body.limits.position
@@ -82,7 +82,7 @@ def test_sample_poses_stay_within_limits():
 
 
 def test_arms_without_a_common_joint():
-    found = aw.diff("puma560", "panda")
+    found = aw.robotfiles.diff("puma560", "panda")
     assert found.effect is None
     assert found.changes
 
@@ -91,10 +91,10 @@ def test_joints_in_another_order():
     record = arm("workshop").description
     assert record is not None
     turned = record.replace(joints=(*record.joints[:2], *record.joints[3:5], record.joints[2], *record.joints[5:]))
-    (change,) = aw.diff(record, turned).changes
+    (change,) = aw.robotfiles.diff(record, turned).changes
     assert (change.path, change.after) == ("order of the joints", "joint1, joint2, joint4, joint5, joint3")
 
 
 def test_no_such_arm():
     with pytest.raises(DescriptionError, match="did you mean puma560"):
-        aw.diff("puma56", "puma560")
+        aw.robotfiles.diff("puma56", "puma560")

@@ -37,7 +37,7 @@ def chain(tmp_path):
 def test_filled_in_it_is_an_arm_whose_drives_have_all_that_they_need(tmp_path, source, command):
     path = tmp_path / "new.toml"
     start = chain(tmp_path) if source == "urdf" else source
-    aw.new_robot(path, start, joints=None if source else 2, command=command)
+    aw.robotfiles.new_robot(path, start, joints=None if source else 2, command=command)
     text = path.read_text(encoding="utf-8")
     lines = [k for k, line in enumerate(text.split("\n"), 1) if '"TODO"' in line and not line.startswith("#")]
     with pytest.raises(DescriptionError) as refused:
@@ -62,7 +62,7 @@ def test_filled_in_it_is_an_arm_whose_drives_have_all_that_they_need(tmp_path, s
 
 def test_every_value_says_what_is_wanted_and_where_it_is_found(tmp_path):
     path = tmp_path / "new.toml"
-    aw.new_robot(path, joints=1, command="voltage")
+    aw.robotfiles.new_robot(path, joints=1, command="voltage")
     with pytest.raises(DescriptionError) as refused:
         aw.load(path)
     by_key = {
@@ -82,7 +82,7 @@ def test_every_value_says_what_is_wanted_and_where_it_is_found(tmp_path):
 
 def test_optional_keys_of_datasheets_are_there_to_uncomment(tmp_path):
     path = tmp_path / "new.toml"
-    aw.new_robot(path, joints=1, command="voltage")
+    aw.robotfiles.new_robot(path, joints=1, command="voltage")
     text = path.read_text(encoding="utf-8")
     path.write_text(filled_in(re.sub(r"^# (?=\w+ = )", "", text, flags=re.MULTILINE))[0], encoding="utf-8")
     (joint,) = (arm := aw.load(path)).coordinates
@@ -92,7 +92,7 @@ def test_optional_keys_of_datasheets_are_there_to_uncomment(tmp_path):
 
 def test_what_is_wrong_besides_is_reported_with_it(tmp_path):
     path = tmp_path / "new.toml"
-    aw.new_robot(path, joints=1, command="current")
+    aw.robotfiles.new_robot(path, joints=1, command="current")
     text = (
         path.read_text(encoding="utf-8")
         .replace('mass_kg = "TODO"', "mass_kg = -1")
@@ -119,13 +119,13 @@ def test_refusals(tmp_path):
         ((path, tmp_path / "none.urdf"), {}, ""),
     ):
         with pytest.raises(ArmwrightError) as refused:
-            aw.new_robot(*arguments, **named)
+            aw.robotfiles.new_robot(*arguments, **named)
         assert refused.value.place == place
         assert not path.exists()
     path.write_text("mine")
     for target in (path, tmp_path / "new.urdf"):
         with pytest.raises(OutputError):
-            aw.new_robot(target, joints=2)
+            aw.robotfiles.new_robot(target, joints=2)
     assert path.read_text() == "mine"
 
 

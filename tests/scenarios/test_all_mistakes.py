@@ -155,8 +155,8 @@ acceleration_m_per_s2 = 1
     ("text", "name", "read", "least"),
     [
         (SCENARIO, "a.scenario.toml", aw.read_scenario, 20),
-        (LOG, "a.log.toml", aw.read_log, 20),
-        (MOTION, "a.motion.toml", aw.plan, 20),
+        (LOG, "a.log.toml", aw.identification.read_log, 20),
+        (MOTION, "a.motion.toml", aw.trajectories.plan, 20),
     ],
 )
 def test_all_are_reported_with_their_lines(tmp_path, text, name, read, least):

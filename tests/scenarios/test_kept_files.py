@@ -34,7 +34,7 @@ def folder(tmp_path):
     inside, outside = tmp_path / "inside", tmp_path / "outside"
     for each in (inside, outside):
         each.mkdir()
-        (each / "arm.toml").write_text(aw.to_toml(aw.load("two-link").record))
+        (each / "arm.toml").write_text(aw.robotfiles.to_toml(aw.load("two-link").record))
         (each / "u.csv").write_text("t,shoulder,elbow\n0,20,5\n0.01,0,0\n")
     (tmp_path / "secret.txt").write_text(SECRET)
     written(inside)
@@ -93,7 +93,7 @@ def test_a_path_that_leads_out_needs_the_users_word(folder, key, file, way):
 
 
 def test_a_drive_file_beside_the_robot_stays_in_the_folder_too(folder):
-    aw.convert("two-link", folder / "arm.urdf")
+    aw.robotfiles.convert("two-link", folder / "arm.urdf")
     (folder / "arm.drive.toml").rename(folder.parent / "outside" / "arm.drive.toml")
     (folder / "arm.drive.toml").symlink_to(folder.parent / "outside" / "arm.drive.toml")
     with pytest.raises(ScenarioError, match="leads out of") as error:

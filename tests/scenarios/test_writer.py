@@ -24,7 +24,7 @@ def beside(file, folder):
         if path.is_file():
             shutil.copy(path, folder)
     if (folder / "arm.assembly.toml").exists():
-        aw.write_toml(aw.assemble(folder / "arm.assembly.toml"), folder / "arm.toml")
+        aw.robotfiles.write_toml(aw.modules.assemble(folder / "arm.assembly.toml"), folder / "arm.toml")
     return folder / file.name
 
 
@@ -101,7 +101,7 @@ def test_another_robot_and_another_folder(tmp_path):
     written = aw.write_scenario(heavier, folder / "heavier.scenario.toml")
     assert [each.name for each in written] == ["heavier.scenario.toml", "heavier.robot.toml"]
     same_bits(short(heavier), short(aw.read_scenario(written[0])))
-    aw.write_toml(arm, folder / "arm.toml")
+    aw.robotfiles.write_toml(arm, folder / "arm.toml")
     loaded = replace(heavier, arm=aw.load(folder / "arm.toml").replace(friction=None))
     aw.write_scenario(loaded, folder / "loaded.scenario.toml")
     assert tomlkit.parse((folder / "loaded.scenario.toml").read_text())["robot"] == "arm.toml"
@@ -145,20 +145,20 @@ def random_scenario(seed):
             return aw.Draw.uniform(0.9 * value, 1.1 * value + 1e-3)
         return aw.Batch(np.stack([value * factor for factor in (1.0, 1.1, 0.8)]))
 
-    limits = aw.MotionLimits.of(arm, velocity=2.0, acceleration=10.0, jerk=300.0)
+    limits = aw.trajectories.MotionLimits.of(arm, velocity=2.0, acceleration=10.0, jerk=300.0)
     shape = rng.integers(0, 11)
     reference = [
         lambda: None,
         pose,
         lambda: schedule(rng.uniform(-0.3, 0.3, (3, 2))),
-        lambda: aw.Sine(pose(), row(0.2), 2.0),
-        lambda: aw.Quintic(pose(), pose(), 0.015),
-        lambda: aw.Quintic(pose(), pose(), limits=limits),
-        lambda: aw.SCurve(pose(), pose(), limits),
-        lambda: aw.Trapezoid(pose(), pose(), limits, duration=2.0),
-        lambda: aw.Fourier(pose(), rng.normal(size=(2, 3)) * 0.1, rng.normal(size=(2, 3)) * 0.1, 1.3),
-        lambda: aw.Waypoints(rng.uniform(-0.5, 0.5, (4, 2)), limits),
-        lambda: aw.InputShaper(aw.Step(pose(), pose()), hz=80.0, damping=0.1),
+        lambda: aw.trajectories.Sine(pose(), row(0.2), 2.0),
+        lambda: aw.trajectories.Quintic(pose(), pose(), 0.015),
+        lambda: aw.trajectories.Quintic(pose(), pose(), limits=limits),
+        lambda: aw.trajectories.SCurve(pose(), pose(), limits),
+        lambda: aw.trajectories.Trapezoid(pose(), pose(), limits, duration=2.0),
+        lambda: aw.trajectories.Fourier(pose(), rng.normal(size=(2, 3)) * 0.1, rng.normal(size=(2, 3)) * 0.1, 1.3),
+        lambda: aw.trajectories.Waypoints(rng.uniform(-0.5, 0.5, (4, 2)), limits),
+        lambda: aw.trajectories.InputShaper(aw.trajectories.Step(pose(), pose()), hz=80.0, damping=0.1),
     ][shape]()
     control = [
         lambda: aw.JointPID(
@@ -242,6 +242,7 @@ def follow(t, r, y):
 
 
 PID = aw.JointPID(10.0, kd=1.0)
+SHAPED = aw.trajectories.InputShaper(aw.trajectories.Step([0, 0], [1, 1]), 5.0, kind="zvd")
 NOISES, STARTS = aw.Batch([0.0, 1e-3]), aw.Batch([[0, 0], [0.1, 0]])
 
 
@@ -263,8 +264,8 @@ def heavier():
         (lambda: replace(looped(PID), arm=aw.load(ARM).replace(gravity=[0, 0, 0])), "arm.*replace.gravity"),
         (lambda: replace(looped(PID), start=aw.simulate(looped(PID))), "start: a state is not part"),
         (lambda: replace(looped(PID), start=aw.Batch([[0.1, 0], [0.2, 0], [0.3, 0]]), lanes=range(1, 3)), "first_lane = 1"),
-        (lambda: looped(PID, reference=aw.Cubic(STARTS, [0.1, 0.1], 0.01)), "loop.reference.start: cannot differ"),
-        (lambda: looped(PID, reference=aw.InputShaper(aw.Step([0, 0], [1, 1]), 5.0, kind="zvd")), "loop.reference.kind = 'zvd'"),
+        (lambda: looped(PID, reference=aw.trajectories.Cubic(STARTS, [0.1, 0.1], 0.01)), "loop.reference.start: cannot differ"),
+        (lambda: looped(PID, reference=SHAPED), "loop.reference.kind = 'zvd'"),
     ],
 )  # fmt: skip
 def test_what_no_file_expresses_is_refused_by_name(scenario, said, tmp_path):
@@ -288,14 +289,14 @@ def test_a_planned_motion_is_named_by_its_file(tmp_path):
         'robot = "two-link"\nstart = 0.0\n[limits]\nvelocity = 1\nacceleration = 5\njerk = 100\n'
         '[[segments]]\nkind = "grip"\nmass_kg = 0.2\n[[segments]]\nkind = "move"\ngoal = [0.1, 0.2]\n'
     )
-    plan = aw.plan(tmp_path / "go.motion.toml")
+    plan = aw.trajectories.plan(tmp_path / "go.motion.toml")
     scenario = looped(PID, reference=plan.motion)
     aw.write_scenario(scenario, tmp_path / "go.scenario.toml")
     text = (tmp_path / "go.scenario.toml").read_text()
     assert tomlkit.parse(text)["loop"]["reference"] == {"kind": "motion", "file": "go.motion.toml"}
     same_bits(aw.simulate(scenario), aw.simulate(aw.read_scenario(tmp_path / "go.scenario.toml")))
     plan.motion.save(tmp_path / "go.csv", plan.arm)
-    rows = looped(PID, reference=aw.load_motion(tmp_path / "go.csv", plan.arm))
+    rows = looped(PID, reference=aw.trajectories.load_motion(tmp_path / "go.csv", plan.arm))
     aw.write_scenario(rows, tmp_path / "rows.scenario.toml")
     same_bits(aw.simulate(rows), aw.simulate(aw.read_scenario(tmp_path / "rows.scenario.toml")))
 

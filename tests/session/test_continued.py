@@ -34,7 +34,7 @@ def robot(tmp_path_factory):
     path = tmp_path_factory.mktemp("robot") / "rich.toml"
     description = chain(joints, robot={"supply": SUPPLY}).description
     assert description is not None
-    aw.write_toml(description, path)
+    aw.robotfiles.write_toml(description, path)
     return str(path)
 
 

@@ -248,7 +248,9 @@ def test_what_is_saved_comes_back(session, tmp_path, monkeypatch):
 
 def test_a_saved_arm_needs_no_file_and_names_none_that_is_read(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    Path("arm.toml").write_text(aw.to_toml(aw.load("two-link").record).replace("mass_kg = 4.0", "mass_kg = 3.0"))
+    Path("arm.toml").write_text(
+        aw.robotfiles.to_toml(aw.load("two-link").record).replace("mass_kg = 4.0", "mass_kg = 3.0")
+    )
     session = Session("arm.toml")
     session.run("theta = 0.1 0.2")
     session.run("save here.nc")

@@ -39,7 +39,7 @@ def two_link(folder: Path, motor: str = "", friction: str = DRY) -> aw.Arm:
     """two-link with these lines of motor and friction at both joints."""
     description = aw.load("two-link").description
     assert description is not None
-    text = aw.to_toml(description)
+    text = aw.robotfiles.to_toml(description)
     assert text.count("[[links]]") == 2
     for elbow in ("", COUPLED):
         motors = f"[joints.motor]\n{motor.format(elbow=elbow)}" if motor else ""
@@ -112,8 +112,10 @@ def test_a_log_without_coulomb_friction_is_of_a_joint_that_it_holds(tmp_path):
     assert MomentumObserver(bare, whole=whole).update(t, q, taus).torque[-1] == pytest.approx([0, 0], abs=1e-9)
 
 
-MOVE = aw.Quintic(np.array([0.3, -0.8]), np.array([0.9, -0.3]), 1.0, 0.4)  # rest from 1.4 s on
-TURNS = aw.Fourier(np.array([0.3, -0.8]), np.full((2, 1), 0.4), np.zeros((2, 1)), 2.0)  # turns back every second
+MOVE = aw.trajectories.Quintic(np.array([0.3, -0.8]), np.array([0.9, -0.3]), 1.0, 0.4)  # rest from 1.4 s on
+TURNS = aw.trajectories.Fourier(
+    np.array([0.3, -0.8]), np.full((2, 1), 0.4), np.zeros((2, 1)), 2.0
+)  # turns back every second
 
 
 def simulated(arm, reference=MOVE, seconds=4.0, wrench=None, payload=None):
@@ -134,7 +136,7 @@ def pushed(force, begin, end):
 
 
 def alarms_of(arm, rows, **settings):
-    shadow = aw.ArmShadow(arm, deviation=0.1, held=True, **settings)
+    shadow = aw.shadow.ArmShadow(arm, deviation=0.1, held=True, **settings)
     shadow.update(*rows)
     return shadow.alarms
 
@@ -182,13 +184,13 @@ def test_the_wrist_of_the_tx40_at_rest(tmp_path):
         "[gears]",
         '[[runs]]\nname = "fit"\nto_s = 5.0\n[[runs]]\nname = "held"\nfrom_s = 5.0\nuse = "hold-out"\n[gears]',
     )
-    log = aw.read_log(log_of(tmp_path, "staubli_tx40", text))
-    fit = aw.identify_arm(
+    log = aw.identification.read_log(log_of(tmp_path, "staubli_tx40", text))
+    fit = aw.identification.identify_arm(
         log, aw.load(tx40_urdf(tmp_path), kinematics_only=True), cutoff=100, decimate=20, sensitivity=False
     )
     record = fit.write(tmp_path / "tx40.toml")
     for factor, moving in ((8.0, 0), (2.0, 1)):  # 2 deviations: far below any sensible limit
-        found = aw.shadow_log(log, record, runs=["held"], factor=factor)
+        found = aw.shadow.shadow_log(log, record, runs=["held"], factor=factor)
         rest = found.runs[0].residuals.t[0] + 2.7
         assert len(found.alarms) <= moving
         assert not [alarm for _, alarm in found.alarms if alarm.t > rest], found.alarms

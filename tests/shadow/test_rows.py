@@ -24,7 +24,7 @@ def rows_of(arm, seconds=3.0):
 
 
 def shadowed(arm, t, q, tau, qd=None, parts=None):
-    shadow = aw.ArmShadow(arm, deviation=0.5)
+    shadow = aw.shadow.ArmShadow(arm, deviation=0.5)
     for part in [slice(None)] if parts is None else parts:
         shadow.update(t[part], q[part], tau[part], None if qd is None else qd[part])
     return shadow
@@ -142,7 +142,7 @@ def test_another_rate_and_rows_that_almost_coincide_are_no_lasting_gap(arm):
 def test_a_residual_that_is_not_finite_starts_the_observer_again(arm):
     """A mass matrix that is NaN for a moment."""
     t, q, tau = rows_of(arm)
-    shadow = aw.ArmShadow(arm, deviation=0.5)
+    shadow = aw.shadow.ArmShadow(arm, deviation=0.5)
     model = shadow.observer._models[0]
 
     class Broken:

@@ -36,7 +36,7 @@ def measured(arm, rows, seed, noise):
 def point_to_point(n, seed):
     """Moves from rest to rest, 0.3 s of rest between."""
     goals = np.concatenate([np.zeros((1, n)), 0.5 * np.random.default_rng(seed).normal(size=(3, n))])
-    moves = [aw.Quintic(a, b, 1.0, 1.3 * k + 0.3) for k, (a, b) in enumerate(pairwise(goals))]
+    moves = [aw.trajectories.Quintic(a, b, 1.0, 1.3 * k + 0.3) for k, (a, b) in enumerate(pairwise(goals))]
     t = np.arange(round(4.2 * RATE)) / RATE
     which = np.clip(((t - 0.3) / 1.3).astype(int), 0, 2)
     q, qd, qdd = np.stack([moves[w](each) for w, each in zip(which, t, strict=True)], axis=1)
@@ -70,11 +70,11 @@ def log_file(folder, arm, rows, noise, name="log"):
 
 def validated(folder, arm, noise):
     """Path of the arm's record with a passing verdict on a log of the right arm."""
-    record = aw.write_toml(arm.description, folder / f"{arm.name}.toml")
-    log = aw.read_log(log_file(folder, arm, motion(arm.n, 6.0, RATE, seed=5), noise))
-    found = aw.validate(record, log, simulation=False)
+    record = aw.robotfiles.write_toml(arm.description, folder / f"{arm.name}.toml")
+    log = aw.identification.read_log(log_file(folder, arm, motion(arm.n, 6.0, RATE, seed=5), noise))
+    found = aw.identification.validate(record, log, simulation=False)
     assert found.passed
-    aw.write_verdict(found)
+    aw.identification.write_verdict(found)
     return record
 
 
@@ -83,7 +83,7 @@ def test_a_wrong_payload_is_noticed_soon_and_the_right_one_never(tmp_path, name)
     """Limits come from the verdict; 1 kg more is taken up in the middle of several motions."""
     arm = aw.load(name)
     noise = noise_of(arm)
-    shadow = aw.ArmShadow(validated(tmp_path, arm, noise))
+    shadow = aw.shadow.ArmShadow(validated(tmp_path, arm, noise))
     assert "validation" in shadow.deviations.source
     loaded = arm.with_payload(1.0, *EMPTY)
     for seed, (label, rows) in enumerate(motions(arm.n).items()):
@@ -107,7 +107,7 @@ def test_from_the_first_row_on(tmp_path):
     """An arm that has the wrong payload all the time is noticed within 0.5 s of its first row."""
     arm = aw.load("lwa4p")
     noise = noise_of(arm)
-    shadow = aw.ArmShadow(validated(tmp_path, arm, noise))
+    shadow = aw.shadow.ArmShadow(validated(tmp_path, arm, noise))
     rows = motion(arm.n, 1.0, RATE, seed=4)
     shadow.update(rows[0], *measured(arm.with_payload(2.0, *EMPTY), rows, 0, noise))
     assert shadow.alarms[0].t < SOON
@@ -117,12 +117,12 @@ def test_from_the_first_row_on(tmp_path):
 def test_simulated_arm_takes_up_a_payload():
     """A whole loop: its sensors, its controller that does not know of the payload, torques that hold from tick to tick."""
     arm = aw.load("two-link")
-    goal = aw.Fourier(np.array([0.4, -0.6]), np.full((2, 2), 0.3), np.zeros((2, 2)), 3.0)
+    goal = aw.trajectories.Fourier(np.array([0.4, -0.6]), np.full((2, 2), 0.3), np.zeros((2, 2)), 3.0)
     sensors = aw.Sensors(counts=COUNTS, side="link")
     loop = aw.Loop(aw.ComputedTorque(kp=400.0, kd=40.0), goal, 2e-3, sensors=sensors)
     run = aw.simulate(aw.Scenario(arm, 4.0, loop=loop, inputs=aw.Inputs(payload=aw.Payload(2.0, 1.0, *EMPTY))))
     tau = run["tau"].values + 0.05 * np.random.default_rng(0).normal(size=run["tau"].shape)
-    shadow = aw.ArmShadow(arm, deviation=0.05, held=True)
+    shadow = aw.shadow.ArmShadow(arm, deviation=0.05, held=True)
     shadow.update(run["time"].values, run["q_measured"].values, tau)
     first = shadow.alarms[0]
     assert 2.0 < first.t < 2.0 + SOON
@@ -137,7 +137,7 @@ def test_a_push_is_a_contact_at_its_link():
     q, tau = measured(arm, rows, 0, 0.0)
     pushed = (rows[0] > 2.0) & (rows[0] < 2.6)
     tau[:, 1] -= 30.0 * pushed
-    shadow = aw.ArmShadow(arm, deviation=0.5)
+    shadow = aw.shadow.ArmShadow(arm, deviation=0.5)
     shadow.update(rows[0], q, tau)
     (alarm,) = shadow.alarms
     assert (alarm.kind, alarm.joint, alarm.outermost) == ("contact", arm.names[1], arm.names[1])
@@ -194,7 +194,7 @@ def test_rows_one_by_one_are_rows_at_once():
 def test_what_gears_lose_is_no_residual(tmp_path):
     """A record that knows its gears' efficiency explains the torques; one that does not leaves what they lose."""
     arm = aw.load("puma560")
-    text = re.sub(r"(gear_ratio = .*\n)", r"\1gear_efficiency = 0.7\n", aw.to_toml(arm.description))
+    text = re.sub(r"(gear_ratio = .*\n)", r"\1gear_efficiency = 0.7\n", aw.robotfiles.to_toml(arm.description))
     (tmp_path / "lossy.toml").write_text(text)
     lossy = aw.load(tmp_path / "lossy.toml")
     rows = motion(arm.n, 2.0, RATE, seed=1)
@@ -211,7 +211,7 @@ def test_a_gap_starts_again_and_raises_nothing():
     q, tau = measured(arm, rows, 0, 0.0)
     q[700:705] = np.nan
     keep = np.r_[0:1200, 1300 : len(q)]
-    shadow = aw.ArmShadow(arm, deviation=0.01)
+    shadow = aw.shadow.ArmShadow(arm, deviation=0.01)
     shadow.update(rows[0][keep], q[keep], tau[keep])
     assert not shadow.alarms
     assert shadow.last is not None
@@ -223,14 +223,14 @@ def test_a_gap_starts_again_and_raises_nothing():
 
 def test_where_limits_come_from(tmp_path):
     arm = aw.load("two-link")
-    shadow = aw.ArmShadow(arm)
+    shadow = aw.shadow.ArmShadow(arm)
     assert np.isnan(shadow.limits).all()
     assert "not known" in shadow.deviations.source
-    assert aw.ArmShadow(arm, deviation=[1.0, 2.0], factor=5).limits == pytest.approx([5.0, 10.0])
+    assert aw.shadow.ArmShadow(arm, deviation=[1.0, 2.0], factor=5).limits == pytest.approx([5.0, 10.0])
     record = validated(tmp_path, arm, noise_of(arm))
-    assert "validation with log.log.toml" in aw.ArmShadow(record).deviations.source
+    assert "validation with log.log.toml" in aw.shadow.ArmShadow(record).deviations.source
     record.write_text(record.read_text() + "\n# changed\n")
-    assert "not known" in aw.ArmShadow(record).deviations.source
+    assert "not known" in aw.shadow.ArmShadow(record).deviations.source
 
 
 def test_deviations_of_the_records_numbers(tmp_path):
@@ -238,12 +238,12 @@ def test_deviations_of_the_records_numbers(tmp_path):
     arm = aw.load("two-link")
     assert arm.description is not None
     last = arm.description.links[-1]
-    text = aw.to_toml(arm.description)
+    text = aw.robotfiles.to_toml(arm.description)
     at = text.index("mass_kg", text.index(f'name = "{last.name}"', text.index("[[links]]")))
     line = text[at : text.index("\n", at)]
     mass = float(last.mass_kg)
     (tmp_path / "arm.toml").write_text(text.replace(line, f"mass_kg = {{ value = {mass}, std = 0.1 }}"))
-    found = aw.ArmShadow(tmp_path / "arm.toml").deviations
+    found = aw.shadow.ArmShadow(tmp_path / "arm.toml").deviations
     assert found.source == "standard deviations of the record's numbers"
     q = np.random.default_rng(1).uniform(-np.pi, np.pi, (4000, 2))
     heavier = arm.with_values({f"{last.name}.mass_kg": mass + 0.1})
@@ -255,26 +255,26 @@ def test_a_loop_is_closed_over_a_validated_record_alone(tmp_path):
     arm = aw.load("two-link")
     noise, heard = noise_of(arm), []
     with pytest.raises(LogError, match=r"record: not known; expected the path of the record's file"):
-        aw.ArmShadow(arm, deviation=1.0, on_alarm=heard.append)
-    bare = aw.write_toml(arm.description, tmp_path / "bare.toml")
+        aw.shadow.ArmShadow(arm, deviation=1.0, on_alarm=heard.append)
+    bare = aw.robotfiles.write_toml(arm.description, tmp_path / "bare.toml")
     with pytest.raises(
         LogError, match=r"bare.toml: no verdict on this record; expected a record that `armwright validate"
     ):
-        aw.ArmShadow(bare, deviation=1.0, on_alarm=heard.append)
+        aw.shadow.ArmShadow(bare, deviation=1.0, on_alarm=heard.append)
     record = validated(tmp_path, arm, noise)
-    shadow = aw.ArmShadow(record, on_alarm=heard.append)
+    shadow = aw.shadow.ArmShadow(record, on_alarm=heard.append)
     rows = motion(2, 2.0, RATE, seed=4)
     shadow.update(rows[0], *measured(arm.with_payload(2.0, *EMPTY), rows, 0, noise))
     assert [alarm.t for alarm in heard] == [alarm.t for alarm in shadow.alarms]
     assert heard
     record.write_text(record.read_text() + "\n# changed\n")
     with pytest.raises(LogError, match="the verdict is of another state of the record"):
-        aw.ArmShadow(record, on_alarm=heard.append)
+        aw.shadow.ArmShadow(record, on_alarm=heard.append)
 
 
 def test_wrong_rows_and_settings():
     arm = aw.load("two-link")
-    shadow = aw.ArmShadow(arm, deviation=1.0)
+    shadow = aw.shadow.ArmShadow(arm, deviation=1.0)
     with pytest.raises(ShapeError, match=r"tau = '\(2, 2\)': expected \(1, 2\)"):
         shadow.update([0.0], np.zeros((1, 2)), np.zeros((2, 2)))
     for settings, place in (
@@ -284,16 +284,16 @@ def test_wrong_rows_and_settings():
         ({"factor": True}, "factor"),
     ):
         with pytest.raises(ScenarioError, match=place):
-            aw.ArmShadow(arm, **settings)
+            aw.shadow.ArmShadow(arm, **settings)
     with pytest.raises(ScenarioError, match="filter_hz = 0"):
-        aw.ShadowBandwidths(filter_hz=0)
+        aw.shadow.ShadowBandwidths(filter_hz=0)
 
 
 def test_residuals_of_the_lwa_4p(tmp_path):
     """Measured by others; the torques lack gravity, Coulomb friction and offsets, and so does the model."""
     folders = [(DATA / "schunk_lwa4p" / f"measurement_{k}").as_posix() for k in (1, 21, 41)]
-    log = aw.read_log(log_of(tmp_path, "schunk_lwa4p", LWA_4P, fit=folders[:1], held=folders[1:]))
-    found = aw.shadow_log(log, "lwa4p", deviation=2.0)
+    log = aw.identification.read_log(log_of(tmp_path, "schunk_lwa4p", LWA_4P, fit=folders[:1], held=folders[1:]))
+    found = aw.shadow.shadow_log(log, "lwa4p", deviation=2.0)
     assert len(found.runs) == 3
     assert any("lack coulomb, gravity, offset" in note for note in found.notes)
     for run in found.runs:
@@ -301,7 +301,7 @@ def test_residuals_of_the_lwa_4p(tmp_path):
     measured = np.concatenate([log.dataset(run.run)["tau"].values for run in found.runs])
     rms = np.sqrt(np.nanmean(measured**2, axis=0))
     assert (found.rms() < rms)[[0, 2, 3, 4, 5]].all()  # joint 2 is badly explained by any model, see SOURCE.md
-    aw.write_shadow(tmp_path / "shadow.html", found)
+    aw.shadow.write_shadow(tmp_path / "shadow.html", found)
     text = (tmp_path / "shadow.html").read_text()
     assert text.count("<svg") == 18
     assert "http" not in text.replace("http://www.w3.org", "")

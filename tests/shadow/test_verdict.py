@@ -64,7 +64,7 @@ def test_a_light_joint_that_leaves_its_model(tmp_path):
     table[:, -1] += 25.0
     heads = (tmp_path / "log.csv").read_text().splitlines()[0]
     np.savetxt(tmp_path / "log.csv", table, delimiter=",", header=heads, comments="", fmt="%.10g")
-    found = aw.shadow_log(aw.read_log(path), ARM, deviation=4.0)
+    found = aw.shadow.shadow_log(aw.identification.read_log(path), ARM, deviation=4.0)
     assert not found.alarms
     assert found.largest("position")[1] > 0.5
     assert not found.verdict.clean
@@ -72,7 +72,7 @@ def test_a_light_joint_that_leaves_its_model(tmp_path):
     assert shown.exit_code == 1
     assert "elbow: the position residual reached" in shown.output
     assert "no alarm" not in shown.output
-    aw.write_shadow(tmp_path / "shadow.html", found)
+    aw.shadow.write_shadow(tmp_path / "shadow.html", found)
     assert "position residual reached" in (tmp_path / "shadow.html").read_text()
 
 
@@ -80,15 +80,15 @@ def test_parts_of_a_log_that_are_not_judged(tmp_path):
     """NaN from 1 s to 2 s of 4 s, in one joint's torque."""
     rows = motion(2, 4.0, 500.0, seed=2)
     path = log_file(tmp_path, ARM, rows, 0.0)
-    log = aw.read_log(path)
-    right = aw.shadow_log(log, ARM, deviation=1.0)
+    log = aw.identification.read_log(path)
+    right = aw.shadow.shadow_log(log, ARM, deviation=1.0)
     assert right.verdict.clean
     assert right.verdict.lines == ("no alarm",)
     lines = (tmp_path / "log.csv").read_text().splitlines()
     for k in range(501, 1001):
         lines[k] = lines[k].rsplit(",", 1)[0] + ",nan"
     (tmp_path / "log.csv").write_text("\n".join(lines))
-    found = aw.shadow_log(aw.read_log(path), ARM, deviation=1.0)
+    found = aw.shadow.shadow_log(aw.identification.read_log(path), ARM, deviation=1.0)
     assert found.verdict.lines[0] == "no verdict: too much was not judged"
     assert "28.9 %" in found.verdict.lines[1]
     ((_, event),) = found.events

@@ -176,7 +176,7 @@ def test_events_do_not_disturb_the_motion():
 
 def test_joint_stops_are_events_of_joints_with_limits():
     model = arm("cmu-dd")
-    stops = aw.joint_stops(model)
+    stops = aw.simulation.joint_stops(model)
     high = model.bodies[1].limits.position[1]
     assert {"joint2 low", "joint2 high"} <= set(stops)
     run = aw.simulate(

@@ -135,7 +135,7 @@ def test_a_lanes_bits_do_not_depend_on_its_neighbours(of, rule):
 
 def test_it_goes_on_to_the_bit():
     whole = aw.simulate(pushed("puma560"))
-    simulation = aw.Simulation(pushed("puma560"))
+    simulation = aw.simulation.Simulation(pushed("puma560"))
     first = simulation.run(0.2)
     second = simulation.run(0.3)
     np.testing.assert_array_equal(np.concatenate([first.q.values[:-1], second.q.values]), whole.q.values)

@@ -103,11 +103,11 @@ def test_halves_and_single_ticks_are_the_whole_run(rod):
     """The length of the whole run is part of the state."""
     scenario = swing(rod, 1.5, 1.0)
     whole = aw.simulate(scenario)
-    simulation = aw.Simulation(scenario)
+    simulation = aw.simulation.Simulation(scenario)
     first = simulation.run(0.37)
     rest = aw.simulate(replace(scenario, duration=0.63, start=first))
     np.testing.assert_array_equal(np.concatenate([first.q.values[:-1], rest.q.values]), whole.q.values)
-    stepped = aw.Simulation(scenario)
+    stepped = aw.simulation.Simulation(scenario)
     for _ in range(37):
         stepped.step()
     np.testing.assert_array_equal(stepped.plant_state.q, whole.q.values[37])
@@ -116,7 +116,7 @@ def test_halves_and_single_ticks_are_the_whole_run(rod):
 def test_a_state_that_was_changed_is_where_it_goes_on(rod):
     """What the last step found beyond its tick counts no longer."""
     scenario = swing(rod, 1.5, 1.0)
-    simulation = aw.Simulation(scenario)
+    simulation = aw.simulation.Simulation(scenario)
     simulation.run(0.5)
     state = simulation.state
     moved = replace(state, blocks={**state.blocks, "x": state.blocks["x"] + [0.3, 0.0]})

@@ -46,16 +46,16 @@ def by_run(scenario, first, second, folder):
 
 def by_simulation(scenario, first, second, folder):
     """Halves of a run: one simulation runs twice."""
-    simulation = aw.Simulation(scenario)
+    simulation = aw.simulation.Simulation(scenario)
     return simulation.run(first * scenario.tick), simulation.run(second * scenario.tick)
 
 
 def by_saved_state(scenario, first, second, folder):
     """Halves of a run: another simulation takes over the state from a file."""
-    simulation, other = aw.Simulation(scenario), aw.Simulation(scenario)
+    simulation, other = aw.simulation.Simulation(scenario), aw.simulation.Simulation(scenario)
     a = simulation.run(first * scenario.tick)
     simulation.state.save(folder / "middle.npz")
-    other.restore(aw.LoopState.load(folder / "middle.npz"))
+    other.restore(aw.simulation.LoopState.load(folder / "middle.npz"))
     return a, other.run(second * scenario.tick)
 
 
@@ -102,7 +102,7 @@ STEPPED = [
 @pytest.mark.parametrize("name", STEPPED)
 def test_steps_are_the_run(name):
     scenario, first, second = halved(name)
-    whole, simulation = aw.simulate(scenario), aw.Simulation(scenario)
+    whole, simulation = aw.simulate(scenario), aw.simulation.Simulation(scenario)
     for _ in range(first + second):
         simulation.step()
     state = simulation.plant_state
@@ -122,7 +122,7 @@ def test_commands_from_outside_are_those_of_a_controller(lanes):
     q0 = [0.3, -0.5] if lanes is None else aw.Batch(np.linspace([0.3, -0.5], [0.1, 0.2], lanes))
     scenario = two_link(controller=law, q0=q0, sensors=SENSORS, timing=TIMING, seed=5)
     whole = aw.simulate(scenario)
-    simulation = aw.Simulation(with_fields(scenario, controller=None))
+    simulation = aw.simulation.Simulation(with_fields(scenario, controller=None))
     for k in range(scenario.ticks):
         y, r = simulation.measurement, simulation.reference_now
         np.testing.assert_array_equal(y.q, whole.q_measured.isel(time=k).values)
@@ -135,7 +135,7 @@ def test_commands_from_outside_are_those_of_a_controller(lanes):
 def test_commands_of_a_python_controller_are_matched_to_the_bit():
     """A controller that is not compiled computes with the same NumPy operations as the loop around `step`."""
     scenario = controlled(controller=stubborn, sensors=SENSORS, timing=TIMING, duration=0.04)
-    whole, simulation = aw.simulate(scenario), aw.Simulation(with_fields(scenario, controller=None))
+    whole, simulation = aw.simulate(scenario), aw.simulation.Simulation(with_fields(scenario, controller=None))
     for _ in range(scenario.ticks):
         simulation.step(stubborn(simulation.time, simulation.reference_now, simulation.measurement))
     np.testing.assert_array_equal(simulation.plant_state.q, whole.q.values[-1])
@@ -143,7 +143,7 @@ def test_commands_of_a_python_controller_are_matched_to_the_bit():
 
 
 def test_a_state_between_measurement_and_command_continues():
-    simulation = aw.Simulation(two_link(controller=None, duration=None, sensors=SENSORS, timing=TIMING))
+    simulation = aw.simulation.Simulation(two_link(controller=None, duration=None, sensors=SENSORS, timing=TIMING))
     simulation.step([1.0, 2.0])
     seen = simulation.measurement.q
     state = simulation.state
@@ -162,7 +162,7 @@ def test_a_state_goes_on_at_another_tick_with_what_is_under_way(tick):
     """Commands and measurements in queues of 3 and 2 ticks, which no schedule and no noise tells the time."""
     timing = aw.Timing("one-tick", command_delay=2.0 * 4e-3, measurement_delay=2.0 * 4e-3)
     scenario = aw.Scenario(arm("two-link"), loop=aw.Loop(period=4e-3, timing=timing), start=[-1.2, 0.3])
-    one, other = aw.Simulation(scenario), aw.Simulation(scenario)
+    one, other = aw.simulation.Simulation(scenario), aw.simulation.Simulation(scenario)
     for k in range(7):
         one.step([20.0 * np.sin(k), 10.0 * np.cos(k)])
     other.restore(one.state.at_tick(tick))
@@ -177,7 +177,7 @@ def test_a_state_goes_on_at_another_tick_with_what_is_under_way(tick):
 
 def test_steps_and_runs_mix_and_reset_returns_to_the_start():
     scenario = RUNS["jitter and losses"]()
-    whole, simulation = aw.simulate(scenario), aw.Simulation(scenario)
+    whole, simulation = aw.simulate(scenario), aw.simulation.Simulation(scenario)
     for _ in range(2):
         for _ in range(10):
             simulation.step()
@@ -191,7 +191,7 @@ def test_steps_and_runs_mix_and_reset_returns_to_the_start():
 def test_rows_of_a_reference_belong_to_their_ticks():
     """Also after a reset, from a state, and beyond their end, where the last one stays."""
     rows = np.linspace([0.3, -0.5], [0.5, -0.4], 101)
-    whole, simulation = aw.simulate(two_link(reference=rows)), aw.Simulation(two_link(reference=rows))
+    whole, simulation = aw.simulate(two_link(reference=rows)), aw.simulation.Simulation(two_link(reference=rows))
     simulation.run(0.05)
     state = simulation.state
     for _ in range(3):
@@ -203,14 +203,14 @@ def test_rows_of_a_reference_belong_to_their_ticks():
     simulation.reset()
     np.testing.assert_array_equal(simulation.run(0.1).q.values, whole.q.values)
     with pytest.raises(ScenarioError, match=r"loop\.reference: shape \(7, 2\); expected a pose"):
-        aw.Simulation(two_link(reference=rows[:7]))
+        aw.simulation.Simulation(two_link(reference=rows[:7]))
 
 
 @pytest.mark.parametrize("kept", [copy.deepcopy, copy.copy, lambda state: pickle.loads(pickle.dumps(state))])
 def test_a_state_is_a_value(kept):
     """It does not change as the simulation goes on; copies and pickles of it are the same state."""
     scenario = RUNS["with memory"]()
-    simulation = aw.Simulation(scenario)
+    simulation = aw.simulation.Simulation(scenario)
     simulation.run(0.04)
     state = simulation.state
     before, other = {name: values.copy() for name, values in state.blocks.items()}, kept(state)
@@ -267,7 +267,7 @@ def test_schedules_and_references_keep_their_own_times():
 
 def test_a_simulation_from_outside_continues_under_a_controller():
     scenario = two_link(controller=None, duration=None)
-    simulation = aw.Simulation(scenario)
+    simulation = aw.simulation.Simulation(scenario)
     for _ in range(20):
         simulation.step([1.0, -0.5])
     run = aw.simulate(two_link(start=simulation.state, q0=None, qd0=None, duration=0.02))
@@ -291,7 +291,7 @@ def test_a_brake_stays_as_bent_as_it_was():
 
 
 def test_a_run_in_real_time_takes_as_long_as_the_motion():
-    simulation = aw.Simulation(two_link())
+    simulation = aw.simulation.Simulation(two_link())
     simulation.run(0.01)
     began = time.monotonic()
     slow = simulation.run(0.3, real_time=True)
@@ -303,7 +303,7 @@ def test_a_run_in_real_time_takes_as_long_as_the_motion():
 
 
 RUN = aw.simulate(aw.Scenario(arm("two-link"), command=[1.0, 1.0], duration=0.01))
-STATE = aw.LoopState.of_run(RUN)
+STATE = aw.simulation.LoopState.of_run(RUN)
 assert STATE is not None
 RENAMED = dataclasses.replace(STATE, entries=("q a", *STATE.entries[1:]))
 
@@ -346,14 +346,14 @@ def test_a_state_of_another_arm_or_of_other_lanes_is_refused():
     )
     with pytest.raises(ScenarioError, match="start: a dataset without loop_state"):
         aw.Scenario(MANY["elastic"], command=[1.0], duration=0.01, start=bare, solver=aw.Solver(step=2e-4))
-    lanes = aw.Simulation(aw.Scenario(arm("two-link"), command=aw.Batch(np.zeros((3, 2))), duration=0.01))
-    other = aw.Simulation(aw.Scenario(arm("two-link"), command=aw.Batch(np.zeros((4, 2))), duration=0.01))
+    lanes = aw.simulation.Simulation(aw.Scenario(arm("two-link"), command=aw.Batch(np.zeros((3, 2))), duration=0.01))
+    other = aw.simulation.Simulation(aw.Scenario(arm("two-link"), command=aw.Batch(np.zeros((4, 2))), duration=0.01))
     with pytest.raises(ScenarioError, match="state: 3 lanes; expected 4"):
         other.restore(lanes.state)
     with pytest.raises(ScenarioError, match="start: 3 lanes; expected 4, as command has"):
         dataclasses.replace(other.scenario, start=lanes.state)
     with pytest.raises(ScenarioError, match="start: a state with 'q elbow'; expected the 2 numbers of chain"):
-        aw.Simulation(aw.Scenario(MANY["plain"], command=[0.0], duration=0.01)).restore(STATE)
+        aw.simulation.Simulation(aw.Scenario(MANY["plain"], command=[0.0], duration=0.01)).restore(STATE)
 
 
 def test_a_lane_that_diverged_is_no_start():
@@ -369,11 +369,14 @@ def test_a_file_that_is_no_state_is_refused(tmp_path):
     np.savez(tmp_path / "other.npz", q=np.zeros(2))
     for name in ("text.npz", "other.npz", "missing.npz"):
         with pytest.raises(RunError, match=f"{name}: (cannot be read|expected the state of a simulation)"):
-            aw.LoopState.load(tmp_path / name)
+            aw.simulation.LoopState.load(tmp_path / name)
 
 
 def test_commands_that_do_not_fit_are_refused():
-    driven, outside = aw.Simulation(two_link()), aw.Simulation(two_link(controller=None, duration=None))
+    driven, outside = (
+        aw.simulation.Simulation(two_link()),
+        aw.simulation.Simulation(two_link(controller=None, duration=None)),
+    )
     with pytest.raises(ScenarioError, match="command: beside the scenario's commands or controller"):
         driven.step([0.0, 0.0])
     with pytest.raises(ScenarioError, match="command: missing; expected one"):

@@ -294,7 +294,7 @@ def test_a_reference_that_jumps_or_leaves_the_limits_is_told():
 )
 def test_an_arm_that_starts_beside_its_reference_is_told_where_nobody_said_so(start, goal, q, told):
     law = aw.JointPID(kp=10.0, kd=2.0)
-    loop = Loop(controller=law, reference=aw.Quintic(start=start, goal=goal, duration=0.05), period=PERIOD)
+    loop = Loop(controller=law, reference=aw.trajectories.Quintic(start=start, goal=goal, duration=0.05), period=PERIOD)
     notes = aw.simulate(Scenario(arm("two-link"), duration=20 * PERIOD, start=q, loop=loop)).attrs["notes"]
     says = "elbow: the reference begins at 0.4 and the arm at 0, since no start is stated; start q = [0, 0.4] begins on"
     assert (says in str(notes)) is told

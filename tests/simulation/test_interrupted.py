@@ -101,7 +101,7 @@ def test_a_simulation_stays_where_it_was(lanes, stepped):
             sensors=aw.Sensors(velocity="difference", position_noise=1e-3)),
     )  # fmt: skip
     whole = aw.simulate(scenario)
-    simulation = aw.Simulation(scenario)
+    simulation = aw.simulation.Simulation(scenario)
     for _ in range(stepped):
         simulation.step()
     _ = simulation.measurement

@@ -144,7 +144,7 @@ def test_a_kalman_filter_settles_where_riccati_says():
     control = kalman()
     run = simulated(control, sensors=aw.Sensors(position_noise=NOISE), seed=3)
     assert run.attrs["controller"] == "compiled"
-    found = aw.LoopState.of_run(run).blocks["s"][0, 4:].reshape(4, 4)
+    found = aw.simulation.LoopState.of_run(run).blocks["s"][0, 4:].reshape(4, 4)
     exact = solve_discrete_are(control.a.T, POSITION.T, control.process, NOISE**2 * np.eye(2))
     np.testing.assert_allclose(found, exact, rtol=1e-6, atol=1e-9 * np.abs(exact).max())
 

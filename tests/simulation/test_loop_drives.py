@@ -82,8 +82,9 @@ def test_a_controller_cannot_move_what_is_braked_and_goes_on_when_it_is_not():
     applied = aw.Schedule([0.0, 0.2, 1.0], [[0], [1], [0]], ["joint0"])
     run = aw.simulate(
         aw.Scenario(
-            model, duration=2.5, loop=aw.Loop(controller=control, reference=aw.Ramp([0.0], [0.8], 1.0), period=PERIOD),
-            inputs=aw.Inputs(brake=applied), solver=aw.Solver(substeps=2),
+            model, duration=2.5, inputs=aw.Inputs(brake=applied),
+            loop=aw.Loop(controller=control, reference=aw.trajectories.Ramp([0.0], [0.8], 1.0), period=PERIOD),
+            solver=aw.Solver(substeps=2),
         )
     )  # fmt: skip
     q, t = run.q.values[:, 0], run.time.values
@@ -185,7 +186,7 @@ def test_a_coupled_wrist_tracks(side):
     run = aw.simulate(
         aw.Scenario(
             model, duration=8.0,
-            loop=aw.Loop(controller=control, reference=aw.Quintic([0.0, 0.0, 0.0], goal, 3.0),
+            loop=aw.Loop(controller=control, reference=aw.trajectories.Quintic([0.0, 0.0, 0.0], goal, 3.0),
                 sensors=aw.Sensors(side=side), period=PERIOD),
             recording=aw.Recording(every=10),
         )
@@ -226,7 +227,7 @@ def test_power_balances_with_coupled_motors_under_a_controller(elastic):
     run = aw.simulate(
         aw.Scenario(
             model, duration=0.4,
-            loop=aw.Loop(controller=control, reference=aw.Quintic(0.0 * goal, goal, 0.5), period=1e-4),
+            loop=aw.Loop(controller=control, reference=aw.trajectories.Quintic(0.0 * goal, goal, 0.5), period=1e-4),
         )
     )  # fmt: skip
     flows = {

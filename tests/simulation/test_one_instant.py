@@ -92,7 +92,7 @@ def test_lanes_measure_as_they_do_alone():
 
 def test_a_run_goes_on_with_what_was_seen():
     """A loop that stops between the sampling of the plant and the tick measures next what it would have measured."""
-    whole, simulation = aw.simulate(scenario(DELAYS["between"])), aw.Simulation(scenario(DELAYS["between"]))
+    whole, simulation = aw.simulate(scenario(DELAYS["between"])), aw.simulation.Simulation(scenario(DELAYS["between"]))
     simulation.run(10 * PERIOD)
     rest = simulation.run((TICKS - 10) * PERIOD)
     for name in ("q", "w_qdd_measured", "w_moment_measured"):

@@ -248,7 +248,7 @@ def test_what_is_not_carried_costs_nothing():
         scenario_of(arm("two-link"), command=[5.0, 1.0], duration=0.05, payload=aw.Payload(0, 0), **START)
     )
     np.testing.assert_allclose(empty.q.values, plain.q.values, atol=1e-14)
-    simulation = aw.Simulation(scenario_of(arm("two-link"), command=[5.0, 1.0], duration=0.05, **START))
+    simulation = aw.simulation.Simulation(scenario_of(arm("two-link"), command=[5.0, 1.0], duration=0.05, **START))
     assert [port.name for port in simulation.loop.step.inputs] == ["x", "u", "h"]
 
 

@@ -11,7 +11,7 @@ import armwright as aw
 @pytest.fixture
 def simulation():
     scenario = aw.Scenario(aw.load("two-link"), duration=1.0, solver=aw.Solver(step=2e-3))
-    simulation = aw.Simulation(scenario)
+    simulation = aw.simulation.Simulation(scenario)
     simulation.step(np.zeros(2))  # compiled
     return simulation
 

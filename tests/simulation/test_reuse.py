@@ -29,7 +29,7 @@ def scenario(seed: int = 0, **changes: Any) -> aw.Scenario:
     given = {
         "arm": aw.load("two-link"),
         "duration": 0.03,
-        "loop": aw.Loop(law, aw.Step([0.0, 0.0], [0.5, 0.2]), 1e-3),
+        "loop": aw.Loop(law, aw.trajectories.Step([0.0, 0.0], [0.5, 0.2]), 1e-3),
         "start": aw.Start(aw.Batch(rng.uniform(-1.0, 1.0, (LANES, 2)))),
         "solver": aw.Solver("rk3"),
         "recording": aw.Recording(what="none", reduce=["rms_error", "peak_torque"]),
@@ -40,7 +40,7 @@ def scenario(seed: int = 0, **changes: Any) -> aw.Scenario:
 
 def moving(found: aw.Scenario) -> Any:
     """The stage that moves the plant, whose program takes longest to trace."""
-    return aw.Simulation(found).loop.loops[0].stages[-1]
+    return aw.simulation.Simulation(found).loop.loops[0].stages[-1]
 
 
 def results(found: aw.Scenario) -> np.ndarray:
@@ -104,7 +104,7 @@ def test_a_controller_is_traced_every_time():
     def law(t, r, y):
         return gain[0] * (r.q - y.q) - 2.0 * y.qd
 
-    found = scenario(loop=aw.Loop(law, aw.Step([0.0, 0.0], [0.5, 0.2]), 1e-3))
+    found = scenario(loop=aw.Loop(law, aw.trajectories.Step([0.0, 0.0], [0.5, 0.2]), 1e-3))
     before = results(found)
     gain[0] = 60.0
     after = results(found)
@@ -116,7 +116,7 @@ def test_the_second_simulation_of_an_arm_that_sticks_starts_much_sooner():
     def seconds(seed: int) -> float:
         found = scenario(seed, arm=sticking(aw.load("two-link"), np.array([0.5, 0.2])), vary={})
         began = time.process_time()
-        aw.Simulation(found)
+        aw.simulation.Simulation(found)
         return time.process_time() - began
 
     first = seconds(0)

@@ -59,7 +59,7 @@ def check(scenario, steps, changes, events, brakes=False, within=1e-4):
     """
     expected, found = differences(scenario, steps, changes, brakes)
     assert found >= events
-    run = aw.sensitivities(scenario, list(steps))
+    run = aw.simulation.sensitivities(scenario, list(steps))
     own = np.concatenate([run.d_q.values, run.d_qd.values], axis=1)
     n = scenario.arm.n
     for k, name in enumerate(steps):
@@ -133,7 +133,7 @@ def test_a_reversal_and_a_stop_under_coulomb_friction():
             arm, end, command=[torque], start=aw.Start(qd=[speed]), recording=aw.Recording(every=0),
             solver=aw.Solver("rk4", end / 8),
         )  # fmt: skip
-        run = aw.sensitivities(scenario, names)
+        run = aw.simulation.sensitivities(scenario, names)
         stop = inertia * speed / (level - torque)
         by_speed, by_level = stop / speed, -stop / (level - torque)  # of t₁
         back, left = min(torque + level, 0.0) / inertia, end - stop
@@ -153,7 +153,7 @@ def test_sticking_in_a_sampled_loop():
         arm, 0.8, loop=aw.Loop(controller=law, reference=[0.4], period=1e-2), start=aw.Start([0.0]),
         solver=aw.Solver(accuracy=1e-5), recording=aw.Recording(period=0.01),
     )  # fmt: skip
-    run = aw.sensitivities(scenario, ["rod0.mass_kg", "joint0.friction.coulomb_positive_n_m"])
+    run = aw.simulation.sensitivities(scenario, ["rod0.mass_kg", "joint0.friction.coulomb_positive_n_m"])
     assert (run.qd.values[20:, 0] == 0.0).sum() > 10  # it sticks
     for k, (name, value) in enumerate((("rod0.mass_kg", 3.0), ("joint0.friction.coulomb_positive_n_m", 2.0))):
         finer, step = replace(scenario, solver=aw.Solver(accuracy=1e-8)), 1e-4 * value
@@ -176,9 +176,9 @@ def at_peak(above, damping=20.0):
 def test_a_contact_that_is_only_touched_is_refused_by_its_name(above, solver):
     grazing = replace(at_peak(above), solver=solver)
     with pytest.raises(ScenarioError, match=r"joint 'joint0': meets or leaves its upper stop at t = 0\.18"):
-        aw.sensitivities(grazing, ["start.qd[0]"])
+        aw.simulation.sensitivities(grazing, ["start.qd[0]"])
     for clear in (1e-4, -1e-4):
-        assert np.isfinite(aw.sensitivities(at_peak(clear), ["start.qd[0]"]).d_qd.values).all()
+        assert np.isfinite(aw.simulation.sensitivities(at_peak(clear), ["start.qd[0]"]).d_qd.values).all()
 
 
 def test_a_load_that_only_just_does_not_break_a_joint_loose_is_refused_by_its_joint():
@@ -199,18 +199,18 @@ def test_a_load_that_only_just_does_not_break_a_joint_loose_is_refused_by_its_jo
     before, at, after = np.abs(load[k - 1 : k + 2])
     peak = at - (after - before) ** 2 / (8.0 * (after - 2.0 * at + before))
     with pytest.raises(ScenarioError, match=r"joint 'joint0': it stops, or breaks loose, at t = 0\.\d+ s so slowly"):
-        aw.sensitivities(scenario(peak), ["rod1.mass_kg"])
-    assert np.isfinite(aw.sensitivities(scenario(0.99 * peak), ["rod1.mass_kg"]).d_q.values).all()
-    assert not aw.sensitivities(scenario(1.01 * peak), ["rod1.mass_kg"]).d_q.values[:, 0].any()
+        aw.simulation.sensitivities(scenario(peak), ["rod1.mass_kg"])
+    assert np.isfinite(aw.simulation.sensitivities(scenario(0.99 * peak), ["rod1.mass_kg"]).d_q.values).all()
+    assert not aw.simulation.sensitivities(scenario(1.01 * peak), ["rod1.mass_kg"]).d_q.values[:, 0].any()
 
 
 def test_lanes_that_graze_have_no_derivatives_from_there_on():
     speeds = np.array([[0.9], [1.0], [1.2]])
     scenario = replace(at_peak(0.0), start=aw.Start(qd=aw.Batch(speeds)), recording=aw.Recording(period=0.05))
-    run = aw.sensitivities(scenario, ["start.qd[0]"])
+    run = aw.simulation.sensitivities(scenario, ["start.qd[0]"])
     missing = np.isnan(run.d_qd.values[..., 0, 0])
     assert not missing[[0, 2]].any()
     assert (missing[1] == (run.time.values > 0.185)).all()
     assert "1 of 3 lanes have no derivatives behind some time; lane 1: joint 'joint0' meets or leaves" in run.notes
-    alone = aw.sensitivities(replace(scenario, start=aw.Start(qd=speeds[2])), ["start.qd[0]"])
+    alone = aw.simulation.sensitivities(replace(scenario, start=aw.Start(qd=speeds[2])), ["start.qd[0]"])
     np.testing.assert_array_equal(run.d_qd.values[2], alone.d_qd.values)

@@ -44,7 +44,7 @@ def test_commands_over_time(integrator):
         GEARED, command=aw.Schedule([0.0, 0.0203], [[9.0, -3.0], [-6.0, 2.0]], GEARED.names), duration=0.05,
         start=aw.Start([0.3, -0.2], [0.1, 0.2]), solver=aw.Solver(step=2.5e-4, integrator=integrator),
     )  # fmt: skip
-    found = aw.sensitivities(scenario, ["rod1.mass_kg", "joint0.motor.resistance_ohm", "start.q[1]"])
+    found = aw.simulation.sensitivities(scenario, ["rod1.mass_kg", "joint0.motor.resistance_ohm", "start.q[1]"])
     np.testing.assert_array_equal(
         found.q.values, aw.simulate(scenario).q.values
     )  # the run itself is the same to the bit
@@ -69,7 +69,7 @@ def test_every_drive(effect):
         start=aw.Start(np.full(n, 0.3), np.full(n, 0.8)),
         solver=aw.Solver(step=1e-4, integrator="rk3"),
     )
-    found = aw.sensitivities(scenario, [name, f"{JOINT}.motor.resistance_ohm", "start.qd[0]"])
+    found = aw.simulation.sensitivities(scenario, [name, f"{JOINT}.motor.resistance_ohm", "start.qd[0]"])
     for column, value, change in (
         (name, 3.0, varied(name)), (f"{JOINT}.motor.resistance_ohm", 1.2, varied(f"{JOINT}.motor.resistance_ohm")),
         ("start.qd[0]", 0.8, start("qd", 0)),
@@ -90,7 +90,7 @@ def test_a_sampled_loop():
         solver=aw.Solver(substeps=8, integrator="rk3"),
     )  # fmt: skip
     names = ["rod1.mass_kg", "loop.controller.kp[0]", "loop.controller.kd", "start.qd[0]"]
-    found = aw.sensitivities(scenario, names)
+    found = aw.simulation.sensitivities(scenario, names)
     assert list(found.parameter.values) == [
         "rod1.mass_kg",
         "loop.controller.kp[0]",
@@ -122,9 +122,9 @@ def test_a_sampled_loop():
 def test_lanes_are_those_of_single_runs():
     scenario = aw.Scenario(GEARED, command=[9.0, -3.0], duration=0.02, solver=aw.Solver(step=5e-4, integrator="rk3"))
     start = np.array([[0.3, -0.2], [0.1, 0.4], [-0.2, 0.0]])
-    many = aw.sensitivities(with_fields(scenario, q0=aw.Batch(start)), ["rod1.mass_kg"])
+    many = aw.simulation.sensitivities(with_fields(scenario, q0=aw.Batch(start)), ["rod1.mass_kg"])
     for k, q0 in enumerate(start):
-        alone = aw.sensitivities(with_fields(scenario, q0=q0), ["rod1.mass_kg"])
+        alone = aw.simulation.sensitivities(with_fields(scenario, q0=q0), ["rod1.mass_kg"])
         np.testing.assert_array_equal(many.d_q.values[k], alone.d_q.values)
 
 
@@ -153,7 +153,7 @@ def test_a_reversal_under_coulomb_friction():
             recording=aw.Recording(every=0),
         )
         names = [f"{JOINT}.friction.coulomb_positive_n_m", f"{JOINT}.friction.coulomb_negative_n_m"]
-        slopes = aw.sensitivities(scenario, names).d_qd.values[-1, 0]
+        slopes = aw.simulation.sensitivities(scenario, names).d_qd.values[-1, 0]
         errors.append(abs(slopes.sum() - exact))  # both levels are one number here
     assert errors[-1] < 2e-3 * abs(exact)
     assert errors[0] > 3.0 * errors[1] > 9.0 * errors[2]
@@ -179,7 +179,7 @@ def test_what_has_no_derivative_is_refused():
     ]
     for scenario, by, match in cases:
         with pytest.raises(ScenarioError, match=match):
-            aw.sensitivities(scenario, by)
+            aw.simulation.sensitivities(scenario, by)
 
 
 def test_steps_are_fixed_for_the_accuracy_and_the_dataset_says_so():
@@ -189,7 +189,7 @@ def test_steps_are_fixed_for_the_accuracy_and_the_dataset_says_so():
     exact = slope(replace(scenario, solver=aw.Solver("cvodes", 0.05)), "start.q[0]", 0.3, start("q", 0))
     wrong, steps = [], []
     for accuracy in (1e-2, 1e-3, 1e-6):
-        found = aw.sensitivities(replace(scenario, solver=aw.Solver(accuracy=accuracy)), ["start.q[0]"])
+        found = aw.simulation.sensitivities(replace(scenario, solver=aw.Solver(accuracy=accuracy)), ["start.q[0]"])
         assert (found.attrs["integrator"], found.attrs["accuracy"]) == ("rk3", accuracy)
         assert "steps that are fixed: rk3 with" in found.attrs["notes"]
         assert "is coarse" not in found.attrs["notes"]
@@ -201,14 +201,14 @@ def test_steps_are_fixed_for_the_accuracy_and_the_dataset_says_so():
 
 def test_a_coarse_step_given_by_hand_is_noted():
     by_hand = aw.Scenario(geared_motor(), 0.02, command=[24.0], solver=aw.Solver("rk3", 5e-3))
-    notes = aw.sensitivities(by_hand, ["start.q[0]"]).attrs["notes"]
+    notes = aw.simulation.sensitivities(by_hand, ["start.q[0]"]).attrs["notes"]
     assert "a step of 0.005 s is coarse" in notes
     assert notes.endswith("would do")
 
 
 def test_an_unknown_parameter_is_named():
     with pytest.raises(aw.ArmwrightError, match="X one of mass_kg") as caught:
-        aw.sensitivities(
+        aw.simulation.sensitivities(
             aw.Scenario(GEARED, command=[1.0, 0.0], duration=0.01, solver=aw.Solver(step=1e-4)), ["rod0.weight"]
         )
     assert (caught.value.place, caught.value.value) == ("vary", "rod0.weight")
@@ -222,7 +222,7 @@ def test_laws_in_numpy_have_them_too():
 
     scenario = controlled(controller=law, q0=[0.1, 0.1])
     expected = slope(scenario, "rod0.mass_kg", 3.0, varied("rod0.mass_kg"))["q"]
-    own = aw.sensitivities(scenario, ["rod0.mass_kg"]).d_q.values[..., 0]
+    own = aw.simulation.sensitivities(scenario, ["rod0.mass_kg"]).d_q.values[..., 0]
     np.testing.assert_allclose(own, expected, atol=1e-6 * np.abs(expected).max())
 
 
@@ -235,5 +235,5 @@ def test_bristles_turn_round_smoothly():
     assert run.qd.values.max() > 0.01 > -0.01 > run.qd.values.min()
     name = f"{JOINT}.friction.coulomb_positive_n_m"
     expected = slope(scenario, name, 2.0, varied(name))["q"]
-    own = aw.sensitivities(scenario, [name]).d_q.values[..., 0]
+    own = aw.simulation.sensitivities(scenario, [name]).d_q.values[..., 0]
     np.testing.assert_allclose(own, expected, atol=1e-4 * np.abs(expected).max())

@@ -232,7 +232,7 @@ def test_diverged_lane_is_frozen_and_the_rest_go_on():
 
 
 def test_a_simulation_that_diverged_stays_where_it_was():
-    simulation = aw.Simulation(
+    simulation = aw.simulation.Simulation(
         aw.Scenario(aw.load("two-link"), duration=0.05, command=np.zeros(2), start=aw.Start(qd=[1e200, 0]))
     )
     for _ in range(2):
@@ -402,7 +402,7 @@ def test_a_loop_serves_its_own_arm_only(cmu):
 def test_a_loop_of_another_kind_is_refused(fields, said):
     """A loop without what a run needs is refused in one line, not found out on the way."""
     common = {"command": np.zeros(2), "duration": 0.01}
-    other = aw.Simulation(scenario_of(aw.load("two-link"), **(common | fields))).loop
+    other = aw.simulation.Simulation(scenario_of(aw.load("two-link"), **(common | fields))).loop
     with pytest.raises(ScenarioError, match=f"the loop was compiled for {said}; expected one for commands"):
         aw.simulate(scenario_of(other.arm, **common), loop=other)
 
@@ -495,7 +495,7 @@ def test_too_much_to_record(cmu):
 def test_too_many_ticks_of_a_reference():
     arm = aw.load("two-link")
     with pytest.raises(ScenarioError, match=r"more than there is memory for; expected a shorter run"):
-        aw.Simulation(aw.Scenario(arm, duration=1e9, loop=aw.Loop(aw.JointPID(kp=1.0), period=1e-3)))
+        aw.simulation.Simulation(aw.Scenario(arm, duration=1e9, loop=aw.Loop(aw.JointPID(kp=1.0), period=1e-3)))
 
 
 def test_ctrl_c_comes_back_soon(cmu):

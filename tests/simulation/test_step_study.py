@@ -18,7 +18,7 @@ START = {"q0": [0.4, 0.4], "qd0": [0.5, 0.5]}
 @pytest.mark.parametrize("name", INTEGRATORS)
 def test_the_order_of_the_rule_is_seen(name):
     scenario = scenario_of(arm("two-link"), duration=0.064, step=4e-3, command=[90.0, 20.0], integrator=name, **START)
-    found = aw.step_study(scenario, steps=4, accuracies=[1e-1, 1e-20])
+    found = aw.simulation.step_study(scenario, steps=4, accuracies=[1e-1, 1e-20])
     assert [trial.step for trial in found.trials] == pytest.approx([16e-3, 8e-3, 4e-3, 2e-3])
     assert abs(found.trials[-1].order - INTEGRATORS[name].order) < 0.3
     assert [trial.evaluations for trial in found.trials] == pytest.approx(
@@ -32,7 +32,7 @@ def test_the_order_of_the_rule_is_seen(name):
 
 def test_errors_are_those_of_the_runs():
     scenario = scenario_of(arm("two-link"), duration=0.04, step=2e-3, command=[90.0, 20.0], **START)
-    trial = aw.step_study(scenario, steps=3).trials[2]
+    trial = aw.simulation.step_study(scenario, steps=3).trials[2]
     assert trial.step == pytest.approx(2e-3)
     run = aw.simulate(scenario)
     exact = aw.simulate(scenario_of(arm("two-link"), duration=0.04, step=2e-3, command=[90.0, 20.0],
@@ -46,7 +46,7 @@ def test_a_controller_keeps_its_period_and_substeps_are_tried():
         arm("two-link"), controller=lambda t, r, y: 100.0 * (r.q - y.q) - 10.0 * y.qd, reference=[0.5, 0.1],
         period=8e-3, duration=0.16, **START,
     )  # fmt: skip
-    found = aw.step_study(scenario, steps=4, accuracies=[1e-7])
+    found = aw.simulation.step_study(scenario, steps=4, accuracies=[1e-7])
     assert [trial.substeps for trial in found.trials] == [1, 2, 4, 8]
     assert abs(found.trials[-1].order - 3) < 0.3
     best = found.recommended[1e-7]
@@ -60,7 +60,7 @@ def test_a_step_that_cannot_run_is_told():
     scenario = aw.Scenario(
         arm("cmu-dd"), duration=0.32, command=np.zeros(6), solver=aw.Solver(step=0.02, integrator="semi_implicit_euler")
     )
-    first = aw.step_study(scenario, steps=1).trials[0]
+    first = aw.simulation.step_study(scenario, steps=1).trials[0]
     assert first.refused is not None
     assert "too large for the fastest time constant" in first.refused
     assert first.error == np.inf
@@ -77,7 +77,7 @@ def test_a_step_that_cannot_run_is_told():
 def test_what_cannot_be_tried_is_refused(fields, more, said):
     scenario = scenario_of(arm("two-link"), duration=0.1, command=[0.0, 0.0], **fields)
     with pytest.raises(ScenarioError, match=said):
-        aw.step_study(scenario, **more)
+        aw.simulation.step_study(scenario, **more)
 
 
 def test_where_a_quantiser_decides_otherwise_rows_behind_are_not_compared():
@@ -86,7 +86,7 @@ def test_where_a_quantiser_decides_otherwise_rows_behind_are_not_compared():
         arm("two-link"), controller=lambda t, r, y: 100.0 * (r.q - y.q) - 10.0 * y.qd, reference=[0.5, 0.1],
         period=8e-3, duration=0.4, sensors=aw.Sensors(counts=20_000, velocity="difference"), every=5, **START,
     )  # fmt: skip
-    found = aw.step_study(scenario, steps=4, accuracies=[1e-4])
+    found = aw.simulation.step_study(scenario, steps=4, accuracies=[1e-4])
     coarse, fine = found.trials[0], found.trials[-1]
     rk3, exact = (aw.simulate(with_fields(scenario, integrator=name, every=1)) for name in ("rk3", "cvodes"))
     first = np.flatnonzero((rk3.q_measured.values != exact.q_measured.values).any(axis=1))[0]
@@ -102,7 +102,7 @@ def test_where_a_quantiser_decides_otherwise_rows_behind_are_not_compared():
 
 def test_no_order_is_told_from_errors_that_are_those_of_cvodes():
     scenario = scenario_of(arm("two-link"), duration=0.064, step=1e-3, command=[90.0, 20.0], integrator="rk4", **START)
-    found = aw.step_study(scenario, steps=7)
+    found = aw.simulation.step_study(scenario, steps=7)
     assert 0.0 < found.floor < 1e-10
     assert found.trials[-1].error == pytest.approx(found.floor, rel=0.2)
     assert np.isnan(found.trials[-1].order)
@@ -114,7 +114,9 @@ def test_where_friction_turns_round_the_floor_is_that_of_the_reference():
     rough = {"coulomb_positive_n_m": 2.0, "coulomb_negative_n_m": 2.0}
     swing = pendulum(motor=MOTOR, friction=rough)
     start = aw.Start([0.3], [-0.5])
-    found = aw.step_study(aw.Scenario(swing, 0.2, command=[6.0], start=start), steps=5, accuracies=[1e-2, 1e-7])
+    found = aw.simulation.step_study(
+        aw.Scenario(swing, 0.2, command=[6.0], start=start), steps=5, accuracies=[1e-2, 1e-7]
+    )
     assert found.reference == "rk45 at 1e-11"
     assert found.floor < 1e-6 < 1e-4 < found.trials[-1].error
     assert found.auto.rule == "rk45"
@@ -127,5 +129,5 @@ def test_stops_do_not_cost_the_order():
     scenario = aw.Scenario(
         swing, duration=0.2, command=[2.0], start=aw.Start([0.3], [0.8]), solver=aw.Solver(step=1e-3, integrator="rk4")
     )
-    found = aw.step_study(scenario, steps=5)
+    found = aw.simulation.step_study(scenario, steps=5)
     assert found.trials[-1].order == pytest.approx(4.0, abs=0.3)

@@ -37,7 +37,7 @@ def test_commands_from_outside_do_what_a_controller_does(lanes):
     run = aw.simulate(
         scenario_of(arm("two-link"), controller=pd, reference=[0.1, 0.1], q0=q0, duration=20 * PERIOD, **COMMON)
     )
-    rows = commanded(aw.Simulation(scenario_of(arm("two-link"), q0=q0, **COMMON)), 21)
+    rows = commanded(aw.simulation.Simulation(scenario_of(arm("two-link"), q0=q0, **COMMON)), 21)
     expected = np.concatenate([run.q.values, run.qd_measured.values], axis=-1)
     np.testing.assert_allclose(rows, np.moveaxis(expected, -2, 0), rtol=0, atol=1e-10)
 
@@ -46,7 +46,7 @@ def test_commands_from_outside_do_what_a_controller_does(lanes):
 def test_a_state_goes_on_to_the_bit(measured):
     """Kept before or after the measurement of its tick, in this simulation or in another one."""
     scenario = scenario_of(arm("two-link"), q0=Q0[0], **COMMON)
-    simulation = aw.Simulation(scenario)
+    simulation = aw.simulation.Simulation(scenario)
     commanded(simulation, 5)
     if measured:
         _ = simulation.measurement
@@ -55,7 +55,7 @@ def test_a_state_goes_on_to_the_bit(measured):
     expected = commanded(simulation, 10)
     simulation.restore(state)
     np.testing.assert_array_equal(commanded(simulation, 10), expected)
-    other = aw.Simulation(scenario_of(arm("two-link"), start=state, **COMMON))
+    other = aw.simulation.Simulation(scenario_of(arm("two-link"), start=state, **COMMON))
     np.testing.assert_array_equal(commanded(other, 10), expected)
     simulation.reset()
     assert simulation.tick == 0
@@ -64,7 +64,7 @@ def test_a_state_goes_on_to_the_bit(measured):
 
 def test_a_measurement_is_not_taken_twice_by_who_takes_over():
     """A compiled controller measures in one go with what it commands: it takes over before the measurement, not after it."""
-    simulation = aw.Simulation(scenario_of(arm("two-link"), q0=Q0[0], **COMMON))
+    simulation = aw.simulation.Simulation(scenario_of(arm("two-link"), q0=Q0[0], **COMMON))
     commanded(simulation, 5)
     before = simulation.state
     y = simulation.measurement
@@ -72,7 +72,7 @@ def test_a_measurement_is_not_taken_twice_by_who_takes_over():
     run = aw.simulate(scenario_of(arm("two-link"), start=before, **taking))
     np.testing.assert_array_equal(run.qd_measured.values[0], y.qd)
     with pytest.raises(ScenarioError, match="has its measurement already"):
-        aw.Simulation(scenario_of(arm("two-link"), start=simulation.state, **taking))
+        aw.simulation.Simulation(scenario_of(arm("two-link"), start=simulation.state, **taking))
 
 
 class AtOnce:
@@ -93,7 +93,7 @@ def test_all_lanes_at_once_are_all_lanes():
     scenario = scenario_of(
         arm("two-link"), controller=AtOnce(), reference=np.zeros(2), q0=aw.Batch(Q0), duration=10 * PERIOD, **COMMON
     )
-    whole, simulation = aw.simulate(scenario), aw.Simulation(scenario)
+    whole, simulation = aw.simulate(scenario), aw.simulation.Simulation(scenario)
     simulation.run(5 * PERIOD)
     for _ in range(2):
         simulation.step()
@@ -103,7 +103,7 @@ def test_all_lanes_at_once_are_all_lanes():
 def test_rows_of_a_reference_are_there_again_after_a_reset():
     rows = np.linspace(Q0[0], [0.1, 0.1], 11)
     scenario = scenario_of(arm("two-link"), controller=pd, reference=rows, q0=Q0[0], duration=10 * PERIOD, **COMMON)
-    simulation = aw.Simulation(scenario)
+    simulation = aw.simulation.Simulation(scenario)
     first = simulation.run()
     simulation.reset()
     np.testing.assert_array_equal(simulation.run().q.values, first.q.values)
@@ -120,13 +120,13 @@ def test_rows_of_a_reference_are_there_again_after_a_reset():
     ],
 )
 def test_commands_that_are_none_are_refused(command, said):
-    simulation = aw.Simulation(scenario_of(arm("two-link"), **COMMON))
+    simulation = aw.simulation.Simulation(scenario_of(arm("two-link"), **COMMON))
     with pytest.raises(ScenarioError, match=said):
         simulation.step(command)
 
 
 def test_what_does_not_fit_is_refused():
-    simulation = aw.Simulation(aw.Scenario(arm("two-link"), command=np.zeros(2), duration=0.01))
+    simulation = aw.simulation.Simulation(aw.Scenario(arm("two-link"), command=np.zeros(2), duration=0.01))
     with pytest.raises(ScenarioError, match="command: beside the scenario's commands or controller"):
         simulation.step(np.zeros(2))
     for name in ("measurement", "reference_now"):
@@ -136,7 +136,7 @@ def test_what_does_not_fit_is_refused():
         simulation.restore(3)
     three = aw.Scenario(arm("two-link"), command=np.zeros(2), duration=0.01, start=aw.Batch(Q0[:3]))
     with pytest.raises(ScenarioError, match="state: 3 lanes; expected 1"):
-        simulation.restore(aw.Simulation(three).state)
+        simulation.restore(aw.simulation.Simulation(three).state)
 
 
 def test_a_run_that_was_cut_is_no_start():
@@ -150,10 +150,12 @@ def test_a_run_that_was_cut_is_no_start():
 
 def test_a_single_lane_that_diverges_says_so():
     two = arm("two-link")
-    alone = aw.Simulation(aw.Scenario(two, command=np.zeros(2), duration=0.01, start=aw.Start(qd=[1e200, 0.0])))
+    alone = aw.simulation.Simulation(
+        aw.Scenario(two, command=np.zeros(2), duration=0.01, start=aw.Start(qd=[1e200, 0.0]))
+    )
     with pytest.raises(DivergenceError, match="t = 0 s"):
         alone.step()
-    many = aw.Simulation(
+    many = aw.simulation.Simulation(
         aw.Scenario(two, command=np.zeros(2), duration=0.01, start=aw.Start(qd=aw.Batch([[1e200, 0.0], [0.1, 0.0]])))
     )
     for _ in range(3):

@@ -231,7 +231,9 @@ def test_events_and_contacts_are_landed_on():
     stops = {"stiffness_n_m_per_rad": 5e3, "damping_n_m_s_per_rad": 20.0}
     arm = pendulum("torque", gravity=0.0, stops=stops, limits={"position_rad": [-0.1, 0.1]})
     common = {"duration": 2.0, "command": [0.0], "qd0": [1.0], "step": 0.25}
-    run = aw.simulate(scenario_of(arm, integrator="rodas3", rtol=1e-7, atol=1e-9, events=aw.joint_stops(arm), **common))
+    run = aw.simulate(
+        scenario_of(arm, integrator="rodas3", rtol=1e-7, atol=1e-9, events=aw.simulation.joint_stops(arm), **common)
+    )
     assert dict(zip(run.event.values, run.event_count.values, strict=True)) == {"joint0 low": 2, "joint0 high": 4}
     assert float(run.event_time.sel(event="joint0 high")) == pytest.approx(0.1, rel=1e-9)
     truth = aw.simulate(scenario_of(arm, integrator="cvodes", **common))

@@ -73,7 +73,7 @@ def test_events_and_contacts_are_landed_on_in_the_same_steps():
     run = aw.simulate(
         aw.Scenario(
             arm, command=[0.0], duration=2.0, start=aw.Start(qd=[1.0]),
-            solver=aw.Solver(step=0.25, integrator="rk45", rtol=1e-9, events=aw.joint_stops(arm)),
+            solver=aw.Solver(step=0.25, integrator="rk45", rtol=1e-9, events=aw.simulation.joint_stops(arm)),
         )
     )  # fmt: skip
     assert dict(zip(run.event.values, run.event_count.values, strict=True)) == {"joint0 low": 2, "joint0 high": 4}

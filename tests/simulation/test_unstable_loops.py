@@ -109,8 +109,8 @@ def test_a_comparison_names_the_controller_whose_loop_is_unstable():
     pose = np.array([0.3, 0.3])
     scenario = scenario_of("two-link", 1.0, pose, pose)
     controllers = {"calm": aw.ComputedTorque(100.0, 20.0), "wild": aw.ComputedTorque(1e5, 700.0)}
-    motions = {"move": aw.Quintic(pose, [0.6, 0.1], 0.5)}
-    comparison = aw.compare_controllers(scenario, controllers, motions, runs=2, settle=0.2)
+    motions = {"move": aw.trajectories.Quintic(pose, [0.6, 0.1], 0.5)}
+    comparison = aw.loops.compare_controllers(scenario, controllers, motions, runs=2, settle=0.2)
     (note,) = comparison.notes
     assert note.startswith(f"wild: {SAID}: ")
     assert "`armwright loops FILE`" in note
@@ -122,4 +122,4 @@ def test_tuning_refuses_unstable_gains_with_their_oscillation():
     with pytest.raises(
         ScenarioError, match=f"the start gains are unstable: .*{SAID}: .* oscillates at .*armwright loops FILE"
     ):
-        aw.tune(wild, lanes=4, poses=20, generations=1)
+        aw.tuning.tune(wild, lanes=4, poses=20, generations=1)

@@ -71,7 +71,7 @@ def python_scenario(**changes: Any) -> aw.Scenario:
     arm = aw.load("two-link")
     given = {
         "duration": 0.05,
-        "loop": aw.Loop(aw.JointPID(60.0, kd=4.0), aw.Step([0.0, 0.0], [0.5, 0.2]), 1e-3),
+        "loop": aw.Loop(aw.JointPID(60.0, kd=4.0), aw.trajectories.Step([0.0, 0.0], [0.5, 0.2]), 1e-3),
         "start": aw.Start(aw.Draw.uniform([-1.0, -1.0], [1.0, 1.0])),
         "solver": aw.Solver("rk4"),
         "recording": aw.Recording(reduce=["rms_error", "overshoot"]),
@@ -101,7 +101,7 @@ def whole() -> xr.Dataset:
 def test_a_file_in_chunks_has_the_bits_of_one_run(
     chunk: int, file: Path, tmp_path: Path, client: Any, whole: xr.Dataset
 ) -> None:
-    done = aw.sweep(file, tmp_path / "runs.zarr", lanes=LANES, chunk=chunk, client=client)
+    done = aw.sweeps.sweep(file, tmp_path / "runs.zarr", lanes=LANES, chunk=chunk, client=client)
     assert (done.done, done.kept, done.failed) == (LANES, 0, {})
     stored = done.load()
     assert stored["finished"].values.all()
@@ -111,7 +111,7 @@ def test_a_file_in_chunks_has_the_bits_of_one_run(
 
 def test_the_example_is_swept(tmp_path: Path, client: Any) -> None:
     example = Path(__file__).parents[2] / "examples" / "robust.scenario.toml"
-    stored = aw.sweep(example, tmp_path / "runs.zarr", lanes=40, chunk=20, client=client).load()
+    stored = aw.sweeps.sweep(example, tmp_path / "runs.zarr", lanes=40, chunk=20, client=client).load()
     assert (stored["rms_error"].values < 0.1).all()
     assert {"peak_error", "peak_torque", "saturation"} <= set(stored.data_vars)
 
@@ -124,15 +124,15 @@ def test_draws_of_a_file_do_not_depend_on_the_count(file: Path, whole: xr.Datase
 def test_a_python_scenario_with_draws_and_batches(tmp_path: Path, client: Any) -> None:
     masses = aw.Batch(np.linspace(0.8, 1.2, LANES))
     scenario = python_scenario(vary={"forearm.mass_kg": masses}, lanes=LANES)
-    done = aw.sweep(scenario, tmp_path / "runs.zarr", lanes=LANES, chunk=123, client=client)
+    done = aw.sweeps.sweep(scenario, tmp_path / "runs.zarr", lanes=LANES, chunk=123, client=client)
     assert_same(done.load(), aw.simulate(scenario))
     with pytest.raises(ScenarioError, match="lane"):
-        aw.sweep(scenario, tmp_path / "more.zarr", lanes=LANES + 1, client=client)
+        aw.sweeps.sweep(scenario, tmp_path / "more.zarr", lanes=LANES + 1, client=client)
 
 
 def test_rows_are_stored_where_they_are_asked_for(tmp_path: Path, client: Any) -> None:
     scenario = python_scenario(recording=aw.Recording(every=10, what="state", reduce=["rms_error", "overshoot"]))
-    done = aw.sweep(scenario, tmp_path / "runs.zarr", lanes=20, chunk=7, rows=True, client=client)
+    done = aw.sweeps.sweep(scenario, tmp_path / "runs.zarr", lanes=20, chunk=7, rows=True, client=client)
     run = aw.simulate(replace(scenario, lanes=20))
     assert done.load()["q"].shape == (20, 6, 2)
     np.testing.assert_array_equal(done.load()["q"].values, run["q"].values)
@@ -142,30 +142,30 @@ def test_rows_are_stored_where_they_are_asked_for(tmp_path: Path, client: Any) -
 def test_resumption_does_only_what_is_missing(file: Path, tmp_path: Path, client: Any, whole: xr.Dataset) -> None:
     """Killed between a chunk's data and its mark: the mark is not there, and the data may be half written."""
     path = tmp_path / "runs.zarr"
-    aw.sweep(file, path, lanes=LANES, chunk=100, client=client)
+    aw.sweeps.sweep(file, path, lanes=LANES, chunk=100, client=client)
     (path / "chunk_mark" / "c" / "1" / "0").unlink()
     (path / "chunk_mark" / "c" / "3" / "0").unlink()
     (path / "rms_error" / "c" / "1" / "0").write_bytes(b"half")
     (path / "overshoot" / "c" / "3" / "0").unlink()
-    half = aw.load_sweep(path)
+    half = aw.sweeps.load_sweep(path)
     assert half.attrs["lanes_finished"] == 300
     assert not half["finished"].values[100:200].any()
     assert np.isnan(half["steps_tried" if "steps_tried" in half else "overshoot"].values[300:400]).all()
-    done = aw.sweep(file, path, lanes=LANES, client=client)  # the store keeps its chunks of 100
+    done = aw.sweeps.sweep(file, path, lanes=LANES, client=client)  # the store keeps its chunks of 100
     assert (done.done, done.kept, done.chunk) == (200, 300, 100)
     assert_same(done.load(), whole)
-    assert aw.sweep(file, path, lanes=LANES, client=client).done == 0
+    assert aw.sweeps.sweep(file, path, lanes=LANES, client=client).done == 0
 
 
 def test_damage_is_found_when_it_is_read(file: Path, tmp_path: Path, client: Any) -> None:
     path = tmp_path / "runs.zarr"
-    aw.sweep(file, path, lanes=20, chunk=10, client=client)
+    aw.sweeps.sweep(file, path, lanes=20, chunk=10, client=client)
     part = path / "rms_error" / "c" / "1" / "0"
     data = bytearray(part.read_bytes())
     data[len(data) // 2] ^= 1
     part.write_bytes(data)
-    assert aw.load_sweep(path, verify=True)["finished"].values.tolist() == [True] * 10 + [False] * 10
-    unread = aw.load_sweep(path)  # the size is right, so nothing is known yet
+    assert aw.sweeps.load_sweep(path, verify=True)["finished"].values.tolist() == [True] * 10 + [False] * 10
+    unread = aw.sweeps.load_sweep(path)  # the size is right, so nothing is known yet
     assert unread["finished"].values.all()
     assert np.isfinite(unread["rms_error"][:10].values).all()
     with pytest.raises(
@@ -173,38 +173,38 @@ def test_damage_is_found_when_it_is_read(file: Path, tmp_path: Path, client: Any
     ):
         unread.compute()
     assert CliRunner().invoke(app, ["sweep", str(file), "--lanes", "20", "-o", str(path), "--verify"]).exit_code == 1
-    before = aw.sweep(file, tmp_path / "whole.zarr", lanes=20, chunk=10, client=client).load()
-    assert aw.sweep(file, path, lanes=20, client=client).done == 10
-    assert_same(aw.load_sweep(path, verify=True), before)
+    before = aw.sweeps.sweep(file, tmp_path / "whole.zarr", lanes=20, chunk=10, client=client).load()
+    assert aw.sweeps.sweep(file, path, lanes=20, client=client).done == 10
+    assert_same(aw.sweeps.load_sweep(path, verify=True), before)
     part.unlink()
-    assert aw.load_sweep(path).attrs["failed_chunks"] == "1: rms_error/c/1/0 is not there"
-    assert aw.sweep(file, path, lanes=20, client=client).done == 10
-    assert_same(aw.load_sweep(path, verify=True), before)
+    assert aw.sweeps.load_sweep(path).attrs["failed_chunks"] == "1: rms_error/c/1/0 is not there"
+    assert aw.sweeps.sweep(file, path, lanes=20, client=client).done == 10
+    assert_same(aw.sweeps.load_sweep(path, verify=True), before)
 
 
 def test_other_sweeps_are_refused(file: Path, tmp_path: Path, client: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "runs.zarr"
-    aw.sweep(file, path, lanes=20, client=client)
+    aw.sweeps.sweep(file, path, lanes=20, client=client)
     with pytest.raises(OutputError, match=r"runs\.zarr: .*lanes = 20"):
-        aw.sweep(file, path, lanes=30, client=client)
+        aw.sweeps.sweep(file, path, lanes=30, client=client)
     file.write_text(SCENARIO.replace("kp = 60.0", "kp = 61.0"))
     with pytest.raises(OutputError, match="another scenario"):
-        aw.sweep(file, path, lanes=20, client=client)
+        aw.sweeps.sweep(file, path, lanes=20, client=client)
     file.write_text(SCENARIO)
     group = zarr.open_group(path, mode="r+")
     about = json.loads(str(group.attrs["armwright_sweep"]).replace('"numpy": "', '"numpy": "0.'))
     del about["digest"]
     group.attrs["armwright_sweep"] = json.dumps(about | {"digest": _text_digest(about)})
     with pytest.raises(OutputError, match="made with numpy 0"):
-        aw.sweep(file, path, lanes=20, client=client)
+        aw.sweeps.sweep(file, path, lanes=20, client=client)
     other = tmp_path / "other.zarr"
     other.mkdir()
     with pytest.raises(OutputError, match="no store of a sweep"):
-        aw.sweep(file, other, lanes=20, client=client)
+        aw.sweeps.sweep(file, other, lanes=20, client=client)
     with pytest.raises(RunError, match="no such folder"):
-        aw.load_sweep(tmp_path / "none.zarr")
+        aw.sweeps.load_sweep(tmp_path / "none.zarr")
     with pytest.raises(RunError, match="cannot be read"):
-        aw.load_sweep(other)
+        aw.sweeps.load_sweep(other)
 
 
 def test_checksums_of_python_scenarios_tell_them_apart() -> None:
@@ -228,12 +228,12 @@ def test_checksums_of_python_scenarios_tell_them_apart() -> None:
 )
 def test_bad_arguments(changes: dict[str, Any], match: str, file: Path, tmp_path: Path) -> None:
     with pytest.raises(ScenarioError, match=match):
-        aw.sweep(file, tmp_path / "runs.zarr", **{"lanes": 5, **changes})
+        aw.sweeps.sweep(file, tmp_path / "runs.zarr", **{"lanes": 5, **changes})
 
 
 def test_a_scenario_that_reduces_nothing(tmp_path: Path) -> None:
     with pytest.raises(ScenarioError, match=r"recording\.reduce"):
-        aw.sweep(python_scenario(recording=aw.Recording()), tmp_path / "runs.zarr", lanes=5)
+        aw.sweeps.sweep(python_scenario(recording=aw.Recording()), tmp_path / "runs.zarr", lanes=5)
     assert not list(tmp_path.iterdir())
 
 
@@ -253,8 +253,8 @@ def test_a_full_disk_keeps_what_is_done(
     with monkeypatch.context() as patched:
         patched.setattr(SweepStore, "_mark", full)
         with pytest.raises(OutputError, match=r"No space left.*kept"):
-            aw.sweep(file, path, lanes=LANES, chunk=100, client=client)
-    done = aw.sweep(file, path, lanes=LANES, client=client)
+            aw.sweeps.sweep(file, path, lanes=LANES, chunk=100, client=client)
+    done = aw.sweeps.sweep(file, path, lanes=LANES, client=client)
     assert done.kept == 200
     assert_same(done.load(), whole)
 
@@ -265,18 +265,20 @@ def test_files_that_the_system_refuses_to_write(
 ) -> None:
     """A limit on the size of files, which Zarr meets as it meets a full disk: in the first file, or in a chunk of results."""
     resource = pytest.importorskip("resource", reason="no limits on the size of files here")
-    aw.sweep(file, tmp_path / "first.zarr", lanes=2 * LANES, client=client)  # compiles, and keeps what it compiled
+    aw.sweeps.sweep(
+        file, tmp_path / "first.zarr", lanes=2 * LANES, client=client
+    )  # compiles, and keeps what it compiled
     path, before = tmp_path / "runs.zarr", resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (most, before[1]))
     try:
         with pytest.raises(OutputError, match=r"runs\.zarr: cannot be written: .*[Ff]ile too large") as refused:
-            aw.sweep(file, path, lanes=2 * LANES, chunk=2 * LANES, client=client, progress=False)
+            aw.sweeps.sweep(file, path, lanes=2 * LANES, chunk=2 * LANES, client=client, progress=False)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
     assert "\n" not in str(refused.value)
     assert path.exists() == (most > 0)
     assert not list(tmp_path.glob(".armwright-*"))
-    done = aw.sweep(file, path, lanes=2 * LANES, client=client)
+    done = aw.sweeps.sweep(file, path, lanes=2 * LANES, client=client)
     assert done.kept == 0
     assert_same(done.load().isel(lane=slice(LANES)), whole)
 
@@ -285,13 +287,13 @@ def test_a_chunk_that_fails_is_marked_and_tried_again(tmp_path: Path, client: An
     """One lane's mass is drawn below 0, which no simulation takes; the chunks without it are done."""
     vary = {"forearm.mass_kg": aw.Draw.normal(1.0, 0.4)}
     scenario = python_scenario(vary=vary)
-    done = aw.sweep(scenario, tmp_path / "runs.zarr", lanes=300, chunk=60, retries=1, client=client)
+    done = aw.sweeps.sweep(scenario, tmp_path / "runs.zarr", lanes=300, chunk=60, retries=1, client=client)
     assert 0 < len(done.failed) < 5
     assert all("mass" in reason for reason in done.failed.values())
     stored = done.load()
     assert stored.attrs["lanes_finished"] == 300 - 60 * len(done.failed) == done.done
     assert stored.attrs["failed_chunks"].count("\n") == len(done.failed) - 1
-    again = aw.sweep(scenario, tmp_path / "runs.zarr", lanes=300, retries=0, client=client)
+    again = aw.sweeps.sweep(scenario, tmp_path / "runs.zarr", lanes=300, retries=0, client=client)
     assert (again.done, set(again.failed)) == (0, set(done.failed))
 
 
@@ -312,7 +314,7 @@ def test_workers_that_are_killed(file: Path, tmp_path: Path) -> None:
                 killed.append(next(iter(busy.values())))
                 os.kill(killed[0], signal.SIGKILL)
 
-        done = aw.sweep(file, path, lanes=600, chunk=50, client=client, progress=kill)
+        done = aw.sweeps.sweep(file, path, lanes=600, chunk=50, client=client, progress=kill)
     assert killed
     assert (done.done, done.failed) == (600, {})
     from armwright.scenarios.files import FolderFiles
@@ -334,7 +336,7 @@ def test_no_scheduler(file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 @pytest.mark.parametrize("address", ["nonsense", "tcp://host:99999", "http://host:8786", "host:0"])
 def test_no_address_of_a_scheduler_is_refused_at_once(address: str, file: Path, tmp_path: Path) -> None:
     with pytest.raises(ScenarioError, match=f"scheduler = '{address}'"):
-        aw.sweep(file, tmp_path / "runs.zarr", lanes=5, client=address)
+        aw.sweeps.sweep(file, tmp_path / "runs.zarr", lanes=5, client=address)
     assert not (tmp_path / "runs.zarr").exists()
 
 
@@ -363,7 +365,7 @@ def test_every_thread_has_as_many_chunks(threads: int) -> None:
 
 def test_the_command(file: Path, tmp_path: Path, client: Any) -> None:
     store = tmp_path / "runs.zarr"
-    aw.sweep(file, store, lanes=20, chunk=10, client=client)
+    aw.sweeps.sweep(file, store, lanes=20, chunk=10, client=client)
     result = CliRunner().invoke(app, ["sweep", str(file), "--lanes", "2e1", "-o", str(store)])
     assert result.exit_code == 0, result.stderr
     assert "0 of 20 lanes, 20 were there" in result.stdout
@@ -380,7 +382,7 @@ def test_the_command(file: Path, tmp_path: Path, client: Any) -> None:
         assert result.exit_code == 2
         assert message in result.stderr
         assert len(result.stderr.splitlines()) == 1
-    assert aw.load_sweep(store).attrs["lanes_finished"] == 20
+    assert aw.sweeps.load_sweep(store).attrs["lanes_finished"] == 20
 
 
 def test_the_command_on_a_full_disk(file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -403,7 +405,7 @@ def written(tmp_path_factory: pytest.TempPathFactory, client: Any) -> Path:
     """A folder with the scenario, a finished store of five chunks, and an unfinished one."""
     folder = tmp_path_factory.mktemp("written")
     (folder / "arm.scenario.toml").write_text(SCENARIO)
-    aw.sweep(folder / "arm.scenario.toml", folder / "whole.zarr", lanes=100, chunk=20, client=client)
+    aw.sweeps.sweep(folder / "arm.scenario.toml", folder / "whole.zarr", lanes=100, chunk=20, client=client)
     shutil.copytree(folder / "whole.zarr", folder / "half.zarr")
     for chunk in "13":
         (folder / "half.zarr" / "chunk_mark" / "c" / chunk / "0").unlink()
@@ -439,10 +441,10 @@ def test_damage_is_made_good_or_named(seed: int, written: Path, tmp_path: Path, 
     )
     repaired = result and file.name != "zarr.json"  # what is damaged in a chunk is not refused
     with contextlib.nullcontext() if repaired else contextlib.suppress(ArmwrightError):
-        aw.sweep(written / "arm.scenario.toml", path, lanes=100, client=client, progress=False)
-        stored = aw.load_sweep(path, verify=True)
+        aw.sweeps.sweep(written / "arm.scenario.toml", path, lanes=100, client=client, progress=False)
+        stored = aw.sweeps.load_sweep(path, verify=True)
         assert stored["finished"].values.all()
-        xr.testing.assert_identical(stored.compute(), aw.load_sweep(written / "whole.zarr").compute())
+        xr.testing.assert_identical(stored.compute(), aw.sweeps.load_sweep(written / "whole.zarr").compute())
 
 
 @pytest.mark.parametrize("copied", ["chunk_mark/c/1/0", "rms_error/c/1/0 chunk_mark/c/1/0", "zarr.json"])
@@ -452,21 +454,23 @@ def test_a_copy_of_another_store_over_this_one_that_was_cut_off(
     """Data and marks of a sweep with another seed, each right by itself: none of it is believed."""
     other = tmp_path / "other.scenario.toml"
     other.write_text(SCENARIO.replace("seed = 7", "seed = 8"))
-    aw.sweep(other, tmp_path / "other.zarr", lanes=100, chunk=20, client=client, progress=False)
+    aw.sweeps.sweep(other, tmp_path / "other.zarr", lanes=100, chunk=20, client=client, progress=False)
     path = tmp_path / "runs.zarr"
     shutil.copytree(written / "whole.zarr", path)
     for name in copied.split():
         shutil.copy(tmp_path / "other.zarr" / name, path / name)
-    seen = aw.load_sweep(path)
+    seen = aw.sweeps.load_sweep(path)
     if copied == "zarr.json":
         assert not seen["finished"].values.any()
         with pytest.raises(OutputError, match="holds a sweep of another scenario"):
-            aw.sweep(written / "arm.scenario.toml", path, lanes=100, client=client, progress=False)
+            aw.sweeps.sweep(written / "arm.scenario.toml", path, lanes=100, client=client, progress=False)
         return
     assert seen["finished"].values.tolist() == [True] * 20 + [False] * 20 + [True] * 60
     assert np.isnan(seen["rms_error"].values[20:40]).all()
-    assert aw.sweep(written / "arm.scenario.toml", path, lanes=100, client=client, progress=False).done == 20
-    xr.testing.assert_identical(aw.load_sweep(path).compute(), aw.load_sweep(written / "whole.zarr").compute())
+    assert aw.sweeps.sweep(written / "arm.scenario.toml", path, lanes=100, client=client, progress=False).done == 20
+    xr.testing.assert_identical(
+        aw.sweeps.load_sweep(path).compute(), aw.sweeps.load_sweep(written / "whole.zarr").compute()
+    )
 
 
 @pytest.mark.parametrize("folder", ["chunk_mark", "rms_error"])
@@ -478,9 +482,11 @@ def test_chunks_that_were_exchanged(folder: str, written: Path, tmp_path: Path, 
     one.write_bytes(second)
     two.write_bytes(first)
     expected = [True] * 20 + [False] * 20 + [True] * 20 + [False] * 20 + [True] * 20
-    assert aw.load_sweep(path, verify=True)["finished"].values.tolist() == expected
-    assert aw.sweep(written / "arm.scenario.toml", path, lanes=100, client=client, progress=False).done == 40
-    xr.testing.assert_identical(aw.load_sweep(path).compute(), aw.load_sweep(written / "whole.zarr").compute())
+    assert aw.sweeps.load_sweep(path, verify=True)["finished"].values.tolist() == expected
+    assert aw.sweeps.sweep(written / "arm.scenario.toml", path, lanes=100, client=client, progress=False).done == 40
+    xr.testing.assert_identical(
+        aw.sweeps.load_sweep(path).compute(), aw.sweeps.load_sweep(written / "whole.zarr").compute()
+    )
 
 
 @pytest.mark.parametrize(
@@ -493,9 +499,9 @@ def test_metadata_with_another_number(old: str, new: str, written: Path, tmp_pat
     assert old in text
     (path / "zarr.json").write_text(text.replace(old, new, 1))
     with pytest.raises(RunError, match="has damaged metadata"):
-        aw.load_sweep(path)
+        aw.sweeps.load_sweep(path)
     with pytest.raises(ArmwrightError, match="has damaged metadata"):
-        aw.sweep(written / "arm.scenario.toml", path, lanes=100, client=client, progress=False)
+        aw.sweeps.sweep(written / "arm.scenario.toml", path, lanes=100, client=client, progress=False)
 
 
 def test_what_is_no_store_is_refused_in_one_line(written: Path, tmp_path: Path, client: Any) -> None:
@@ -511,8 +517,8 @@ def test_what_is_no_store_is_refused_in_one_line(written: Path, tmp_path: Path, 
     os.mkfifo(tmp_path / "alone.zarr")
     for path in (*tmp_path.iterdir(), Path("/dev/null"), tmp_path / f"{'a' * 300}.zarr"):
         for call in (
-            aw.load_sweep,
-            lambda path: aw.sweep(written / "arm.scenario.toml", path, lanes=100, client=client),
+            aw.sweeps.load_sweep,
+            lambda path: aw.sweeps.sweep(written / "arm.scenario.toml", path, lanes=100, client=client),
         ):
             with pytest.raises(ArmwrightError) as refused:
                 call(path)

@@ -59,18 +59,18 @@ def random_problem(seed: int) -> tuple[Model, JointPath, MotionLimits]:
     return arm, path, reachable_limits(arm, path, seed)
 
 
-def random_tool_motion(seed: int) -> tuple[Model, aw.CartesianMotion, MotionLimits]:
+def random_tool_motion(seed: int) -> tuple[Model, aw.trajectories.CartesianMotion, MotionLimits]:
     """A motion along two random lines with a rounded corner under random limits; every other one is slower where needed alone."""
     draw = np.random.default_rng(seed)
     arm, home = built_arm(list(HOME)[seed % 3]), np.array(list(HOME.values())[seed % 3])
     goals = aw.compile(arm).forward_kinematics(home + draw.uniform(-0.3, 0.3, (2, arm.n)))
-    limits = aw.MotionLimits.of(
+    limits = aw.trajectories.MotionLimits.of(
         arm, velocity=draw.uniform(0.3, 3.0), acceleration=draw.uniform(1.0, 20.0), jerk=500.0, torque=np.inf, voltage=np.inf
     )  # fmt: skip
     start, blend = aw.compile(arm).forward_kinematics(home), 10.0 ** draw.uniform(-4.0, -1.5)
-    path = aw.CartesianPath([aw.Line(goal) for goal in goals], start, blend, 0.1)
+    path = aw.trajectories.CartesianPath([aw.trajectories.Line(goal) for goal in goals], start, blend, 0.1)
     speed, slow = draw.uniform(0.05, 2.0), "where needed" if (seed // 3) % 2 else "everywhere"
-    return arm, aw.follow_path(arm, path, speed, 5.0, limits=limits, near=home, slow=slow), limits
+    return arm, aw.trajectories.follow_path(arm, path, speed, 5.0, limits=limits, near=home, slow=slow), limits
 
 
 def largest_use(arm: Model, motion: Motion, limits: MotionLimits, denser: int = 10) -> float:

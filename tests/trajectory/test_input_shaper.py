@@ -9,7 +9,7 @@ import armwright as aw
 from armwright.errors import ScenarioError
 from simulation.plants import pendulum
 
-MOVE = aw.Quintic([0.0], [0.5], 0.25)
+MOVE = aw.trajectories.Quintic([0.0], [0.5], 0.25)
 
 
 def vibration(shaper, w, damping):
@@ -22,7 +22,7 @@ def vibration(shaper, w, damping):
 @pytest.mark.parametrize("damping", [0.0, 0.05, 0.4])
 def test_the_residual_vibration_is_zero_and_zvd_forgives_a_wrong_frequency(damping):
     w = 2.0 * np.pi * 3.0
-    zv, zvd = (aw.InputShaper(MOVE, 3.0, damping, kind) for kind in ("zv", "zvd"))
+    zv, zvd = (aw.trajectories.InputShaper(MOVE, 3.0, damping, kind) for kind in ("zv", "zvd"))
     for each in (zv, zvd):
         assert vibration(each, w, damping) < 1e-12
         assert each.impulses[0].sum() == pytest.approx(1.0)
@@ -37,7 +37,7 @@ def test_the_residual_vibration_is_zero_and_zvd_forgives_a_wrong_frequency(dampi
 
 @pytest.mark.parametrize("kind", ["zv", "zvd"])
 def test_it_is_a_convolution_that_ends_where_the_motion_ends(kind):
-    shaper = aw.InputShaper(MOVE, 3.0, 0.1, kind)
+    shaper = aw.trajectories.InputShaper(MOVE, 3.0, 0.1, kind)
     amplitudes, times = shaper.impulses
     t = np.linspace(-0.1, 1.0, 60)
     q, qd, qdd = shaper.at(t)
@@ -80,9 +80,9 @@ def test_an_elastic_joint_stands_still_after_a_shaped_motion():
     hz, damping = mode()
     plain = residual(MOVE)
     assert plain > 0.01
-    assert residual(aw.InputShaper(MOVE, hz, damping)) < 0.01 * plain
-    assert residual(aw.InputShaper(MOVE, hz, damping, "zvd")) < 0.01 * plain
-    off = [residual(aw.InputShaper(MOVE, 1.1 * hz, damping, kind)) for kind in ("zv", "zvd")]
+    assert residual(aw.trajectories.InputShaper(MOVE, hz, damping)) < 0.01 * plain
+    assert residual(aw.trajectories.InputShaper(MOVE, hz, damping, "zvd")) < 0.01 * plain
+    off = [residual(aw.trajectories.InputShaper(MOVE, 1.1 * hz, damping, kind)) for kind in ("zv", "zvd")]
     assert off[1] < 0.3 * off[0] < 0.1 * plain
 
 
@@ -95,7 +95,7 @@ def test_a_loop_follows_a_shaped_motion_compiled_and_from_a_file(tmp_path):
         'reference = { kind = "quintic", start = [0, 0], goal = [0.1, 0.1], duration = 0.02 }\n'
     )
     run = aw.simulate(aw.read_scenario(path))
-    motion = aw.InputShaper(aw.Quintic([0, 0], [0.1, 0.1], 0.02), 30.0, 0.1)
+    motion = aw.trajectories.InputShaper(aw.trajectories.Quintic([0, 0], [0.1, 0.1], 0.02), 30.0, 0.1)
     np.testing.assert_allclose(run.q_reference.values, motion.at(run.time.values)[0], atol=1e-12)
     text = path.read_text()
     for old, new, said in (
@@ -119,4 +119,4 @@ def test_a_loop_follows_a_shaped_motion_compiled_and_from_a_file(tmp_path):
 )
 def test_bad_fields_are_refused(fields, said):
     with pytest.raises(ScenarioError, match=said):
-        aw.InputShaper(**{"reference": MOVE, "hz": 3.0, **fields})
+        aw.trajectories.InputShaper(**{"reference": MOVE, "hz": 3.0, **fields})

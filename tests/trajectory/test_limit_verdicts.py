@@ -23,57 +23,61 @@ START, GOAL = np.array([-0.5, -0.3, 0.4, 0.0, 0.5, 0.0]), np.array([0.4, 0.1, -0
 POINTS = np.array([START, [0.0, 0.2, 0.3, -0.1, 0.2, 0.4], GOAL])
 
 
-def wide() -> aw.MotionLimits:
-    return aw.MotionLimits.of(arm(ARM), **WIDE)
+def wide() -> aw.trajectories.MotionLimits:
+    return aw.trajectories.MotionLimits.of(arm(ARM), **WIDE)
 
 
-def planning() -> aw.MotionLimits:
-    return aw.MotionLimits.of(arm(ARM), velocity=1.5, acceleration=6.0, jerk=80.0, torque=np.inf, voltage=np.inf)
+def planning() -> aw.trajectories.MotionLimits:
+    return aw.trajectories.MotionLimits.of(
+        arm(ARM), velocity=1.5, acceleration=6.0, jerk=80.0, torque=np.inf, voltage=np.inf
+    )
 
 
-def tool_path() -> aw.Motion:
+def tool_path() -> aw.trajectories.Motion:
     model = arm(ARM)
     start = aw.forward_kinematics(model, POINTS[1])
-    path = aw.CartesianPath([aw.Line(start[:3, 3] + [-0.05, 0.04, -0.03])], start)
-    return aw.follow_path(model, path, 0.1, 1.0, near=POINTS[1], limits=planning())
+    path = aw.trajectories.CartesianPath([aw.trajectories.Line(start[:3, 3] + [-0.05, 0.04, -0.03])], start)
+    return aw.trajectories.follow_path(model, path, 0.1, 1.0, near=POINTS[1], limits=planning())
 
 
-def moving_through() -> aw.Motion:
+def moving_through() -> aw.trajectories.Motion:
     """Two segments with a moving state between them, then a dwell, then a move whose acceleration jumps."""
     speed = np.full(6, 0.3)
-    first = aw.MinimumJerk(START, POINTS[1], 1.1, goal_velocity=speed)
-    second = aw.MinimumJerk(POINTS[1], GOAL, 0.9, start_velocity=speed, time=1.1)
+    first = aw.trajectories.MinimumJerk(START, POINTS[1], 1.1, goal_velocity=speed)
+    second = aw.trajectories.MinimumJerk(POINTS[1], GOAL, 0.9, start_velocity=speed, time=1.1)
     dwell = PiecewisePolynomial(np.array([2.0, 2.2]), GOAL[None, :, None])
-    return aw.Joined([first, second, dwell, aw.Cubic(GOAL, START, 1.3, time=2.2)])
+    return aw.trajectories.Joined([first, second, dwell, aw.trajectories.Cubic(GOAL, START, 1.3, time=2.2)])
 
 
-def ruckig() -> aw.Motion:
+def ruckig() -> aw.trajectories.Motion:
     pytest.importorskip("ruckig", reason="ruckig is not installed")
-    return aw.Ruckig(START, GOAL, planning(), start_velocity=np.full(6, 0.2))
+    return aw.trajectories.Ruckig(START, GOAL, planning(), start_velocity=np.full(6, 0.2))
 
 
 KINDS = {
-    "cubic spline": lambda: aw.Waypoints(POINTS, planning(), "cubic"),
-    "natural cubic spline": lambda: aw.Waypoints(POINTS, planning(), "natural_cubic"),
-    "quintic spline": lambda: aw.Waypoints(POINTS, planning(), "quintic", times=[0.5, 1.4, 3.0]),
-    "parabolic blends": lambda: aw.Waypoints(POINTS, planning(), "parabolic"),
-    "time-optimal": lambda: aw.time_optimal(arm(ARM), POINTS, grid=60),
-    "S-curve": lambda: aw.SCurve(START, GOAL, planning(), time=0.3),
-    "trapezoid": lambda: aw.Trapezoid(START, GOAL, planning()),
-    "cubic": lambda: aw.Cubic(START, GOAL, limits=planning(), time=1.0),
-    "quintic": lambda: aw.Quintic(START, GOAL, 1.2),
-    "minimum jerk": lambda: aw.MinimumJerk(START, GOAL, 1.0, start_velocity=np.full(6, -0.4)),
+    "cubic spline": lambda: aw.trajectories.Waypoints(POINTS, planning(), "cubic"),
+    "natural cubic spline": lambda: aw.trajectories.Waypoints(POINTS, planning(), "natural_cubic"),
+    "quintic spline": lambda: aw.trajectories.Waypoints(POINTS, planning(), "quintic", times=[0.5, 1.4, 3.0]),
+    "parabolic blends": lambda: aw.trajectories.Waypoints(POINTS, planning(), "parabolic"),
+    "time-optimal": lambda: aw.trajectories.time_optimal(arm(ARM), POINTS, grid=60),
+    "S-curve": lambda: aw.trajectories.SCurve(START, GOAL, planning(), time=0.3),
+    "trapezoid": lambda: aw.trajectories.Trapezoid(START, GOAL, planning()),
+    "cubic": lambda: aw.trajectories.Cubic(START, GOAL, limits=planning(), time=1.0),
+    "quintic": lambda: aw.trajectories.Quintic(START, GOAL, 1.2),
+    "minimum jerk": lambda: aw.trajectories.MinimumJerk(START, GOAL, 1.0, start_velocity=np.full(6, -0.4)),
     "Ruckig": ruckig,
-    "ramp": lambda: aw.Ramp(START, GOAL, 2.0),
+    "ramp": lambda: aw.trajectories.Ramp(START, GOAL, 2.0),
     "tool path": tool_path,
-    "shaped": lambda: aw.InputShaper(aw.SCurve(START, GOAL, planning()), 3.0),
+    "shaped": lambda: aw.trajectories.InputShaper(aw.trajectories.SCurve(START, GOAL, planning()), 3.0),
     "joined": moving_through,
-    "joined in joined": lambda: aw.Joined([moving_through(), aw.Quintic(START, GOAL, 1.0, time=3.5)]),
+    "joined in joined": lambda: aw.trajectories.Joined(
+        [moving_through(), aw.trajectories.Quintic(START, GOAL, 1.0, time=3.5)]
+    ),
 }
 BODY = (aw.Payload(0.7, 3.0, [0.0, 0.0, 0.1], [0.01, 0.01, 0.01]), aw.Payload(1.3, 0.0))
 
 
-def truth(motion: aw.Motion, payloads=()) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+def truth(motion: aw.trajectories.Motion, payloads=()) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """Times, and by quantity the values there (k, n)."""
     model = arm(ARM)
     t = dense_times(motion, 300)
@@ -93,7 +97,7 @@ def truth(motion: aw.Motion, payloads=()) -> tuple[np.ndarray, dict[str, np.ndar
     return t, values | {"jerk": np.concatenate([jerk, jerk[-1:]])}
 
 
-def jumping(motion: aw.Motion) -> dict[str, set[int]]:
+def jumping(motion: aw.trajectories.Motion) -> dict[str, set[int]]:
     """By quantity the joints where it is infinite, from differences of speed and acceleration over 2e-9 s around the breaks."""
     breaks, found = np.asarray(motion.breaks), []
     for order in (1, 2):
@@ -147,35 +151,38 @@ def test_a_limit_is_exceeded_exactly_where_a_dense_grid_says_so(kind, payloads):
 
 def test_positions_beyond_one_sided_limits_are_named():
     model = arm("two-link")
-    motion = aw.Quintic([0.0, 0.0], [0.5, -0.5], 1.0)
+    motion = aw.trajectories.Quintic([0.0, 0.0], [0.5, -0.5], 1.0)
     for bounds, name in (([[-np.inf, 0.4], [-9, 9]], "shoulder"), ([[-9, 9], [-0.4, np.inf]], "elbow")):
-        report = limits_report(model, motion, aw.MotionLimits.of(model, position=bounds))
+        report = limits_report(model, motion, aw.trajectories.MotionLimits.of(model, position=bounds))
         (found,) = [each for each in report.excess if each.quantity == "position"]
         assert found.joint == name
         assert found.share == pytest.approx(1.1)
         assert abs(found.limit) == 0.4
-    roomy = aw.MotionLimits.of(model, position=[[-np.inf, 0.6], [-0.6, np.inf]])
+    roomy = aw.trajectories.MotionLimits.of(model, position=[[-np.inf, 0.6], [-0.6, np.inf]])
     assert not [each for each in limits_report(model, motion, roomy).excess if each.quantity == "position"]
 
 
 def test_a_step_keeps_no_limit_of_speed():
     model = arm("two-link")
-    limits = aw.MotionLimits.of(model, velocity=100.0, acceleration=1e6, torque=np.inf, voltage=np.inf)
-    report = limits_report(model, aw.Step([0.0, 0.0], [0.1, 0.0], time=0.5), limits)
+    limits = aw.trajectories.MotionLimits.of(model, velocity=100.0, acceleration=1e6, torque=np.inf, voltage=np.inf)
+    report = limits_report(model, aw.trajectories.Step([0.0, 0.0], [0.1, 0.0], time=0.5), limits)
     assert {(each.joint, each.quantity) for each in report.excess} == {
         ("shoulder", "velocity"),
         ("shoulder", "acceleration"),
     }
-    assert limits_report(model, aw.Step([0.0, 0.0], [0.0, 0.0]), limits).kept
+    assert limits_report(model, aw.trajectories.Step([0.0, 0.0], [0.0, 0.0]), limits).kept
 
 
 def test_motions_that_meet_at_different_speeds_are_named_where_they_meet():
     model = arm("two-link")
-    parts = [aw.Quintic([0.0, 0.0], [0.2, 0.2], 1.0), aw.MinimumJerk([0.2, 0.2], [0.5, 0.2], 1.0, time=1.0)]
+    parts = [
+        aw.trajectories.Quintic([0.0, 0.0], [0.2, 0.2], 1.0),
+        aw.trajectories.MinimumJerk([0.2, 0.2], [0.5, 0.2], 1.0, time=1.0),
+    ]
     hasty = replace(parts[1], start_velocity=[0.3, 0.0])
-    limits = aw.MotionLimits.of(model, velocity=100.0, acceleration=1e6, torque=1e6, voltage=1e6)
-    assert limits_report(model, aw.Joined(parts), limits).kept
-    report = limits_report(model, aw.Joined([parts[0], hasty]), limits)
+    limits = aw.trajectories.MotionLimits.of(model, velocity=100.0, acceleration=1e6, torque=1e6, voltage=1e6)
+    assert limits_report(model, aw.trajectories.Joined(parts), limits).kept
+    report = limits_report(model, aw.trajectories.Joined([parts[0], hasty]), limits)
     assert report.parts[0].kept
     found = {(each.joint, each.quantity): each for each in report.parts[1].excess}
     assert found["shoulder", "acceleration"].time == 1.0
@@ -186,7 +193,7 @@ def test_motions_that_meet_at_different_speeds_are_named_where_they_meet():
 
 def test_limits_that_cannot_be_checked_are_named():
     model = arm(ARM)
-    motion = aw.Quintic(START, GOAL, 2.0)
+    motion = aw.trajectories.Quintic(START, GOAL, 2.0)
     bodies = tuple(
         replace(body, drive=replace(body.drive, resistance=None)) if body.joint == "joint3" else body
         for body in model.bodies
@@ -205,10 +212,10 @@ def test_a_limit_of_current_stays_beside_a_stated_torque():
     model = arm("lwa4p")
     body = model.coordinates[1]
     most = abs(float(body.drive.gear_ratio * body.drive.torque_constant)) * float(body.limits.current)
-    limits = aw.MotionLimits.of(model, torque=10.0 * most)
+    limits = aw.trajectories.MotionLimits.of(model, torque=10.0 * most)
     assert limits.torque[1] == pytest.approx(most)
-    motion = aw.Quintic(np.zeros(6), [0.0, 1.0, 0.0, 0.0, 0.0, 0.0], 0.2)
+    motion = aw.trajectories.Quintic(np.zeros(6), [0.0, 1.0, 0.0, 0.0, 0.0, 0.0], 0.2)
     (found,) = [each for each in limits_report(model, motion, limits).excess if each.joint == "joint2" and each.why]
     assert found.share > 1.0
     assert f"A of {float(body.limits.current):.4g} A" in str(found)
-    assert np.isinf(aw.MotionLimits.of(model, torque=np.inf).torque).all()
+    assert np.isinf(aw.trajectories.MotionLimits.of(model, torque=np.inf).torque).all()

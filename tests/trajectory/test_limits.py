@@ -12,7 +12,7 @@ from physics.arms import arm
 
 def test_the_record_gives_what_it_has():
     model = arm("lwa4p")
-    limits = aw.MotionLimits.of(model)
+    limits = aw.trajectories.MotionLimits.of(model)
     np.testing.assert_array_equal(limits.velocity, [float(body.limits.velocity) for body in model.coordinates])
     np.testing.assert_array_equal(limits.position, [body.limits.position for body in model.coordinates])
     assert np.isinf(limits.jerk).all()
@@ -24,7 +24,7 @@ def test_the_record_gives_what_it_has():
 
 
 def test_overrides_take_the_place_of_the_records():
-    limits = aw.MotionLimits.of(arm("lwa4p"), acceleration=3.0, velocity={"joint2": 0.5}, position=1.0)
+    limits = aw.trajectories.MotionLimits.of(arm("lwa4p"), acceleration=3.0, velocity={"joint2": 0.5}, position=1.0)
     np.testing.assert_array_equal(limits.acceleration, 3.0)
     assert limits.velocity[1] == 0.5
     assert limits.velocity[0] == 1.2566
@@ -45,17 +45,17 @@ def test_overrides_take_the_place_of_the_records():
 )
 def test_limits_that_are_none_are_refused(overrides, said):
     with pytest.raises(ScenarioError, match=said):
-        aw.MotionLimits.of(arm("lwa4p"), **overrides)
+        aw.trajectories.MotionLimits.of(arm("lwa4p"), **overrides)
 
 
 def test_a_missing_limit_is_named_with_its_joints():
-    limits = aw.MotionLimits.of(arm("lwa4p"), acceleration={"joint1": 1.0})
+    limits = aw.trajectories.MotionLimits.of(arm("lwa4p"), acceleration={"joint1": 1.0})
     with pytest.raises(ScenarioError, match="no acceleration limit of joint2, joint3, joint4"):
         limits.required("velocity", "acceleration")
 
 
 def test_a_pose_outside_names_joint_and_distance():
-    limits = aw.MotionLimits.of(arm("lwa4p"))
+    limits = aw.trajectories.MotionLimits.of(arm("lwa4p"))
     pose = np.zeros(6)
     pose[2] = limits.position[2, 1] + 0.25
     with pytest.raises(ScenarioError, match=r"goal of joint3 = .*: 0.25 rad outside its limits"):
@@ -65,9 +65,9 @@ def test_a_pose_outside_names_joint_and_distance():
 def test_a_report_has_closed_extrema_and_the_kernels_torques():
     model = arm("cmu-dd")
     start, goal, duration = np.zeros(6), np.full(6, 0.6), 0.7
-    motion = aw.Quintic(start, goal, duration, time=0.1)
-    limits = aw.MotionLimits.of(model, velocity=2.0, acceleration=10.0, jerk=300.0)
-    report = aw.limits_report(model, motion, limits)
+    motion = aw.trajectories.Quintic(start, goal, duration, time=0.1)
+    limits = aw.trajectories.MotionLimits.of(model, velocity=2.0, acceleration=10.0, jerk=300.0)
+    report = aw.trajectories.limits_report(model, motion, limits)
     np.testing.assert_allclose(report.highest["velocity"], 15 / 8 * 0.6 / duration, rtol=1e-6)
     np.testing.assert_allclose(report.share["velocity"], 15 / 16 * 0.6 / duration, rtol=1e-6)
     np.testing.assert_allclose(report.times["velocity"], 0.1 + duration / 2, atol=1e-3)
@@ -80,15 +80,15 @@ def test_a_report_has_closed_extrema_and_the_kernels_torques():
     np.testing.assert_allclose(report.highest["torque"], tau.max(axis=0), rtol=1e-4, atol=1e-6)
     np.testing.assert_allclose(report.lowest["voltage"], dyn.motor_voltage(qd, tau).min(axis=0), rtol=1e-4, atol=1e-6)
     assert "velocity" in str(report)
-    assert not aw.limits_report(model, motion, limits.replace(velocity=1.0)).kept
-    assert "160" in aw.limits_report(model, motion, limits.replace(velocity=1.0)).excesses()[0]
+    assert not aw.trajectories.limits_report(model, motion, limits.replace(velocity=1.0)).kept
+    assert "160" in aw.trajectories.limits_report(model, motion, limits.replace(velocity=1.0)).excesses()[0]
 
 
 def test_jumps_of_the_acceleration_keep_no_limit_of_jerk():
     model = arm("two-link")
-    limits = aw.MotionLimits.of(model, velocity=2.0, acceleration=10.0, jerk={"elbow": 300.0})
-    jumping = aw.Cubic([0.0, 0.0], [0.3, 0.6], limits=limits, time=0.5)
-    report = aw.limits_report(model, jumping, limits)
+    limits = aw.trajectories.MotionLimits.of(model, velocity=2.0, acceleration=10.0, jerk={"elbow": 300.0})
+    jumping = aw.trajectories.Cubic([0.0, 0.0], [0.3, 0.6], limits=limits, time=0.5)
+    report = aw.trajectories.limits_report(model, jumping, limits)
     np.testing.assert_allclose(report.jumps, [0.5, 0.5 + jumping.duration], atol=1e-12)
     assert not report.kept
     assert report.largest == pytest.approx(1.0)  # of what it plans with
@@ -100,26 +100,31 @@ def test_jumps_of_the_acceleration_keep_no_limit_of_jerk():
     assert str(report).endswith(said)
     assert "jumps" in str(report).splitlines()[2]  # of the elbow
     assert "no limit" in str(report).splitlines()[1]
-    smooth = aw.limits_report(model, aw.Quintic([0.0, 0.0], [0.3, 0.6], limits=limits), limits)
+    smooth = aw.trajectories.limits_report(
+        model, aw.trajectories.Quintic([0.0, 0.0], [0.3, 0.6], limits=limits), limits
+    )
     assert smooth.kept
     assert not smooth.jumps.size
-    for motion in (jumping, aw.Cubic([0.0, 0.0], [0.3, 0.0], 1.0)):  # nothing has a limit, or what has one stands
+    for motion in (
+        jumping,
+        aw.trajectories.Cubic([0.0, 0.0], [0.3, 0.0], 1.0),
+    ):  # nothing has a limit, or what has one stands
         free = limits.replace(jerk=np.inf if motion is jumping else {"shoulder": np.inf})
-        assert aw.limits_report(model, motion, free).kept
+        assert aw.trajectories.limits_report(model, motion, free).kept
 
 
 def test_a_payload_is_carried():
     model = arm("lwa4p")
-    motion = aw.Quintic(np.zeros(6), [0.0, 0.5, 0.5, 0.0, 0.0, 0.0], 2.0)
+    motion = aw.trajectories.Quintic(np.zeros(6), [0.0, 0.5, 0.5, 0.0, 0.0, 0.0], 2.0)
     loaded = model.with_payload(2.0, [0.0, 0.0, 0.05], [1e-3] * 3)
     t = np.linspace(0.0, 2.0, 5001)
     tau = aw.compile(loaded).inverse_dynamics(*motion.at(t))
-    report = aw.limits_report(model, motion, payload=aw.Payload(0.0, 2.0, [0.0, 0.0, 0.05], [1e-3] * 3))
+    report = aw.trajectories.limits_report(model, motion, payload=aw.Payload(0.0, 2.0, [0.0, 0.0, 0.05], [1e-3] * 3))
     np.testing.assert_allclose(report.highest["torque"], tau.max(axis=0), rtol=1e-4, atol=1e-3)
 
 
 def test_a_motion_without_end_or_of_other_joints_is_refused():
     with pytest.raises(ScenarioError, match="does not end"):
-        aw.limits_report(arm("two-link"), aw.Sine([0.0, 0.0], [1.0, 1.0], 1.0))
+        aw.trajectories.limits_report(arm("two-link"), aw.trajectories.Sine([0.0, 0.0], [1.0, 1.0], 1.0))
     with pytest.raises(ScenarioError, match="a motion of 2 joints"):
-        aw.limits_report(arm("lwa4p"), aw.Quintic([0.0, 0.0], [1.0, 1.0], 1.0))
+        aw.trajectories.limits_report(arm("lwa4p"), aw.trajectories.Quintic([0.0, 0.0], [1.0, 1.0], 1.0))

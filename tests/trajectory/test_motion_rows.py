@@ -15,13 +15,13 @@ from trajectory.motions import limits_of
 
 def a_motion():
     limits = limits_of([1.0, 1.5], 4.0, 60.0)
-    return aw.Waypoints([[0.1, 0.2], [0.5, -0.3], [0.9, 0.4]], limits, time=0.25)
+    return aw.trajectories.Waypoints([[0.1, 0.2], [0.5, -0.3], [0.9, 0.4]], limits, time=0.25)
 
 
 def test_netcdf_keeps_the_pieces_to_the_bit(tmp_path):
     motion, model = a_motion(), arm("two-link")
     motion.save(tmp_path / "m.nc", model)
-    found = aw.load_motion(tmp_path / "m.nc", model)
+    found = aw.trajectories.load_motion(tmp_path / "m.nc", model)
     np.testing.assert_array_equal(found.knots, motion.polynomial.knots)
     np.testing.assert_array_equal(found.coefficients, motion.polynomial.coefficients)
     run = aw.load_run(tmp_path / "m.nc")
@@ -32,7 +32,7 @@ def test_netcdf_keeps_the_pieces_to_the_bit(tmp_path):
 def test_csv_gives_the_motion_between_its_rows_too(tmp_path, named):
     motion, model = a_motion(), arm("two-link")
     motion.save(tmp_path / "m.csv", model, rate=100.0)
-    found = aw.load_motion(tmp_path / "m.csv", model if named else None)
+    found = aw.trajectories.load_motion(tmp_path / "m.csv", model if named else None)
     assert (found.time, found.duration) == (motion.time, pytest.approx(motion.duration, rel=1e-14))
     t = np.linspace(0.0, motion.time + motion.duration + 0.5, 1777)
     for ours, theirs, atol in zip(found.at(t), motion.at(t), (1e-12, 1e-10, 1e-7), strict=True):
@@ -40,17 +40,22 @@ def test_csv_gives_the_motion_between_its_rows_too(tmp_path, named):
 
 
 def test_csv_of_a_motion_that_is_no_polynomial(tmp_path):
-    motion, model = aw.Fourier.at_rest([0.1, 0.2], [[0.3, 0.1]] * 2, [[0.1, 0.2]] * 2, 2.0, periods=1), arm("two-link")
+    motion, model = (
+        aw.trajectories.Fourier.at_rest([0.1, 0.2], [[0.3, 0.1]] * 2, [[0.1, 0.2]] * 2, 2.0, periods=1),
+        arm("two-link"),
+    )
     motion.save(tmp_path / "m.csv", model, rate=200.0)
     t = np.linspace(0.0, 2.0, 3001)
-    np.testing.assert_allclose(aw.load_motion(tmp_path / "m.csv").at(t)[0], motion.at(t)[0], atol=1e-12)
+    np.testing.assert_allclose(aw.trajectories.load_motion(tmp_path / "m.csv").at(t)[0], motion.at(t)[0], atol=1e-12)
 
 
 def test_columns_may_stand_in_any_order(tmp_path):
     rows = "t,q_elbow,q_shoulder,qd_elbow,qd_shoulder,qdd_elbow,qdd_shoulder\n0,2,1,0,0,0,0\n1,4,3,0,0,0,0\n"
     (tmp_path / "m.csv").write_text(rows)
-    np.testing.assert_array_equal(aw.load_motion(tmp_path / "m.csv", arm("two-link")).at(1.0)[0], [3.0, 4.0])
-    np.testing.assert_array_equal(aw.load_motion(tmp_path / "m.csv").at(1.0)[0], [4.0, 3.0])
+    np.testing.assert_array_equal(
+        aw.trajectories.load_motion(tmp_path / "m.csv", arm("two-link")).at(1.0)[0], [3.0, 4.0]
+    )
+    np.testing.assert_array_equal(aw.trajectories.load_motion(tmp_path / "m.csv").at(1.0)[0], [4.0, 3.0])
 
 
 def test_a_designed_excitation_is_a_motion(tmp_path):
@@ -97,35 +102,35 @@ def test_other_tables_are_refused(tmp_path, text, said):
             "t,q_shoulder [deg],q_elbow,qd_shoulder,qd_elbow,qdd_shoulder,qdd_elbow\n0" + 6 * ",0"
         )
     with pytest.raises(ArmwrightError, match=said):
-        aw.load_motion(tmp_path / "m.csv", model)
+        aw.trajectories.load_motion(tmp_path / "m.csv", model)
 
 
 def test_other_files_are_refused(tmp_path):
     with pytest.raises(ArmwrightError, match="no such file"):
-        aw.load_motion(tmp_path / "none.csv")
+        aw.trajectories.load_motion(tmp_path / "none.csv")
     with pytest.raises(ArmwrightError, match="no such file"):
-        aw.load_motion(tmp_path / "none.nc")
+        aw.trajectories.load_motion(tmp_path / "none.nc")
     with pytest.raises(ArmwrightError, match="path of a motion"):
-        aw.load_motion(3)
+        aw.trajectories.load_motion(3)
     with pytest.raises(ArmwrightError, match="ending"):
         a_motion().save(tmp_path / "m.txt", arm("two-link"))
     with pytest.raises(ScenarioError, match="a motion of 2 joints"):
         a_motion().save(tmp_path / "m.csv", arm("lwa4p"))
     with pytest.raises(ScenarioError, match="does not end"):
-        aw.Sine([0.0, 0.0], [1.0, 1.0], 1.0).save(tmp_path / "m.csv", arm("two-link"))
+        aw.trajectories.Sine([0.0, 0.0], [1.0, 1.0], 1.0).save(tmp_path / "m.csv", arm("two-link"))
     with pytest.raises(ScenarioError, match="rate = 0"):
         a_motion().save(tmp_path / "m.csv", arm("two-link"), rate=0)
     assert not list(tmp_path.iterdir())
     a_motion().save(tmp_path / "m.nc", arm("two-link"))
     with pytest.raises(ScenarioError, match="expected those of lwa4p"):
-        aw.load_motion(tmp_path / "m.nc", arm("lwa4p"))
+        aw.trajectories.load_motion(tmp_path / "m.nc", arm("lwa4p"))
 
 
 def test_motions_are_joined():
     limits = limits_of([1.0, 1.5], 4.0, 60.0)
-    first = aw.SCurve([0.0, 0.0], [0.5, 0.2], limits, time=0.5)
-    second = aw.Quintic([0.5, 0.2], [0.0, 0.3], 1.0, time=0.5 + first.duration)
-    both = aw.Joined([first, second])
+    first = aw.trajectories.SCurve([0.0, 0.0], [0.5, 0.2], limits, time=0.5)
+    second = aw.trajectories.Quintic([0.5, 0.2], [0.0, 0.3], 1.0, time=0.5 + first.duration)
+    both = aw.trajectories.Joined([first, second])
     assert both.duration == pytest.approx(first.duration + 1.0)
     t = np.linspace(0.0, both.time + both.duration + 0.2, 777)
     for ours, a, b in zip(both.at(t), first.at(t), second.at(t), strict=True):
@@ -135,9 +140,9 @@ def test_motions_are_joined():
     program = trace("motion", lambda x: np.concatenate(both(x[0])), {"t": (1,)}, ("motion",))
     np.testing.assert_allclose(interpret(program, t[:, None]), np.concatenate(both.at(t), axis=1), atol=1e-10)
     with pytest.raises(ScenarioError, match=r"motions\[1\]: joint 1 begins 0.5 from where"):
-        aw.Joined([first, aw.Quintic([0.0, 0.2], [0.0, 0.3], 1.0, time=second.time)])
+        aw.trajectories.Joined([first, aw.trajectories.Quintic([0.0, 0.2], [0.0, 0.3], 1.0, time=second.time)])
     with pytest.raises(ScenarioError, match=r"motions\[1\].time = 0.0: expected"):
-        aw.Joined([first, aw.Quintic([0.5, 0.2], [0.0, 0.3], 1.0)])
+        aw.trajectories.Joined([first, aw.trajectories.Quintic([0.5, 0.2], [0.0, 0.3], 1.0)])
 
 
 @pytest.mark.parametrize(
@@ -155,4 +160,4 @@ def test_a_cell_that_is_not_finite_is_named(tmp_path, variable, at, said):
     values[at] = np.nan
     aw.save(dataset.assign({variable: (dataset[variable].dims, values)}), tmp_path / "m.nc")
     with pytest.raises(RunError, match=re.escape(f"m.nc: {said}: expected a finite number")):
-        aw.load_motion(tmp_path / "m.nc", model)
+        aw.trajectories.load_motion(tmp_path / "m.nc", model)

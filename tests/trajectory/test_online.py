@@ -154,7 +154,7 @@ def test_a_reference_that_rests_gives_rest():
 def law(**changes):
     """The filter before a PD law, for the two joints of a simple arm."""
     values = {"velocity": [1.0, 2.0], "acceleration": 8.0, "jerk": [100.0, 200.0]} | changes
-    return aw.ReferenceFilter(aw.ComputedTorque(kp=400.0, kd=40.0), **values)
+    return aw.trajectories.ReferenceFilter(aw.ComputedTorque(kp=400.0, kd=40.0), **values)
 
 
 def test_it_runs_in_the_compiled_loop_with_limits_of_each_lane():
@@ -163,7 +163,7 @@ def test_it_runs_in_the_compiled_loop_with_limits_of_each_lane():
     run = aw.simulate(
         aw.Scenario(
             arm("two-link"), duration=2.5, start=np.zeros(2),
-            loop=aw.Loop(law(velocity=velocity), aw.Step(np.zeros(2), goal, 0.1), 1e-3),
+            loop=aw.Loop(law(velocity=velocity), aw.trajectories.Step(np.zeros(2), goal, 0.1), 1e-3),
         )
     )  # fmt: skip
     assert run.attrs["controller"] == "compiled"
@@ -175,7 +175,7 @@ def test_it_runs_in_the_compiled_loop_with_limits_of_each_lane():
 def test_its_step_is_printed_as_c_with_the_bits_of_the_kernel(tmp_path):
     gcc, n = compiler("gcc"), 2
     control = law().configure(arm("two-link"), PERIOD)
-    control = aw.ReferenceFilter(lambda t, r, y: 50.0 * (r.q - y.q) + 5.0 * (r.qd - y.qd), **{
+    control = aw.trajectories.ReferenceFilter(lambda t, r, y: 50.0 * (r.q - y.q) + 5.0 * (r.qd - y.qd), **{
         name: getattr(control, name) for name in ("velocity", "acceleration", "jerk")
     }, period=PERIOD)  # fmt: skip
 
@@ -205,9 +205,11 @@ def test_its_step_is_printed_as_c_with_the_bits_of_the_kernel(tmp_path):
 def test_limits_of_the_record_are_taken_and_their_absence_is_named():
     panda = arm("panda")
     with pytest.raises(ScenarioError) as error:
-        aw.ReferenceFilter(lambda t, r, y: r.q, jerk=100.0, acceleration=np.inf).configure(panda, PERIOD)
+        aw.trajectories.ReferenceFilter(lambda t, r, y: r.q, jerk=100.0, acceleration=np.inf).configure(panda, PERIOD)
     assert error.value.place == "ReferenceFilter.acceleration"
-    chosen = aw.ReferenceFilter(lambda t, r, y: r.q, jerk=100.0, acceleration=10.0).configure(panda, PERIOD)
-    np.testing.assert_array_equal(chosen.velocity, aw.MotionLimits.of(panda).velocity)
+    chosen = aw.trajectories.ReferenceFilter(lambda t, r, y: r.q, jerk=100.0, acceleration=10.0).configure(
+        panda, PERIOD
+    )
+    np.testing.assert_array_equal(chosen.velocity, aw.trajectories.MotionLimits.of(panda).velocity)
     with pytest.raises(ScenarioError, match="velocity"):
         law(velocity=-1.0).configure(arm("two-link"), PERIOD)

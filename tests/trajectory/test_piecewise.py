@@ -95,5 +95,5 @@ def test_bad_pieces_are_refused(make, said):
 def test_a_segment_shorter_than_rounding_is_left_out():
     """A cruise of 1e-17 s, as h / v less the time of both ramps leaves it."""
     jerk = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
-    motion = aw.PiecewisePolynomial.of_segments(1.0, [0.1, 1e-17, 0.1], jerk, 0.0)
+    motion = aw.trajectories.PiecewisePolynomial.of_segments(1.0, [0.1, 1e-17, 0.1], jerk, 0.0)
     np.testing.assert_allclose(motion.knots, [1.0, 1.1, 1.2], rtol=1e-14)

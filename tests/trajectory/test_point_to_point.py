@@ -33,7 +33,7 @@ def test_limits_hold_and_one_is_used(kind, seed):
     goal = start + 10.0 ** draw.uniform(-6.0, 1.0, n) * draw.choice([-1.0, 1.0], n) * (draw.random(n) < 0.8)
     if (goal == start).all():
         return
-    motion = getattr(aw, kind)(start, goal, limits=limits, time=draw.uniform(0.0, 5.0))
+    motion = getattr(aw.trajectories, kind)(start, goal, limits=limits, time=draw.uniform(0.0, 5.0))
     check_within(motion, limits, *quantities)
     check_continuous(motion, continuous)
     q, qd, qdd = motion.at(np.array([0.0, motion.time, motion.time + motion.duration, motion.time + 1e6]))
@@ -54,7 +54,7 @@ def test_limits_hold_and_one_is_used(kind, seed):
 @settings(max_examples=300, deadline=None)
 @given(st.floats(1e-6, 1e3), st.floats(1e-3, 1e3), st.floats(1e-3, 1e3))
 def test_a_trapezoid_is_its_closed_form(h, v, a):
-    motion = aw.Trapezoid([0.3], [0.3 + h], limits_of(v, a))
+    motion = aw.trajectories.Trapezoid([0.3], [0.3 + h], limits_of(v, a))
     h = float(np.asarray(motion.goal)[0] - 0.3)
     wanted = h / v + v / a if h >= v * v / a else 2.0 * np.sqrt(h / a)  # [BiagiottiMelchiorri2008] (3.12), (3.14)
     np.testing.assert_allclose(motion.duration, wanted, rtol=1e-12)
@@ -83,7 +83,7 @@ def test_an_s_curve_is_its_closed_form(h, v, a, j):
     # time-optimal: what is not at its limit is only so where the way is too short [BiagiottiMelchiorri2008] (3.21)-(3.30)
     assert top_v >= v * (1 - 1e-12) or cruise == 0.0
     assert top_a >= a * (1 - 1e-12) or flat <= 1e-12 * ramp
-    motion = aw.SCurve([0.0], [h], limits_of(v, a, j))
+    motion = aw.trajectories.SCurve([0.0], [h], limits_of(v, a, j))
     np.testing.assert_allclose(motion.duration, times.sum(), rtol=1e-12)
     middle = 0.5 * motion.duration
     np.testing.assert_allclose(motion.at(middle)[0], h / 2, rtol=1e-12)
@@ -93,28 +93,32 @@ def test_an_s_curve_is_its_closed_form(h, v, a, j):
 
 
 def test_an_s_curve_without_limits_of_speed_or_acceleration():
-    np.testing.assert_allclose(aw.SCurve([0.0], [2.0], limits_of(np.inf, np.inf, 4.0)).duration, 4.0 * np.cbrt(0.25))
-    np.testing.assert_allclose(aw.Trapezoid([0.0], [2.0], limits_of(np.inf, 4.0)).duration, 2.0 * np.sqrt(0.5))
+    np.testing.assert_allclose(
+        aw.trajectories.SCurve([0.0], [2.0], limits_of(np.inf, np.inf, 4.0)).duration, 4.0 * np.cbrt(0.25)
+    )
+    np.testing.assert_allclose(
+        aw.trajectories.Trapezoid([0.0], [2.0], limits_of(np.inf, 4.0)).duration, 2.0 * np.sqrt(0.5)
+    )
     wanted = s_curve_times(2.0, 1e9, 3.0, 40.0).sum()
-    np.testing.assert_allclose(aw.SCurve([0.0], [2.0], limits_of(np.inf, 3.0, 40.0)).duration, wanted)
+    np.testing.assert_allclose(aw.trajectories.SCurve([0.0], [2.0], limits_of(np.inf, 3.0, 40.0)).duration, wanted)
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_given_duration_slows_all_joints(kind):
     limits = limits_of([1.0, 2.0], [3.0, 4.0], [50.0, 60.0])
-    fastest = getattr(aw, kind)([0.0, 0.0], [1.0, -2.0], limits=limits)
-    slow = getattr(aw, kind)([0.0, 0.0], [1.0, -2.0], limits=limits, duration=3.0 * fastest.duration)
+    fastest = getattr(aw.trajectories, kind)([0.0, 0.0], [1.0, -2.0], limits=limits)
+    slow = getattr(aw.trajectories, kind)([0.0, 0.0], [1.0, -2.0], limits=limits, duration=3.0 * fastest.duration)
     assert slow.duration == 3.0 * fastest.duration
     t = np.linspace(0.0, slow.duration, 3001)
     np.testing.assert_allclose(
         np.abs(slow.at(t)[1]).max(axis=0), np.abs(fastest.at(t / 3)[1]).max(axis=0) / 3, rtol=1e-3
     )
     with pytest.raises(ScenarioError, match=rf"{kind}\.duration = "):
-        getattr(aw, kind)([0.0, 0.0], [1.0, -2.0], limits=limits, duration=0.9 * fastest.duration)
+        getattr(aw.trajectories, kind)([0.0, 0.0], [1.0, -2.0], limits=limits, duration=0.9 * fastest.duration)
 
 
 def test_joints_begin_and_end_together():
-    motion = aw.SCurve([0.0, 0.0, 0.0], [1.0, -0.1, 0.0], limits_of([1.0, 2.0, 3.0], 5.0, 80.0))
+    motion = aw.trajectories.SCurve([0.0, 0.0, 0.0], [1.0, -0.1, 0.0], limits_of([1.0, 2.0, 3.0], 5.0, 80.0))
     t = np.linspace(0.0, motion.duration, 5000)[1:-1]
     q, qd, _ = motion.at(t)
     assert (qd[:, 0] > 0.0).all()
@@ -132,7 +136,7 @@ def test_minimum_jerk_meets_moving_states(seed):
     limits = limits_of(
         *(3.0 * np.abs(states[2:4]).max(0) + 0.1, 3.0 * np.abs(states[4:]).max(0) + 0.1, np.full(n, 1e3))
     )
-    motion = aw.MinimumJerk(**dict(zip(names, states, strict=True)), limits=limits)
+    motion = aw.trajectories.MinimumJerk(**dict(zip(names, states, strict=True)), limits=limits)
     check_within(motion, limits, "velocity", "acceleration", "jerk")
     begin, end = motion.at(0.0), motion.at(motion.duration)
     np.testing.assert_allclose(begin, states[::2], atol=1e-9)
@@ -142,9 +146,9 @@ def test_minimum_jerk_meets_moving_states(seed):
 def test_minimum_jerk_has_the_least_integral():
     """Any other motion with the same ends has a larger ∫ jerk²: Euler's equation, q⁽⁶⁾ = 0."""
     states = {"start_velocity": [0.4], "goal_velocity": [-0.3], "start_acceleration": [1.0]}
-    best = aw.MinimumJerk([0.0], [1.0], duration=1.3, **states).polynomial
+    best = aw.trajectories.MinimumJerk([0.0], [1.0], duration=1.3, **states).polynomial
     t = np.linspace(0.0, 1.3, 20001)
-    bump = aw.PiecewisePolynomial(
+    bump = aw.trajectories.PiecewisePolynomial(
         [0.0, 1.3], np.polynomial.Polynomial.fromroots([0.0] * 3 + [1.3] * 3).coef[None, None]
     )
 
@@ -154,13 +158,15 @@ def test_minimum_jerk_has_the_least_integral():
 
     padded = np.pad(best.coefficients, ((0, 0), (0, 0), (0, 1)))
     for size in (-0.1, 0.1):
-        assert cost(aw.PiecewisePolynomial(best.knots, padded + size * bump.coefficients)) > cost(best)
+        assert cost(aw.trajectories.PiecewisePolynomial(best.knots, padded + size * bump.coefficients)) > cost(best)
 
 
 def test_limits_of_the_record_serve():
     model = arm("lwa4p")
-    motion = aw.Quintic(np.zeros(6), [0.5, -0.5, 0.2, 0.0, 0.1, 1.0], limits=aw.MotionLimits.of(model))
-    assert aw.limits_report(model, motion).share["velocity"].max() == pytest.approx(1.0, rel=1e-6)
+    motion = aw.trajectories.Quintic(
+        np.zeros(6), [0.5, -0.5, 0.2, 0.0, 0.1, 1.0], limits=aw.trajectories.MotionLimits.of(model)
+    )
+    assert aw.trajectories.limits_report(model, motion).share["velocity"].max() == pytest.approx(1.0, rel=1e-6)
 
 
 LIMITS = limits_of([1.0, 1.0], 2.0, 30.0, position=2.0)
@@ -183,29 +189,29 @@ LIMITS = limits_of([1.0, 1.0], 2.0, 30.0, position=2.0)
 )
 def test_bad_moves_are_refused(kind, changes, said):
     with pytest.raises(ScenarioError, match=said):
-        getattr(aw, kind)(**{"start": [0.0, 0.0], "goal": [0.5, 0.3], "limits": LIMITS} | changes)
+        getattr(aw.trajectories, kind)(**{"start": [0.0, 0.0], "goal": [0.5, 0.3], "limits": LIMITS} | changes)
 
 
 def test_what_no_limit_bounds_is_refused():
     with pytest.raises(ScenarioError, match="no jerk limit of joint1, joint2"):
-        aw.SCurve([0.0, 0.0], [1.0, 1.0], limits_of([1.0, 1.0], 1.0))
+        aw.trajectories.SCurve([0.0, 0.0], [1.0, 1.0], limits_of([1.0, 1.0], 1.0))
     with pytest.raises(ScenarioError, match="no acceleration limit of joint1"):
-        aw.Trapezoid([0.0], [1.0], limits_of(1.0))
+        aw.trajectories.Trapezoid([0.0], [1.0], limits_of(1.0))
     with pytest.raises(ScenarioError, match="nothing limits joint1"):
-        aw.Quintic([0.0], [1.0], limits=limits_of(np.inf))
+        aw.trajectories.Quintic([0.0], [1.0], limits=limits_of(np.inf))
     with pytest.raises(ScenarioError, match="a duration"):
-        aw.Quintic([0.0], [1.0])
+        aw.trajectories.Quintic([0.0], [1.0])
 
 
 @pytest.mark.parametrize("kind", ["Quintic", "Cubic"])
 @pytest.mark.parametrize(("before", "place"), [((), "duration"), ((1.0,), "time")])
 def test_limits_in_the_place_of_another_number_are_named(kind, before, place):
     with pytest.raises(ScenarioError, match=rf"{kind}.{place}: are limits; .*limits by name: {kind}\(…, limits=…\)"):
-        getattr(aw, kind)([0.0, 0.0], [0.5, 0.3], *before, LIMITS)
+        getattr(aw.trajectories, kind)([0.0, 0.0], [0.5, 0.3], *before, LIMITS)
 
 
 def test_states_beyond_the_limits_are_refused():
     with pytest.raises(ScenarioError, match=r"start_velocity of joint2 = 1.5: expected 1 rad/s at most"):
-        aw.MinimumJerk([0.0, 0.0], [0.5, 0.5], start_velocity=[0.0, 1.5], limits=LIMITS)
+        aw.trajectories.MinimumJerk([0.0, 0.0], [0.5, 0.5], start_velocity=[0.0, 1.5], limits=LIMITS)
     with pytest.raises(ScenarioError, match="no duration keeps the limits: joint1"):  # it cannot stop before the limit
-        aw.MinimumJerk([1.99, 0.0], [0.5, 0.5], start_velocity=[1.0, 0.0], limits=LIMITS)
+        aw.trajectories.MinimumJerk([1.99, 0.0], [0.5, 0.5], start_velocity=[1.0, 0.0], limits=LIMITS)

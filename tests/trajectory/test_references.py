@@ -86,7 +86,7 @@ def test_another_number_of_joints_is_refused():
 
 
 @pytest.mark.parametrize("duration", [1e300, 1e-300, 10**400, 5e-324])
-@pytest.mark.parametrize("kind", [aw.Quintic, aw.Ramp])
+@pytest.mark.parametrize("kind", [aw.trajectories.Quintic, aw.trajectories.Ramp])
 def test_durations_whose_square_is_no_float_are_refused(kind, duration):
     with pytest.raises(ScenarioError, match=r"\.duration = "):
         kind([0.0], [1.0], duration)

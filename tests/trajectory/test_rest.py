@@ -37,7 +37,7 @@ def dry_arm(tmp_path=None, torque=None, **motor):
         shoulder["motor"] = {"gear_ratio": 50.0, "rotor_inertia_kg_m2": 1e-5, **motor}
     robot = parse(data, "dry.toml")
     if tmp_path is not None:
-        aw.write_toml(robot, tmp_path / "dry.toml")
+        aw.robotfiles.write_toml(robot, tmp_path / "dry.toml")
     return build_model(robot)
 
 

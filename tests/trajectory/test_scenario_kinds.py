@@ -73,8 +73,8 @@ def test_bad_references_are_refused(tmp_path, text, said):
 
 def test_a_planned_motion_is_followed():
     model = arm("two-link")
-    limits = aw.MotionLimits.of(model, position=3.0, velocity=3.0, acceleration=10.0, jerk=100.0)
-    motion = aw.SCurve([0.1, 0.2], [0.8, -0.4], limits, time=0.05)
+    limits = aw.trajectories.MotionLimits.of(model, position=3.0, velocity=3.0, acceleration=10.0, jerk=100.0)
+    motion = aw.trajectories.SCurve([0.1, 0.2], [0.8, -0.4], limits, time=0.05)
     loop = aw.Loop(controller=aw.ComputedTorque(kp=400.0, kd=40.0), reference=motion, period=1e-3)
     run = aw.simulate(aw.Scenario(model, duration=1.6, start=[0.1, 0.2], loop=loop))
     np.testing.assert_allclose(run.q.values[-1], [0.8, -0.4], atol=1e-2)

@@ -16,7 +16,7 @@ from trajectory.motions import check_continuous, check_within, limits_of, random
 ruckig = pytest.importorskip("ruckig", reason="ruckig is not installed")
 
 
-def their_trajectory(states: dict[str, np.ndarray], limits: aw.MotionLimits):
+def their_trajectory(states: dict[str, np.ndarray], limits: aw.trajectories.MotionLimits):
     asked = ruckig.InputParameter(limits.n)
     for theirs, ours in (("current", "start"), ("target", "goal")):
         setattr(asked, f"{theirs}_position", states[ours].tolist())
@@ -43,7 +43,7 @@ def test_durations_and_values_are_ruckigs_own(seed):
         states |= {f"{end}_velocity": np.maximum(room, 0.0) * draw.uniform(-0.9, 0.9, n)}
         states |= {f"{end}_acceleration": np.where(room > 0.0, acceleration, 0.0)}
     wanted = their_trajectory(states, limits)
-    motion = aw.Ruckig(**states, limits=limits, time=0.3)
+    motion = aw.trajectories.Ruckig(**states, limits=limits, time=0.3)
     np.testing.assert_allclose(motion.duration, wanted.duration, rtol=1e-12)
     check_within(motion, limits, "velocity", "acceleration", "jerk")
     check_continuous(motion, 3)
@@ -58,7 +58,7 @@ def test_durations_and_values_are_ruckigs_own(seed):
 
 def test_rest_to_rest_is_the_s_curve():
     limits = limits_of([1.0], [2.0], [10.0])
-    fast, curve = aw.Ruckig([0.0], [1.5], limits), aw.SCurve([0.0], [1.5], limits)
+    fast, curve = aw.trajectories.Ruckig([0.0], [1.5], limits), aw.trajectories.SCurve([0.0], [1.5], limits)
     np.testing.assert_allclose(fast.duration, curve.duration, rtol=1e-12)
     t = np.linspace(0.0, curve.duration, 100)
     np.testing.assert_allclose(fast.at(t), curve.at(t), atol=1e-9)
@@ -66,9 +66,11 @@ def test_rest_to_rest_is_the_s_curve():
 
 def test_a_given_duration_is_kept():
     limits = limits_of([1.0, 1.0], 2.0, 10.0)
-    assert aw.Ruckig([0.0, 0.0], [1.0, 0.2], limits, duration=4.0).duration == pytest.approx(4.0, rel=1e-12)
+    assert aw.trajectories.Ruckig([0.0, 0.0], [1.0, 0.2], limits, duration=4.0).duration == pytest.approx(
+        4.0, rel=1e-12
+    )
     with pytest.raises(ScenarioError, match=r"Ruckig.duration = 0.5: expected 1.7"):
-        aw.Ruckig([0.0, 0.0], [1.0, 0.2], limits, duration=0.5)
+        aw.trajectories.Ruckig([0.0, 0.0], [1.0, 0.2], limits, duration=0.5)
 
 
 def test_the_network_is_not_asked():
@@ -82,9 +84,9 @@ import socket
 socket.socket = socket.create_connection = None
 sys.addaudithook(deny)
 import numpy as np, armwright as aw
-limits = aw.MotionLimits.of(aw.load("lwa4p"), acceleration=3.0, jerk=40.0)
-motion = aw.Ruckig(np.zeros(6), np.full(6, 0.5), limits, start_velocity=np.full(6, 0.2))
-aw.Waypoints([np.zeros(6), np.full(6, 0.3), np.full(6, 0.5)], limits)
+limits = aw.trajectories.MotionLimits.of(aw.load("lwa4p"), acceleration=3.0, jerk=40.0)
+motion = aw.trajectories.Ruckig(np.zeros(6), np.full(6, 0.5), limits, start_velocity=np.full(6, 0.2))
+aw.trajectories.Waypoints([np.zeros(6), np.full(6, 0.3), np.full(6, 0.5)], limits)
 print(motion.duration)
 """
     run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True, timeout=120)
@@ -97,19 +99,21 @@ print(motion.duration)
 def test_a_joint_that_moves_needs_a_limit_of_acceleration_or_jerk():
     inf = np.inf
     with pytest.raises(ScenarioError, match="no acceleration limit of joint1; expected"):
-        aw.Ruckig([0.0, 0.0], [1.0, 0.0], limits_of([1.0, 1.0], inf, inf))
-    assert aw.Ruckig([0.0, 0.0], [1.0, 0.0], limits_of([1.0, 1.0], [2.0, inf], inf)).duration == pytest.approx(1.5)
-    jerk_alone = aw.Ruckig([0.0], [1.0], limits_of([inf], inf, 4.0))
+        aw.trajectories.Ruckig([0.0, 0.0], [1.0, 0.0], limits_of([1.0, 1.0], inf, inf))
+    assert aw.trajectories.Ruckig(
+        [0.0, 0.0], [1.0, 0.0], limits_of([1.0, 1.0], [2.0, inf], inf)
+    ).duration == pytest.approx(1.5)
+    jerk_alone = aw.trajectories.Ruckig([0.0], [1.0], limits_of([inf], inf, 4.0))
     assert jerk_alone.duration == pytest.approx(2.0)  # (32 h / j)^(1/3)
 
 
 def test_limits_of_very_different_magnitudes():
     """A segment shorter than rounding is left out; where Ruckig finds nothing, the error is one short line."""
-    steep = aw.Ruckig([0.0, 0.0], [0.3, 0.3], limits_of([1.0, 1.0], 3.0, 1e20))
+    steep = aw.trajectories.Ruckig([0.0, 0.0], [0.3, 0.3], limits_of([1.0, 1.0], 3.0, 1e20))
     assert steep.duration == pytest.approx(2.0 * np.sqrt(0.1), rel=1e-9)
     np.testing.assert_allclose(steep.at(steep.duration)[0], 0.3, atol=1e-12)
     with pytest.raises(ScenarioError, match="found no move") as caught:
-        aw.Ruckig(np.zeros(6), np.full(6, 0.3), limits_of([1.0] * 6, 1e-20, 60.0))
+        aw.trajectories.Ruckig(np.zeros(6), np.full(6, 0.3), limits_of([1.0] * 6, 1e-20, 60.0))
     assert len(str(caught.value)) < 120
 
 
@@ -128,4 +132,4 @@ def test_limits_of_very_different_magnitudes():
 def test_bad_moves_are_refused(changes, said):
     limits = limits_of([1.0], [2.0], [10.0], position=2.0)
     with pytest.raises(ScenarioError, match=said):
-        aw.Ruckig(**{"start": [0.0], "goal": [1.0], "limits": limits} | changes)
+        aw.trajectories.Ruckig(**{"start": [0.0], "goal": [1.0], "limits": limits} | changes)

@@ -31,7 +31,7 @@ def test_limits_hold_and_one_is_used(curve, seed):
     draw = np.random.default_rng(seed)
     k, n = int(draw.integers(3 if curve == "natural_quintic" else 2, 12)), int(draw.integers(1, 7))
     limits, points = random_limits(draw, n), random_points(draw, k, n)
-    motion = aw.Waypoints(points, limits, curve, time=draw.uniform(0.0, 2.0))
+    motion = aw.trajectories.Waypoints(points, limits, curve, time=draw.uniform(0.0, 2.0))
     quantities = ("velocity", "acceleration", *(["jerk"] if curve != "parabolic" else []))
     check_within(motion, limits, *quantities)
     check_continuous(motion, CURVES[curve])
@@ -57,7 +57,7 @@ def test_splines_are_scipys():
     t = np.linspace(times[0], times[-1], 301)[:-1]
     for curve, kind in (("cubic", "clamped"), ("natural_cubic", "natural")):
         wanted = CubicSpline(times, points, bc_type=kind)
-        for order, values in enumerate(aw.Waypoints(points, curve=curve, times=times).at(t)):
+        for order, values in enumerate(aw.trajectories.Waypoints(points, curve=curve, times=times).at(t)):
             np.testing.assert_allclose(values, wanted(t, order), atol=1e-10)
 
 
@@ -66,7 +66,7 @@ def test_quintics_have_the_least_jerk(curve):
     """Of all curves through the points that begin and end as they do: any bump that is 0 at the knots adds jerk."""
     draw = np.random.default_rng(5)
     times, points = np.array([0.0, 0.7, 1.1, 2.0]), draw.normal(size=(4, 1))
-    best = aw.Waypoints(points, curve=curve, times=times).polynomial
+    best = aw.trajectories.Waypoints(points, curve=curve, times=times).polynomial
     t = np.linspace(0.0, 2.0, 40001)
     jerk = best.derivative().derivative().at(t)[1][:, 0]
     ends = [0.0, 0.0, 0.0, 2.0, 2.0, 2.0] if curve == "quintic" else [0.0, 2.0]
@@ -82,7 +82,7 @@ def test_knot_times_are_near_an_optimisers(k, seed):
 
     draw = np.random.default_rng(seed)
     points, limits = np.cumsum(draw.normal(size=(k, 2)) * 0.5, axis=0), limits_of([2.0, 2.0], 5.0, 80.0)
-    ours = aw.Waypoints(points, limits)
+    ours = aw.trajectories.Waypoints(points, limits)
     h, v = casadi.SX.sym("h", k - 1), casadi.SX.sym("v", k, 2)
     rows, bounds = [], []
     for j in range(2):
@@ -126,7 +126,7 @@ def test_dense_waypoints_are_nearly_as_fast_as_their_path_can_be():
     ]
     curve = toppra.SplineInterpolator(knots, points)
     best = algorithm.TOPPRA(kept, curve, gridpoints=np.linspace(0.0, 1.0, 2000)).compute_trajectory(0.0, 0.0).duration
-    assert 0.98 * best < aw.Waypoints(points, limits).duration < 1.02 * best
+    assert 0.98 * best < aw.trajectories.Waypoints(points, limits).duration < 1.02 * best
 
 
 @pytest.mark.parametrize(("k", "near"), [(3, 0.0), (3, 1e-6), (8, 1e-2), (20, 1e-9)])
@@ -138,7 +138,7 @@ def test_parabolic_blends_are_as_short_as_an_optimisers(k, near):
     points, limits = np.cumsum(draw.normal(size=(k, 2)), axis=0), limits_of([2.0, 1.0], 5.0)
     if near:
         points = np.insert(points, k // 2, points[k // 2] + near * draw.normal(size=2), axis=0)
-    ours, x = aw.Waypoints(points, limits, "parabolic"), casadi.SX.sym("x", len(points) - 1)
+    ours, x = aw.trajectories.Waypoints(points, limits, "parabolic"), casadi.SX.sym("x", len(points) - 1)
     way, rows, bounds = np.diff(points, axis=0), [], []
     for j in range(2):
         speeds = [way[i, j] * x[i] for i in range(len(way))]
@@ -164,7 +164,7 @@ def test_limits_of_any_size_plan_without_warnings(curve):
         limits = limits_of([1.0, 1.0], size, size)
         with warnings.catch_warnings():
             warnings.simplefilter("error")
-            motion = aw.Waypoints(points, limits, curve)
+            motion = aw.trajectories.Waypoints(points, limits, curve)
         assert (motion.polynomial.largest(2) <= size * (1.0 + 1e-9)).all()
 
 
@@ -175,7 +175,7 @@ def test_a_thousand_waypoints_are_planned_fast():
 
     def spent(k, curve):
         begin = time.process_time()
-        aw.Waypoints(points[:k], limits, curve)
+        aw.trajectories.Waypoints(points[:k], limits, curve)
         return time.process_time() - begin
 
     for curve in ("cubic", "quintic", "parabolic"):
@@ -187,17 +187,17 @@ def test_a_given_duration_and_given_times():
     limits = limits_of([1.0, 1.0], 3.0, 50.0)
     points = [[0.0, 0.0], [0.5, 0.2], [1.0, -0.3]]
     for curve in CURVES:
-        fast = aw.Waypoints(points, limits, curve)
-        assert aw.Waypoints(points, limits, curve, duration=5.0).duration == pytest.approx(5.0, rel=1e-12)
+        fast = aw.trajectories.Waypoints(points, limits, curve)
+        assert aw.trajectories.Waypoints(points, limits, curve, duration=5.0).duration == pytest.approx(5.0, rel=1e-12)
         with pytest.raises(ScenarioError, match=r"Waypoints.duration = .*the shortest that was found"):
-            aw.Waypoints(points, limits, curve, duration=0.9 * fast.duration)
-    timed = aw.Waypoints(points, limits, times=[1.0, 3.0, 6.0])
+            aw.trajectories.Waypoints(points, limits, curve, duration=0.9 * fast.duration)
+    timed = aw.trajectories.Waypoints(points, limits, times=[1.0, 3.0, 6.0])
     assert (timed.time, timed.duration) == (1.0, 5.0)
     np.testing.assert_allclose(timed.at(3.0)[0], [0.5, 0.2], atol=1e-12)
     with pytest.raises(ScenarioError, match=r"times: joint1 uses .*velocity limit|times: joint\d uses"):
-        aw.Waypoints(points, limits, times=[1.0, 1.2, 1.4])
+        aw.trajectories.Waypoints(points, limits, times=[1.0, 1.2, 1.4])
     with pytest.raises(ScenarioError, match=r"times\[\d\]: turning there takes"):
-        aw.Waypoints(points, limits, "parabolic", times=[1.0, 1.2, 1.4])
+        aw.trajectories.Waypoints(points, limits, "parabolic", times=[1.0, 1.2, 1.4])
 
 
 POINTS = [[0.0, 0.0], [0.5, 0.2], [1.0, -0.3]]
@@ -235,4 +235,4 @@ LIMITS = limits_of([1.0, 1.0], 3.0, 50.0, position=1.05)
 )
 def test_bad_waypoints_are_refused(changes, said):
     with pytest.raises(ScenarioError, match=said):
-        aw.Waypoints(**{"points": POINTS, "limits": LIMITS} | changes)
+        aw.trajectories.Waypoints(**{"points": POINTS, "limits": LIMITS} | changes)

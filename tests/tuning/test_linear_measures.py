@@ -29,7 +29,7 @@ def test_noise_of_the_linear_loop_is_that_of_a_simulation(law):
         law, **{name: aw.Batch(np.atleast_2d(getattr(law, name))) for name in ("kd", "speed_kp") if hasattr(law, name)}
     )
     assert still.loop is not None
-    loop = aw.LinearLoop(replace(still, loop=replace(still.loop, controller=batch)))
+    loop = aw.loops.LinearLoop(replace(still, loop=replace(still.loop, controller=batch)))
     found = measure("noise_gain", loop, q[None], loop.gains)[0]
     assert still.loop is not None
     noisy = replace(still.loop, sensors=replace(still.loop.joint_sensors, position_noise=sigma))
@@ -40,7 +40,7 @@ def test_noise_of_the_linear_loop_is_that_of_a_simulation(law):
 
 def test_measures_are_the_worst_over_poses_and_infinite_where_unstable():
     batch = replace(PD, kp=aw.Batch([[600.0, 120.0], [6e7, 1.2e7]]))
-    loop = aw.LinearLoop(loop_of(batch, velocity="difference"))
+    loop = aw.loops.LinearLoop(loop_of(batch, velocity="difference"))
     poses = np.array([[0.3, 0.2], [-1.0, 1.5]])
     for name in ("noise_gain", "sensitivity"):
         worst = measure(name, loop, poses, loop.gains)
@@ -52,6 +52,6 @@ def test_measures_are_the_worst_over_poses_and_infinite_where_unstable():
 
 
 def test_the_sensitivity_of_several_rates_is_refused():
-    loop = aw.LinearLoop(loop_of(replace(CASCADE, speed_kp=aw.Batch([[60.0, 10.0]]))))
+    loop = aw.loops.LinearLoop(loop_of(replace(CASCADE, speed_kp=aw.Batch([[60.0, 10.0]]))))
     with pytest.raises(aw.ArmwrightError, match="several rates"):
         measure("sensitivity", loop, np.zeros((1, 2)), loop.gains)

@@ -22,7 +22,7 @@ BEATEN = {"quiet textbook": quiet_textbook, "by hand": lambda: BY_HAND}
 
 @pytest.mark.study
 def test_one_tuning_beats_the_designed_start_and_cascades_by_hand_on_every_objective():
-    design = aw.design_gains(scenario(), "pole-placement", poses=300)
+    design = aw.loops.design_gains(scenario(), "pole-placement", poses=300)
     beaten = {name: law() for name, law in BEATEN.items()} | {"designed": replace(BY_HAND, **design.gains)}
     table = judged({"textbook": textbook(), **beaten, "tuned": TUNED}, lanes=60, seed=2)
     for name in ("rms error [mrad]", "peak error [mrad]", "noise gain [A/rad]"):

@@ -62,7 +62,7 @@ def read(folder, table):
 
 @pytest.fixture(scope="module")
 def tuned(tmp_path_factory):
-    return aw.tune(read(tmp_path_factory.mktemp("tuning"), TABLE.format(generations=5)))
+    return aw.tuning.tune(read(tmp_path_factory.mktemp("tuning"), TABLE.format(generations=5)))
 
 
 def test_the_table_says_what_is_searched(tuned):
@@ -83,7 +83,7 @@ def test_a_designed_start_keeps_the_margins_and_is_beaten_on_every_objective(tun
     assert tuned.start["kp"].tolist() != [600.0, 120.0]
     assert tuned.improved
     assert all(after <= before for before, after in tuned.objectives.values())
-    margins = aw.LinearLoop(tuned.scenario).margins(np.random.default_rng(5).uniform(-2.0, 2.0, (30, 2)))
+    margins = aw.loops.LinearLoop(tuned.scenario).margins(np.random.default_rng(5).uniform(-2.0, 2.0, (30, 2)))
     assert margins.phase.min() > 0.69
     assert margins.gain_up.min() > 1.98
 
@@ -95,7 +95,7 @@ def test_nothing_that_was_tried_surpasses_the_front_and_all_of_it_keeps_the_marg
         assert not ((values <= values[k]).all(axis=1) & (values < values[k]).any(axis=1)).any()
     kp, kd = (aw.Batch(tuned.tried.gains[front][:, part]) for part in (slice(0, 2), slice(2, 4)))
     batch = replace(tuned.scenario.controller, kp=kp, kd=kd)
-    loop = aw.LinearLoop(replace(tuned.scenario, loop=replace(tuned.scenario.loop, controller=batch)))
+    loop = aw.loops.LinearLoop(replace(tuned.scenario, loop=replace(tuned.scenario.loop, controller=batch)))
     for q in np.random.default_rng(6).uniform(-2.0, 2.0, (6, 2)):
         assert loop.keeps(loop.slopes(q, loop.gains), 1.98, 0.69).all()
     with pytest.raises(aw.ArmwrightError, match="two objectives"):
@@ -117,7 +117,7 @@ def test_the_front_is_drawn(tuned, tmp_path):
 
 
 def test_what_python_states_comes_before_the_file(tmp_path):
-    found = aw.tune(
+    found = aw.tuning.tune(
         read(tmp_path, TABLE.format(generations=5)), start="scenario", generations=1, front=0, phase_margin=0.4,
         draws={"mass": 0.1}, improve_each=False,
     )  # fmt: skip
@@ -160,7 +160,7 @@ def test_a_wrong_table_is_refused_when_the_file_is_read(tmp_path, table, words):
 
 
 def test_the_example_s_table_is_searched_over_its_lanes():
-    found = aw.tune(EXAMPLES / "robust.scenario.toml", generations=1, candidates=4, poses=20)
+    found = aw.tuning.tune(EXAMPLES / "robust.scenario.toml", generations=1, candidates=4, poses=20)
     assert found.lanes == (32, 32)
     assert set(found.objectives) == {"rms_error", "peak_error", "noise_gain"}
     assert found.searched == ("position_kp", "speed_ki")
@@ -171,14 +171,14 @@ def test_the_example_s_table_is_searched_over_its_lanes():
 
 def test_a_front_needs_two_objectives(tmp_path):
     with pytest.raises(aw.ArmwrightError, match="single objective"):
-        aw.tune(
+        aw.tuning.tune(
             read(tmp_path, "poses = 50\nlanes = 4\ngenerations = 1\nfront = 2\nobjectives = { rms_error = 1 }"),
         )
 
 
 def test_differential_evolution_gets_better_too_and_repeats_itself(tmp_path):
     scenario = read(tmp_path, "poses = 100\nlanes = 12\ngenerations = 5\nmethod = 'differential-evolution'")
-    found, again = aw.tune(scenario), aw.tune(scenario)
+    found, again = aw.tuning.tune(scenario), aw.tuning.tune(scenario)
     assert found.improved
     assert found.score[1] < 0.9 * found.score[0]
     assert all(np.array_equal(found.gains[name], again.gains[name]) for name in found.gains)
@@ -193,9 +193,9 @@ def test_a_cluster_gives_the_same_bits(tmp_path):
     assert scenario.loop is not None
     noisy = replace(scenario, loop=replace(scenario.loop, sensors=aw.Sensors(position_noise=1e-4)))
     few: dict[str, Any] = {"poses": 50, "lanes": 8, "generations": 1, "candidates": 4}
-    here = aw.tune(noisy, **few)
+    here = aw.tuning.tune(noisy, **few)
     with connected() as client:
-        there = aw.tune(noisy, **few, client=client)
+        there = aw.tuning.tune(noisy, **few, client=client)
     assert np.array_equal(here.history, there.history)
     assert here.score == there.score
 
@@ -206,12 +206,12 @@ def test_margins_out_of_reach_say_which_delay_or_period_would_do():
     loop = aw.Loop(law, reference=[0.3, 0.2], period=2e-3, timing=timing)
     scenario = aw.Scenario(aw.load("two-link"), duration=0.2, loop=loop)
     with pytest.raises(aw.ArmwrightError, match="no gains found") as caught:
-        aw.tune(scenario, {"kp": 1.01}, generations=1, lanes=4, poses=50, phase_margin=np.radians(35.0))
+        aw.tuning.tune(scenario, {"kp": 1.01}, generations=1, lanes=4, poses=50, phase_margin=np.radians(35.0))
     text = str(caught.value)
     assert "a delay of" in text
     delay = float(text.split("a delay of ")[1].split(" ms")[0]) * 1e-3
-    linear = aw.LinearLoop(scenario)
-    q = aw.joint_inertias(scenario.arm, 50, 0)
+    linear = aw.loops.LinearLoop(scenario)
+    q = aw.loops.joint_inertias(scenario.arm, 50, 0)
     q = q.q[q.extremes()]
     for factor, kept in ((0.97, True), (1.05, False)):
         late = linear.with_delay(factor * delay)
@@ -225,4 +225,4 @@ def test_a_start_that_fails_in_a_lane_is_named():
     light = {"forearm.mass_kg": aw.Batch([4.0, 4.0, 4.0, 4.0])}
     wild = replace(one, vary=light, start=aw.Start(qd=aw.Batch([[0.0, 0.0], [0.0, 0.0], [1e200, 0.0], [0.0, 0.0]])))
     with pytest.raises(aw.ArmwrightError, match=r"no finite rms_error in 1 of 2 lanes"):
-        aw.tune(wild, generations=1, poses=50)
+        aw.tuning.tune(wild, generations=1, poses=50)

@@ -19,7 +19,7 @@ def scenario(kp=(600.0, 120.0), kd=(60.0, 10.0), period=2e-3, **more):
 
 
 def quick(found, gains=None, *, lanes=16, generations=6, poses=100, **more):
-    return aw.tune(found, gains, lanes=lanes, generations=generations, poses=poses, **more)
+    return aw.tuning.tune(found, gains, lanes=lanes, generations=generations, poses=poses, **more)
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +45,7 @@ def test_a_detuned_controller_gets_better_on_lanes_that_nobody_tuned_in(result):
 
 
 def test_the_returned_gains_keep_the_margins_at_poses_of_another_draw(result):
-    loop = aw.LinearLoop(result.scenario)
+    loop = aw.loops.LinearLoop(result.scenario)
     margins = loop.margins(np.random.default_rng(5).uniform(-2.0, 2.0, (40, 2)))
     # asked for at extreme poses: a factor of 2 and 30°
     assert margins.radius.max() < 1.0
@@ -59,7 +59,7 @@ def test_without_the_margin_better_gains_exist_so_that_it_binds(result):
     tight = quick(scenario(), phase_margin=np.radians(55.0))
     assert free.score[1] < tight.score[1]
     q = np.random.default_rng(5).uniform(-2.0, 2.0, (40, 2))
-    assert np.degrees(aw.LinearLoop(tight.scenario).margins(q).phase.min()) > 54.0
+    assert np.degrees(aw.loops.LinearLoop(tight.scenario).margins(q).phase.min()) > 54.0
 
 
 def test_a_seed_gives_the_same_gains_and_numpys_global_numbers_stay(result):

@@ -61,7 +61,7 @@ def test_start_and_reference_are_moved_together_within_the_limits():
     arm = aw.load("lwa4p")
     high = np.array([body.limits.position[1] for body in arm.coordinates])
     start, end = high - 0.5, high - 0.05
-    motion = aw.Quintic(start=start, goal=end, duration=0.3)
+    motion = aw.trajectories.Quintic(start=start, goal=end, duration=0.3)
     one = aw.Scenario(arm, duration=0.4, start=start, loop=aw.Loop(aw.JointPID(kp=10.0), reference=motion, period=4e-3))
     found = drawn(one, {"poses": 0.3})
     assert found.loop is not None

@@ -48,7 +48,7 @@ def test_a_drive_that_no_longer_answers_is_no_clean_verdict(arm, bus):
     """Of 200 cycles node 4 answers the first 120."""
     import can
 
-    shadow = aw.ArmShadow(arm, deviation=1e3)
+    shadow = aw.shadow.ArmShadow(arm, deviation=1e3)
     with BusListener(arm, bus, period=PERIOD) as listener, can.Bus(interface="virtual", channel=bus[8:]) as sender:
         for k in range(200):
             sender.send(can.Message(arbitration_id=0x80, is_extended_id=False))
@@ -64,7 +64,7 @@ def test_a_drive_that_no_longer_answers_is_no_clean_verdict(arm, bus):
 def test_a_payload_of_the_twin_is_noticed_over_the_bus(scenario, arm, bus):
     """The drives' own controller does not know of the payload either; torques come in thousandths, positions in counts."""
     heavy = replace(scenario, inputs=aw.Inputs(payload=aw.Payload(0.4, 2.0, np.zeros(3), np.zeros((3, 3)))))
-    shadow, heard = aw.ArmShadow(arm, deviation=[1.0, 0.3]), []
+    shadow, heard = aw.shadow.ArmShadow(arm, deviation=[1.0, 0.3]), []
     with BusListener(arm, bus, period=PERIOD) as listener:
 
         def listen():

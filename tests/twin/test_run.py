@@ -28,7 +28,7 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 def lwa4p():
     """The tuned controller of the LWA 4P at 4 ms, which loses 2 % of the samples, with a planned motion that it follows."""
     scenario = aw.read_scenario(EXAMPLES / "bus-4ms.scenario.toml")
-    motion = aw.plan(EXAMPLES / "motions" / "throw.motion.toml").motion
+    motion = aw.trajectories.plan(EXAMPLES / "motions" / "throw.motion.toml").motion
     loop = replace(scenario.loop, reference=motion)
     return replace(scenario, lanes=None, vary={}, duration=1.2, start=motion.motions[0].start, loop=loop)
 

@@ -157,7 +157,7 @@ def commands_of(arm: Model, schedule: Path | None, constants: dict[str, str | No
         expected = f"one of --schedule FILE and {usual} {','.join(units)}"
         raise ScenarioError(f"{what} given", place=arm.name, expected=expected)
     if schedule is not None:
-        return aw.read_schedule(schedule, arm.names, units)
+        return aw.simulation.read_schedule(schedule, arm.names, units)
     name, text = next(iter(options.items()))
     for body in arm.coordinates:
         if name not in ("command", body.drive.command):

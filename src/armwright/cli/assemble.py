@@ -86,7 +86,7 @@ def _one(source: str, output: Path | None, unused: dict[str, Any]) -> None:
     for name, value in unused.items():
         if value is not None:
             raise ScenarioError("goes with --all, not with a file", place=f"assemble {name}")
-    record = aw.assemble(source, folder=None if output is None else output.parent)
+    record = aw.modules.assemble(source, folder=None if output is None else output.parent)
     arm = build_model(record)
     if output is not None:
         write_toml(record, output)
@@ -112,17 +112,17 @@ def _all(modules: str, task: Path | None, rules: dict[str, int], output: Path | 
     from armwright.cli.progress import progress
     from armwright.cli.tables import console_for_tables
 
-    library = aw.read_modules(modules)
-    wanted = None if task is None else aw.read_task(task)
+    library = aw.modules.read_modules(modules)
+    wanted = None if task is None else aw.modules.read_task(task)
     if output is not None and output.suffix == ".toml" and wanted is None:
         raise ScenarioError("an arm as .toml needs --task FILE to find the best", file=output, expected=".csv")
     with progress(f"{library.name}: assembling") as tell:
         if wanted is None:
-            result = aw.enumerate_assemblies(library, **rules, progress=tell)
+            result = aw.modules.enumerate_assemblies(library, **rules, progress=tell)
             heads, rows = _figures(result.candidates)
             best, open_ = result.candidates[0].assembly, result.total
         else:
-            result = aw.rank_assemblies(library, wanted, **rules, progress=tell)
+            result = aw.modules.rank_assemblies(library, wanted, **rules, progress=tell)
             heads, rows = _ranks(result.ranked)
             if not result.ranked:
                 what = f"none of the {result.total} arms is long enough for its furthest pose"
@@ -186,7 +186,7 @@ def _write(output: Path, library: ModuleLibrary, best: Assembly, heads: tuple[st
     from armwright.output import whole_file
 
     if output.suffix == ".toml":
-        write_toml(aw.assemble(best, [library]), output)
+        write_toml(aw.modules.assemble(best, [library]), output)
         return
     with whole_file(output) as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
         csv.writer(file, lineterminator="\n").writerows([heads, *rows])

@@ -35,7 +35,7 @@ def check(
     from armwright.robotfiles.check import CHECKS
 
     try:
-        report = aw.check(robot)
+        report = aw.robotfiles.check(robot)
     except ArmwrightError as error:
         say(f"armwright: error: {_with_lines(error.problems, str(error).splitlines()[0])}", err=True)
         raise typer.Exit(2) from None

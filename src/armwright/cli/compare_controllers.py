@@ -74,7 +74,9 @@ def compare_controllers(
     first = next(iter(found.values()))
     motions = {name: _motion(path, first.arm, allow) for name, path in _names(motion, None).items()}
     with progress("comparing controllers"):
-        comparison = aw.compare_controllers(first, found, motions, _payloads(payload), runs, band=band, settle=settle)
+        comparison = aw.loops.compare_controllers(
+            first, found, motions, _payloads(payload), runs, band=band, settle=settle
+        )
     screen = console_for_tables()
     title = f"{first.arm.name}: joints, the worst of each case; {comparison.runs} runs each, settled within {band:g} rad | m"
     for name, (heads, rows) in ((title, comparison.joint_rows()), ("tool off its path", comparison.tool_rows())):
@@ -110,8 +112,8 @@ def _motion(path: Path, arm: Model, allow: list[Path] | None) -> Any:
     import armwright as aw
 
     if path.suffix.lower() in (".csv", ".nc"):
-        return aw.load_motion(path, arm)
-    plan = aw.plan(path, allow=allow or ())
+        return aw.trajectories.load_motion(path, arm)
+    plan = aw.trajectories.plan(path, allow=allow or ())
     if plan.arm.names != arm.names:
         raise ScenarioError(
             f"a motion of {plan.arm.name}", place="robot", expected=f"{arm.name}, as in the scenarios", file=str(path)

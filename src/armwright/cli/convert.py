@@ -45,7 +45,7 @@ def convert(
     """
     import armwright as aw
 
-    done = aw.convert(source, target, **({} if smoothing is None else {"smoothing": smoothing}))
+    done = aw.robotfiles.convert(source, target, **({} if smoothing is None else {"smoothing": smoothing}))
     for path in done.written:
         say(f"wrote {path}")
     for line in done.lost:

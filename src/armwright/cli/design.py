@@ -103,7 +103,7 @@ def design(
         found = _from_its_start(following(found, reference, scenario))
     wanted = None if bandwidth is None else _numbers(bandwidth, found.arm)
     with progress(f"gains of {Path(scenario).name}"):
-        designed = aw.design_gains(
+        designed = aw.loops.design_gains(
             found, method, bandwidth=wanted, damping=damping, gain_margin=gain_margin,
             phase_margin=math.radians(phase_margin), poses=poses, seed=seed,
         )  # fmt: skip

@@ -32,7 +32,7 @@ def diff(a: Annotated[str, _arm("first")], b: Annotated[str, _arm("second")]) ->
     """
     import armwright as aw
 
-    difference = aw.diff(a, b)
+    difference = aw.robotfiles.diff(a, b)
     console = console_for_tables()
     if not difference:
         console.print(f"{difference.a} and {difference.b}: every parameter and every source is the same")

@@ -111,7 +111,7 @@ def arm(
         tell(done, total)
 
     with as_options(*options), progress(f"designing a motion of {model.name}") as tell:
-        found = aw.design_excitation(
+        found = aw.identification.design_excitation(
             model, period=period, harmonics=harmonics, starts=starts, criterion=criterion,  # type: ignore[arg-type]
             box=box, seed=seed, progress=shown, **limits,
         )  # fmt: skip
@@ -119,7 +119,7 @@ def arm(
     found.save(output, rate)
     say(f"wrote {output}")
     if plot is not None:
-        aw.plot_experiment(found, plot)
+        aw.identification.plot_experiment(found, plot)
         say(f"wrote {plot}")
 
 
@@ -165,12 +165,12 @@ def motor(
     given = {name: value for name, value in options.items() if value is not None}
     guess = _guess(robot, joint, given)
     with as_options("seed", period="--sample"):
-        found = aw.motor_experiment(kind, guess, period=sample, seed=seed)
+        found = aw.identification.motor_experiment(kind, guess, period=sample, seed=seed)
     say(found)
     found.save(output)
     say(f"wrote {output}")
     if plot is not None:
-        aw.plot_experiment(found, plot)
+        aw.identification.plot_experiment(found, plot)
         say(f"wrote {plot}")
 
 
@@ -182,7 +182,7 @@ def _guess(robot: str | None, joint: str | None, given: dict[str, Any]) -> Motor
 
     try:
         if robot is not None:
-            return replace(aw.MotorGuess.of(aw.load(robot), joint, most=given.get("most")), **given)
+            return replace(aw.identification.MotorGuess.of(aw.load(robot), joint, most=given.get("most")), **given)
         needed = [name for name in ("gain", "time_constant", "most") if name not in given]
         if needed:
             options = ", ".join(f"--{name.replace('_', '-')}" for name in needed)
@@ -191,6 +191,6 @@ def _guess(robot: str | None, joint: str | None, given: dict[str, Any]) -> Motor
             )
         if joint is not None:
             given["joint"] = joint
-        return aw.MotorGuess(**given)
+        return aw.identification.MotorGuess(**given)
     except ScenarioError as error:
         raise error.renamed(lambda place: place.replace("MotorGuess.", "--").replace("_", "-")) from None

@@ -104,7 +104,7 @@ def controller(
             real = "float" if single else "double"
             options = {"real": real, "counts": counts, "ram": ram, "flash": flash}
             with as_options("name", "gains", "counts", "ram", "flash"):
-                exported = aw.export_controller(read, output, name=name, gains=fields, **options)
+                exported = aw.export.export_controller(read, output, name=name, gains=fields, **options)
         except ScenarioError as error:  # which does not know the file
             raise error.renamed(key_in_file, keys_in_text).within(file=scenario) from None
     for path in exported.paths:
@@ -149,7 +149,7 @@ def ros2(
     import armwright as aw
 
     with as_options("command", "rate", "hardware"):
-        exported = aw.export_ros2(aw.load(robot), output, command=command, rate=rate, hardware=hardware)
+        exported = aw.export.export_ros2(aw.load(robot), output, command=command, rate=rate, hardware=hardware)
     for path in exported.paths:
         say(f"wrote {path}")
     for line in exported.lost:
@@ -205,7 +205,7 @@ def fmu(
     with progress("exporting the FMU"):
         try:
             with as_options("part", "interface", "name", "platforms", version="--fmi"):
-                exported = aw.export_fmu(
+                exported = aw.export.export_fmu(
                     given, output, part=part, version=version, interface=interface, name=name, platforms=asked
                 )
         except ScenarioError as error:  # which does not know the file

@@ -96,8 +96,8 @@ def arm(
         check_destination(report, (".html",))
     model = None if robot is None else aw.load(robot, kinematics_only=kinematics_only)
     with progress(f"reading {file.name}") as tell:
-        log = aw.read_log(file, progress=tell)
-    found = aw.identify_arm(
+        log = aw.identification.read_log(file, progress=tell)
+    found = aw.identification.identify_arm(
         log, model, method=method, friction=_words(friction), springs=_words(springs), stribeck_speed=stribeck_speed,
         lacks=None if lacks is None else _words(lacks), cutoff=cutoff, decimate=decimate,
         feedback=_feedback(feedback), forgetting=forgetting,
@@ -108,13 +108,15 @@ def arm(
         found.write(output)
         say(f"wrote {output}")
     if report is not None:
-        compared = None if output is None else aw.validate(output, log, simulation=False)
+        compared = None if output is None else aw.identification.validate(output, log, simulation=False)
         formulas = [
             (name, formula)
             for name, formula in zip(found.estimate.names, found.formulas, strict=True)
             if name != formula
         ]
-        aw.write_report(report, f"{log.title}: arm", found.estimate, compared, definitions("Regrouping", formulas))
+        aw.identification.write_report(
+            report, f"{log.title}: arm", found.estimate, compared, definitions("Regrouping", formulas)
+        )
         say(f"wrote {report}")
     if found.verdict != "identified":
         raise typer.Exit(NOT_IDENTIFIED)

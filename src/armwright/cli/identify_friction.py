@@ -57,10 +57,10 @@ def friction(
         check_destination(output, (".toml",), read=(file, robot))
     if report is not None:
         check_destination(report, (".html",))
-    arm, log = aw.load(robot), aw.read_log(file)
-    preparation = None if cutoff is None else aw.choose_preparation(log, cutoff=cutoff)
+    arm, log = aw.load(robot), aw.identification.read_log(file)
+    preparation = None if cutoff is None else aw.identification.choose_preparation(log, cutoff=cutoff)
     warm = _warming(warming, [run.name for run in log.runs])
-    found = aw.identify_friction(log, arm, preparation=preparation, warming=warm)
+    found = aw.identification.identify_friction(log, arm, preparation=preparation, warming=warm)
     if table:
         rows = [
             [body.joint, *map(number, line)]
@@ -70,10 +70,10 @@ def friction(
         console_for_tables().print(shown_table("Friction over speed", HEADS, rows, HEADS[:1]))
     say(found)
     if output is not None:
-        aw.write_into(with_identified_friction(arm, found), found, output, key="friction")
+        aw.identification.write_into(with_identified_friction(arm, found), found, output, key="friction")
         say(f"wrote {output}")
     if report is not None:
-        aw.write_report(report, f"{log.title}: friction", found)
+        aw.identification.write_report(report, f"{log.title}: friction", found)
         say(f"wrote {report}")
     if found.verdict != "identified":
         raise typer.Exit(NOT_IDENTIFIED)

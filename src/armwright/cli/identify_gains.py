@@ -69,17 +69,19 @@ def gains(
         for (i, j), value in zip(TENSOR, moments, strict=True):
             tensor[i, j] = tensor[j, i] = value
     arm = aw.load(robot, kinematics_only=kinematics_only)
-    logs = [aw.read_log(each) for each in (file, loaded)]
-    preparation = None if cutoff is None else [aw.choose_preparation(each, cutoff=cutoff) for each in logs]
-    found = aw.identify_drive_gains(
+    logs = [aw.identification.read_log(each) for each in (file, loaded)]
+    preparation = (
+        None if cutoff is None else [aw.identification.choose_preparation(each, cutoff=cutoff) for each in logs]
+    )
+    found = aw.identification.identify_drive_gains(
         logs[0], logs[1], arm, mass, centre, tensor, mass_std=mass_std, frame=frame, preparation=preparation
     )
     say(found)
     if report is not None:
-        aw.write_report(report, f"{logs[1].title}: drive gains", found)
+        aw.identification.write_report(report, f"{logs[1].title}: drive gains", found)
         say(f"wrote {report}")
     if output is not None and np.asarray(found.identifiable).any():
-        aw.write_into(arm, found, output, key="gains")
+        aw.identification.write_into(arm, found, output, key="gains")
         say(f"wrote {output}")
     if found.verdict != "identified":
         raise typer.Exit(NOT_IDENTIFIED)

@@ -86,17 +86,17 @@ def show_linear(
         check_destination(report, (".html",))
     if picture is not None:
         check_linear_plot(picture)
-    log = aw.read_log(file)
+    log = aw.identification.read_log(file)
     found = fit_linear(log, model, order=order, delay=delay, select=select, input=input, output=output, joint=joint)
     say(found)
     if picture is not None:
         plot_linear(log, found, picture, joint)
         say(f"wrote {picture}")
-    if report is not None and isinstance(found, aw.LinearModel):
+    if report is not None and isinstance(found, aw.identification.LinearModel):
         coefficients = definitions("Coefficients", _coefficients(found))
-        aw.write_report(report, f"{log.title}: {model}", found.estimate(), sections=coefficients)
+        aw.identification.write_report(report, f"{log.title}: {model}", found.estimate(), sections=coefficients)
         say(f"wrote {report}")
-    if isinstance(found, aw.LinearModel) and found.verdict != "identified":
+    if isinstance(found, aw.identification.LinearModel) and found.verdict != "identified":
         raise typer.Exit(NOT_IDENTIFIED)
 
 

@@ -104,7 +104,7 @@ def motor(
     if report is not None:
         check_destination(report, (".html",), read=(file, robot, static))
     with progress("fitting") as tell:
-        found = aw.identify_motor(
+        found = aw.identification.identify_motor(
             file,
             robot,
             joint=joint,
@@ -127,7 +127,9 @@ def motor(
     if report is not None:
         from armwright.identification.motor.page import plots
 
-        say(f"wrote {aw.write_report(report, f'{file.name}: motor', found.estimate, sections=plots(found))}")
+        say(
+            f"wrote {aw.identification.write_report(report, f'{file.name}: motor', found.estimate, sections=plots(found))}"
+        )
     if found.estimate.verdict != "identified":
         raise typer.Exit(NOT_IDENTIFIED)
 

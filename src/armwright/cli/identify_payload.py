@@ -53,17 +53,17 @@ def payload(
     if report is not None:
         check_destination(report, (".html",))
     arm = aw.load(robot)
-    logs = [aw.read_log(each) for each in (file, loaded) if each is not None]
-    preparation = None if cutoff is None else aw.choose_preparation(logs[0], cutoff=cutoff)
-    found = aw.identify_payload(
+    logs = [aw.identification.read_log(each) for each in (file, loaded) if each is not None]
+    preparation = None if cutoff is None else aw.identification.choose_preparation(logs[0], cutoff=cutoff)
+    found = aw.identification.identify_payload(
         logs[0], arm, loaded_log=logs[1] if len(logs) > 1 else None, frame=frame, preparation=preparation
     )
     say(found)
     if report is not None:
-        aw.write_report(report, f"{logs[0].title}: payload", found)
+        aw.identification.write_report(report, f"{logs[0].title}: payload", found)
         say(f"wrote {report}")
     if found.verdict != "identified":
         raise typer.Exit(NOT_IDENTIFIED)
     if output is not None:
-        aw.write_into(with_identified_payload(arm, found, frame), found, output, key="payload")
+        aw.identification.write_into(with_identified_payload(arm, found, frame), found, output, key="payload")
         say(f"wrote {output}")

@@ -49,7 +49,7 @@ def log(
     if picture is not None:
         check_log_plot(picture)
     with progress(f"reading {file.name}") as tell:
-        found = aw.read_log(file, on_error="keep", progress=tell)
+        found = aw.identification.read_log(file, on_error="keep", progress=tell)
     with as_options("run"):
         found.run(run)
     console = console_for_tables()

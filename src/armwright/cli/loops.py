@@ -74,7 +74,7 @@ def loops(
         check_destination(out, (".toml",), read=(scenario,))
     found = aw.read_scenario(scenario, allow=allow or ())
     with progress(f"loops of {scenario.name}"):
-        analysis = aw.analyse_loops(
+        analysis = aw.loops.analyse_loops(
             found, poses, seed=seed, gain_margin=gain_margin, phase_margin=math.radians(phase_margin)
         )
         regions, delays = _regions(found, analysis) if plot is not None or report is not None else ([], [])

@@ -43,7 +43,9 @@ def robot(
     """
     import armwright as aw
 
-    notes = aw.new_robot(target, source, joints=joints, command=command, **({} if drive is None else {"drive": drive}))
+    notes = aw.robotfiles.new_robot(
+        target, source, joints=joints, command=command, **({} if drive is None else {"drive": drive})
+    )
     say(f"wrote {target}")
     for line in notes:
         say(f"note: {line}")

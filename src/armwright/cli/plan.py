@@ -48,7 +48,7 @@ def plan(
         check_destination(plot, PICTURES, read=(file,))
     if not 0.1 <= rate <= 1e6:
         raise ScenarioError(place="--rate", value=rate, expected="0.1 … 1e6 Hz")
-    found = aw.plan(file, allow=allow or ())
+    found = aw.trajectories.plan(file, allow=allow or ())
     say(found)
     if output is not None:
         found.save(output, rate)

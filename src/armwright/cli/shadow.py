@@ -104,9 +104,9 @@ def shadow(
         check_report(report)
     log = Path(source)
     with progress(f"reading {log.name}"):
-        read = aw.read_log(log)
+        read = aw.identification.read_log(log)
     with as_options("run", "robot", "deviation", "factor"), progress(f"beside {log.name}", "rows") as tell:
-        found = aw.shadow_log(read, robot, runs=run, deviation=deviations, factor=factor, progress=tell)
+        found = aw.shadow.shadow_log(read, robot, runs=run, deviation=deviations, factor=factor, progress=tell)
     if live:
         from armwright.cli.shadow_live import replay
 

@@ -192,7 +192,7 @@ def following(scenario: Scenario, reference: Path, file: str) -> Scenario:
     if scenario.loop is None:
         raise ScenarioError("without a loop", place="--reference", value=str(reference), expected="[loop]", file=file)
     if reference.name.endswith(MOTION):
-        plan = aw.plan(reference)
+        plan = aw.trajectories.plan(reference)
         if (plan.arm.name, *plan.arm.names) != (scenario.arm.name, *scenario.arm.names):
             expected = f"a motion of {scenario.arm.name}"
             raise ScenarioError(
@@ -200,7 +200,7 @@ def following(scenario: Scenario, reference: Path, file: str) -> Scenario:
             )
         motion = plan.motion
     else:
-        motion = aw.load_motion(reference, scenario.arm)
+        motion = aw.trajectories.load_motion(reference, scenario.arm)
     return replace(scenario, loop=replace(scenario.loop, reference=motion))
 
 
@@ -221,7 +221,7 @@ def _run(
         if output is not None:
             aw.save(run, output)
         if output is not None and log is not None and not stopped:
-            aw.write_log(run, output, log, scenario.arm, hold_out=hold_out)
+            aw.identification.write_log(run, output, log, scenario.arm, hold_out=hold_out)
         if plot is not None:
             aw.plot(run, plot)
     _show(scenario, run, spent, [path for path in (output, None if stopped else log, plot) if path is not None])

@@ -99,7 +99,7 @@ def step_study(
     named = ("solver.integrator", "accuracies", "steps") if robot.endswith(SCENARIO) else ()
     with naming_options(*named), progress(f"trying steps for {scenario.arm.name}"):
         start = time.perf_counter()
-        study = aw.step_study(scenario, steps=steps, accuracies=_accuracies(accuracy))
+        study = aw.simulation.step_study(scenario, steps=steps, accuracies=_accuracies(accuracy))
         spent = time.perf_counter() - start
     _show(study, spent)
 

@@ -36,7 +36,7 @@ def sweep(
     """Simulate millions of lanes of a scenario in chunks, and store a few results of each.
 
     If the store exists, only missing and damaged chunks are simulated: after Ctrl-C, or any kill, the same command
-    continues. The bits of the results do not depend on chunks, workers and their order. `aw.load_sweep` reads them.
+    continues. The bits of the results do not depend on chunks, workers and their order. `aw.sweeps.load_sweep` reads them.
 
     Exit code: 0 all lanes are done, 1 chunks failed, 2 bad input, or the store cannot be written.
 
@@ -52,7 +52,7 @@ def sweep(
     if not scenario.name.endswith(SCENARIO):
         raise ScenarioError(place="SCENARIO", value=str(scenario), expected=f"a file that ends in {SCENARIO}")
     if verify:
-        stored = aw.load_sweep(output, verify=True).attrs
+        stored = aw.sweeps.load_sweep(output, verify=True).attrs
         console(soft_wrap=True).print(
             f"{output}: {stored['lanes_finished']:,} of {stored['lanes']:,} lanes are as written"
         )
@@ -65,7 +65,7 @@ def sweep(
             as_options("lanes", "chunk", "retries", "scheduler"),
             progress(f"sweeping {made.arm.name}", "lanes") as tell,
         ):
-            done = aw.sweep(
+            done = aw.sweeps.sweep(
                 made, output, lanes=lanes, client=scheduler, chunk=chunk, rows=rows, retries=retries, progress=tell
             )
     except ScenarioError as error:  # of the run, which does not know the file

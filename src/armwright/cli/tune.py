@@ -106,7 +106,7 @@ def tune(
     )
     cluster = contextlib.nullcontext() if scheduler is None else connected(None if scheduler == "local" else scheduler)
     with cluster as client, progress(f"tuning {scenario.name}") as shown:
-        result = aw.tune(
+        result = aw.tuning.tune(
             found,
             gains,
             start=start,

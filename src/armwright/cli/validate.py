@@ -69,7 +69,7 @@ def validate(
         subject, record = robot, None
     check_verdict(record or robot)
     with as_options("window", "run"), progress(f"comparing {robot} with {log.name}") as tell:
-        found = aw.validate(
+        found = aw.identification.validate(
             subject,
             log,
             limits=limits,

@@ -45,7 +45,7 @@ def workspace(
         check_destination(output, (*ENDINGS, ".nc"), read=(robot,))
     arm = aw.load(robot, kinematics_only=True)
     with progress(f"workspace of {arm.name}"):
-        found = aw.workspace(arm, samples, frame=frame, aim=aim, length=length, seed=seed)
+        found = aw.kinematics.workspace(arm, samples, frame=frame, aim=aim, length=length, seed=seed)
         if output is not None and output.suffix.lower() == ".nc":
             with whole_file(output, (".nc",)) as temporary:
                 found.to_netcdf(temporary, engine="h5netcdf")

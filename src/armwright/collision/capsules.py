@@ -10,6 +10,7 @@ import numpy as np
 
 from armwright import scalar
 from armwright.description.robot import Link
+from armwright.entry import AnyArm, as_arm
 from armwright.errors import DescriptionError, ModelError, RunError
 from armwright.model import BASE, Model
 from armwright.solids.mesh import Mesh
@@ -41,7 +42,7 @@ class Capsule:
         return np.pi * self.radius**2 * (float(np.linalg.norm(self.b - self.a)) + 4.0 / 3.0 * self.radius)
 
 
-def link_capsules(arm: Model, radius: float | Mapping[str, float] | None = None, most: int = 3) -> tuple[Capsule, ...]:
+def link_capsules(arm: AnyArm, radius: float | Mapping[str, float] | None = None, most: int = 3) -> tuple[Capsule, ...]:
     """Capsules around an arm's links, at most `most` for each link: from its shapes if it has any, else from joint to joint.
 
     Args:
@@ -49,9 +50,12 @@ def link_capsules(arm: Model, radius: float | Mapping[str, float] | None = None,
         radius: [m] of the links that have no shapes, from the axis of their joint to those of the next ones and to the frames
             that they carry; one number, or link → number. No number is assumed.
         most: capsules of a link; a link of many shapes has those joined whose common capsule adds the least volume.
+    Returns:
+        capsules: in the order of the links.
     Raises:
         ModelError: a link without shapes and without radius, a name that is no link.   RunError: a mesh that cannot be read.
     """
+    arm = as_arm(arm)
     links = {link.name: link for link in arm.description.links} if arm.description is not None else {}
     for name in radius if isinstance(radius, Mapping) else ():
         if name not in links:

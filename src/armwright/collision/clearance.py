@@ -16,7 +16,7 @@ from armwright.collision.distance import segment_to_segment
 from armwright.collision.obstacles import Obstacle
 from armwright.entry import AnyArm, as_arm
 from armwright.errors import ModelError, ScenarioError
-from armwright.kinematics import body_placements
+from armwright.kinematics.forward_kinematics import body_placements
 from armwright.kinematics.reach import reach
 from armwright.model import BASE, Model
 
@@ -40,7 +40,7 @@ class Nearest:
 
 
 class Clearance:
-    """Distances between an arm's links, and from them to obstacles, by capsules around the links. Made by `aw.clearance`.
+    """Distances between an arm's links, and from them to obstacles, by capsules around the links; of `clearance`.
 
     Attributes:
         arm: the arm.   obstacles: what stands around it, in base axes.

@@ -11,7 +11,8 @@ from armwright.actuators.gear import loses_power
 from armwright.dynamics.inverse import inertial_forces
 from armwright.dynamics.springs import sprung_torques
 from armwright.errors import ModelError
-from armwright.kinematics import AxialMotion, joint_motions
+from armwright.kinematics.axial_motion import AxialMotion
+from armwright.kinematics.joint_motion import joint_motions
 from armwright.model import BASE, Model, one_state_with_masses
 from armwright.scalar import Array, Scalar
 from armwright.spatial import ArticulatedInertia

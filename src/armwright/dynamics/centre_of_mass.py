@@ -6,7 +6,7 @@ import numpy as np
 
 from armwright import scalar
 from armwright.errors import ModelError
-from armwright.kinematics import body_placements
+from armwright.kinematics.forward_kinematics import body_placements
 from armwright.model import Model, one_state_with_masses
 from armwright.scalar import Array
 

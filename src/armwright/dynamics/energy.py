@@ -5,7 +5,8 @@ from __future__ import annotations
 from armwright import scalar
 from armwright.actuators.coupling import shares_of, to_motors
 from armwright.dynamics.springs import spring_potential
-from armwright.kinematics import body_placements, joint_motions
+from armwright.kinematics.forward_kinematics import body_placements
+from armwright.kinematics.joint_motion import joint_motions
 from armwright.model import BASE, Model, on_tree, one_state_with_masses
 from armwright.scalar import Array, Scalar
 from armwright.spatial import cross

@@ -8,7 +8,7 @@ from armwright import scalar
 from armwright.actuators.friction import friction_torques, link_friction
 from armwright.dynamics.gears import motor_torques, without_rotors
 from armwright.dynamics.springs import sprung_torques
-from armwright.kinematics import JointMotion, joint_motions, origin_acceleration, turning
+from armwright.kinematics.joint_motion import JointMotion, joint_motions, origin_acceleration, turning
 from armwright.model import BASE, Mimics, Model, on_tree, one_state_with_masses
 from armwright.scalar import Array
 from armwright.spatial import acceleration_tensor, cross, inertial_moment

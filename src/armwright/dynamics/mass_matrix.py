@@ -6,7 +6,7 @@ import numpy as np
 
 from armwright import scalar
 from armwright.actuators.coupling import coupled_inertia, shares_of
-from armwright.kinematics import joint_motions
+from armwright.kinematics.joint_motion import joint_motions
 from armwright.model import BASE, Mimics, Model, on_tree, one_state_with_masses
 from armwright.scalar import Array
 from armwright.spatial import cross, displaced_inertia

@@ -6,7 +6,8 @@ import numpy as np
 
 from armwright import scalar
 from armwright.actuators.springs import spring_energy, spring_torque
-from armwright.kinematics import JointMotion, body_placements, joint_motions
+from armwright.kinematics.forward_kinematics import body_placements
+from armwright.kinematics.joint_motion import JointMotion, joint_motions
 from armwright.model import Cylinder, Mimics, Model, on_tree, one_state
 from armwright.scalar import Array, Scalar
 from armwright.spatial import cross

@@ -183,7 +183,7 @@ def write_into(
         OutputError: the file cannot be written.   DescriptionError: the robot cannot be believed, with these numbers or
             without; then nothing is written.
     """
-    expect(estimate, Estimate, "estimate", "an aw.Estimate", IdentificationError)
+    expect(estimate, Estimate, "estimate", "an aw.identification.Estimate", IdentificationError)
     path = check_destination(output, (".toml",))
     text = updated_text(robot, estimate, path.parent, key)
     with whole_file(path) as temporary:

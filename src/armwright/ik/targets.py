@@ -56,7 +56,9 @@ def checked_targets(targets: Any, aim: str | Aim | None) -> tuple[np.ndarray, tu
         return poses, shape, aim or POSE
     if array.shape[-1:] != (3,) or aim not in (None, POSITION):
         expected = "(…, 4, 4) poses" + (
-            " or (…, 3) positions" if aim in (None, POSITION) else ", as aw.pose_towards(positions, direction) makes"
+            " or (…, 3) positions"
+            if aim in (None, POSITION)
+            else ", as aw.kinematics.pose_towards(positions, direction) makes"
         )
         raise ShapeError(place="targets", value=array.shape, expected=expected)
     if aim is None and array.shape[-2:] == (3, 3) and _rotations(array.reshape(-1, 3, 3)):

@@ -97,7 +97,7 @@ def robot_mass(arm: Model) -> float:
 
 def counted_chains(library: ModuleLibrary, rules: Rules, limit: int) -> tuple[list[Chain], dict[str, str]]:
     """All chains of a library, at most COUNTED of them, and the modules that are left out with the reason."""
-    expect(library, ModuleLibrary, "library", "a module library, as aw.read_modules returns", DescriptionError)
+    expect(library, ModuleLibrary, "library", "a module library, as aw.modules.read_modules returns", DescriptionError)
     if limit < 1:
         raise DescriptionError(place="limit", value=limit, expected="1 or more")
     place = f"library {library.name!r}"

@@ -10,7 +10,7 @@ import numpy as np
 from armwright import scalar
 from armwright.entry import as_arm
 from armwright.errors import Problem, RunError, ShapeError
-from armwright.kinematics import body_placements
+from armwright.kinematics.forward_kinematics import body_placements
 from armwright.model import Model
 from armwright.pictures.body_shapes import Shape, body_shapes
 from armwright.pictures.joint_figure import cylinder_figures

@@ -22,7 +22,7 @@ CONFIGURED = {
     "filter": (),
     "reference": ("arm", "model", "limits"),
 }  # what no file tells
-OF_FILES = ("PiecewisePolynomial", "Joined")  # motions that files of motions make
+OF_FILES = ("PiecewisePolynomial", "Joined", "CartesianMotion", "PathMotion")  # motions that files of motions make
 
 
 def controller_of(place: str, fields: Mapping[str, Any], arm: Model) -> Any:

@@ -129,7 +129,7 @@ def _check_same(again: Scenario, tables: Tables, lanes: Mapping[str, np.ndarray]
     what, expected = "the file would not give this back", "values that a scenario file has"
     if place.startswith("robot"):
         what, place = f"the file {found['robot'].file} does not have the scenario's arm", "robot"
-        expected = "robot=NAME or PATH of a file that has it, as aw.write_toml makes one"
+        expected = "robot=NAME or PATH of a file that has it, as aw.robotfiles.write_toml makes one"
     elif place.endswith(".file"):
         what, expected = "the file that it names has other contents now", "the file as it was read"
     raise ScenarioError(what, place=place, expected=expected, file=path)

@@ -75,11 +75,11 @@ def scenario_of(
     if steps is None and schedule is None:
         raise SessionError("missing", place="simulate steps", expected="steps=…, the number of time steps")
     if state.controller is None:
-        rows = None if schedule is None else aw.read_schedule(schedule, arm.names, joint_units(arm, "u"))
+        rows = None if schedule is None else aw.simulation.read_schedule(schedule, arm.names, joint_units(arm, "u"))
         asked = state.u if rows is None else at_dac_ticks(rows, state.dac_period)
     else:
         scale = np.array(state.controller.scale)
-        rows = None if schedule is None else aw.read_schedule(schedule, arm.names, ["V"] * arm.n)
+        rows = None if schedule is None else aw.simulation.read_schedule(schedule, arm.names, ["V"] * arm.n)
         asked = state.dac * scale if rows is None else Schedule(rows.times, rows.commands * scale, rows.names)
         steps = None if steps is None else _whole_samples(state, steps, "steps")
     if steps is None:
@@ -94,7 +94,9 @@ def scenario_of(
     if every is not None and state.controller is not None:
         rows_every = _whole_samples(state, every, "every") // _substeps(state)
     start = start_of(state, before, state.step if state.controller is None else state.dac_period)
-    if isinstance(asked, Schedule) and isinstance(start, aw.LoopState):  # the schedule's times count from here
+    if isinstance(asked, Schedule) and isinstance(
+        start, aw.simulation.LoopState
+    ):  # the schedule's times count from here
         asked = _delayed(asked, start.time)
     recording = aw.Recording(rows_every)
     if state.controller is None:
@@ -258,7 +260,7 @@ def save_run(session: Workspace, arguments: dict[str, Any]) -> list[Output]:
     return [Line(f"wrote {arguments['file']}", "good")]
 
 
-def start_of(state: State, before: xr.Dataset | None, period: float) -> aw.Start | aw.LoopState:
+def start_of(state: State, before: xr.Dataset | None, period: float) -> aw.Start | aw.simulation.LoopState:
     """Initial state of the scenario: theta and omega, or the end of the previous run.
 
     With another controller or another period only the plant and its commands continue.
@@ -275,14 +277,14 @@ def start_of(state: State, before: xr.Dataset | None, period: float) -> aw.Start
     tick = (
         end.tick if end.period == period else 0
     )  # with another period ticks count from 0; `joined_runs` shifts the times
-    return aw.LoopState(tick, period, end.single, end.entries, plant)
+    return aw.simulation.LoopState(tick, period, end.single, end.entries, plant)
 
 
-def _end_of(state: State, before: xr.Dataset | None) -> aw.LoopState | None:
+def _end_of(state: State, before: xr.Dataset | None) -> aw.simulation.LoopState | None:
     """State of the loop at the end of a run; None if theta or omega was set since, or the run does not have it."""
     if before is None or not np.array_equal((before["q"].values[-1], before["qd"].values[-1]), (state.q, state.qd)):
         return None
-    return aw.LoopState.of_run(before)
+    return aw.simulation.LoopState.of_run(before)
 
 
 def _attributes(state: State) -> dict[str, str]:

@@ -35,7 +35,7 @@ def write_shadow(path: str | os.PathLike[str], shadow: Shadow) -> Path:
     Raises:
         OutputError: the file cannot be written.
     """
-    expect(shadow, Shadow, "shadow", "what aw.shadow_log returns", LogError)
+    expect(shadow, Shadow, "shadow", "what aw.shadow.shadow_log returns", LogError)
     sections = [("Alarms", _alarms(shadow)), ("Every joint", html_table(HEADS, _escaped(shadow.rows()), (0, 1)))]
     sections.append(("Where limits come from", _list(shadow.notes)))
     runs = sorted(shadow.runs, key=lambda each: not each.alarms)[:DRAWN]

@@ -38,7 +38,7 @@ EVENTS = 12  # that are shown
 class ArmShadow:
     """A model that runs beside its arm, fed with measured rows.
 
-        shadow = aw.ArmShadow("arm.toml")
+        shadow = aw.shadow.ArmShadow("arm.toml")
         for t, q, tau in rows:                          # or blocks of any length
             for alarm in shadow.update([t], [q], [tau]):
                 print(alarm)

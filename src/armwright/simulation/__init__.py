@@ -1,1 +1,5 @@
 """Sampled simulation of an arm with its motors."""
+
+from armwright.lazy import lazy_names
+
+__getattr__, __dir__, __all__ = lazy_names(__name__)

@@ -78,7 +78,7 @@ class Simulation(LoopRunner):
         if self.scenario.controller is None:
             return ""
         start = np.asarray(self.scenario.initial_state)[:1, : self.arm.n]
-        stable = "smaller gains, if the loop is unstable (armwright loops, aw.analyse_loops)"
+        stable = "smaller gains, if the loop is unstable (armwright loops, aw.loops.analyse_loops)"
         return unstable_loop(self.scenario, start) or stable
 
     @property

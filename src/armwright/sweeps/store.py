@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 MARKS = "chunk_mark"
 LANED = "armwright_results"  # attribute with the names of the results by lane
-EXPECTED = "a store of aw.sweep, of this version"
+EXPECTED = "a store of aw.sweeps.sweep, of this version"
 OPEN, DONE, FAILED = 0, 1, 2
 ABOUT = "armwright_sweep"  # attribute with what the store was made from, as JSON
 DOCUMENT = "scenario"  # attribute with the scenario file and all that it names
@@ -346,7 +346,7 @@ def load_sweep(path: str | os.PathLike[str], *, verify: bool = False) -> xr.Data
 
     path = Path(as_path(path, "path", RunError))
     if not os.path.isdir(path):
-        raise RunError("no such folder", file=path, expected="a store of aw.sweep")
+        raise RunError("no such folder", file=path, expected="a store of aw.sweeps.sweep")
     store = SweepStore(path, verify)
     about = store.about
     run = xr.open_zarr(path, consolidated=False, chunks={}).drop_vars(MARKS)

@@ -43,7 +43,7 @@ class InputShaper(Motion):
 
     def __post_init__(self) -> None:
         if not isinstance(self.reference, Motion):
-            expected = "a motion, such as aw.Quintic(…)"
+            expected = "a motion, such as aw.trajectories.Quintic(…)"
             raise ScenarioError(place="InputShaper.reference", value=self.reference, expected=expected)
         damping = scalar.real_number(self.damping)
         if damping is None or not 0.0 <= damping < 1.0:

@@ -71,7 +71,9 @@ def check_arm(clearance: Any, arm: Model) -> None:
         ScenarioError: shows it.
     """
     if not isinstance(clearance, Clearance) or clearance.arm.names != arm.names:
-        raise ScenarioError(place="clearance", value=clearance, expected=f"aw.clearance(arm, …) of {arm.name}")
+        raise ScenarioError(
+            place="clearance", value=clearance, expected=f"aw.collision.clearance(arm, …) of {arm.name}"
+        )
 
 
 def check_clearance(arm: AnyArm, motion: AnyMotion, clearance: Clearance) -> tuple[Nearest, float]:

@@ -121,7 +121,7 @@ def check_limits(kind: str, limits: Any) -> None:
         ScenarioError: shows it.
     """
     if not isinstance(limits, MotionLimits):
-        raise ScenarioError(place=f"{kind}.limits", value=limits, expected="aw.MotionLimits.of(arm, …)")
+        raise ScenarioError(place=f"{kind}.limits", value=limits, expected="aw.trajectories.MotionLimits.of(arm, …)")
 
 
 def duration_within(motion: Any, peaks: tuple[float, float, float]) -> Any:

@@ -1,6 +1,5 @@
 """Tuning: search for the gains of a scenario's controller over many simulations, under a margin constraint."""
 
-from armwright.tuning.result import TuningResult
-from armwright.tuning.tune import tune
+from armwright.lazy import lazy_names
 
-__all__ = ["TuningResult", "tune"]
+__getattr__, __dir__, __all__ = lazy_names(__name__)

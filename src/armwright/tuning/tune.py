@@ -205,7 +205,7 @@ def _designed(
         ScenarioError: a controller around another one, whose gains are not searched for.
     """
     if hasattr(scenario.controller, "inner"):
-        expected = "start = 'scenario', or aw.design_gains, which designs the inner one"
+        expected = "start = 'scenario', or aw.loops.design_gains, which designs the inner one"
         raise ScenarioError("wraps another controller", place="loop.controller", expected=expected)
     gain, phase = margins
     name = None if method == "analytic" else method

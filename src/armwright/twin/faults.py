@@ -74,7 +74,7 @@ class Fault:
     amount: float | None = None
 
     def __post_init__(self) -> None:
-        if self.kind not in KINDS:
+        if not isinstance(self.kind, str) or self.kind not in KINDS:
             raise BusError(place="fault", value=self.kind, choices=tuple(KINDS))
         if not (self.at >= 0.0 and self.size >= 0.0):
             raise BusError(place="fault", value=str(self), expected="a time and an amount of 0 or more")

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 import armwright as aw
-from armwright.control.analysis import LinearLoop, small_signal_arm
+from armwright.control.analysis import LinearLoop
+from armwright.control.analysis.small_signal import small_signal_arm
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 WITHIN = 0.02  # of the period, between the analysis and the simulation
@@ -24,9 +25,9 @@ def bus(name):
 @pytest.fixture(scope="module", params=["4ms", "8ms"])
 def analysed(request):
     scenario = bus(request.param)
-    inertias = aw.joint_inertias(scenario.arm, 20_000)
+    inertias = aw.loops.joint_inertias(scenario.arm, 20_000)
     poses = inertias.q[inertias.extremes()]
-    period, failing = aw.longest_period(scenario, poses)
+    period, failing = aw.loops.longest_period(scenario, poses)
     worst = poses[LinearLoop(scenario, failing).radius(poses).argmax()]
     return scenario, poses, period, worst
 
@@ -57,7 +58,7 @@ def test_margins_are_kept(analysed):
 
 def test_the_simulation_becomes_unstable_at_the_period_of_the_coupled_analysis(analysed):
     scenario, _, period, worst = analysed
-    own, _ = aw.longest_period(scenario, worst)
+    own, _ = aw.loops.longest_period(scenario, worst)
     assert own == pytest.approx(period, rel=2e-3)
     assert growth(scenario, (1.0 - WITHIN) * own, worst) < 0.99
     assert growth(scenario, (1.0 + WITHIN) * own, worst) > 1.01
@@ -67,5 +68,5 @@ def test_joints_by_themselves_say_nearly_the_same(analysed):
     """Rotors behind gears of 100 and more weigh most: what the other joints do changes little. Their links alone would."""
     scenario, poses, period, _ = analysed
     for others in ("held", "free"):
-        alone, _ = aw.longest_period(scenario, poses, others=others)
+        alone, _ = aw.loops.longest_period(scenario, poses, others=others)
         assert alone == pytest.approx(period, rel=WITHIN)

@@ -7,7 +7,8 @@ import pytest
 from scipy.optimize import brentq
 
 import armwright as aw
-from armwright.control.analysis import LinearLoop, small_signal_arm, zero_order_hold
+from armwright.control.analysis import LinearLoop, zero_order_hold
+from armwright.control.analysis.small_signal import small_signal_arm
 from armwright.errors import ScenarioError
 
 PERIOD = 2e-3

@@ -7,8 +7,9 @@ import pytest
 from scipy.linalg import solve_discrete_lyapunov
 
 import armwright as aw
-from armwright.control.analysis import LinearLoop, small_signal_arm
+from armwright.control.analysis import LinearLoop
 from armwright.control.analysis.limit_cycles import rounding_factor
+from armwright.control.analysis.small_signal import small_signal_arm
 from armwright.model.drive import Friction
 
 PERIOD = 2e-3
@@ -32,7 +33,7 @@ def scenario(controller, duration=1.0, late=0.0, **sensors):
 @pytest.mark.parametrize("name", CONTROLLERS)
 def test_a_noisy_simulation_has_the_standard_deviations_of_the_norms(name):
     deviation = 1e-6
-    gain = aw.noise_gain(LinearLoop(scenario(CONTROLLERS[name])), POSE)
+    gain = aw.loops.noise_gain(LinearLoop(scenario(CONTROLLERS[name])), POSE)
     law = aw.FeedForward(CONTROLLERS[name], gravity=True) if name == "three rates" else CONTROLLERS[name]
     noisy = scenario(law, 4.0, position_noise=deviation)
     run = aw.simulate(replace(noisy, start=aw.Batch(np.tile(POSE, (64, 1)))))
@@ -57,13 +58,13 @@ def test_scipy_s_lyapunov_equation_has_the_same_norm():
     noise = entry * feedback[0, 0] + np.array([[0.0], [0.0], [1.0]])
     covariance = solve_discrete_lyapunov(whole + entry @ feedback, noise @ noise.T)
     expected = np.sqrt(feedback @ covariance @ feedback.T + feedback[0, 0] ** 2)[0, 0]
-    alone = aw.noise_gain(loop, POSE, joint=joint)
+    alone = aw.loops.noise_gain(loop, POSE, joint=joint)
     assert alone.command == pytest.approx(expected, rel=1e-9)
     assert alone.position == pytest.approx(np.sqrt(covariance[0, 0]), rel=1e-9)
 
 
 def test_an_unstable_loop_has_no_norm():
-    gain = aw.noise_gain(LinearLoop(scenario(CONTROLLERS["pid"], late=20e-3)), np.array([POSE, POSE]))
+    gain = aw.loops.noise_gain(LinearLoop(scenario(CONTROLLERS["pid"], late=20e-3)), np.array([POSE, POSE]))
     assert gain.command.shape == (2, 2, 2)
     assert np.isnan(gain.command).all()
 
@@ -82,7 +83,7 @@ def test_counts_make_a_limit_cycle_where_a_rounded_sample_is_too_large():
     largest = LinearLoop(made(1.0)).margins(pose).gain_up[1]
     for margin, swings in ((1.1, True), (2.5, False)):
         one = made(largest / margin)
-        found = aw.quantisation(LinearLoop(one), pose)
+        found = aw.loops.quantisation(LinearLoop(one), pose)
         assert found.count == pytest.approx(count)
         assert found.gain_up[1] == pytest.approx(margin, rel=1e-6)  # of PD, the same as in the command
         assert list(found.may_swing) == [False, swings]
@@ -120,7 +121,7 @@ def test_describing_functions_foresee_the_amplitude_of_counts_with_coulomb_frict
         return replace(found, arm=replace(arm, bodies=bodies), loop=replace(found.loop, reference=pose))
 
     one = made(LinearLoop(made(1.0)).margins(pose).gain_up[1] / 1.1)
-    cycle = aw.limit_cycle(LinearLoop(one), pose, 1)
+    cycle = aw.loops.limit_cycle(LinearLoop(one), pose, 1)
     assert (cycle is not None) == swings
     speed = 5.0 if cycle is None else cycle.amplitude * cycle.frequency
     run = aw.simulate(replace(one, start=aw.Start(pose, np.array([0.0, speed]))))
@@ -135,6 +136,6 @@ def test_describing_functions_foresee_the_amplitude_of_counts_with_coulomb_frict
 
 def test_a_limit_cycle_of_counts_needs_counts():
     with pytest.raises(aw.ArmwrightError, match=r"'elbow': its encoder has no counts"):
-        aw.limit_cycle(LinearLoop(scenario(CONTROLLERS["pid"])), POSE, 1)
+        aw.loops.limit_cycle(LinearLoop(scenario(CONTROLLERS["pid"])), POSE, 1)
     with pytest.raises(aw.ArmwrightError, match="one pose"):
-        aw.limit_cycle(LinearLoop(scenario(CONTROLLERS["pid"], counts=500)), [POSE, POSE], 1)
+        aw.loops.limit_cycle(LinearLoop(scenario(CONTROLLERS["pid"], counts=500)), [POSE, POSE], 1)

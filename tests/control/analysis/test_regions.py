@@ -23,7 +23,7 @@ def scenario(controller=None, period=2e-3, **timing):
 
 def test_inertias_are_the_mass_matrix_s():
     arm = aw.load("puma560")
-    found = aw.joint_inertias(arm, 200, seed=3)
+    found = aw.loops.joint_inertias(arm, 200, seed=3)
     limits = np.array([body.limits.position for body in arm.coordinates])
     assert ((found.q >= limits[:, 0]) & (found.q <= limits[:, 1])).all()
     for k in range(0, 200, 20):
@@ -40,26 +40,26 @@ def test_inertias_are_the_mass_matrix_s():
 
 def test_the_longest_period_is_where_stability_ends():
     made = scenario(preset="one-tick")
-    period, failing = aw.longest_period(made, POSES)
+    period, failing = aw.loops.longest_period(made, POSES)
     assert failing is not None
     assert 0 < failing - period < 1e-3 * period
     assert LinearLoop(made, 0.999 * period).radius(POSES).max() < 1.0 <= LinearLoop(made, failing).radius(POSES).max()
-    with_margin, _ = aw.longest_period(made, POSES, gain_margin=2.0, phase_margin=np.radians(30))
+    with_margin, _ = aw.loops.longest_period(made, POSES, gain_margin=2.0, phase_margin=np.radians(30))
     assert with_margin < period
 
 
 def test_a_loop_that_is_too_slow_is_told_the_rate_that_it_needs():
     slow = scenario(preset="one-tick", period=0.05)
     assert LinearLoop(slow).radius(POSES).max() > 1.0
-    assert aw.longest_period(slow, POSES)[0] == pytest.approx(
-        aw.longest_period(scenario(preset="one-tick"), POSES)[0], rel=1e-3
+    assert aw.loops.longest_period(slow, POSES)[0] == pytest.approx(
+        aw.loops.longest_period(scenario(preset="one-tick"), POSES)[0], rel=1e-3
     )
 
 
 def test_a_region_holds_what_margins_say():
     values = {"kp": np.geomspace(30, 3e4, 6), "kd": np.geomspace(4, 4e3, 6)}
     joint = "elbow"
-    region = aw.gain_region(scenario(preset="one-tick"), joint, values, POSES, gain_margin=2.0, phase_margin=0.5)
+    region = aw.loops.gain_region(scenario(preset="one-tick"), joint, values, POSES, gain_margin=2.0, phase_margin=0.5)
     assert region.own == (300.0, 40.0)
     assert region.units == ("N m/rad", "N m s/rad")
     assert 0 < region.keeps.sum() < region.keeps.size
@@ -75,14 +75,15 @@ def test_a_scenario_s_lanes_do_not_change_a_region():
     values = {"kp": np.geomspace(30, 3e4, 3), "kd": np.geomspace(4, 4e3, 3)}
     one = scenario(preset="one-tick")
     lanes = replace(one, vary={"forearm.mass_kg": aw.Batch([1.0, 2.0])}, start=aw.Batch(np.zeros((2, 2))))
-    regions = [aw.gain_region(each, "elbow", values, POSES).keeps for each in (one, lanes)]
+    regions = [aw.loops.gain_region(each, "elbow", values, POSES).keeps for each in (one, lanes)]
     np.testing.assert_array_equal(*regions)
 
 
 def test_regions_shrink_with_delay():
     values = {"kp": np.geomspace(30, 3e4, 12), "kd": np.geomspace(4, 4e3, 12)}
     regions = [
-        aw.gain_region(scenario(command_delay=delay), "shoulder", values, POSES).keeps for delay in (0.0, 2e-3, 6e-3)
+        aw.loops.gain_region(scenario(command_delay=delay), "shoulder", values, POSES).keeps
+        for delay in (0.0, 2e-3, 6e-3)
     ]
     assert regions[0].sum() > regions[1].sum() > regions[2].sum() > 0
 
@@ -106,31 +107,31 @@ def test_an_analysis_says_what_is_sampled():
 @pytest.mark.parametrize(
     ("call", "place"),
     [
-        (lambda: aw.gain_region(scenario(), "wrist", {"kp": [1], "kd": [1]}, POSES), "joint"),
-        (lambda: aw.gain_region(scenario(), "elbow", {"kp": [1]}, POSES), "gains"),
-        (lambda: aw.gain_region(scenario(), "elbow", {"kp": [1], "speed_kp": [1]}, POSES), "gains"),
-        (lambda: aw.longest_period(scenario(), POSES, gain_margin=0.5), "gain_margin"),
-        (lambda: aw.longest_period(scenario(), POSES, phase_margin=4), "phase_margin"),
-        (lambda: aw.joint_inertias(aw.load("two-link"), 0), "poses"),
-        (lambda: aw.longest_period(scenario(), POSES, others="moving"), "others"),
-        (lambda: aw.longest_period(None, POSES), "scenario"),
-        (lambda: aw.longest_period(scenario(), POSES[:0]), "q"),
-        (lambda: aw.longest_period(scenario(aw.JointPID(kp=aw.Batch([1.0, 2.0]))), POSES), "loop.controller"),
-        (lambda: aw.gain_region(None, "elbow", {"kp": [1], "kd": [1]}, POSES), "scenario"),
-        (lambda: aw.gain_region(scenario(), "elbow", None, POSES), "gains"),
-        (lambda: aw.gain_region(scenario(), "elbow", {"kp": ["a"], "kd": [1]}, POSES), "gains['kp']"),
-        (lambda: aw.gain_region(scenario(), "elbow", {"kp": [], "kd": [1]}, POSES), "gains['kp']"),
-        (lambda: aw.gain_region(scenario(aw.FeedForward(PD)), "elbow", {"kp": [1], "kd": [1]}, POSES), "gains"),
-        (lambda: aw.gain_region(scenario(), "elbow", {"kp": [1], "kd": [1]}, np.zeros((0, 2))), "q"),
-        (lambda: aw.joint_inertias(aw.load("two-link"), "many"), "poses"),
-        (lambda: aw.joint_inertias(aw.load("two-link"), [[0.0, 0.0, 0.0]]), "q"),
-        (lambda: aw.analyse_loops(scenario(), 10, seed=-1), "seed"),
-        (lambda: aw.noise_gain(None, POSES), "loop"),
-        (lambda: aw.noise_gain(LinearLoop(scenario()), POSES, joint=7), "joint"),
+        (lambda: aw.loops.gain_region(scenario(), "wrist", {"kp": [1], "kd": [1]}, POSES), "joint"),
+        (lambda: aw.loops.gain_region(scenario(), "elbow", {"kp": [1]}, POSES), "gains"),
+        (lambda: aw.loops.gain_region(scenario(), "elbow", {"kp": [1], "speed_kp": [1]}, POSES), "gains"),
+        (lambda: aw.loops.longest_period(scenario(), POSES, gain_margin=0.5), "gain_margin"),
+        (lambda: aw.loops.longest_period(scenario(), POSES, phase_margin=4), "phase_margin"),
+        (lambda: aw.loops.joint_inertias(aw.load("two-link"), 0), "poses"),
+        (lambda: aw.loops.longest_period(scenario(), POSES, others="moving"), "others"),
+        (lambda: aw.loops.longest_period(None, POSES), "scenario"),
+        (lambda: aw.loops.longest_period(scenario(), POSES[:0]), "q"),
+        (lambda: aw.loops.longest_period(scenario(aw.JointPID(kp=aw.Batch([1.0, 2.0]))), POSES), "loop.controller"),
+        (lambda: aw.loops.gain_region(None, "elbow", {"kp": [1], "kd": [1]}, POSES), "scenario"),
+        (lambda: aw.loops.gain_region(scenario(), "elbow", None, POSES), "gains"),
+        (lambda: aw.loops.gain_region(scenario(), "elbow", {"kp": ["a"], "kd": [1]}, POSES), "gains['kp']"),
+        (lambda: aw.loops.gain_region(scenario(), "elbow", {"kp": [], "kd": [1]}, POSES), "gains['kp']"),
+        (lambda: aw.loops.gain_region(scenario(aw.FeedForward(PD)), "elbow", {"kp": [1], "kd": [1]}, POSES), "gains"),
+        (lambda: aw.loops.gain_region(scenario(), "elbow", {"kp": [1], "kd": [1]}, np.zeros((0, 2))), "q"),
+        (lambda: aw.loops.joint_inertias(aw.load("two-link"), "many"), "poses"),
+        (lambda: aw.loops.joint_inertias(aw.load("two-link"), [[0.0, 0.0, 0.0]]), "q"),
+        (lambda: aw.loops.analyse_loops(scenario(), 10, seed=-1), "seed"),
+        (lambda: aw.loops.noise_gain(None, POSES), "loop"),
+        (lambda: aw.loops.noise_gain(LinearLoop(scenario()), POSES, joint=7), "joint"),
         (lambda: LinearLoop(scenario()).radius(POSES, gains=[1.0, 2.0]), "gains"),
-        (lambda: aw.longest_period(scenario(), [[0.0]]), "q"),
-        (lambda: aw.gain_region(scenario(), "elbow", {"kp": [1], "kd": [1]}, [0.0, 0.0, 0.0]), "q"),
-        (lambda: aw.gain_region(scenario(), "elbow", {"kp": [1], "kd": [1]}, ["0", "1"]), "q"),
+        (lambda: aw.loops.longest_period(scenario(), [[0.0]]), "q"),
+        (lambda: aw.loops.gain_region(scenario(), "elbow", {"kp": [1], "kd": [1]}, [0.0, 0.0, 0.0]), "q"),
+        (lambda: aw.loops.gain_region(scenario(), "elbow", {"kp": [1], "kd": [1]}, ["0", "1"]), "q"),
     ],
 )
 def test_refused(call, place):
@@ -144,8 +145,8 @@ def test_a_direct_drive_joint_by_itself_is_no_answer():
     arm = aw.load("cmu-dd")
     law = aw.JointPID(kp=[800, 1800, 600, 300, 60, 40], kd=[80, 180, 60, 24, 6, 4], gravity=True)
     made = aw.Scenario(arm, duration=1.0, loop=aw.Loop(law, period=1e-3, timing=aw.Timing("one-tick")))
-    poses = aw.joint_inertias(arm, 2000)
+    poses = aw.loops.joint_inertias(arm, 2000)
     q = poses.q[poses.extremes()][::4]
-    coupled, held, free = (aw.longest_period(made, q, others=others)[0] for others in ("closed", "held", "free"))
+    coupled, held, free = (aw.loops.longest_period(made, q, others=others)[0] for others in ("closed", "held", "free"))
     assert held > 1.4 * coupled
     assert free > 1.1 * coupled

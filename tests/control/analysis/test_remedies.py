@@ -30,7 +30,7 @@ def keeps(changed, analysis):
 )
 def test_remedies_keep_the_margins_and_less_does_not(law, period):
     one = scenario(law, period)
-    analysis = aw.analyse_loops(one, 300)
+    analysis = aw.loops.analyse_loops(one, 300)
     assert not analysis.keeps_margins
     found = analysis.remedies
     assert found.factors.min() < 1.0
@@ -61,6 +61,6 @@ def test_nothing_is_recommended_where_nothing_helps():
     """A gain of the wrong kind: position alone does not damp a joint without friction, at whatever bandwidth and period."""
     arm = aw.load("two-link").replace(friction=None, gravity=[0, 0, 0])
     loop = aw.Loop(aw.JointPID(kp=300.0), period=2e-3)
-    found = aw.analyse_loops(aw.Scenario(arm, 1.0, loop=loop), 100).remedies
+    found = aw.loops.analyse_loops(aw.Scenario(arm, 1.0, loop=loop), 100).remedies
     assert (found.factors, found.period, found.slower, found.faster) == (None, None, None, None)
     assert found.sentences()[0].startswith("neither slower gains nor a shorter period")

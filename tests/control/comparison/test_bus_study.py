@@ -16,8 +16,8 @@ LANES = 6
 @pytest.fixture(scope="module", params=["throw", "pick-and-place"])
 def followed(request):
     scenarios = {name: aw.read_scenario(EXAMPLES / f"bus-{name}.scenario.toml") for name in STATED}
-    plan = aw.plan(EXAMPLES / "motions" / f"{request.param}.motion.toml")
-    return aw.compare_controllers(scenarios["4ms"], scenarios, {request.param: plan}, runs=LANES)
+    plan = aw.trajectories.plan(EXAMPLES / "motions" / f"{request.param}.motion.toml")
+    return aw.loops.compare_controllers(scenarios["4ms"], scenarios, {request.param: plan}, runs=LANES)
 
 
 def test_errors_stay_within_those_stated(followed):
@@ -41,9 +41,9 @@ def test_arms_differ(followed):
 
 def test_more_runs_than_arms_are_refused():
     scenario = aw.read_scenario(EXAMPLES / "bus-4ms.scenario.toml")
-    motion = aw.Quintic(np.zeros(6), np.full(6, 0.1), 0.5)
+    motion = aw.trajectories.Quintic(np.zeros(6), np.full(6, 0.1), 0.5)
     with pytest.raises(ScenarioError) as error:
-        aw.compare_controllers(scenario, {"bus": scenario}, {"move": motion}, runs=65)
+        aw.loops.compare_controllers(scenario, {"bus": scenario}, {"move": motion}, runs=65)
     assert (error.value.problems[0].place, error.value.problems[0].value) == ("runs", 65)
 
 

@@ -14,7 +14,7 @@ from armwright.fitting.measures import rms
 SPEED, KP = 0.5, 8.0
 GAINS = {"position_kp": KP, "speed_kp": [1600.0, 400.0]}  # without friction and gravity no integrator is needed
 CONTROLLERS = {"lags": aw.Cascade(**GAINS), "follows": aw.Cascade(**GAINS, speed_feedforward=1.0)}
-RAMP = aw.Ramp(np.zeros(2), np.array([SPEED, 0.0]), 1.0)
+RAMP = aw.trajectories.Ramp(np.zeros(2), np.array([SPEED, 0.0]), 1.0)
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +29,7 @@ def scenario(arm, **sensors):
 
 @pytest.fixture(scope="module")
 def ramps(arm):
-    return aw.compare_controllers(scenario(arm), CONTROLLERS, {"ramp": RAMP}, runs=2)
+    return aw.loops.compare_controllers(scenario(arm), CONTROLLERS, {"ramp": RAMP}, runs=2)
 
 
 def test_a_speed_loop_behind_a_position_gain_lags_by_speed_over_gain(ramps):
@@ -66,10 +66,12 @@ def test_a_saved_comparison_has_its_measures(ramps, tmp_path):
 
 def test_noise_spreads_the_runs_and_payloads_cost_effort(arm):
     load = aw.Payload(0.0, 2.0, np.zeros(3), np.zeros((3, 3)))
-    motion = aw.Quintic(np.zeros(2), np.array([0.8, -0.6]), 0.5)
+    motion = aw.trajectories.Quintic(np.zeros(2), np.array([0.8, -0.6]), 0.5)
     controllers = {"only": CONTROLLERS["follows"]}
     quiet, noisy = (
-        aw.compare_controllers(scenario(arm, position_noise=noise), controllers, {"move": motion}, (None, load), runs=3)
+        aw.loops.compare_controllers(
+            scenario(arm, position_noise=noise), controllers, {"move": motion}, (None, load), runs=3
+        )
         for noise in (0.0, 1e-3)
     )
     assert list(quiet.data["payload"].values) == ["none", "2 kg"]
@@ -81,8 +83,8 @@ def test_noise_spreads_the_runs_and_payloads_cost_effort(arm):
 
 def test_computed_torque_follows_a_known_arm(arm):
     law = aw.ComputedTorque(kp=400.0, kd=40.0)
-    motion = aw.Quintic(np.zeros(2), np.array([0.8, -0.6]), 0.5)
-    found = aw.compare_controllers(scenario(arm), {"model": law, **CONTROLLERS}, {"move": motion}, runs=1)
+    motion = aw.trajectories.Quintic(np.zeros(2), np.array([0.8, -0.6]), 0.5)
+    found = aw.loops.compare_controllers(scenario(arm), {"model": law, **CONTROLLERS}, {"move": motion}, runs=1)
     largest = found.data["largest_error"].isel(motion=0, payload=0).max("joint")
     assert largest.sel(controller="model") < 0.05 * largest.sel(controller="lags")
     assert np.isnan(found.data["path_repeatability"]).all()  # of one run nothing is known
@@ -90,7 +92,7 @@ def test_computed_torque_follows_a_known_arm(arm):
 
 def test_a_controller_that_diverges_has_no_measures(arm):
     wild = {"wild": aw.JointPID(kp=1e9), "lags": CONTROLLERS["lags"]}
-    found = aw.compare_controllers(scenario(arm), wild, {"ramp": RAMP}, runs=2)
+    found = aw.loops.compare_controllers(scenario(arm), wild, {"ramp": RAMP}, runs=2)
     data = found.data.isel(motion=0, payload=0)
     assert list(data["failed"].values) == [2, 0]
     assert np.isnan(data["rms_error"].sel(controller="wild")).all()
@@ -101,7 +103,7 @@ def test_a_controller_that_diverges_has_no_measures(arm):
 
 def test_a_scenario_brings_its_own_period(arm):
     slow = aw.Scenario(arm, duration=1.0, loop=aw.Loop(CONTROLLERS["lags"], period=2e-2))
-    found = aw.compare_controllers(scenario(arm), {"slow": slow, **CONTROLLERS}, {"ramp": RAMP}, runs=1)
+    found = aw.loops.compare_controllers(scenario(arm), {"slow": slow, **CONTROLLERS}, {"ramp": RAMP}, runs=1)
     assert found.data["largest_error"].sizes["controller"] == 3
 
 
@@ -121,8 +123,8 @@ def test_limits_of_commands():
         ({"controllers": {}}, "controllers"),
         ({"motions": {}}, "motions"),
         ({"motions": {"m": 3.0}}, "motions"),
-        ({"motions": {"m": aw.Ramp(np.zeros(3), np.ones(3), 1.0)}}, "3 joints"),
-        ({"motions": {"m": aw.Sine(np.zeros(2), np.ones(2), 1.0)}}, "does not end"),
+        ({"motions": {"m": aw.trajectories.Ramp(np.zeros(3), np.ones(3), 1.0)}}, "3 joints"),
+        ({"motions": {"m": aw.trajectories.Sine(np.zeros(2), np.ones(2), 1.0)}}, "does not end"),
         ({"payloads": ()}, "payloads"),
         ({"runs": 0}, "runs"),
         ({"band": -1.0}, "band"),
@@ -134,13 +136,13 @@ def test_limits_of_commands():
 def test_it_refuses(arm, changes, words):
     arguments = {"controllers": CONTROLLERS, "motions": {"ramp": RAMP}} | changes
     with pytest.raises(ScenarioError, match=words):
-        aw.compare_controllers(scenario(arm), **arguments)
+        aw.loops.compare_controllers(scenario(arm), **arguments)
 
 
 def test_it_refuses_another_arm(arm):
     other = aw.Scenario(aw.load("cmu-dd"), duration=1.0, loop=aw.Loop(aw.JointPID(kp=1.0), period=5e-4))
     with pytest.raises(ScenarioError, match="another record"):
-        aw.compare_controllers(scenario(arm), {"other": other}, {"ramp": RAMP})
+        aw.loops.compare_controllers(scenario(arm), {"other": other}, {"ramp": RAMP})
 
 
 def test_the_same_error_has_the_same_size_in_every_room(arm, ramps):

@@ -25,8 +25,8 @@ def tool():
     lanes = {name: aw.Batch(np.r_[masses[name], each.values]) for name, each in lanes.items()}  # the first is the model
     loop = aw.Loop(PD, period=1e-3, timing=aw.Timing("one-tick"))
     scenario = aw.Scenario(arm, duration=1.0, loop=loop, vary=lanes)
-    motions = {"slow": aw.Quintic(START, GOAL, 4.0), "fast": aw.Quintic(START, GOAL, 0.8)}
-    found = aw.compare_controllers(scenario, CONTROLLERS, motions)
+    motions = {"slow": aw.trajectories.Quintic(START, GOAL, 4.0), "fast": aw.trajectories.Quintic(START, GOAL, 0.8)}
+    found = aw.loops.compare_controllers(scenario, CONTROLLERS, motions)
     return found.data["path_largest"].isel(payload=0)
 
 

@@ -27,7 +27,7 @@ PLANTS = {
 
 
 def exported(scenario, path, **options):
-    return aw.export_fmu(scenario, path, platforms=["host"], **options).path
+    return aw.export.export_fmu(scenario, path, platforms=["host"], **options).path
 
 
 @pytest.mark.parametrize("name", PLANTS)

@@ -37,7 +37,7 @@ def test_zig_builds_for_any_system(name, tmp_path):
     """Also for this computer: then with the bits that its own compiler gives."""
     pytest.importorskip("ziglang", reason="needs the extra fmu")
     path = tmp_path / "plant.fmu"
-    exported = aw.export_fmu(PLAIN, path, platforms=[name])
+    exported = aw.export.export_fmu(PLAIN, path, platforms=[name])
     assert list(exported.platforms) == [name]
     magic, form, place, machine = MACHINES[name]
     with zipfile.ZipFile(path) as archive:
@@ -50,7 +50,7 @@ def test_zig_builds_for_any_system(name, tmp_path):
         return
     rows = []
     for platform in (name, "host"):
-        fmu = Instance(aw.export_fmu(PLAIN, path, platforms=[platform]).path)
+        fmu = Instance(aw.export.export_fmu(PLAIN, path, platforms=[platform]).path)
         fmu.begin()
         fmu.set("u.joint0", 5.0)
         fmu.step(0.0, 0.2)
@@ -64,7 +64,7 @@ def test_zig_builds_for_any_system(name, tmp_path):
 def test_sources_compile_without_a_warning(interface, version, tmp_path):
     """As strict C99 by GCC and Clang; FMI's version is the tool's that compiles them."""
     path = tmp_path / "plant.fmu"
-    exported = aw.export_fmu(PLAIN, path, interface=interface, version=version, platforms=[])
+    exported = aw.export.export_fmu(PLAIN, path, interface=interface, version=version, platforms=[])
     assert not exported.platforms
     assert validate_fmu(str(path)) == []
     with zipfile.ZipFile(path) as archive:
@@ -134,7 +134,7 @@ def test_no_address_is_wrong_and_no_behaviour_undefined(tmp_path):
     loop = aw.Loop(
         period=1e-3, sensors=aw.Sensors(counts=4096, position_noise=1e-4), timing=aw.Timing("one-tick", jitter=4e-4)
     )
-    path = aw.export_fmu(aw.Scenario(MANY["all"], loop=loop), tmp_path / "plant.fmu", platforms=[]).path
+    path = aw.export.export_fmu(aw.Scenario(MANY["all"], loop=loop), tmp_path / "plant.fmu", platforms=[]).path
     description = read_model_description(str(path))
     with zipfile.ZipFile(path) as archive:
         archive.extractall(tmp_path)
@@ -153,7 +153,7 @@ def test_no_address_is_wrong_and_no_behaviour_undefined(tmp_path):
 
 
 def test_variables_have_the_units_and_words_of_their_signals(tmp_path):
-    path = aw.export_fmu(aw.load("puma560"), tmp_path / "puma560.fmu", platforms=[]).path
+    path = aw.export.export_fmu(aw.load("puma560"), tmp_path / "puma560.fmu", platforms=[]).path
     description = read_model_description(str(path))
     found = {each.name: each for each in description.modelVariables}
     name = aw.load("puma560").names[1]
@@ -167,7 +167,7 @@ def test_variables_have_the_units_and_words_of_their_signals(tmp_path):
 
 
 def test_equal_units_have_equal_bytes(tmp_path):
-    one, two = (aw.export_fmu(PLAIN, tmp_path / name / "plant.fmu", platforms=[]) for name in _folders(tmp_path))
+    one, two = (aw.export.export_fmu(PLAIN, tmp_path / name / "plant.fmu", platforms=[]) for name in _folders(tmp_path))
     assert one.path.read_bytes() == two.path.read_bytes()
 
 
@@ -201,14 +201,14 @@ def test_names_of_joints_are_quoted_where_they_must_be(label, name):
 
 def test_joints_of_any_name_pass_the_validator(tmp_path):
     arm = pendulum(motor=MOTOR, friction=COULOMB, name="joint-1 (base)")
-    path = aw.export_fmu(aw.Scenario(arm, loop=aw.Loop(period=1e-3)), tmp_path / "odd.fmu", platforms=[]).path
+    path = aw.export.export_fmu(aw.Scenario(arm, loop=aw.Loop(period=1e-3)), tmp_path / "odd.fmu", platforms=[]).path
     assert validate_fmu(str(path)) == []
 
 
 def test_a_controller_of_an_arm_without_motors_passes_the_validator(tmp_path):
     arm = pendulum("torque", name="ä")  # its current is not known: NaN
     loop = aw.Loop(aw.JointPID(kp=1.0), period=1e-3)
-    path = aw.export_fmu(
+    path = aw.export.export_fmu(
         aw.Scenario(arm, duration=0.1, loop=loop), tmp_path / "law.fmu", part="controller", platforms=[]
     ).path
     assert validate_fmu(str(path)) == []
@@ -244,7 +244,7 @@ SLOW = aw.Loop(period=1e-3, timing=aw.Timing(command_delay=900.0))
 def test_what_cannot_be_exported_is_refused(options, changes, message, tmp_path):
     path = tmp_path / "plant.fmu"
     with pytest.raises((ModelError, ScenarioError), match=message):
-        aw.export_fmu(replace(PLAIN, **changes), path, **options)
+        aw.export.export_fmu(replace(PLAIN, **changes), path, **options)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -252,9 +252,9 @@ def test_without_zig_other_systems_are_refused(monkeypatch, tmp_path):
     monkeypatch.setattr(build, "has_zig", lambda: False)
     other = next(name for name in build.PLATFORMS if name != build.host_platform())
     with pytest.raises(ArmwrightError, match=r"nothing here compiles for it; expected pip install 'armwright\[fmu\]'"):
-        aw.export_fmu(PLAIN, tmp_path / "plant.fmu", platforms=[other])
+        aw.export.export_fmu(PLAIN, tmp_path / "plant.fmu", platforms=[other])
     monkeypatch.setattr(build, "find_compiler", lambda: None)
-    exported = aw.export_fmu(PLAIN, tmp_path / "plant.fmu")
+    exported = aw.export.export_fmu(PLAIN, tmp_path / "plant.fmu")
     assert not exported.platforms
     assert "no binaries: no C compiler here, and no zig" in exported.notes[0]
 

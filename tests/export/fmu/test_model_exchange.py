@@ -21,7 +21,7 @@ def test_another_solver_comes_to_the_same_motion(name, version, tmp_path):
     scenario = aw.Scenario(
         arm, duration=duration, command=command, start=q0, solver=aw.Solver("cvodes"), recording=aw.Recording(every=0)
     )
-    exported = aw.export_fmu(
+    exported = aw.export.export_fmu(
         scenario, tmp_path / "plant.fmu", interface="model-exchange", platforms=["host"], version=version
     )
     x = simulated(exported.path, duration, u=command)
@@ -39,7 +39,7 @@ def test_initial_values_have_one_name_in_both_interfaces(version, tmp_path):
                     for joint, v in zip(arm.names, row, strict=True)}, []  # fmt: skip
     for interface in ("co-simulation", "model-exchange"):
         scenario = aw.Scenario(arm, duration=0.1, command=[0.0, 0.0], start=[0.1, 0.2])
-        exported = aw.export_fmu(
+        exported = aw.export.export_fmu(
             scenario, tmp_path / "plant.fmu", interface=interface, platforms=["host"], version=version
         )
         fmu = Instance(exported.path, exchange=interface == "model-exchange")
@@ -67,7 +67,7 @@ def test_stops_are_events_and_bounces_come_to_the_closed_form(tmp_path):
     arm = pendulum("torque", gravity=0.0, stops=STOPS, limits={"position_rad": [-0.1, 0.1]})
     exact = np.array(bounced(float(aw.mass_matrix(arm, np.zeros(1))[0, 0]), 0.1, 1.0, 2.0))
     scenario = aw.Scenario(arm, duration=2.0, command=[0.0], start=aw.Start(qd=[1.0]))
-    exported = aw.export_fmu(scenario, tmp_path / "bounce.fmu", interface="model-exchange", platforms=["host"])
+    exported = aw.export.export_fmu(scenario, tmp_path / "bounce.fmu", interface="model-exchange", platforms=["host"])
     assert np.abs(simulated(exported.path, 2.0, tolerance=1e-10, u=[0.0]) - exact).max() < 1e-6
 
 
@@ -78,7 +78,7 @@ def test_play_temperatures_and_a_supply_are_states(tmp_path):
         [{**joint, "elasticity": PLAY, "motor": {**motor, "thermal": THERMAL}}, joint], robot={"supply": SUPPLY}
     )
     scenario = aw.Scenario(arm, duration=0.2, command=[8.0, -5.0], solver=aw.Solver("cvodes", rtol=1e-10))
-    exported = aw.export_fmu(scenario, tmp_path / "effects.fmu", interface="model-exchange", platforms=["host"])
+    exported = aw.export.export_fmu(scenario, tmp_path / "effects.fmu", interface="model-exchange", platforms=["host"])
     assert sum(name.startswith("x.") for name in exported.outputs) == 2 * 2 + 2 + 2 + 2 + 1
     x = simulated(exported.path, 0.2, tolerance=1e-9, u=[8.0, -5.0])
     run = aw.simulate(scenario)
@@ -91,7 +91,7 @@ def test_directional_derivatives_are_the_slopes(version, tmp_path):
     """Central differences of what the unit itself computes, along random directions of states and inputs."""
     arm, rng = aw.load("puma560"), np.random.default_rng(3)
     scenario = aw.Scenario(arm, duration=1.0, command=np.zeros(6), inputs=aw.Inputs(wrench=np.zeros(6)))
-    exported = aw.export_fmu(
+    exported = aw.export.export_fmu(
         scenario, tmp_path / "plant.fmu", interface="model-exchange", platforms=["host"], version=version
     )
     fmu = Instance(exported.path, exchange=True)
@@ -121,4 +121,4 @@ def test_friction_that_sticks_is_refused(tmp_path):
     with pytest.raises(
         ScenarioError, match="sticks, which is no function of the state; expected a record with a smooth"
     ):
-        aw.export_fmu(arm, tmp_path / "rough.fmu", interface="model-exchange")
+        aw.export.export_fmu(arm, tmp_path / "rough.fmu", interface="model-exchange")

@@ -63,7 +63,7 @@ def written_log(
     write_table(folder / f"{name}.csv", columns)
     path = folder / f"{name}.log.toml"
     path.write_text(text, encoding="utf-8")
-    return aw.read_log(path)
+    return aw.identification.read_log(path)
 
 
 def moved(

@@ -18,7 +18,9 @@ from armwright.identification.logs.preparation import low_pass
 
 KP, KD, PERIOD, SECONDS = np.array([900.0, 300.0]), np.array([120.0, 40.0]), 0.005, 4.0
 CUTOFF, LANES, NOISE = 20.0, 8, 3e-4  # Hz, seeds, rad
-SINES = aw.Fourier((0.3, -0.2), [[0.5, 0.25, -0.1], [-0.4, 0.5, 0.2]], [[0.1, -0.3, 0.1], [0.3, 0.1, -0.2]], SECONDS)
+SINES = aw.trajectories.Fourier(
+    (0.3, -0.2), [[0.5, 0.25, -0.1], [-0.4, 0.5, 0.2]], [[0.1, -0.3, 0.1], [0.3, 0.1, -0.2]], SECONDS
+)
 
 
 def reference(t: np.ndarray):

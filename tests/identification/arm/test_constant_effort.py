@@ -12,6 +12,6 @@ from identification.validation.made_logs import motor_file, written_log
 def test_a_constant_effort_identifies_nothing(effort, tmp_path):
     t = 0.002 * np.arange(1000)
     table = {"t": t, "position": np.sin(5 * t)[:, None], effort: np.full((1000, 1), 3.0)}
-    log = aw.read_log(written_log(tmp_path, ["motor"], {"fit": table, "held": table}))
+    log = aw.identification.read_log(written_log(tmp_path, ["motor"], {"fit": table, "held": table}))
     with pytest.raises(IdentificationError, match="never changes while joint 'motor' moves"):
-        aw.identify_arm(log, aw.load(motor_file(tmp_path)))
+        aw.identification.identify_arm(log, aw.load(motor_file(tmp_path)))

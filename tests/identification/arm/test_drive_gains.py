@@ -63,7 +63,7 @@ def test_torque_constants_of_six_joints(arm, tmp_path, known):
     assert found.names[0] == "joint1.motor.torque_constant_n_m_per_a"
     np.testing.assert_allclose(found.values, true, rtol=0.01)
     assert (np.abs(found.values - true) < 4 * found.std).all()
-    again = aw.load(aw.write_into(arm, found, tmp_path / "gains.toml"))
+    again = aw.load(aw.identification.write_into(arm, found, tmp_path / "gains.toml"))
     assert float(again.coordinates[2].drive.torque_constant) == pytest.approx(found.values[2])
 
 
@@ -218,7 +218,7 @@ def test_constants_of_a_brushless_motor_stand_in_its_own_basis(bench):
     (folder / "phase.urdf").write_text((folder / "as_bought.urdf").read_text())
     (folder / "phase.drive.toml").write_text(text.replace("rotor_inertia", 'basis = "phase_rms", rotor_inertia'))
     found = identify_drive_gains(empty, loaded, aw.load(folder / "phase.urdf"), WEIGHT)
-    path = aw.write_into(aw.load(folder / "phase.urdf"), found, folder / "phase.toml", key="gains")
+    path = aw.identification.write_into(aw.load(folder / "phase.urdf"), found, folder / "phase.toml", key="gains")
     equivalent = [float(body.drive.torque_constant) for body in aw.load(path).coordinates]  # of the DC motor
     np.testing.assert_allclose(equivalent, identify_drive_gains(empty, loaded, bought, WEIGHT).values, rtol=1e-6)
 

@@ -75,7 +75,7 @@ def test_friction_of_a_whole_arm(tmp_path):
         assert found[level] == pytest.approx(float(body.friction.coulomb_positive), rel=0.05)
     again = with_identified_friction(arm, found)
     assert float(again.coordinates[0].friction.viscous) == pytest.approx(found["joint1.friction.viscous_n_m_s_per_rad"])
-    path = aw.write_into(again, found, tmp_path / "rubbed.toml", key="friction")
+    path = aw.identification.write_into(again, found, tmp_path / "rubbed.toml", key="friction")
     assert aw.load(path).record.joints[0].friction.viscous_n_m_s_per_rad.std > 0
 
 
@@ -96,7 +96,7 @@ def test_friction_takes_the_place_of_that_of_an_earlier_fit():
     sources = {**arm.record.sources, "old": {"kind": "fit", "text": "an earlier one"}}
     fitted = build_model(arm.record.replace(joints=tuple(joints), fits={"old": earlier}, sources=sources))
     keys = tuple(f"joint1.friction.{key}" for key in USUAL_KEYS)
-    found = aw.Estimate(keys, np.array([*USUAL_KEYS.values()]), np.eye(3), "1" * 64, "friction")
+    found = aw.identification.Estimate(keys, np.array([*USUAL_KEYS.values()]), np.eye(3), "1" * 64, "friction")
     record = with_identified_friction(fitted, found).record
     assert record.joints[0].friction.offset_n_m is None
     assert record.fits["old"].names == names[1:]
@@ -155,7 +155,7 @@ def warming_log(folder, arm):
     write_table(folder / "warm.csv", {"t": t, "q0": q[:, 0], "u0": tau[:, 0], "T": np.round(celsius, 1)})
     path = folder / "warm.log.toml"
     path.write_text(path.read_text(encoding="utf-8") + WARM, encoding="utf-8")
-    return aw.read_log(path)
+    return aw.identification.read_log(path)
 
 
 WARM = """
@@ -176,7 +176,9 @@ def test_friction_over_a_logged_temperature(tmp_path):
     truth |= {"viscous_temperature_coefficient_per_k": -0.02, "coulomb_temperature_coefficient_per_k": -0.01}
     for key, value in truth.items():
         assert found[f"hinge.friction.{key}"] == pytest.approx(value, rel=0.05), key
-    path = aw.write_into(with_identified_friction(arm, found), found, tmp_path / "warm.toml", key="friction")
+    path = aw.identification.write_into(
+        with_identified_friction(arm, found), found, tmp_path / "warm.toml", key="friction"
+    )
     assert float(aw.load(path).bodies[0].friction.coulomb_temperature_coefficient) == pytest.approx(-0.01, rel=0.05)
     (tmp_path / "plain.toml").write_text(PENDULUM, encoding="utf-8")
     found = identify_friction(log, aw.load(tmp_path / "plain.toml"), candidates=candidates)

@@ -32,7 +32,7 @@ class Arms:
         for name, friction in (("plain", FRICTION), ("stribeck", {**FRICTION, **STRIBECK})):
             joints = tuple(each.replace(friction=friction) for each in record.joints)
             self.paths[name] = folder / f"{name}.toml"
-            aw.write_toml(record.replace(joints=joints), self.paths[name])
+            aw.robotfiles.write_toml(record.replace(joints=joints), self.paths[name])
             self.arms[name] = aw.load(self.paths[name])
             self.logs[name] = two_runs(folder / name, self.arms[name])
 
@@ -43,12 +43,12 @@ def arms(tmp_path_factory):
 
 
 def test_numbers_of_runs_held_out_are_those_of_validate_bit_by_bit(arms, tmp_path):
-    log, arm = aw.read_log(arms.logs["plain"]), arms.arms["plain"]
-    found = aw.identify_arm(log, arm)
+    log, arm = aw.identification.read_log(arms.logs["plain"]), arms.arms["plain"]
+    found = aw.identification.identify_arm(log, arm)
     assert found.hold_out is not None
     path = found.write(tmp_path / "found.toml")
-    written, before = (aw.validate(each, log) for each in (path, arms.paths["plain"]))
-    alone = aw.validate(path, arms.logs["plain"], simulation=False)
+    written, before = (aw.identification.validate(each, log) for each in (path, arms.paths["plain"]))
+    alone = aw.identification.validate(path, arms.logs["plain"], simulation=False)
     assert [each.joint for each in found.hold_out.rows] == arm.names
     for each in found.hold_out.rows:
         assert each.written == written.of("torque", each.joint).overall == alone.of("torque", each.joint).overall
@@ -61,17 +61,19 @@ def test_numbers_of_runs_held_out_are_those_of_validate_bit_by_bit(arms, tmp_pat
 
 def test_a_cut_off_of_the_fit_leaves_the_measure_as_it_is(arms):
     """The filter of `validate` judges, whatever filter the fit was told to take."""
-    log = aw.read_log(arms.logs["plain"])
-    found = aw.identify_arm(log, arms.arms["plain"], cutoff=3.0, sensitivity=False)
+    log = aw.identification.read_log(arms.logs["plain"])
+    found = aw.identification.identify_arm(log, arms.arms["plain"], cutoff=3.0, sensitivity=False)
     assert found.hold_out is not None
     (first, *_) = found.hold_out.written.predictions
-    judged = aw.validate(arms.arms["plain"], log, simulation=False).predictions[0]
+    judged = aw.identification.validate(arms.arms["plain"], log, simulation=False).predictions[0]
     assert (first.rate, len(first.t)) == (judged.rate, len(judged.t))
 
 
 def test_a_fit_as_good_as_the_record_that_came_in_is_identified(arms):
     """The record is the truth, the fit has its noise: a little worse, and no more than noise makes it."""
-    found = aw.identify_arm(aw.read_log(arms.logs["plain"]), arms.arms["plain"], sensitivity=False)
+    found = aw.identification.identify_arm(
+        aw.identification.read_log(arms.logs["plain"]), arms.arms["plain"], sensitivity=False
+    )
     assert found.hold_out is not None
     assert any(each.before and each.written.rms > each.before.rms for each in found.hold_out.rows)
     assert found.verdict == "identified", str(found)
@@ -81,7 +83,7 @@ def test_a_fit_as_good_as_the_record_that_came_in_is_identified(arms):
 def test_a_fit_worse_than_the_record_that_came_in_is_not_identified(arms, tmp_path):
     """Friction of a law that the fit does not have: the limits of validate are kept, and the old record was better."""
     path, stribeck = arms.logs["stribeck"], arms.arms["stribeck"]
-    found = aw.identify_arm(aw.read_log(path), stribeck, sensitivity=False)
+    found = aw.identification.identify_arm(aw.identification.read_log(path), stribeck, sensitivity=False)
     assert found.hold_out is not None
     assert found.hold_out.written.passed
     assert found.verdict == "not identified"
@@ -93,7 +95,9 @@ def test_a_fit_worse_than_the_record_that_came_in_is_not_identified(arms, tmp_pa
 
 def test_a_fit_better_than_a_wrong_record_is_identified(arms):
     """The same fit, beside a record without any friction."""
-    found = aw.identify_arm(aw.read_log(arms.logs["stribeck"]), aw.load("two-link"), sensitivity=False)
+    found = aw.identification.identify_arm(
+        aw.identification.read_log(arms.logs["stribeck"]), aw.load("two-link"), sensitivity=False
+    )
     assert found.hold_out is not None
     assert all(each.before and each.written.rms < each.before.rms for each in found.hold_out.rows)
     assert found.verdict == "identified", str(found)
@@ -104,8 +108,10 @@ def test_kinematics_alone_have_nothing_to_compare_with(arms, tmp_path):
     nothing = dict.fromkeys(("xx", "xy", "xz", "yy", "yz", "zz"), 0.0)
     bare = tuple(link.replace(mass_kg=0.0, inertia_kg_m2=nothing) for link in arm.record.links)
     joints = tuple(joint.replace(motor=None, friction=None) for joint in arm.record.joints)
-    aw.write_toml(arm.record.replace(links=bare, joints=joints, command="torque"), tmp_path / "bare.toml")
-    found = aw.identify_arm(aw.read_log(arms.logs["plain"]), aw.load(tmp_path / "bare.toml"), sensitivity=False)
+    aw.robotfiles.write_toml(arm.record.replace(links=bare, joints=joints, command="torque"), tmp_path / "bare.toml")
+    found = aw.identification.identify_arm(
+        aw.identification.read_log(arms.logs["plain"]), aw.load(tmp_path / "bare.toml"), sensitivity=False
+    )
     assert found.hold_out is not None
     assert found.hold_out.before is None
     assert [each.before for each in found.hold_out.rows] == [None, None]
@@ -118,7 +124,9 @@ def test_a_log_without_runs_held_out_says_so(arms, tmp_path):
     path = arms.logs["plain"]
     text = path.read_text()
     path.with_name("all.log.toml").write_text(text.replace('use = "hold-out"', 'use = "fit"'))
-    found = aw.identify_arm(aw.read_log(path.with_name("all.log.toml")), arms.arms["plain"], sensitivity=False)
+    found = aw.identification.identify_arm(
+        aw.identification.read_log(path.with_name("all.log.toml")), arms.arms["plain"], sensitivity=False
+    )
     assert found.hold_out is None
     assert found.verdict == "identified"
     assert [each for each in found.estimate.remarks if "no run is held out" in each]
@@ -140,8 +148,8 @@ def test_command_and_report_have_one_verdict(arms, tmp_path, name):
 
 def test_99_of_100_fits_with_the_same_deviations_have_a_smaller_error(arms):
     """δ drawn from the fit's covariance, its torque error on the run held out from the columns there."""
-    log = aw.read_log(arms.logs["plain"])
-    fit = aw.identify_arm(log, arms.arms["plain"], sensitivity=False).fit
+    log = aw.identification.read_log(arms.logs["plain"])
+    fit = aw.identification.identify_arm(log, arms.arms["plain"], sensitivity=False).fit
     bound, model = error_by_noise(fit, log, ["fresh"]), fit.equations.model
     blocks = samples_of(log, model, ["fresh"], {"fresh": preparation_for(log, "fresh")})
     columns = np.concatenate([block.regressor(model) for block in blocks])[:, :, fit.base.independent]
@@ -167,8 +175,8 @@ def test_fits_to_noise_are_not_called_worse_than_the_truth(tmp_path, seconds, no
     """12 logs of an arm of 6 joints, 58 base parameters; the record that comes in is the truth, which no fit can beat."""
     arm = aw.load("lwa4p")
     for seed in range(12):
-        log = aw.read_log(two_runs(tmp_path / str(seed), arm, seconds=seconds, noise=noise, seed=seed))
-        found = aw.identify_arm(log, arm, sensitivity=False)
+        log = aw.identification.read_log(two_runs(tmp_path / str(seed), arm, seconds=seconds, noise=noise, seed=seed))
+        found = aw.identification.identify_arm(log, arm, sensitivity=False)
         assert found.hold_out is not None
         assert found.hold_out.worse == []
 

@@ -26,8 +26,8 @@ FIT = {"fit": Source(kind="fit", text="a test")}
 
 def test_record_with_fitted_numbers_moves_as_the_truth(tmp_path):
     arm = aw.load("lwa4p")
-    log = aw.read_log(write_log(tmp_path, arm, seconds=40))
-    found = aw.identify_arm(log, arm.replace(name="lwa4p"))
+    log = aw.identification.read_log(write_log(tmp_path, arm, seconds=40))
+    found = aw.identification.identify_arm(log, arm.replace(name="lwa4p"))
     assert found.verdict == "identified", str(found)
     assert found.structural == len(found.formulas) == 58
     truth = found.fit.base.of(np.nan_to_num(found.fit.equations.model.prior))
@@ -39,7 +39,7 @@ def test_record_with_fitted_numbers_moves_as_the_truth(tmp_path):
     expected = aw.compile(arm).inverse_dynamics(q, qd, qdd)
     error = aw.compile(again).inverse_dynamics(q, qd, qdd) - expected
     assert (error.std(axis=0) < 0.03 * expected.std(axis=0)).all()
-    prepared = aw.choose_preparation(log)
+    prepared = aw.identification.choose_preparation(log)
     prediction = predict_torque(again, log, preparation=prepared)  # dry friction leaves the low-pass as in the fit
     rms = np.sqrt(np.nanmean((prediction.measured - prediction.predicted) ** 2, axis=0))
     assert (rms < 1.02 * found.fit.rms).all()
@@ -53,7 +53,9 @@ def test_smoothing_speeds_go_with_friction_to_the_other_side(tmp_path):
     """A fit writes friction of the joints where the record has that of the motors; Coulomb's sign stays as it was fitted."""
     arm = aw.load("puma560")
     assert {body.friction.on_motor for body in arm.coordinates} == {True}
-    found = aw.identify_arm(aw.read_log(write_log(tmp_path, arm, seconds=20)), arm, sensitivity=False)
+    found = aw.identification.identify_arm(
+        aw.identification.read_log(write_log(tmp_path, arm, seconds=20)), arm, sensitivity=False
+    )
     again = aw.load(found.write(tmp_path / "found.toml"))
     assert {body.friction.on_motor for body in again.coordinates} == {False}
     before, after = ([body.friction.smoothing for body in each.coordinates] for each in (arm, again))
@@ -63,13 +65,15 @@ def test_smoothing_speeds_go_with_friction_to_the_other_side(tmp_path):
 def test_kinematics_alone_are_enough(tmp_path):
     """The same log without masses, motors and friction of the record: base parameters are the same."""
     arm = aw.load("lwa4p")
-    log = aw.read_log(write_log(tmp_path, arm, seconds=40))
+    log = aw.identification.read_log(write_log(tmp_path, arm, seconds=40))
     nothing = dict.fromkeys(("xx", "xy", "xz", "yy", "yz", "zz"), 0.0)
     bare = [link.replace(mass_kg=0.0, inertia_kg_m2=nothing) for link in arm.record.links]
     joints = [joint.replace(motor=None, friction=None) for joint in arm.record.joints]
-    aw.write_toml(arm.record.replace(links=tuple(bare), joints=tuple(joints), command="torque"), tmp_path / "bare.toml")
+    aw.robotfiles.write_toml(
+        arm.record.replace(links=tuple(bare), joints=tuple(joints), command="torque"), tmp_path / "bare.toml"
+    )
     kinematics = aw.load(tmp_path / "bare.toml")
-    found, full = (aw.identify_arm(log, each, sensitivity=False) for each in (kinematics, arm))
+    found, full = (aw.identification.identify_arm(log, each, sensitivity=False) for each in (kinematics, arm))
     q, qd, qdd = np.random.default_rng(9).uniform(-1, 1, (3, 50, 6))
     qd += 0.2 * np.sign(qd)  # the bare arm has no smoothing speed
     mine, expected = (each.fit.equations.model.rows(q, qd, qdd) @ each.fit.parameters for each in (found, full))
@@ -80,8 +84,8 @@ def test_kinematics_alone_are_enough(tmp_path):
 
 def test_joint_that_rests_is_not_identified_and_said(tmp_path):
     arm = aw.load("lwa4p")
-    log = aw.read_log(write_log(tmp_path, arm, still=(5,)))
-    found = aw.identify_arm(log, arm, sensitivity=False)
+    log = aw.identification.read_log(write_log(tmp_path, arm, still=(5,)))
+    found = aw.identification.identify_arm(log, arm, sensitivity=False)
     assert found.verdict == "not identified"
     assert len(found.formulas) < found.structural
     text = "\n".join(found.estimate.remarks)
@@ -91,11 +95,11 @@ def test_joint_that_rests_is_not_identified_and_said(tmp_path):
 def test_what_the_torque_lacks_is_read_from_the_log(tmp_path):
     arm = aw.load("lwa4p")
     floating = arm.replace(gravity=(0.0, 0.0, 0.0))
-    log = aw.read_log(write_log(tmp_path, floating, extra='lacks = ["gravity"]'))
-    found = aw.identify_arm(log, arm, sensitivity=False, record=False)
+    log = aw.identification.read_log(write_log(tmp_path, floating, extra='lacks = ["gravity"]'))
+    found = aw.identification.identify_arm(log, arm, sensitivity=False, record=False)
     assert found.verdict == "identified"
     assert found.fit.r2.min() > 0.99
-    wrong = aw.identify_arm(log, arm, sensitivity=False, record=False, lacks=())
+    wrong = aw.identification.identify_arm(log, arm, sensitivity=False, record=False, lacks=())
     assert np.nanmax(np.abs(wrong.fit.values - 0.0)) > 0  # gravity at work, and absent from the torque
     assert wrong.fit.r2.min() < found.fit.r2.min()
 
@@ -104,10 +108,10 @@ def test_springs_stay_where_they_lower_the_held_out_error(tmp_path):
     arm = aw.load("lwa4p")
     joints = list(arm.record.joints)
     joints[1] = joints[1].replace(spring={"stiffness_n_m_per_rad": 30.0, "rest_rad": 0.2})
-    aw.write_toml(arm.record.replace(joints=tuple(joints)), tmp_path / "sprung.toml")
+    aw.robotfiles.write_toml(arm.record.replace(joints=tuple(joints)), tmp_path / "sprung.toml")
     sprung = aw.load(tmp_path / "sprung.toml")
-    log = aw.read_log(write_log(tmp_path, sprung))
-    found = aw.identify_arm(log, arm, springs=("joint2", "joint3"), sensitivity=False)
+    log = aw.identification.read_log(write_log(tmp_path, sprung))
+    found = aw.identification.identify_arm(log, arm, springs=("joint2", "joint3"), sensitivity=False)
     names = found.estimate.names
     assert "k2" in names
     assert "k3" not in names
@@ -147,15 +151,15 @@ def test_springs_of_a_fit_add_to_those_of_the_record():
 
 def test_logs_that_do_not_fit_the_arm_are_refused(tmp_path):
     arm = aw.load("lwa4p")
-    log = aw.read_log(write_log(tmp_path, arm, seconds=5))
+    log = aw.identification.read_log(write_log(tmp_path, arm, seconds=5))
     with pytest.raises(IdentificationError, match="robot"):
-        aw.identify_arm(log)
+        aw.identification.identify_arm(log)
     with pytest.raises(LogError, match="the same joints by name"):
-        aw.identify_arm(log, aw.load("panda"))
+        aw.identification.identify_arm(log, aw.load("panda"))
     with pytest.raises(IdentificationError, match="method"):
-        aw.identify_arm(log, arm, method="magic")
+        aw.identification.identify_arm(log, arm, method="magic")
     with pytest.raises(LogError, match="cutoff"):
-        aw.identify_arm(log, arm, cutoff=1e6)
+        aw.identification.identify_arm(log, arm, cutoff=1e6)
 
 
 def test_joints_with_other_names_are_not_taken_by_order(tmp_path):
@@ -163,7 +167,7 @@ def test_joints_with_other_names_are_not_taken_by_order(tmp_path):
     path = write_log(tmp_path, arm, seconds=5)
     path.write_text(path.read_text().replace("'joint", "'j"))
     with pytest.raises(LogError, match=r"the log has 6 \('j1', .*the arm has 6 \('joint1', "):
-        aw.identify_arm(aw.read_log(path), arm)
+        aw.identification.identify_arm(aw.identification.read_log(path), arm)
 
 
 @pytest.mark.parametrize("factor", [1e-3, 0.05, 1.0, 100.0])
@@ -175,7 +179,7 @@ def test_torques_of_another_unit_or_side_are_noticed(tmp_path, factor):
     table[:, 1 + arm.n :] *= factor
     head = (tmp_path / "log.csv").read_text().splitlines()[0]
     np.savetxt(tmp_path / "log.csv", table, delimiter=",", header=head, comments="", fmt="%.12g")
-    found = aw.identify_arm(aw.read_log(path), arm, sensitivity=False, record=False)
+    found = aw.identification.identify_arm(aw.identification.read_log(path), arm, sensitivity=False, record=False)
     said = [remark for remark in found.estimate.remarks if "times the torque of the record's own" in remark]
     assert found.verdict == ("identified" if factor == 1.0 else "not identified")
     assert len(said) == (factor != 1.0)
@@ -190,7 +194,7 @@ def test_a_wrong_sign_is_not_identified_and_said(tmp_path, quantity):
     path = write_log(tmp_path, arm, seconds=20.0)
     signs = f'quantity = "{quantity}"\nsigns = [1, 1, -1, 1, 1, 1]'
     path.write_text(path.read_text().replace(f'quantity = "{quantity}"', signs))
-    found = aw.identify_arm(aw.read_log(path), arm, sensitivity=False, record=False)
+    found = aw.identification.identify_arm(aw.identification.read_log(path), arm, sensitivity=False, record=False)
     assert found.verdict == "not identified"
     assert [each.split(":")[0] for each in found.estimate.remarks if "would drive it" in each] == ["joint3"]
 
@@ -204,7 +208,9 @@ def test_a_mirrored_joint_that_hardly_moves_and_has_no_friction_is_said(tmp_path
     tau = aw.compile(arm).inverse_dynamics(q, qd, qdd)
     tau += 0.05 * np.random.default_rng(0).normal(size=tau.shape)
     q[:, 1] *= -1 if mirrored else 1
-    found = aw.identify_arm(written_log(tmp_path, "log", arm.names, t, q, tau), arm, record=False, sensitivity=False)
+    found = aw.identification.identify_arm(
+        written_log(tmp_path, "log", arm.names, t, q, tau), arm, record=False, sensitivity=False
+    )
     said = [each for each in found.estimate.remarks if "goes with the other sign of its position" in each]
     assert [each.split(":")[0] for each in said] == ["elbow"] * mirrored
     assert found.verdict == ("not identified" if mirrored else "identified")
@@ -215,7 +221,9 @@ def test_every_format_gives_the_fit_of_the_csv_file(tmp_path, ending):
     arm = aw.load("two-link")
     t, q, qd, qdd = multisine(2, 8.0, 200.0, 1, 0.5)
     tau = aw.compile(arm).inverse_dynamics(q, qd, qdd)
-    first = aw.identify_arm(written_log(tmp_path, "log", arm.names, t, q, tau), arm, record=False, sensitivity=False)
+    first = aw.identification.identify_arm(
+        written_log(tmp_path, "log", arm.names, t, q, tau), arm, record=False, sensitivity=False
+    )
     text = (tmp_path / "log.log.toml").read_text().replace("log.csv", f"log.{ending}")
     columns = {"t": t, **{f"q{k}": q[:, k] for k in (0, 1)}, **{f"u{k}": tau[:, k] for k in (0, 1)}}
     if ending == "mcap":
@@ -230,7 +238,9 @@ def test_every_format_gives_the_fit_of_the_csv_file(tmp_path, ending):
         pytest.importorskip("pyarrow")
         pd.DataFrame(columns).to_parquet(tmp_path / "log.parquet")
     (tmp_path / "log.log.toml").write_text(text)
-    found = aw.identify_arm(aw.read_log(tmp_path / "log.log.toml"), arm, record=False, sensitivity=False)
+    found = aw.identification.identify_arm(
+        aw.identification.read_log(tmp_path / "log.log.toml"), arm, record=False, sensitivity=False
+    )
     np.testing.assert_allclose(found.fit.values, first.fit.values, atol=1e-5)
     assert found.verdict == first.verdict
 
@@ -253,7 +263,7 @@ def test_a_joint_that_is_not_predicted_is_not_identified(tmp_path, held):
     text = (tmp_path / "a" / "arm.log.toml").read_text().replace('path = "log.csv"\n', "")
     path = tmp_path / "arm.log.toml"
     path.write_text(text.replace("[time]", runs + "[time]"))
-    found = aw.identify_arm(aw.read_log(path), arm, sensitivity=False, record=False)
+    found = aw.identification.identify_arm(aw.identification.read_log(path), arm, sensitivity=False, record=False)
     where = "on the runs held out" if held else "on parts held out"
     assert found.fit.r2[0] > 0
     assert found.verdict == "not identified"
@@ -263,14 +273,14 @@ def test_a_joint_that_is_not_predicted_is_not_identified(tmp_path, held):
 @pytest.fixture(scope="module")
 def tx40(tmp_path_factory):
     folder = tmp_path_factory.mktemp("tx40")
-    log = aw.read_log(log_of(folder, "staubli_tx40", TX40))
+    log = aw.identification.read_log(log_of(folder, "staubli_tx40", TX40))
     return log, aw.load(tx40_urdf(folder), kinematics_only=True)
 
 
 def test_tx40(tx40, tmp_path):
     """Rank, R², rotors and friction beside the references of SOURCE.md there."""
     log, arm = tx40
-    found = aw.identify_arm(log, arm, cutoff=100, decimate=20)
+    found = aw.identification.identify_arm(log, arm, cutoff=100, decimate=20)
     assert found.structural == len(found.formulas) == 61
     assert (found.fit.r2 >= np.array([0.990, 0.977, 0.961, 0.973, 0.960, 0.963]) - 0.003).all()
     assert found.record is not None
@@ -307,9 +317,9 @@ def test_tx40(tx40, tmp_path):
 
 def test_tx40_predicts_seconds_that_it_has_not_seen(tx40):
     log, arm = tx40
-    found = aw.identify_arm(log, arm, cutoff=100, decimate=20, record=False, sensitivity=False)
+    found = aw.identification.identify_arm(log, arm, cutoff=100, decimate=20, record=False, sensitivity=False)
     model = found.fit.equations.model
-    prepared = aw.choose_preparation(log, cutoff=100, decimate=20)
+    prepared = aw.identification.choose_preparation(log, cutoff=100, decimate=20)
     equations = equations_of(samples_of(log, model, preparation=prepared), model, part_seconds=1.0)
     held = cross_validated(fit_arm(equations, found.fit.base))
     assert [each.at_rest for each in held] == [False] * 8 + [True]
@@ -321,8 +331,10 @@ def test_lwa_4p_joint_2_is_found_to_fit_poorly(tmp_path):
     if not folders:
         pytest.skip(f"the measurements are not here: {DATA}")
     fit, held = ([each.as_posix() for each in folders[k::2]] for k in (0, 1))
-    log = aw.read_log(log_of(tmp_path, "schunk_lwa4p", LWA_4P, fit=fit, held=held))
-    found = aw.identify_arm(log, aw.load("lwa4p"), friction=("viscous",), record=False, sensitivity=False)
+    log = aw.identification.read_log(log_of(tmp_path, "schunk_lwa4p", LWA_4P, fit=fit, held=held))
+    found = aw.identification.identify_arm(
+        log, aw.load("lwa4p"), friction=("viscous",), record=False, sensitivity=False
+    )
     assert found.hold_out is not None
     found_r2 = np.array([each.written.r2 for each in found.hold_out.rows])
     assert (found_r2[[0, 2, 3, 4, 5]] > 0.7).all()

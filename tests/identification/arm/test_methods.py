@@ -40,7 +40,7 @@ def feedback():
 @pytest.fixture(scope="module")
 def every(arm, log):
     """Weighted least squares of all base parameters."""
-    return aw.identify_arm(log, arm, record=False, **OPTIONS)
+    return aw.identification.identify_arm(log, arm, record=False, **OPTIONS)
 
 
 @pytest.fixture(scope="module")
@@ -50,7 +50,7 @@ def truth(every):
 
 @pytest.mark.parametrize("method", METHODS)
 def test_every_method_finds_the_arm(arm, log, feedback, every, truth, method):
-    found = aw.identify_arm(log, arm, method=method, feedback=feedback, record=False, **OPTIONS)
+    found = aw.identification.identify_arm(log, arm, method=method, feedback=feedback, record=False, **OPTIONS)
     assert METHODS[method].about in found.estimate.method
     assert found.fit.r2.min() > 0.95
     chosen = np.isin(every.fit.base.independent, found.fit.base.independent)  # all of them, or the essential ones
@@ -64,7 +64,8 @@ def test_every_method_finds_the_arm(arm, log, feedback, every, truth, method):
 def test_instruments_are_nearer_to_the_truth_than_least_squares(arm, log, feedback, truth):
     errors = [
         np.abs(
-            aw.identify_arm(log, arm, method=each, feedback=feedback, record=False, **OPTIONS).fit.values - truth
+            aw.identification.identify_arm(log, arm, method=each, feedback=feedback, record=False, **OPTIONS).fit.values
+            - truth
         ).max()
         for each in ("wls", "iv")
     ]
@@ -73,10 +74,11 @@ def test_instruments_are_nearer_to_the_truth_than_least_squares(arm, log, feedba
 
 def test_recursive_is_the_batch_at_its_end(arm, log):
     batch, recursive = (
-        aw.identify_arm(log, arm, method=each, record=False, **OPTIONS).fit for each in ("wls", "recursive")
+        aw.identification.identify_arm(log, arm, method=each, record=False, **OPTIONS).fit
+        for each in ("wls", "recursive")
     )
     np.testing.assert_allclose(recursive.values, batch.values, rtol=1e-9)
-    late = aw.identify_arm(log, arm, method="recursive", forgetting=0.99, record=False, **OPTIONS).fit
+    late = aw.identification.identify_arm(log, arm, method="recursive", forgetting=0.99, record=False, **OPTIONS).fit
     assert np.abs(late.values - batch.values).max() > 1e-3
     assert np.median(late.std / batch.std) > 1.0
 
@@ -85,21 +87,21 @@ def test_essential_leaves_out_what_the_log_hardly_tells(tmp_path):
     arm = aw.load("lwa4p")
     from identification.arm.simulated_log import write_log
 
-    log = aw.read_log(write_log(tmp_path, arm, seconds=20, noise=1.0))
-    found = aw.identify_arm(log, arm, method="essential", record=False, sensitivity=False)
+    log = aw.identification.read_log(write_log(tmp_path, arm, seconds=20, noise=1.0))
+    found = aw.identification.identify_arm(log, arm, method="essential", record=False, sensitivity=False)
     assert found.structural == 58
     assert 20 < len(found.fit.values) < 58
     assert found.verdict == "identified"
     assert any("of them are essential; left out" in remark for remark in found.estimate.remarks)
     relative = found.fit.std / np.abs(found.fit.values)
-    whole = aw.identify_arm(log, arm, record=False, sensitivity=False).fit
+    whole = aw.identification.identify_arm(log, arm, record=False, sensitivity=False).fit
     assert relative.max() < (whole.std / np.abs(whole.values)).max()
     assert (found.fit.r2 > whole.r2 - 0.01).all()
 
 
 def test_the_record_has_what_the_method_found(arm, log, feedback, tmp_path):
     """Links that are written predict as the instruments' base parameters, not as those of least squares."""
-    found = aw.identify_arm(log, arm, method="iv", feedback=feedback, **OPTIONS)
+    found = aw.identification.identify_arm(log, arm, method="iv", feedback=feedback, **OPTIONS)
     assert found.record is not None
     base = found.fit.base
     np.testing.assert_allclose(
@@ -116,7 +118,7 @@ def test_voltages_alone_are_enough(tmp_path):
     voltage += 0.2 * np.random.default_rng(4).normal(size=voltage.shape)
     log = written_log(tmp_path, "volts", arm.names, t, q, voltage, "voltage")
     assert "tau" not in log.layout
-    found = aw.identify_arm(log, arm, record=False, sensitivity=False)
+    found = aw.identification.identify_arm(log, arm, record=False, sensitivity=False)
     expected = found.fit.base.of(np.nan_to_num(found.fit.equations.model.prior))
     assert np.sqrt(np.mean(((found.fit.values - expected) / found.fit.std) ** 2)) < 1.6
     assert found.fit.r2.min() > 0.9
@@ -125,8 +127,12 @@ def test_voltages_alone_are_enough(tmp_path):
 def test_a_loop_that_is_not_told_is_refused(arm, log):
     for method in CLOSED:
         with pytest.raises(IdentificationError, match="feedback"):
-            aw.identify_arm(log, arm, method=method, record=False, **OPTIONS)
+            aw.identification.identify_arm(log, arm, method=method, record=False, **OPTIONS)
     with pytest.raises(IdentificationError, match="kp"):
-        aw.identify_arm(log, arm, method="iv", feedback=((1.0, 2.0, 3.0), 1.0, 0.01), record=False, **OPTIONS)
-    stands_in = aw.identify_arm(log, arm, method="iv", feedback=(KP, KD, PERIOD), record=False, **OPTIONS)
+        aw.identification.identify_arm(
+            log, arm, method="iv", feedback=((1.0, 2.0, 3.0), 1.0, 0.01), record=False, **OPTIONS
+        )
+    stands_in = aw.identification.identify_arm(
+        log, arm, method="iv", feedback=(KP, KD, PERIOD), record=False, **OPTIONS
+    )
     assert stands_in.fit.r2.min() > 0.95

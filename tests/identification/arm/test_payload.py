@@ -60,7 +60,9 @@ def test_two_kilograms_within_one_per_cent_from_two_logs(arm, tmp_path):
     assert found["payload.mass_kg"] == pytest.approx(MASS, rel=0.01)
     assert (np.abs(found.values - TRUTH)[:4] < 4 * found.std[:4]).all()
     assert found.names == NAMES
-    carrying = aw.write_into(with_identified_payload(wrong, found), found, tmp_path / "carrying.toml", key="payload")
+    carrying = aw.identification.write_into(
+        with_identified_payload(wrong, found), found, tmp_path / "carrying.toml", key="payload"
+    )
     assert aw.load(carrying).record.fits["payload"].log_sha256 == found.sha256
     assert unloaded.sha256 in found.method
 
@@ -68,7 +70,7 @@ def test_two_kilograms_within_one_per_cent_from_two_logs(arm, tmp_path):
 def test_torques_of_the_arm_pass_the_low_pass(arm, tmp_path):
     """Without noise the torques that are left are the payload's alone, at turns too."""
     log = moved(tmp_path, "loaded", arm.with_payload(MASS, COM, INERTIA), rate=500.0)
-    model, chosen = payload_model(arm), aw.choose_preparation(log)
+    model, chosen = payload_model(arm), aw.identification.choose_preparation(log)
     c = np.array(COM)
     about = INERTIA + MASS * (c @ c * np.eye(3) - np.outer(c, c))
     parameters = [MASS, *(MASS * c), *(about[i, j] for i, j in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)))]
@@ -89,7 +91,9 @@ def test_a_planar_arm_has_its_payload_written(tmp_path):
     found = identify_payload(moved(tmp_path, "planar", true, torque_noise=0.05), planar)
     assert found.verdict == "identified", str(found)
     assert not np.asarray(found.identifiable)[:4].all()
-    path = aw.write_into(with_identified_payload(planar, found), found, tmp_path / "carrying.toml", key="payload")
+    path = aw.identification.write_into(
+        with_identified_payload(planar, found), found, tmp_path / "carrying.toml", key="payload"
+    )
     q, qd, qdd = np.random.default_rng(2).normal(size=(3, 30, 2))
     expected, got = (aw.compile(each).inverse_dynamics(q, 0.3 * qd, 0 * qdd) for each in (true, aw.load(path)))
     own = aw.compile(planar).inverse_dynamics(q, 0.3 * qd, 0 * qdd)

@@ -24,9 +24,9 @@ from identification.real_logs import TX40, log_of
 @pytest.fixture(scope="module")
 def problem(tmp_path_factory):
     folder = tmp_path_factory.mktemp("tx40")
-    log = aw.read_log(log_of(folder, "staubli_tx40", TX40))
+    log = aw.identification.read_log(log_of(folder, "staubli_tx40", TX40))
     model = torque_model(aw.load(tx40_urdf(folder), kinematics_only=True), gears=log.gears)
-    preparation = aw.choose_preparation(log, cutoff=100.0, decimate=20)
+    preparation = aw.identification.choose_preparation(log, cutoff=100.0, decimate=20)
     equations = equations_of(list(samples_of(log, model, None, preparation)), model)
     return model, equations, fit_arm(equations, base_parameters(model))
 

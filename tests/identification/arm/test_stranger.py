@@ -83,7 +83,9 @@ def moved(arm: aw.Model, seed: int) -> dict[str, np.ndarray]:
     return {"t": t, "q": q, "tau": current * KT @ GEARS, "counts": counts, "mA": 1e3 * current, "own": current * KT}
 
 
-def written_log(folder: Path, name: str, table: dict[str, np.ndarray], signals: str, head: str = "") -> aw.Log:
+def written_log(
+    folder: Path, name: str, table: dict[str, np.ndarray], signals: str, head: str = ""
+) -> aw.identification.Log:
     """A log with columns NAME1 … NAME6 of every quantity."""
     columns = {"t": table["t"]}
     for key in (each for each in table if each != "t"):
@@ -92,7 +94,7 @@ def written_log(folder: Path, name: str, table: dict[str, np.ndarray], signals: 
     path = folder / f"{name}.log.toml"
     clock = f'[files.log]\npath = "{name}.csv"\n[time]\ncolumn = "t"\nunit = "s"\n'
     path.write_text((head or f"joints = {NAMES}\n") + clock + signals)
-    return aw.read_log(path)
+    return aw.identification.read_log(path)
 
 
 def signal(quantity: str, key: str, more: str, order: tuple[int, ...] = (1, 2, 3, 4, 5, 6)) -> str:
@@ -130,7 +132,7 @@ def test_counts_and_milliamperes_of_motors_give_the_truth(tmp_path, truth, nomin
     head = f"joints = {NAMES[::-1]}\ngears.matrix = {turned}\n"
     signals = signal("position", "counts", f'unit = "counts"\nside = "motor"\ncounts_per_turn = {COUNTS}', order)
     log = written_log(tmp_path, "drives", table, signals + signal("current", "mA", 'unit = "mA"', order), head)
-    found = aw.identify_arm(log, nominal, sensitivity=False)
+    found = aw.identification.identify_arm(log, nominal, sensitivity=False)
     assert found.verdict == "identified", str(found)
     again = aw.load(found.write(tmp_path / "found.toml"))
     states = multisine(6, SECONDS, 50.0, 9, 0.45)[1:]
@@ -143,13 +145,13 @@ def test_gears_that_are_not_those_of_the_record_are_refused(tmp_path, nominal, t
     head = f"joints = {NAMES}\ngears.ratios = {np.diag(GEARS).tolist()}\n"  # the coupling is forgotten
     log = written_log(tmp_path, "gears", table, OF_DRIVES, head)
     with pytest.raises(LogError, match=r"motor of 'axis_6' turns by \[0, 0, 0, 0, 0, 50\] in the log's file"):
-        aw.identify_arm(log, nominal)
+        aw.identification.identify_arm(log, nominal)
 
 
 def test_positions_beyond_the_limits_of_a_robot_that_the_log_does_not_name_are_refused(tmp_path, nominal, table):
     log = written_log(tmp_path, "degrees", {**table, "q": np.degrees(table["q"])}, OF_JOINTS)
     with pytest.raises(LogError, match="degrees taken for radians"):
-        aw.identify_arm(log, nominal)
+        aw.identification.identify_arm(log, nominal)
 
 
 MISTAKES = {
@@ -165,7 +167,7 @@ def test_what_no_check_of_units_sees_is_named_by_the_fit(tmp_path, nominal, tabl
     """Every joint is predicted with R² above 0.5."""
     change, joints, words = MISTAKES[mistake]
     log = written_log(tmp_path, mistake, {**table, **change(table)}, OF_JOINTS)
-    found = aw.identify_arm(log, nominal, sensitivity=False)
+    found = aw.identification.identify_arm(log, nominal, sensitivity=False)
     assert found.verdict == "not identified"
     assert [each for each in found.estimate.remarks if joints in each and words in each], str(found)
 
@@ -173,7 +175,9 @@ def test_what_no_check_of_units_sees_is_named_by_the_fit(tmp_path, nominal, tabl
 def test_torques_that_come_late_are_said(tmp_path, nominal, table):
     """By 20 ms, five rows of a motion that ends where it begins."""
     late = {**table, "tau": np.roll(table["tau"], 5, axis=0)}
-    found = aw.identify_arm(written_log(tmp_path, "late", late, OF_JOINTS), nominal, sensitivity=False, record=False)
+    found = aw.identification.identify_arm(
+        written_log(tmp_path, "late", late, OF_JOINTS), nominal, sensitivity=False, record=False
+    )
     (said,) = [each for each in found.estimate.remarks if "after the motion that they belong to" in each]
     assert float(said.split()[2]) == pytest.approx(20.0, rel=0.3)
 
@@ -183,7 +187,7 @@ def test_a_payload_on_a_coupled_wrist_is_found_from_currents(tmp_path, truth):
     log = written_log(
         tmp_path, "loaded", moved(carrying, 2), OF_DRIVES, f"joints = {NAMES}\ngears.matrix = {GEARS.tolist()}\n"
     )
-    found = aw.identify_payload(log, truth)
+    found = aw.identification.identify_payload(log, truth)
     assert found.verdict == "identified"
     assert found["payload.mass_kg"] == pytest.approx(PAYLOAD, rel=0.01)
     assert found["payload.com_m[2]"] == pytest.approx(0.08, abs=0.002)
@@ -192,7 +196,7 @@ def test_a_payload_on_a_coupled_wrist_is_found_from_currents(tmp_path, truth):
 
 def test_friction_of_joints_of_a_coupled_wrist(tmp_path, truth, table):
     log = written_log(tmp_path, "drives", table, OF_DRIVES, f"joints = {NAMES}\ngears.matrix = {GEARS.tolist()}\n")
-    found = aw.identify_friction(log, truth, candidates=())
+    found = aw.identification.identify_friction(log, truth, candidates=())
     for name, viscous, coulomb in zip(NAMES, VISCOUS, COULOMB, strict=True):
         assert found[f"{name}.friction.viscous_n_m_s_per_rad"] == pytest.approx(viscous, rel=0.03)
         assert found[f"{name}.friction.coulomb_positive_n_m"] == pytest.approx(coulomb, rel=0.03)
@@ -206,5 +210,7 @@ def test_a_good_fit_is_not_in_doubt_where_the_log_has_a_gap(tmp_path):
     tau += tau.std(axis=0) * (0.8 * np.sign(qd) + 0.4 * qd + 0.01 * np.random.default_rng(0).normal(size=q.shape))
     q = np.round(q / 2.4e-5) * 2.4e-5
     q[2000:2007] = np.nan
-    found = aw.identify_arm(written_arm_log(tmp_path, "gap", list(arm.names), t, q, tau), arm, sensitivity=False)
+    found = aw.identification.identify_arm(
+        written_arm_log(tmp_path, "gap", list(arm.names), t, q, tau), arm, sensitivity=False
+    )
     assert found.verdict == "identified", str(found)

@@ -85,7 +85,7 @@ def weighed(
     noise: float = 0.01,
     moving: np.ndarray | None = None,
     factors: np.ndarray | None = None,
-) -> aw.Log:
+) -> aw.identification.Log:
     """A log of the arm on a random multisine of its own.
 
     Args:
@@ -109,4 +109,4 @@ def weighed(
         currents=[f"i{k}" for k in range(arm.n)],
     )  # fmt: skip
     (folder / f"{name}.log.toml").write_text(text)
-    return aw.read_log(folder / f"{name}.log.toml")
+    return aw.identification.read_log(folder / f"{name}.log.toml")

@@ -20,7 +20,7 @@ LIMITS = {"velocity": [2.0, 3.0], "torque": [60.0, 30.0], "position": 2.5}
 
 @pytest.fixture(scope="module")
 def designed():
-    return aw.design_excitation(arm("two-link"), period=5.0, harmonics=4, starts=3, **LIMITS)
+    return aw.identification.design_excitation(arm("two-link"), period=5.0, harmonics=4, starts=3, **LIMITS)
 
 
 def test_it_starts_and_ends_at_rest(designed):
@@ -46,7 +46,7 @@ def test_limits_hold_between_the_instants_of_the_design(designed):
 )  # fmt: skip
 def test_limits_of_motion_hold_whatever_they_are(first, second, acceleration, harmonics, criterion, seed):
     most = np.array([first, second])
-    found = aw.design_excitation(
+    found = aw.identification.design_excitation(
         arm("two-link"), period=3.0, harmonics=harmonics, starts=1, criterion=criterion, seed=seed,
         velocity=most, acceleration=acceleration, position=[[-1.0, 0.5], [-0.2, 2.0]],
     )  # fmt: skip
@@ -68,7 +68,9 @@ def test_it_beats_a_random_search(designed):
 
 
 def test_logdet_asks_for_more_information_than_condition(designed):
-    other = aw.design_excitation(arm("two-link"), period=5.0, harmonics=4, starts=3, criterion="logdet", **LIMITS)
+    other = aw.identification.design_excitation(
+        arm("two-link"), period=5.0, harmonics=4, starts=3, criterion="logdet", **LIMITS
+    )
     assert other.logdet > designed.logdet
     assert other.condition > designed.condition
 
@@ -105,19 +107,21 @@ def test_kinematics_alone_are_enough_and_said_so(tmp_path):
         '<joint name="j2" type="continuous"><parent link="a"/><child link="b"/><origin xyz="0.3 0 0"/><axis xyz="0 1 0"/></joint>'
         "</robot>"
     )
-    found = aw.design_excitation(aw.load(path), harmonics=3, starts=1, velocity=1.0)
+    found = aw.identification.design_excitation(aw.load(path), harmonics=3, starts=1, velocity=1.0)
     assert np.isfinite(found.condition)
     assert any(
         "torque limits are not honoured: the record has links without masses" in reason for reason in found.reasons
     )
     with pytest.raises(ScenarioError, match="links without masses"):
-        aw.design_excitation(aw.load(path), velocity=1.0, torque=5.0)
+        aw.identification.design_excitation(aw.load(path), velocity=1.0, torque=5.0)
 
 
 def test_the_tip_stays_in_its_box():
     box = [[-np.inf, -np.inf, -0.2], [np.inf, np.inf, np.inf]]
     model = arm("cmu-dd").with_locked(dict.fromkeys(arm("cmu-dd").names[3:], 0.3))
-    found = aw.design_excitation(model, period=4.0, harmonics=3, starts=1, velocity=2.0, voltage=np.inf, box=box)
+    found = aw.identification.design_excitation(
+        model, period=4.0, harmonics=3, starts=1, velocity=2.0, voltage=np.inf, box=box
+    )
     tip = aw.compile(model).forward_kinematics(found.trajectory.at(np.linspace(0, 4.0, 2000))[0])[:, 2, 3]
     assert tip.min() >= -0.2 - 1e-4
 
@@ -173,4 +177,4 @@ def test_a_motion_is_saved_with_units(designed, tmp_path):
 )
 def test_what_cannot_be_designed_is_refused(options, said):
     with pytest.raises(ScenarioError, match=said):
-        aw.design_excitation(arm("two-link"), **options)
+        aw.identification.design_excitation(arm("two-link"), **options)

@@ -28,7 +28,7 @@ def regressor():
 
 
 def test_deviations_are_the_scatter_of_fits():
-    found = aw.compare_experiments({"both": BOTH}, arm=arm("two-link"), noise=[0.5, 0.2], rate=50.0)
+    found = aw.identification.compare_experiments({"both": BOTH}, arm=arm("two-link"), noise=[0.5, 0.2], rate=50.0)
     t = np.arange(0.0, 4.0, 1 / 50.0)
     rows = regressor().rows(*BOTH.at(t)) / np.array([0.5, 0.2])[:, None]
     rows = rows.reshape(-1, rows.shape[-1])
@@ -38,7 +38,7 @@ def test_deviations_are_the_scatter_of_fits():
 
 
 def test_an_experiment_that_moves_one_joint_does_not_tell_the_other():
-    found = aw.compare_experiments({"one": ONE, "both": BOTH}, arm=arm("two-link"), noise=0.5)
+    found = aw.identification.compare_experiments({"one": ONE, "both": BOTH}, arm=arm("two-link"), noise=0.5)
     one, both = found.experiments["one"], found.experiments["both"]
     silent = [name for name, std in zip(one.names, one.std, strict=True) if np.isinf(std)]
     assert {"fv2", "fc2", "Ia2"} <= set(silent)
@@ -82,7 +82,7 @@ def test_scenarios_are_compared_by_their_sensitivities():
         "short": aw.Scenario(model, duration=0.05, command=[20.0], solver=aw.Solver(integrator="rk4", step=1e-3)),
         "long": aw.Scenario(model, duration=1.0, command=[20.0], solver=aw.Solver(integrator="rk4", step=1e-3)),
     }
-    found = aw.compare_experiments(candidates, by=by, noise={"qd": 0.01})
+    found = aw.identification.compare_experiments(candidates, by=by, noise={"qd": 0.01})
     assert (found.experiments["long"].std < found.experiments["short"].std).all()
     # closed form: w = (u / k)(1 - exp(-t k² / R J)), its slopes by central differences
     drive = model.coordinates[0].drive
@@ -114,4 +114,4 @@ def test_scenarios_are_compared_by_their_sensitivities():
 def test_what_cannot_be_compared_is_refused(arguments, said):
     candidates, name, noise = (*arguments, None, 1.0)[:3] if len(arguments) < 3 else arguments
     with pytest.raises(IdentificationError, match=said):
-        aw.compare_experiments(candidates, arm=None if name is None else arm(name), noise=noise)
+        aw.identification.compare_experiments(candidates, arm=None if name is None else arm(name), noise=noise)

@@ -16,11 +16,11 @@ from armwright.identification.experiments.motor import KINDS
 from identification.motor_truth import TRUE, true_record
 from physics.arms import arm
 
-GUESS = aw.MotorGuess(gain=12.0, time_constant=0.05, most=12.0)
+GUESS = aw.identification.MotorGuess(gain=12.0, time_constant=0.05, most=12.0)
 
 
 def test_the_prbs_is_a_maximum_length_sequence():
-    found = aw.motor_experiment("prbs", GUESS, seed=3)
+    found = aw.identification.motor_experiment("prbs", GUESS, seed=3)
     sign = np.sign(found.values)
     assert len(sign) == 2**9 - 1
     assert abs(sign.sum()) == 1
@@ -32,7 +32,7 @@ def test_the_prbs_is_a_maximum_length_sequence():
 
 
 def test_the_multisine_has_a_low_crest_and_no_other_frequencies():
-    found = aw.motor_experiment("multisine", GUESS, period=1e-6)
+    found = aw.identification.motor_experiment("multisine", GUESS, period=1e-6)
     amplitudes = np.abs(np.fft.rfft(found.values))
     lines = amplitudes > 1e-9 * amplitudes.max()
     assert amplitudes[lines].min() == pytest.approx(amplitudes.max(), rel=1e-9)
@@ -51,7 +51,7 @@ def test_the_multisine_has_a_low_crest_and_no_other_frequencies():
 
 
 def test_the_chirp_sweeps_its_band():
-    found = aw.motor_experiment("chirp", GUESS)
+    found = aw.identification.motor_experiment("chirp", GUESS)
     crossings = np.flatnonzero(np.diff(np.sign(found.values)) != 0) * found.period
     halves = np.diff(crossings)
     assert 5.0 / halves[-10:].sum() == pytest.approx(10 * GUESS.corner_hz, rel=0.1)
@@ -62,7 +62,7 @@ def test_the_chirp_sweeps_its_band():
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_predicted_response_is_the_differential_equation(kind):
     guess = replace(GUESS, dead_zone=0.8)
-    found = aw.motor_experiment(kind, guess)
+    found = aw.identification.motor_experiment(kind, guess)
     count = min(len(found.values), 40)
     values = found.values[:count]
     speed, angle = guess.response(values, found.period)
@@ -82,9 +82,9 @@ def test_the_predicted_response_is_the_differential_equation(kind):
     st.floats(0.5, 50.0),
 )  # fmt: skip
 def test_limits_hold_by_the_guess_or_it_is_refused(kind, gain, time_constant, zone, speed, travel):
-    guess = aw.MotorGuess(gain, time_constant, 10.0, dead_zone=10.0 * zone, speed=speed, travel=travel)
+    guess = aw.identification.MotorGuess(gain, time_constant, 10.0, dead_zone=10.0 * zone, speed=speed, travel=travel)
     try:
-        found = aw.motor_experiment(kind, guess)
+        found = aw.identification.motor_experiment(kind, guess)
     except ScenarioError as error:
         if "leaves no room" not in error.what:
             raise
@@ -99,19 +99,19 @@ def test_limits_hold_by_the_guess_or_it_is_refused(kind, gain, time_constant, zo
 def test_a_refusal_says_how_much_it_takes():
     narrow = replace(GUESS, travel=0.05)
     with pytest.raises(ScenarioError, match=r"travel leaves no room for a step; expected .* rad or more") as caught:
-        aw.motor_experiment("step", narrow)
+        aw.identification.motor_experiment("step", narrow)
     needed = float(caught.value.expected.split()[0])
-    aw.motor_experiment("step", replace(narrow, travel=1.001 * needed))
+    aw.identification.motor_experiment("step", replace(narrow, travel=1.001 * needed))
 
 
 def test_a_simulation_and_a_file_take_it(tmp_path):
     model = arm("cmu-dd").with_locked(dict.fromkeys(arm("cmu-dd").names[1:], 0.0))
-    guess = aw.MotorGuess.of(model)
-    found = aw.motor_experiment("step", guess)
+    guess = aw.identification.MotorGuess.of(model)
+    found = aw.identification.motor_experiment("step", guess)
     run = aw.simulate(aw.Scenario(model, duration=found.period, command=found.schedule))
     assert np.isfinite(run.q.values).all()
     found.save(tmp_path / "step.csv")
-    again = aw.read_schedule(tmp_path / "step.csv", model.names, ["V"])
+    again = aw.simulation.read_schedule(tmp_path / "step.csv", model.names, ["V"])
     for t in np.linspace(0.0, found.duration, 50):
         np.testing.assert_allclose(again.at(t), found.schedule.at(t))
 
@@ -119,7 +119,7 @@ def test_a_simulation_and_a_file_take_it(tmp_path):
 def test_the_guess_of_a_record_is_the_motor_of_the_simulation():
     names = arm("cmu-dd").names
     model = arm("cmu-dd").with_locked(dict.fromkeys(names[1:], 0.0)).replace(friction=None, gravity=(0.0, 0.0, 0.0))
-    guess = replace(aw.MotorGuess.of(model), dead_zone=0.0)
+    guess = replace(aw.identification.MotorGuess.of(model), dead_zone=0.0)
     run = aw.simulate(aw.Scenario(model, duration=0.1, command=[5.0], solver=aw.Solver(integrator="rk4", step=1e-4)))
     speed = guess.gain * 5.0 * (1.0 - np.exp(-run.time.values / guess.time_constant))
     np.testing.assert_allclose(run.qd.values[:, 0], speed, rtol=1e-4, atol=1e-6)
@@ -129,8 +129,8 @@ def test_a_record_without_a_largest_voltage_gets_one(tmp_path):
     """As `identify motor` writes it of a bench: the limit of its supply is no part of a log."""
     model = aw.load(true_record(tmp_path))
     with pytest.raises(ModelError, match=r"no largest voltage; expected a record that has it, or most=… \(--most\)"):
-        aw.MotorGuess.of(model)
-    guess = aw.MotorGuess.of(model, most=9.0)
+        aw.identification.MotorGuess.of(model)
+    guess = aw.identification.MotorGuess.of(model, most=9.0)
     assert guess.most == 9.0
     assert guess.gain == pytest.approx(1 / TRUE["Kt"])
     assert guess.dead_zone == pytest.approx(TRUE["R"] * TRUE["coulomb"] / TRUE["Kt"])
@@ -139,13 +139,16 @@ def test_a_record_without_a_largest_voltage_gets_one(tmp_path):
 @pytest.mark.parametrize(
     ("make", "said"),
     [
-        (lambda: aw.MotorGuess(0.0, 0.05, 12.0), r"MotorGuess\.gain = 0.0: expected a number above 0"),
-        (lambda: aw.MotorGuess(1.0, np.nan, 12.0), r"MotorGuess\.time_constant"),
-        (lambda: aw.MotorGuess(1.0, 0.1, 12.0, dead_zone=7.0), "hardly leaves the dead zone"),
-        (lambda: aw.motor_experiment("prbs", GUESS, period=1.0), "period = 1.0: expected a time above 0"),
-        (lambda: aw.motor_experiment("prbs9", GUESS), "did you mean prbs"),
-        (lambda: aw.MotorGuess.of(arm("two-link")), "no resistance, no torque constant"),
-        (lambda: aw.MotorGuess.of(arm("cmu-dd"), "joint9"), "joint = 'joint9'"),
+        (lambda: aw.identification.MotorGuess(0.0, 0.05, 12.0), r"MotorGuess\.gain = 0.0: expected a number above 0"),
+        (lambda: aw.identification.MotorGuess(1.0, np.nan, 12.0), r"MotorGuess\.time_constant"),
+        (lambda: aw.identification.MotorGuess(1.0, 0.1, 12.0, dead_zone=7.0), "hardly leaves the dead zone"),
+        (
+            lambda: aw.identification.motor_experiment("prbs", GUESS, period=1.0),
+            "period = 1.0: expected a time above 0",
+        ),
+        (lambda: aw.identification.motor_experiment("prbs9", GUESS), "did you mean prbs"),
+        (lambda: aw.identification.MotorGuess.of(arm("two-link")), "no resistance, no torque constant"),
+        (lambda: aw.identification.MotorGuess.of(arm("cmu-dd"), "joint9"), "joint = 'joint9'"),
     ],
 )
 def test_bad_guesses_are_refused(make, said):

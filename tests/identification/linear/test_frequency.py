@@ -24,7 +24,7 @@ def truth(f, period):
 
 def test_welch_is_scipys():
     u, y = noisy(0, 8192)
-    got = aw.frequency_response(u, y, 0.01, segment=512)
+    got = aw.identification.frequency_response(u, y, 0.01, segment=512)
     settings = {"fs": 100.0, "window": "hann", "nperseg": 512, "detrend": "constant"}
     f, cross = signal.csd(u, y, **settings)
     power = signal.welch(u, **settings)[1]
@@ -37,13 +37,13 @@ def test_intervals_of_both_methods_cover_the_truth():
     inside = {"welch": [], "periodic": []}
     for seed in range(20):
         u, y = noisy(seed, 4096)
-        found = aw.frequency_response(u, y, 1.0, segment=128)
+        found = aw.identification.frequency_response(u, y, 1.0, segment=128)
         good = slice(2, -1)
         inside["welch"].append(np.abs(found.response - truth(found.frequency, 1.0))[good] < found.radius()[good])
         draw = np.random.default_rng(seed)
         u = np.tile(draw.choice([-1.0, 1.0], 256), 12)
         y = signal.lfilter(B, A, u) + 0.1 * draw.standard_normal(len(u))
-        found = aw.frequency_response(u, y, 1.0)
+        found = aw.identification.frequency_response(u, y, 1.0)
         assert "11 periods of 256 rows" in found.method
         inside["periodic"].append(np.abs(found.response - truth(found.frequency, 1.0)) < found.radius())
     for method, hits in inside.items():
@@ -55,7 +55,7 @@ def test_a_multisine_is_exact_at_its_lines():
     lines = [3, 7, 20, 45]
     u = sum(np.cos(2 * np.pi * k * t / 200 + k) for k in lines)
     y = signal.lfilter(B, A, u) + 12.0
-    found = aw.frequency_response(u, y, 0.005)
+    found = aw.identification.frequency_response(u, y, 0.005)
     assert found.frequency == pytest.approx(np.array(lines) / 200 / 0.005)
     assert found.response == pytest.approx(truth(found.frequency, 0.005), abs=1e-9)
     assert found.coherence.min() > 1 - 1e-9
@@ -65,5 +65,5 @@ def test_bad_settings():
     u, y = noisy(0, 400)
     for options in ({"segment": 1000}, {"segment": 300}, {"segment": 2}, {"repeats": 200}, {"repeats": -1}):
         with pytest.raises(LogError) as caught:
-            aw.frequency_response(u, y, 1.0, **options)
+            aw.identification.frequency_response(u, y, 1.0, **options)
         assert caught.value.place == next(iter(options))

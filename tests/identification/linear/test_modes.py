@@ -48,7 +48,7 @@ def test_zeros_and_their_deviations():
         draw = np.random.default_rng(seed)
         u = draw.standard_normal(600)
         y = lfilter(b, a, u) + 0.05 * draw.standard_normal(600)
-        model = aw.fit_oe(u, y, T, order=2, delay=1)
+        model = aw.identification.fit_oe(u, y, T, order=2, delay=1)
         deviations.append((model.zeros[0].real - 0.5) / model.zero_std[0])
     assert 0.6 < np.std(deviations) < 1.5
 

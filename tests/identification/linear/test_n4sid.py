@@ -27,7 +27,7 @@ def plant(seed, rows=1500, noise=0.0, direct=True):
 @pytest.mark.parametrize("direct", [True, False])
 def test_exact_data_give_the_exact_system(weighting, direct):
     u, y = plant(0, direct=direct)
-    model = aw.fit_n4sid(u, y, 0.01, order=3, weighting=weighting, direct=direct)
+    model = aw.identification.fit_n4sid(u, y, 0.01, order=3, weighting=weighting, direct=direct)
     expected = sorted(np.linalg.eigvals(A), key=lambda p: (p.real, p.imag))
     assert sorted(model.poles, key=lambda p: (p.real, p.imag)) == pytest.approx(expected, abs=1e-7)
     gain = C @ np.linalg.solve(np.eye(3) - A, B) + (D if direct else 0.0)
@@ -40,7 +40,7 @@ def test_exact_data_give_the_exact_system(weighting, direct):
 def test_order_is_chosen():
     u, y = plant(1, rows=2500, noise=0.1)
     for by in ("bic", "cv"):
-        model = aw.fit_n4sid(u, y, 0.01, direct=True, select=by, most_order=6)
+        model = aw.identification.fit_n4sid(u, y, 0.01, direct=True, select=by, most_order=6)
         assert model.order == 3
 
 
@@ -48,7 +48,7 @@ def test_the_jackknife_tells_the_deviations():
     gain, squares = C @ np.linalg.solve(np.eye(3) - A, B) + D, []
     for seed in range(8):
         u, y = plant(seed, rows=1500, noise=0.1)
-        model = aw.fit_n4sid(u, y, 0.01, order=3, direct=True)
+        model = aw.identification.fit_n4sid(u, y, 0.01, order=3, direct=True)
         squares.append(((model.gain - gain) / model.gain_std) ** 2)
     assert 0.5 < np.mean(squares) < 2.5  # 9/7 of a t distribution with 9 degrees of freedom
 
@@ -62,7 +62,7 @@ def test_one_input_one_output_with_delay_and_several_runs():
         x = A @ x + B[:, 0] * late[k]
     out += 0.01 * np.random.default_rng(0).standard_normal(1200)
     runs_u, runs_y = [u[:500, 0], u[550:, 0]], [out[:500], out[550:]]
-    model = aw.fit_n4sid(runs_u, runs_y, 1.0, order=3)
+    model = aw.identification.fit_n4sid(runs_u, runs_y, 1.0, order=3)
     assert model.delay == 6
     assert min(row["fit_percent"] for row in model.fit.values()) > 95.0
     f = np.array([0.01, 0.1, 0.3])
@@ -75,21 +75,21 @@ def test_one_input_one_output_with_delay_and_several_runs():
 def test_an_input_that_excites_too_little():
     t = np.arange(800)
     with pytest.raises(ArmwrightError) as caught:
-        aw.fit_n4sid(np.sin(0.1 * t), np.sin(0.1 * t + 1), 1.0, order=2, delay=1)
+        aw.identification.fit_n4sid(np.sin(0.1 * t), np.sin(0.1 * t + 1), 1.0, order=2, delay=1)
     assert "excites 3 of 16 lags" in str(caught.value)
 
 
 def test_to_control():
     control = pytest.importorskip("control", reason="python-control is not installed (extra control)")
     u, y = plant(3, noise=0.01)
-    model = aw.fit_n4sid(u, y, 0.01, order=3, direct=True)
+    model = aw.identification.fit_n4sid(u, y, 0.01, order=3, direct=True)
     system = model.to_control()
     assert system.dt == 0.01
     assert control.dcgain(system) == pytest.approx(model.gain)
-    single = aw.fit_oe(u[:, 0], y[:, 0], 0.01, order=3, delay=0)
+    single = aw.identification.fit_oe(u[:, 0], y[:, 0], 0.01, order=3, delay=0)
     assert np.sort_complex(single.to_control().poles()) == pytest.approx(np.sort_complex(single.poles), abs=1e-8)
     forced = control.forced_response(single.to_control(), inputs=u[:, 0], timepts=0.01 * np.arange(len(u))).outputs
     rest = single.simulate(np.concatenate([np.zeros(300), u[:, 0]]))[300:] - single.core.offset
     assert forced == pytest.approx(rest, abs=1e-6)
-    response = aw.frequency_response(u[:, 0], y[:, 0], 0.01)
+    response = aw.identification.frequency_response(u[:, 0], y[:, 0], 0.01)
     assert response.to_control().omega == pytest.approx(2 * np.pi * response.frequency)

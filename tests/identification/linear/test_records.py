@@ -48,9 +48,9 @@ def log_file(folder, runs):
 
 def test_a_log_is_fitted_by_its_runs_and_judged_by_the_others(tmp_path):
     runs = {"a": ("fit", data(0)), "b": ("fit", data(1)), "c": ("hold-out", data(2))}
-    log = aw.read_log(log_file(tmp_path, runs))
-    model = aw.fit_oe(log, order=1, delay=1)
-    arrays = aw.fit_oe([data(0)[1], data(1)[1]], [data(0)[2], data(1)[2]], 0.01, order=1, delay=1)
+    log = aw.identification.read_log(log_file(tmp_path, runs))
+    model = aw.identification.fit_oe(log, order=1, delay=1)
+    arrays = aw.identification.fit_oe([data(0)[1], data(1)[1]], [data(0)[2], data(1)[2]], 0.01, order=1, delay=1)
     assert model.values == pytest.approx(arrays.values, rel=1e-9)
     assert list(model.fit) == ["a (fit): qd", "b (fit): qd", "c (hold-out): qd"]
     assert model.fit["c (hold-out): qd"]["fit_percent"] > 95.0
@@ -59,15 +59,15 @@ def test_a_log_is_fitted_by_its_runs_and_judged_by_the_others(tmp_path):
     assert estimate.sha256 == log.sha256
     assert estimate["time_constant1"] == pytest.approx(-0.01 / np.log(0.9), rel=0.02)
     assert "free simulation" in str(model)
-    assert aw.fit_n4sid(log, order=1).gain[0, 0] == pytest.approx(2.0, rel=0.02)
-    assert aw.frequency_response(log).units == ("rad/s", "V")
+    assert aw.identification.fit_n4sid(log, order=1).gain[0, 0] == pytest.approx(2.0, rel=0.02)
+    assert aw.identification.frequency_response(log).units == ("rad/s", "V")
 
 
 def test_short_logs_take_an_information_criterion():
     _, u, y = data()
-    model = aw.fit_oe(u[:200], y[:200], 0.01, select="bic", most_order=2, most_delay=5)
+    model = aw.identification.fit_oe(u[:200], y[:200], 0.01, select="bic", most_order=2, most_delay=5)
     assert model.gain[0, 0] == pytest.approx(2.0, rel=0.05)
-    assert aw.fit_oe(u[:60], y[:60], 0.01, order=1, delay=1).gain[0, 0] == pytest.approx(2.0, rel=0.1)
+    assert aw.identification.fit_oe(u[:60], y[:60], 0.01, order=1, delay=1).gain[0, 0] == pytest.approx(2.0, rel=0.1)
 
 
 def test_joints_of_a_log_are_inputs_and_outputs(tmp_path):
@@ -75,7 +75,9 @@ def test_joints_of_a_log_are_inputs_and_outputs(tmp_path):
     write_table(tmp_path / "a.csv", {"t": t, "u1": u1, "u2": u2, "y1": y1 + 0.5 * y2, "y2": y2})
     text = HEAD.replace('["motor"]', '["one", "two"]').replace('"u"', '["u1", "u2"]').replace('"y"', '["y1", "y2"]')
     (tmp_path / "two.log.toml").write_text(text + '[[runs]]\nfiles.log = "a.csv"\n')
-    model = aw.fit_n4sid(aw.read_log(tmp_path / "two.log.toml"), order=2, joint=["one", "two"])
+    model = aw.identification.fit_n4sid(
+        aw.identification.read_log(tmp_path / "two.log.toml"), order=2, joint=["one", "two"]
+    )
     assert model.inputs == ("voltage/one", "voltage/two")
     assert model.gain == pytest.approx(np.array([[2.0, 1.0], [0.0, 2.0]]), abs=0.06)
 
@@ -83,15 +85,17 @@ def test_joints_of_a_log_are_inputs_and_outputs(tmp_path):
 def test_gaps_split_a_run(tmp_path):
     t, u, y = data()
     keep = np.r_[0:200, 260:600]
-    model = aw.fit_oe(aw.read_log(log_file(tmp_path, {"a": ("fit", (t[keep], u[keep], y[keep]))})), order=1, delay=1)
+    model = aw.identification.fit_oe(
+        aw.identification.read_log(log_file(tmp_path, {"a": ("fit", (t[keep], u[keep], y[keep]))})), order=1, delay=1
+    )
     assert any("gaps" in remark for remark in model.remarks)
     assert model.gain[0, 0] == pytest.approx(2.0, rel=0.02)
 
 
 def test_two_clocks(tmp_path):
-    log = aw.read_log(log_file(tmp_path, {"a": ("fit", data()), "b": ("fit", data(1, period=0.02))}))
+    log = aw.identification.read_log(log_file(tmp_path, {"a": ("fit", data()), "b": ("fit", data(1, period=0.02))}))
     with pytest.raises(ArmwrightError, match="two clocks"):
-        aw.fit_oe(log)
+        aw.identification.fit_oe(log)
 
 
 T, U, Y = data()
@@ -128,7 +132,7 @@ BAD = {
 def test_bad_input(case):
     arguments, options, place = BAD[case]
     with pytest.raises(ArmwrightError) as caught:
-        aw.fit_oe(*arguments, **options)
+        aw.identification.fit_oe(*arguments, **options)
     assert caught.value.place == place
     assert "\n" not in str(caught.value)
 
@@ -145,7 +149,12 @@ ODD = {
 
 @pytest.mark.parametrize("case", ODD)
 def test_odd_data_end_in_a_model_or_in_words(case):
-    for fit in (aw.fit_arx, aw.fit_oe, aw.fit_armax, aw.fit_n4sid):
+    for fit in (
+        aw.identification.fit_arx,
+        aw.identification.fit_oe,
+        aw.identification.fit_armax,
+        aw.identification.fit_n4sid,
+    ):
         with contextlib.suppress(ArmwrightError):
             model = fit(U, ODD[case], 0.01, order=2, delay=1)
             assert np.isfinite(model.simulate(U)).all()
@@ -153,9 +162,9 @@ def test_odd_data_end_in_a_model_or_in_words(case):
 
 
 def test_unknown_signals_of_a_log(tmp_path):
-    log = aw.read_log(log_file(tmp_path, {"a": ("fit", data())}))
+    log = aw.identification.read_log(log_file(tmp_path, {"a": ("fit", data())}))
     for options, place in (({"input": "volts"}, "input"), ({"output": "q"}, "output"), ({"joint": "elbow"}, "joint"),
                            ({"input": "qd"}, "output")):  # fmt: skip
         with pytest.raises(ArmwrightError) as caught:
-            aw.fit_oe(log, **options)
+            aw.identification.fit_oe(log, **options)
         assert caught.value.place == place

@@ -30,7 +30,7 @@ def test_a_model_is_a_sensor_of_a_compiled_loop():
     draw = np.random.default_rng(2)
     u = np.repeat(draw.choice([-1.0, 1.0], 300), 4)
     y = lfilter([0.0, 0.0, 0.3], [1.0, -0.7], u) + 0.5
-    model = aw.fit_oe(u, y, 1e-3, order=1, delay=2)
+    model = aw.identification.fit_oe(u, y, 1e-3, order=1, delay=2)
     arm = aw.load("two-link")
     tachometer = model.sensor(of="qd", name="tacho", unit="V")
     loop = aw.Loop(
@@ -50,7 +50,7 @@ def test_a_model_is_a_sensor_of_a_compiled_loop():
 def test_a_model_is_an_actuator_of_a_compiled_loop():
     """Commands reach the drives as the model passes them on, which SciPy's filter says too."""
     u = np.repeat(np.random.default_rng(2).choice([-1.0, 1.0], 300), 4)
-    model = aw.fit_oe(u, lfilter([0.0, 0.0, 0.3], [1.0, -0.7], u), 1e-3, order=1, delay=2)
+    model = aw.identification.fit_oe(u, lfilter([0.0, 0.0, 0.3], [1.0, -0.7], u), 1e-3, order=1, delay=2)
     arm = aw.load("two-link")
 
     def command(t, r, m):

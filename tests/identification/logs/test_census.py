@@ -37,7 +37,7 @@ def log(tmp_path):
     t[900] -= 0.01
     for name, rows in {"q1": [63, 64, 65], "v2": [400], "m1": [511, 1000]}.items():
         table[name][rows] = np.nan
-    return aw.read_log(written(tmp_path, ALL, {"arm.csv": table}), on_error="keep")
+    return aw.identification.read_log(written(tmp_path, ALL, {"arm.csv": table}), on_error="keep")
 
 
 def test_events_are_counted_with_their_rows(log):

@@ -20,7 +20,7 @@ def findings(folder, change=None, text=ALL, level=None):
     table = columns()
     if change is not None:
         table = change(table) or table
-    log = aw.read_log(written(folder, text, {"arm.csv": table}), on_error="keep")
+    log = aw.identification.read_log(written(folder, text, {"arm.csv": table}), on_error="keep")
     return [str(each) for each in log.findings if level in (None, each.level)]
 
 
@@ -62,17 +62,19 @@ def test_times_rounded_to_milliseconds_are_no_gaps(tmp_path, period):
         "m1": tau[:, 0],
         "m2": tau[:, 1],
     }
-    log = aw.read_log(written(tmp_path, ALL, {"arm.csv": table}))
+    log = aw.identification.read_log(written(tmp_path, ALL, {"arm.csv": table}))
     assert log.runs[0].census is not None
     assert log.runs[0].census.gaps.count == 0
     assert log.runs[0].period == pytest.approx(period, rel=1e-3)
     assert not log.warnings
     assert any("times are rounded to 1 ms" in str(each) for each in log.notes)
-    found = aw.prepare_log(log, preparation=aw.choose_preparation(log, cutoff=20.0))
+    found = aw.identification.prepare_log(log, preparation=aw.identification.choose_preparation(log, cutoff=20.0))
     true = motion(stamps[0] - 5e-4 + found["time"].values)[2]
     assert np.abs(found["qdd"].values - true).max() < 0.05 * np.abs(true).max()
     kept = np.r_[0:1000, 1010:4001]
-    cut = aw.read_log(written(tmp_path, ALL, {"arm.csv": {name: each[kept] for name, each in table.items()}}))
+    cut = aw.identification.read_log(
+        written(tmp_path, ALL, {"arm.csv": {name: each[kept] for name, each in table.items()}})
+    )
     assert cut.runs[0].census is not None
     assert cut.runs[0].census.gaps.count == 1
 
@@ -97,7 +99,7 @@ def test_a_wrong_unit_side_or_sign_is_an_error(tmp_path, name):
     assert lines
     assert any(re.search(said, line) for line in lines), lines
     with pytest.raises(LogError):
-        aw.read_log(tmp_path / "two.log.toml")
+        aw.identification.read_log(tmp_path / "two.log.toml")
 
 
 def test_speeds_of_mixed_up_joints(tmp_path):

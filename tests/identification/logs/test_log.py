@@ -66,7 +66,7 @@ def test_units_sides_signs_and_couplings_round_trip(tmp_path_factory, unit, side
         signs = {list(signs)}
     """
     table = {"t": 1e3 * t, "p1": seen[:, 0], "p2": seen[:, 1], "f1": torque[:, 0], "f2": torque[:, 1]}
-    data = aw.read_log(written(folder, text, {"x.csv": table}), on_error="keep").dataset()
+    data = aw.identification.read_log(written(folder, text, {"x.csv": table}), on_error="keep").dataset()
     assert np.allclose(data["time"], t, atol=1e-12)
     assert np.allclose(data["q"], q, atol=1e-11)
     assert np.allclose(data["tau"], tau, atol=1e-10)
@@ -91,7 +91,7 @@ def test_a_simulated_run_comes_back(tmp_path, ending):
             {{ quantity = "torque", columns = {[f"tau_{name}" for name in names]}, side = "joint" }},
         ]
     """
-    log = aw.read_log(written(tmp_path, text, {"unused.csv": {"t": np.zeros(1)}}))
+    log = aw.identification.read_log(written(tmp_path, text, {"unused.csv": {"t": np.zeros(1)}}))
     data = log.dataset()
     for name in ("q", "qd", "tau"):
         assert np.array_equal(data[name].values, run[name].values)
@@ -117,7 +117,7 @@ def test_an_mcap_recording_of_joint_states(tmp_path):
         ]
     """
     path = written(tmp_path, text, {"unused.csv": {"t": t}})
-    log = aw.read_log(path)
+    log = aw.identification.read_log(path)
     data = log.dataset()
     assert np.array_equal(data["q"], q)
     assert np.array_equal(data["tau"], tau)
@@ -126,11 +126,11 @@ def test_an_mcap_recording_of_joint_states(tmp_path):
     content = (tmp_path / "arm.mcap").read_bytes()
     (tmp_path / "damaged.mcap").write_bytes(content[: len(content) // 2])
     with pytest.raises(LogError, match=r"damaged\.mcap"):
-        aw.read_log(path)
+        aw.identification.read_log(path)
 
 
 def test_blocks_of_any_size_make_the_same_log(tmp_path):
-    log = aw.read_log(written(tmp_path, ALL))
+    log = aw.identification.read_log(written(tmp_path, ALL))
     whole = log.dataset()
     for rows in (100, 999, 4001):
         blocks = list(log.blocks(rows=rows))
@@ -152,13 +152,13 @@ def test_runs_in_folders_are_split_and_files_may_be_a_row_short(tmp_path):
     )
     text += '[[runs]]\nfolder = ["run_1", "run_2"]\n[[runs]]\nfolder = "run_3"\nuse = "hold-out"\n'
     text += POSITIONS + 'file = "arm"' + SPEEDS + 'file = "arm"' + TORQUES + 'file = "torque"'
-    log = aw.read_log(written(tmp_path, text))
+    log = aw.identification.read_log(written(tmp_path, text))
     assert (log.fit, log.hold_out) == (("run_1", "run_2"), ("run_3",))
     assert log.dataset("run_3").sizes["time"] == len(table["t"]) - 1
     assert log.run("run_1").sha256["arm"] == hashlib.sha256((tmp_path / "run_1" / "arm.csv").read_bytes()).hexdigest()
     written(tmp_path / "run_2", "", {"torque.csv": {name: table[name][:-7] for name in ("m1", "m2")}})
     with pytest.raises(LogError, match=r"arm.csv 1001, torque.csv 994 rows") as error:
-        aw.read_log(tmp_path / "two.log.toml")
+        aw.identification.read_log(tmp_path / "two.log.toml")
     assert "clock of its own" in error.value.expected
 
 
@@ -175,7 +175,7 @@ def test_a_file_with_its_own_clock_is_interpolated(tmp_path, late):
         "arm.csv": {"t": 5.0 + t, "q1": q[:, 0], "q2": q[:, 1], "v1": qd[:, 0], "v2": qd[:, 1]},
         "drive.csv": {"stamp": 1e3 * (5.0 + other), "m1": tau[:, 0], "m2": tau[:, 1]},
     }
-    log = aw.read_log(written(tmp_path, text, tables))
+    log = aw.identification.read_log(written(tmp_path, text, tables))
     data = log.dataset()
     covered = (t >= other[0]) & (t <= other[-1])
     assert np.isnan(data["tau"].values[~covered]).all()
@@ -188,16 +188,16 @@ def test_percent_of_rated_torque_current_and_permille(tmp_path):
     table = columns(1.0)
     text = HEAD + POSITIONS + TORQUES.replace('"N m"', '"permille"') + "rated = [40, 20]\n"
     table |= {"m1": table["m1"] / 40 * 1000, "m2": table["m2"] / 20 * 1000}
-    data = aw.read_log(written(tmp_path, text, {"arm.csv": table})).dataset()
+    data = aw.identification.read_log(written(tmp_path, text, {"arm.csv": table})).dataset()
     assert np.allclose(data["tau"], motion(table["t"])[3], atol=1e-12)
 
 
 def test_the_checksum_depends_on_file_and_data(tmp_path):
-    first = aw.read_log(written(tmp_path, ALL)).sha256
-    assert aw.read_log(written(tmp_path, ALL)).sha256 == first
+    first = aw.identification.read_log(written(tmp_path, ALL)).sha256
+    assert aw.identification.read_log(written(tmp_path, ALL)).sha256 == first
     table = columns()
     table["q1"][7] += 1e-12
-    assert aw.read_log(written(tmp_path, ALL, {"arm.csv": table})).sha256 != first
+    assert aw.identification.read_log(written(tmp_path, ALL, {"arm.csv": table})).sha256 != first
 
 
 def test_a_robot_file_may_have_kinematics_alone(tmp_path):
@@ -214,7 +214,7 @@ def test_a_robot_file_may_have_kinematics_alone(tmp_path):
     )
     (tmp_path / "arm.toml").write_text(f'name = "bare"\nlinks = []\nsource = "drawing"\ncommand = "torque"\n{joints}')
     text = ALL.replace("joints =", 'robot = "arm.toml"\nkinematics_only = true\njoints =')
-    log = aw.read_log(written(tmp_path, text))
+    log = aw.identification.read_log(written(tmp_path, text))
     assert log.arm is not None
     assert any("kinematics only" in warning for warning in log.arm.warnings)
     assert log.gears is None
@@ -226,14 +226,14 @@ def test_a_robot_file_may_have_kinematics_alone(tmp_path):
 def test_gears_of_thousands_of_motors_are_refused_before_their_matrix_is_inverted(tmp_path):
     text = f"{ALL}[gears]\nratios = {[1.0] * 5000}\n"
     with pytest.raises(LogError, match=r"gears\.ratios"):
-        aw.read_log(written(tmp_path, text))
+        aw.identification.read_log(written(tmp_path, text))
 
 
 def test_an_integer_beyond_floats_is_named_with_its_place(tmp_path):
     path = written(tmp_path, ALL)
     (tmp_path / "arm.csv").write_text(f"t,q1,q2,v1,v2,m1,m2\n0.5,{'9' * 400},2,3,4,5,6\n", encoding="utf-8")
     with pytest.raises(LogError, match="expected a number") as refused:
-        aw.read_log(path)
+        aw.identification.read_log(path)
     assert refused.value.file.endswith("arm.csv:2")
 
 
@@ -252,7 +252,7 @@ PARTS = '\n[[runs]]\nname = "fit"\nto_s = 5.0\n\n[[runs]]\nname = "held"\nfrom_s
 
 def test_runs_that_are_parts_of_a_file_are_its_rows(tmp_path):
     table = columns(8.0)
-    log = aw.read_log(written(tmp_path, TWO + PARTS, {"arm.csv": table}))
+    log = aw.identification.read_log(written(tmp_path, TWO + PARTS, {"arm.csv": table}))
     assert (log.fit, log.hold_out) == (("fit",), ("held",))
     rows = {"fit": slice(0, 2500), "held": slice(2500, 3500)}  # at 500 Hz
     for name, part in rows.items():
@@ -266,17 +266,17 @@ def test_runs_that_are_parts_of_a_file_are_its_rows(tmp_path):
 
 
 def test_a_share_of_every_run_is_held_out(tmp_path):
-    log = aw.read_log(written(tmp_path, "hold_out = 0.25\n" + TWO, {"arm.csv": columns(8.0)}))
+    log = aw.identification.read_log(written(tmp_path, "hold_out = 0.25\n" + TWO, {"arm.csv": columns(8.0)}))
     assert (log.fit, log.hold_out) == (("run1",), ("run1-held",))
     assert [run.rows for run in log.runs] == [3000, 1001]
-    whole = aw.read_log(written(tmp_path, TWO, {"arm.csv": columns(8.0)}))
+    whole = aw.identification.read_log(written(tmp_path, TWO, {"arm.csv": columns(8.0)}))
     assert log.sha256 != whole.sha256
 
 
 def test_places_of_a_part_are_lines_of_its_file(tmp_path):
     table = columns(8.0)
     table["q1"][3000] = np.nan
-    log = aw.read_log(written(tmp_path, TWO + PARTS, {"arm.csv": table}))
+    log = aw.identification.read_log(written(tmp_path, TWO + PARTS, {"arm.csv": table}))
     assert any("arm.csv:3002" in str(each) for each in log.findings)
 
 
@@ -292,4 +292,4 @@ def test_places_of_a_part_are_lines_of_its_file(tmp_path):
 )
 def test_parts_that_cannot_be_are_refused(tmp_path, head, tail, words):
     with pytest.raises(LogError, match=words):
-        aw.read_log(written(tmp_path, head + TWO + tail, {"arm.csv": columns(8.0)}))
+        aw.identification.read_log(written(tmp_path, head + TWO + tail, {"arm.csv": columns(8.0)}))

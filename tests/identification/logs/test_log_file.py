@@ -48,7 +48,7 @@ def test_a_mistake_is_explained(tmp_path, name):
     assert old in ALL
     path = written(tmp_path, ALL.replace(old, new, 1))
     with pytest.raises(LogError) as error:
-        aw.read_log(path)
+        aw.identification.read_log(path)
     line = str(error.value)
     assert re.search(said, line), line
     assert ".log.toml" in line or "leg.csv" in line or "arm." in line
@@ -58,7 +58,7 @@ def test_a_mistake_is_explained(tmp_path, name):
 def test_several_mistakes_are_all_reported(tmp_path):
     text = ALL.replace('unit = "rad/s"', 'unit = "miles"').replace('title = "Two joints"', 'titel = "x"')
     with pytest.raises(LogError, match=r"2 mistakes") as error:
-        aw.read_log(written(tmp_path, text))
+        aw.identification.read_log(written(tmp_path, text))
     assert {problem.place for problem in error.value.problems} == {"titel", "signals[1].unit"}
 
 
@@ -66,7 +66,7 @@ def test_several_mistakes_are_all_reported(tmp_path):
 def test_tables_for_lists_and_lists_for_tables_are_refused_with_their_lines(tmp_path, old, new):
     text = "[[signals]]".join(ALL.split("[[signals]]")[:2])  # with one table of signals
     with pytest.raises(LogError) as error:
-        aw.read_log(written(tmp_path, text.replace(old, new, 1)))
+        aw.identification.read_log(written(tmp_path, text.replace(old, new, 1)))
     assert all(problem.line <= text.count("\n") + 1 for problem in error.value.problems)
 
 
@@ -77,10 +77,10 @@ def test_coupled_motors_must_all_be_logged(tmp_path):
         'columns = ["m1"]\njoints = ["shoulder"]\nunit = "N m"\nside = "motor"',
     )
     with pytest.raises(LogError, match="'shoulder' is coupled with the motor of 'elbow'"):
-        aw.read_log(written(tmp_path, text))
+        aw.identification.read_log(written(tmp_path, text))
 
 
 @pytest.mark.parametrize("path", [None, 3, "nowhere.log.toml"])
 def test_no_log(path):
     with pytest.raises(LogError):
-        aw.read_log(path)
+        aw.identification.read_log(path)

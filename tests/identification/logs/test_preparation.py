@@ -28,8 +28,8 @@ def noisy(seconds=20.0, counts=100_000, torque=0.3):
 
 
 def test_derivatives_and_signals_of_a_noisy_log(tmp_path):
-    log = aw.read_log(written(tmp_path, TWO, {"arm.csv": noisy()}))
-    data = aw.prepare_log(log)
+    log = aw.identification.read_log(written(tmp_path, TWO, {"arm.csv": noisy()}))
+    data = aw.identification.prepare_log(log)
     q, qd, qdd, _ = motion(data["time"].values)
     assert np.abs(data["q"] - q).max() < 2e-3
     assert float(np.abs(data["qd"] - qd).max() / np.abs(qd).max()) < 0.02
@@ -39,8 +39,8 @@ def test_derivatives_and_signals_of_a_noisy_log(tmp_path):
 
 
 def test_the_choice_is_explained_in_words(tmp_path):
-    log = aw.read_log(written(tmp_path, TWO, {"arm.csv": noisy()}))
-    choice = aw.choose_preparation(log)
+    log = aw.identification.read_log(written(tmp_path, TWO, {"arm.csv": noisy()}))
+    choice = aw.identification.choose_preparation(log)
     assert 3.0 < choice.cutoff < 60.0  # the motion has 1.5 Hz and Coulomb friction, counts are noise from some 20 Hz on
     assert choice.decimate > 1
     assert choice.rate / choice.decimate >= 2 * choice.cutoff
@@ -53,15 +53,17 @@ def test_the_choice_is_explained_in_words(tmp_path):
         f"{choice.edge} rows",
     ):
         assert word in text
-    assert aw.prepare_log(log).attrs["preparation"] == text
+    assert aw.identification.prepare_log(log).attrs["preparation"] == text
 
 
 @pytest.mark.parametrize("frequency", [2.0, 10.0, 25.0])
 def test_the_filter_shifts_nothing_and_has_the_gain_of_two_butterworths(tmp_path, frequency):
     t = np.arange(5000) / RATE
     table = {"t": t, "q1": np.sin(2 * np.pi * frequency * t), "q2": np.cos(t), "m1": np.cos(t), "m2": np.sin(t)}
-    log = aw.read_log(written(tmp_path, TWO, {"arm.csv": table}), on_error="keep")
-    data = aw.prepare_log(log, preparation=aw.choose_preparation(log, cutoff=20.0, decimate=1))
+    log = aw.identification.read_log(written(tmp_path, TWO, {"arm.csv": table}), on_error="keep")
+    data = aw.identification.prepare_log(
+        log, preparation=aw.identification.choose_preparation(log, cutoff=20.0, decimate=1)
+    )
     time = data["time"].values
     parts = np.stack([np.sin(2 * np.pi * frequency * time), np.cos(2 * np.pi * frequency * time)], axis=1)
     (in_phase, shifted), *_ = np.linalg.lstsq(parts, data["q"].values[:, 0], rcond=None)
@@ -72,9 +74,9 @@ def test_the_filter_shifts_nothing_and_has_the_gain_of_two_butterworths(tmp_path
 
 @pytest.mark.parametrize("rows", [500, 1237])
 def test_blocks_have_no_seams(tmp_path, rows):
-    log = aw.read_log(written(tmp_path, TWO, {"arm.csv": noisy()}))
-    choice = aw.choose_preparation(log)
-    whole = aw.prepare_log(log, preparation=choice)
+    log = aw.identification.read_log(written(tmp_path, TWO, {"arm.csv": noisy()}))
+    choice = aw.identification.choose_preparation(log)
+    whole = aw.identification.prepare_log(log, preparation=choice)
     blocks = [block for _, block in prepared_blocks(log, log.runs[0].name, choice, rows)]
     assert len(blocks) > 5
     assert np.allclose(np.concatenate([block.t for block in blocks]), whole["time"], atol=1e-12)
@@ -86,9 +88,11 @@ def test_blocks_have_no_seams(tmp_path, rows):
 def test_stretches_are_filtered_apart(tmp_path):
     table = noisy()
     kept = np.r_[0:4000, 4400:10001]
-    log = aw.read_log(written(tmp_path, TWO, {"arm.csv": {name: column[kept] for name, column in table.items()}}))
-    data = aw.prepare_log(log)
-    choice = aw.choose_preparation(log)
+    log = aw.identification.read_log(
+        written(tmp_path, TWO, {"arm.csv": {name: column[kept] for name, column in table.items()}})
+    )
+    data = aw.identification.prepare_log(log)
+    choice = aw.identification.choose_preparation(log)
     for number, (begin, end) in enumerate(((0, 3999), (4400, 10000))):
         times = data["time"].values[data["stretch"].values == number]
         assert times[0] == pytest.approx(table["t"][begin] + choice.edge / RATE)
@@ -101,15 +105,17 @@ def test_uneven_times_are_interpolated(tmp_path):
     t[1:-1] += 0.2 / RATE * np.random.default_rng(2).uniform(-1, 1, len(t) - 2)
     q, _, _, tau = motion(t)
     table = {"t": t, "q1": q[:, 0], "q2": q[:, 1], "m1": tau[:, 0], "m2": tau[:, 1]}
-    data = aw.prepare_log(aw.read_log(written(tmp_path, TWO, {"arm.csv": table})))
+    data = aw.identification.prepare_log(aw.identification.read_log(written(tmp_path, TWO, {"arm.csv": table})))
     assert np.abs(np.diff(data["time"].values, 2)).max() < 1e-12
     assert np.abs(data["q"] - motion(data["time"].values)[0]).max() < 1e-3
 
 
 def test_speeds_alone_and_the_savitzky_golay_derivative(tmp_path):
     text = HEAD + '[[signals]]\nquantity = "speed"\ncolumns = ["v1", "v2"]\nunit = "rad/s"\nside = "joint"\n'
-    log = aw.read_log(written(tmp_path, text))
-    data = aw.prepare_log(log, preparation=aw.choose_preparation(log, cutoff=40.0, differentiation="savgol"))
+    log = aw.identification.read_log(written(tmp_path, text))
+    data = aw.identification.prepare_log(
+        log, preparation=aw.identification.choose_preparation(log, cutoff=40.0, differentiation="savgol")
+    )
     assert "q" not in data
     assert np.abs(data["qdd"] - motion(data["time"].values)[2]).max() < 0.05
 
@@ -132,10 +138,10 @@ def test_a_spectrum_is_power_per_hertz():
 
 
 def test_too_short_and_impossible_choices(tmp_path):
-    log = aw.read_log(written(tmp_path, ALL, {"arm.csv": columns(0.5)}), on_error="keep")
-    choice = aw.choose_preparation(log, cutoff=1.0)
+    log = aw.identification.read_log(written(tmp_path, ALL, {"arm.csv": columns(0.5)}), on_error="keep")
+    choice = aw.identification.choose_preparation(log, cutoff=1.0)
     with pytest.raises(LogError, match=r"the longest stretch has 251 rows; expected more than"):
-        aw.prepare_log(log, preparation=choice)
+        aw.identification.prepare_log(log, preparation=choice)
     for wrong, said in (
         ({"cutoff": 300.0}, "below half the rate"),
         ({"cutoff": 10.0, "decimate": 40}, "decimate = 40: expected 1 to 2[45]"),
@@ -143,7 +149,7 @@ def test_too_short_and_impossible_choices(tmp_path):
         ({"differentiation": "spline"}, "differentiation = 'spline'"),
     ):
         with pytest.raises(LogError, match=said):
-            aw.choose_preparation(log, **wrong)
+            aw.identification.choose_preparation(log, **wrong)
     assert replace(choice, cutoff=2.0).sections.shape == (2, 6)
 
 
@@ -179,11 +185,11 @@ def test_gaps_of_a_few_rows_are_bridged(tmp_path, change):
     table = {"t": t, "q1": q[:, 0], "q2": q[:, 1], "m1": np.cos(t), "m2": np.sin(t)}
     if change is None:
         table["m2"] = np.where(rng.random(len(t)) < 0.01, np.nan, table["m2"])
-    log = aw.read_log(written(tmp_path, TWO, {"arm.csv": table}))
+    log = aw.identification.read_log(written(tmp_path, TWO, {"arm.csv": table}))
     assert len(log.run().stretches) > 20
     assert any("preparation makes 1" in str(each) for each in log.findings)
-    chosen = aw.choose_preparation(log, cutoff=10.0)
-    data = aw.prepare_log(log, None, chosen)
+    chosen = aw.identification.choose_preparation(log, cutoff=10.0)
+    data = aw.identification.prepare_log(log, None, chosen)
     assert set(data["stretch"].values) == {0}
     assert np.ptp(np.diff(data["time"])) < 1e-9
     q, _, qdd, _ = motion(data["time"].values + t[0])
@@ -198,5 +204,9 @@ def test_gaps_of_commands_are_not_bridged(tmp_path):
     table = columns(20.0)
     table = {name: np.delete(each, [1000]) for name, each in table.items()}
     held = TWO.replace('quantity = "torque"', 'quantity = "torque"\nheld = true')
-    log = aw.read_log(written(tmp_path, held, {"arm.csv": table}))
-    assert set(aw.prepare_log(log, None, aw.choose_preparation(log, cutoff=10.0))["stretch"].values) == {0, 1}
+    log = aw.identification.read_log(written(tmp_path, held, {"arm.csv": table}))
+    assert set(
+        aw.identification.prepare_log(log, None, aw.identification.choose_preparation(log, cutoff=10.0))[
+            "stretch"
+        ].values
+    ) == {0, 1}

@@ -18,10 +18,10 @@ import armwright as aw
 peak = lambda: int(re.search(r"VmHWM:\\s+(\\d+)", open("/proc/self/status").read())[1])
 logs = []
 for path in sys.argv[2:]:
-    logs.append(aw.read_log(path))
+    logs.append(aw.identification.read_log(path))
     print(logs[-1].runs[0].rows, peak())
 for log in logs if sys.argv[1] == "parquet" else ():  # whatever a log was read from: once, where reading is quick
-    fit = aw.identify_arm(log, aw.load("two-link"), record=False, sensitivity=False).fit
+    fit = aw.identification.identify_arm(log, aw.load("two-link"), record=False, sensitivity=False).fit
     print(fit.equations.rows[0], peak())
 """
 

@@ -79,7 +79,7 @@ def test_empty_cells_are_nan_and_a_cut(tmp_path):
         cells[4] = "" if line == 500 else "NaN"
         lines[line] = ",".join(cells)
     (tmp_path / "arm.csv").write_text("\n".join(lines))
-    log = aw.read_log(path)
+    log = aw.identification.read_log(path)
     assert [stretch.rows for stretch in log.runs[0].stretches] == [499, 2498, 1001]
     (note,) = [each for each in log.notes if "empty" in str(each)]
     assert "qd elbow" in str(note)
@@ -138,7 +138,9 @@ def test_a_cell_that_is_no_number_is_named(tmp_path, ending):
     cells = {"s": slow, "c": np.where(slow == 0.7, np.nan, 20 + slow)}
     pandas.DataFrame(cells).to_csv(tmp_path / "slow.csv", index=False)
     (tmp_path / "x.log.toml").write_text(CELLS.replace("ENDING", ending), encoding="utf-8")
-    said = "\n".join(str(each) for each in aw.read_log(tmp_path / "x.log.toml", on_error="keep").findings)
+    said = "\n".join(
+        str(each) for each in aw.identification.read_log(tmp_path / "x.log.toml", on_error="keep").findings
+    )
 
     def place(row):
         return f"{path}:{row + 2}" if ending == "csv" else f"{path} row {row + 1}"
@@ -154,7 +156,7 @@ def test_absurd_numbers_are_refused_with_their_line(tmp_path, column, value):
     table = columns()
     table[column][1234] = value
     with pytest.raises(LogError, match=rf"arm.csv:1236: column '{column}' = .*e\+[23]00: expected at most"):
-        aw.read_log(written(tmp_path, ALL, {"arm.csv": table}))
+        aw.identification.read_log(written(tmp_path, ALL, {"arm.csv": table}))
 
 
 @pytest.mark.parametrize("counts", ["1e-160", "[1e-290, 1e-300]"])
@@ -175,7 +177,7 @@ counts_per_turn = """
     with pytest.raises(
         LogError, match=r"bench.csv:2: column 'c1' = .*: expected at most 1e\+30 in SI units, at the joint"
     ):
-        aw.read_log(tmp_path / "x.log.toml")
+        aw.identification.read_log(tmp_path / "x.log.toml")
 
 
 @pytest.mark.parametrize(("ending", "module"), [("parquet", "pyarrow"), ("mcap", "mcap")])
@@ -183,7 +185,7 @@ def test_a_format_whose_package_is_absent(tmp_path, monkeypatch, ending, module)
     find = importlib.util.find_spec
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == module else find(name))
     with pytest.raises(LogError, match=rf"needs {module}, which is not installed: pip install armwright\[logs\]"):
-        aw.read_log(written(tmp_path, ALL.replace("arm.csv", f"arm.{ending}")))
+        aw.identification.read_log(written(tmp_path, ALL.replace("arm.csv", f"arm.{ending}")))
 
 
 def test_damaged_parquet_and_netcdf(tmp_path):
@@ -191,7 +193,7 @@ def test_damaged_parquet_and_netcdf(tmp_path):
     for ending in ("parquet", "nc"):
         (tmp_path / f"arm.{ending}").write_bytes(b"PAR1 is not enough")
         with pytest.raises(LogError, match=rf"arm.{ending}"):
-            aw.read_log(written(tmp_path, ALL.replace("arm.csv", f"arm.{ending}")))
+            aw.identification.read_log(written(tmp_path, ALL.replace("arm.csv", f"arm.{ending}")))
 
 
 def test_columns_of_parquet_are_read_in_blocks(tmp_path):

@@ -22,24 +22,24 @@ def warm(rows: int = 4001) -> np.ndarray:
 
 
 def test_one_temperature_stands_for_all_joints(tmp_path):
-    log = aw.read_log(written(tmp_path, ALL + OF_ALL.format(unit="degC"), table(T=warm())))
+    log = aw.identification.read_log(written(tmp_path, ALL + OF_ALL.format(unit="degC"), table(T=warm())))
     values = log.dataset()["temperature"]
     assert values.attrs["units"] == "°C"
     np.testing.assert_allclose(values, np.stack([warm(), warm()], axis=1))
-    prepared = aw.prepare_log(log)["temperature"]
+    prepared = aw.identification.prepare_log(log)["temperature"]
     np.testing.assert_allclose(prepared[:, 0], np.interp(prepared.time, np.arange(4001) / 500.0, warm()), atol=0.8)
 
 
 def test_temperatures_of_each_joint_and_in_kelvin(tmp_path):
-    log = aw.read_log(written(tmp_path, ALL + OF_EACH, table(T=warm(), T2=warm() + 3.0)))
+    log = aw.identification.read_log(written(tmp_path, ALL + OF_EACH, table(T=warm(), T2=warm() + 3.0)))
     np.testing.assert_allclose(np.diff(log.dataset()["temperature"].values, axis=1), 3.0)
-    log = aw.read_log(written(tmp_path, ALL + OF_ALL.format(unit="K"), table(T=warm() + 273.15)))
+    log = aw.identification.read_log(written(tmp_path, ALL + OF_ALL.format(unit="K"), table(T=warm() + 273.15)))
     np.testing.assert_allclose(log.dataset()["temperature"].values[:, 1], warm(), atol=1e-9)
 
 
 def test_kelvin_taken_for_celsius(tmp_path):
     with pytest.raises(aw.ArmwrightError, match="kelvin taken for °C"):
-        aw.read_log(written(tmp_path, ALL + OF_ALL.format(unit="°C"), table(T=warm() + 273.15)))
+        aw.identification.read_log(written(tmp_path, ALL + OF_ALL.format(unit="°C"), table(T=warm() + 273.15)))
 
 
 def test_a_slow_temperature_does_not_hide_rows_that_repeat(tmp_path):
@@ -48,7 +48,7 @@ def test_a_slow_temperature_does_not_hide_rows_that_repeat(tmp_path):
     drift = warm() + np.arange(4001) * 1e-4
     for temperature in (warm(), drift):
         tables = {"arm.csv": {"t": columns()["t"], **held, "T": temperature}}
-        log = aw.read_log(written(tmp_path, ALL + OF_ALL.format(unit="°C"), tables))
+        log = aw.identification.read_log(written(tmp_path, ALL + OF_ALL.format(unit="°C"), tables))
         assert any("repeat the row before" in str(note) for note in log.notes)
 
 
@@ -67,7 +67,9 @@ unit = "°C"
 def test_a_temperature_with_a_clock_of_its_own(tmp_path):
     seconds = np.arange(0.0, 10.0, 1.0)
     text = ALL.replace("[time]", '[time]\nfile = "arm"').replace("[[signals]]", '[[signals]]\nfile = "arm"') + SLOW
-    log = aw.read_log(written(tmp_path, text, {**table(), "slow.csv": {"t": seconds, "T": 20.0 + seconds}}))
+    log = aw.identification.read_log(
+        written(tmp_path, text, {**table(), "slow.csv": {"t": seconds, "T": 20.0 + seconds}})
+    )
     data = log.dataset()
     np.testing.assert_allclose(data["temperature"][:, 0], 20.0 + data.time.values)
     assert len(log.run().stretches) == 1

@@ -18,7 +18,7 @@ NAMES = {"u": "voltage", "i": "current", "w": "speed", "q": "position"}
 
 
 def check(path: Path, ratio: float | None = None) -> None:
-    log = aw.read_log(path)
+    log = aw.identification.read_log(path)
     data = measured(log, list(log.fit), ["motor"], "auto", None)
     direction = float(np.sign(ratio or 1.0))
     check_channels(data, 0, guess(data, 0, 10, direction), ratio, True, log.path)
@@ -52,7 +52,7 @@ def with_signs(path: Path, *columns: str) -> Path:
 )
 def test_a_wrong_sign_is_named(tmp_path, signals, wrong, named):
     with pytest.raises(LogError, match=named) as error:
-        aw.identify_motor(with_signs(write_log(tmp_path, 2, signals, rows=1000), wrong))
+        aw.identification.identify_motor(with_signs(write_log(tmp_path, 2, signals, rows=1000), wrong))
     assert "signs = [-1]" in str(error.value)
 
 
@@ -98,11 +98,11 @@ def test_a_closed_loop_is_noticed(tmp_path, gain):
         rows.append((t, u, w))
         w = 0.87 * w + 0.13 * 15.0 * u + 3.0 * rng.standard_normal()
     np.savetxt(tmp_path / "log.csv", rows, delimiter=",", header="t,u,w", comments="")
-    log = aw.read_log(path)
+    log = aw.identification.read_log(path)
     found = feedback_remark(measured(log, list(log.fit), ["motor"], "instant", None), 0)
     assert len(found) == (gain > 0)
 
 
 def test_more_unknowns_than_rows_carry_are_refused(tmp_path):
     with pytest.raises(LogError, match="measurements for 7 unknowns"):
-        aw.identify_motor(write_log(tmp_path, 1, ("qd",), rows=33), starts=1)
+        aw.identification.identify_motor(write_log(tmp_path, 1, ("qd",), rows=33), starts=1)

@@ -65,8 +65,8 @@ def log_of(
     return path
 
 
-def fit(log: Path, *free: str, **options) -> aw.Estimate:
-    return aw.identify_motor(log, free=[*free] or None, delay=0.0, starts=4, **options).estimate
+def fit(log: Path, *free: str, **options) -> aw.identification.Estimate:
+    return aw.identification.identify_motor(log, free=[*free] or None, delay=0.0, starts=4, **options).estimate
 
 
 def volts(rows: int = 1000, most: float = 10.0) -> np.ndarray:
@@ -110,7 +110,7 @@ def test_the_mode_of_the_bridge(tmp_path, mode):
     """Found by the fit of both: the wrong one predicts worse."""
     change = with_joint("[joints.limits]\nvoltage_v = 12")
     log = log_of(tmp_path, lambda text: change(with_motor(f'pwm = "{mode}"')(text)), volts(500))
-    found = aw.identify_motor(log, delay=0.0, starts=2, pwm="compare", fixed={"limits.voltage_v": 12.0})
+    found = aw.identification.identify_motor(log, delay=0.0, starts=2, pwm="compare", fixed={"limits.voltage_v": 12.0})
     for name in ("R", "Kt", "J", "coulomb"):
         assert found.estimate[PATHS[name]] == pytest.approx(TRUE[name], rel=0.02), name
     assert found.estimate.fit["run1: qd"]["fit_percent"] > 97

@@ -28,7 +28,7 @@ def two_runs(folder: Path, rows: int = 800, **changes: float) -> Path:
 
 
 def test_a_held_out_run_is_predicted_as_well_as_the_fitted(tmp_path):
-    found = aw.identify_motor(two_runs(tmp_path), starts=2)
+    found = aw.identification.identify_motor(two_runs(tmp_path), starts=2)
     fitted, fresh = (found.estimate.fit[f"{run}: qd"]["fit_percent"] for run in ("r0", f"r1{MARK}"))
     assert fresh == pytest.approx(fitted, abs=1.0)
     assert fitted > 96.0, "1 % of noise of the largest speed is left"
@@ -41,16 +41,16 @@ def test_a_held_out_run_is_predicted_as_well_as_the_fitted(tmp_path):
 
 def test_a_held_out_run_of_another_motor_is_told(tmp_path):
     path = two_runs(tmp_path, coulomb=0.06)
-    before = aw.identify_motor(path, starts=2)
+    before = aw.identification.identify_motor(path, starts=2)
     assert f"r1{MARK}: qd is described worse than what was fitted" in str(before.estimate)
-    other = aw.identify_motor(two_runs(tmp_path, R=6.0, coulomb=0.05), starts=2).estimate
+    other = aw.identification.identify_motor(two_runs(tmp_path, R=6.0, coulomb=0.05), starts=2).estimate
     assert other.verdict == "not identified"
     assert "does not describe a run that it has not seen" in str(other)
 
 
 def test_the_experiment_that_would_tell_is_named(tmp_path):
     log = write_log(tmp_path, 0, ("qd",), rows=800)
-    found = aw.identify_motor(log, fixed={"viscous": TRUE["viscous"]}, starts=2).estimate
+    found = aw.identification.identify_motor(log, fixed={"viscous": TRUE["viscous"]}, starts=2).estimate
     assert not found.identifiable[found.number(PATHS["R"])]
     (sentence,) = (each for each in found.remarks if "the resistance is held" in each)
     assert "; a locked-rotor test with current would " in sentence
@@ -60,11 +60,11 @@ def test_the_experiment_that_would_tell_is_named(tmp_path):
 def test_the_written_record_is_judged_with_the_numbers_of_validate(tmp_path, load):
     """Bit by bit, both records; the old one is the truth, so that the fit is no more than its noise behind it."""
     log, record = two_runs(tmp_path), true_record(tmp_path)
-    found = aw.identify_motor(log, record, load=load, starts=2)
+    found = aw.identification.identify_motor(log, record, load=load, starts=2)
     assert found.hold_out is not None
     written = found.write(tmp_path / "written.toml")
     for path, of in ((written, "written"), (record, "before")):
-        validation = aw.validate(path, log)
+        validation = aw.identification.validate(path, log)
         assert {check.quantity for check in validation.checks} == {each.quantity for each in found.hold_out.rows}
         for each in found.hold_out.rows:
             assert getattr(each, of) == validation.of(each.quantity, "motor").overall
@@ -86,10 +86,10 @@ def test_a_record_worse_than_the_one_that_it_replaces_is_not_identified(tmp_path
 
 
 def test_a_bench_motor_has_nothing_to_be_compared_with(tmp_path):
-    found = aw.identify_motor(two_runs(tmp_path), starts=2)
+    found = aw.identification.identify_motor(two_runs(tmp_path), starts=2)
     assert found.hold_out is not None
     assert found.hold_out.before is None
     assert "no record came in" in str(found.estimate)
-    alone = aw.identify_motor(write_log(tmp_path, 0, ("qd",), rows=400), starts=2)
+    alone = aw.identification.identify_motor(write_log(tmp_path, 0, ("qd",), rows=400), starts=2)
     assert alone.hold_out is None
     assert "no run is held out" in str(alone.estimate)

@@ -16,7 +16,7 @@ R, KT, J = (PATHS[name] for name in ("R", "Kt", "J"))
 @pytest.fixture(scope="module", params=range(2))
 def seed(request, tmp_path_factory):
     folder = tmp_path_factory.mktemp("seed")
-    return aw.identify_motor(write_log(folder, request.param), starts=STARTS)
+    return aw.identification.identify_motor(write_log(folder, request.param), starts=STARTS)
 
 
 def test_every_parameter_is_found(seed):
@@ -46,14 +46,16 @@ def test_the_record_has_the_numbers_and_their_source(seed, tmp_path):
 
 
 def test_without_a_current_only_products_are_found_and_it_says_so(tmp_path):
-    found = aw.identify_motor(write_log(tmp_path, 0, ("qd",)), fixed={"viscous": TRUE["viscous"]}, starts=STARTS)
+    found = aw.identification.identify_motor(
+        write_log(tmp_path, 0, ("qd",)), fixed={"viscous": TRUE["viscous"]}, starts=STARTS
+    )
     estimate = found.estimate
     assert not estimate.identifiable[estimate.number(R)]
     assert estimate[R] == 1.0
     text = str(estimate)
     for words in ("resistance", "rotor inertia", "cannot be distinguished", "a log of the current"):
         assert words in text
-    known = aw.identify_motor(
+    known = aw.identification.identify_motor(
         tmp_path / "log.log.toml", fixed={"viscous": TRUE["viscous"], "R": TRUE["R"]}, starts=STARTS
     ).estimate
     assert known[KT] == pytest.approx(TRUE["Kt"], rel=0.02)
@@ -61,7 +63,7 @@ def test_without_a_current_only_products_are_found_and_it_says_so(tmp_path):
 
 
 def test_what_was_asked_for_and_cannot_be_told_is_not_identified(tmp_path):
-    found = aw.identify_motor(
+    found = aw.identification.identify_motor(
         write_log(tmp_path, 0, ("qd",)), free=["R", "Kt", "J", "coulomb"], delay=DELAY * PERIOD, starts=STARTS
     )
     assert found.estimate.verdict == "not identified"
@@ -74,7 +76,7 @@ def test_current_that_drives_tells_all_but_the_scale(tmp_path):
     log.write_text(
         text.replace(text[text.index("[[signals]]") : text.index("[[signals]]", text.index("[[signals]]") + 1)], "")
     )
-    found = aw.identify_motor(log, fixed={"Kt": TRUE["Kt"]}, delay=0.0, starts=STARTS).estimate
+    found = aw.identification.identify_motor(log, fixed={"Kt": TRUE["Kt"]}, delay=0.0, starts=STARTS).estimate
     assert found[J] == pytest.approx(TRUE["J"], rel=0.05)
     assert found[PATHS["coulomb"]] == pytest.approx(TRUE["coulomb"], rel=0.2), "a current is not held from row to row"
 
@@ -82,7 +84,7 @@ def test_current_that_drives_tells_all_but_the_scale(tmp_path):
 def test_a_named_robot_keeps_its_file_and_gives_the_first_guess(tmp_path):
     log = write_log(tmp_path, 2)
     robot = true_record(tmp_path, R=2.0, J=5e-5)
-    found = aw.identify_motor(log, robot, starts=STARTS)
+    found = aw.identification.identify_motor(log, robot, starts=STARTS)
     path = found.write(tmp_path / "identified.toml")
     assert found.estimate[R] == pytest.approx(TRUE["R"], rel=0.02)
     assert "# with its load" in path.read_text()
@@ -95,7 +97,7 @@ def test_a_parameter_of_each_run_and_its_drift(tmp_path):
     runs = "".join(f'[[runs]]\nname = "r{k}"\nfiles.log = "run{k}.csv"\n' for k in range(2))
     both = tmp_path / "both.log.toml"
     both.write_text(text.replace('path = "run0.csv"', "").replace("[time]", f"{runs}[time]"))
-    estimate = aw.identify_motor(both, per_run=["coulomb"], starts=STARTS).estimate
+    estimate = aw.identification.identify_motor(both, per_run=["coulomb"], starts=STARTS).estimate
     path = PATHS["coulomb"]
     assert estimate[f"r0: {path}"] == pytest.approx(0.012, rel=0.02)
     assert estimate[f"r1: {path}"] == pytest.approx(0.015, rel=0.02)
@@ -121,7 +123,7 @@ def test_bad_input_is_refused(tmp_path):
     ]
     for options in wrong:
         with pytest.raises(ArmwrightError):
-            aw.identify_motor(log, **options)
+            aw.identification.identify_motor(log, **options)
     text = log.read_text()
     for signal in ("u", "w"):
         table = np.genfromtxt(tmp_path / "log.csv", delimiter=",", names=True)
@@ -129,7 +131,7 @@ def test_bad_input_is_refused(tmp_path):
         np.savetxt(tmp_path / "log.csv", np.column_stack([table[n] for n in table.dtype.names]), delimiter=",",
                    header=",".join(table.dtype.names), comments="")  # fmt: skip
         with pytest.raises(LogError) as error:
-            aw.identify_motor(log)
+            aw.identification.identify_motor(log)
         assert "never changes" in str(error.value)
         write_log(tmp_path, 3, rows=200)
     log.write_text(
@@ -137,7 +139,7 @@ def test_bad_input_is_refused(tmp_path):
         + '[[signals]]\nquantity = "speed"\ncolumns = "w"\nunit = "rad/s"\nside = "joint"\n'
     )
     with pytest.raises(LogError) as error:
-        aw.identify_motor(log)
+        aw.identification.identify_motor(log)
     assert "voltage" in str(error.value)
     assert isinstance(ModelError("x"), ArmwrightError)
 
@@ -145,7 +147,7 @@ def test_bad_input_is_refused(tmp_path):
 def test_a_rotor_inertia_at_the_bound_of_its_search_is_marked(tmp_path):
     """A record that is wrong by more than the search reaches: no number is made of it."""
     log = write_log(tmp_path, 4, rows=400)
-    found = aw.identify_motor(
+    found = aw.identification.identify_motor(
         log, true_record(tmp_path, J=TRUE["J"] * 2e4), free=["J"], delay=DELAY * PERIOD, starts=1
     ).estimate
     assert found.verdict == "not identified"

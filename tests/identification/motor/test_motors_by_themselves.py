@@ -106,7 +106,7 @@ def logged(seed: int, rows: int = 1500, **values: float) -> dict[str, np.ndarray
     return found
 
 
-def check(estimate: aw.Estimate, joint: str, **values: float) -> None:
+def check(estimate: aw.identification.Estimate, joint: str, **values: float) -> None:
     truth = {**TRUE, **values}
     for key, name in NAMES.items():
         assert estimate[f"{joint}.motor.{key}"] == pytest.approx(truth[name], rel=0.02), name
@@ -114,7 +114,7 @@ def check(estimate: aw.Estimate, joint: str, **values: float) -> None:
 
 
 def test_one_motor_off_its_arm_goes_into_its_joint(tmp_path):
-    fit = aw.identify_motor(
+    fit = aw.identification.identify_motor(
         log_of(tmp_path, {"elbow": logged(1)}), arm_of(tmp_path), joint="elbow", load=0, starts=STARTS
     )
     check(fit.estimate, "elbow")
@@ -132,7 +132,9 @@ def test_all_motors_of_an_arm_each_with_its_own_load(tmp_path):
     loads = {"shoulder": 0.0, "elbow": LOAD}
     with_load = TRUE["J"] + LOAD / RATIO**2
     motors = {"shoulder": logged(2, R=2.4, Kt=0.06), "elbow": logged(3, J=with_load)}
-    estimate = aw.identify_motor(log_of(tmp_path, motors), arm_of(tmp_path), load=loads, starts=STARTS).estimate
+    estimate = aw.identification.identify_motor(
+        log_of(tmp_path, motors), arm_of(tmp_path), load=loads, starts=STARTS
+    ).estimate
     check(estimate, "shoulder", R=2.4, Kt=0.06)
     check(estimate, "elbow")
 
@@ -147,8 +149,10 @@ def test_a_locked_rotor_tells_resistance_and_inductance(tmp_path):
     noisy = np.array(current) + 0.05 * rng.standard_normal(len(u))
     log = log_of(tmp_path, {"elbow": {"u": u, "current": noisy}})
     fits = [
-        aw.identify_motor(log, arm_of(tmp_path), joint="elbow", locked=True, free=["R", "L"], delay=0.0, starts=STARTS),
-        aw.identify_motor(log, locked=True, starts=STARTS),
+        aw.identification.identify_motor(
+            log, arm_of(tmp_path), joint="elbow", locked=True, free=["R", "L"], delay=0.0, starts=STARTS
+        ),
+        aw.identification.identify_motor(log, locked=True, starts=STARTS),
     ]
     for estimate in (fit.estimate for fit in fits):
         assert estimate.verdict == "identified"
@@ -167,9 +171,9 @@ def test_bad_input_is_refused(tmp_path):
         ({"joint": "elbow", "load": 0, "locked": True}, "turns nothing"),
     ):
         with pytest.raises(ModelError, match=words):
-            aw.identify_motor(log, arm, **options)
+            aw.identification.identify_motor(log, arm, **options)
     with pytest.raises(ModelError, match="goes with a robot"):
-        aw.identify_motor(log, load=0)
+        aw.identification.identify_motor(log, load=0)
 
 
 def test_a_gear_that_turns_backwards_on_a_bench(tmp_path):
@@ -180,7 +184,7 @@ def test_a_gear_that_turns_backwards_on_a_bench(tmp_path):
     heads = ",".join(columns)
     np.savetxt(tmp_path / "bench.csv", np.column_stack([*columns.values()]), delimiter=",", header=heads, comments="")
     (tmp_path / "bench.log.toml").write_text(BACKWARDS)
-    fit = aw.identify_motor(tmp_path / "bench.log.toml", starts=4)
+    fit = aw.identification.identify_motor(tmp_path / "bench.log.toml", starts=4)
     assert fit.estimate.verdict == "identified"
     check(fit.estimate, "spin", coulomb=40.0 * TRUE["coulomb"])
     assert aw.load(fit.write(tmp_path / "spin.toml")).coordinates[0].drive.gear_ratio == -40.0

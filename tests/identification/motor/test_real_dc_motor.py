@@ -28,12 +28,12 @@ signals = [
 
 @pytest.fixture(scope="module")
 def log(tmp_path_factory):
-    return aw.read_log(log_of(tmp_path_factory.mktemp("dc"), "dc_motor", DC_MOTOR))
+    return aw.identification.read_log(log_of(tmp_path_factory.mktemp("dc"), "dc_motor", DC_MOTOR))
 
 
 def test_the_prbs_log_alone(log):
     """A linear model with offset and initial state reaches 80.0 %."""
-    found = aw.identify_motor(log).estimate
+    found = aw.identification.identify_motor(log).estimate
     assert found.fit["prbs: qd"]["fit_percent"] > 80.3
     text = str(found)
     for words in ("resistance", "rotor inertia", "cannot be distinguished", "a log of the current"):
@@ -44,7 +44,7 @@ def test_the_prbs_log_alone(log):
 def test_one_set_of_constants_for_all_logs(log, tmp_path):
     path = tmp_path / "static.log.toml"
     path.write_text(STATIC.format(folder=FOLDER.as_posix()))
-    found = aw.identify_motor(
+    found = aw.identification.identify_motor(
         log, runs=["prbs", "step"], static=path, pwm="coast", fixed={"limits.voltage_v": 5.0}, per_run=["coulomb"]
     ).estimate
     assert found.fit["static: qd"]["r2"] > 0.999
@@ -63,10 +63,12 @@ def test_held_out_stretches_are_predicted_better_than_by_a_linear_model(log, tmp
     ends = np.linspace(0, len(prbs), FOLDS + 1).astype(int)
     before, held, behind = np.split(prbs, ends[fold : fold + 2])
     others = [part for part in (before, behind) if len(part)]
-    fit = aw.identify_motor(log_of_parts(tmp_path, "fitted", others), starts=4)
+    fit = aw.identification.identify_motor(log_of_parts(tmp_path, "fitted", others), starts=4)
     record = fit.write(tmp_path / "motor.toml")
     delay = fit.estimate["delay_s"] if "delay_s" in fit.estimate.names else 0.0
-    own = aw.identify_motor(log_of_parts(tmp_path, "held", [held]), record, free=["offset"], delay=delay, starts=1)
+    own = aw.identification.identify_motor(
+        log_of_parts(tmp_path, "held", [held]), record, free=["offset"], delay=delay, starts=1
+    )
     (measures,) = own.estimate.fit.values()
     assert measures["fit_percent"] > linear(others, held)
 

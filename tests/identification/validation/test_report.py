@@ -96,7 +96,7 @@ def test_runs_at_rest_are_shown_apart(tmp_path):
     table = driven(arm, random_steps(600, 60, [6.0], 0), 4e-3, ("speed", "voltage"), 0.005)
     still = {"t": table["t"], "speed": 0.0 * table["speed"], "voltage": 0.1 + 0.0 * table["voltage"]}
     log = written_log(tmp_path, ["motor"], {"fit": table, "held": still})
-    found = validate(record, aw.read_log(log, on_error="keep"))  # which says that nothing moves
+    found = validate(record, aw.identification.read_log(log, on_error="keep"))  # which says that nothing moves
     assert not found.passed
     assert "at rest" in report_page("Rest", validation=found)
     assert "nothing moved" in str(found)

@@ -76,7 +76,7 @@ def test_a_wrong_sign_is_named(two_link):
     text = log.read_text().replace('unit = "N m"', 'unit = "N m"\nsigns = [1, -1]')
     other = log.with_name("sign.log.toml")
     other.write_text(text)
-    log = aw.read_log(other)
+    log = aw.identification.read_log(other)
     found = validate(arm, log, simulation=False)
     assert not found.passed
     assert found.of("torque", "elbow").overall.correlation < -0.99
@@ -180,7 +180,7 @@ def test_joints_at_rest_are_reported_apart_and_not_judged(tmp_path):
     still["speed"] = np.zeros((3000, 2))
     still["torque"] = np.tile(aw.compile(arm).gravity_torques(still["position"][0]), (3000, 1)) + 0.5
     log = written_log(tmp_path, list(arm.names), {"fit": table, "held": still})
-    found = validate(arm, aw.read_log(log, on_error="keep"), simulation=False)
+    found = validate(arm, aw.identification.read_log(log, on_error="keep"), simulation=False)
     elbow = found.of("torque", "elbow")
     assert elbow.runs == {}
     rest = elbow.at_rest["held"]
@@ -197,7 +197,7 @@ def test_a_pass_names_the_joints_that_were_not_judged(tmp_path):
     acceleration = np.gradient(table["speed"], table["t"], axis=0)
     table["torque"] = aw.compile(arm).inverse_dynamics(table["position"], table["speed"], acceleration)
     log = written_log(tmp_path, list(arm.names), {"fit": table, "held": table})
-    found = validate(arm, aw.read_log(log, on_error="keep"), simulation=False)
+    found = validate(arm, aw.identification.read_log(log, on_error="keep"), simulation=False)
     assert found.passed
     assert found.unjudged == ("elbow",)
     assert found.verdict == "passes: all 1 limits that could be judged are kept; not judged: elbow"
@@ -289,7 +289,9 @@ def test_speeds_alone_do_not_do_for_an_arm_under_gravity(tmp_path):
 
 def test_a_scenario_beside_its_own_log(tmp_path):
     arm = aw.load("two-link")
-    loop = aw.Loop(aw.ComputedTorque(kp=100.0, kd=20.0), reference=aw.Sine([0.0, 0.0], [0.4, 0.3], 0.5), period=0.004)
+    loop = aw.Loop(
+        aw.ComputedTorque(kp=100.0, kd=20.0), reference=aw.trajectories.Sine([0.0, 0.0], [0.4, 0.3], 0.5), period=0.004
+    )
     scenario = aw.Scenario(arm, 2.0, loop=loop)
     run = aw.simulate(scenario)
     table = {"t": run["time"].values, "position": run["q"].values, "speed": run["qd"].values}

@@ -45,14 +45,16 @@ def corner(name, blend=0.01):
     start = home(name)
     middle = moved(start, [0.0, 0.1, 0.02], [0.1, 0.0, 0.2])
     end = moved(middle, [-0.1, 0.0, 0.05], [0.0, 0.1, 0.0])
-    arc = aw.Arc(moved(end, [-0.03, -0.03, 0.0])[:3, 3], moved(end, [-0.03, -0.08, 0.02]))
-    return aw.CartesianPath([aw.Line(middle), aw.Line(end), arc], start, blend=blend)
+    arc = aw.trajectories.Arc(moved(end, [-0.03, -0.03, 0.0])[:3, 3], moved(end, [-0.03, -0.08, 0.02]))
+    return aw.trajectories.CartesianPath(
+        [aw.trajectories.Line(middle), aw.trajectories.Line(end), arc], start, blend=blend
+    )
 
 
 def solved(model, path, near):
     """The solution of a path, or the sentence why there is none."""
     try:
-        return aw.solve_path(model, path, near=near)
+        return aw.trajectories.solve_path(model, path, near=near)
     except ScenarioError as error:
         return str(error)
 
@@ -63,7 +65,7 @@ def test_random_lines_are_straight(name, seed):
     """Between poses that are reachable: solved within 1e-6 m and rad on a dense grid, or refused for a reason."""
     rng, dyn, start = np.random.default_rng(seed), compiled(name), np.array(HOME[name])
     goal = dyn.forward_kinematics(start + rng.uniform(-0.5, 0.5, len(start)))
-    path = aw.CartesianPath([aw.Line(goal)], home(name))
+    path = aw.trajectories.CartesianPath([aw.trajectories.Line(goal)], home(name))
     solution = solved(arm(name), path, start)
     if isinstance(solution, str):
         assert any(word in solution for word in ("singular", "out of reach", "leaves its limits"))
@@ -72,7 +74,7 @@ def test_random_lines_are_straight(name, seed):
     q, first, _ = solution.at(s)
     off, angle = errors(dyn.forward_kinematics(q), path.at(s)[0])
     assert max(off, angle) < 1e-6
-    low, high = aw.MotionLimits.of(arm(name)).position.T
+    low, high = aw.trajectories.MotionLimits.of(arm(name)).position.T
     assert ((q > low - 1e-6) & (q < high + 1e-6)).all()
     assert np.abs(np.diff(q, axis=0)).max() < 1.1 * np.abs(first).max() * path.length / 2776  # nothing jumps
 
@@ -101,7 +103,7 @@ def test_the_tool_stays_on_its_path_as_pinocchio_has_it(name):
 
     model = arm(name)
     path = corner(name)
-    solution = aw.solve_path(model, path, near=HOME[name])
+    solution = aw.trajectories.solve_path(model, path, near=HOME[name])
     peer = Pinocchio(description(name), model.tree.names)
     s = np.linspace(0.0, path.length, 400)
     poses = np.array([peer.forward_kinematics(q) for q in solution.at(s)[0]])
@@ -112,7 +114,7 @@ def test_the_tool_stays_on_its_path_as_pinocchio_has_it(name):
 @pytest.mark.parametrize("name", sorted(HOME))
 def test_velocity_and_acceleration_of_the_tool_are_the_paths(name):
     model, path = arm(name), corner(name)
-    motion = aw.follow_path(model, path, 0.1, 0.5, near=HOME[name])
+    motion = aw.trajectories.follow_path(model, path, 0.1, 0.5, near=HOME[name])
     t = np.linspace(0.0, motion.duration, 101)[1:-1]
     q, qd, qdd = motion.at(t)
     s, rate, change = (each[:, 0] for each in motion.profile.at(t))
@@ -126,7 +128,7 @@ def test_velocity_and_acceleration_of_the_tool_are_the_paths(name):
 
 def test_a_motion_is_even_between_smooth_ends_and_its_derivatives_are_its_own():
     model, path = arm("puma560"), corner("puma560", blend=0.02)
-    motion = aw.follow_path(model, path, 0.1, 2.0, near=HOME["puma560"], time=0.5)
+    motion = aw.trajectories.follow_path(model, path, 0.1, 2.0, near=HOME["puma560"], time=0.5)
     assert motion.slowed == 1.0
     t = np.linspace(0.5, 0.5 + motion.duration, 1501)
     q, qd, qdd = motion.at(t)
@@ -147,8 +149,8 @@ def test_a_motion_is_even_between_smooth_ends_and_its_derivatives_are_its_own():
 
 def test_limits_slow_the_whole_motion_or_are_named():
     model, path, near = arm("puma560"), corner("puma560"), HOME["puma560"]
-    limits = aw.MotionLimits.of(model, velocity=0.3, acceleration=2.0, jerk=30.0)
-    motion = aw.follow_path(model, path, 0.5, 20.0, near=near, limits=limits)
+    limits = aw.trajectories.MotionLimits.of(model, velocity=0.3, acceleration=2.0, jerk=30.0)
+    motion = aw.trajectories.follow_path(model, path, 0.5, 20.0, near=near, limits=limits)
     assert motion.slowed > 1.0
     assert motion.reasons
     t, h = np.linspace(0.0, motion.duration, 50_001), 1e-6
@@ -158,15 +160,15 @@ def test_limits_slow_the_whole_motion_or_are_named():
     assert 0.999 < max(shares) < 1.0 + 1e-4  # of jerk, by differences; no slower than need be
     assert max(shares[:2]) < 1.0 + 1e-6
     with pytest.raises(ScenarioError, match="would need") as error:
-        aw.follow_path(model, path, 0.5, 20.0, near=near, limits=limits, constant=True)
+        aw.trajectories.follow_path(model, path, 0.5, 20.0, near=near, limits=limits, constant=True)
     assert "path at s" in error.value.place
-    allowed = aw.follow_path(model, path, 0.5 / motion.slowed, 20.0, near=near, limits=limits)
+    allowed = aw.trajectories.follow_path(model, path, 0.5 / motion.slowed, 20.0, near=near, limits=limits)
     assert allowed.slowed < motion.slowed
 
 
 def test_the_tools_acceleration_counts_its_bends():
     path = corner("puma560", blend=0.005)
-    motion = aw.follow_path(arm("puma560"), path, 0.3, 1.0, near=HOME["puma560"])
+    motion = aw.trajectories.follow_path(arm("puma560"), path, 0.3, 1.0, near=HOME["puma560"])
     assert motion.slowed > 1.0
     assert "tool's acceleration" in motion.reasons[0]
     t = np.linspace(0.0, motion.duration, 20001)
@@ -178,7 +180,7 @@ def test_the_tools_acceleration_counts_its_bends():
 
 def test_the_best_solution_at_the_beginning_is_found_without_a_pose():
     path, model = corner("lwa4p"), arm("lwa4p")
-    solution = aw.solve_path(model, path)
+    solution = aw.trajectories.solve_path(model, path)
     q = solution.at(np.linspace(0.0, path.length, 500))[0]
     assert max(errors(compiled("lwa4p").forward_kinematics(q), path.at(np.linspace(0.0, path.length, 500))[0])) < 1e-6
 
@@ -186,9 +188,9 @@ def test_the_best_solution_at_the_beginning_is_found_without_a_pose():
 def test_a_redundant_arm_moves_little_or_goes_to_a_posture():
     model, path = arm("panda"), corner("panda")
     near = np.array(HOME["panda"])
-    still = aw.solve_path(model, path, near=near)
+    still = aw.trajectories.solve_path(model, path, near=near)
     posture = near + np.array([0.4, 0.0, -0.4, 0.0, 0.2, 0.0, 0.0])
-    drawn = aw.solve_path(model, path, near=near, posture=posture)
+    drawn = aw.trajectories.solve_path(model, path, near=near, posture=posture)
     ends = [each.at(path.length)[0] for each in (still, drawn)]
     assert np.linalg.norm(ends[1] - posture) < 0.85 * np.linalg.norm(ends[0] - posture)
     ways = [np.abs(each.at(np.linspace(0.0, path.length, 500))[1]).mean() for each in (still, drawn)]
@@ -200,22 +202,26 @@ def test_positions_alone_leave_the_rotation_free():
     model = arm("two-link")
     start = aw.forward_kinematics(model, np.array([0.4, 1.0]))
     goal = aw.forward_kinematics(model, np.array([0.9, 1.4]))
-    path = aw.CartesianPath([aw.Line(goal[:3, 3])], start)
-    solution = aw.solve_path(model, path, near=[0.4, 1.0], aim="position")
+    path = aw.trajectories.CartesianPath([aw.trajectories.Line(goal[:3, 3])], start)
+    solution = aw.trajectories.solve_path(model, path, near=[0.4, 1.0], aim="position")
     s = np.linspace(0.0, path.length, 300)
     poses = aw.compile(model).forward_kinematics(solution.at(s)[0])
     np.testing.assert_allclose(poses[:, :3, 3], path.at(s)[0][:, :3, 3], atol=1e-6)
     with pytest.raises(ScenarioError):  # two joints cannot keep a rotation as well
-        aw.solve_path(model, path, near=[0.4, 1.0])
+        aw.trajectories.solve_path(model, path, near=[0.4, 1.0])
 
 
 def test_stops_and_turns_in_place():
     model, start = arm("puma560"), home("puma560")
     turned = moved(start, turn=[0.2, 0.3, 0.0])
-    path = aw.CartesianPath([aw.Line(turned), aw.Line(moved(turned, [0.0, 0.05, 0.0]))], start)
+    path = aw.trajectories.CartesianPath(
+        [aw.trajectories.Line(turned), aw.trajectories.Line(moved(turned, [0.0, 0.05, 0.0]))], start
+    )
     with pytest.raises(ScenarioError, match="turns in place"):
-        aw.follow_path(model, path, 0.1, 1.0, near=HOME["puma560"])
-    motion = aw.follow_path(model, path, 0.1, 1.0, angular_speed=0.5, angular_acceleration=2.0, near=HOME["puma560"])
+        aw.trajectories.follow_path(model, path, 0.1, 1.0, near=HOME["puma560"])
+    motion = aw.trajectories.follow_path(
+        model, path, 0.1, 1.0, angular_speed=0.5, angular_acceleration=2.0, near=HOME["puma560"]
+    )
     assert len(motion.solution.runs) == 2
     t = motion.times([path.breaks[1]])
     np.testing.assert_allclose(motion.at(t)[1], 0.0, atol=1e-6)
@@ -226,7 +232,7 @@ def test_stops_and_turns_in_place():
 
 def test_a_loop_follows_the_motion():
     model = arm("puma560")
-    motion = aw.follow_path(model, corner("puma560"), 0.1, 0.5, near=HOME["puma560"])
+    motion = aw.trajectories.follow_path(model, corner("puma560"), 0.1, 0.5, near=HOME["puma560"])
     run = aw.simulate(
         aw.Scenario(
             model, duration=1.0, start=motion.at(0.0)[0],
@@ -244,25 +250,27 @@ def wrist_path(offset):
     q = np.array([0.2, -0.8, 0.4, 0.3, 0.0, 0.2])
     middle = compiled("puma560").forward_kinematics(q)
     side = moved(middle, [0.0, 0.0, offset])
-    return aw.CartesianPath([aw.Line(moved(side, [0.0, 0.1, 0.0]))], moved(side, [0.0, -0.1, 0.0]))
+    return aw.trajectories.CartesianPath(
+        [aw.trajectories.Line(moved(side, [0.0, 0.1, 0.0]))], moved(side, [0.0, -0.1, 0.0])
+    )
 
 
 def test_a_singularity_on_the_path_is_named_with_its_place_and_joint():
     with pytest.raises(
         ScenarioError, match=r"singular: joint '(wrist|flange)_roll' would need an infinite speed"
     ) as error:
-        aw.solve_path(arm("puma560"), wrist_path(0.0))
+        aw.trajectories.solve_path(arm("puma560"), wrist_path(0.0))
     assert "s = 0.1 of 0.2 m" in error.value.place
 
 
 def test_a_singularity_beside_the_path_is_named_with_the_speed_that_it_would_need():
     model = arm("puma560")
-    limits = aw.MotionLimits.of(model, velocity=4.0)
+    limits = aw.trajectories.MotionLimits.of(model, velocity=4.0)
     path = wrist_path(1e-4)
     with pytest.raises(ScenarioError, match=r"next to a singularity, joint '\w+' would need [\d.]+ rad/s") as error:
-        aw.follow_path(model, path, 0.25, 1.0, limits=limits)
+        aw.trajectories.follow_path(model, path, 0.25, 1.0, limits=limits)
     assert 0.09 < float(str(error.value.place).split()[4]) < 0.11
-    solution = aw.solve_path(model, path)  # it exists, and needs those speeds
+    solution = aw.trajectories.solve_path(model, path)  # it exists, and needs those speeds
     rates = np.abs(solution.at(np.linspace(0.095, 0.105, 2001))[1]).max()
     said = float(str(error.value).split("would need ")[1].split()[0])
     assert said == pytest.approx(0.25 * rates, rel=0.02)
@@ -270,15 +278,15 @@ def test_a_singularity_beside_the_path_is_named_with_the_speed_that_it_would_nee
 
 def test_a_path_out_of_reach_says_where_and_how_far():
     model, start = arm("puma560"), home("puma560")
-    path = aw.CartesianPath([aw.Line(moved(start, [0.8, 0.0, 0.0]))], start)
+    path = aw.trajectories.CartesianPath([aw.trajectories.Line(moved(start, [0.8, 0.0, 0.0]))], start)
     with pytest.raises(ScenarioError, match="out of reach within the joints' limits: the nearest pose is") as error:
-        aw.solve_path(model, path, near=HOME["puma560"])
+        aw.trajectories.solve_path(model, path, near=HOME["puma560"])
     place = float(str(error.value.place).split()[4])
     reachable = aw.inverse_kinematics(model, path.at(np.array([place - 1e-3, place + 1e-3]))[0]).success
     np.testing.assert_array_equal(reachable, [True, False])
     far = moved(start, [5.0, 0.0, 0.0])
     with pytest.raises(ScenarioError, match="out of reach") as error:
-        aw.solve_path(model, aw.CartesianPath([aw.Line(start)], far))
+        aw.trajectories.solve_path(model, aw.trajectories.CartesianPath([aw.trajectories.Line(start)], far))
     assert "s = 0 of" in error.value.place
 
 
@@ -292,20 +300,20 @@ def test_a_path_out_of_reach_says_where_and_how_far():
 )
 def test_a_goal_out_of_reach_is_said_of_a_path_that_begins_in_a_singularity(name, q, way, off):
     start = compiled(name).forward_kinematics(np.array(q))
-    path = aw.CartesianPath([aw.Line(start[:3, 3] + way)], start)
+    path = aw.trajectories.CartesianPath([aw.trajectories.Line(start[:3, 3] + way)], start)
     with pytest.raises(ScenarioError, match=r"out of reach .* mm") as error:
-        aw.follow_path(arm(name), path, 0.1, 1.0, near=q, aim="pose" if len(q) > 2 else "position")
+        aw.trajectories.follow_path(arm(name), path, 0.1, 1.0, near=q, aim="pose" if len(q) > 2 else "position")
     if off is not None:
         assert f"nearest pose is {1e3 * off:.4g} mm off" in str(error.value)
 
 
 def test_a_limit_of_position_is_named_with_the_joint_and_how_far():
     model = arm("puma560")
-    limits = aw.MotionLimits.of(model, position={"elbow": (0.35, 0.6)})
+    limits = aw.trajectories.MotionLimits.of(model, position={"elbow": (0.35, 0.6)})
     path = corner("puma560")
     with pytest.raises(ScenarioError, match=r"joint 'elbow' leaves its limits, and is [\d.]+ rad outside") as error:
-        aw.solve_path(model, path, near=HOME["puma560"], limits=limits)
-    free = aw.solve_path(model, path, near=HOME["puma560"])
+        aw.trajectories.solve_path(model, path, near=HOME["puma560"], limits=limits)
+    free = aw.trajectories.solve_path(model, path, near=HOME["puma560"])
     elbow = free.at(np.linspace(0.0, path.length, 2000))[0][:, 2]
     beyond = max(0.35 - elbow.min(), elbow.max() - 0.6)
     assert float(str(error.value).split("and is ")[1].split()[0]) == pytest.approx(beyond, rel=0.02)
@@ -325,22 +333,22 @@ def test_a_limit_of_position_is_named_with_the_joint_and_how_far():
         ({"aim": "turn"}, ModelError, "aim"),
         ({"arm": 5}, ModelError, "arm"),
         ({"limits": 3.0}, ScenarioError, "limits"),
-        ({"limits": aw.MotionLimits.of(arm("panda"))}, ScenarioError, "limits"),
+        ({"limits": aw.trajectories.MotionLimits.of(arm("panda"))}, ScenarioError, "limits"),
     ],
 )
 def test_arguments_that_make_no_motion_are_refused(changes, kind, place):
     values = {"arm": arm("puma560"), "path": corner("puma560"), "speed": 0.1, "acceleration": 1.0} | changes
     with pytest.raises(kind) as error:
-        aw.follow_path(**values)
+        aw.trajectories.follow_path(**values)
     assert error.value.place == place
 
 
 def test_a_run_is_planned_time_optimally_and_stays_on_the_path():
     model, path = arm("puma560"), corner("puma560", blend=0.02)
-    solution = aw.solve_path(model, path, near=HOME["puma560"])
-    limits = aw.MotionLimits.of(model, velocity=1.0, acceleration=8.0, torque=np.inf, voltage=np.inf)
-    fastest = aw.time_optimal(model, solution.runs[0], limits)
-    even = aw.follow_path(model, path, 0.3, 5.0, near=HOME["puma560"], limits=limits)
+    solution = aw.trajectories.solve_path(model, path, near=HOME["puma560"])
+    limits = aw.trajectories.MotionLimits.of(model, velocity=1.0, acceleration=8.0, torque=np.inf, voltage=np.inf)
+    fastest = aw.trajectories.time_optimal(model, solution.runs[0], limits)
+    even = aw.trajectories.follow_path(model, path, 0.3, 5.0, near=HOME["puma560"], limits=limits)
     assert fastest.duration < even.duration
     reached = compiled("puma560").forward_kinematics(fastest.at(np.linspace(0.0, fastest.duration, 300))[0])
     dense = path.at(np.linspace(0.0, path.length, 20001))[0][:, :3, 3]

@@ -21,10 +21,10 @@ def pose(position, turn=(0.0, 0.0, 0.0)):
 
 START = pose([0.3, -0.2, 0.4], [0.2, 0.1, -0.3])
 MIXED = [
-    aw.Line(pose([0.5, -0.2, 0.4], [0.5, 0.3, 0.1])),
-    aw.Arc([0.6, 0.0, 0.45], pose([0.5, 0.2, 0.4], [0.0, 0.3, 0.4])),
-    aw.Poses([pose([0.3, 0.2, 0.6], [0.3, 0.0, 0.4]), [0.3, -0.1, 0.6]]),
-    aw.Circle([0.2, -0.1, 0.6], [0.0, 0.0, 1.0], -1.5 * np.pi, turns=True),
+    aw.trajectories.Line(pose([0.5, -0.2, 0.4], [0.5, 0.3, 0.1])),
+    aw.trajectories.Arc([0.6, 0.0, 0.45], pose([0.5, 0.2, 0.4], [0.0, 0.3, 0.4])),
+    aw.trajectories.Poses([pose([0.3, 0.2, 0.6], [0.3, 0.0, 0.4]), [0.3, -0.1, 0.6]]),
+    aw.trajectories.Circle([0.2, -0.1, 0.6], [0.0, 0.0, 1.0], -1.5 * np.pi, turns=True),
 ]
 STILL = pose([0.3, -0.2, 0.4])
 
@@ -36,7 +36,7 @@ def angles(a, b):
 
 def test_a_line_is_straight_and_its_rotation_is_slerp():
     goal = pose([0.5, 0.1, 0.2], [1.0, -0.7, 2.0])
-    path = aw.CartesianPath([aw.Line(goal)], START)
+    path = aw.trajectories.CartesianPath([aw.trajectories.Line(goal)], START)
     assert path.length == pytest.approx(np.linalg.norm(goal[:3, 3] - START[:3, 3]), rel=1e-15)
     share = np.linspace(0.0, 1.0, 101)
     poses = path.at(share * path.length)[0]
@@ -49,7 +49,7 @@ def test_a_line_is_straight_and_its_rotation_is_slerp():
 def test_a_circle_is_the_closed_form(turns):
     centre, angle = START[:3, 3] + [0.1, 0.0, 0.2], 3.0
     normal = np.cross(START[:3, 3] - centre, [0.0, 1.0, 0.0])
-    path = aw.CartesianPath([aw.Circle(centre, normal, angle, turns)], START)
+    path = aw.trajectories.CartesianPath([aw.trajectories.Circle(centre, normal, angle, turns)], START)
     turn = Rotation.from_rotvec(np.linspace(0.0, angle, 50)[:, None] * normal / np.linalg.norm(normal))
     poses, first, second = path.at(np.linspace(0.0, path.length, 50))
     radius = np.hypot(0.1, 0.2)
@@ -67,14 +67,14 @@ def test_an_arc_passes_three_points_of_the_circle_that_they_lie_on(seed, share):
     frame, angle = Rotation.random(rng=rng).as_matrix(), rng.uniform(0.1, 6.0)
     centre, radius = rng.uniform(-1.0, 1.0, 3), rng.uniform(0.01, 2.0)
     begin, through, end = (centre + radius * frame @ [np.cos(a), np.sin(a), 0.0] for a in (0.0, share * angle, angle))
-    path = aw.CartesianPath([aw.Arc(through, end)], pose(begin))
+    path = aw.trajectories.CartesianPath([aw.trajectories.Arc(through, end)], pose(begin))
     assert path.length == pytest.approx(radius * angle, rel=1e-7)
     points = path.at(np.array([0.0, share, 1.0]) * radius * angle)[0][:, :3, 3]
     np.testing.assert_allclose(points, [begin, through, end], atol=1e-7 * radius)
 
 
 def test_derivatives_are_those_of_the_pose_and_the_length_is_the_arc_length():
-    path = aw.CartesianPath(MIXED, START, blend=0.01, blend_angle=0.1)
+    path = aw.trajectories.CartesianPath(MIXED, START, blend=0.01, blend_angle=0.1)
     assert len(path.runs) == 1  # nothing stops
     s, h = np.linspace(1e-3, path.length - 1e-3, 3001), 1e-6
     (before, low, _), (_, first, second), (after, high, _) = (path.at(s + k * h) for k in (-1, 0, 1))
@@ -86,7 +86,7 @@ def test_derivatives_are_those_of_the_pose_and_the_length_is_the_arc_length():
 
 
 def test_blends_are_twice_continuous_in_position_and_rotation():
-    path = aw.CartesianPath(MIXED, START, blend=0.01, blend_angle=0.1)
+    path = aw.trajectories.CartesianPath(MIXED, START, blend=0.01, blend_angle=0.1)
     inner = path.breaks[1:-1]
     before, after = path.at(inner), path.at(inner + 1e-12)
     for a, b, scale in zip(before, after, (1.0, 1.0, 100.0), strict=True):
@@ -98,9 +98,12 @@ def test_blends_are_twice_continuous_in_position_and_rotation():
 def test_a_blend_passes_its_corner_at_the_stated_distance(seed, distance, arc):
     rng = np.random.default_rng(seed)
     goals = [pose(rng.uniform(-1.0, 1.0, 3), rng.uniform(-0.5, 0.5, 3)) for _ in range(2)]
-    segments = [aw.Line(goals[0]), aw.Arc(rng.uniform(-1, 1, 3), goals[1]) if arc else aw.Line(goals[1])]
-    sharp = aw.CartesianPath(segments, pose([0.0, 0.0, 0.0]))
-    path = aw.CartesianPath(segments, pose([0.0, 0.0, 0.0]), blend=distance, blend_angle=0.2)
+    segments = [
+        aw.trajectories.Line(goals[0]),
+        aw.trajectories.Arc(rng.uniform(-1, 1, 3), goals[1]) if arc else aw.trajectories.Line(goals[1]),
+    ]
+    sharp = aw.trajectories.CartesianPath(segments, pose([0.0, 0.0, 0.0]))
+    path = aw.trajectories.CartesianPath(segments, pose([0.0, 0.0, 0.0]), blend=distance, blend_angle=0.2)
     if len(path.runs) == 2:
         assert len(path.breaks) == 3  # it turns back, and stops
         return
@@ -122,11 +125,36 @@ def test_a_blend_passes_its_corner_at_the_stated_distance(seed, distance, arc):
 
 def test_lines_that_meet_without_blend_or_turn_back_stop():
     out, back = [0.5, -0.2, 0.4], [0.35, -0.2, 0.41]
-    assert len(aw.CartesianPath([aw.Line(out), aw.Line([0.5, 0.0, 0.4])], STILL).runs) == 2
-    assert len(aw.CartesianPath([aw.Line(out), aw.Line(back)], STILL, blend=0.01).runs) == 2
-    assert len(aw.CartesianPath([aw.Line(out), aw.Line([0.7, -0.2, 0.4])], STILL).runs) == 1  # straight on
-    turn = [aw.Line(out), aw.Line(pose(out, [0.0, 0.0, 1.0])), aw.Line(pose(back, [0.0, 0.0, 1.0]))]
-    path = aw.CartesianPath(turn, STILL, blend=0.01)
+    assert (
+        len(
+            aw.trajectories.CartesianPath(
+                [aw.trajectories.Line(out), aw.trajectories.Line([0.5, 0.0, 0.4])], STILL
+            ).runs
+        )
+        == 2
+    )
+    assert (
+        len(
+            aw.trajectories.CartesianPath(
+                [aw.trajectories.Line(out), aw.trajectories.Line(back)], STILL, blend=0.01
+            ).runs
+        )
+        == 2
+    )
+    assert (
+        len(
+            aw.trajectories.CartesianPath(
+                [aw.trajectories.Line(out), aw.trajectories.Line([0.7, -0.2, 0.4])], STILL
+            ).runs
+        )
+        == 1
+    )  # straight on
+    turn = [
+        aw.trajectories.Line(out),
+        aw.trajectories.Line(pose(out, [0.0, 0.0, 1.0])),
+        aw.trajectories.Line(pose(back, [0.0, 0.0, 1.0])),
+    ]
+    path = aw.trajectories.CartesianPath(turn, STILL, blend=0.01)
     np.testing.assert_allclose(path.runs, [(0.0, 0.2), (0.2, 1.2), (1.2, 1.2 + np.hypot(0.15, 0.01))])
 
 
@@ -143,23 +171,41 @@ def test_rates_of_a_rotation_vector_are_the_same_by_series_and_closed_form():
 @pytest.mark.parametrize(
     ("make", "place"),
     [
-        (lambda: aw.CartesianPath([], START), "CartesianPath.segments"),
-        (lambda: aw.CartesianPath([3], START), "segments[0]"),
-        (lambda: aw.CartesianPath([aw.Line(START)], START), "segments[0]"),
-        (lambda: aw.CartesianPath([aw.Line(START[:3, 3])], START), "segments[0]"),
-        (lambda: aw.CartesianPath([aw.Line([1.0, 0.0, 0.0])], START, blend=-1.0), "CartesianPath.blend"),
-        (lambda: aw.CartesianPath([aw.Line([1.0, 0.0, 0.0])], [0.0, 0.0, 0.0]), "CartesianPath.start"),
-        (lambda: aw.Line(np.diag([1.0, 1.0, 2.0, 1.0])), "Line.goal"),
-        (lambda: aw.Line([np.nan, 0.0, 0.0]), "Line.goal"),
-        (lambda: aw.Line("there"), "Line.goal"),
-        (lambda: aw.CartesianPath([aw.Line(pose([1, 0, 0], [np.pi, 0, 0]))], STILL), "segments[0]"),
-        (lambda: aw.CartesianPath([aw.Arc([0.4, -0.2, 0.4], [0.5, -0.2, 0.4])], STILL), "segments[0]"),
-        (lambda: aw.CartesianPath([aw.Circle([0.4, 0.2, 0.4], [1.0, 0.0, 0.0])], STILL), "segments[0]"),
-        (lambda: aw.Circle([0.0, 0.0, 0.0], [0.0, 0.0, 0.0]), "Circle.normal"),
-        (lambda: aw.Circle([0.0, 0.0, 0.0], [0.0, 0.0, 1.0], 0.0), "Circle.angle"),
-        (lambda: aw.CartesianPath([aw.Poses([[0.5, 0, 0], [0.5, 0, 0]])], STILL), "segments[0].poses[1]"),
-        (lambda: aw.Poses([]), "Poses.poses"),
-        (lambda: aw.Poses(3), "Poses.poses"),
+        (lambda: aw.trajectories.CartesianPath([], START), "CartesianPath.segments"),
+        (lambda: aw.trajectories.CartesianPath([3], START), "segments[0]"),
+        (lambda: aw.trajectories.CartesianPath([aw.trajectories.Line(START)], START), "segments[0]"),
+        (lambda: aw.trajectories.CartesianPath([aw.trajectories.Line(START[:3, 3])], START), "segments[0]"),
+        (
+            lambda: aw.trajectories.CartesianPath([aw.trajectories.Line([1.0, 0.0, 0.0])], START, blend=-1.0),
+            "CartesianPath.blend",
+        ),
+        (
+            lambda: aw.trajectories.CartesianPath([aw.trajectories.Line([1.0, 0.0, 0.0])], [0.0, 0.0, 0.0]),
+            "CartesianPath.start",
+        ),
+        (lambda: aw.trajectories.Line(np.diag([1.0, 1.0, 2.0, 1.0])), "Line.goal"),
+        (lambda: aw.trajectories.Line([np.nan, 0.0, 0.0]), "Line.goal"),
+        (lambda: aw.trajectories.Line("there"), "Line.goal"),
+        (
+            lambda: aw.trajectories.CartesianPath([aw.trajectories.Line(pose([1, 0, 0], [np.pi, 0, 0]))], STILL),
+            "segments[0]",
+        ),
+        (
+            lambda: aw.trajectories.CartesianPath([aw.trajectories.Arc([0.4, -0.2, 0.4], [0.5, -0.2, 0.4])], STILL),
+            "segments[0]",
+        ),
+        (
+            lambda: aw.trajectories.CartesianPath([aw.trajectories.Circle([0.4, 0.2, 0.4], [1.0, 0.0, 0.0])], STILL),
+            "segments[0]",
+        ),
+        (lambda: aw.trajectories.Circle([0.0, 0.0, 0.0], [0.0, 0.0, 0.0]), "Circle.normal"),
+        (lambda: aw.trajectories.Circle([0.0, 0.0, 0.0], [0.0, 0.0, 1.0], 0.0), "Circle.angle"),
+        (
+            lambda: aw.trajectories.CartesianPath([aw.trajectories.Poses([[0.5, 0, 0], [0.5, 0, 0]])], STILL),
+            "segments[0].poses[1]",
+        ),
+        (lambda: aw.trajectories.Poses([]), "Poses.poses"),
+        (lambda: aw.trajectories.Poses(3), "Poses.poses"),
     ],
 )
 def test_paths_that_are_none_are_refused(make, place):

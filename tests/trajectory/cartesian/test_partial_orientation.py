@@ -45,8 +45,10 @@ def corner(start, turn=(0.0, 0.0, 0.0)):
     """Two lines and an arc, the corner rounded; the tool turns along the first line."""
     middle = further(start, [0.0, 0.06, 0.0], turn)
     end = middle[:3, 3] + [-0.04, 0.0, 0.03]
-    arc = aw.Arc(np.add(end, [-0.02, -0.02, 0.0]), np.add(end, [-0.02, -0.04, 0.0]))
-    return aw.CartesianPath([aw.Line(middle), aw.Line(end), arc], start, blend=0.005)
+    arc = aw.trajectories.Arc(np.add(end, [-0.02, -0.02, 0.0]), np.add(end, [-0.02, -0.04, 0.0]))
+    return aw.trajectories.CartesianPath(
+        [aw.trajectories.Line(middle), aw.trajectories.Line(end), arc], start, blend=0.005
+    )
 
 
 CASES = [
@@ -68,7 +70,7 @@ CASES = [
 @pytest.mark.parametrize(("name", "q", "aim", "turn"), CASES)
 def test_what_counts_follows_the_path(name, q, aim, turn, arms):
     path = corner(start_of(name, q), turn)
-    solution = aw.solve_path(arms(name), path, near=q, aim=aim)
+    solution = aw.trajectories.solve_path(arms(name), path, near=q, aim=aim)
     s = np.linspace(0.0, path.length, 4001)
     joints, first, second = solution.at(s)
     at, turned = forward(name, joints)
@@ -132,30 +134,32 @@ def skew(a):
 
 def test_a_whole_pose_is_refused_where_an_axis_is_kept(arms):
     arm, start = arms("servo-5"), start_of("servo-5", DOWN)
-    path = aw.CartesianPath([aw.Line(further(start, [0.0, 0.06, 0.0], [0.4, 0.0, 0.0]))], start)
-    assert aw.solve_path(arm, path, near=DOWN, aim="yaw").deviation[1] < 1e-6
+    path = aw.trajectories.CartesianPath(
+        [aw.trajectories.Line(further(start, [0.0, 0.06, 0.0], [0.4, 0.0, 0.0]))], start
+    )
+    assert aw.trajectories.solve_path(arm, path, near=DOWN, aim="yaw").deviation[1] < 1e-6
     with pytest.raises(ScenarioError, match=r"path at s = .* out of reach.* mm and .* mrad off"):
-        aw.solve_path(arm, path, near=DOWN, aim="axis")  # the hand swings in one plane only
+        aw.trajectories.solve_path(arm, path, near=DOWN, aim="axis")  # the hand swings in one plane only
     four, begin = arms("pitch-4"), start_of("pitch-4", BENT[:4])
-    line = aw.CartesianPath([aw.Line(begin[:3, 3] + [0.0, 0.06, 0.0])], begin)
+    line = aw.trajectories.CartesianPath([aw.trajectories.Line(begin[:3, 3] + [0.0, 0.06, 0.0])], begin)
     with pytest.raises(ScenarioError, match="out of reach"):
-        aw.solve_path(four, line, near=BENT[:4])
-    assert aw.solve_path(four, line, aim="pitch").deviation[1] < 1e-6
+        aw.trajectories.solve_path(four, line, near=BENT[:4])
+    assert aw.trajectories.solve_path(four, line, aim="pitch").deviation[1] < 1e-6
     with pytest.raises(
         ScenarioError, match=r"path at s = 0 .*the tool's z axis is vertical, where its yaw has no slope"
     ):
-        aw.solve_path(arm, path, near=DOWN, aim="yaw z")
+        aw.trajectories.solve_path(arm, path, near=DOWN, aim="yaw z")
 
 
 def test_limits_of_the_tool_count_what_turns_freely(arms):
     """The turn that a path leaves free is the tool's: its limit of angular speed slows the motion, and is kept."""
     arm, start = arms("pitch-4"), start_of("pitch-4", BENT[:4])
-    path = aw.CartesianPath([aw.Line(start[:3, 3] + [0.0, 0.12, 0.0])], start)
-    limits = aw.MotionLimits.of(arm, velocity=2.0, acceleration=20.0, jerk=400.0)
+    path = aw.trajectories.CartesianPath([aw.trajectories.Line(start[:3, 3] + [0.0, 0.12, 0.0])], start)
+    limits = aw.trajectories.MotionLimits.of(arm, velocity=2.0, acceleration=20.0, jerk=400.0)
     options = {"speed": 0.1, "acceleration": 1.0, "near": BENT[:4], "aim": "pitch", "limits": limits}
-    free = aw.follow_path(arm, path, **options)
+    free = aw.trajectories.follow_path(arm, path, **options)
     for slow in ("everywhere", "where needed"):
-        bound = aw.follow_path(arm, path, **options, angular_speed=0.3, slow=slow)
+        bound = aw.trajectories.follow_path(arm, path, **options, angular_speed=0.3, slow=slow)
         assert bound.duration > 1.2 * free.duration
         assert "the tool's angular speed would be" in str(bound.stretches[0])
         t = np.linspace(0.0, bound.duration, 4001)
@@ -171,11 +175,15 @@ def test_limits_of_the_tool_count_what_turns_freely(arms):
 
 def test_a_turn_in_place_that_does_not_count_is_refused(arms):
     arm, start = arms("servo-5"), start_of("servo-5", DOWN)
-    path = aw.CartesianPath(
-        [aw.Line(further(start, [0, 0, 0], [0, 0, 0.5])), aw.Line(start[:3, 3] + [0, 0.03, 0])], start
+    path = aw.trajectories.CartesianPath(
+        [
+            aw.trajectories.Line(further(start, [0, 0, 0], [0, 0, 0.5])),
+            aw.trajectories.Line(start[:3, 3] + [0, 0.03, 0]),
+        ],
+        start,
     )
     with pytest.raises(
         ScenarioError, match=r"path at s = 0 .*: no joint moves: the tool's turn does not count with aim = 'axis'"
     ):
-        aw.solve_path(arm, path, near=DOWN, aim="axis")
-    assert aw.solve_path(arm, path, near=DOWN, aim="yaw").deviation[1] < 1e-6
+        aw.trajectories.solve_path(arm, path, near=DOWN, aim="axis")
+    assert aw.trajectories.solve_path(arm, path, near=DOWN, aim="yaw").deviation[1] < 1e-6

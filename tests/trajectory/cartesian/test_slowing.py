@@ -15,9 +15,11 @@ SPEED = 0.1
 @pytest.fixture(scope="module")
 def past_a_singularity():
     """A line that passes a singular wrist at 1 cm, at full speed but for its middle."""
-    limits = aw.MotionLimits.of(arm("puma560"), velocity=2.0, acceleration=40.0, torque=np.inf, voltage=np.inf)
+    limits = aw.trajectories.MotionLimits.of(
+        arm("puma560"), velocity=2.0, acceleration=40.0, torque=np.inf, voltage=np.inf
+    )
     motions = [
-        aw.follow_path(arm("puma560"), wrist_path(0.01), SPEED, 2.0, limits=limits, slow=slow)
+        aw.trajectories.follow_path(arm("puma560"), wrist_path(0.01), SPEED, 2.0, limits=limits, slow=slow)
         for slow in ("everywhere", "where needed")
     ]
     return limits, *motions
@@ -53,14 +55,16 @@ def test_where_and_by_how_much_the_speed_is_too_high_is_said(past_a_singularity)
 @pytest.mark.parametrize(("name", "way"), [("puma560", [0.12, 0.1, 0.0]), ("lwa4p", [0.1, -0.1, 0.05])])
 def test_limits_of_jerk_of_the_joints_slow_no_more_than_everywhere(name, way):
     model, start = arm(name), home(name)
-    limits = aw.MotionLimits.of(model, velocity=1.0, acceleration=3.0, jerk=40.0, torque=np.inf, voltage=np.inf)
-    path = aw.CartesianPath([aw.Line(moved(start, way))], start)
+    limits = aw.trajectories.MotionLimits.of(
+        model, velocity=1.0, acceleration=3.0, jerk=40.0, torque=np.inf, voltage=np.inf
+    )
+    path = aw.trajectories.CartesianPath([aw.trajectories.Line(moved(start, way))], start)
     slow, local = (
-        aw.follow_path(model, path, 2.0, 20.0, limits=limits, near=HOME[name], slow=slow)
+        aw.trajectories.follow_path(model, path, 2.0, 20.0, limits=limits, near=HOME[name], slow=slow)
         for slow in ("everywhere", "where needed")
     )
     assert local.duration <= slow.duration
-    report = aw.limits_report(model, local, limits)
+    report = aw.trajectories.limits_report(model, local, limits)
     assert report.kept  # and no acceleration jumps
     assert max(report.share[each].max() for each in ("velocity", "acceleration", "jerk")) > 0.8
     assert largest_use(model, local, limits) <= 1.0 + 1e-6
@@ -69,22 +73,25 @@ def test_limits_of_jerk_of_the_joints_slow_no_more_than_everywhere(name, way):
 def test_what_needs_no_slowing_is_the_same_motion():
     model, path = arm("puma560"), corner("puma560", blend=0.02)
     one, other = (
-        aw.follow_path(model, path, 0.1, 2.0, near=HOME["puma560"], slow=s) for s in ("everywhere", "where needed")
+        aw.trajectories.follow_path(model, path, 0.1, 2.0, near=HOME["puma560"], slow=s)
+        for s in ("everywhere", "where needed")
     )
     assert one.duration == other.duration
     assert not other.stretches
     with pytest.raises(ScenarioError, match="slow = 'there'"):
-        aw.follow_path(model, path, 0.1, 2.0, near=HOME["puma560"], slow="there")
+        aw.trajectories.follow_path(model, path, 0.1, 2.0, near=HOME["puma560"], slow="there")
 
 
 def test_stops_and_turns_in_place_stay_stops():
     model, start = arm("puma560"), home("puma560")
     turned = moved(start, turn=[0.2, 0.3, 0.0])
-    path = aw.CartesianPath([aw.Line(turned), aw.Line(moved(turned, [0.0, 0.1, 0.0]))], start)
-    limits = aw.MotionLimits.of(model, velocity=0.3, acceleration=4.0, torque=np.inf, voltage=np.inf)
+    path = aw.trajectories.CartesianPath(
+        [aw.trajectories.Line(turned), aw.trajectories.Line(moved(turned, [0.0, 0.1, 0.0]))], start
+    )
+    limits = aw.trajectories.MotionLimits.of(model, velocity=0.3, acceleration=4.0, torque=np.inf, voltage=np.inf)
     options = {"angular_speed": 1.0, "angular_acceleration": 4.0, "near": HOME["puma560"], "limits": limits}
-    motion = aw.follow_path(model, path, 0.3, 2.0, slow="where needed", time=0.5, **options)
-    assert motion.duration < aw.follow_path(model, path, 0.3, 2.0, **options).duration
+    motion = aw.trajectories.follow_path(model, path, 0.3, 2.0, slow="where needed", time=0.5, **options)
+    assert motion.duration < aw.trajectories.follow_path(model, path, 0.3, 2.0, **options).duration
     assert motion.stretches
     stop = motion.times([path.breaks[1]])
     np.testing.assert_allclose(motion.at(stop)[1], 0.0, atol=1e-6)

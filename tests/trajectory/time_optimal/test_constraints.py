@@ -42,10 +42,10 @@ def test_a_limit_is_reached_at_the_bounds_and_none_is_exceeded_between(name: str
 def test_where_a_joint_with_a_lossy_gear_turns_it_bounds_nothing() -> None:
     """Its torque does not depend on s̈ there: the quill of a SCARA at the middle of its way, where it goes back."""
     arm = aw.load(Path(__file__).parents[3] / "examples" / "scara.toml")
-    limits = aw.MotionLimits.of(arm, torque=[30.0, 20.0, 200.0, 5.0])
+    limits = aw.trajectories.MotionLimits.of(arm, torque=[30.0, 20.0, 200.0, 5.0])
     ways = [[0.0, 0.2, 0.05, 0.0], [0.5, 0.2, 0.12, 0.3], [1.0, 0.2, 0.05, 0.6]]
-    motion = aw.time_optimal(arm, ways, limits, grid=60)
-    assert aw.limits_report(arm, motion, limits).kept
+    motion = aw.trajectories.time_optimal(arm, ways, limits, grid=60)
+    assert aw.trajectories.limits_report(arm, motion, limits).kept
     assert motion.saturated > 0.9
 
 

@@ -35,8 +35,8 @@ def test_a_motor_under_voltage_takes_the_time_of_its_equation() -> None:
     constant = float(drive.gear_ratio * drive.torque_constant)
     inertia = float(aw.mass_matrix(arm, np.zeros(1))[0, 0])
     tau, fastest = inertia * float(drive.resistance) / constant**2, volts / constant
-    path = aw.JointPath([[0.0], [goal]])
-    motion = aw.time_optimal(arm, path, aw.MotionLimits.of(arm, voltage=volts), grid=2000)
+    path = aw.trajectories.JointPath([[0.0], [goal]])
+    motion = aw.trajectories.time_optimal(arm, path, aw.trajectories.MotionLimits.of(arm, voltage=volts), grid=2000)
 
     def travelled(forth: float) -> tuple[float, float]:
         speed = fastest * (1.0 - np.exp(-forth / tau))
@@ -56,7 +56,7 @@ def test_a_motor_under_voltage_takes_the_time_of_its_equation() -> None:
 
 def test_accelerations_go_on_smoothly_where_one_limit_is_active() -> None:
     arm = aw.load("cmu-dd")
-    motion = aw.time_optimal(arm, random_path(arm, 0), grid=200)
+    motion = aw.trajectories.time_optimal(arm, random_path(arm, 0), grid=200)
     knots = motion.breaks[1:-1]
     before, after = (motion.at(np.nextafter(knots, side))[2] for side in (-np.inf, np.inf))
     jumps, steps = np.abs(after - before).max(axis=1), np.abs(np.diff(motion.at(motion.breaks)[2], axis=0)).max(axis=1)
@@ -67,9 +67,9 @@ def test_accelerations_go_on_smoothly_where_one_limit_is_active() -> None:
 
 def test_a_grid_that_is_too_coarse_is_made_finer() -> None:
     arm, path, limits = random_problem(384)  # of 100 points it would take more than twice as long
-    motion = aw.time_optimal(arm, path, limits, grid=100)
+    motion = aw.trajectories.time_optimal(arm, path, limits, grid=100)
     assert len(motion.s) > 200
-    assert motion.duration < 1.02 * aw.time_optimal(arm, path, limits, grid=400).duration
+    assert motion.duration < 1.02 * aw.trajectories.time_optimal(arm, path, limits, grid=400).duration
     assert largest_use(arm, motion, limits) <= 1.0 + 1e-6
 
 
@@ -78,10 +78,10 @@ def test_a_grid_that_is_too_coarse_is_made_finer() -> None:
 def test_rigid_bodies_take_the_time_that_toppra_finds(name: str, seed: int) -> None:
     arm = aw.load(name).replace(**RIGID)
     path = random_path(arm, seed)
-    limits = aw.MotionLimits.of(arm, voltage=np.inf)
-    motion = aw.time_optimal(arm, path, limits)
+    limits = aw.trajectories.MotionLimits.of(arm, voltage=np.inf)
+    motion = aw.trajectories.time_optimal(arm, path, limits)
     assert motion.duration == pytest.approx(by_toppra(arm, path, limits), rel=5e-3)
-    assert aw.limits_report(arm, motion, limits).kept
+    assert aw.trajectories.limits_report(arm, motion, limits).kept
 
 
 @given(st.integers(0, 10**6))
@@ -91,7 +91,10 @@ def test_random_rigid_problems_take_the_time_that_toppra_finds(seed: int) -> Non
     arm = built_arm(("panda", "cmu-dd", "lwa4p", "workshop")[seed % 4]).replace(**RIGID, springs=None)
     path = random_path(arm, seed, 4)
     limits = reachable_limits(arm, path, seed).replace(voltage=np.inf)
-    duration, expected = aw.time_optimal(arm, path, limits, grid=200).duration, by_toppra(arm, path, limits, 500)
+    duration, expected = (
+        aw.trajectories.time_optimal(arm, path, limits, grid=200).duration,
+        by_toppra(arm, path, limits, 500),
+    )
     assume(not np.isnan(expected))  # of some it finds none
     assert duration == pytest.approx(expected, rel=0.01)
 
@@ -100,7 +103,7 @@ def test_random_rigid_problems_take_the_time_that_toppra_finds(seed: int) -> Non
 @pytest.mark.sample(1)
 def test_no_local_optimum_of_ipopt_is_faster(name: str, seed: int) -> None:
     arm = aw.load(name)
-    path, limits = random_path(arm, seed, 4), aw.MotionLimits.of(arm)
+    path, limits = random_path(arm, seed, 4), aw.trajectories.MotionLimits.of(arm)
     s = grid_points(path, 40)
     planner = Planner(aw.compile(arm), limits, path, s, (1e-10, 1e-10))
     x = planner.fastest().x  # with the limits at grid points alone, as IPOPT has them
@@ -118,7 +121,7 @@ def test_no_local_optimum_of_ipopt_is_faster(name: str, seed: int) -> None:
 def test_limits_hold_on_a_grid_ten_times_denser(seed: int) -> None:
     """Of 2,000 seeds: tools/motion_seeds.py."""
     arm, path, limits = random_problem(seed)
-    motion = aw.time_optimal(arm, path, limits, grid=60)
+    motion = aw.trajectories.time_optimal(arm, path, limits, grid=60)
     assert largest_use(arm, motion, limits) <= 1.0 + 1e-6
     assert motion.excess <= 5e-7
 
@@ -126,7 +129,7 @@ def test_limits_hold_on_a_grid_ten_times_denser(seed: int) -> None:
 def test_a_motion_is_its_polynomial_and_rests_before_and_after() -> None:
     arm = aw.load("cmu-dd")
     path = random_path(arm, 0)
-    motion = aw.time_optimal(arm, path, time=0.5, grid=60)
+    motion = aw.trajectories.time_optimal(arm, path, time=0.5, grid=60)
     t = np.linspace(0.0, 1.0 + motion.duration, 501)
     for found, expected in zip(motion.at(t), motion.polynomial.at(t), strict=True):
         np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
@@ -144,25 +147,29 @@ def test_a_motion_is_its_polynomial_and_rests_before_and_after() -> None:
 def test_the_same_curve_with_another_parameter_takes_the_same_time() -> None:
     arm = aw.load("cmu-dd")
     path = random_path(arm, 1)
-    scaled = aw.JointPath(path.waypoints, 7.0 * path.parameter)
-    assert aw.time_optimal(arm, scaled).duration == pytest.approx(aw.time_optimal(arm, path).duration, rel=1e-6)
+    scaled = aw.trajectories.JointPath(path.waypoints, 7.0 * path.parameter)
+    assert aw.trajectories.time_optimal(arm, scaled).duration == pytest.approx(
+        aw.trajectories.time_optimal(arm, path).duration, rel=1e-6
+    )
 
 
 def test_more_costs_time_and_path_speeds_at_the_ends_save_some() -> None:
     arm = aw.load("lwa4p")
     path = random_path(arm, 2)
-    usual = aw.time_optimal(arm, path, grid=200)
-    limits = aw.MotionLimits.of(arm)
+    usual = aw.trajectories.time_optimal(arm, path, grid=200)
+    limits = aw.trajectories.MotionLimits.of(arm)
     hand = aw.Payload(0.0, 3.0, [0.0, 0.0, 0.05], [0.01, 0.01, 0.01])
     weak = limits.replace(torque=1.2 * limits.torque, velocity=10.0)
     assert (
-        aw.time_optimal(arm, path, weak, grid=200, payload=hand).duration
-        > aw.time_optimal(arm, path, weak, grid=200).duration
+        aw.trajectories.time_optimal(arm, path, weak, grid=200, payload=hand).duration
+        > aw.trajectories.time_optimal(arm, path, weak, grid=200).duration
     )
-    carried = aw.time_optimal(arm, path, weak, grid=200, payload=hand)
-    assert aw.limits_report(arm, carried, weak, payload=hand).kept
-    assert not aw.limits_report(arm, aw.time_optimal(arm, path, weak, grid=200), weak, payload=hand).kept
-    flying = aw.time_optimal(arm, path, grid=200, speeds=(0.3, 0.2))
+    carried = aw.trajectories.time_optimal(arm, path, weak, grid=200, payload=hand)
+    assert aw.trajectories.limits_report(arm, carried, weak, payload=hand).kept
+    assert not aw.trajectories.limits_report(
+        arm, aw.trajectories.time_optimal(arm, path, weak, grid=200), weak, payload=hand
+    ).kept
+    flying = aw.trajectories.time_optimal(arm, path, grid=200, speeds=(0.3, 0.2))
     assert flying.duration < usual.duration
     first, second = (np.abs(flying.at(t)[1] / path.at(s)[1]) for t, s in ((0.0, 0.0), (flying.duration, path.length)))
     np.testing.assert_allclose(first, 0.3)
@@ -172,39 +179,43 @@ def test_more_costs_time_and_path_speeds_at_the_ends_save_some() -> None:
 def test_dry_friction_and_lossy_gears_are_known() -> None:
     arm = plain_arm(smoothing=0.02)
     path = random_path(arm, 0, 3)
-    limits = aw.MotionLimits.of(arm, position=3.0)
-    motion = aw.time_optimal(arm, path, limits)
-    assert aw.limits_report(arm, motion, limits).kept
+    limits = aw.trajectories.MotionLimits.of(arm, position=3.0)
+    motion = aw.trajectories.time_optimal(arm, path, limits)
+    assert aw.trajectories.limits_report(arm, motion, limits).kept
     assert motion.saturated > 0.98
-    assert motion.duration > aw.time_optimal(arm.replace(**RIGID), path, limits).duration
+    assert motion.duration > aw.trajectories.time_optimal(arm.replace(**RIGID), path, limits).duration
 
 
 def test_a_plan_by_acceleration_alone_is_slower_or_asks_for_more_volts_than_there_are() -> None:
     arm = aw.load("cmu-dd")
     path = random_path(arm, 0)
-    motion = aw.time_optimal(arm, path, grid=150)
+    motion = aw.trajectories.time_optimal(arm, path, grid=150)
     qdd = motion.at(np.linspace(0.0, motion.duration, 2000))[2]
-    alone = aw.MotionLimits.of(arm, torque=np.inf, voltage=np.inf, acceleration=np.abs(qdd).max(axis=0))
-    hasty = aw.time_optimal(arm, path, alone, grid=150)
-    assert not aw.limits_report(arm, hasty).kept
-    assert aw.limits_report(arm, hasty, alone).kept
+    alone = aw.trajectories.MotionLimits.of(arm, torque=np.inf, voltage=np.inf, acceleration=np.abs(qdd).max(axis=0))
+    hasty = aw.trajectories.time_optimal(arm, path, alone, grid=150)
+    assert not aw.trajectories.limits_report(arm, hasty).kept
+    assert aw.trajectories.limits_report(arm, hasty, alone).kept
     safe, factor = hasty, 1.0  # accelerations made smaller until the motors can do it
-    while not aw.limits_report(arm, safe).kept:
+    while not aw.trajectories.limits_report(arm, safe).kept:
         factor *= 0.7
-        safe = aw.time_optimal(arm, path, alone.replace(acceleration=factor * alone.acceleration), grid=150)
+        safe = aw.trajectories.time_optimal(
+            arm, path, alone.replace(acceleration=factor * alone.acceleration), grid=150
+        )
     assert motion.duration < 0.8 * safe.duration
 
 
 @pytest.mark.parametrize("seed", [0, 1])
 def test_the_simulated_arm_follows_without_feedback_and_within_its_volts(seed: int) -> None:
     arm, period = aw.load("cmu-dd"), 1e-3
-    limits, path = aw.MotionLimits.of(arm), random_path(arm, seed)
-    motion = aw.time_optimal(arm, path)
+    limits, path = aw.trajectories.MotionLimits.of(arm), random_path(arm, seed)
+    motion = aw.trajectories.time_optimal(arm, path)
     assert motion.saturated > 0.95
     accelerations = np.abs(motion.at(np.linspace(0.0, motion.duration, 3000))[2]).max(axis=0)
     free = limits.replace(torque=np.inf, voltage=np.inf, acceleration=accelerations)
-    scale = (aw.time_optimal(arm, path, free).duration / motion.duration) ** 2  # time goes as 1/√acceleration
-    alone = aw.time_optimal(arm, path, free.replace(acceleration=scale * accelerations))
+    scale = (
+        aw.trajectories.time_optimal(arm, path, free).duration / motion.duration
+    ) ** 2  # time goes as 1/√acceleration
+    alone = aw.trajectories.time_optimal(arm, path, free.replace(acceleration=scale * accelerations))
     assert alone.duration == pytest.approx(motion.duration, rel=1e-3)
     above, most, error = _played(arm, motion, period)
     assert above <= 0.01
@@ -223,7 +234,7 @@ def _played(arm: Model, motion: PathMotion, period: float) -> tuple[float, float
     )
     duration = period * np.ceil(motion.duration / period)
     run = aw.simulate(aw.Scenario(arm, duration, start=motion.path.waypoints[0], loop=loop))
-    share = np.abs(run.u.values / aw.MotionLimits.of(arm).voltage).max(axis=1)
+    share = np.abs(run.u.values / aw.trajectories.MotionLimits.of(arm).voltage).max(axis=1)
     error = np.abs(run.q.values - motion.at(run.time.values)[0]).max()
     return float((share > 1.0 + 1e-6).mean()), float(share.max()), float(error)
 
@@ -231,11 +242,11 @@ def _played(arm: Model, motion: PathMotion, period: float) -> tuple[float, float
 @pytest.mark.parametrize("place", ["path", "limits", "payload", "grid", "speeds", "time"])
 def test_bad_input_is_refused(place: str) -> None:
     arm = aw.load("cmu-dd")
-    good = {"path": random_path(arm, 0), "limits": aw.MotionLimits.of(arm)}
+    good = {"path": random_path(arm, 0), "limits": aw.trajectories.MotionLimits.of(arm)}
     bad = {
         "path": [[[0.0] * 6] * 2, [[0.0] * 5, [1.0] * 5], [[np.nan] * 6, [0.0] * 6], [[0.0] * 6, [9.0] + [0.0] * 5]],
-        "limits": [aw.MotionLimits.of(aw.load("two-link")), 3.0, aw.MotionLimits.of(arm, jerk=10.0),
-                   aw.MotionLimits.of(arm, **RELAXED)],
+        "limits": [aw.trajectories.MotionLimits.of(aw.load("two-link")), 3.0, aw.trajectories.MotionLimits.of(arm, jerk=10.0),
+                   aw.trajectories.MotionLimits.of(arm, **RELAXED)],
         "payload": [aw.Payload(0.0, 500.0, [0, 0, 0], [0.1, 0.1, 0.1]), 3.0],
         "grid": [3, 1.5, True, 10**9, None],
         "speeds": [(-1.0, 0.0), (np.nan, 0.0), 3.0, (1e4, 0.0), (0.0, 1e4)],
@@ -243,7 +254,7 @@ def test_bad_input_is_refused(place: str) -> None:
     }[place]  # fmt: skip
     for value in bad:
         with pytest.raises(ScenarioError):
-            aw.time_optimal(arm, **{**good, place: value})
+            aw.trajectories.time_optimal(arm, **{**good, place: value})
 
 
 @pytest.mark.parametrize("end", [0, 1])
@@ -251,20 +262,20 @@ def test_a_path_speed_that_is_too_high_is_named_with_the_highest(end: int) -> No
     arm = aw.load("cmu-dd")
     path, speeds = random_path(arm, 0), np.where(np.arange(2) == end, 1e3, 0.0)
     with pytest.raises(ScenarioError, match=r"expected [\d.]+ or less") as caught:
-        aw.time_optimal(arm, path, grid=50, speeds=tuple(speeds))
+        aw.trajectories.time_optimal(arm, path, grid=50, speeds=tuple(speeds))
     assert caught.value.place == f"speeds[{end}]"
     highest = float(caught.value.expected.split()[0])
-    aw.time_optimal(arm, path, grid=50, speeds=tuple(0.95e-3 * highest * speeds))
+    aw.trajectories.time_optimal(arm, path, grid=50, speeds=tuple(0.95e-3 * highest * speeds))
     with pytest.raises(ScenarioError, match="speeds"):
-        aw.time_optimal(arm, path, grid=50, speeds=tuple(1.1e-3 * highest * speeds))
+        aw.trajectories.time_optimal(arm, path, grid=50, speeds=tuple(1.1e-3 * highest * speeds))
 
 
 def test_a_motor_that_gravity_exceeds_is_named_with_the_place_and_the_torque() -> None:
     arm = aw.load("two-link")
-    path = aw.JointPath([[0.0, 0.0], [1.2, 0.4]])
-    weak = aw.MotionLimits.of(arm, torque=[15.0, 100.0])
+    path = aw.trajectories.JointPath([[0.0, 0.0], [1.2, 0.4]])
+    weak = aw.trajectories.MotionLimits.of(arm, torque=[15.0, 100.0])
     with pytest.raises(ScenarioError) as caught:
-        aw.time_optimal(arm, path, weak)
+        aw.trajectories.time_optimal(arm, path, weak)
     s = np.linspace(0.0, path.length, 2000)
     weight = np.abs(aw.compile(arm).gravity_torques(path.at(s)[0]))[:, 0].max()
     message = str(caught.value)
@@ -279,13 +290,13 @@ def test_a_path_that_leaves_the_position_limits_between_waypoints_is_named() -> 
     points = np.zeros((4, 6))
     points[1:3, 0], points[3, 1] = 0.999 * top, 0.2
     with pytest.raises(ScenarioError, match="outside its limits") as caught:
-        aw.time_optimal(arm, aw.JointPath(points, [0.0, 1.0, 3.0, 4.0]))
+        aw.trajectories.time_optimal(arm, aw.trajectories.JointPath(points, [0.0, 1.0, 3.0, 4.0]))
     assert arm.names[0] in str(caught.value)
 
 
 def test_friction_that_exceeds_a_motor_is_named() -> None:
     arm = plain_arm()  # dry friction of 0.25 N m that holds what it does not let move
-    limits = aw.MotionLimits.of(arm, torque={"elbow": 0.2}, position=3.0)
+    limits = aw.trajectories.MotionLimits.of(arm, torque={"elbow": 0.2}, position=3.0)
     with pytest.raises(ScenarioError, match=r"friction, however slowly, takes 0.* N m of elbow") as caught:
-        aw.time_optimal(arm.replace(gravity=[0.0, 0.0, 0.0]), random_path(arm, 0), limits, grid=50)
+        aw.trajectories.time_optimal(arm.replace(gravity=[0.0, 0.0, 0.0]), random_path(arm, 0), limits, grid=50)
     assert "0.2 N m" in str(caught.value)

@@ -11,7 +11,7 @@ from armwright.control.analysis.linear_loop import LinearLoop
 from armwright.simulation.scenario import Scenario
 
 GROWS = 1e-6  # of a mode, a tick: less is rounding of one that neither grows nor dies away
-REMEDY = "`armwright loops FILE` (aw.analyse_loops) shows margins and the longest period"
+REMEDY = "`armwright loops FILE` (aw.loops.analyse_loops) shows margins and the longest period"
 
 
 @dataclass(frozen=True)

@@ -51,7 +51,7 @@ def limit_cycle(loop: LinearLoop, q: Any, joint: int) -> LimitCycle | None:
     Raises:
         ScenarioError: encoders without counts, several poses, or no such joint.
     """
-    expect(loop, LinearLoop, "loop", "an aw.LinearLoop", ScenarioError)
+    expect(loop, LinearLoop, "loop", "an aw.loops.LinearLoop", ScenarioError)
     slopes, scenario = loop.slopes(q), loop.scenario
     _ = loop.slopes(q, joint=joint)  # which checks the joint
     assert scenario.loop is not None

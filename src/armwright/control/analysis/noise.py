@@ -124,7 +124,7 @@ def _measured(
 ) -> tuple[Slopes, list[np.ndarray], list[list[int]]]:
     """Slopes and maps of a loop, and for each joint the places in the state that its encoder may see."""
     if not isinstance(loop, LinearLoop):
-        raise ScenarioError(place="loop", value=loop, expected="an aw.LinearLoop of a scenario")
+        raise ScenarioError(place="loop", value=loop, expected="an aw.loops.LinearLoop of a scenario")
     slopes = loop.slopes(q, gains, joint)
     columns = [loop.positions(j) for j in range(len(loop.names))]
     if joint is not None:

@@ -159,7 +159,7 @@ def compare_controllers(
     Args:
         scenario: the arm with its loop: period, sensors, timing, solver. Its duration, start, reference and rows are replaced.
         controllers: by name a controller for the scenario's loop, or a `Scenario` of the same arm with a loop of its own.
-        motions: by name a `Motion`, or an `aw.Plan` with what it carries.
+        motions: by name a `Motion`, or an `aw.trajectories.Plan` with what it carries.
         payloads: by name or in a row, in the hand of all motions: a `Payload`, several, or None for what a motion or its scenario
             has.
         runs: 1 or more, the repeatability needs 2; default: as many as the scenarios have lanes, or 8.
@@ -219,7 +219,9 @@ class _Course:
         """
         motion, place = getattr(given, "motion", given), f"motions[{name!r}]"
         if not isinstance(motion, Motion):
-            raise ScenarioError(place=place, value=given, expected="a motion of armwright.trajectory, or an aw.Plan")
+            raise ScenarioError(
+                place=place, value=given, expected="a motion of armwright.trajectory, or an aw.trajectories.Plan"
+            )
         if motion.n != arm.n:
             raise ScenarioError(
                 f"a motion of {motion.n} joints", place=place, expected=f"{arm.n}: {', '.join(arm.names)}"

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.signal import lfilter
 
+from armwright.entry import expect
 from armwright.errors import ScenarioError
 from armwright.scalar import Array
 from armwright.signals import Signal
@@ -122,6 +123,7 @@ class FilteredSensor:
     unit: str = ""
 
     def __post_init__(self) -> None:
+        expect(self.model, StateSpace, "model", "a StateSpace, as LinearModel.state_space gives", ScenarioError)
         if self.model.d.shape != (1, 1):
             raise ScenarioError(
                 f"{self.model.d.shape[1]} inputs, {self.model.d.shape[0]} outputs",

@@ -91,7 +91,7 @@ def write_verdict(validation: Validation) -> Path:
     Raises:
         LogError: a built-in arm, or one made in Python.   OutputError: the file cannot be written.
     """
-    expect(validation, Validation, "validation", "what aw.validate returns", LogError)
+    expect(validation, Validation, "validation", "what aw.identification.validate returns", LogError)
     if validation.record is None:
         raise LogError(
             "has no file, so no verdict can be stored beside it", place="record", value=validation.arm.name,

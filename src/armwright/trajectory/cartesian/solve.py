@@ -134,7 +134,7 @@ def solve_path(
     arm = as_arm(arm)
     limits = checked_limits(arm, limits)
     if not isinstance(path, CartesianPath):
-        raise ScenarioError(place="path", value=path, expected="an aw.CartesianPath")
+        raise ScenarioError(place="path", value=path, expected="an aw.trajectories.CartesianPath")
     part = Aim.of(aim)
     accuracy = real_number(tolerance)
     if accuracy is None or not 1e-9 <= accuracy < 0.1:
@@ -174,7 +174,7 @@ def checked_limits(arm: Any, limits: Any) -> MotionLimits:
     limits = MotionLimits.of(arm) if limits is None else limits
     if not isinstance(limits, MotionLimits) or limits.n != arm.n:
         what = f"limits of {limits.n} joints" if isinstance(limits, MotionLimits) else ""
-        expected = f"aw.MotionLimits.of(arm, …) of {arm.name}"
+        expected = f"aw.trajectories.MotionLimits.of(arm, …) of {arm.name}"
         raise ScenarioError(what, place="limits", value=ABSENT if what else limits, expected=expected)
     return limits
 

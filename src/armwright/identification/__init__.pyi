@@ -1,0 +1,48 @@
+"""The names of this room and where each lives: for type checkers, and for `armwright.lazy`."""
+
+from armwright.identification.arm.drive_gains import identify_drive_gains as identify_drive_gains
+from armwright.identification.arm.friction import identify_friction as identify_friction
+from armwright.identification.arm.identify import ArmEstimate as ArmEstimate, identify_arm as identify_arm
+from armwright.identification.arm.payload import identify_payload as identify_payload
+from armwright.identification.estimate import Estimate as Estimate, write_into as write_into
+from armwright.identification.experiments.excitation import (
+    Excitation as Excitation,
+    design_excitation as design_excitation,
+)
+from armwright.identification.experiments.expected import compare_experiments as compare_experiments
+from armwright.identification.experiments.motor import (
+    MotorExperiment as MotorExperiment,
+    MotorGuess as MotorGuess,
+    motor_experiment as motor_experiment,
+)
+from armwright.identification.experiments.plot import plot_experiment as plot_experiment
+from armwright.identification.linear.actuator import IdentifiedActuator as IdentifiedActuator
+from armwright.identification.linear.fit import fit_armax as fit_armax, fit_arx as fit_arx, fit_oe as fit_oe
+from armwright.identification.linear.frequency import (
+    FrequencyResponse as FrequencyResponse,
+    frequency_response as frequency_response,
+)
+from armwright.identification.linear.model import LinearModel as LinearModel
+from armwright.identification.linear.n4sid import fit_n4sid as fit_n4sid
+from armwright.identification.linear.state_space import FilteredSensor as FilteredSensor, StateSpace as StateSpace
+from armwright.identification.logs.blocks import Block as Block
+from armwright.identification.logs.log import Log as Log, LogRun as LogRun
+from armwright.identification.logs.plot import plot_log as plot_log
+from armwright.identification.logs.preparation import (
+    Preparation as Preparation,
+    choose_preparation as choose_preparation,
+)
+from armwright.identification.logs.prepared import prepare_log as prepare_log
+from armwright.identification.logs.read import read_log as read_log
+from armwright.identification.logs.write import write_log as write_log
+from armwright.identification.motor.identify import MotorFit as MotorFit, identify_motor as identify_motor
+from armwright.identification.validation.joint_measures import JointMeasures as JointMeasures
+from armwright.identification.validation.limits import Limits as Limits
+from armwright.identification.validation.report import write_report as write_report
+from armwright.identification.validation.validate import Validation as Validation, validate as validate
+from armwright.identification.validation.verdict import (
+    StoredVerdict as StoredVerdict,
+    passing_verdict as passing_verdict,
+    stored_verdict as stored_verdict,
+    write_verdict as write_verdict,
+)

@@ -1,0 +1,5 @@
+"""The names of this room and where each lives: for type checkers, and for `armwright.lazy`."""
+
+from armwright.tuning.result import TuningResult as TuningResult
+from armwright.tuning.search import Tried as Tried
+from armwright.tuning.tune import tune as tune
