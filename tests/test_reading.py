@@ -14,7 +14,7 @@ from armwright.description.urdf import read_urdf
 from armwright.errors import ArmwrightError, DescriptionError
 from armwright.parts.build import build_parts
 from armwright.reading import read_file
-from armwright.results.tables import Column, read_numbers
+from armwright.results.csv_tables import Column, read_numbers
 from armwright.session.files import read_script
 
 READERS = {  # what reads a file that the user names

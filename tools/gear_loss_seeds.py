@@ -29,7 +29,7 @@ import numpy as np
 import armwright as aw
 from armwright.identification.logs.log import Log
 from armwright.model import build_model
-from armwright.results.tables import write_table
+from armwright.results.csv_tables import write_table
 
 SECONDS, RATE, HARMONICS = 20.0, 250.0, 10
 COUNTS = 8192  # of an encoder in a turn of its motor

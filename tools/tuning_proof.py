@@ -117,8 +117,7 @@ def main() -> None:
     )  # fmt: skip
     print(*result.sentences(), sep="\n")
     print(f"{time.perf_counter() - began:.0f} s")
-    for row in result.rows():
-        print("  ".join(row))
+    print(result.tables()[0])
     start = replace(result.scenario.controller, **result.start)
     laws = {"textbook": textbook(), "quiet textbook": quiet_textbook(), "by hand": BY_HAND, "designed": start}
     laws["tuned"] = result.scenario.controller

@@ -77,7 +77,7 @@ def validate(folder):
 def plan(folder):
     """The motion that the arm is for, within the limits of the identified record."""
     planned = aw.trajectories.plan(folder / "round.motion.toml")
-    kept = "every limit is kept" if planned.report.kept else "A LIMIT IS EXCEEDED"
+    kept = "every limit is kept" if planned.limits_report.kept else "A LIMIT IS EXCEEDED"
     say("plan", f"{planned.motion.duration:.3f} s in {len(planned.kinds)} segments, {kept}")
     return planned.motion
 

@@ -28,7 +28,8 @@ def command(bench, *more, code=0, logs=("empty", "loaded"), robot="as_bought.urd
 def test_constants_are_written_for_the_next_command(bench):
     output, page = bench / "weighed.toml", bench / "gains.html"
     shown = command(bench, "--mass", "5", "--mass-std", "0.005", "-o", output, "--report", page).stdout
-    assert "identified (drive gains from two logs" in shown
+    assert "drive gains from two logs" in shown
+    assert "\nidentified\n" in shown
     assert "base.motor.torque_constant_n_m_per_a" in page.read_text(encoding="utf-8")
     arm = aw.load(output)
     found = [float(body.drive.torque_constant) for body in arm.coordinates]

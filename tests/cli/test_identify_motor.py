@@ -8,7 +8,7 @@ from identification.motor_truth import PATHS, TRUE, write_log
 def test_a_motor_is_identified_and_its_record_written(tmp_path):
     log, record = write_log(tmp_path, 0, ("current", "qd"), rows=1000), tmp_path / "motor.toml"
     shown = run("identify", "motor", str(log), "--starts", "2", "-o", str(record)).stdout
-    for words in (PATHS["R"], "± std", "fit %", "identified", "wrote"):
+    for words in (PATHS["R"], "± std", "fit [%]", "identified", "wrote"):
         assert words in shown
     motor = aw.load(record).record.joints[0].motor
     assert abs(motor.resistance_ohm.value / TRUE["R"] - 1) < 0.05

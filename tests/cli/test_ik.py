@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import armwright as aw
-from armwright.results.tables import write_table
+from armwright.results.csv_tables import write_table
 from cli.test_commands import run
 from ik.small_arms import forward, small_arm
 

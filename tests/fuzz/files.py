@@ -140,7 +140,7 @@ def make_motion(rng: Random) -> Case:
 
 def run_motion(case: Case) -> None:
     plan = aw.trajectories.plan("one.motion.toml")
-    assert not plan.report.excesses() or str(plan)
+    assert not plan.limits_report.excesses() or str(plan)
     if case.call is not None:
         plan.save(case.call)
         aw.trajectories.load_motion(case.call, plan.arm)
@@ -156,7 +156,7 @@ def make_poses(rng: Random) -> Case:
 
 
 def run_csv(case: Case) -> None:
-    from armwright.results.tables import read_table
+    from armwright.results.csv_tables import read_table
 
     if case.call == "torques.csv":
         aw.simulation.read_schedule("torques.csv", ["shoulder", "elbow"], ["N m", "N m"])

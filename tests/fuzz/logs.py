@@ -133,7 +133,7 @@ def _other_heads(heads: list[str], rng: Random) -> list[str]:
 
 
 def run_dialect(case: Case) -> None:
-    from armwright.results.tables import read_table
+    from armwright.results.csv_tables import read_table
 
     if case.call == "schedule":
         aw.simulation.read_schedule("bench.csv", ["c1", "c2"])

@@ -24,7 +24,7 @@ def test_examples_keep_their_limits(file):
     if 'curve = "ruckig"' in file.read_text(encoding="utf-8"):
         pytest.importorskip("ruckig", reason="ruckig is not installed")
     plan = aw.trajectories.plan(file)
-    assert plan.report.kept, plan.report.excesses()
+    assert plan.limits_report.kept, plan.limits_report.excesses()
     check_continuous(plan.motion, 2)
     t = np.linspace(0.0, plan.motion.duration, 20011)
     q, qd, qdd = plan.motion.at(t)
@@ -96,7 +96,7 @@ def test_a_payload_counts_from_its_grip_to_its_release():
     held = (t >= grip) & (t < release)
     states = plan.motion.at(t)
     tau = np.where(held[:, None], loaded.inverse_dynamics(*states), empty.inverse_dynamics(*states))
-    np.testing.assert_allclose(plan.report.highest["torque"], tau.max(axis=0), rtol=2e-2, atol=0.2)
+    np.testing.assert_allclose(plan.limits_report.highest["torque"], tau.max(axis=0), rtol=2e-2, atol=0.2)
     dataset = plan.motion.dataset(plan.arm, 500.0, plan.payloads)
     inside = (dataset.time.values >= grip) & (dataset.time.values < release)
     np.testing.assert_allclose(
@@ -349,7 +349,7 @@ def test_each_segment_that_breaks_a_limit_is_named(tmp_path, segment, kind, jump
     arguments = ["plan", str(tmp_path / "a.motion.toml")]
     assert CliRunner().invoke(app, arguments).exit_code == int(jumps)
     free = planned(tmp_path, dwell + segment, FILE.replace("jerk = 60.0", "jerk = 60.0\nvelocity = 100.0"))
-    torque = np.maximum(np.abs(free.report.lowest["torque"]), free.report.highest["torque"])[1]
+    torque = np.maximum(np.abs(free.limits_report.lowest["torque"]), free.limits_report.highest["torque"])[1]
     if kind == "time_optimal":
         return
     limits = f"torque = {{ joint2 = {0.99 * torque} }}\nvelocity = 100.0\n"
@@ -436,7 +436,7 @@ def test_a_grip_of_a_mass_alone_takes_a_point_mass(tmp_path):
         )
         one, two = (planned(tmp_path, "", each) for each in (alone, zeros))
         np.testing.assert_array_equal(one.payloads[0].com, [0, 0, 0.06 if com else 0])
-        assert str(one.report) == str(two.report)
+        assert str(one.limits_report) == str(two.limits_report)
         np.testing.assert_array_equal(one.motion.at(0.3), two.motion.at(0.3))
     with pytest.raises(ScenarioError, match=r"segments\[1\].com_m: missing; expected one beside an inertia"):
         planned(tmp_path, "", CARRYING.replace("com_m = [0, 0, 0.06]\n", ""))
@@ -556,7 +556,7 @@ def test_an_arm_without_a_tip_is_asked_for_a_frame(tmp_path):
     with pytest.raises(ScenarioError, match=r"segments\[0\].frame: missing; expected the frame that follows the path"):
         aw.trajectories.plan(file)
     file.write_text(tool + 'frame = "hand"\n', encoding="utf-8")
-    assert aw.trajectories.plan(file).report.kept
+    assert aw.trajectories.plan(file).limits_report.kept
     file.write_text(tool.replace("[-0.05, 0, 0]", "[0, 0, 0]") + 'frame = "hand"\n', encoding="utf-8")
     with pytest.raises(ScenarioError, match=r"segments\[0\].path\[0\] = .*: has no length"):
         aw.trajectories.plan(file)
@@ -654,7 +654,7 @@ def test_a_tool_is_led_with_a_part_of_its_orientation(aim, start, turn, tmp_path
     file = tmp_path / "led.motion.toml"
     file.write_text(SERVO.format(aim=aim, start=start, turn=turn), encoding="utf-8")
     plan = aw.trajectories.plan(file)
-    assert plan.report.kept
+    assert plan.limits_report.kept
     check_continuous(plan.motion, 2)
     ends = plan.motion.at(np.array([0.0, plan.motion.duration]))[0]
     at, turned = forward("servo-5", ends)

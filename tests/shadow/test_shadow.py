@@ -301,7 +301,7 @@ def test_residuals_of_the_lwa_4p(tmp_path):
     measured = np.concatenate([log.dataset(run.run)["tau"].values for run in found.runs])
     rms = np.sqrt(np.nanmean(measured**2, axis=0))
     assert (found.rms() < rms)[[0, 2, 3, 4, 5]].all()  # joint 2 is badly explained by any model, see SOURCE.md
-    aw.shadow.write_shadow(tmp_path / "shadow.html", found)
+    found.report(tmp_path / "shadow.html")
     text = (tmp_path / "shadow.html").read_text()
     assert text.count("<svg") == 18
     assert "http" not in text.replace("http://www.w3.org", "")

@@ -72,7 +72,7 @@ def test_a_light_joint_that_leaves_its_model(tmp_path):
     assert shown.exit_code == 1
     assert "elbow: the position residual reached" in shown.output
     assert "no alarm" not in shown.output
-    aw.shadow.write_shadow(tmp_path / "shadow.html", found)
+    found.report(tmp_path / "shadow.html")
     assert "position residual reached" in (tmp_path / "shadow.html").read_text()
 
 

@@ -164,9 +164,9 @@ def test_the_example_s_table_is_searched_over_its_lanes():
     assert found.lanes == (32, 32)
     assert set(found.objectives) == {"rms_error", "peak_error", "noise_gain"}
     assert found.searched == ("position_kp", "speed_ki")
-    units = {row[1]: row[2] for row in found.rows()}
+    units = {row["gain"]: row["unit"] for row in found.rows()}
     assert units == {"position_kp": "1/s", "speed_ki": "A/rad"}
-    assert {row[1]: row[2] for row in found.judged()}["noise_gain"] == "A/rad"
+    assert {row["measure"]: row["unit"] for row in found.tables()[1].rows()}["noise_gain"] == "A/rad"
 
 
 def test_a_front_needs_two_objectives(tmp_path):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -15,6 +16,7 @@ from armwright.terminal import say
 if TYPE_CHECKING:
     from armwright.modules.assembly import Assembly
     from armwright.modules.library import ModuleLibrary
+    from armwright.results.result import Result
 
 ENDINGS = (".toml", ".csv")
 
@@ -119,11 +121,9 @@ def _all(modules: str, task: Path | None, rules: dict[str, int], output: Path | 
     with progress(f"{library.name}: assembling") as tell:
         if wanted is None:
             result = aw.modules.enumerate_assemblies(library, **rules, progress=tell)
-            heads, rows = _figures(result.candidates)
             best, open_ = result.candidates[0].assembly, result.total
         else:
             result = aw.modules.rank_assemblies(library, wanted, **rules, progress=tell)
-            heads, rows = _ranks(result.ranked)
             if not result.ranked:
                 what = f"none of the {result.total} arms is long enough for its furthest pose"
                 raise ScenarioError(what, place=wanted.name)
@@ -132,17 +132,11 @@ def _all(modules: str, task: Path | None, rules: dict[str, int], output: Path | 
                 what = f"no arm does it; the best, {best.name}: {result.ranked[0].why_not}"
                 raise ScenarioError(what, place=wanted.name)
         if output is not None:
-            _write(output, library, best, heads, rows)
+            _write(output, library, best, result)
     console = console_for_tables()
-    console.print(
-        table(
-            f"{library.name}: {len(rows)} of {result.total} arms",
-            heads,
-            [[_cell(value) for value in row] for row in rows[: max(show, 0)]],
-            left=("modules", "verdict"),
-        )
-        or ""
-    )
+    (found,) = result.tables()
+    rows = found.cells
+    console.print(replace(found, title=f"{library.name}: {found.title}", cells=rows[: max(show, 0)]))
     if len(rows) > show > 0:
         console.print(f"… and {len(rows) - show} more (--show {len(rows)}, or -o FILE.csv)")
     if open_ < result.total:
@@ -156,37 +150,11 @@ def _all(modules: str, task: Path | None, rules: dict[str, int], output: Path | 
         console.print(f"wrote {output}")
 
 
-def _figures(candidates: Any) -> tuple[tuple[str, ...], list[list[Any]]]:
-    heads = ("modules", "joints", "mass [kg]", "reach [m]", "payload at the worst pose [kg]", "weakest joint")
-    rows = []
-    for c in candidates:
-        weakest = c.weakest if c.holds_itself else f"{c.weakest}, under the arm's own weight"
-        rows.append([c.assembly.name, c.joints, c.mass, c.reach, c.payload, weakest])
-    return heads, rows
-
-
-def _ranks(ranked: Any) -> tuple[tuple[str, ...], list[list[Any]]]:
-    heads = ("modules", "joints", "mass [kg]", "poses", "torque left [1]", "weakest joint", "a round [s]", "verdict")
-    rows = []
-    for r in ranked:
-        figures = (len(r.reached), r.torque_margin, r.weakest, r.cycle_time, r.why_not or "feasible")
-        rows.append([r.assembly.name, r.joints, r.mass, *figures])
-    return heads, rows
-
-
-def _cell(value: Any) -> str:
-    return value if isinstance(value, str) else number(value)
-
-
-def _write(output: Path, library: ModuleLibrary, best: Assembly, heads: tuple[str, ...], rows: list[list[Any]]) -> None:
-    import csv
-
+def _write(output: Path, library: ModuleLibrary, best: Assembly, result: Result) -> None:
     import armwright as aw
     from armwright.description.writer import write_toml
-    from armwright.output import whole_file
 
     if output.suffix == ".toml":
         write_toml(aw.modules.assemble(best, [library]), output)
         return
-    with whole_file(output) as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
-        csv.writer(file, lineterminator="\n").writerows([heads, *rows])
+    result.save(output)

@@ -9,7 +9,7 @@ import typer
 
 from armwright.cli.arguments import Robot
 from armwright.cli.excerpts import excerpt
-from armwright.cli.tables import console_for_tables, table
+from armwright.cli.tables import console_for_tables
 from armwright.errors import ArmwrightError, Problem
 from armwright.terminal import say
 
@@ -32,7 +32,6 @@ def check(
       armwright check my-arm.urdf --strict
     """
     import armwright as aw
-    from armwright.robotfiles.check import CHECKS
 
     try:
         report = aw.robotfiles.check(robot)
@@ -40,12 +39,7 @@ def check(
         say(f"armwright: error: {_with_lines(error.problems, str(error).splitlines()[0])}", err=True)
         raise typer.Exit(2) from None
     console = console_for_tables()
-    rows = []
-    for name, about in CHECKS.items():
-        levels = [finding.level for finding in report.findings if finding.check == name]
-        rows.append([name, about, _counted(levels)])
-    moving = f"{_plural(report.joints, 'joint')} that {'moves' if report.joints == 1 else 'move'}"
-    console.print(table(f"{report.name}: {_plural(report.links, 'link')}, {moving}", HEADS, rows, HEADS))
+    console.print(report.tables()[0])
     for level, style in (("error", "red"), ("warning", "yellow"), ("note", None)):
         for finding in report.findings:
             if finding.level == level:
@@ -53,9 +47,8 @@ def check(
                 shown = excerpt(finding.problem)
                 if shown:
                     console.print(shown, soft_wrap=True)
-    errors, warnings = len(report.errors), len(report.warnings)
-    console.print(f"\n{_plural(errors, 'error')}, {_plural(warnings, 'warning')}")
-    if errors or (strict and warnings):
+    console.print(f"\n{report.sentences()[0]}")
+    if report.errors or (strict and report.warnings):
         raise typer.Exit(FOUND)
 
 
@@ -65,15 +58,3 @@ def _with_lines(problems: Sequence[Problem], summary: str) -> str:
     told = [f"  {problem}" for problem in ordered] if len(ordered) > 1 else [""]
     pairs = zip(told, map(excerpt, ordered), strict=True)
     return "\n".join([summary, *(text for pair in pairs for text in pair if text)])
-
-
-HEADS = ("check", "what it looks at", "found")
-
-
-def _counted(levels: list[str]) -> str:
-    counts = {level: levels.count(level) for level in ("error", "warning", "note")}
-    return ", ".join(_plural(count, level) for level, count in counts.items() if count) or "nothing"
-
-
-def _plural(count: int, word: str) -> str:
-    return f"{count} {word}{'' if count == 1 else 's'}"

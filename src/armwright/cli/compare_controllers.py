@@ -8,14 +8,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from armwright.cli.arguments import MOTION, SCENARIO, Allow, option
-from armwright.cli.tables import console_for_tables, table
+from armwright.cli.tables import console_for_tables
 from armwright.errors import ScenarioError
 from armwright.terminal import say
 
 if TYPE_CHECKING:
     from armwright.model import Model
-
-PICTURES = (".png", ".svg", ".pdf")
 
 
 def compare_controllers(
@@ -64,7 +62,8 @@ def compare_controllers(
     import armwright as aw
     from armwright.cli.progress import progress
     from armwright.control.comparison.compare import ENDINGS
-    from armwright.output import check_destination, whole_file
+    from armwright.output import check_destination
+    from armwright.results.result import PICTURES
 
     for path, endings in ((plot, PICTURES), (output, ENDINGS)):
         if path is not None:
@@ -77,22 +76,15 @@ def compare_controllers(
         comparison = aw.loops.compare_controllers(
             first, found, motions, _payloads(payload), runs, band=band, settle=settle
         )
-    screen = console_for_tables()
-    title = f"{first.arm.name}: joints, the worst of each case; {comparison.runs} runs each, settled within {band:g} rad | m"
-    for name, (heads, rows) in ((title, comparison.joint_rows()), ("tool off its path", comparison.tool_rows())):
-        if any(set(row[3:]) != {"—"} for row in rows):
-            screen.print(table(name, heads, rows, left=("motion", "payload")))
+    for each in comparison.tables():
+        console_for_tables().print(each)
     for note in comparison.notes:
         say(f"armwright: note: {note}", err=True)
     if output is not None:
         comparison.save(output)
         say(f"wrote {output}")
     if plot is not None:
-        from armwright.pictures.controller_errors import draw_comparison
-        from armwright.results.plot import save_figure
-
-        with whole_file(plot, PICTURES) as temporary:
-            save_figure(draw_comparison(comparison), temporary, plot.suffix[1:].lower())
+        comparison.plot(plot)
         say(f"wrote {plot}")
 
 

@@ -8,9 +8,9 @@ from typing import Annotated, Any
 import typer
 
 from armwright.cli.arguments import SCENARIO, Allow, complete_robot, option, refuse_allow
-from armwright.cli.tables import console_for_tables, table
+from armwright.cli.tables import show
 from armwright.errors import ScenarioError
-from armwright.terminal import result, say
+from armwright.terminal import say
 
 FAILS = 1  # the exit code where the gains do not keep the margins
 CONTROLLERS = ("cascade", "joint_pid", "computed_torque")
@@ -84,7 +84,7 @@ def design(
     import armwright as aw
     from armwright.cli.progress import progress
     from armwright.cli.simulate import following
-    from armwright.control.design.design_gains import HEADS, with_gains
+    from armwright.control.design.design_gains import with_gains
     from armwright.output import check_destination
 
     options = {"period": period, "controller": controller, "timing": timing, "duration": duration}
@@ -110,17 +110,13 @@ def design(
         limits = designed.limits
     assert found.loop is not None
     control = with_gains(found.controller, designed.gains)
-    rows = [table(f"{found.arm.name}: gains", HEADS, designed.rows(), ("gain",))]
     lines = [*designed.sentences(), *map(str, limits)]
     comments = [f"armwright design: {line}" for line in lines]
     written = aw.write_scenario(
         replace(found, loop=replace(found.loop, controller=control)), out, allow=allow or (), comments=comments
     )
-    for each in rows:
-        console_for_tables().print(each)
-    result(designed)
-    say("")
-    for line in lines:
+    show(designed)
+    for line in limits:
         say(line)
     for path in written:
         say(f"wrote {path}")

@@ -34,7 +34,7 @@ def inverse_dynamics(robot: Robot, table: Table, output: Out = None) -> None:
     from armwright.actuators import demanded_drive
     from armwright.cli.progress import progress
     from armwright.model.joint_signals import joint_units
-    from armwright.results.tables import joint_columns
+    from armwright.results.csv_tables import joint_columns
     from armwright.terminal import say
     from armwright.trajectory.rest import torques
 
@@ -70,7 +70,7 @@ def forward_dynamics(robot: Robot, table: Table, output: Out = None) -> None:
     import armwright as aw
     from armwright.cli.progress import progress
     from armwright.model.joint_signals import joint_units
-    from armwright.results.tables import joint_columns
+    from armwright.results.csv_tables import joint_columns
 
     arm = _arm(robot, table, output)
     with progress("forward dynamics"):
@@ -93,7 +93,7 @@ def _arm(robot: str, table: Path, output: Path | None) -> Model:
 def _sets(arm: Model, table: Path, quantities: tuple[str, ...]) -> list[np.ndarray]:
     """The quantities of a table, (sets, n) each."""
     from armwright.model.joint_signals import joint_units
-    from armwright.results.tables import read_table
+    from armwright.results.csv_tables import read_table
 
     names = dict.fromkeys(quantities, arm.names)
     return list(read_table(table, names, {quantity: joint_units(arm, quantity) for quantity in quantities}).values())

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from armwright.cli.arguments import option
-from armwright.cli.tables import console_for_tables, number, table
+from armwright.cli.tables import show
 from armwright.terminal import say
 
 if TYPE_CHECKING:
-    from armwright.identification.arm.identify import ArmEstimate
+    pass
 
 NOT_IDENTIFIED = 1  # exit code
 HEADS = ("base parameter", "value", "± std", "±", "unit")
@@ -87,7 +87,6 @@ def arm(
     """
     import armwright as aw
     from armwright.cli.progress import progress
-    from armwright.identification.validation.report import definitions
     from armwright.output import check_destination
 
     if output is not None:
@@ -109,14 +108,7 @@ def arm(
         say(f"wrote {output}")
     if report is not None:
         compared = None if output is None else aw.identification.validate(output, log, simulation=False)
-        formulas = [
-            (name, formula)
-            for name, formula in zip(found.estimate.names, found.formulas, strict=True)
-            if name != formula
-        ]
-        aw.identification.write_report(
-            report, f"{log.title}: arm", found.estimate, compared, definitions("Regrouping", formulas)
-        )
+        found.report(report, compared)
         say(f"wrote {report}")
     if found.verdict != "identified":
         raise typer.Exit(NOT_IDENTIFIED)
@@ -138,36 +130,3 @@ def _feedback(text: str) -> tuple[list[float], list[float], float] | None:
 
 def _words(text: str) -> tuple[str, ...]:
     return tuple(word.strip() for word in text.split(",") if word.strip())
-
-
-def show(found: ArmEstimate) -> None:
-    """Prints base parameters, measures by joint, remarks and verdict."""
-    from armwright.identification.validation.report import sentence
-
-    estimate, fit, console = found.estimate, found.fit, console_for_tables()
-    rows = []
-    for formula, value, std, unit in zip(found.formulas, estimate.values, estimate.std, estimate.units, strict=True):
-        relative = f"{100 * std / abs(value):.2g} %" if value else ""
-        rows.append([formula, number(value), number(float(f"{std:.2g}")), relative, unit])
-    console.print(table(f"{estimate.log}: {estimate.method}", HEADS, rows, ("unit",)))
-    joints = []
-    for j, body in enumerate(fit.equations.model.arm.coordinates):
-        measures = estimate.fit.get(body.joint, {})
-        relative = f"{100 * fit.rms[j] / fit.torque_rms[j]:.3g} %" if fit.torque_rms[j] > 0 else "—"
-        held = f"{100 * measures['held_out']:.3g} %" if "held_out" in measures else ""
-        unit = "N m" if body.kind == "revolute" else "N"
-        joints.append([body.joint, number(fit.r2[j]), number(fit.rms[j]), relative, held, unit])
-    console.print(table("\njoints", JOINTS, joints, ("unit",)))
-    if found.hold_out is not None:
-        rows = [
-            [each.joint, each.quantity]
-            + [number(value) for a in (each.written, each.before) if a is not None for value in (a.r2, a.rms)]
-            + ["", ""] * (each.before is None)
-            + [each.unit, "worse" if each.is_worse else ""]
-            for each in found.hold_out.rows
-        ]
-        console.print(table("\nthe record on the runs held out", HELD_OUT, rows, ("quantity", "unit", "")))
-    say("")
-    for remark in estimate.remarks:
-        say(sentence(remark))
-    say(f"\n{estimate.verdict}")

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from armwright.cli.arguments import option
+from armwright.cli.tables import show
 from armwright.terminal import say
 
 NOT_IDENTIFIED = 1  # exit code
@@ -68,12 +69,12 @@ def friction(
             for line in friction_over_speed(moved).tolist()
         ]
         console_for_tables().print(shown_table("Friction over speed", HEADS, rows, HEADS[:1]))
-    say(found)
+    show(found)
     if output is not None:
         aw.identification.write_into(with_identified_friction(arm, found), found, output, key="friction")
         say(f"wrote {output}")
     if report is not None:
-        aw.identification.write_report(report, f"{log.title}: friction", found)
+        found.report(report, f"{log.title}: friction")
         say(f"wrote {report}")
     if found.verdict != "identified":
         raise typer.Exit(NOT_IDENTIFIED)

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from armwright.cli.arguments import option
+from armwright.cli.tables import show
 from armwright.terminal import say
 
 NOT_IDENTIFIED = 1  # exit code
@@ -76,9 +77,9 @@ def gains(
     found = aw.identification.identify_drive_gains(
         logs[0], logs[1], arm, mass, centre, tensor, mass_std=mass_std, frame=frame, preparation=preparation
     )
-    say(found)
+    show(found)
     if report is not None:
-        aw.identification.write_report(report, f"{logs[1].title}: drive gains", found)
+        found.report(report, f"{logs[1].title}: drive gains")
         say(f"wrote {report}")
     if output is not None and np.asarray(found.identifiable).any():
         aw.identification.write_into(arm, found, output, key="gains")

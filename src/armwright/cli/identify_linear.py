@@ -11,7 +11,7 @@ from armwright.cli.arguments import option
 from armwright.terminal import say
 
 if TYPE_CHECKING:
-    from armwright.identification.linear.model import LinearModel
+    pass
 
 NOT_IDENTIFIED = 1  # exit code
 
@@ -74,7 +74,6 @@ def show_linear(
     from armwright.errors import LogError
     from armwright.identification.linear.choice import check_model, fit_linear
     from armwright.identification.linear.plot import check_linear_plot, plot_linear
-    from armwright.identification.validation.report import definitions
     from armwright.output import check_destination
 
     check_model(model)
@@ -93,14 +92,7 @@ def show_linear(
         plot_linear(log, found, picture, joint)
         say(f"wrote {picture}")
     if report is not None and isinstance(found, aw.identification.LinearModel):
-        coefficients = definitions("Coefficients", _coefficients(found))
-        aw.identification.write_report(report, f"{log.title}: {model}", found.estimate(), sections=coefficients)
+        found.report(report)
         say(f"wrote {report}")
     if isinstance(found, aw.identification.LinearModel) and found.verdict != "identified":
         raise typer.Exit(NOT_IDENTIFIED)
-
-
-def _coefficients(model: LinearModel) -> list[tuple[str, str]]:
-    """Names of a model's coefficients, and their values with standard deviations."""
-    std = model.covariance.diagonal() ** 0.5
-    return [(name, f"{v:.6g} ± {s:.2g}") for name, v, s in zip(model.names, model.values, std, strict=True)]

@@ -9,6 +9,7 @@ import typer
 
 from armwright.cli.arguments import option
 from armwright.cli.identify_linear import show_linear
+from armwright.cli.tables import show
 from armwright.terminal import say
 
 NOT_IDENTIFIED = 1  # exit code
@@ -120,16 +121,12 @@ def motor(
             starts=starts,
             progress=tell,
         )
-    say(found.estimate)
+    show(found)
     if output is not None:
         found.write(output)
         say(f"wrote {output}")
     if report is not None:
-        from armwright.identification.motor.page import plots
-
-        say(
-            f"wrote {aw.identification.write_report(report, f'{file.name}: motor', found.estimate, sections=plots(found))}"
-        )
+        say(f"wrote {found.report(report)}")
     if found.estimate.verdict != "identified":
         raise typer.Exit(NOT_IDENTIFIED)
 

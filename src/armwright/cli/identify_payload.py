@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from armwright.cli.arguments import option
+from armwright.cli.tables import show
 from armwright.terminal import say
 
 NOT_IDENTIFIED = 1  # exit code
@@ -58,9 +59,9 @@ def payload(
     found = aw.identification.identify_payload(
         logs[0], arm, loaded_log=logs[1] if len(logs) > 1 else None, frame=frame, preparation=preparation
     )
-    say(found)
+    show(found)
     if report is not None:
-        aw.identification.write_report(report, f"{logs[0].title}: payload", found)
+        found.report(report, f"{logs[0].title}: payload")
         say(f"wrote {report}")
     if found.verdict != "identified":
         raise typer.Exit(NOT_IDENTIFIED)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from armwright.ik.solutions import PoseSolutions
     from armwright.kinematics.aim import Aim
-    from armwright.results.tables import Numbers
+    from armwright.results.csv_tables import Numbers
 
 UNIT = 1e-3  # how far the length of a quaternion may be from 1
 MISSED = 1  # the exit code where a pose is not reached
@@ -84,7 +84,7 @@ def ik(
     from armwright.cli.progress import progress
     from armwright.model.joint_signals import joint_units
     from armwright.output import check_destination
-    from armwright.results.tables import joint_columns
+    from armwright.results.csv_tables import joint_columns
 
     arm = aw.load(robot)
     if output is not None:
@@ -148,7 +148,7 @@ def _targets(table: Path, aim: str | None) -> tuple[np.ndarray, Aim]:
     from armwright.errors import ModelError
     from armwright.ik.targets import pose_towards
     from armwright.kinematics.aim import AXES, Aim
-    from armwright.results.tables import Column, parse_numbers, table_text
+    from armwright.results.csv_tables import Column, parse_numbers, table_text
 
     text = table_text(table)
     turn = _columns(next((line for line in text.splitlines() if line.strip()), ""))

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import inspect
 import json
-import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass
@@ -22,7 +21,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from armwright.cli.tables import Cell, Table
+from armwright.results.table import Table
 from armwright.terminal import PrintableStream, gathered
 
 if TYPE_CHECKING:
@@ -30,7 +29,6 @@ if TYPE_CHECKING:
 
 MOST = 10_000  # numbers of an array that is written; a longer one belongs into a file
 DEEPEST = 6  # objects in objects
-UNIT = re.compile(r"\s*\[(?P<unit>[^\]]*)\]\s*$")
 JSON = Annotated[
     bool,
     typer.Option("--json", help="Write what is shown as one JSON document: tables with all digits, units, results."),
@@ -98,32 +96,8 @@ def _flat(things: Iterable[Any]) -> Iterator[Any]:
 
 
 def _table(table: Table) -> dict[str, Any]:
-    names = [UNIT.sub("", head).strip() for head in table.heads]
-    names = [name if names.count(name) == 1 else f"{name} {names[:k].count(name) + 1}" for k, name in enumerate(names)]
-    units = {name: found["unit"] for name, head in zip(names, table.heads, strict=True) if (found := UNIT.search(head))}
-    rows: list[dict[str, Any]] = []
-    for row in table.rows:
-        cells = [_cell(cell, k in table.words) for k, cell in enumerate(row)]
-        if cells[0] is None and rows:  # shown once for several rows
-            cells[0] = rows[-1][names[0]]
-        rows.append(dict(zip(names, cells, strict=True)))
-    return {"title": (table.title or "").strip(), "units": units, "rows": rows}
-
-
-def _cell(cell: Any, word: bool) -> Any:
-    """A number with all its digits, a word, or None for an empty cell."""
-    if isinstance(cell, Cell):
-        return _value(cell.value, 0)
-    if not isinstance(cell, str):
-        return _value(cell, 0)
-    if cell in ("", "—"):
-        return None
-    try:
-        if word or cell.isdecimal():
-            return cell if word else int(cell)
-        return _value(float(cell.replace("−", "-").replace("∞", "inf")), 0)
-    except ValueError:
-        return cell
+    rows = [{name: _value(cell, 0) for name, cell in row.items()} for row in table.rows()]
+    return {"title": (table.title or "").strip(), "units": table.units, "rows": rows}
 
 
 NAMED = ("Model", "RobotDescription", "Scenario")  # what a command was given: its name says enough

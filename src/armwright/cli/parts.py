@@ -40,7 +40,7 @@ def build(file: File, output: Arm, audit: Audit = None) -> None:
       armwright parts build my-arm.parts.toml -o my-arm.toml --audit audit.html
     """
     from armwright.cli.progress import progress
-    from armwright.parts.write import write_parts
+    from armwright.robotfiles.write_parts import write_parts
 
     with progress(f"weighing {file.name}"):
         built = write_parts(file, output, audit)

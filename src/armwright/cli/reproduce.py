@@ -8,7 +8,8 @@ from typing import Annotated
 import typer
 
 from armwright.cli.arguments import option
-from armwright.terminal import result, say
+from armwright.cli.tables import show
+from armwright.terminal import say
 
 
 def reproduce(
@@ -38,16 +39,6 @@ def reproduce(
     if output is not None:
         aw.save(done.run, output)
         say(f"wrote {output}")
-    result(done)
-    for line in done.surroundings:
-        say(f"differs  {line}")
-    if done.part:
-        say(f"compared what there is: {done.part}")
-    if done.same:
-        say("the same to the last bit")
-        return
-    for line in done.reshaped:
-        say(f"differs  {line}")
-    for name, largest in done.differences.items():
-        say(f"differs  {name}: by {largest:.3g} at most")
-    raise typer.Exit(1)
+    show(done)
+    if not done.same:
+        raise typer.Exit(1)

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from armwright.cli.arguments import as_options, complete_robot, option
-from armwright.cli.tables import console_for_tables, table
+from armwright.cli.tables import show
 from armwright.errors import ScenarioError
 from armwright.terminal import say
 
@@ -80,10 +80,8 @@ def shadow(
     """
     import armwright as aw
     from armwright.cli.progress import progress
-    from armwright.identification.validation.report import check_report
+    from armwright.results.page_parts import check_report
     from armwright.shadow.alarms import FACTOR
-    from armwright.shadow.page import write_shadow
-    from armwright.shadow.shadow import HEADS, event_lines
 
     factor, deviations = FACTOR if factor is None else factor, None if deviation is None else _numbers(deviation)
     of_bus = {"output": output, "duration": duration, "nodes": nodes, "counts": counts, "period": period}
@@ -111,17 +109,9 @@ def shadow(
         from armwright.cli.shadow_live import replay
 
         replay(found)
-    console = console_for_tables()
-    console.print(table(f"{found.arm.name} beside {read.title}", HEADS, found.rows(), (HEADS[0], HEADS[1])))
-    say("")
-    for name, alarm in found.alarms:
-        say(f"{name}: {alarm}")
-    for line in (*event_lines(found.events), *found.verdict.lines):
-        say(line)
-    for note in found.notes:
-        say(note)
+    show(found)
     if report is not None:
-        say(f"wrote {write_shadow(report, found)}")
+        say(f"wrote {found.report(report)}")
     if not found.verdict.clean:
         raise typer.Exit(ALARMED)
 

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import replace
-from math import isfinite
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -29,10 +27,9 @@ from armwright.cli.arguments import (
     start_of,
 )
 from armwright.errors import ScenarioError
-from armwright.terminal import result
 
 if TYPE_CHECKING:
-    from armwright.simulation.step_study import StepStudy, Trial
+    pass
 
 
 def step_study(
@@ -75,6 +72,7 @@ def step_study(
     """
     import armwright as aw
     from armwright.cli.progress import progress
+    from armwright.cli.tables import show
 
     constants = {"voltage": voltage, "current": current, "torque": torque, "command": command}
     if robot.endswith(SCENARIO):
@@ -98,10 +96,8 @@ def step_study(
             )
     named = ("solver.integrator", "accuracies", "steps") if robot.endswith(SCENARIO) else ()
     with naming_options(*named), progress(f"trying steps for {scenario.arm.name}"):
-        start = time.perf_counter()
         study = aw.simulation.step_study(scenario, steps=steps, accuracies=_accuracies(accuracy))
-        spent = time.perf_counter() - start
-    _show(study, spent)
+    show(study)
 
 
 def _accuracies(text: str) -> list[float]:
@@ -115,61 +111,3 @@ def _accuracies(text: str) -> list[float]:
     except ValueError:
         expected = "numbers with commas between, such as 1e-3,1e-6"
         raise ScenarioError(place="--accuracy", value=text, expected=expected) from None
-
-
-def _show(study: StepStudy, spent: float) -> None:
-    from armwright.cli.tables import console_for_tables, table
-
-    result(study)
-    console = console_for_tables()
-    title = f"{study.name}: {study.integrator} (order {study.order}) against {study.reference}, in {spent:.1f} s"
-    heads = ["step [ms]", "error in q [rad | m]", "error in qd [rad/s | m/s]", "order seen", "evaluations a second"]
-    parted = any(isfinite(trial.counts_differ_at) for trial in study.trials)
-    taken = [trial for trial in study.trials if not trial.refused]
-    refused = [trial for trial in study.trials if trial.refused]
-    autos = [trial for trial in (study.auto, *study.by_auto.values()) if not trial.refused]
-    rows = [_row(trial, parted) for trial in (*taken, *autos)]
-    if refused:
-        span = dict.fromkeys(f"{1e3 * trial.step:.4g}" for trial in (refused[0], refused[-1]))
-        rows = [[" to ".join(span), "too large", "", "", "", *([""] if parted else [])], *rows]
-    console.print(table(title, [*heads, *(["other counts from [s]"] if parted else [])], rows))
-    if refused:
-        console.print(str(refused[-1].refused))
-    if parted:
-        console.print(
-            f"Where a count is another one than by {study.reference}, as the smallest error makes it, rows behind are not "
-            "compared."
-        )
-    if study.floor > 0.0 and study.floor > 0.25 * min(trial.error for trial in study.trials):
-        console.print(f"The reference, {study.reference}, is itself wrong by some {study.floor:.0e}.")
-    for accuracy in study.recommended:
-        console.print(f"for an accuracy of {accuracy:g}: {_advice(study, accuracy)}")
-
-
-def _row(trial: Trial, parted: bool) -> list[str]:
-    """Cells of a step that was tried."""
-    from armwright.cli.tables import number
-    from armwright.simulation.integrate.stepping import ACCURACY
-
-    step = f"{1e3 * trial.step:.4g}"
-    if trial.accuracy is not None:
-        accuracy = "" if trial.accuracy == ACCURACY else f" for {trial.accuracy:g}"
-        step = f"auto{accuracy}, {trial.rule}, {1e3 * trial.step:.3g} on average"
-    errors = (f"{trial.error_q:.1e}", f"{trial.error_qd:.1e}")
-    cells = [step, *errors, number(round(trial.order, 2)), f"{trial.evaluations:,.0f}"]
-    return [*cells, *([number(trial.counts_differ_at)] if parted else [])]
-
-
-def _advice(study: StepStudy, accuracy: float) -> str:
-    """The setting that keeps an accuracy."""
-    trial = study.recommended[accuracy]
-    if trial is not None:
-        substeps = f" ({trial.substeps} substeps)" if trial.substeps > 1 else ""
-        return f"a step of {1e3 * trial.step:.4g} ms{substeps}"
-    none = "no step that was tried"
-    if study.auto.error <= accuracy:
-        return f"{none}; auto keeps it, with no step given"
-    auto = study.by_auto.get(accuracy)
-    if auto is None or auto.refused:
-        return none
-    return f"{none}; auto with an accuracy of {auto.accuracy:g} is wrong by {auto.error:.0e}"

@@ -4,38 +4,21 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from math import isnan
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from armwright.terminal import PrintableStream, console, gathering
+from armwright.results.table import Table, number, table
+from armwright.terminal import PrintableStream, console, gathering, result, say
 
 if TYPE_CHECKING:
     import xarray as xr
-    from rich.console import Console, ConsoleOptions, Group, RenderResult
+    from rich.console import Console, Group
+
+    from armwright.results.result import Result
 
 WIDTH = 140  # columns, where no terminal says how many
 MOTION = ("q", "qd", "tau", "voltage", "current")  # of a run, that an end state is told with
 OVER_LANES = ("mean", "min", "max")
-
-
-class Cell(str):
-    """Text of a number together with the number, so that --json keeps all digits.
-
-    Attributes:
-        value: the number; None if not known.
-    """
-
-    value: float | None
-
-
-def number(value: Any) -> Cell:
-    """A number as text; — if unknown, ∞ for an absent limit."""
-    exact = None if value is None or isnan(float(value)) else float(value) + 0.0  # no -0
-    cell = Cell("—" if exact is None else f"{exact:.5g}".replace("inf", "∞").replace("-", "−"))
-    cell.value = exact
-    return cell
 
 
 def console_for_tables() -> Console:
@@ -46,48 +29,16 @@ def console_for_tables() -> Console:
     return screen
 
 
-@dataclass(frozen=True, eq=False)
-class Table:
-    """A title over a table of texts.
-
-    Attributes:
-        title: above it, if any.   heads: of the columns, with units in brackets.   rows: their cells.
-        words: numbers of the columns that hold words.   used: numbers of the columns with any entry.
-    """
-
-    title: str | None
-    heads: Sequence[str]
-    rows: Sequence[Sequence[Any]]
-    words: frozenset[int]
-    used: Sequence[int]
-
-    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
-        from rich import table
-        from rich.text import Text
-
-        shown = table.Table(box=None, header_style="dim", pad_edge=False, padding=(0, 2, 0, 0))
-        for k in self.used:
-            shown.add_column(Text(self.heads[k]), justify="left" if k in self.words else "right", overflow="fold")
-        for row in self.rows:
-            shown.add_row(*(Text(row[k]) for k in self.used))
-        if self.title is not None:
-            yield Text(self.title, style="bold")
-        yield shown
-
-
-def table(
-    title: str | None, heads: Sequence[str], rows: Iterable[Sequence[str]], left: Sequence[str] = ()
-) -> Table | None:
-    """Table with a title; the first column, and those named in `left`, are words and stand left.
-
-    Columns without any entry are left out, and the whole of it where only the first column would be left.
-    """
-    rows = [list(row) for row in rows]
-    used = [k for k in range(len(heads)) if k == 0 or any(row[k] not in ("", "—") for row in rows)]
-    if len(used) == 1:
-        return None
-    words = frozenset(k for k in range(len(heads)) if k == 0 or heads[k] in left)
-    return Table(title, heads, rows, words, used)
+def show(found: Result) -> None:
+    """Shows a result: its tables, then its sentences; all of it with --json."""
+    screen, tables = console_for_tables(), [each for each in found.tables() if len(each.used) > 1]
+    for each in tables:
+        screen.print(each)
+    result(found)
+    if tables:
+        say("")
+    for each in found.sentences():
+        say(each)
 
 
 def show_columns(path: str | os.PathLike[str] | None, columns: Mapping[str, Any]) -> None:
@@ -96,12 +47,12 @@ def show_columns(path: str | os.PathLike[str] | None, columns: Mapping[str, Any]
     Raises:
         OutputError: the file cannot be written.
     """
-    from armwright.results.tables import write_table
+    from armwright.results.csv_tables import write_table
 
     things = gathering()
     if path is None and things is not None:
         rows = list(zip(*(list(values) for values in columns.values()), strict=True))
-        things.append(Table(None, list(columns), rows, frozenset(), range(len(columns))))
+        things.append(Table(None, list(columns), rows))
     else:
         write_table(path, columns, PrintableStream(sys.stdout))
 

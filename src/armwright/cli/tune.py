@@ -3,21 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
 from armwright.cli.arguments import SCENARIO, Allow, option
-from armwright.cli.tables import console_for_tables, table
+from armwright.cli.tables import show
 from armwright.errors import ScenarioError
 from armwright.terminal import say
 
-if TYPE_CHECKING:
-    from armwright.tuning.result import TuningResult
-
 SAME = 1  # the exit code where nothing better than the start was found
-OBJECTIVES = ("objective", "start", "tuned", "change")
-RELATIVE = "1 is the start's mean over the lanes tuned in, saturation and overshoot are shares of their own"
 
 
 def tune(
@@ -64,7 +59,9 @@ def tune(
     phase_margin: Annotated[
         float | None, option("--phase-margin", "DEG", "Phase lag to bear, degrees; default 30.")
     ] = None,
-    plot: Annotated[Path | None, option("--plot", "FILE", "Draw the Pareto front: .png, .svg or .pdf.")] = None,
+    plot: Annotated[
+        Path | None, option("--plot", "FILE", "Draw the Pareto front, or the search: .png, .svg or .pdf.")
+    ] = None,
     report: Annotated[Path | None, option("--report", "FILE.html", "Write all of it as a page.")] = None,
     scheduler: Annotated[
         str | None, option("--scheduler", "ADDRESS", "Dask scheduler whose workers simulate; local: on this machine.")
@@ -91,8 +88,8 @@ def tune(
     import armwright as aw
     from armwright.cli.progress import progress
     from armwright.output import check_destination
+    from armwright.results.result import PICTURES
     from armwright.sweeps.cluster import connected
-    from armwright.tuning.result import HEADS, JUDGED, PICTURES
 
     check_destination(out, (".toml",), read=(scenario,))
     for path, endings in ((plot, PICTURES), (report, (".html",))):
@@ -129,19 +126,11 @@ def tune(
         result.plot(plot)
     if result.changed:
         result.save(out, allow=allow or ())
-    screen = console_for_tables()
-    screen.print(table(f"{found.arm.name}: gains", HEADS, result.rows(), ("gain", "unit")))
-    held = f"{result.lanes[1]} held-out lanes"
-    screen.print(table(f"{found.arm.name}: means over {held}", JUDGED, result.judged(), ("measure", "unit")))
-    screen.print(table(f"objectives over {held}; {RELATIVE}", OBJECTIVES, result.objective_rows()))
-    say("")
-    for sentence in result.sentences():
-        say(sentence)
+    show(result)
     if plot is not None:
         say(f"wrote {plot}")
     if report is not None:
-        _report(report, scenario.name, result)
-        say(f"wrote {report}")
+        say(f"wrote {result.report(report)}")
     if not result.changed:
         raise typer.Exit(SAME)
     say(f"wrote {out}")
@@ -165,39 +154,3 @@ def _pairs(place: str, texts: list[str] | None, bounds: bool = False) -> dict[st
             raise ScenarioError("given twice", place=place, value=name, expected="once")
         found[name] = numbers[0] if len(numbers) == 1 else numbers
     return found
-
-
-def _report(path: Path, title: str, result: TuningResult) -> None:
-    from html import escape
-
-    from armwright.identification.validation.pictures import INK, QUIET, page_svg
-    from armwright.identification.validation.report import html_table, write_report
-    from armwright.tuning.pictures import draw_front, draw_history
-    from armwright.tuning.result import HEADS, JUDGED
-
-    first, *others = (f"{each[:1].upper()}{each[1:]}." for each in result.sentences())
-    good = " good" if result.improved else ""
-    words = "".join(f"<li>{escape(each)}</li>" for each in others)
-
-    def cells(rows: list[list[str]]) -> list[list[str]]:
-        return [[escape(cell) for cell in row] for row in rows]
-
-    held = "<p>Means over lanes that were not tuned in.</p>"
-    relative = f"<p>Means over joints; {RELATIVE}.</p>"
-    history = page_svg(lambda figure: draw_history(figure, result.history, INK), (9.2, 3.2), "constrained")
-    sections = [
-        ("Verdict", f'<p class="verdict{good}">{escape(first)}</p><ul>{words}</ul>'),
-        ("Objectives", relative + html_table(OBJECTIVES, cells(result.objective_rows()), (0,))),
-        ("Gains", html_table(HEADS, cells(result.rows()), (0, 1, 2))),
-        ("Held-out lanes", held + html_table(JUDGED, cells(result.judged()), (0, 1, 2))),
-        ("Search", f'<div class="plot">{history}</div>'),
-    ]
-    if len(result.tried.names) > 1 and len(result.tried.values):
-        about = (
-            "<p>Gains that were simulated, on the tuned lanes; those on the front keep the margins. Less is better.</p>"
-        )
-        front = page_svg(
-            lambda figure: draw_front(figure, result.tried, result.chosen, INK, QUIET), (9.2, 4.6), "constrained"
-        )
-        sections.append(("Pareto front", f'{about}<div class="plot">{front}</div>'))
-    write_report(path, title, sections=sections)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from armwright.cli.arguments import Allow, as_options, option
-from armwright.cli.tables import console_for_tables, number, table
+from armwright.cli.tables import console_for_tables, show, table
 from armwright.errors import BusError
 from armwright.terminal import result, say
 
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from armwright.simulation.scenario import Scenario
     from armwright.twin.cycles import CycleReport
     from armwright.twin.faults import Fault
-    from armwright.twin.rehearsal import Rehearsal
     from armwright.twin.run import BusRun
     from armwright.twin.twin import Twin
 
@@ -184,7 +183,7 @@ def run_controller(
             release_drives(rehearsal, bus, nodes=numbers, permission=permission)
         say("all drives are disabled")
         return
-    _show_rehearsal(rehearsal)
+    show(rehearsal)
     if not go:
         say("dry run: nothing was sent; --go runs it")
         return
@@ -211,8 +210,7 @@ def run_controller(
                 missing=missing,
                 permission=permission,
             )
-    errors = [(name, number(abs(run.errors[:, i]).max())) for i, name in enumerate(found.arm.names)]
-    console_for_tables().print(table("over the bus", ("joint", "largest error"), errors, ("joint",)))
+    console_for_tables().print(run.tables()[0])
     if real_time or not is_virtual(bus):  # in lock-step a SYNC comes when it may
         _show_cycles("the master's cycles", run.cycles)
     say("positions and commands are those of the simulation, to the bit" if run.equal else _how_it_differs(run, faults))
@@ -303,24 +301,6 @@ def _wait(made: Twin, duration: float | None) -> None:
     with contextlib.suppress(KeyboardInterrupt):  # what was counted is shown
         while made.failure is None and (end is None or time.monotonic() < end):
             time.sleep(0.05)
-
-
-def _show_rehearsal(rehearsal: Rehearsal) -> None:
-    heads = ("joint", "position [rad | m]", "largest speed", "torque", "largest error")
-    arm, limit, full = rehearsal.scenario.arm, rehearsal.largest_command, rehearsal.full
-    rows = [
-        (name, where, speed, f"{limit[i]:.0%} of rated", number(rehearsal.largest_error[i]))
-        for i, (name, where, speed, *_) in enumerate(rehearsal.rows())
-    ]
-    if full is not None:  # a reduced run: beside the speed and torque at full settings
-        heads = (*heads[:4], "at full speed", "and torque", heads[4])
-        rows = [
-            (*row[:4], number(full.largest_speed[i]), f"{full.largest_command[i]:.0%} of rated", row[4])
-            for i, row in enumerate(rows)
-        ]
-    end = rehearsal.recording.ticks * rehearsal.stages.period
-    console_for_tables().print(table(f"{arm.name}: {end:g} s, simulated over the bus", heads, rows, heads[:4]))
-    say(str(rehearsal.load))
 
 
 def _show_cycles(title: str, report: CycleReport) -> None:

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from armwright.cli.arguments import SCENARIO, Allow, as_options, option, refuse_allow
-from armwright.cli.tables import console_for_tables, table
+from armwright.cli.tables import show
 from armwright.terminal import say
 
 FAILS = 1  # the exit code where the record does not keep its limits
@@ -56,9 +56,8 @@ def validate(
     """
     import armwright as aw
     from armwright.cli.progress import progress
-    from armwright.identification.validation.report import check_report, write_report
-    from armwright.identification.validation.validate import HEADS
     from armwright.identification.validation.verdict import check_verdict, write_verdict
+    from armwright.results.page_parts import check_report
 
     if report is not None:
         check_report(report)
@@ -79,17 +78,10 @@ def validate(
             record=record,
             progress=tell,
         )
-    console = console_for_tables()
-    console.print(table(f"{found.arm.name}: {found.verdict}", HEADS, found.rows(), (HEADS[1], HEADS[6], HEADS[8])))
-    say("")
-    for note in found.notes:
-        say(note)
-    for each in found.measures:
-        for remark in each.remarks:
-            say(f"{each.joint}, {each.quantity}: {remark}")
+    show(found)
     if found.record is not None:
         say(f"wrote {write_verdict(found)}")
     if report is not None:
-        say(f"wrote {write_report(report, f'{found.arm.name}: validation', validation=found)}")
+        say(f"wrote {found.report(report)}")
     if not found.passed:
         raise typer.Exit(FAILS)

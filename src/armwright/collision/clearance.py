@@ -19,6 +19,8 @@ from armwright.errors import ModelError, ScenarioError
 from armwright.kinematics.forward_kinematics import body_placements
 from armwright.kinematics.reach import reach
 from armwright.model import BASE, Model
+from armwright.results.result import Result
+from armwright.results.table import Table, number
 
 SAMPLES = 2000  # of poses within the joint limits, to find links that always meet
 
@@ -39,7 +41,7 @@ class Nearest:
         return f"{self.pair[0]} and {self.pair[1]}: {1e3 * self.distance:.4g} mm"
 
 
-class Clearance:
+class Clearance(Result):
     """Distances between an arm's links, and from them to obstacles, by capsules around the links; of `clearance`.
 
     Attributes:
@@ -68,6 +70,11 @@ class Clearance:
                 meeting.setdefault((capsule.link, obstacle.name), []).append((capsule, obstacle))
         self._meeting = meeting
         self.pairs = tuple(meeting)
+
+    def tables(self) -> list[Table]:
+        """A row for each capsule: its link, radius and length."""
+        rows = [[c.link, number(c.radius), number(np.linalg.norm(c.b - c.a))] for c in self.capsules]
+        return [Table(f"{self.arm.name}: capsules", ("link", "radius [m]", "length [m]"), rows)]
 
     def __repr__(self) -> str:
         return f"Clearance({self.arm.name!r}, {len(self.capsules)} capsules, {len(self.pairs)} pairs)"

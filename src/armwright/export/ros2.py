@@ -29,6 +29,7 @@ from armwright.export.joints import Limit, plain_limits
 from armwright.export.urdf import write_urdf
 from armwright.features import Support
 from armwright.output import file_stem, whole_file
+from armwright.results.result import Result
 
 SUPPORT = Support("export ros2")
 
@@ -41,7 +42,7 @@ UPDATE_RATE = 100  # [Hz] of controller_manager where nothing else is set
 
 
 @dataclass(frozen=True)
-class Ros2Export:
+class Ros2Export(Result):
     """Result of `export_ros2`.
 
     Attributes:

@@ -25,6 +25,8 @@ from armwright.description.writer import for_folder, to_toml
 from armwright.entry import expect
 from armwright.errors import IdentificationError, ModelError, OutputError
 from armwright.output import check_destination, whole_file
+from armwright.results.result import Result
+from armwright.results.table import Table, number
 
 Verdict = Literal["identified", "not identified"]
 HALF_95 = 1.959963984540054  # standard deviations from the middle to the end of a normal 95 % interval
@@ -32,7 +34,7 @@ TOP = ("gravity_m_s2", "supply")  # tables of a robot file that hold numbers and
 
 
 @dataclass(frozen=True, eq=False)
-class Estimate:
+class Estimate(Result):
     """Parameter values from a log, with their uncertainty and the quality of the prediction.
 
     Attributes:
@@ -133,34 +135,54 @@ class Estimate:
             identifiable=np.asarray(self.identifiable)[places],
         )
 
-    def __str__(self) -> str:
-        """A table of the numbers, then measures and remarks."""
-        rows = [("", "value", "± std", "unit", "")]
-        rows += [self._row(k) for k in range(len(self.names))]
-        widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
-        lines = [
-            "  ".join(
-                cell.rjust(width) if k in (1, 2) else cell.ljust(width)
-                for k, (cell, width) in enumerate(zip(row, widths, strict=True))
-            ).rstrip()
-            for row in rows
-        ]
-        for signal, measures in self.fit.items():
-            lines.append(f"{signal}: " + ", ".join(f"{_words(name)} {value:.4g}" for name, value in measures.items()))
-        lines += [*self.remarks, f"{self.verdict} ({self.method})"]
-        return "\n".join(lines)
+    @property
+    def heading(self) -> str:
+        """Name above its table and on its page."""
+        return f"{self.log or 'log'}: {self.method}"
 
-    def _row(self, k: int) -> tuple[str, str, str, str, str]:
-        """Cells of one number."""
-        note = "at its bound" if np.asarray(self.at_bound)[k] else ""
-        note = note if np.asarray(self.identifiable)[k] else "not identified: as the record has it"
-        std = self.std[k]
-        unit = "" if self.units[k] == "1" else self.units[k]
-        return self.names[k], f"{self.values[k]:.6g}", f"{std:.2g}" if np.isfinite(std) else "", unit, note
+    @property
+    def good(self) -> bool:
+        """True if the log determines the parameters."""
+        return self.verdict == "identified"
+
+    def sentences(self) -> list[str]:
+        """Remarks, then the verdict."""
+        return [*self.remarks, self.verdict]
+
+    def tables(self) -> list[Table]:
+        """Numbers with standard deviations; then measures of the fit."""
+        rows = []
+        for k, name in enumerate(self.names):
+            value, std = self.values[k], self.std[k]
+            relative = number(100.0 * std / abs(value) if value else None, ".2g")
+            note = "at its bound" if np.asarray(self.at_bound)[k] else ""
+            note = note if np.asarray(self.identifiable)[k] else "not identified: as the record has it"
+            unit = "" if self.units[k] == "1" else self.units[k]
+            rows.append([name, number(value, ".6g"), number(std, ".2g"), unit, relative, note])
+        found = [Table(self.heading, ("parameter", "value", "± std", "unit", "relative [%]", ""), rows, ("unit", ""))]
+        if self.fit:
+            names = list(dict.fromkeys(name for each in self.fit.values() for name in each))
+            cells = [[signal, *(number(each.get(name), ".4g") for name in names)] for signal, each in self.fit.items()]
+            found.append(Table("fit to the log", ("", *map(_words, names)), cells))
+        return found
+
+    def report(self, path: str | os.PathLike[str], title: str | None = None) -> Path:
+        """Writes a page: verdict, what to do next, parameters, correlations, fits.
+
+        Args:
+            path: ending in .html.   title: of the page; by default its own.
+        Returns:
+            path: of the page.
+        Raises:
+            OutputError: the file cannot be written.
+        """
+        from armwright.identification.validation.report import write_report  # which is made of estimates
+
+        return write_report(path, title or self.heading, self)
 
 
 def _words(measure: str) -> str:
-    return {"fit_percent": "fit %", "r2": "R²", "rms": "RMS"}.get(measure, measure.replace("_", " "))
+    return {"fit_percent": "fit [%]", "r2": "R²", "rms": "RMS"}.get(measure, measure.replace("_", " "))
 
 
 def write_into(

@@ -17,11 +17,12 @@ from armwright.kinematics import forward_kinematics
 from armwright.kinematics.manipulability import checked_task as known_task, singular_values
 from armwright.model import Model
 from armwright.program import trace
+from armwright.results.result import Result
 from armwright.scalar import Array, real_number
 
 
 @dataclass(frozen=True, eq=False)
-class Manipulability:
+class Manipulability(Result):
     """Measures of poses, `…` as the joint positions have it.
 
     Attributes:

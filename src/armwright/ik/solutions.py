@@ -8,6 +8,9 @@ import numpy as np
 
 from armwright.kinematics.reach import reach
 from armwright.model import Model
+from armwright.model.joint_signals import joint_units
+from armwright.results.result import Result
+from armwright.results.table import Table, number
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +51,7 @@ class PoseBranches:
 
 
 @dataclass(frozen=True, eq=False)
-class PoseSolutions:
+class PoseSolutions(Result):
     """Joint positions for targets, `…` as for the targets, with one more axis if several solutions were requested.
 
     Attributes:
@@ -76,6 +79,28 @@ class PoseSolutions:
     branches: PoseBranches | None = None
     branch: np.ndarray | None = None
     several: bool = False
+
+    @property
+    def good(self) -> bool:
+        """True if all targets were reached."""
+        return bool(self.success.all())
+
+    def sentences(self) -> list[str]:
+        """Counts, largest errors, and the first targets that were not solved."""
+        return str(self).split("\n")
+
+    def tables(self) -> list[Table]:
+        """A row for each target, or solution: whether it is solved, errors, margin and joint positions."""
+        columns = [each.reshape(-1) for each in (self.position_error, self.angle_error, self.margin)]
+        rows = [
+            [str(k), "yes" if solved else "no", *map(number, errors), *map(number, q)]
+            for k, (solved, *errors, q) in enumerate(
+                zip(self.success.reshape(-1), *columns, self.q.reshape(-1, self.arm.n), strict=True)
+            )
+        ]
+        units = (f"{name} [{unit}]" for name, unit in zip(self.arm.names, joint_units(self.arm, "q"), strict=True))
+        heads = ("target", "solved", "position error [m]", "angle error [rad]", "margin", *units)
+        return [Table("inverse kinematics", heads, rows, ("solved",))]
 
     def __str__(self) -> str:
         """Counts, largest errors, and the first targets that were not solved with how far off they stay."""

@@ -16,6 +16,8 @@ from armwright.modules.chains import Chain, Rules, chains, possible_modules
 from armwright.modules.library import ModuleLibrary
 from armwright.modules.statics import holding
 from armwright.progress import Shown, automatic
+from armwright.results.result import Result
+from armwright.results.table import Table, number
 
 COUNTED = 200_000  # at most so many chains are counted
 
@@ -34,12 +36,30 @@ class Candidate:
 
 
 @dataclass(frozen=True)
-class Enumeration:
+class Enumeration(Result):
     """Arms found, the number of candidates, and excluded modules with reasons."""
 
     candidates: tuple[Candidate, ...]
     total: int  # arms that the connectors allow; COUNTED: that many or more
     left_out: Mapping[str, str]
+
+    @property
+    def heading(self) -> str:
+        """Name above its table and on its page."""
+        return f"{len(self.candidates)} of {self.total} arms"
+
+    def tables(self) -> list[Table]:
+        """A row for each arm."""
+        rows = []
+        for c in self.candidates:
+            weakest = c.weakest if c.holds_itself else f"{c.weakest}, under the arm's own weight"
+            rows.append([c.assembly.name, *map(number, (c.joints, c.mass, c.reach, c.payload)), weakest])
+        heads = ("modules", "joints", "mass [kg]", "reach [m]", "payload at the worst pose [kg]", "weakest joint")
+        return [Table(self.heading, heads, rows, ("weakest joint",))]
+
+    def sentences(self) -> list[str]:
+        """Modules that are left out, and why."""
+        return [f"module {name} is left out: {reason}" for name, reason in self.left_out.items()]
 
 
 def enumerate_assemblies(

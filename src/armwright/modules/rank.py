@@ -17,6 +17,8 @@ from armwright.modules.library import ModuleLibrary
 from armwright.modules.statics import static_torques
 from armwright.modules.task import Task
 from armwright.progress import Shown, automatic
+from armwright.results.result import Result
+from armwright.results.table import Table, number
 
 STARTS = 64  # of the descent to each pose: of 800 poses of an arm none was missed, with 24 one in a hundred
 DEXTEROUS = 2 / 3  # of an arm's reach: most arms can turn the tip freely there
@@ -44,13 +46,46 @@ class Ranked:
 
 
 @dataclass(frozen=True)
-class Ranking:
+class Ranking(Result):
     """Arms in order of cost, the number of candidates, and excluded modules with reasons."""
 
     ranked: tuple[Ranked, ...]
     total: int  # arms that the connectors allow; COUNTED: that many or more
     long_enough: int  # of them for the furthest pose
     left_out: Mapping[str, str]
+
+    @property
+    def heading(self) -> str:
+        """Name above its table and on its page."""
+        return f"{len(self.ranked)} of {self.total} arms"
+
+    def tables(self) -> list[Table]:
+        """A row for each arm, the best first."""
+        rows = [
+            [
+                r.assembly.name,
+                *map(number, (r.joints, r.mass, len(r.reached), r.torque_margin)),
+                r.weakest,
+                number(r.cycle_time),
+                r.why_not or "feasible",
+            ]
+            for r in self.ranked
+        ]
+        heads = (
+            "modules",
+            "joints",
+            "mass [kg]",
+            "poses",
+            "torque left [1]",
+            "weakest joint",
+            "a round [s]",
+            "verdict",
+        )
+        return [Table(self.heading, heads, rows, ("weakest joint", "verdict"))]
+
+    def sentences(self) -> list[str]:
+        """Modules that are left out, and why."""
+        return [f"module {name} is left out: {reason}" for name, reason in self.left_out.items()]
 
 
 def rank_assemblies(

@@ -37,6 +37,8 @@ from armwright.motions.values import (
     through,
     with_others,
 )
+from armwright.results.result import Result
+from armwright.results.table import Table, number
 from armwright.scenarios.files import Files, FolderFiles
 from armwright.simulation.inputs.payload import Payload
 from armwright.toml_text import TomlText
@@ -67,12 +69,12 @@ STILL = ("grip", "release")  # kinds of segments that take no time
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class Plan(Result):
     """A planned motion file; `str` lists its segments and the share of every limit that it uses.
 
     Attributes:
         arm, limits.   motion: of all segments.   kinds: of each segment.   begins: [s] of each.
-        payloads: bodies in the hand, each from its time on.   report: use of the limits, payloads included.
+        payloads: bodies in the hand, each from its time on.   limits_report: their use, payloads included.
         tool_excesses: by segment the limits of the tool that it exceeds.
         nearest: what comes nearest to what, and when; "" where no distance was asked for.   file: path of the motion file.
         title: of the file, or "".   slower: where segments of the tool are slower than requested, and why.
@@ -84,22 +86,25 @@ class Plan:
     kinds: tuple[str, ...]
     begins: tuple[float, ...]
     payloads: tuple[Payload, ...]
-    report: LimitsReport
+    limits_report: LimitsReport
     tool_excesses: Mapping[int, tuple[str, ...]] = field(default_factory=dict)
     nearest: str = ""
     file: str = ""
     title: str = ""
     slower: tuple[str, ...] = ()
 
-    def save(self, path: str | os.PathLike[str], rate: float = 500.0) -> None:
+    def save(self, path: str | os.PathLike[str], rate: float = 500.0) -> Path:
         """Writes the motion as .csv or .nc, for `load_motion`.
 
         Args:
             path: the file, replaced as a whole.   rate: rows in a second [1/s].
+        Returns:
+            path: of the file.
         Raises:
             OutputError: the file cannot be written.
         """
         self.motion.save(path, self.arm, rate)
+        return Path(path)
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | None:
         """Figure of the motion with its torques and voltages, written to a path (.png, .svg, .pdf, .html) if one is given.
@@ -117,29 +122,52 @@ class Plan:
         lines = textwrap.wrap("segments: " + ", ".join(named), WIDE, break_on_hyphens=False)
         return plot_motion(self.arm, self.motion, path, self.payloads, title, lines)
 
+    @property
+    def heading(self) -> str:
+        """Name above its table and on its page."""
+        return f"{self.arm.name}: {self.motion.duration:.4g} s" + (f", {self.title}" if self.title else "")
+
+    @property
+    def good(self) -> bool:
+        """True if no limit is exceeded."""
+        return self.kept
+
+    def sentences(self) -> list[str]:
+        """Limits that are exceeded or not checked, what comes nearest, segments that are slower, notes."""
+        over = [f"exceeds limits: {each}" for each in self.excesses()] or [self.limits_report.verdict()]
+        over += [f"not checked: {each}" for each in self.limits_report.unchecked]
+        over += [f"nearest: {self.nearest}"] if self.nearest else []
+        return [*over, *self.slower, *(f"note: {note}" for note in self.limits_report.notes)]
+
+    def tables(self) -> list[Table]:
+        """A row for each segment; then the use of the limits."""
+        ends = (*self.begins[1:], self.motion.time + self.motion.duration)
+        rows = [
+            [str(k), kind, number(begin), number(end - begin)]
+            for k, (kind, begin, end) in enumerate(zip(self.kinds, self.begins, ends, strict=True), 1)
+        ]
+        segments = Table(self.heading, ("segment", "kind", "from [s]", "for [s]"), rows, ("kind",))
+        return [segments, *self.limits_report.tables()]
+
     def __str__(self) -> str:
         ends = (*self.begins[1:], self.motion.time + self.motion.duration)
         rows = zip(self.kinds, self.begins, ends, strict=True)
-        lines = [f"{self.arm.name}: {self.motion.duration:.4g} s" + (f", {self.title}" if self.title else "")]
+        lines = [self.heading]
         lines += [
             f"{k:>3} {kind:<14} from {begin:9.4f} s  for {end - begin:9.4f} s"
             for k, (kind, begin, end) in enumerate(rows, 1)
         ]
-        over = [f"exceeds limits: {each}" for each in self.excesses()] or [self.report.verdict()]
-        over += [f"not checked: {each}" for each in self.report.unchecked]
-        over += [f"nearest: {self.nearest}"] if self.nearest else []
-        notes = (f"note: {note}" for note in self.report.notes)
-        return "\n".join([*lines, "largest use of every limit:", self.report.table(), *over, *self.slower, *notes])
+        return "\n".join([*lines, "largest use of every limit:", self.limits_report.table(), *self.sentences()])
 
     @property
     def kept(self) -> bool:
-        """True if no segment exceeds a limit that could be checked; `report.unchecked` names the others."""
+        """True if no segment exceeds a limit that could be checked; `limits_report.unchecked` names the others."""
         return not self.excesses()
 
     def excesses(self) -> list[str]:
         """Sentences, one for each limit that a segment exceeds: which segment, which joint, when, by how much."""
         moving = [k for k, kind in enumerate(self.kinds) if kind not in STILL]
-        parts = self.report.parts or (self.report,)
+        parts = self.limits_report.parts or (self.limits_report,)
         found = [(k, each) for k, part in zip(moving, parts, strict=True) for each in part.excesses()]
         found += [(k, each) for k, excesses in self.tool_excesses.items() for each in excesses]
         return [f"segments[{k}] ({self.kinds[k]}): {each}" for k, each in sorted(found, key=lambda each: each[0])]

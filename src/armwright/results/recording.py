@@ -24,11 +24,11 @@ from armwright.errors import OutputError, Problem, RunError
 from armwright.model import Model
 from armwright.model.joint_signals import LONG_NAMES, UNITS, command_unit, joint_units
 from armwright.output import check_destination, whole_file
+from armwright.results.csv_tables import joint_columns, write_table
 from armwright.results.mat_file import write_mat
 from armwright.results.mcap_file import write_mcap
 from armwright.results.run_file import write_netcdf
 from armwright.results.run_schema import A_RUN, check_run
-from armwright.results.tables import joint_columns, write_table
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -2,8 +2,8 @@
 
 from armwright.description.writer import to_toml as to_toml, write_toml as write_toml
 from armwright.parts.build import PartsBuild as PartsBuild
-from armwright.parts.write import write_parts as write_parts
 from armwright.robotfiles.check import Finding as Finding, Report as Report, check as check
 from armwright.robotfiles.convert import Conversion as Conversion, convert as convert
 from armwright.robotfiles.difference import Change as Change, Difference as Difference, diff as diff
 from armwright.robotfiles.new import new_robot as new_robot
+from armwright.robotfiles.write_parts import write_parts as write_parts

@@ -18,6 +18,8 @@ from armwright.model import Model, build_model
 from armwright.model.build import massless, places_of_joints
 from armwright.model.cylinder_lengths import implausible_lengths
 from armwright.model.load import built, described, outdated
+from armwright.results.result import Result
+from armwright.results.table import Table
 from armwright.toml_text import TomlText
 
 CHECKS = {  # name of a check → its subject
@@ -49,7 +51,7 @@ class Finding:
 
 
 @dataclass(frozen=True)
-class Report:
+class Report(Result):
     """Result of `check`.
 
     Attributes:
@@ -63,6 +65,30 @@ class Report:
     findings: tuple[Finding, ...]
 
     @property
+    def heading(self) -> str:
+        """Name above its table and on its page."""
+        moving = f"{_plural(self.joints, 'joint')} that {'moves' if self.joints == 1 else 'move'}"
+        return f"{self.name}: {_plural(self.links, 'link')}, {moving}"
+
+    @property
+    def good(self) -> bool:
+        """True without errors."""
+        return not self.errors
+
+    def sentences(self) -> list[str]:
+        """The count of errors and warnings, then each finding."""
+        counts = f"{_plural(len(self.errors), 'error')}, {_plural(len(self.warnings), 'warning')}"
+        return [counts, *(f"{each.level}: {each.problem}" for each in self.findings)]
+
+    def tables(self) -> list[Table]:
+        """A row for each check; then one for each finding."""
+        found = {name: [each.level for each in self.findings if each.check == name] for name in CHECKS}
+        rows = [[name, about, _counted(found[name])] for name, about in CHECKS.items()]
+        findings = [[each.level, each.check, str(each.problem)] for each in self.findings]
+        heads, of_finding = ("check", "what it looks at", "found"), ("level", "check", "problem")
+        return [Table(self.heading, heads, rows, heads), Table("findings", of_finding, findings, of_finding)]
+
+    @property
     def errors(self) -> tuple[Finding, ...]:
         """Findings that are impossible for a real arm."""
         return tuple(finding for finding in self.findings if finding.level == "error")
@@ -71,6 +97,15 @@ class Report:
     def warnings(self) -> tuple[Finding, ...]:
         """Findings that look like a mistake, or were accepted with a reason."""
         return tuple(finding for finding in self.findings if finding.level == "warning")
+
+
+def _counted(levels: list[str]) -> str:
+    counts = {level: levels.count(level) for level in get_args(Level)}
+    return ", ".join(_plural(count, level) for level, count in counts.items() if count) or "nothing"
+
+
+def _plural(count: int, word: str) -> str:
+    return f"{count} {word}{'' if count == 1 else 's'}"
 
 
 def check(name_or_path: str | os.PathLike[str] | Model | RobotDescription, **reading: Any) -> Report:

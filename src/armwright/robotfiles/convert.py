@@ -16,6 +16,7 @@ from armwright.export.mjcf import write_mjcf
 from armwright.export.urdf import write_urdf
 from armwright.output import check_destination
 from armwright.results.recording import check_recording, save
+from armwright.results.result import Result
 from armwright.results.run_file import load_run
 
 RUN = ".nc"
@@ -23,7 +24,7 @@ ENDINGS = (".toml", ".urdf", ".xml", ".mjcf")
 
 
 @dataclass(frozen=True)
-class Conversion:
+class Conversion(Result):
     """Result of `convert`.
 
     Attributes:

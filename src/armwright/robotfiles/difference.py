@@ -15,6 +15,8 @@ from armwright.model import Model, build_model
 from armwright.model.load import load
 from armwright.model.variants.edits import tip_of
 from armwright.quantity import Quantity, Record, Source
+from armwright.results.result import Result
+from armwright.results.table import Table, number
 from armwright.robotfiles.dynamic_effect import DynamicEffect, dynamic_effect
 
 SUPPORT = Support("diff")
@@ -59,7 +61,7 @@ class Change:
 
 
 @dataclass(frozen=True, eq=False)
-class Difference:
+class Difference(Result):
     """Result of `diff`.
 
     Attributes:
@@ -74,6 +76,25 @@ class Difference:
 
     def __bool__(self) -> bool:
         return bool(self.changes)
+
+    @property
+    def heading(self) -> str:
+        """Name above its table and on its page."""
+        return f"{self.a} → {self.b}"
+
+    def sentences(self) -> list[str]:
+        """That nothing differs, or that the dynamics cannot be compared."""
+        if not self:
+            return [f"{self.a} and {self.b}: every parameter and every source is the same"]
+        return [] if self.effect is not None else ["no joint is in both: gravity torques and inertias are not compared"]
+
+    def tables(self) -> list[Table]:
+        """Parameters, sources of equal values, and the effect on the dynamics."""
+        rows = [_row(change) for change in self.changes if not change.is_source_only]
+        heads = ("parameter", "A", "B", "change", "source")
+        sources = _sources([change for change in self.changes if change.is_source_only])
+        effect = [] if self.effect is None or not self else [_effect(self.effect)]
+        return [Table("Parameters", heads, rows, ("A", "B", "source")), sources, *effect]
 
 
 def diff(a: Arm, b: Arm) -> Difference:
@@ -90,16 +111,21 @@ def diff(a: Arm, b: Arm) -> Difference:
     first, second = one.description, other.description
     assert first is not None
     assert second is not None
+    order = Change("order of the joints", _order(one, other), _order(other, one))
+    changes = (*([] if order.before == order.after else [order]), *changed_parameters(first, second))
+    return Difference(_name(a), _name(b), changes, dynamic_effect(one, other))
+
+
+def changed_parameters(first: RobotDescription, second: RobotDescription) -> list[Change]:
+    """Parameters that differ between two descriptions, in the order of the first, then those that only the second has."""
     before, after = flattened(first), flattened(second)
-    order = ("order of the joints", Leaf(_order(one, other)), Leaf(_order(other, one)))
-    rows = [order] + [(path, before.get(path), after.get(path)) for path in dict.fromkeys((*before, *after))]
+    rows = [(path, before.get(path), after.get(path)) for path in dict.fromkeys((*before, *after))]
     lone = {path for path, old, new in rows if not split_path(path)[1] and (old is None or new is None)}
-    changes = tuple(
+    return [
         _change(path, old, new, first, second)
         for path, old, new in rows
         if (path in lone or path_name(split_path(path)[0]) not in lone) and not _same(old, new, first, second)
-    )
-    return Difference(_name(a), _name(b), changes, dynamic_effect(one, other))
+    ]
 
 
 def _model(arm: Arm) -> Model:
@@ -195,3 +221,81 @@ def _summary(item: Any, kind: str) -> str:
     if kind == "cylinders":
         return f"cylinder from {item.link_a} to {item.link_b}"
     return f"{item.type} joint" if kind == "joints" else f"frame on {item.link}"
+
+
+def _row(change: Change) -> list[str]:
+    sources = [_source_text(source) for source in (change.source_before, change.source_after) if source is not None]
+    origins = " → ".join(dict.fromkeys(sources))
+    values = (_value(change.before, change.std_before), _value(change.after, change.std_after))
+    return [change.path, *values, _relative(change.before, change.after), origins]
+
+
+def _source_text(source: Source) -> str:
+    return source.kind if source.kind == source.text else f"{source.kind}: {_short(source.text)}"
+
+
+def _short(text: str, most: int = 36) -> str:
+    return text if len(text) <= most else f"{text[: most - 1].rstrip()}…"
+
+
+def _value(value: Any, std: Any) -> str:
+    """A number, several numbers or a word; with its standard deviation."""
+    if value is None:
+        return "absent"
+    numbers = isinstance(value, (int, float)) and not isinstance(value, bool)
+    if isinstance(value, tuple):
+        text = f"[{', '.join(_value(item, None) for item in value)}]"
+    else:
+        text = f"{value + 0.0:.7g}".replace("-", "−") if numbers else str(value)
+    return text if std is None else f"{text} ± {_value(std, None)}"
+
+
+def _relative(before: Any, after: Any) -> str:
+    """Of one number, in percent."""
+    plain = all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in (before, after))
+    return _percent(before, after) if plain else ""
+
+
+def _percent(before: float, after: float) -> str:
+    if before == 0:
+        return ""
+    share = (after - before) / abs(before)
+    return f"{100 * share if abs(share) > 1e-12 else 0.0:+.3g} %".replace("-", "−").replace("+0 ", "0 ")
+
+
+def _sources(changes: list[Change]) -> Table:
+    """Numbers that stayed, and come from elsewhere now: one row for each pair of sources."""
+    groups: dict[tuple[str, str], list[str]] = {}
+    for change in changes:
+        groups.setdefault((_origin(change, "before"), _origin(change, "after")), []).append(change.path)
+    rows = [[_named(paths), *pair] for pair, paths in groups.items()]
+    return Table("Same value, other source or deviation", ("parameters", "A", "B"), rows, ("A", "B"))
+
+
+def _named(paths: list[str], most: int = 3) -> str:
+    rest = f" and {len(paths) - most} more" if len(paths) > most else ""
+    return f"{', '.join(paths[:most])}{rest}"
+
+
+def _origin(change: Change, which: str) -> str:
+    source, std = getattr(change, f"source_{which}"), getattr(change, f"std_{which}")
+    spread = "" if std is None else f"± {_value(std, None)}, "
+    return spread + ("" if source is None else _source_text(source))
+
+
+def _effect(effect: DynamicEffect) -> Table:
+    heads = ("joint", "gravity A [N m | N]", "gravity B", "change", "inertia A [kg m² | kg]", "inertia B", "change ")
+    least = 1e-12 * max(float(abs(effect.gravity).max()), 1.0)
+    rows = []
+    for k, joint in enumerate(effect.joints):
+        gravity = [float(abs(effect.gravity[arm, :, k]).max()) for arm in (0, 1)]
+        gravity = [
+            number(value if value > least else 0.0) for value in (*gravity, abs(float(effect.gravity_change[k])))
+        ]
+        inertia = [number(effect.inertia[arm, :, k].max()) for arm in (0, 1)]
+        share = float(effect.inertia_change[k])
+        percent = "—" if share != share else _percent(1.0, 1.0 + share)
+        rows.append([joint, *gravity, *inertia, percent])
+    one, other = effect.mass
+    mass = f"mass {number(one)} → {number(other)} kg{f' ({_percent(one, other)})' if one else ''}"
+    return Table(f"What it does, the largest of {len(effect.poses)} poses; {mass}", heads, rows)

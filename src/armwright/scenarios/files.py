@@ -19,7 +19,7 @@ from armwright.errors import RunError, ScenarioError
 from armwright.named_file import named_file
 from armwright.quantity import Record
 from armwright.reading import read_file
-from armwright.results.tables import table_text
+from armwright.results.csv_tables import table_text
 
 FORM = 2  # of a document; Armwright 0.1 wrote none, and no checksums
 

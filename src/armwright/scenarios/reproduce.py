@@ -13,7 +13,9 @@ import numpy as np
 from armwright.errors import RunError
 from armwright.progress import Shown
 from armwright.results.provenance import provenance
+from armwright.results.result import Result
 from armwright.results.run_file import load_run
+from armwright.results.table import Table, number
 from armwright.scenarios.file import parse_scenario
 from armwright.scenarios.files import Document, KeptFiles
 from armwright.simulation.simulation import simulate
@@ -28,7 +30,7 @@ STOPPED = "stopped by Ctrl-C"  # how the first note of such a run begins
 
 
 @dataclass(frozen=True, eq=False)
-class Reproduction:
+class Reproduction(Result):
     """A run done again.
 
     Attributes:
@@ -45,6 +47,22 @@ class Reproduction:
     differences: dict[str, float]
     reshaped: tuple[str, ...] = ()
     part: str = ""
+
+    @property
+    def good(self) -> bool:
+        """True if all bits are the same."""
+        return self.same
+
+    def sentences(self) -> list[str]:
+        """The verdict, and what differs."""
+        verdict = "the same to the last bit" if self.same else "numbers differ"
+        part = [f"compared what there is: {self.part}"] if self.part else []
+        return [verdict, *(f"differs  {line}" for line in (*self.surroundings, *self.reshaped)), *part]
+
+    def tables(self) -> list[Table]:
+        """A row for each variable with other bits: its largest difference."""
+        rows = [[name, number(largest)] for name, largest in self.differences.items()]
+        return [Table("differences", ("variable", "largest difference"), rows)]
 
 
 def reproduce(path: str | os.PathLike[str], progress: Shown = None) -> Reproduction:

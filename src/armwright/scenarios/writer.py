@@ -26,7 +26,7 @@ from armwright.errors import ArmwrightError, OutputError, ScenarioError
 from armwright.model import Model
 from armwright.model.joint_signals import joint_units
 from armwright.output import check_destination, whole_file
-from armwright.results.tables import write_table
+from armwright.results.csv_tables import write_table
 from armwright.scenarios.file import parse_scenario
 from armwright.scenarios.files import Document, FolderFiles, KeptFiles
 from armwright.scenarios.tables import Tables, difference, tables_of

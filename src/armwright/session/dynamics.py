@@ -11,7 +11,7 @@ from armwright.actuators import demanded_drive
 from armwright.errors import SessionError
 from armwright.model import Model
 from armwright.model.joint_signals import joint_units
-from armwright.results.tables import joint_columns, read_table
+from armwright.results.csv_tables import joint_columns, read_table
 from armwright.session import motor_quantities
 from armwright.session.listing import Line, Listing, Output, Sheet, by_joint, by_row, significant
 from armwright.session.workspace import Workspace

@@ -10,8 +10,8 @@ import armwright as aw
 from armwright.errors import SessionError
 from armwright.output import check_destination
 from armwright.results.aliases import PARTIAL, QUANTITIES
+from armwright.results.csv_tables import joint_columns
 from armwright.results.recording import in_order, run_units
-from armwright.results.tables import joint_columns
 from armwright.session.arguments import same
 from armwright.session.listing import Drawing, Line, Listing, Output, OutputFile, by_row, shortest
 from armwright.session.simulation import last_run

@@ -2,7 +2,6 @@
 
 from armwright.shadow.alarms import ShadowAlarm as ShadowAlarm
 from armwright.shadow.observer import Residuals as Residuals, ShadowBandwidths as ShadowBandwidths
-from armwright.shadow.page import write_shadow as write_shadow
 from armwright.shadow.rows import ShadowEvent as ShadowEvent
 from armwright.shadow.shadow import ArmShadow as ArmShadow, Shadow as Shadow, shadow_log as shadow_log
 from armwright.shadow.verdict import Judged as Judged

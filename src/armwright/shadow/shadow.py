@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,8 @@ from armwright.identification.validation.torque import Source, as_logged, check_
 from armwright.identification.validation.verdict import passing_verdict
 from armwright.model import Model
 from armwright.progress import Shown, automatic
+from armwright.results.result import Result
+from armwright.results.table import Table, number
 from armwright.shadow.alarms import FACTOR, AlarmWatch, ShadowAlarm
 from armwright.shadow.observer import MomentumObserver, Residuals, ShadowBandwidths, with_kilogram
 from armwright.shadow.rows import ShadowEvent
@@ -150,7 +153,7 @@ class ShadowRun:
 
 
 @dataclass(frozen=True, eq=False)
-class Shadow:
+class Shadow(Result):
     """Result of `shadow_log`.
 
     Attributes:
@@ -194,17 +197,47 @@ class Shadow:
         values = values[np.isfinite(values).all(axis=1)]
         return measure(values) if len(values) else np.full(self.arm.n, np.nan)
 
-    def rows(self) -> list[list[str]]:
-        """Cells under `HEADS`, one row a joint."""
+    @property
+    def heading(self) -> str:
+        """Name above its table and on its page."""
+        return f"{self.arm.name}: shadow of {self.log.title}"
+
+    @property
+    def good(self) -> bool:
+        """True without alarms, where practically all was judged."""
+        return self.verdict.clean
+
+    def sentences(self) -> list[str]:
+        """Verdict, alarms, events and notes."""
+        alarms = [f"{name}: {alarm}" for name, alarm in self.alarms]
+        return [*self.verdict.lines, *alarms, *event_lines(self.events), *self.notes]
+
+    def report(self, path: str | os.PathLike[str]) -> Path:
+        """Writes a page: verdict and alarms, every joint's residuals and limits over time, and where the limits come from.
+
+        Args:
+            path: ending in .html.
+        Returns:
+            path: of the page.
+        Raises:
+            OutputError: the file cannot be written.
+        """
+        from armwright.shadow.page import write_shadow  # which draws
+
+        return write_shadow(path, self)
+
+    def tables(self) -> list[Table]:
+        """A row for each joint: residuals of torque and position, limits, alarms."""
         resting = np.max([each.residuals.resting.max(axis=0, initial=0.0) for each in self.runs], axis=0)
         hidden = np.where(resting > 0.0, resting, np.nan)
         columns = [self.rms(), self.largest(), self.limits, hidden, self.rms("position"), self.largest("position")]
         raised = [sum(alarm.joint == name for _, alarm in self.alarms) for name in self.arm.names]
         units = units_of(self.arm, "torque")
-        return [
-            [name, units[k], *("-" if np.isnan(c[k]) else f"{c[k]:.3g}" for c in columns), str(raised[k] or "")]
+        rows = [
+            [name, units[k], *(number(c[k], ".3g") for c in columns), str(raised[k] or "")]
             for k, name in enumerate(self.arm.names)
         ]
+        return [Table(f"{self.arm.name} beside {self.log.title}", HEADS, rows, HEADS[:2])]
 
 
 def shadow_log(

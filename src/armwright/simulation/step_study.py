@@ -13,12 +13,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import log
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from armwright.entry import AnyScenario, as_scenario
 from armwright.errors import DivergenceError, ScenarioError
+from armwright.results.result import Result
+from armwright.results.table import Table, number
 from armwright.simulation.checks import check_whole
 from armwright.simulation.integrate.integrators import INTEGRATORS
 from armwright.simulation.integrate.stepping import ACCURACY, LEAST_ACCURACY
@@ -72,7 +74,7 @@ class Trial:
 
 
 @dataclass(frozen=True)
-class StepStudy:
+class StepStudy(Result):
     """Error of a scenario against the step.
 
     Attributes:
@@ -94,6 +96,64 @@ class StepStudy:
     recommended: dict[float, Trial | None]
     reference: str
     by_auto: dict[float, Trial]
+
+    @property
+    def heading(self) -> str:
+        """Name above its table and on its page."""
+        return f"{self.name}: {self.integrator} (order {self.order}) against {self.reference}"
+
+    @property
+    def _refused(self) -> list[Trial]:
+        return [trial for trial in self.trials if trial.refused]
+
+    def tables(self) -> list[Table]:
+        """A row for each step that was tried, those that are too large in one."""
+        taken = [trial for trial in (*self.trials, self.auto, *self.by_auto.values()) if not trial.refused]
+        span = dict.fromkeys(f"{1e3 * trial.step:.4g}" for trial in (*self._refused[:1], *self._refused[-1:]))
+        refused = [[" to ".join(span), "too large", "", "", "", ""]] if span else []
+        heads = ("step [ms]", "error in q [rad | m]", "error in qd [rad/s | m/s]", "order seen", "evaluations a second")
+        return [Table(self.heading, (*heads, "other counts from [s]"), [*refused, *map(_row, taken)])]
+
+    def sentences(self) -> list[str]:
+        """Why steps were refused, what the reference is wrong by, and the setting for each accuracy."""
+        lines = [str(trial.refused) for trial in self._refused[-1:]]
+        if any(np.isfinite(trial.counts_differ_at) for trial in self.trials):
+            smallest = f"Where a count is another one than by {self.reference}, as the smallest error makes it"
+            lines.append(f"{smallest}, rows behind are not compared.")
+        if self.floor > 0.0 and self.floor > 0.25 * min(trial.error for trial in self.trials):
+            lines.append(f"The reference, {self.reference}, is itself wrong by some {self.floor:.0e}.")
+        return lines + [f"for an accuracy of {each:g}: {_advice(self, each)}" for each in self.recommended]
+
+
+def _row(trial: Trial) -> list[Any]:
+    """Cells of a step that was tried."""
+    step = f"{1e3 * trial.step:.4g}"
+    if trial.accuracy is not None:
+        accuracy = "" if trial.accuracy == ACCURACY else f" for {trial.accuracy:g}"
+        step = f"auto{accuracy}, {trial.rule}, {1e3 * trial.step:.3g} on average"
+    errors = (number(trial.error_q, ".1e"), number(trial.error_qd, ".1e"))
+    return [
+        step,
+        *errors,
+        number(round(trial.order, 2)),
+        number(trial.evaluations, ",.0f"),
+        number(trial.counts_differ_at),
+    ]
+
+
+def _advice(study: StepStudy, accuracy: float) -> str:
+    """The setting that keeps an accuracy."""
+    trial = study.recommended[accuracy]
+    if trial is not None:
+        substeps = f" ({trial.substeps} substeps)" if trial.substeps > 1 else ""
+        return f"a step of {1e3 * trial.step:.4g} ms{substeps}"
+    none = "no step that was tried"
+    if study.auto.error <= accuracy:
+        return f"{none}; auto keeps it, with no step given"
+    auto = study.by_auto.get(accuracy)
+    if auto is None or auto.refused:
+        return none
+    return f"{none}; auto with an accuracy of {auto.accuracy:g} is wrong by {auto.error:.0e}"
 
 
 def step_study(

@@ -18,6 +18,7 @@ from armwright.errors import ArmwrightError, OutputError, ScenarioError
 from armwright.output import check_destination
 from armwright.progress import automatic
 from armwright.results.reducers import REDUCERS
+from armwright.results.result import Result
 from armwright.scenarios.records import MOST_LANES
 from armwright.simulation.batch_runner import Progress
 from armwright.simulation.checks import check_whole
@@ -37,11 +38,11 @@ ENOUGH = 4e7  # joints times ticks of a chunk's lanes, some seconds: a chunk beg
 ENDLESS = 20.0  # times that: a kill costs no more than a minute or two
 LEAST, MOST = 64, 100_000  # lanes
 AHEAD = 3  # tasks for each thread of the cluster that wait or run, so that memory stays bounded
-Result = tuple[dict[str, np.ndarray], dict[str, str]]
+Outcome = tuple[dict[str, np.ndarray], dict[str, str]]
 
 
 @dataclass(frozen=True)
-class Sweep:
+class Sweep(Result):
     """Summary of a finished or stopped sweep.
 
     Attributes:
@@ -186,7 +187,7 @@ def _unpickled(data: bytes) -> Source:
     return cloudpickle.loads(data)
 
 
-def simulate_chunk(data: bytes, lanes: range, rows: bool) -> Result:
+def simulate_chunk(data: bytes, lanes: range, rows: bool) -> Outcome:
     """Results of a chunk by name, with versions and processor; the task of a worker.
 
     Args:

@@ -13,6 +13,8 @@ from armwright.errors import ScenarioError
 from armwright.kernels.compiled import KERNELS, compile_arm
 from armwright.model import Model
 from armwright.model.joint_signals import UNITS
+from armwright.results.result import Result
+from armwright.results.table import Table, number
 from armwright.simulation.inputs.payload import Payload
 from armwright.trajectory.joined import APART, Joined
 from armwright.trajectory.limits import MotionLimits, current_torques
@@ -79,7 +81,7 @@ class Jump:
 
 
 @dataclass(frozen=True, eq=False)
-class LimitsReport:
+class LimitsReport(Result):
     """Share of its limits that a motion uses; `str` gives the table.
 
     Attributes:
@@ -146,6 +148,37 @@ class LimitsReport:
         if self.unchecked:
             return "all limits that could be checked are kept" if self.limited else "no limit could be checked"
         return "all limits that are known are kept" if self.limited else "no limit is known"
+
+    @property
+    def heading(self) -> str:
+        """Name above its table and on its page."""
+        return "limit utilisation"
+
+    @property
+    def good(self) -> bool:
+        """True if no limit is exceeded."""
+        return self.kept
+
+    def sentences(self) -> list[str]:
+        """The verdict, limits that were not checked, notes."""
+        return [self.verdict(), *(f"not checked: {each}" for each in self.unchecked), *self.notes]
+
+    def tables(self) -> list[Table]:
+        """A row for each joint and quantity: the value with the largest share of its limit, that share, and when."""
+        rows = [
+            [
+                name,
+                quantity,
+                number(self.worst(quantity, k)),
+                self.limits.unit(quantity, k),
+                number(100.0 * share[k]),
+                number(when[k]),
+            ]
+            for k, name in enumerate(self.limits.names)
+            for (quantity, share), when in zip(self.share.items(), self.times.values(), strict=True)
+        ]
+        heads = ("joint", "quantity", "value", "unit", "share of the limit [%]", "time [s]")
+        return [Table(self.heading, heads, rows, ("quantity", "unit"))]
 
     def __str__(self) -> str:
         jumps = [str(each) for each in self.excess if np.isinf(each.share)]

@@ -5,30 +5,34 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from armwright.control.gains import gain_units
 from armwright.errors import ScenarioError
-from armwright.output import check_destination, whole_file
+from armwright.output import check_destination
+from armwright.results.page_parts import plotted
+from armwright.results.result import Result
+from armwright.results.svg import INK, page_svg
+from armwright.results.table import Table, number
 from armwright.scenarios.file import read_scenario
 from armwright.scenarios.writer import write_scenario
 from armwright.simulation.scenario import Scenario
 from armwright.tuning.objective import measure_units
+from armwright.tuning.pictures import draw_front, draw_history
 from armwright.tuning.search import Tried
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 WORSE = 1.05  # times the start: what a sentence names
-HEADS = ("joint", "gain", "unit", "start", "tuned", "factor")
-JUDGED = ("joint", "measure", "unit", "start", "tuned")
-PICTURES = (".png", ".svg", ".pdf")
+RELATIVE = "1 is the start's mean over the lanes tuned in, saturation and overshoot are shares of their own"
 
 
 @dataclass(frozen=True, eq=False)
-class TuningResult:
+class TuningResult(Result):
     """Gains found by a search, with scores.
 
     Attributes:
@@ -65,60 +69,79 @@ class TuningResult:
     def __repr__(self) -> str:
         return f"TuningResult({self.sentences()[0]!r})"
 
-    def rows(self) -> list[list[str]]:
-        """A row for each gain and joint, as `HEADS`."""
-        arm, law = self.scenario.arm, self.scenario.controller
-        return [
-            [joint, name, unit or "—", f"{old:.4g}", f"{new:.4g}", f"{new / old:.3g}" if old > 0.0 else "—"]
+    @property
+    def heading(self) -> str:
+        """Name above its table and on its page."""
+        return f"{self.scenario.arm.name}: tuned gains"
+
+    def tables(self) -> list[Table]:
+        """Gains by joint; measures by joint, and objectives, at the start and with the gains on the held-out lanes."""
+        arm, law, held = self.scenario.arm, self.scenario.controller, f"{self.lanes[1]} held-out lanes"
+        gains = [
+            [
+                joint,
+                name,
+                unit or "—",
+                *(number(each, ".4g") for each in (old, new)),
+                number(new / old if old > 0.0 else None, ".3g"),
+            ]
             for name, values in self.gains.items()
             for joint, unit, old, new in zip(
                 arm.names, gain_units(arm, law, name), self.start[name], values, strict=True
             )
         ]
-
-    def judged(self) -> list[list[str]]:
-        """A row for each joint and measure, as `JUDGED`; means over the held-out lanes."""
-        arm = self.scenario.arm
-        return [
-            [joint, name, unit, f"{old:.4g}", f"{new:.4g}"]
+        measures = [
+            [joint, name, unit, number(old, ".4g"), number(new, ".4g")]
             for name, (before, after) in self.held_out.items()
             for joint, unit, old, new in zip(arm.names, measure_units(arm, name), before, after, strict=True)
         ]
+        objectives = [
+            [
+                name,
+                number(before, ".4g"),
+                number(after, ".4g"),
+                number(100.0 * (after / before - 1.0) if before > 0.0 else None, "+.1f"),
+            ]
+            for name, (before, after) in self.objectives.items()
+        ]
+        return [
+            Table(f"{arm.name}: gains", ("joint", "gain", "unit", "start", "tuned", "factor"), gains, ("gain", "unit")),
+            Table(
+                f"{arm.name}: means over {held}",
+                ("joint", "measure", "unit", "start", "tuned"),
+                measures,
+                ("measure", "unit"),
+            ),
+            Table(f"objectives over {held}; {RELATIVE}", ("objective", "start", "tuned", "change [%]"), objectives),
+        ]
+
+    @property
+    def good(self) -> bool:
+        """True if the gains beat the start."""
+        return self.improved
 
     @property
     def changed(self) -> bool:
         """True if the gains differ from the scenario's own, so that writing them makes sense."""
         return self.improved or not self.start_keeps or self.begun != "scenario"
 
-    def objective_rows(self) -> list[list[str]]:
-        """A row for each objective: its name, at the start and with the gains on held-out lanes, and the change."""
-        return [
-            [name, f"{before:.4g}", f"{after:.4g}", f"{100.0 * (after / before - 1.0):+.1f} %" if before > 0.0 else "—"]
-            for name, (before, after) in self.objectives.items()
-        ]
+    @property
+    def _has_front(self) -> bool:
+        return len(self.tried.names) > 1 and len(self.tried.values) > 0
 
-    def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | None:
-        """Figure of the Pareto front of the first two objectives: all gains tried, the front, start and result.
-
-        Args:
-            path: .png, .svg or .pdf to write; None: the figure is returned.
-        Raises:
-            ScenarioError: a single objective.   OutputError: it cannot be written.
+    def draw(self, figure: Figure, ink: str, quiet: str) -> None:
+        """Draws the Pareto front of the first two objectives: all gains tried, the front, start and result; of a single
+        objective the best score of each generation.
         """
-        from matplotlib.figure import Figure
+        if self._has_front:
+            draw_front(figure, self.tried, self.chosen, ink, quiet)
+        else:
+            draw_history(figure, self.history, ink)
 
-        from armwright.results.plot import save_figure
-        from armwright.tuning.pictures import draw_front
-
-        self.tried.front()  # which refuses a single objective
-        figure = Figure(figsize=(7.0, 5.0), dpi=150, layout="constrained", facecolor="white")
-        draw_front(figure, self.tried, self.chosen, "#222222", "#777777")
-        if path is None:
-            return figure
-        target = check_destination(path, PICTURES)
-        with whole_file(target, PICTURES) as temporary:
-            save_figure(figure, temporary, target.suffix[1:].lower())
-        return None
+    def sections(self) -> list[tuple[str, str]]:
+        """The search, beside the Pareto front."""
+        history = page_svg(lambda figure: draw_history(figure, self.history, INK), (9.2, 3.2), "constrained")
+        return [("Search", plotted(history))] if self._has_front else []
 
     @property
     def chosen(self) -> np.ndarray:
@@ -168,17 +191,19 @@ class TuningResult:
         path: str | os.PathLike[str],
         source: str | os.PathLike[str] | None = None,
         allow: Iterable[str | os.PathLike[str]] = (),
-    ) -> None:
+    ) -> Path:
         """Writes the scenario with these gains as a file, as `write_scenario` does; comments of the file it was read from stay.
 
         Args:
             path: of the new file; where it names files, they lie in its folder or below.
             source: scenario file that gets the controller in place of its own; None: the tuned scenario itself.
             allow: further folders that it may name files in.
+        Returns:
+            path: of the file.
         Raises:
             ArmwrightError: a file that cannot be written, or a scenario that no file can express.
         """
-        check_destination(path, (".toml",), read=(source,))
+        path = check_destination(path, (".toml",), read=(source,))
         scenario = self.scenario
         if source is not None:
             read = read_scenario(source, allow=allow)
@@ -186,3 +211,4 @@ class TuningResult:
                 raise ScenarioError("has no loop", place="loop", file=source, expected="the scenario that was tuned")
             scenario = replace(read, loop=replace(read.loop, controller=scenario.controller))
         write_scenario(scenario, path, allow=allow)
+        return path

@@ -12,6 +12,8 @@ from armwright.entry import AnyScenario, as_scenario
 from armwright.errors import BusError
 from armwright.export.controller.recording import Recording, record
 from armwright.export.controller.stages import ControllerStages
+from armwright.results.result import Result
+from armwright.results.table import Table, number
 from armwright.simulation.loop.references import reference_rows
 from armwright.simulation.scenario import Scenario
 from armwright.trajectory.limits import MotionLimits
@@ -29,7 +31,7 @@ ROUNDED = 0.05  # [s] of the rise of its acceleration, where the record states n
 
 
 @dataclass(frozen=True, eq=False)
-class Rehearsal:
+class Rehearsal(Result):
     """A simulated run over a bus.
 
     Attributes:
@@ -80,19 +82,32 @@ class Rehearsal:
         """Checksum of the reference of the run at full speed, whatever it was read from or planned with."""
         return hashlib.sha256((self.full or self).recording.r.tobytes()).hexdigest()
 
-    def rows(self) -> list[tuple[str, str, str, str, str]]:
-        """By joint: its name, range, largest speed, torque and error, as text."""
+    @property
+    def heading(self) -> str:
+        """Name above its table and on its page."""
+        return f"{self.scenario.arm.name}: rehearsal of {self.recording.ticks * self.stages.period:.4g} s"
+
+    def tables(self) -> list[Table]:
+        """A row for each joint: its range, and the largest speed, command and error beside what the record allows."""
         arm = self.scenario.arm
-        return [
-            (
-                name,
-                f"{self.q[:, i].min():.4g} … {self.q[:, i].max():.4g}",
-                f"{self.largest_speed[i]:.3g} of {arm.coordinates[i].limits.velocity:.3g}",
-                f"{self.largest_command[i]:.0%}",
-                f"{self.largest_error[i]:.3g}",
-            )
-            for i, name in enumerate(arm.names)
-        ]
+        columns = (
+            self.q.min(axis=0),
+            self.q.max(axis=0),
+            self.largest_speed,
+            [b.limits.velocity for b in arm.coordinates],
+        )
+        columns = (*columns, 100.0 * self.largest_command, self.largest_error)
+        heads = ("joint", "lowest [rad | m]", "highest [rad | m]", "speed [rad/s | m/s]", "allowed [rad/s | m/s]")
+        heads = (*heads, "command [% of rated]", "error [rad | m]")
+        if self.full is not None:
+            columns = (*columns, self.full.largest_speed, 100.0 * self.full.largest_command)
+            heads = (*heads, "at full speed [rad/s | m/s]", "its command [% of rated]")
+        rows = [[name, *(number(each[i], ".4g") for each in columns)] for i, name in enumerate(arm.names)]
+        return [Table(self.heading, heads, rows)]
+
+    def sentences(self) -> list[str]:
+        """The load of the bus."""
+        return [str(self.load)]
 
 
 def rehearse(

@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 
 from armwright.errors import BusError, OutputError, Problem, RunStopped
+from armwright.results.result import Result
+from armwright.results.table import Table, number
 from armwright.scalar import real_numbers
 from armwright.simulation.checks import is_whole
 from armwright.simulation.scenario import Scenario
@@ -34,7 +36,7 @@ INCOMPLETE = 1e-3  # share of incomplete cycles of a run that still counts as th
 
 
 @dataclass(frozen=True, eq=False)
-class BusRun:
+class BusRun(Result):
     """A run over a bus.
 
     Attributes:
@@ -71,6 +73,30 @@ class BusRun:
     def equal(self) -> bool:
         """True if all ticks ran, and positions, commands and torques equal those of the simulation bit by bit."""
         return self.complete and self.first_difference is None
+
+    @property
+    def heading(self) -> str:
+        """Name above its table and on its page."""
+        return f"{self.rehearsal.scenario.arm.name}: run over a bus of {len(self.q)} ticks"
+
+    @property
+    def good(self) -> bool:
+        """True for a complete run that rehearses something."""
+        return self.counts
+
+    def sentences(self) -> list[str]:
+        """Whether it is complete, why it ended early, how the drives stood at its end."""
+        why = [f"stopped early: {self.trouble}"] if self.trouble else ["ended before its last tick"]
+        first = ["complete"] if self.counts else ["complete, with too many incomplete cycles"] if self.complete else why
+        return [*first, *([str(self.ending)] if self.ending else [])]
+
+    def tables(self) -> list[Table]:
+        """A row for each joint: its largest error and command; then what was counted of the cycles."""
+        arm = self.rehearsal.scenario.arm
+        columns = [np.abs(each).max(axis=0, initial=0.0) for each in (self.errors, self.u)]
+        rows = [[name, *(number(each[k]) for each in columns)] for k, name in enumerate(arm.names)]
+        heads = ("joint", "largest error [rad | m]", "largest command [A | N m | N]")
+        return [Table(self.heading, heads, rows), Table("cycles", ("", "counted"), self.cycles.rows(), ("counted",))]
 
     @cached_property
     def first_difference(self) -> Difference | None:

@@ -92,16 +92,17 @@ def test_an_analysis_says_what_is_sampled():
     found = analyse_loops(scenario(preset="one-tick"), 300)
     assert found.stable
     assert found.keeps_margins
-    assert [row[0] for row in found.rows()] == ["shoulder", "elbow"]
+    assert [row["joint"] for row in found.rows()] == ["shoulder", "elbow"]
     assert all(len(row) == len(HEADS) for row in found.rows())
-    assert {"inertia held [kg m²]", "gravity slope [N m/rad]", "noise gain [N m/rad]"} <= set(found.heads())
+    (table,) = found.tables()
+    assert {"inertia held [kg m²]", "gravity slope [N m/rad]", "noise gain [N m/rad]"} <= set(table.heads)
     text = " ".join(found.sentences())
     assert "300 sampled poses" in text
     assert f"{1 / found.period_stable:.4g} Hz" in text
     unstable = analyse_loops(scenario(preset="one-tick", period=0.05), 50)
     assert not unstable.stable
     assert not unstable.keeps_margins
-    assert "NOT stable" in unstable.sentences()[0]
+    assert "NOT stable" in unstable.sentences()[1]
 
 
 @pytest.mark.parametrize(

@@ -51,9 +51,10 @@ def test_measures_of_the_ramp(ramps):
     assert late["path_largest"] < 0.3 * late["largest_error"].sel(joint="shoulder")  # late, but near its arc
     assert (data["path_repeatability"] == 0.0).all()  # no noise: the runs are the same
     assert (data["failed"] == 0).all()
-    for heads, rows in (ramps.joint_rows(), ramps.tool_rows()):
-        assert [row[0] for row in rows] == ["lags", "follows"]
-        assert {len(row) for row in rows} == {len(heads)}
+    assert [table.title for table in ramps.tables()][1:] == ["tool off its path"]
+    for table in ramps.tables():
+        assert [row["controller"] for row in table.rows()] == ["lags", "follows"]
+        assert {len(row) for row in table.cells} == {len(table.heads)}
 
 
 def test_a_saved_comparison_has_its_measures(ramps, tmp_path):
@@ -96,9 +97,9 @@ def test_a_controller_that_diverges_has_no_measures(arm):
     data = found.data.isel(motion=0, payload=0)
     assert list(data["failed"].values) == [2, 0]
     assert np.isnan(data["rms_error"].sel(controller="wild")).all()
-    heads, rows = found.joint_rows()
-    assert rows[0][3:] == ["—"] * (len(heads) - 4) + ["2"]
-    assert rows[1][-1] == "—"
+    wild_row, other = found.rows()
+    assert [*wild_row.values()][3:] == [None] * (len(wild_row) - 4) + [2]
+    assert other["failed runs"] is None
 
 
 def test_a_scenario_brings_its_own_period(arm):

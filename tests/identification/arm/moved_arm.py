@@ -8,7 +8,7 @@ import numpy as np
 
 import armwright as aw
 from armwright.identification.logs.log import Log
-from armwright.results.tables import write_table
+from armwright.results.csv_tables import write_table
 
 FILE = """
 title = "{name}"

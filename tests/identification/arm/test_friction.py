@@ -10,7 +10,7 @@ from armwright.errors import IdentificationError
 from armwright.identification.arm.friction import friction_over_speed, identify_friction, with_identified_friction
 from armwright.identification.arm.friction_law import FrictionLaw, FrictionRows, choose_terms, fitted_law
 from armwright.model import build_model
-from armwright.results.tables import write_table
+from armwright.results.csv_tables import write_table
 from identification.arm.moved_arm import moved, multisine, written_log
 
 USUAL_KEYS = {"viscous_n_m_s_per_rad": 1.5, "coulomb_positive_n_m": 2.0, "coulomb_negative_n_m": 2.6}

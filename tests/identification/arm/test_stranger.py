@@ -12,7 +12,7 @@ import pytest
 
 import armwright as aw
 from armwright.errors import LogError
-from armwright.results.tables import write_table
+from armwright.results.csv_tables import write_table
 from identification.arm.moved_arm import multisine, written_log as written_arm_log
 
 ORIGINS = (  # xyz [m], roll [rad]

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 import armwright as aw
-from armwright.results.tables import write_table
+from armwright.results.csv_tables import write_table
 from identification.arm.moved_arm import multisine
 
 COUNTS = 8192

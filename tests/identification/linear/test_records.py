@@ -10,7 +10,7 @@ from scipy.signal import lfilter
 
 import armwright as aw
 from armwright.errors import ArmwrightError
-from armwright.results.tables import write_table
+from armwright.results.csv_tables import write_table
 
 HEAD = """
 joints = ["motor"]

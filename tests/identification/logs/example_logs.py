@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from armwright.results.tables import write_table
+from armwright.results.csv_tables import write_table
 
 RATE = 500.0
 HEAD = """

@@ -11,9 +11,10 @@ import pytest
 import armwright as aw
 from armwright.errors import OutputError
 from armwright.identification.estimate import Estimate
-from armwright.identification.validation.pictures import page_svg, words
-from armwright.identification.validation.report import report_page, write_report
+from armwright.identification.validation.report import report_blocks, write_report
 from armwright.identification.validation.validate import validate
+from armwright.results.page_parts import report_html
+from armwright.results.svg import page_svg, words
 from identification.validation.made_logs import driven, motor_file, random_steps, written_log
 
 ESTIMATE = Estimate(
@@ -31,6 +32,10 @@ ESTIMATE = Estimate(
     "not identified",
     "made.log.toml",
 )
+
+
+def report_page(title, estimate=None, validation=None, sections=()):
+    return report_html(title, report_blocks(estimate, validation, sections))
 
 
 @pytest.fixture(scope="module")

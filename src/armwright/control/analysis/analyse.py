@@ -2,28 +2,49 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from armwright import scalar
 from armwright.control.analysis.linear_loop import LinearLoop, Margins
 from armwright.control.analysis.noise import NoiseGain, noise_gain
-from armwright.control.analysis.regions import GAIN, OTHERS, PHASE, check_margins, longest_period
+from armwright.control.analysis.region_picture import COLUMNS, draw_regions
+from armwright.control.analysis.regions import (
+    GAIN,
+    OTHERS,
+    PHASE,
+    GainRegion,
+    check_margins,
+    gain_region,
+    longest_period,
+    usual_gains,
+)
 from armwright.control.analysis.remedies import LoopRemedies, loop_remedies
 from armwright.control.analysis.workspace import JointInertias, joint_inertias
 from armwright.entry import AnyScenario, as_scenario
+from armwright.errors import ScenarioError
 from armwright.model.joint_signals import command_unit, joint_units
+from armwright.results.page_parts import bullets, sentence
+from armwright.results.result import Result
+from armwright.results.table import Table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 HEADS = (
     "joint", "inertia held", "inertia free", "gravity slope", "coupling", "gain margin ×", "gain margin ÷", "phase margin",
     "noise gain",
 )  # fmt: skip
 FURTHER = 24  # poses drawn evenly beside the extreme ones
+DELAYS = (0.0, 1.0, 2.0)  # periods beside the loop's own delay that gain regions are found for
+GRID, SPAN = 32, 15.0  # values of each gain of a region, and how far they go to either side of its own
 
 
 @dataclass(frozen=True, eq=False)
-class LoopAnalysis:
+class LoopAnalysis(Result):
     """Inertias, margins and sample periods of a scenario's loops over the workspace.
 
     Attributes:
@@ -66,15 +87,72 @@ class LoopAnalysis:
         """Slower gains, and a shorter period, with which the loop keeps the margins; searched for when first asked for."""
         return loop_remedies(self)
 
+    @cached_property
+    def regions(self) -> list[list[GainRegion]]:
+        """For each joint its gain regions with the loop's own delay and those of `DELAYS` more periods, at its extreme poses;
+        empty for a controller without two gains.
+        """
+        scenario, (gain, phase) = self.loop.scenario, self.asked
+        loop = scenario.loop
+        assert loop is not None
+        names = usual_gains(loop.controller)
+        if names is None:
+            return []
+        own = {
+            each: np.broadcast_to(scalar.real_numbers(getattr(loop.controller, each)), (scenario.arm.n,))
+            for each in names
+        }
+        delays = [np.asarray(loop.timing.command_delay) + more * self.loop.period for more in DELAYS]
+        late = [
+            replace(scenario, loop=replace(loop, timing=replace(loop.timing, command_delay=each))) for each in delays
+        ]
+        found = []
+        for j, name in enumerate(self.loop.names):
+            grid = {each: np.geomspace(v[j] / SPAN, v[j] * SPAN, GRID) for each, v in own.items()}
+            q = self.extreme_poses(j)
+            found.append([gain_region(each, name, grid, q, gain_margin=gain, phase_margin=phase) for each in late])
+        return found
+
+    @property
+    def height(self) -> float:
+        """Of its picture [inch]."""
+        return 0.8 + 3.0 * max(-(-self.loop.scenario.arm.n // COLUMNS), 1)
+
+    def draw(self, figure: Figure, ink: str, quiet: str) -> None:
+        """Draws, for each joint, the gains that keep the margins where its inertia and gravity are extreme, the other joints
+        held still, for the loop's delay and longer ones.
+        """
+        if not self.regions:
+            raise ScenarioError(
+                "no two gains to draw regions of", place="plot", expected="a PID, cascade or computed torque"
+            )
+        draw_regions(figure, self.regions, [self.loop.delay + more * self.loop.period for more in DELAYS], ink)
+
+    def sections(self) -> list[tuple[str, str]]:
+        """What would keep the margins, where the loop does not."""
+        return (
+            []
+            if self.keeps_margins
+            else [("What would keep the margins", bullets(map(sentence, self.remedies.sentences())))]
+        )
+
+    def _picture(self) -> list[tuple[str, str]]:
+        return super()._picture() if self.regions else []
+
     def extreme_poses(self, joint: int) -> np.ndarray:
         """(k, n) poses of least and greatest inertia of a joint, the others fixed, and of its extreme gravity slopes."""
         columns = (self.inertias.held[:, joint], self.inertias.slope[:, joint])
         return self.inertias.q[np.unique([index for each in columns for index in (each.argmin(), each.argmax())])]
 
-    def heads(self) -> list[str]:
-        """`HEADS` with units, for units that all joints share."""
-        units = {name: set(each) for name, each in self._units.items()}
-        return [f"{head} [{next(iter(units[head]))}]" if len(units.get(head, ())) == 1 else head for head in HEADS]
+    @property
+    def heading(self) -> str:
+        """Name above its table and on its page."""
+        return f"{self.loop.scenario.arm.name}: loops over {len(self.inertias.q)} poses"
+
+    @property
+    def good(self) -> bool:
+        """True if the loop keeps its margins."""
+        return self.keeps_margins
 
     @property
     def _units(self) -> dict[str, list[str]]:
@@ -87,9 +165,11 @@ class LoopAnalysis:
         )
         return {"inertia held": inertia, "inertia free": inertia, "gravity slope": slope, "noise gain": noise}
 
-    def rows(self) -> list[list[str]]:
-        """A row for each joint, as `heads`; ranges are those over the poses, margins the least."""
+    def tables(self) -> list[Table]:
+        """A row for each joint; ranges are those over the poses, margins the least."""
         rows, units = [], self._units
+        shared = {name: next(iter(each)) for name, each in units.items() if len(set(each)) == 1}
+        heads = [f"{head} [{shared[head]}]" if head in shared else head for head in HEADS]
         for j, name in enumerate(self.loop.names):
             ranges = [_range(each[:, j]) for each in (self.inertias.held, self.inertias.free, self.inertias.slope)]
             margins = [
@@ -107,7 +187,7 @@ class LoopAnalysis:
                     for cell, head, mixed in zip(row, HEADS, unlike, strict=True)
                 ]
             )
-        return rows
+        return [Table(self.heading, heads, rows)]
 
     def sentences(self) -> list[str]:
         """The result in sentences, which also say how poses were sampled."""
@@ -122,8 +202,9 @@ class LoopAnalysis:
             else f"NOT stable at {bad} of {len(self.poses)} poses"
         )
         lines = [
+            "the loop keeps its margins" if self.keeps_margins else "the loop does not keep its margins",
             f"the coupled loop at {1e3 * loop.period:.4g} ms with {1e3 * loop.delay:.4g} ms of delay is {state}; "
-            f"its largest eigenvalue is {self.radius[worst]:.5f} a tick, at q = [{pose}]"
+            f"its largest eigenvalue is {self.radius[worst]:.5f} a tick, at q = [{pose}]",
         ]
         for period, what in ((self.period_stable, "be stable"), (self.period_with_margin, f"keep {asked}")):
             if period == 0.0:

@@ -16,6 +16,7 @@ import numpy as np
 from armwright import scalar
 from armwright.errors import ScenarioError
 from armwright.matrix_exponential import matrix_exponential
+from armwright.results.result import Result
 from armwright.simulation.checks import check_time
 from armwright.simulation.loop.timing import WHOLE
 
@@ -24,7 +25,7 @@ MOST_PERIODS = 2**53  # of a delay: a float counts no further
 
 
 @dataclass(frozen=True, eq=False)
-class Held:
+class Held(Result):
     """Sampled system  x_{k+1} = a x_k + new u_{k-ticks} + old u_{k-ticks-1},  or a batch of them.
 
     Attributes:

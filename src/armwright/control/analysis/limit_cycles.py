@@ -22,6 +22,7 @@ from armwright.control.analysis.noise import measured_entries
 from armwright.control.analysis.small_signal import Slopes
 from armwright.entry import expect
 from armwright.errors import ScenarioError
+from armwright.results.result import Result
 
 COUNTS = np.geomspace(0.505, 20.0, 80)  # amplitudes that are looked at; beyond, a rounded sine is nearly the sine
 ROUNDS = 10  # of the search for the frequency at an amplitude
@@ -30,7 +31,7 @@ HALVINGS = 12  # of the interval in which the amplitude lies
 
 
 @dataclass(frozen=True)
-class LimitCycle:
+class LimitCycle(Result):
     """A stable oscillation of one joint's position, with the loops of the others closed.
 
     Attributes:

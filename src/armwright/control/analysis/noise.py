@@ -21,13 +21,14 @@ import numpy as np
 from armwright.control.analysis.linear_loop import GAINS, LinearLoop, first_lost
 from armwright.control.analysis.small_signal import Slopes
 from armwright.errors import ScenarioError
+from armwright.results.result import Result
 
 DOUBLINGS = 60  # of the ticks that a covariance is summed over
 ROUNDED = 2.0  # largest ratio of a rounded number to itself
 
 
 @dataclass(frozen=True, eq=False)
-class NoiseGain:
+class NoiseGain(Result):
     """Standard deviations caused by white position noise of standard deviation 1 rad or m; NaN for an unstable loop.
 
     Attributes:
@@ -40,7 +41,7 @@ class NoiseGain:
 
 
 @dataclass(frozen=True, eq=False)
-class Quantisation:
+class Quantisation(Result):
     """Effects of encoder quantisation on a loop about poses (…): noise while moving, limit cycles at rest.
 
     Attributes:

@@ -15,6 +15,7 @@ from armwright.control.gains import gain_units
 from armwright.entry import AnyScenario, as_scenario
 from armwright.errors import ScenarioError
 from armwright.parameters import Batch, numbers_by_lane
+from armwright.results.result import Result
 from armwright.simulation.checks import check_choice
 from armwright.simulation.scenario import Scenario
 
@@ -29,7 +30,7 @@ GAIN, PHASE = 2.0, np.radians(30.0)  # the margins that are usually asked for
 
 
 @dataclass(frozen=True, eq=False)
-class GainRegion:
+class GainRegion(Result):
     """Pairs of gains of one joint that keep the margins at every pose, the other joints fixed.
 
     Attributes:

@@ -15,12 +15,13 @@ from armwright.kernels.batch import Kernel
 from armwright.kernels.target import select_target
 from armwright.model import Model
 from armwright.program import trace
+from armwright.results.result import Result
 from armwright.scalar import Array
 from armwright.simulation.checks import check_whole
 
 
 @dataclass(frozen=True, eq=False)
-class JointInertias:
+class JointInertias(Result):
     """Inertia, gravity and coupling of each joint at sampled poses.
 
     Attributes:

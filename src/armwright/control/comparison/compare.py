@@ -7,6 +7,7 @@ import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,6 +23,7 @@ from armwright.control.comparison.measures import (
     settling_time,
     tool_path,
 )
+from armwright.control.comparison.picture import MOST_ROWS, draw_comparison
 from armwright.entry import AnyScenario, as_scenario
 from armwright.errors import ScenarioError
 from armwright.fitting.measures import rms
@@ -29,6 +31,8 @@ from armwright.kernels.compiled import compile_arm
 from armwright.model import Model
 from armwright.output import check_destination, whole_file
 from armwright.parameters import Batch
+from armwright.results.result import Result
+from armwright.results.table import Table
 from armwright.simulation.checks import check_time, check_whole
 from armwright.simulation.inputs.payload import Payload
 from armwright.simulation.oscillation import unstable_loop
@@ -39,6 +43,7 @@ from armwright.trajectory.motion import Motion
 
 if TYPE_CHECKING:
     import xarray as xr
+    from matplotlib.figure import Figure
 
 SUPPORT = replace(
     SIMULATED,
@@ -80,7 +85,7 @@ OF_TOOL = {
 
 
 @dataclass(frozen=True, eq=False)
-class Comparison:
+class Comparison(Result):
     """Results of `compare_controllers`.
 
     Attributes:
@@ -97,28 +102,49 @@ class Comparison:
     runs: int
     notes: tuple[str, ...] = ()
 
-    def joint_rows(self) -> tuple[tuple[str, ...], list[list[str]]]:
-        """Heads and rows of a table of joints and drives: the worst joint of every case; — if unknown."""
+    @property
+    def heading(self) -> str:
+        """Name above its table and on its page."""
+        return f"joints, the worst of each case; {self.runs} runs each, settled within {self.band.max():g} rad | m"
+
+    def tables(self) -> list[Table]:
+        """Joints and drives, the worst joint of every case; and the tool's distances from its path, if it moves."""
         errors = [(name, unit) for unit in ("rad", "m") for name in ("rms_error", "largest_error", "overshoot")]
-        heads = tuple(f"{name.replace('_', ' ')} [{unit}]" for name, unit in errors)
+        heads = [f"{name.replace('_', ' ')} [{unit}]" for name, unit in errors]
+        heads += ["settling [s]", "peak of limit", "saturated", "failed runs"]
+        of_tool = ("mean [mm]", "largest [mm]", "AT_p [mm]", "RT_p [mm]")
 
         def cells(case: xr.Dataset) -> list[str]:
             of_kind = [_worst(case[name].values[case["unit"].values == unit]) for name, unit in errors]
             shares = [_worst(case[name].values, 100.0, " %") for name in ("peak_share", "saturation")]
             return [*of_kind, _worst(case["settling_time"].values), *shares, str(int(case["failed"]) or "—")]
 
-        more = ("settling [s]", "peak of limit", "saturated", "failed runs")
-        return (*CASE, *heads, *more), [[*names, *cells(case)] for names, case in self._cases()]
+        joints = [[*names, *cells(case)] for names, case in self._cases()]
+        tool = [[*names, *(_worst(case[each].values, 1e3) for each in OF_TOOL)] for names, case in self._cases()]
+        found = [
+            Table(self.heading, (*CASE, *heads), joints, CASE),
+            Table("tool off its path", (*CASE, *of_tool), tool, CASE),
+        ]
+        return [each for each in found if any(set(row[len(CASE) :]) != {"—"} for row in each.cells)] or found[:1]
 
-    def tool_rows(self) -> tuple[tuple[str, ...], list[list[str]]]:
-        """Heads and rows of a table of the tool's distances from its path; — if the tool does not move."""
-        heads = ("mean [mm]", "largest [mm]", "AT_p [mm]", "RT_p [mm]")
-        rows = [[*names, *(_worst(case[each].values, 1e3) for each in OF_TOOL)] for names, case in self._cases()]
-        return (*CASE, *heads), rows
+    def sentences(self) -> list[str]:
+        """Its notes."""
+        return list(self.notes)
 
-    def save(self, path: str | os.PathLike[str]) -> None:
+    @property
+    def height(self) -> float:
+        """Of its picture [inch]."""
+        return 0.9 + 2.6 * min(self.data.sizes["motion"] * self.data.sizes["payload"], MOST_ROWS)
+
+    def draw(self, figure: Figure, ink: str, quiet: str) -> None:
+        """Draws a row for each motion and payload, and a curve for each controller."""
+        draw_comparison(figure, self.data, ink)
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
         """Writes the measures as `.csv`, a row for each case and joint, or as `.nc`, the whole dataset with units and meanings.
 
+        Returns:
+            path: of the file.
         Raises:
             ArmwrightError: another ending, or a file that cannot be written.
         """
@@ -129,6 +155,7 @@ class Comparison:
             else:
                 table = self.data[[*OF_JOINTS, *OF_TOOL, "failed"]].drop_vars("unit").to_dataframe()
                 table.to_csv(temporary, lineterminator="\n")
+        return path
 
     def _cases(self) -> Iterator[tuple[list[str], xr.Dataset]]:
         """Names and measures of every case, controllers of the same motion and payload below each other."""

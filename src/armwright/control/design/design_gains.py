@@ -21,6 +21,8 @@ from armwright.control.joint_pid import JointPID
 from armwright.entry import AnyScenario, as_scenario
 from armwright.errors import ScenarioError
 from armwright.parameters import Batch, numbers_by_lane
+from armwright.results.result import Result
+from armwright.results.table import Table, number
 from armwright.simulation.checks import check_choice, check_whole
 from armwright.simulation.loop.timing import Timing
 from armwright.simulation.scenario import Scenario
@@ -40,7 +42,6 @@ SUPPORT = replace(
 )
 
 DESIGNED = (JointPID, Cascade, ComputedTorque)
-HEADS = ("joint", "gain", "value")
 STEPS = {"lqr": 9}  # bandwidths of a grid; each regulator takes a while
 SLOWEST = 1e-2  # of them, as a share of the fastest
 SHORTER, HALVINGS = 0.8, 3  # from one common factor of the coupled loop to the next
@@ -48,7 +49,7 @@ FASTER = (2.0, 4.0, 8.0, 16.0, 32.0, 64.0)  # sampling, where the loop's own kee
 
 
 @dataclass(frozen=True, eq=False)
-class GainDesign:
+class GainDesign(Result):
     """Gains of a controller from a design rule.
 
     Attributes:
@@ -84,12 +85,19 @@ class GainDesign:
     def __repr__(self) -> str:
         return f"GainDesign({self.method!r}, {', '.join(self.gains)}, keeps={self.keeps})"
 
-    def rows(self) -> list[list[str]]:
-        """A row for each gain and joint, as `HEADS`."""
-        names = self.scenario.arm.names
-        return [
-            [joint, name, f"{g:.4g}"] for name, row in self.gains.items() for joint, g in zip(names, row, strict=True)
+    @property
+    def heading(self) -> str:
+        """Name above its table and on its page."""
+        return f"{self.scenario.arm.name}: gains"
+
+    def tables(self) -> list[Table]:
+        """A row for each gain and joint."""
+        rows = [
+            [joint, name, number(g, ".4g")]
+            for name, values in self.gains.items()
+            for joint, g in zip(self.scenario.arm.names, values, strict=True)
         ]
+        return [Table(self.heading, ("joint", "gain", "value"), rows, ("gain",))]
 
     @cached_property
     def limits(self) -> tuple[JointLimit, ...]:

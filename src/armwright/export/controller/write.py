@@ -23,6 +23,7 @@ from armwright.features import Support
 from armwright.kernels.c import REALS
 from armwright.kernels.compiled import KERNELS
 from armwright.output import whole_file, working_folder
+from armwright.results.result import Result
 from armwright.simulation.checks import is_whole
 
 OF_THE_BUS = "it belongs to the sensors, the bus and the arm"
@@ -51,7 +52,7 @@ WRITTEN = 256  # of them in the self-test
 
 
 @dataclass(frozen=True, eq=False)
-class ExportedController:
+class ExportedController(Result):
     """The C files of a controller.
 
     Attributes:

@@ -21,6 +21,7 @@ from armwright.features import Support
 from armwright.kernels.c_syntax import KEYWORDS
 from armwright.model import Model
 from armwright.output import whole_file, working_folder
+from armwright.results.result import Result
 from armwright.simulation.scenario import Scenario
 from armwright.simulation.scenario_parts import Loop
 
@@ -41,7 +42,7 @@ NOTHING_BUILT = (
 
 
 @dataclass(frozen=True, eq=False)
-class ExportedFmu:
+class ExportedFmu(Result):
     """A written FMU.
 
     Attributes:

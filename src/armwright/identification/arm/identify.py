@@ -54,19 +54,24 @@ from armwright.identification.logs.checks import of_robot
 from armwright.identification.logs.log import Log
 from armwright.identification.logs.preparation import Preparation, choose_preparation
 from armwright.identification.validation.comparison import NO_HOLD_OUT, RecordComparison, compare_records
+from armwright.identification.validation.validate import Validation
 from armwright.model import Model
 from armwright.model.load import load
+from armwright.results.page_parts import definitions
+from armwright.results.result import Result
+from armwright.results.table import Table, number
 
 FOLDS = 8  # parts of a log with few runs
 MANY_RUNS = 4  # from here on each run is a part
 IN_MEMORY = 20_000_000  # numbers of prepared rows that stay in memory: 160 MB; longer logs are read again
 GAIN = 0.01  # of the held-out error, that a spring must bring
 MOST_PASSES, SETTLED = 5, 0.05  # fits of a lossy arm about the last one, until it moves by less than so many deviations
+JOINTS = ("joint", "R²", "RMS", "of the torque [%]", "held out [%]", "unit")
 SMALLER, LARGER = 0.7, 1.3  # cut-offs that the fit is compared at
 
 
 @dataclass(frozen=True, eq=False)
-class ArmEstimate:
+class ArmEstimate(Result):
     """Result of `identify_arm`.
 
     Attributes:
@@ -93,8 +98,44 @@ class ArmEstimate:
         """ "identified" or "not identified"."""
         return self.estimate.verdict
 
-    def __str__(self) -> str:
-        return str(self.estimate)
+    @property
+    def good(self) -> bool:
+        """True if the log determines the parameters."""
+        return self.estimate.good
+
+    def sentences(self) -> list[str]:
+        """Remarks, then the verdict."""
+        return self.estimate.sentences()
+
+    def tables(self) -> list[Table]:
+        """Base parameters by their formulas; measures of each joint; the record on the runs held out."""
+        parameters, *_ = self.estimate.tables()
+        named = [[formula, *row[1:]] for formula, row in zip(self.formulas, parameters.cells, strict=True)]
+        joints = []
+        for j, body in enumerate(self.fit.equations.model.arm.coordinates):
+            held = self.estimate.fit.get(body.joint, {}).get("held_out")
+            share = 100.0 * self.fit.rms[j] / self.fit.torque_rms[j] if self.fit.torque_rms[j] > 0 else None
+            unit = "N m" if body.kind == "revolute" else "N"
+            shares = (number(share, ".3g"), number(None if held is None else 100.0 * held, ".3g"))
+            joints.append([body.joint, number(self.fit.r2[j]), number(self.fit.rms[j]), *shares, unit])
+        found = [replace(parameters, cells=named), Table("joints", JOINTS, joints, ("unit",))]
+        return found if self.hold_out is None else [*found, self.hold_out.table()]
+
+    def report(self, path: str | os.PathLike[str], validation: Validation | None = None) -> Path:
+        """Writes a page: verdict, what to do next, parameters, correlations, fits, and how base parameters are grouped.
+
+        Args:
+            path: ending in .html.   validation: of the record that was written, if it was compared with the log.
+        Returns:
+            path: of the page.
+        Raises:
+            OutputError: the file cannot be written.
+        """
+        from armwright.identification.validation.report import write_report  # which draws
+
+        formulas = [pair for pair in zip(self.estimate.names, self.formulas, strict=True) if pair[0] != pair[1]]
+        grouped = definitions("Regrouping", formulas)
+        return write_report(path, f"{self.estimate.log}: arm", self.estimate, validation, grouped)
 
     def write(self, output: str | os.PathLike[str], key: str = "fit") -> Path:
         """Writes the robot's record with the fitted links, rotors and friction, source of kind `fit`.

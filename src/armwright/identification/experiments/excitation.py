@@ -14,6 +14,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import casadi
@@ -35,7 +36,9 @@ from armwright.kernels.signatures import SIGNATURES, trace_kernel
 from armwright.model import Model
 from armwright.model.joint_signals import joint_units
 from armwright.progress import Shown, automatic
-from armwright.results.tables import joint_columns, write_table
+from armwright.results.csv_tables import joint_columns, write_table
+from armwright.results.result import Result
+from armwright.results.table import Table, number
 from armwright.trajectory.fourier import Fourier, rest_rows, series_matrices
 
 SUPPORT = KERNELS.named("excite")
@@ -54,7 +57,7 @@ FIRST = 0.5  # part of the limits of position and speed that a random start uses
 
 
 @dataclass(frozen=True, eq=False)
-class Excitation:
+class Excitation(Result):
     """A designed motion.
 
     Attributes:
@@ -97,11 +100,13 @@ class Excitation:
         t = np.append(np.arange(0.0, self.trajectory.duration, 1.0 / rate), self.trajectory.duration)
         return t, *self.trajectory.at(t)
 
-    def save(self, path: str | os.PathLike[str], rate: float = RATE) -> None:
+    def save(self, path: str | os.PathLike[str], rate: float = RATE) -> Path:
         """Writes the motion as CSV: t, then q, q̇ and q̈ of every joint, units in the header.
 
         Args:
             path: the file, replaced as a whole.   rate: rows in a second.
+        Returns:
+            path: of the file.
         Raises:
             OutputError: the file cannot be written.
         """
@@ -110,6 +115,26 @@ class Excitation:
         for name, values in zip(("q", "qd", "qdd"), states, strict=True):
             columns |= joint_columns(name, self.arm.names, joint_units(self.arm, name), values)
         write_table(path, columns)
+        return Path(path)
+
+    @property
+    def heading(self) -> str:
+        """Name above its table and on its page."""
+        return (
+            f"{self.arm.name}: excitation of {len(self.columns)} base parameters, condition number {self.condition:.4g}"
+        )
+
+    def sentences(self) -> list[str]:
+        """What was minimised, what is not honoured and why; effects that are approximated."""
+        return [*self.reasons, *self.notes]
+
+    def tables(self) -> list[Table]:
+        """A row for each joint: the largest part of each limit that is used."""
+        heads = ("joint", *(f"{name} [% of its limit]" for name in self.used))
+        rows = [
+            [name, *(number(100.0 * part[k]) for part in self.used.values())] for k, name in enumerate(self.arm.names)
+        ]
+        return [Table(self.heading, heads, rows)]
 
     def __str__(self) -> str:
         width = max(len("joint"), *(len(name) for name in self.arm.names))

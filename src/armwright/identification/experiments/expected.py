@@ -19,6 +19,8 @@ from armwright.identification.experiments.columns import DRIVES, BaseRegressor
 from armwright.identification.experiments.information import column_norms, scaled
 from armwright.model import Model
 from armwright.parameters import lane_counts
+from armwright.results.result import Result
+from armwright.results.table import Table, number
 from armwright.simulation.scenario import Scenario
 from armwright.simulation.sensitivity import sensitivities
 
@@ -65,7 +67,7 @@ class Expected:
 
 
 @dataclass(frozen=True, eq=False)
-class Comparison:
+class Comparison(Result):
     """Several experiments side by side; `str` gives a table.
 
     Attributes:
@@ -85,6 +87,17 @@ class Comparison:
             return int(np.isinf(std).sum()), float(np.log(known).mean()) if len(known) else np.inf
 
         return min(self.experiments, key=rank)
+
+    def sentences(self) -> list[str]:
+        """What only some of the experiments separate."""
+        return list(self.remarks)
+
+    def tables(self) -> list[Table]:
+        """A row for each parameter: the expected deviation by experiment; infinite where it is not identifiable."""
+        first, *_ = every = list(self.experiments.values())
+        rows = [[name, *(number(each.std[k]) for each in every), first.units[k]] for k, name in enumerate(first.names)]
+        rows.append(["condition number", *(number(each.condition) for each in every), ""])
+        return [Table("expected deviations", ("parameter", *self.experiments, "unit"), rows, ("unit",))]
 
     def __str__(self) -> str:
         first = next(iter(self.experiments.values()))

@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from scipy import signal
@@ -16,7 +17,8 @@ from armwright import scalar
 from armwright.errors import ModelError, ScenarioError
 from armwright.kernels.compiled import compile_arm
 from armwright.model import Model
-from armwright.results.tables import write_table
+from armwright.results.csv_tables import write_table
+from armwright.results.result import Result
 from armwright.simulation.inputs.schedule import Schedule
 
 USED = 0.9  # part of a limit that an experiment is sized for: the guess is coarse
@@ -124,7 +126,7 @@ class MotorGuess:
 
 
 @dataclass(frozen=True, eq=False)
-class MotorExperiment:
+class MotorExperiment(Result):
     """A command over time, one value for each period.
 
     Attributes:
@@ -159,13 +161,16 @@ class MotorExperiment:
         changed = np.concatenate([[True], np.diff(self.values) != 0.0])
         return Schedule(self.times[changed], self.values[changed][:, None], (self.guess.joint,))
 
-    def save(self, path: str | os.PathLike[str]) -> None:
+    def save(self, path: str | os.PathLike[str]) -> Path:
         """Writes the experiment as CSV: t and the command, a row for every period, as `read_schedule` reads it.
 
+        Returns:
+            path: of the file.
         Raises:
             OutputError: the file cannot be written.
         """
         write_table(path, {"t [s]": self.times, f"{self.guess.joint} [{self.guess.unit}]": self.values})
+        return Path(path)
 
     def __str__(self) -> str:
         speed, angle = self.guess.response(self.values, self.period)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.stats import f as f_distribution
@@ -12,6 +12,11 @@ from armwright.errors import LogError
 from armwright.identification.linear.records import Records, records_of
 from armwright.identification.linear.residuals import CERTAIN, feedback
 from armwright.identification.logs.findings import number_of
+from armwright.results.result import BLUE, Result
+from armwright.results.table import Table, number
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 REPEATS = 1e-9  # of the input's range: rows a period apart that differ by no more are equal
 OVERLAP = 2  # segments begin every 1/OVERLAP of their length
@@ -20,7 +25,7 @@ EXCITED = 1e-3  # of the largest line of a periodic input: smaller ones are not 
 
 
 @dataclass(frozen=True, eq=False)
-class FrequencyResponse:
+class FrequencyResponse(Result):
     """H(f) = output / input, with its uncertainty.
 
     Attributes:
@@ -59,6 +64,34 @@ class FrequencyResponse:
         """
         control = python_control()
         return control.frd(self.response, 2 * np.pi * self.frequency, dt=self.period)
+
+    def sentences(self) -> list[str]:
+        """Remarks and method."""
+        return [*self.remarks, self.method]
+
+    def tables(self) -> list[Table]:
+        """A row for each frequency."""
+        columns = (self.frequency, np.abs(self.response), self.std, np.degrees(np.angle(self.response)), self.coherence)
+        rows = [[number(value) for value in row] for row in zip(*columns, strict=True)]
+        heads = ("frequency [Hz]", "magnitude", "± std", "phase [deg]", "coherence")
+        return [Table("frequency response", heads, rows)]
+
+    def draw(self, figure: Figure, ink: str, quiet: str) -> None:
+        """Draws magnitude and phase over frequency, with the standard deviation as a band."""
+        above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
+        size = np.abs(self.response)
+        above.fill_between(
+            self.frequency,
+            np.maximum(size - self.std, 1e-3 * size),
+            size + self.std,
+            color=BLUE,
+            alpha=0.3,
+            linewidth=0,
+        )
+        above.plot(self.frequency, size, color=BLUE)
+        below.plot(self.frequency, np.degrees(np.unwrap(np.angle(self.response))), color=BLUE)
+        above.set(xscale="log", yscale="log", ylabel="magnitude")
+        below.set(xlabel="frequency [Hz]", ylabel="phase [deg]")
 
     def __str__(self) -> str:
         rows = [f"{'f [Hz]':>10} {'|H|':>11} {'± std':>9} {'phase [deg]':>12} {'coherence':>10}"]

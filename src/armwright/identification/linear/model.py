@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,10 +21,13 @@ from armwright.identification.linear.prediction_error import Polynomials, filter
 from armwright.identification.linear.records import Stretch
 from armwright.identification.linear.state_space import FilteredSensor, StateSpace, realised
 from armwright.identification.linear.subspace import initial_state
+from armwright.results.page_parts import definitions
+from armwright.results.result import Result
+from armwright.results.table import Table, number
 
 
 @dataclass(frozen=True, eq=False)
-class LinearModel:
+class LinearModel(Result):
     """A sampled linear model from a log, with its uncertainty and the fit of its free simulation.
 
     Attributes:
@@ -185,6 +190,44 @@ class LinearModel:
             fit=self.fit,
             verdict="identified" if self.verdict == "identified" else "not identified",
         )
+
+    @property
+    def good(self) -> bool:
+        """True if the output depends on the input."""
+        return self.verdict == "identified"
+
+    def sentences(self) -> list[str]:
+        """Method, remarks, verdict."""
+        return [self.method, *self.remarks, self.verdict]
+
+    def tables(self) -> list[Table]:
+        """Quantities and coefficients with standard deviations; fits of the free simulation."""
+        std = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+        rows = [[each.name, number(each.value), number(each.std, ".2g"), each.unit] for each in self.quantities]
+        rows += [
+            [n, number(v, ".6g"), number(s, ".2g"), ""] for n, v, s in zip(self.names, self.values, std, strict=True)
+        ]
+        fits = [[name, *(number(each[key]) for key in ("fit_percent", "r2", "rms"))] for name, each in self.fit.items()]
+        return [
+            Table(f"{self.kind} of order {self.order}", ("quantity", "value", "± std", "unit"), rows, ("unit",)),
+            Table("free simulation", ("run", "fit [%]", "R²", "RMS"), fits),
+        ]
+
+    def report(self, path: str | os.PathLike[str]) -> Path:
+        """Writes a page: verdict, what to do next, quantities, fits, coefficients.
+
+        Args:
+            path: ending in .html.
+        Returns:
+            path: of the page.
+        Raises:
+            OutputError: the file cannot be written.
+        """
+        from armwright.identification.validation.report import write_report  # which draws
+
+        std = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+        pairs = [(name, f"{v:.6g} ± {s:.2g}") for name, v, s in zip(self.names, self.values, std, strict=True)]
+        return write_report(path, self.method, self.estimate(), sections=definitions("Coefficients", pairs))
 
     def __str__(self) -> str:
         """Quantities with 95 % intervals, coefficients, fits and remarks."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from armwright.errors import ArmwrightError, LogError
 from armwright.identification.logs.log_file import FileTable
-from armwright.results.tables import WITH_UNIT
+from armwright.results.csv_tables import WITH_UNIT
 
 
 class MeasuredTable(ABC):

@@ -22,6 +22,8 @@ from armwright.identification.motor.problem import sizes
 from armwright.identification.motor.separating import separating
 from armwright.identification.motor.uncertainty import covariance
 from armwright.identification.motor.unknowns import values_of
+from armwright.results.result import Result
+from armwright.results.table import Table
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -45,7 +47,7 @@ WORDS = {
 
 
 @dataclass(frozen=True, eq=False)
-class MotorFit:
+class MotorFit(Result):
     """A fit of drives: `estimate` with its uncertainty, the `robot` with first guesses and given numbers, `predictions` by run.
 
     Attributes:
@@ -62,6 +64,39 @@ class MotorFit:
     source: Any
     cost: float
     hold_out: RecordComparison | None = None
+
+    @property
+    def heading(self) -> str:
+        """Name above its table and on its page."""
+        return f"{self.estimate.log}: motor"
+
+    @property
+    def good(self) -> bool:
+        """True if the log determines the parameters."""
+        return self.estimate.good
+
+    def sentences(self) -> list[str]:
+        """Remarks, then the verdict."""
+        return self.estimate.sentences()
+
+    def tables(self) -> list[Table]:
+        """Numbers with standard deviations; then measures of the fit."""
+        return self.estimate.tables()
+
+    def report(self, path: str | os.PathLike[str]) -> Path:
+        """Writes a page: verdict, what to do next, parameters, correlations, fits, and every run as measured and as predicted.
+
+        Args:
+            path: ending in .html.
+        Returns:
+            path: of the page.
+        Raises:
+            OutputError: the file cannot be written.
+        """
+        from armwright.identification.motor.page import plots  # which draws
+        from armwright.identification.validation.report import write_report
+
+        return write_report(path, self.heading, self.estimate, sections=plots(self))
 
     def write(self, output: str | os.PathLike[str], key: str = "fit") -> Path:
         """Writes the robot's file with the estimate in it, as `write_into`.

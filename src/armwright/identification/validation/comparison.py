@@ -28,6 +28,7 @@ from armwright.identification.validation.joint_measures import JointMeasures, mo
 from armwright.identification.validation.prediction import Quantity
 from armwright.identification.validation.validate import Validation, validate
 from armwright.model import Model
+from armwright.results.table import Table, number
 
 BATCHES = 20
 LEAST = 8  # rows of a batch; shorter runs have fewer batches
@@ -46,6 +47,9 @@ class FitNoise(NamedTuple):
 
     error: float
     residual: float
+
+
+HEADS = ("joint", "quantity", "R²", "RMS", "R² before", "RMS before", "unit", "")
 
 
 @dataclass(frozen=True)
@@ -91,6 +95,24 @@ class RecordComparison:
     before: Validation | None
     rows: tuple[Compared, ...]
     reason: str = ""
+
+    def table(self) -> Table:
+        """A row for each quantity of each joint: R² and RMS of both records."""
+        rows = [
+            [
+                each.joint,
+                each.quantity,
+                *(
+                    number(value)
+                    for a in (each.written, each.before)
+                    for value in ((a.r2, a.rms) if a else (None, None))
+                ),
+                each.unit,
+                "worse" if each.is_worse else "",
+            ]
+            for each in self.rows
+        ]
+        return Table("the record on the runs held out", HEADS, rows, ("quantity", "unit", ""))
 
     @property
     def worse(self) -> list[str]:

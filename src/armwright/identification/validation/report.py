@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import os
-import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from html import escape
 from pathlib import Path
 
@@ -20,17 +19,13 @@ from armwright.identification.validation.pictures import (
     spectrum_picture,
 )
 from armwright.identification.validation.validate import Validation
-from armwright.output import check_destination, whole_file
-from armwright.results.plot_page import PAGES, page
+from armwright.results.page_parts import bullets, html_table, section, sentence, shown_table, write_page
 
-HERE = Path(__file__).parent / "pages"
-ENDINGS = (".html",)
 MOST_PLACES = 6  # behind the point
 STRONG = 0.95  # correlation from which on two parameters are named
 PAIRS = 12  # of strongly correlated parameters that are listed
 SMALL = 1e-3  # of a probability: less is shown as that
 BOUNDS = "beyond 99 % bounds"
-NAME = re.compile(r"\w*[\d_]")  # at the beginning of a remark: of a joint or a parameter
 DRAWN = 2  # runs of each joint that are drawn
 MEASURES = (
     ("R²", "1 − ‖e‖² / ‖y − ȳ‖²: the share of the signal's power that is explained; below 0 the mean would be better"),
@@ -40,15 +35,6 @@ MEASURES = (
     ("delay", "of the measured behind the predicted signal, in samples of the log, ± its standard deviation"),
     ("at rest", "a joint that stands still has nothing that a model could explain: its mean values are given instead"),
 )  # fmt: skip
-
-
-def check_report(path: str | os.PathLike[str]) -> Path:
-    """The path, if a report can be written there; to be called before long work.
-
-    Raises:
-        OutputError: another ending than .html, a missing folder, no permission.
-    """
-    return check_destination(path, ENDINGS)
 
 
 def write_report(
@@ -69,43 +55,29 @@ def write_report(
     Raises:
         OutputError: the file cannot be written.
     """
-    path = check_report(path)
-    html = report_page(title, estimate, validation, sections)
-    with whole_file(path, ENDINGS) as temporary:
-        temporary.write_text(html, encoding="utf-8", newline="\n")
-    return path
+    of = "" if validation is None or validation.log.title in title else validation.log.title
+    return write_page(path, title, report_blocks(estimate, validation, sections), of)
 
 
-def report_page(
-    title: str,
+def report_blocks(
     estimate: Estimate | None = None,
     validation: Validation | None = None,
     sections: Sequence[tuple[str, str]] = (),
-) -> str:
-    """HTML of the page; see `write_report`."""
+) -> list[str]:
+    """Sections of the page as HTML; see `write_report`."""
     blocks = [_summary(estimate, validation)] if estimate is not None or validation is not None else []
     if validation is not None:
-        blocks.append(_block("Every joint", _measures(validation)))
+        blocks.append(section("Every joint", _measures(validation)))
     next_steps = steps(estimate, validation)
     if next_steps:
-        blocks.append(_block("What to do next", _list(map(sentence, next_steps))))
+        blocks.append(section("What to do next", bullets(map(sentence, next_steps))))
     if estimate is not None:
-        blocks.append(_block("Parameters", _parameters(estimate)))
-    blocks += [_block(heading, html) for heading, html in sections]
+        blocks.append(section("Parameters", _parameters(estimate)))
+    blocks += [section(heading, html) for heading, html in sections]
     if validation is not None:
         blocks += [_joint(validation, joint) for joint in validation.arm.names]
-        blocks.append(_block("How this was measured", _method(validation)))
-    of = "" if validation is None or validation.log.title in title else validation.log.title
-    words = {"title": title, "heading": title, "subtitle": of}
-    styles = [PAGES / "page.css", HERE / "report.css"]
-    return page(HERE / "report.html", [PAGES / "unpack.js"], styles, words, body="\n".join(blocks))
-
-
-def definitions(heading: str, pairs: Sequence[tuple[str, str]]) -> list[tuple[str, str]]:
-    """A section of `write_report` with names and their meanings; empty without pairs."""
-    rows = [[escape(name), escape(about)] for name, about in pairs]
-    table = html_table(("", ""), rows, (0, 1)).replace('</td><td class="word">', '</td><td class="word wrap">')
-    return [(heading, table)] if rows else []
+        blocks.append(section("How this was measured", _method(validation)))
+    return blocks
 
 
 def steps(estimate: Estimate | None, validation: Validation | None) -> list[str]:
@@ -237,28 +209,14 @@ def _at_rest(found: JointMeasures) -> str:
 
 def _parameters(estimate: Estimate) -> str:
     """Table of the estimated numbers, then strong correlations and measures of the fit."""
-    rows = []
-    std, at_bound, known = estimate.std, np.asarray(estimate.at_bound), np.asarray(estimate.identifiable)
-    for k, name in enumerate(estimate.names):
-        value, is_known = estimate.values[k], np.isfinite(std[k])
-        relative = abs(std[k] / value) if value and is_known else np.nan
-        share = f"{100 * relative:.2g} %" if relative < 1 else "> 100 %" if relative >= 1 else ""
-        note = "" if known[k] else "not identified: as the record has it"
-        note = "at its bound" if at_bound[k] else note
-        cells = [escape(name), *_rounded(value, std[k], 2), escape(estimate.units[k]), share]
-        rows.append([*cells, f'<span class="bad">{note}</span>'])
-    parts = [html_table(("parameter", "value", "± std", "unit", "relative", ""), rows, (0, 3, 5))]
+    parameters, *fits = estimate.tables()
+    parts = [shown_table(parameters)]
     matrix = estimate.correlation
     pairs = sorted(np.argwhere(np.triu(np.abs(matrix), 1) > STRONG), key=lambda pair: -abs(matrix[tuple(pair)]))
     if pairs:
         named = [f"{estimate.names[i]} and {estimate.names[j]}: {matrix[i, j]:.3f}" for i, j in pairs[:PAIRS]]
-        parts.append(f"<h3>Strong correlations</h3>{_list(named)}")
-    if estimate.fit:
-        names = list(dict.fromkeys(name for each in estimate.fit.values() for name in each))
-        words = {"fit_percent": "fit [%]", "r2": "R²", "rms": "RMS"}
-        cells = [[escape(k), *(f"{v[n]:.4g}" if n in v else "" for n in names)] for k, v in estimate.fit.items()]
-        heads = ("", *(words.get(name, name.replace("_", " ")) for name in names))
-        parts.append(f"<h3>Fit to the log</h3>{html_table(heads, cells, (0,))}")
+        parts.append(f"<h3>Strong correlations</h3>{bullets(named)}")
+    parts += [f"<h3>Fit to the log</h3>{shown_table(each)}" for each in fits]
     if np.isfinite(estimate.condition):
         parts.append(f'<p class="quiet">Condition number {estimate.condition:.4g}.</p>')
     return "".join(parts)
@@ -277,10 +235,10 @@ def _joint(validation: Validation, joint: str) -> str:
             parts.append(f'<div class="plot">{over_time(runs[name], column)}</div>')
         pictures = [svg for svg in (spectrum_picture(each), friction_picture(each), correlation_picture(each)) if svg]
         parts.append(f'<div class="small">{"".join(f"""<div class="plot">{svg}</div>""" for svg in pictures)}</div>')
-        parts += [_list(map(sentence, each.remarks)), _tests(each)]
+        parts += [bullets(map(sentence, each.remarks)), _tests(each)]
         text = "\n".join(parts)
         inner.append(f"<details><summary>{each.quantity.capitalize()}</summary>{text}</details>" if number else text)
-    return _block(joint, "\n".join(inner), joint) if inner else ""
+    return section(joint, "\n".join(inner), joint) if inner else ""
 
 
 def _tests(found: JointMeasures) -> str:
@@ -307,39 +265,8 @@ def _method(validation: Validation) -> str:
     notes = [*validation.notes, "Tests of residuals are reported and never decide: what is filtered is never white"]
     terms = "".join(f"<dt>{name}</dt><dd>{escape(about)}</dd>" for name, about in MEASURES)
     symbols = "y is measured, ŷ predicted, e = y − ŷ the residual, ȳ the mean of y."
-    return f'{_list(map(sentence, notes))}<p class="quiet">{symbols}</p><dl>{terms}</dl>'
+    return f'{bullets(map(sentence, notes))}<p class="quiet">{symbols}</p><dl>{terms}</dl>'
 
 
 def _probability(p: float) -> str:
     return "< 0.001" if p < SMALL else f"{p:.2g}"
-
-
-def _block(heading: str, inner: str, anchor: str = "") -> str:
-    where = f' id="{escape(anchor)}"' if anchor else ""
-    return f"<section{where}><h2>{escape(heading)}</h2>\n{inner}\n</section>"
-
-
-def _list(texts: Iterable[str]) -> str:
-    items = "".join(f"<li>{escape(text)}</li>" for text in texts)
-    return f"<ul>{items}</ul>" if items else ""
-
-
-def sentence(text: str) -> str:
-    """A remark as a sentence: with a full stop, and a capital letter unless it begins with a name."""
-    begun = text if NAME.match(text) else f"{text[:1].upper()}{text[1:]}"
-    return f"{begun}{'' if text.endswith(('.', '?')) else '.'}"
-
-
-def html_table(heads: Sequence[str], rows: Iterable[Sequence[str]], words: Sequence[int]) -> str:
-    """A table of cells that are HTML already; columns in `words` are left-aligned."""
-
-    def cells(row: Sequence[str], tag: str) -> str:
-        return "".join(
-            f'<{tag} class="word">{c}</{tag}>' if k in words else f"<{tag}>{c}</{tag}>" for k, c in enumerate(row)
-        )
-
-    body = "\n".join(f"<tr>{cells(row, 'td')}</tr>" for row in rows)
-    heads = [re.sub(r" (?=[^\[]*\]|[×÷]$)", "&nbsp;", head) for head in heads]  # a unit stays on one line
-    return (
-        f'<div class="table"><table><thead><tr>{cells(heads, "th")}</tr></thead><tbody>\n{body}\n</tbody></table></div>'
-    )

@@ -33,6 +33,8 @@ from armwright.model import Model
 from armwright.model.load import load
 from armwright.progress import Shown, automatic
 from armwright.reading import read_file
+from armwright.results.result import Result
+from armwright.results.table import Table, number
 from armwright.simulation.scenario import Scenario
 
 SUPPORT = replace(
@@ -47,7 +49,7 @@ HEADS = ("joint", "quantity", "R²", "fit %", "VAF %", "RMS", "unit", "runs from
 
 
 @dataclass(frozen=True, eq=False)
-class Validation:
+class Validation(Result):
     """Result of `validate`; printed, it is a table.
 
     Attributes:
@@ -111,26 +113,47 @@ class Validation:
         known = [f"{each.quantity} of {each.joint}" for each in self.measures]
         raise LogError("not predicted", value=f"{quantity} of {joint}", choices=known)
 
-    def rows(self) -> list[list[str]]:
-        """Cells of the table, a row for each quantity and joint, under HEADS."""
+    @property
+    def heading(self) -> str:
+        """Name above its table and on its page."""
+        return f"{self.arm.name}: {self.verdict}"
+
+    @property
+    def good(self) -> bool:
+        """True if it passes."""
+        return self.passed
+
+    def sentences(self) -> list[str]:
+        """Notes, and remarks on joints."""
+        remarks = [f"{each.joint}, {each.quantity}: {remark}" for each in self.measures for remark in each.remarks]
+        return [*self.notes, *remarks]
+
+    def report(self, path: str | os.PathLike[str]) -> Path:
+        """Writes a page: verdict, measures, plots of every joint, method.
+
+        Args:
+            path: ending in .html.
+        Returns:
+            path: of the page.
+        Raises:
+            OutputError: the file cannot be written.
+        """
+        from armwright.identification.validation.report import write_report  # which draws
+
+        return write_report(path, f"{self.arm.name}: validation", validation=self)
+
+    def tables(self) -> list[Table]:
+        """A row for each quantity and joint."""
         rows = []
         for each in self.measures:
             a, checks = each.overall, [c for c in self.checks if (c.joint, c.quantity) == (each.joint, each.quantity)]
             low, high = each.spread
-            values = (
-                [f"{a.r2:.3f}", f"{a.fit:.1f}", f"{a.vaf:.1f}", f"{a.rms:.4g}"] if each.runs else ["at rest"] + [""] * 3
-            )
+            forms = (".3f", ".1f", ".1f", ".4g")
+            values = [*map(number, (a.r2, a.fit, a.vaf, a.rms), forms)] if each.runs else ["at rest", "", "", ""]
             spread = f"{low:.3g} … {high:.3g}" if len(each.runs) > 1 else ""
             judged = "; ".join(("" if c.passed else "FAILS ") + str(c) for c in checks)
             rows.append([each.joint, each.quantity, *values, each.unit, spread, judged])
-        return rows
-
-    def __str__(self) -> str:
-        cells = [list(HEADS), *self.rows()]
-        widths = [max(len(row[k]) for row in cells) for k in range(len(HEADS))]
-        lines = ["  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in cells]
-        words = [f"{each.joint}, {each.quantity}: {remark}" for each in self.measures for remark in each.remarks]
-        return "\n".join([f"{self.arm.name}: {self.verdict}", *lines, *self.notes, *words])
+        return [Table(self.heading, HEADS, rows, (HEADS[1], HEADS[6], HEADS[8]))]
 
 
 def validate(

@@ -19,6 +19,7 @@ from armwright.identification.validation.validate import Validation, record_sha2
 from armwright.output import check_destination, whole_file
 from armwright.quantity import Record
 from armwright.reading import read_file
+from armwright.results.result import Result
 from armwright.validation import validated
 
 ENDING = ".verdict.toml"
@@ -44,7 +45,7 @@ class VerdictTable(Record):
 
 
 @dataclass(frozen=True, eq=False)
-class StoredVerdict:
+class StoredVerdict(Result):
     """A verdict read from a file.
 
     Attributes:

@@ -10,7 +10,7 @@ import numpy as np
 
 from armwright import scalar
 from armwright.errors import Problem, ScheduleError
-from armwright.results.tables import Column, parse_numbers, table_text
+from armwright.results.csv_tables import Column, parse_numbers, table_text
 
 COMMAND_UNITS = ("V", "A", "N m", "N")
 

@@ -17,6 +17,7 @@ from armwright.ik.solve import inverse_kinematics, solver
 from armwright.ik.starts import random_positions
 from armwright.kinematics.aim import AXES, Aim
 from armwright.model import Model
+from armwright.results.result import Result
 from armwright.scalar import real_number, real_numbers
 from armwright.trajectory.cartesian.following import Follower, Stuck
 from armwright.trajectory.cartesian.path import CartesianPath
@@ -51,7 +52,7 @@ class SplinePath(JointPath):
 
 
 @dataclass(frozen=True, eq=False)
-class ToolPathSolution:
+class ToolPathSolution(Result):
     """Joint positions along a tool's path.
 
     Attributes:

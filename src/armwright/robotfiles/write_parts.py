@@ -37,7 +37,7 @@ def write_parts(
     text = to_toml(build.description, arm.parent)
     page = None
     if audit is not None:
-        from armwright.parts.audit_page import audit_page
+        from armwright.robotfiles.audit_page import audit_page
 
         page = audit_page(build, _previous(arm))
     with whole_file(arm) as temporary:

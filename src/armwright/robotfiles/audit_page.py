@@ -4,20 +4,18 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from html import escape
-from importlib import resources
 from typing import Any
 
 import numpy as np
 
-from armwright.description.paths import quantities
 from armwright.description.robot import RobotDescription
-from armwright.errors import Problem
 from armwright.parts.audit import Row, audit
 from armwright.parts.build import PartsBuild
-from armwright.parts.link_picture import colour_of_part, link_picture
 from armwright.parts.mass_properties import ENTRIES, WeighedLink
+from armwright.results.page_parts import html_table, report_html, section
+from armwright.robotfiles.difference import Change, changed_parameters
+from armwright.robotfiles.link_picture import colour_of_part, link_picture
 
 
 def audit_page(build: PartsBuild, previous: RobotDescription | None = None) -> str:
@@ -30,68 +28,32 @@ def audit_page(build: PartsBuild, previous: RobotDescription | None = None) -> s
     """
     arm = build.description
     assert arm.built_from is not None
-    notes = [
-        *(_box("warning", warning) for warning in build.warnings),
-        *(_box("note", note) for note in build.overrides),
-    ]
-    if not notes:
-        notes = ['<p class="quiet">No warnings. Nothing was measured: every number is computed from sections.</p>']
+    notes = "\n".join(
+        f'<div class="{kind}">{escape(str(problem))}</div>'
+        for kind, problems in (("warning", build.warnings), ("note", build.overrides))
+        for problem in problems
+    )
+    nothing = '<p class="quiet">No warnings. Nothing was measured: every number is computed from sections.</p>'
+    about = f"Built from {escape(arm.built_from.file)}, SHA-256 {arm.built_from.sha256}"
     body = [
-        f"<h1>{escape(arm.name)}: audit of its parts</h1>",
-        f'<p class="quiet">{escape(arm.title or "")}</p>',
-        f'<p class="quiet">Built from {escape(arm.built_from.file)}, SHA-256 {arm.built_from.sha256}</p>',
-        _block("Links", _links(build)),
-        _block("Warnings and measurements", "\n".join(notes)),
-        _block("Changes since the previous file", _changes(previous, arm)),
-        *(_block(link.link.name, _link(link, arm), link.link.name) for link in build.links),
+        section("Links", f'<p class="quiet">{about}</p>{_links(build)}'),
+        section("Warnings and measurements", notes or nothing),
+        section("Changes since the previous file", _changes(previous, arm)),
+        *(section(link.link.name, _link(link, arm), link.link.name) for link in build.links),
     ]
-    style = (resources.files("armwright.parts") / "audit.css").read_text(encoding="utf-8")
-    head = f'<meta charset="utf-8"><title>{escape(arm.name)}: audit of its parts</title><style>\n{style}</style>'
-    page = "\n".join(body)
-    return f'<!DOCTYPE html>\n<html lang="en"><head>{head}</head>\n<body><main>\n{page}\n</main></body></html>\n'
+    return report_html(f"{arm.name}: audit of its parts", body, arm.title or "")
 
 
-@dataclass(frozen=True)
-class Change:
-    """A number that differs between two descriptions.
-
-    Args:
-        path: as `provenance` takes it.   before, after: the values; None: there was, or is, no such number.
-    """
-
-    path: str
-    before: float | tuple[float, ...] | None
-    after: float | tuple[float, ...] | None
+def _table(heads: Sequence[str], rows: Iterable[str], words: int) -> str:
+    """A table of rows that are HTML already."""
+    empty = html_table(heads, (), range(words))
+    return empty.replace("<tbody>\n", "<tbody>\n" + "\n".join(rows))
 
 
-def changes(before: RobotDescription, after: RobotDescription) -> list[Change]:
-    """Every number that differs, pictures aside: those of `after` in its order, then those that only `before` has."""
-    old, new = _numbers(before), _numbers(after)
-    changed = [Change(path, old.get(path), value) for path, value in new.items() if old.get(path) != value]
-    return changed + [Change(path, value, None) for path, value in old.items() if path not in new]
-
-
-def _numbers(robot: RobotDescription) -> dict[str, Any]:
-    return {path: quantity.value for path, quantity, _ in quantities(robot, pictures=False)}
-
-
-def _block(title: str, inner: str, anchor: str = "") -> str:
-    where = f' id="{escape(anchor)}"' if anchor else ""
-    return f"<section{where}><h2>{escape(title)}</h2>\n{inner}\n</section>"
-
-
-def _box(kind: str, problem: Problem) -> str:
-    return f'<div class="{kind}">{escape(str(problem))}</div>'
-
-
-def _table(heads: Iterable[str], rows: Iterable[str], words: int) -> str:
-    cells = "".join(f'<th class="word">{h}</th>' if k < words else f"<th>{h}</th>" for k, h in enumerate(heads))
-    return f"<table><thead><tr>{cells}</tr></thead>\n<tbody>\n{chr(10).join(rows)}\n</tbody></table>"
-
-
-def _row(cells: Sequence[str], words: int, kind: str = "") -> str:
-    inner = "".join(f'<td class="word">{c}</td>' if k < words else f"<td>{c}</td>" for k, c in enumerate(cells))
-    return f'<tr class="{kind}">{inner}</tr>' if kind else f"<tr>{inner}</tr>"
+def _row(cells: Sequence[str], kind: str = "") -> str:
+    """A row whose first cell is a word."""
+    first, *others = cells
+    return f'<tr class="{kind}"><td class="word">{first}</td>{"".join(f"<td>{each}</td>" for each in others)}</tr>'
 
 
 def _links(build: PartsBuild) -> str:
@@ -100,8 +62,8 @@ def _links(build: PartsBuild) -> str:
         name = f'<a href="#{escape(link.name)}">{escape(link.name)}</a>'
         principal = np.sort(np.linalg.eigvalsh(link.inertia_kg_m2.matrix().astype(float)))
         cells = [name, f"{float(link.mass_kg):.6f}", *(f"{v:.6f}" for v in np.array(link.com_m))]
-        rows.append(_row([*cells, *(f"{v:.6f}" for v in principal)], 1))
-    rows.append(_row(["all links", f"{build.description.total_mass:.6f}", *[""] * 6], 1, "total"))
+        rows.append(_row([*cells, *(f"{v:.6f}" for v in principal)]))
+    rows.append(_row(["all links", f"{build.description.total_mass:.6f}", *[""] * 6], "total"))
     heads = ("link", "mass [kg]", "x [m]", "y [m]", "z [m]", "J₁ [kg m²]", "J₂", "J₃")
     note = "Centre of mass in the link's frame; principal moments of inertia about it."
     return f'<p class="quiet">{note}</p>{_table(heads, rows, 1)}'
@@ -151,23 +113,23 @@ def _line(row: Row) -> str:
 def _changes(previous: RobotDescription | None, arm: RobotDescription) -> str:
     if previous is None:
         return '<p class="quiet">There was no previous file.</p>'
-    changed = changes(previous, arm)
+    changed = [each for each in changed_parameters(previous, arm) if not each.is_source_only]
     if not changed:
         return '<p class="quiet">None: every number is as it was.</p>'
-    rows = [_row([escape(c.path), _value(c.before), _value(c.after), _difference(c)], 1) for c in changed]
-    return _table(("parameter", "before", "now", "change"), rows, 1)
+    rows = [[escape(c.path), _value(c.before), _value(c.after), _difference(c)] for c in changed]
+    return html_table(("parameter", "before", "now", "change"), rows, (0,))
 
 
-def _value(value: float | tuple[float, ...] | None) -> str:
-    if value is None:
-        return "—"
-    return " ".join(f"{v:.9g}" for v in value) if isinstance(value, tuple) else f"{value:.9g}"
+def _value(value: Any) -> str:
+    if isinstance(value, tuple):
+        return " ".join(map(_value, value))
+    return "—" if value is None else f"{value:.9g}" if isinstance(value, float) else escape(str(value))
 
 
 def _difference(change: Change) -> str:
     before, after = change.before, change.after
     if before is None or after is None:
         return "new" if before is None else "gone"
-    if isinstance(before, tuple) or isinstance(after, tuple) or not before:
+    if not isinstance(before, float) or not isinstance(after, float) or not before:
         return ""
     return f"{100 * (after - before) / abs(before):+.3g} %"

@@ -7,7 +7,7 @@ import pandas
 import pytest
 
 from armwright.errors import ABSENT, OutputError, ScheduleError
-from armwright.results.tables import joint_columns, read_table, write_table
+from armwright.results.csv_tables import joint_columns, read_table, write_table
 
 NAMES = ["waist", "elbow"]
 WANTED = {"q": NAMES, "qd": NAMES}

@@ -1,0 +1,121 @@
+"""Every result of a public function answers the same verbs: rows, plot, report, save, str, and HTML for notebooks."""
+
+from __future__ import annotations
+
+import csv
+import inspect
+import json
+
+import numpy as np
+import pytest
+
+import armwright as aw
+from armwright.results.result import Result
+from armwright.results.table import Table, number
+from public_names import BY_NAME, PUBLIC
+
+INPUTS = {"CompiledArm", "Log", "Model", "ModuleLibrary", "MotorGuess", "Preparation", "RobotDescription", "Scenario",
+          "Schedule", "Task"}  # what other functions take; they have verbs of their own  # fmt: skip
+OTHERS = {"LiveArm", "PartsBuild", "Shown"}  # a page that lives, a build with its audit, a picture
+
+
+def returned():
+    """Types of ours that public functions return, motions aside."""
+    words = {
+        word
+        for value in PUBLIC.values()
+        if inspect.isfunction(value)
+        for word in str(value.__annotations__.get("return")).split(" | ")
+    }
+    kinds = {
+        word.partition("[")[0]: BY_NAME[word.partition("[")[0]] for word in words if word.partition("[")[0] in BY_NAME
+    }
+    return {
+        name: kind
+        for name, kind in kinds.items()
+        if not issubclass(kind, (aw.trajectories.Motion, *map(BY_NAME.get, INPUTS | OTHERS)))
+    }
+
+
+def test_all_results_are_of_the_one_kind():
+    kinds = returned()
+    assert len(kinds) > 30
+    assert [name for name, kind in kinds.items() if not issubclass(kind, Result)] == []
+
+
+def scenario():
+    loop = aw.Loop(aw.JointPID([400.0, 200.0], kd=[40.0, 20.0]), np.zeros((20, 2)), 1e-3)
+    return aw.Scenario("two-link", 0.019, loop=loop, solver=aw.Solver(step=1e-3, integrator="rk4"))
+
+
+RESULTS = {
+    "LoopAnalysis": lambda: aw.loops.analyse_loops(scenario(), 50),
+    "GainDesign": lambda: aw.loops.design_gains(scenario(), poses=20),
+    "NoiseGain": lambda: aw.loops.noise_gain(aw.loops.LinearLoop(scenario()), [0.1, 0.2]),
+    "Manipulability": lambda: aw.kinematics.manipulability("two-link", [0.1, 0.2]),
+    "PoseSolutions": lambda: aw.inverse_kinematics("puma560", aw.forward_kinematics("puma560", [0.1, 0.2, 0.3, 0.4, 0.5, 0.6])),
+    "Clearance": lambda: aw.collision.clearance("two-link", radius=0.05),
+    "Report": lambda: aw.robotfiles.check("two-link"),
+    "Difference": lambda: aw.robotfiles.diff("two-link", aw.load("two-link").with_values({"forearm.mass_kg": 9.0})),
+    "Enumeration": lambda: aw.modules.enumerate_assemblies(aw.modules.read_modules("improv"), max_joints=2, limit=2),
+    "StepStudy": lambda: aw.simulation.step_study(aw.Scenario("two-link", 0.02, command=[1.0, 0.5]), steps=3),
+    "LimitsReport": lambda: aw.trajectories.limits_report("two-link", aw.trajectories.Quintic([0.0, 0.0], [1.0, 1.0], 1.0)),
+    "FrequencyResponse": lambda: aw.identification.frequency_response(*np.random.default_rng(0).normal(size=(2, 4000)), 1e-3),
+    "Estimate": lambda: aw.identification.Estimate(("a", "b"), [1.0, 2.0], np.diag([0.01, np.nan]), 64 * "0", "by hand"),
+}  # fmt: skip
+NO_PICTURE = {"Report", "Difference"}  # of words
+
+
+@pytest.mark.parametrize("name", RESULTS)
+def test_verbs(name, tmp_path):
+    found = RESULTS[name]()
+    assert type(found).__name__ == name
+    rows = found.rows()
+    assert rows
+    assert all(row.keys() == rows[0].keys() for row in rows)
+    assert max(map(len, str(found).splitlines())) < 200
+    assert str(found).count("\n") < 120
+    assert "<table>" in found._repr_html_()
+    with open(found_csv := saved_as_csv(found, tmp_path), encoding="utf-8", newline="") as file:
+        assert len([*csv.reader(file)]) == len(rows) + 1, found_csv
+    document = json.loads(found.save(tmp_path / "result.json").read_text(encoding="utf-8"))
+    assert len(document["tables"][0]["rows"]) == len(rows)
+    text = found.report(tmp_path / "result.html").read_text(encoding="utf-8")
+    assert "<section>" in text
+    assert "http:" not in text.replace("http://www.w3.org", "")
+    if name in NO_PICTURE:
+        with pytest.raises(aw.ArmwrightError, match="nothing to draw"):
+            found.plot()
+    else:
+        found.plot(tmp_path / "result.svg")
+        assert (tmp_path / "result.svg").stat().st_size > 2000
+        assert found.plot().axes
+
+
+def saved_as_csv(found, folder):
+    return found.save(folder / "result.csv")
+
+
+@pytest.mark.parametrize("verb", ["plot", "report", "save"])
+def test_another_ending_is_refused_and_nothing_written(verb, tmp_path):
+    found = RESULTS["Manipulability"]()
+    with pytest.raises(aw.ArmwrightError, match="xyz"):
+        getattr(found, verb)(tmp_path / "result.xyz")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_table_keeps_all_digits_and_knows_its_units():
+    table = Table(
+        "t", ("joint", "error [rad]", "note"), [["a", number(1.0 / 3.0), ""], ["", number(None), "late"]], ("note",)
+    )
+    assert table.rows() == [
+        {"joint": "a", "error": pytest.approx(1 / 3, rel=1e-15), "note": None},
+        {"joint": "a", "error": None, "note": "late"},
+    ]
+    assert table.units == {"error": "rad"}
+    assert str(table).splitlines() == [
+        "t",
+        "joint  error [rad]  note",
+        "a          0.33333",
+        "                 —  late",
+    ]
