@@ -18,8 +18,8 @@ from armwright.description.drive import DC_EQUIVALENT, Motor
 from armwright.description.paths import path_name
 from armwright.entry import AnyArm, AnyLog, as_arm, as_log
 from armwright.errors import IdentificationError
+from armwright.fitting.covariance import correlated
 from armwright.identification.arm.base import base_parameters
-from armwright.identification.arm.correlation import correlated
 from armwright.identification.arm.equations import Equations, equations_of
 from armwright.identification.arm.gain_fit import GainFit, GainProblem, fit_gains
 from armwright.identification.arm.payload import (

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from armwright.errors import IdentificationError
+from armwright.fitting.triangular import triangle
 from armwright.identification.arm.samples import Samples
 from armwright.identification.arm.torque_model import TorqueModel
-from armwright.identification.arm.triangular import triangle
 
 CHUNK_VALUES = 2**21  # of the regressor in one block: 16 MB
 PARTS = 32  # of a log's runs together, at most but for one each: for hold-outs

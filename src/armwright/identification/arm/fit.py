@@ -16,12 +16,12 @@ import numpy as np
 import scipy.linalg
 
 from armwright.errors import IdentificationError
+from armwright.fitting.covariance import correlated
 from armwright.fitting.measures import r_squared
+from armwright.fitting.triangular import triangle
 from armwright.identification.arm.base import BaseParameters
-from armwright.identification.arm.correlation import correlated
 from armwright.identification.arm.equations import Equations, Factor, Part, equations_of, stacked
 from armwright.identification.arm.samples import Samples
-from armwright.identification.arm.triangular import triangle
 
 MOST_ITERATIONS = 50
 SETTLED = 1e-6  # relative change of the joints' variances

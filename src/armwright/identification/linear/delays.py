@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 from scipy.stats import chi2
 
-from armwright.identification.linear.covariance import covariance_of
 from armwright.identification.linear.prediction_error import Fit, estimate, with_best_numerator
 from armwright.identification.linear.records import Stretch
 
@@ -65,7 +64,6 @@ def delay_interval(fit: Fit, stretches: Sequence[Stretch], initial: bool) -> tup
 
 def _inflation(fit: Fit) -> float:
     """Mean variance of B's coefficients over what it would be if the errors were white; at least 1."""
-    white = covariance_of(replace(fit, orders=replace(fit.orders, structure="arx")))
     part = slice(fit.orders.na, fit.orders.na + fit.orders.nb)
-    ratio = np.diag(covariance_of(fit))[part] / np.maximum(np.diag(white)[part], 1e-300)
+    ratio = np.diag(fit.test_covariance)[part] / np.maximum(np.diag(fit.white_covariance)[part], 1e-300)
     return max(float(ratio.mean()), 1.0)

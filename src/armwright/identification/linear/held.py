@@ -15,8 +15,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from armwright.identification.linear.levenberg_marquardt import descended
-from armwright.identification.linear.prediction_error import Fit, Orders, admissible, errors_of, largest_radius
+from armwright.identification.linear.prediction_error import (
+    Fit,
+    Orders,
+    admissible,
+    errors_of,
+    largest_radius,
+    least_errors,
+)
 from armwright.identification.linear.records import Stretch
 from armwright.matrix_exponential import matrix_exponential
 
@@ -158,11 +164,11 @@ def fit_held(
     x[linear] -= np.linalg.lstsq((jacobian @ slope)[:, linear], e, rcond=None)[0]
     theta, slope = parameters(x)
     e, jacobian = errors_of(orders, theta, stretches, skip, initial)
-    x, e, _, converged = descended(errors, x, (e, jacobian @ slope), steady=STEADY)
+    x, e, _, converged = least_errors(errors, x, (e, jacobian @ slope), steady=STEADY)
     theta, _ = parameters(x)
     _, jacobian = errors_of(orders, theta, stretches, skip, initial)
     freed = (len(orders.polynomials(theta).c) - 1) * sum(len(each.y) > skip + n for each in stretches)
-    return Held(Fit(orders, theta, e, jacobian, len(e) - freed * initial, converged), zeros, x[:n] * size)
+    return Held(Fit(orders, theta, e, jacobian, converged, len(e) - freed * initial), zeros, x[:n] * size)
 
 
 def continuous(a: np.ndarray) -> np.ndarray:

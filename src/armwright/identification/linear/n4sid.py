@@ -107,7 +107,7 @@ def fit_n4sid(
     remarks = list(records.notes)
     if moved:
         remarks.append("a pole lay outside the unit circle and was drawn back: the plant may integrate or be unstable")
-    if single and feedback(scaled.fit, delay).probability < CERTAIN:
+    if single and feedback(scaled.fit, delay).p < CERTAIN:
         remarks.append(closed_loop("a subspace method"))
 
     def free(each: Stretch) -> np.ndarray:

@@ -9,8 +9,9 @@ rows: these initial states are eliminated from each stretch by an orthogonal pro
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 from typing import Literal
 
@@ -18,7 +19,8 @@ import numpy as np
 from scipy import signal
 
 from armwright.errors import LogError
-from armwright.identification.linear.levenberg_marquardt import ROUNDS, descended
+from armwright.fitting.covariance import covariance_of
+from armwright.fitting.levenberg_marquardt import ROUNDS, USUAL, Descent, descended
 from armwright.identification.linear.records import Stretch
 from armwright.identification.logs.findings import number_of
 
@@ -26,6 +28,9 @@ ONE = np.ones(1)
 Structure = Literal["arx", "oe", "armax"]
 FIRST = 5  # steps from every start, before the best goes on
 INSIDE = 0.98  # largest pole of a start that was unstable
+STEADY = 1e-3  # of a standard deviation: changes the sum of squares by a millionth of the errors' variance
+ROUNDING = 1e-13  # relative decrease of the sum of squares that is rounding
+Errors = tuple[np.ndarray, np.ndarray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,15 +106,15 @@ class Fit:
 
     Attributes:
         theta: (k,).   errors: (rows,) of all stretches.   jacobian: (rows, k) ∂errors/∂theta, initial states projected out.
-        equations: rows less the initial states that were estimated.   converged: False where rounds ran out.
+        converged: False where rounds ran out.   equations: rows less the initial states that were estimated.
     """
 
     orders: Orders
     theta: np.ndarray
     errors: np.ndarray
     jacobian: np.ndarray
-    equations: int
     converged: bool
+    equations: int
 
     @property
     def condition(self) -> float:
@@ -124,6 +129,23 @@ class Fit:
     def cost(self) -> float:
         """Sum of squares of the errors."""
         return float(self.errors @ self.errors)
+
+    @cached_property
+    def covariance(self) -> np.ndarray:
+        """(k, k) of the parameters, for errors of any colour."""
+        return covariance_of([(self.jacobian[:, None], self.errors[:, None])])
+
+    @property
+    def white_covariance(self) -> np.ndarray:
+        """(k, k) of the parameters, were the errors white: what criteria of orders presume."""
+        size = np.maximum(np.linalg.norm(self.jacobian, axis=0), 1e-300)
+        inverse = np.linalg.pinv((self.jacobian / size).T @ (self.jacobian / size), rcond=1e-14)
+        return self.cost / max(self.equations - len(size), 1) * inverse / np.outer(size, size)
+
+    @property
+    def test_covariance(self) -> np.ndarray:
+        """(k, k) by which a search for the order tests coefficients: errors of OE are whatever the plant's noise is."""
+        return self.covariance if self.orders.structure == "oe" else self.white_covariance
 
 
 def filtered(b: np.ndarray, a: np.ndarray, values: np.ndarray) -> np.ndarray:
@@ -277,14 +299,38 @@ def minimise(
     freed = (len(orders.polynomials(theta).c) - 1) * sum(len(each.y) > skip + orders.na for each in stretches)
     equations = len(e) - (freed if initial else 0)
     if orders.structure == "arx":
-        return Fit(orders, theta, e, jacobian, equations, True)
+        return Fit(orders, theta, e, jacobian, True, equations)
     limit = largest_radius(stretches)
 
     def errors(trial: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
         return errors_of(orders, trial, stretches, skip, initial) if admissible(orders, trial, limit) else None
 
-    theta, e, jacobian, converged = descended(errors, theta, (e, jacobian), rounds)
-    return Fit(orders, theta, e, jacobian, equations, converged)
+    return Fit(orders, *least_errors(errors, theta, (e, jacobian), rounds), equations)
+
+
+def least_errors(
+    errors: Callable[[np.ndarray], Errors | None], theta: np.ndarray, first: Errors, rounds: int = ROUNDS,
+    steady: float = STEADY,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, bool]:  # fmt: skip
+    """Parameters (k,) with the smallest sum of squares, errors (rows,) and derivatives (rows, k) there, True if converged.
+
+    Args:
+        errors: of parameters, with their derivatives; None where parameters are forbidden.
+        theta: (k,) the start.   first: errors and derivatives there.   rounds: steps at most.
+        steady: part of a standard deviation of the parameters: a step that moves them by no more ends the search.
+    """
+    refused = np.full_like(first[0], np.inf), first[1]
+
+    def evaluate(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        e, jacobian = errors(x[0]) or refused
+        return e[None], jacobian[None]
+
+    def ends(gained: np.ndarray, cost: np.ndarray, moved: np.ndarray) -> np.ndarray:
+        return (gained <= ROUNDING * cost) | (moved <= steady**2 * cost / len(first[0]))
+
+    begun = Descent(theta[None], first[0][None], first[1][None], np.full(1, USUAL.first), np.zeros(1, dtype=bool))
+    found = descended(evaluate, begun, ends=ends, rounds=rounds)
+    return found.x[0], found.errors[0], found.jacobian[0], bool(found.ended[0])
 
 
 def largest_radius(stretches: Sequence[Stretch]) -> float:

@@ -10,7 +10,6 @@ from typing import Any, Literal
 import numpy as np
 
 from armwright.errors import LogError
-from armwright.identification.linear.covariance import covariance_of
 from armwright.identification.linear.held import Held, best_held, bic_of
 from armwright.identification.linear.prediction_error import (
     Fit,
@@ -87,7 +86,7 @@ def first_response(stretches: Sequence[Stretch], most: int, least: int = 0) -> i
     orders = Orders("arx", past, most - least + past, 0, least, constant=True)
     fit = minimise(orders, stretches, orders.past, False, least_squares(orders, stretches, orders.past))
     b = fit.theta[past : past + most - least + 1]
-    std = np.sqrt(np.maximum(np.diag(covariance_of(fit)), 0.0))[past : past + most - least + 1]
+    std = np.sqrt(np.maximum(np.diag(fit.test_covariance), 0.0))[past : past + most - least + 1]
     clear = np.flatnonzero(np.abs(b) > SIGNIFICANT * std)
     return least + int(clear[0] if len(clear) else np.argmax(np.abs(b) / np.maximum(std, 1e-300)))
 
@@ -100,7 +99,7 @@ def trimmed(
     while fit.orders.nb > 1:
         now = fit.orders
         part = slice(now.na, now.na + now.nb)
-        t = np.abs(fit.theta[part]) / np.sqrt(np.maximum(np.diag(covariance_of(fit))[part], 1e-300))
+        t = np.abs(fit.theta[part]) / np.sqrt(np.maximum(np.diag(fit.test_covariance)[part], 1e-300))
         end = 0 if t[0] <= t[-1] else -1
         if t[end] ** 2 >= np.log(len(fit.errors)):
             break

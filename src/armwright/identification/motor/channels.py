@@ -129,7 +129,7 @@ def feedback_remark(data: Measured, joint: int) -> list[str]:
     if not {"q", "qd", "qd_mean"} & set(data.signals):
         return []
     stretches = [Stretch(s.run, s.inputs.command[:, [joint]], s.speed(joint)[:, None]) for s in data.stretches]
-    if feedback(stretches, 1).probability >= CHANCE:
+    if feedback(stretches, 1).p >= CHANCE:
         return []
     what = f"the {CALLED[data.command]} follows past disturbances of the motion (closed loop)"
     return [

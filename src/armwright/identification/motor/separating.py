@@ -14,6 +14,7 @@ import numpy as np
 from armwright.description.paths import path_name
 from armwright.description.robot import RobotDescription
 from armwright.errors import ScenarioError
+from armwright.fitting.directions import without
 from armwright.identification.experiments.expected import BETTER, deviations, experiments_that_separate
 from armwright.identification.experiments.motor import MotorGuess, motor_experiment
 from armwright.identification.motor.drive_record import paths_of, value_at
@@ -86,11 +87,7 @@ def _clause(free: Sequence[int], information: np.ndarray, candidates: Mapping[st
 def _information(jacobian: np.ndarray, own: Sequence[int], size: np.ndarray) -> np.ndarray:
     """(own, own) Fisher information, by coordinates in their sizes, of what is free beside nuisances."""
     others = [k for k in range(jacobian.shape[1]) if k not in own]
-    columns, nuisance = jacobian[:, list(own)] * size[list(own)], jacobian[:, others]
-    lengths = np.linalg.norm(nuisance, axis=0)
-    basis, values, _ = np.linalg.svd(nuisance[:, lengths > 0] / lengths[lengths > 0], full_matrices=False)
-    basis = basis[:, values > 1e-8]
-    columns = columns - basis @ (basis.T @ columns)
+    columns = without(jacobian[:, list(own)] * size[list(own)], jacobian[:, others])
     return columns.T @ columns
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from armwright.actuators.coupling import motor_shares
 from armwright.description.drive import Command
 from armwright.errors import LogError, ScenarioError
+from armwright.fitting.residuals import parts_of
 from armwright.identification.logs.log import Log, LogRun
 from armwright.identification.logs.prepared import prepare_log
 from armwright.identification.validation.prediction import (
@@ -24,7 +25,6 @@ from armwright.identification.validation.prediction import (
     preparation_for,
     units_of,
 )
-from armwright.identification.validation.residuals import parts_of
 from armwright.identification.validation.torque import as_logged, check_constants, with_command
 from armwright.kernels.compiled import CompiledArm, compile_arm
 from armwright.model import Model

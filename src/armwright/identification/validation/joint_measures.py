@@ -8,22 +8,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armwright.fitting.measures import Agreement, agreement, at_rest, rms
-from armwright.identification.logs.delay import Delay
+from armwright.fitting.residuals import (
+    ChiSquared,
+    Correlation,
+    autocorrelation,
+    cross_correlation,
+    ljung_box,
+    parts_of,
+    residual_spectrum,
+)
+from armwright.identification.logs.delay import Delay, delay_of
 from armwright.identification.logs.log import Log
 from armwright.identification.logs.quantisation import quantisation_step
 from armwright.identification.logs.spectrum import longest_finite, motion_band
 from armwright.identification.validation.friction_signature import FrictionSignature, Term, friction_signature
 from armwright.identification.validation.prediction import Prediction, Quantity
-from armwright.identification.validation.residuals import (
-    Correlation,
-    LjungBox,
-    autocorrelation,
-    cross_correlation,
-    delay_of,
-    ljung_box,
-    parts_of,
-    residual_spectrum,
-)
 
 STILL = 1e-3  # of the joint's largest range over all runs: less is rest
 STEPS = 3  # of quantisation: less is rest
@@ -75,7 +74,7 @@ class JointMeasures:
     runs: Mapping[str, Agreement]
     at_rest: Mapping[str, AtRest]
     autocorrelation: Correlation | None
-    whiteness: LjungBox | None
+    whiteness: ChiSquared | None
     cross: Correlation | None
     input_name: str
     delay: Delay | None

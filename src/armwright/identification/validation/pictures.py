@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from armwright.fitting.residuals import parts_of
 from armwright.identification.validation.joint_measures import JointMeasures
 from armwright.identification.validation.prediction import Prediction
-from armwright.identification.validation.residuals import parts_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
