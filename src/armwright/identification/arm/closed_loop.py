@@ -28,7 +28,7 @@ from armwright.errors import IdentificationError
 from armwright.fitting.covariance import correlated
 from armwright.fitting.measures import rms
 from armwright.identification.arm.base import BaseParameters
-from armwright.identification.arm.samples import Samples
+from armwright.identification.arm.equations import Samples
 from armwright.identification.arm.torque_model import TorqueModel
 from armwright.identification.logs.preparation import low_pass
 

@@ -20,6 +20,7 @@ from armwright.entry import AnyArm, AnyLog, as_arm, as_log
 from armwright.errors import IdentificationError
 from armwright.fitting.covariance import covariance_of
 from armwright.fitting.measures import agreement
+from armwright.identification.arm.equations import Samples
 from armwright.identification.arm.friction_law import (
     CANDIDATES,
     WORTH,
@@ -32,11 +33,10 @@ from armwright.identification.arm.friction_law import (
     level_of,
     terms_of,
 )
-from armwright.identification.arm.samples import Samples, check_efforts, samples_of
+from armwright.identification.arm.samples import checked, samples_of
 from armwright.identification.arm.spring_record import spring_keys
 from armwright.identification.arm.torque_model import SUPPORT as LINEAR, torque_model
 from armwright.identification.estimate import Estimate
-from armwright.identification.logs.checks import of_robot
 from armwright.identification.logs.log import Log
 from armwright.identification.logs.preparation import Preparation, choose_preparation
 from armwright.model import Model
@@ -175,8 +175,7 @@ def identify_friction(
     for each in candidates:
         if each not in CANDIDATES:
             raise IdentificationError("unknown", place="candidates", value=each, choices=CANDIDATES)
-    check_efforts(log, robot.names, log.fit)
-    log = of_robot(log, robot)
+    log = checked(log, robot)
     names: list[str] = []
     values, bounds, blocks, measures = [], [], [], {}
     remarks, doubtful = [*map(str, log.warnings), *SUPPORT.notes(robot), *_behind_gears(robot)], False

@@ -12,8 +12,8 @@ from itertools import combinations
 import numpy as np
 
 from armwright.fitting.triangular import triangle
+from armwright.identification.arm.equations import Samples
 from armwright.identification.arm.fit import ArmFit
-from armwright.identification.arm.samples import Samples
 from armwright.identification.arm.torque_model import TorqueModel
 
 ROWS = 400  # that mistakes are tried on

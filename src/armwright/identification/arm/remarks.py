@@ -18,7 +18,7 @@ from armwright.identification.logs.preparation import Preparation
 
 if TYPE_CHECKING:
     from armwright.identification.arm.arm_record import RecordParameters
-    from armwright.identification.arm.samples import Samples
+    from armwright.identification.arm.equations import Samples
     from armwright.identification.validation.comparison import RecordComparison
 
 MOST_NAMED = 6  # parameters in one remark

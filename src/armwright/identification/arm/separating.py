@@ -7,8 +7,8 @@ from collections.abc import Iterable
 import numpy as np
 
 from armwright.fitting.directions import ENOUGH, WEAK, directions, gain, in_words, scaled
+from armwright.identification.arm.equations import Samples
 from armwright.identification.arm.fit import ArmFit
-from armwright.identification.arm.samples import Samples
 
 STATES = 240  # of the log that a candidate repeats
 TURN = 0.5 * np.pi  # [rad]; slides move by as much of a quarter of a metre

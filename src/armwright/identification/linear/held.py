@@ -23,7 +23,7 @@ from armwright.identification.linear.prediction_error import (
     largest_radius,
     least_errors,
 )
-from armwright.identification.linear.records import Stretch
+from armwright.identification.linear.records import Recorded
 from armwright.matrix_exponential import matrix_exponential
 
 MOST_POLES = 10  # of which coefficients in s still say something in doubles
@@ -78,7 +78,7 @@ def held_polynomials(p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.stack(a, axis=-1), np.stack([np.broadcast_to(each, response.shape) for each in b], axis=-1)
 
 
-def best_held(near: Fit, stretches: Sequence[Stretch], skip: int, initial: bool) -> Held | None:
+def best_held(near: Fit, stretches: Sequence[Recorded], skip: int, initial: bool) -> Held | None:
     """The held system with the fit's number of poles and the lowest BIC over numbers of zeros and delays; None if none fits.
 
     Args:
@@ -115,7 +115,7 @@ def _untried(orders: Orders, delay: int, skip: int, tried: dict[int, Held]) -> l
 
 
 def fit_held(
-    orders: Orders, zeros: int, stretches: Sequence[Stretch], skip: int, initial: bool, poles: np.ndarray
+    orders: Orders, zeros: int, stretches: Sequence[Recorded], skip: int, initial: bool, poles: np.ndarray
 ) -> Held:
     """Least-squares fit of a held system with a given delay.
 

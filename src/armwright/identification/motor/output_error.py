@@ -18,7 +18,7 @@ from scipy.optimize import least_squares
 from scipy.stats import qmc
 
 from armwright.fitting.levenberg_marquardt import Damping, Descent, descended
-from armwright.identification.motor.measured import Stretch
+from armwright.identification.motor.measured import Driven
 from armwright.identification.motor.response import Response
 from armwright.identification.motor.unknowns import Unknown, values_of
 
@@ -56,7 +56,7 @@ class Problem:
 
     response: Response
     unknowns: tuple[Unknown, ...]
-    stretches: tuple[Stretch, ...]
+    stretches: tuple[Driven, ...]
     places: tuple[Places, ...]
     sigma: np.ndarray
     nominal: np.ndarray
@@ -144,21 +144,13 @@ class Problem:
             if count < 2:
                 break
             rows -= count
-            stretches.append(_first_rows(stretch, count))
+            stretches.append(stretch.part(slice(count)))
             places.append(at)
         return (
             self
             if len(stretches) == len(self.stretches) and rows >= 0
             else replace(self, stretches=tuple(stretches), places=tuple(places))
         )
-
-
-def _first_rows(stretch: Stretch, count: int) -> Stretch:
-    if count == len(stretch.t):
-        return stretch
-    inputs = replace(stretch.inputs, period=stretch.inputs.period[:count], command=stretch.inputs.command[:count])
-    values = {name: each[:count] for name, each in stretch.values.items()}
-    return replace(stretch, t=stretch.t[:count], inputs=inputs, values=values, weights=stretch.weights[:count])
 
 
 def starts(problem: Problem, guesses: Sequence[np.ndarray], count: int, seed: int) -> np.ndarray:

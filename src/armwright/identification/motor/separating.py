@@ -20,7 +20,7 @@ from armwright.identification.experiments.motor import MotorGuess, motor_experim
 from armwright.identification.motor.drive_record import paths_of, value_at
 from armwright.identification.motor.fitting import Fitted
 from armwright.identification.motor.guess import Guess
-from armwright.identification.motor.measured import Measured, Stretch
+from armwright.identification.motor.measured import Driven, Measured
 from armwright.identification.motor.output_error import Problem
 from armwright.identification.motor.problem import sizes
 from armwright.identification.motor.response import Inputs
@@ -129,7 +129,7 @@ def _of_current(
     return found if "current" in data.signals else {"a log of the current beside the voltage": moving, **found}
 
 
-def _speeds(problem: Problem, stretch: Stretch, y: np.ndarray, dy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _speeds(problem: Problem, stretch: Driven, y: np.ndarray, dy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Predicted speed (rows,) and its derivatives (rows, k)."""
     names = problem.response.signals
     for name in ("qd", "qd_mean"):
