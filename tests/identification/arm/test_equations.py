@@ -3,11 +3,11 @@
 import numpy as np
 
 import armwright as aw
+from armwright.fitting.triangular import triangle
 from armwright.identification.arm.base import base_parameters, regrouped
 from armwright.identification.arm.equations import equations_of, stacked
 from armwright.identification.arm.samples import Samples
 from armwright.identification.arm.torque_model import random_states, torque_model
-from armwright.identification.arm.triangular import triangle
 
 
 def test_triangle_is_that_of_a_dense_matrix():

@@ -62,7 +62,7 @@ def test_directions_of_a_known_information():
     assert np.isinf(deviations(log)[:2]).all()
     assert np.isfinite(deviations(log + current)).all()
     (direction,) = weak_directions(log)
-    np.testing.assert_allclose(jacobian @ (direction / np.linalg.norm(jacobian, axis=0)), 0.0, atol=1e-7)
+    np.testing.assert_allclose(jacobian @ (direction.vector / np.linalg.norm(jacobian, axis=0)), 0.0, atol=1e-7)
     (sentence,) = experiments_that_separate(names, log, {"more of the same": log, "a current": current})
     assert sentence == "Kt and R cannot be distinguished with this log; a current would do it"
     (sentence,) = experiments_that_separate(names, log, {"more of the same": log})

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -30,6 +30,17 @@ from armwright.identification.arm.torque_model import Column, TorqueModel
 MASSLESS = "massless"  # in a remark of an arm that was read without masses, and which are known now
 NOT_NEGATIVE = ("spring", "rotor", "viscous", "coulomb", "coulomb+", "coulomb-")
 Paths = dict[int, list[tuple[str, float]]]  # column → path of a number and the factor from the column's value to it
+NUMBERS: tuple[
+    tuple[str, str, Any, int], ...
+] = (  # of friction: column, stem and dimension of the key, power of the gear ratio
+    ("viscous", "viscous", "damping", -2),
+    ("coulomb", "coulomb_positive", "torque", -1),
+    ("coulomb", "coulomb_negative", "torque", -1),
+    ("coulomb+", "coulomb_positive", "torque", -1),
+    ("coulomb-", "coulomb_negative", "torque", -1),
+    ("offset", "offset", "torque", -1),
+    ("stribeck", "stribeck_torque", "torque", -1),
+)
 NEAR = 0.01  # weight of a link's prior values beside the log's torques
 
 
@@ -148,24 +159,124 @@ def described(
     Raises:
         DescriptionError: values that no record can hold.
     """
-    record = model.arm.record
-    places = {column: k for k, column in enumerate(model.columns)}
-    paths: Paths = {}
-    joints = [_with_drive(joint, model, found, gears, key, paths, places) for joint in record.joints]
-    links = [_with_inertia(link, record, model, found, key) for link in record.links]
-    sources = {**record.sources, key: source}
-    remarks = tuple(each for each in record.remarks if MASSLESS not in each)
-    return record.replace(joints=tuple(joints), links=tuple(links), sources=sources, remarks=remarks), paths
+    return _Written(model, found, gears, key).description(source)
 
 
-def _with_inertia(link: Any, record: RobotDescription, model: TorqueModel, found: RecordParameters, key: str) -> Any:
-    """A link with the fitted values: the whole body's for the link that moves, 0 for those that are fixed to it."""
-    for i, body in enumerate(model.arm.bodies):
-        if link.name == body.link:
-            return link.replace(**inertia_table(found.values[PER_LINK * i : PER_LINK * (i + 1)], key))
-        if link.name in _fixed_to(record, body.link):
-            return link.replace(**inertia_table(np.zeros(PER_LINK), key))
-    return link
+@dataclass(frozen=True, eq=False)
+class _Written:
+    """A record as it is written: model of the fit, its parameters, N of the log, key of the source, and paths by column."""
+
+    model: TorqueModel
+    found: RecordParameters
+    gears: np.ndarray | None
+    key: str
+    paths: Paths = field(default_factory=dict)
+
+    def description(self, source: Source) -> tuple[RobotDescription, Paths]:
+        """The record and its paths."""
+        record = self.model.arm.record
+        joints = tuple(self.joint(joint) for joint in record.joints)
+        links = tuple(self.link(link, record) for link in record.links)
+        remarks = tuple(each for each in record.remarks if MASSLESS not in each)
+        sources = {**record.sources, self.key: source}
+        return record.replace(joints=joints, links=links, sources=sources, remarks=remarks), self.paths
+
+    def link(self, link: Any, record: RobotDescription) -> Any:
+        """A link with the fitted values: the whole body's for the link that moves, 0 for those that are fixed to it."""
+        for i, body in enumerate(self.model.arm.bodies):
+            if link.name == body.link:
+                return link.replace(**inertia_table(self.found.values[PER_LINK * i : PER_LINK * (i + 1)], self.key))
+            if link.name in _fixed_to(record, body.link):
+                return link.replace(**inertia_table(np.zeros(PER_LINK), self.key))
+        return link
+
+    def joint(self, joint: Any) -> Any:
+        """A joint with fitted rotor, gear efficiency, friction and spring."""
+        model = self.model
+        if joint.name not in model.arm.names:
+            return joint
+        own = {model.columns[k].kind: k for k in self.found.kept if model.columns[k].joint == joint.name}
+        columns = {kind: k for kind, k in own.items() if _is_drive(model.columns[k])}
+        index, place = model.arm.names.index(joint.name), path_name(joint.name)
+        ratio = 1.0 if self.gears is None else float(self.gears[index, index])
+        ratio = ratio if joint.motor is None else float(joint.motor.gear_ratio)
+        known = {"value": ratio, "source": "definition"}
+        bare = {"gear_ratio": known, "rotor_inertia_kg_m2": _number(0.0, self.key)}
+        changes: dict[str, Any] = {}
+        if "rotor" in columns:
+            k, factor = columns["rotor"], ratio**-2
+            self.paths[k] = [(f"{place}.motor.rotor_inertia_kg_m2", factor)]
+            changes["rotor_inertia_kg_m2"] = _number(max(float(self.found.values[k]), 0.0) * factor, self.key)
+            bare["coupling"] = [
+                {"joint": model.arm.names[j], "ratio": {"value": share * ratio, "source": "definition"}}
+                for j, share in model.columns[k].turned[1:]
+            ]
+        if EFFICIENCY in columns:
+            k = columns[EFFICIENCY]
+            self.paths[k] = [(f"{place}.motor.gear_efficiency", 1.0)]
+            efficiency = float(np.clip(self.found.values[k], LEAST_EFFICIENCY, 1.0))
+            changes["gear_efficiency"] = _number(efficiency, self.key)
+        motor = joint.motor
+        if changes:
+            motor = {**bare, **changes} if motor is None else motor.replace(**changes)
+        springs = {kind: float(self.found.values[k]) for kind, k in own.items() if kind in SPRINGS}
+        spring, path = spring_keys(model.arm.coordinates[index], springs, self.key)
+        if path is not None:
+            self.paths[own["spring"]] = [(f"{place}.spring.{path}", 1.0)]
+        return joint.replace(**({"motor": motor} if changes else {}), **self.friction(joint, columns, ratio), **spring)
+
+    def friction(self, joint: Any, columns: dict[str, int], ratio: float) -> dict[str, Any]:
+        """Keys of a joint's friction; none where no friction was fitted."""
+        fitted = {kind: k for kind, k in columns.items() if kind not in ("rotor", EFFICIENCY)}
+        if not fitted:
+            return {}
+        model, old, found = self.model, joint.friction, self.found.values
+        lossy = isinstance(model, LossyModel) and model.lossy[model.arm.names.index(joint.name)]
+        on_motor = any(len(model.columns[k].turned) > 1 for k in fitted.values()) or (
+            lossy and old is not None and old.side == "motor"
+        )
+        linear = joint.type == "prismatic" and not on_motor
+        n = abs(ratio) if on_motor else 1.0
+        values: dict[str, Any] = {"side": "motor"} if on_motor else {}
+        if lossy and old is not None and old.load_coefficient is not None and "coulomb" in "".join(fitted):
+            values["load_coefficient"] = old.load_coefficient
+        if old is not None and old.law == "coulomb":  # the fit took Coulomb's sign over this speed
+            smoothing = getattr(old, key_of("smoothing", "speed", joint.type == "prismatic" and old.side != "motor"))
+            if smoothing is not None:
+                turns = n / abs(ratio) if old.side == "motor" else n  # speeds of the new side by those of the old one
+                values[key_of("smoothing", "speed", linear)] = _scaled(smoothing, turns)
+        stribeck = "stribeck" in fitted and "coulomb" in fitted
+        for kind, stem, dimension, factor in NUMBERS:
+            if kind in fitted and (kind != "stribeck" or stribeck):
+                value = float(found[fitted[kind]])
+                if kind == "offset":
+                    value = self.offset(joint.name)
+                if kind == "stribeck":
+                    value = max(value + float(found[fitted["coulomb"]]), 0.0)
+                name, scale = key_of(stem, dimension, linear), n**factor
+                path = f"{path_name(joint.name)}.friction.{name}"
+                self.paths.setdefault(fitted[kind], []).append((path, scale))
+                values[name] = _number(value * scale, self.key)
+        if stribeck:
+            speed = model.columns[fitted["stribeck"]].speed * n
+            values[key_of("stribeck_speed", "speed", linear)] = _number(speed, self.key)
+        return {"friction": values}
+
+    def offset(self, joint: str) -> float:
+        """Constant torque of a joint's record: a coupled motor's acts on all its joints, so theirs are less by its share.
+
+        Columns of offsets are the joints' own, o = Bᵀ o_record with rows of B only for motors whose friction is the motor's.
+        """
+        n, names = self.model.arm.n, self.model.arm.names
+        shares, total = np.eye(n), np.zeros(n)
+        for k in self.found.kept:
+            column = self.model.columns[k]
+            if column.kind == "offset":
+                total[names.index(column.joint)] = self.found.values[k]
+            elif len(column.turned) > 1 and column.kind != "rotor":
+                for j, share in column.turned:
+                    shares[names.index(column.joint), j] = share
+        return float(np.linalg.solve(shares.T, total)[names.index(joint)])
 
 
 def _fixed_to(record: RobotDescription, link: str) -> set[str]:
@@ -209,135 +320,3 @@ def _scaled(quantity: Any, factor: float) -> Any:
         return quantity
     std = None if quantity.std is None else quantity.std * factor
     return quantity.replace(value=quantity.number * factor, std=std)
-
-
-def _with_drive(
-    joint: Any,
-    model: TorqueModel,
-    found: RecordParameters,
-    gears: np.ndarray | None,
-    key: str,
-    paths: Paths,
-    places: dict[Column, int],
-) -> Any:
-    """A joint with fitted rotor and friction; `paths` gets the place of each number."""
-    if joint.name not in model.arm.names:
-        return joint
-    columns = {c.kind: c for c in model.columns if c.joint == joint.name and _is_drive(c) and places[c] in found.kept}
-    index = model.arm.names.index(joint.name)
-    ratio = (
-        float(joint.motor.gear_ratio)
-        if joint.motor is not None
-        else 1.0
-        if gears is None
-        else float(gears[index, index])
-    )
-    changes: dict[str, Any] = {}
-    if "rotor" in columns:
-        column = columns["rotor"]
-        path, factor = f"{path_name(joint.name)}.motor.rotor_inertia_kg_m2", ratio**-2
-        paths[places[column]] = [(path, factor)]
-        inertia = _number(max(float(found.values[places[column]]), 0.0) * factor, key)
-        if joint.motor is not None:
-            changes["motor"] = joint.motor.replace(rotor_inertia_kg_m2=inertia)
-        else:
-            coupling = [
-                {"joint": model.arm.names[j], "ratio": {"value": share * ratio, "source": "definition"}}
-                for j, share in column.turned[1:]
-            ]
-            gear = {"value": ratio, "source": "definition"}
-            changes["motor"] = {"gear_ratio": gear, "rotor_inertia_kg_m2": inertia, "coupling": coupling}
-    if EFFICIENCY in columns:
-        place = places[columns[EFFICIENCY]]
-        path = f"{path_name(joint.name)}.motor.gear_efficiency"
-        paths[place] = [(path, 1.0)]
-        efficiency = _number(float(np.clip(found.values[place], LEAST_EFFICIENCY, 1.0)), key)
-        bare = {
-            "gear_ratio": {"value": ratio, "source": "definition"},
-            "rotor_inertia_kg_m2": {"value": 0.0, "source": key},
-        }
-        motor = changes.get("motor", joint.motor or bare)
-        changes["motor"] = (
-            {**motor, "gear_efficiency": efficiency}
-            if isinstance(motor, dict)
-            else motor.replace(gear_efficiency=efficiency)
-        )
-    friction = _friction(joint, columns, found, ratio, key, paths, places, model)
-    own = {c.kind: k for k in found.kept if (c := model.columns[k]).joint == joint.name and c.kind in SPRINGS}
-    spring, path = spring_keys(
-        model.arm.coordinates[index], {kind: float(found.values[k]) for kind, k in own.items()}, key
-    )
-    if path is not None:
-        paths[own["spring"]] = [(f"{path_name(joint.name)}.spring.{path}", 1.0)]
-    return joint.replace(**changes, **friction, **spring)
-
-
-def _friction(
-    joint: Any,
-    columns: dict[str, Column],
-    found: RecordParameters,
-    ratio: float,
-    key: str,
-    paths: Paths,
-    places: dict[Column, int],
-    model: TorqueModel,
-) -> dict[str, Any]:
-    """Keys of a joint's friction; none where no friction was fitted."""
-    fitted = {kind: column for kind, column in columns.items() if kind not in ("rotor", EFFICIENCY)}
-    if not fitted:
-        return {}
-    old = joint.friction
-    lossy = isinstance(model, LossyModel) and model.lossy[model.arm.names.index(joint.name)]
-    on_motor = any(len(column.turned) > 1 for column in fitted.values()) or (
-        lossy and old is not None and old.side == "motor"
-    )
-    linear = joint.type == "prismatic" and not on_motor
-    n = abs(ratio) if on_motor else 1.0
-    values: dict[str, Any] = {"side": "motor"} if on_motor else {}
-    if lossy and old is not None and old.load_coefficient is not None and "coulomb" in "".join(fitted):
-        values["load_coefficient"] = old.load_coefficient
-    if old is not None and old.law == "coulomb":  # the fit took Coulomb's sign over this speed
-        smoothing = getattr(old, key_of("smoothing", "speed", joint.type == "prismatic" and old.side != "motor"))
-        if smoothing is not None:
-            turns = n / abs(ratio) if old.side == "motor" else n  # speeds of the new side by those of the old one
-            values[key_of("smoothing", "speed", linear)] = _scaled(smoothing, turns)
-
-    def put(stem: str, dimension: Any, kind: str, factor: float, value: float | None = None) -> None:
-        name = key_of(stem, dimension, linear)
-        paths.setdefault(places[fitted[kind]], []).append((f"{path_name(joint.name)}.friction.{name}", factor))
-        values[name] = _number((float(found.values[places[fitted[kind]]]) if value is None else value) * factor, key)
-
-    if "viscous" in fitted:
-        put("viscous", "damping", "viscous", n**-2)
-    for kind, sides in (
-        ("coulomb", ("positive", "negative")),
-        ("coulomb+", ("positive",)),
-        ("coulomb-", ("negative",)),
-    ):
-        for side in sides if kind in fitted else ():
-            put(f"coulomb_{side}", "torque", kind, 1 / n)
-    if "offset" in fitted:
-        put("offset", "torque", "offset", 1 / n, _offset(model, found, places, joint.name))
-    if "stribeck" in fitted and "coulomb" in fitted:
-        level = float(found.values[places[fitted["coulomb"]]] + found.values[places[fitted["stribeck"]]])
-        put("stribeck_torque", "torque", "stribeck", 1 / n, max(level, 0.0))
-        values[key_of("stribeck_speed", "speed", linear)] = _number(fitted["stribeck"].speed * n, key)
-    return {"friction": values}
-
-
-def _offset(model: TorqueModel, found: RecordParameters, places: dict[Column, int], joint: str) -> float:
-    """Constant torque of a joint's record: a coupled motor's acts on all its joints, so theirs are less by its share.
-
-    Columns of offsets are the joints' own, o = Bᵀ o_record with rows of B only for motors whose friction is the motor's.
-    """
-    n, names = model.arm.n, model.arm.names
-    shares, total = np.eye(n), np.zeros(n)
-    for column, place in places.items():
-        if place not in found.kept:
-            continue
-        if column.kind == "offset":
-            total[names.index(column.joint)] = found.values[place]
-        elif len(column.turned) > 1 and column.kind != "rotor":
-            for j, share in column.turned:
-                shares[names.index(column.joint), j] = share
-    return float(np.linalg.solve(shares.T, total)[names.index(joint)])

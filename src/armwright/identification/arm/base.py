@@ -12,8 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from armwright.errors import IdentificationError
-from armwright.identification.arm.equations import equations_of, stacked
-from armwright.identification.arm.samples import Samples
+from armwright.identification.arm.equations import Equations, Samples, equations_of
 from armwright.identification.arm.torque_model import ZERO, Column, TorqueModel, random_states
 
 DEPENDENT = 1e-8  # sine of the angle between a column and the space of those before it: below, it depends on them
@@ -140,12 +139,17 @@ def regrouped_further(structural: BaseParameters, factor: np.ndarray) -> BasePar
     return BaseParameters(columns, kept[own.independent], others, absent, matrix[:, others])
 
 
+def told_parameters(equations: Equations, without: Sequence[int] = ()) -> BaseParameters:
+    """Base parameters identifiable from a log, without some columns."""
+    return regrouped_further(base_parameters(equations.model, without), equations.factor)
+
+
 def structural_factor(model: TorqueModel) -> np.ndarray:
     """R (≤ p, p) of the model's columns at random states."""
     states = random_states(model.arm, STATES * max(len(model) // model.arm.n, 1))
     zero = np.zeros_like(states[0])
     equations = equations_of([Samples("random", 0, zero[:, 0], *states, zero)], model)
-    return stacked(equations.factors, len(model))[0][: len(model), : len(model)]
+    return equations.factor[: len(model)]
 
 
 def regrouped(columns: tuple[Column, ...], factor: np.ndarray, dependent: float = DEPENDENT) -> BaseParameters:

@@ -25,10 +25,10 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import sosfiltfilt
 
 from armwright.errors import IdentificationError
+from armwright.fitting.covariance import correlated
 from armwright.fitting.measures import rms
 from armwright.identification.arm.base import BaseParameters
-from armwright.identification.arm.correlation import correlated
-from armwright.identification.arm.samples import Samples
+from armwright.identification.arm.equations import Samples
 from armwright.identification.arm.torque_model import TorqueModel
 from armwright.identification.logs.preparation import low_pass
 

@@ -7,7 +7,7 @@ of known mass breaks the tie [GautierBriot2014]; its centre and inertia need not
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from numbers import Real
@@ -18,9 +18,9 @@ from armwright.description.drive import DC_EQUIVALENT, Motor
 from armwright.description.paths import path_name
 from armwright.entry import AnyArm, AnyLog, as_arm, as_log
 from armwright.errors import IdentificationError
+from armwright.fitting.covariance import correlated
 from armwright.identification.arm.base import base_parameters
-from armwright.identification.arm.correlation import correlated
-from armwright.identification.arm.equations import Equations, equations_of
+from armwright.identification.arm.equations import Equations, SampleSource, equations_of
 from armwright.identification.arm.gain_fit import GainFit, GainProblem, fit_gains
 from armwright.identification.arm.payload import (
     HIGHEST,
@@ -32,10 +32,9 @@ from armwright.identification.arm.payload import (
 )
 from armwright.identification.arm.physical import PER_LINK
 from armwright.identification.arm.remarks import joints_that_move
-from armwright.identification.arm.samples import Samples, check_efforts, samples_of, torque_source
+from armwright.identification.arm.samples import checked, samples_of, torque_source
 from armwright.identification.arm.torque_model import Column, TorqueModel, torque_model
 from armwright.identification.estimate import HALF_95, Estimate
-from armwright.identification.logs.checks import of_robot
 from armwright.identification.logs.log import Log
 from armwright.identification.logs.preparation import Preparation, choose_preparation
 from armwright.model import Model
@@ -112,7 +111,7 @@ def identify_drive_gains(
     loaded_log = as_log(loaded_log, "loaded_log")
     robot = as_arm(robot, "robot")
     known = _known_parameters(mass, mass_std, com, inertia)
-    log, loaded_log = (_checked(each, robot) for each in (log, loaded_log))
+    log, loaded_log = (checked(each, robot) for each in (log, loaded_log))
     source = torque_source(log)
     if source == "voltage" or torque_source(loaded_log) != source:
         what = "voltages" if source == "voltage" else "logs of different signals"
@@ -129,7 +128,7 @@ def identify_drive_gains(
         chosen = [_with_enough_rows(each, unknown) for each in (log, loaded_log)]
     else:
         chosen = (preparation, preparation) if isinstance(preparation, Preparation) else preparation
-    sources: list[Callable[[], Iterable[Samples]]] = [
+    sources: list[SampleSource] = [
         partial(samples_of, each, model, None, prepared)
         for each, model, prepared in zip((log, loaded_log), models, chosen, strict=True)
     ]
@@ -165,11 +164,6 @@ def _known_parameters(
         tensor = tensor + mass * (c @ c * np.eye(3) - np.outer(c, c))
         known[4:] = [tensor[place] for place in TENSOR]
     return known
-
-
-def _checked(log: Log, robot: Model) -> Log:
-    check_efforts(log, robot.names, log.fit)
-    return of_robot(log, robot)
 
 
 def _serving(robot: Model, source: str) -> Model:
@@ -235,7 +229,7 @@ def _problem(halves: Sequence[Equations], own: TorqueModel, known: np.ndarray) -
     return GainProblem(model.columns, both.factors, candidates, parameters, moving)
 
 
-def _covariance(fit: GainFit, sources: Sequence[Callable[[], Iterable[Samples]]]) -> np.ndarray:
+def _covariance(fit: GainFit, sources: Sequence[SampleSource]) -> np.ndarray:
     """Covariance (k, k) of h, robust against residuals that are correlated in time and between joints."""
     k = len(fit.inverse)
     if not k:
@@ -249,9 +243,7 @@ def _covariance(fit: GainFit, sources: Sequence[Callable[[], Iterable[Samples]]]
     return correlated(both, 1.0 / fit.problem.variances, inverse @ inverse.T).covariance[-k:, -k:]
 
 
-def _scores(
-    fit: GainFit, sources: Sequence[Callable[[], Iterable[Samples]]]
-) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+def _scores(fit: GainFit, sources: Sequence[SampleSource]) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """∂(prediction)/∂(θ, h) (rows, k, b + k) and residuals (rows, k), block by block."""
     problem, k = fit.problem, len(fit.inverse)
     for block in (block for source in sources for block in source()):

@@ -9,20 +9,56 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from math import inf
 
 import numpy as np
 
 from armwright.errors import IdentificationError
-from armwright.identification.arm.samples import Samples
+from armwright.fitting.stretch import Stretch
+from armwright.fitting.triangular import triangle
 from armwright.identification.arm.torque_model import TorqueModel
-from armwright.identification.arm.triangular import triangle
 
 CHUNK_VALUES = 2**21  # of the regressor in one block: 16 MB
-PARTS = 32  # of a log's runs together, at most but for one each: for hold-outs
-FOLDS = 8  # parts of a run at least, where it has the rows
-FEWEST = 20  # rows of a part
+FOLDS = 8  # parts of a log with few runs
+MANY_RUNS = 4  # from here on each run is a part
 
+SampleSource = Callable[[], Iterable["Samples"]]
 RowWeights = Callable[[np.ndarray], np.ndarray]  # residuals (rows, n) → weights (rows, n)
+
+
+@dataclass(frozen=True, eq=False)
+class Samples(Stretch):
+    """Some prepared rows of a log for an arm.
+
+    Attributes:
+        run, stretch: which part of the log.   t: (rows,) [s].   q, qd, qdd: (rows, n).
+        tau: (rows, n) [N m | N] measured motor torque, joint side; NaN for joints without.
+        temperature: (rows, n) [°C] of the motors, NaN for joints without; None if it is not logged.
+        columns, known: (rows, n, p) `rows` and (rows, n) `known_torques` of the model, filtered as the torques are; None: not yet
+            computed, then those of the states.
+        fitted: (rows, n) False where a torque is not fitted (`TorqueModel.known_rows`); None: all are.
+    """
+
+    stretch: int
+    t: np.ndarray
+    q: np.ndarray
+    qd: np.ndarray
+    qdd: np.ndarray
+    tau: np.ndarray
+    temperature: np.ndarray | None = None
+    columns: np.ndarray | None = None
+    known: np.ndarray | None = None
+    fitted: np.ndarray | None = None
+
+    def regressor(self, model: TorqueModel) -> np.ndarray:
+        """Y (rows, n, p) of the model that the samples were prepared for."""
+        return model.rows(self.q, self.qd, self.qdd) if self.columns is None else self.columns
+
+    def unknown_torque(self, model: TorqueModel) -> np.ndarray:
+        """Y π (rows, n) [N m | N]: measured torque without what the model knows; NaN where it is not fitted."""
+        known = model.known_torques(self.q, self.qd, self.qdd) if self.known is None else self.known
+        unknown = self.tau - known
+        return unknown if self.fitted is None else np.where(self.fitted, unknown, np.nan)
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,6 +130,11 @@ class Equations:
         """A factor for each joint, over all parts."""
         return joined(self.parts)
 
+    @property
+    def factor(self) -> np.ndarray:
+        """R (p + 1, p) of the model's columns, all joints together, each with weight 1."""
+        return stacked(self.factors, len(self.model))[0][:, :-1]
+
     def only(self, chosen: Sequence[int] | np.ndarray) -> Equations:
         """The problem of some parts."""
         return Equations(self.model, tuple(self.parts[k] for k in chosen))
@@ -102,6 +143,11 @@ class Equations:
     def rows(self) -> np.ndarray:
         """(n,) number of rows of each joint."""
         return np.array([factor.rows for factor in self.factors])
+
+
+def part_seconds(runs: Sequence[str], seconds: float) -> float:
+    """Length of a part [s] for hold-outs: whole runs if there are several, else a share of their time."""
+    return inf if len(runs) >= MANY_RUNS else max(seconds / FOLDS, 1e-9)
 
 
 def joined(parts: Sequence[Part]) -> tuple[Factor, ...]:

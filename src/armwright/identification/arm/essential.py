@@ -62,7 +62,8 @@ def essential_parameters(
     inflation = np.ones(b) if inflation is None else np.asarray(inflation, dtype=float)
     kept, dropped, relative = list(range(b)), [], np.zeros(b)
     first = total = max(residual, np.finfo(float).tiny)
-    values, covariance = _solved(R, z, kept, total**2 / (rows - b))
+    values, covariance, _ = _solved(R, z, kept)
+    covariance = total**2 / (rows - b) * covariance
     while kept:
         with np.errstate(divide="ignore"):
             relative[kept] = 100 * inflation[kept] * np.sqrt(np.diag(covariance)) / np.abs(values)
@@ -70,19 +71,19 @@ def essential_parameters(
         if relative[kept[worst]] <= well_told:
             break
         fewer = kept[:worst] + kept[worst + 1 :]
-        new = float(np.hypot(residual, _rest(R, z, fewer)))
+        fewer_values, spread, rest = _solved(R, z, fewer)
+        new = float(np.hypot(residual, rest))
         if new > (1 + growth) * first:
             break
         dropped.append(kept[worst])
-        kept, total = fewer, new
-        values, covariance = _solved(R, z, kept, total**2 / (rows - len(kept)))
+        kept, total, values, covariance = fewer, new, fewer_values, new**2 / (rows - len(fewer)) * spread
     full = np.zeros(b)
     full[kept] = values
     return EssentialParameters(np.array(kept, dtype=int), full, covariance, tuple(dropped), relative, total / first - 1)
 
 
-def _solved(R: np.ndarray, z: np.ndarray, kept: list[int], variance: float) -> tuple[np.ndarray, np.ndarray]:
-    """Values of some parameters, all others 0, and their covariance."""
+def _solved(R: np.ndarray, z: np.ndarray, kept: list[int]) -> tuple[np.ndarray, np.ndarray, float]:
+    """Values of some parameters, all others 0, their covariance for a variance of 1, and the norm of what is left of z."""
     size = np.linalg.norm(R[:, kept], axis=0)
     if not (size > 0).all():
         raise IdentificationError(
@@ -94,12 +95,8 @@ def _solved(R: np.ndarray, z: np.ndarray, kept: list[int], variance: float) -> t
             "dependent columns", place="R", expected="base parameters, which the rows distinguish"
         )
     inverse = scipy.linalg.solve_triangular(T, np.eye(len(kept))) / size[:, None]
-    return scipy.linalg.solve_triangular(T, Q.T @ z) / size, variance * (inverse @ inverse.T)
-
-
-def _rest(R: np.ndarray, z: np.ndarray, kept: list[int]) -> float:
-    """Norm of z that these columns do not explain."""
-    if not kept:
-        return float(np.linalg.norm(z))
-    Q, _ = np.linalg.qr(R[:, kept] / np.linalg.norm(R[:, kept], axis=0))
-    return float(np.linalg.norm(z - Q @ (Q.T @ z)))
+    return (
+        scipy.linalg.solve_triangular(T, Q.T @ z) / size,
+        inverse @ inverse.T,
+        float(np.linalg.norm(z - Q @ (Q.T @ z))),
+    )

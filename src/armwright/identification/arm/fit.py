@@ -8,7 +8,7 @@ noise is not white, and errors of the model are less so.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from math import inf
 
@@ -16,12 +16,11 @@ import numpy as np
 import scipy.linalg
 
 from armwright.errors import IdentificationError
+from armwright.fitting.covariance import correlated
 from armwright.fitting.measures import r_squared
+from armwright.fitting.triangular import triangle
 from armwright.identification.arm.base import BaseParameters
-from armwright.identification.arm.correlation import correlated
-from armwright.identification.arm.equations import Equations, Factor, Part, equations_of, stacked
-from armwright.identification.arm.samples import Samples
-from armwright.identification.arm.triangular import triangle
+from armwright.identification.arm.equations import Equations, Factor, Part, Samples, SampleSource, equations_of, stacked
 
 MOST_ITERATIONS = 50
 SETTLED = 1e-6  # relative change of the joints' variances
@@ -32,8 +31,6 @@ ROBUST_PASSES = 10  # over the rows
 CHANGE = 1e-2  # of a standard deviation: less is settled
 BINS = 4096  # of the histogram of residuals
 AT_REST = 0.01  # of the whole log's root mean square speed: slower parts rest
-
-SampleSource = Callable[[], Iterable[Samples]]
 
 
 @dataclass(frozen=True, eq=False)

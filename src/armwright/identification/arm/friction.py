@@ -18,7 +18,9 @@ from armwright.description.paths import path_name, unit_at
 from armwright.dynamics.gears import joint_torques
 from armwright.entry import AnyArm, AnyLog, as_arm, as_log
 from armwright.errors import IdentificationError
+from armwright.fitting.covariance import covariance_of
 from armwright.fitting.measures import agreement
+from armwright.identification.arm.equations import Samples
 from armwright.identification.arm.friction_law import (
     CANDIDATES,
     WORTH,
@@ -31,21 +33,20 @@ from armwright.identification.arm.friction_law import (
     level_of,
     terms_of,
 )
-from armwright.identification.arm.samples import Samples, check_efforts, samples_of
+from armwright.identification.arm.samples import checked, samples_of
 from armwright.identification.arm.spring_record import spring_keys
 from armwright.identification.arm.torque_model import SUPPORT as LINEAR, torque_model
 from armwright.identification.estimate import Estimate
-from armwright.identification.logs.checks import of_robot
 from armwright.identification.logs.log import Log
 from armwright.identification.logs.preparation import Preparation, choose_preparation
 from armwright.model import Model
 
 SUPPORT = LINEAR.named("identify friction")
 
-CLUSTERS = 40  # parts of the log whose residuals count as independent of each other's
 SLOWEST = 0.02  # of a joint's largest speed: slower rows are left out, the direction of dry friction is not known there
 WIDER, HIGHEST = 4.0, 0.2  # cut-off by the one that suits the positions, and its largest share of the rate
 FEWEST = 50  # rows of a joint
+APART = 100  # row numbers between stretches: their residuals are independent
 BINS = 12  # of a table over speed, either way
 LEAST_EXPLAINED, MOST_LEFT = 0.5, 0.1  # shares of power: of the friction's torque, and of the measured torque
 BOUND = 1e-9  # of a parameter's scale
@@ -75,8 +76,10 @@ def friction_rows(
     choice, shares = preparation or _wider(log), motor_shares(robot)
     frictionless = robot.replace(friction=None)
     lossy, to_motors = any(map(loses_power, frictionless.coordinates)), np.linalg.inv(shares)
-    model, parts = torque_model(robot), [[] for _ in range(robot.n)]
+    model, parts, stretch, end = torque_model(robot), [[] for _ in range(robot.n)], None, 0
     for block in samples_of(log, model, None, choice):
+        begin = end if (block.run, block.stretch) == stretch else end + APART
+        stretch, end = (block.run, block.stretch), begin + len(block.t)
         load = links.inverse_dynamics(block.q, block.qd, block.qdd) @ shares
         if lossy:  # what leaves the gears, without what the links take
             own = (block.tau @ to_motors).T
@@ -92,7 +95,8 @@ def friction_rows(
             for turn in turns:
                 away[max(turn + 1 - near, 0) : turn + 1 + near] = False
             kept = away & np.isfinite(rest[:, j])
-            parts[j].append(FrictionRows(block.q[kept, j], speed[kept], rest[kept, j], load[kept, j], warm[kept, j]))
+            columns = (each[kept, j] for each in (block.q, block.qd, rest, load, warm))
+            parts[j].append(FrictionRows(*columns, number=begin + np.flatnonzero(kept)))
     joined = []
     for each in parts:
         rows = FrictionRows(*(np.concatenate([getattr(part, name) for part in each]) for name in vars(each[0])))
@@ -171,8 +175,7 @@ def identify_friction(
     for each in candidates:
         if each not in CANDIDATES:
             raise IdentificationError("unknown", place="candidates", value=each, choices=CANDIDATES)
-    check_efforts(log, robot.names, log.fit)
-    log = of_robot(log, robot)
+    log = checked(log, robot)
     names: list[str] = []
     values, bounds, blocks, measures = [], [], [], {}
     remarks, doubtful = [*map(str, log.warnings), *SUPPORT.notes(robot), *_behind_gears(robot)], False
@@ -303,7 +306,7 @@ def _said(joint: str, law: FrictionLaw, choice: Choice, worth: float) -> list[st
 
 
 def _covariance(rows: FrictionRows, law: FrictionLaw) -> np.ndarray:
-    """Covariance of a law's numbers, robust against correlation of the residuals within parts of the log. [LiangZeger1986]"""
+    """Covariance of a law's numbers, for residuals that are correlated in time; NaN of numbers without effect."""
     stems = [term.stem for term in terms_of(law.terms)]
     x = np.array([law.values[stem] for stem in stems])
     J = np.zeros((len(rows.speed), len(x)))
@@ -311,14 +314,11 @@ def _covariance(rows: FrictionRows, law: FrictionLaw) -> np.ndarray:
         h = 1e-6 * max(abs(x[k]), 1e-3)
         ends = [FrictionLaw(law.terms, {**law.values, stems[k]: x[k] + sign * h})(rows) for sign in (1, -1)]
         J[:, k] = (ends[0] - ends[1]) / (2 * h)
-    rest = rows.torque - law(rows)
-    size = np.linalg.norm(J, axis=0)
-    scale = np.where(size > 0, size, 1.0)
-    inverse = np.linalg.pinv((J / scale).T @ (J / scale))
-    scores = np.array([(J[part] / scale).T @ rest[part] for part in np.array_split(np.arange(len(rest)), CLUSTERS)])
-    covariance = (inverse @ (scores.T @ scores) @ inverse) * CLUSTERS / (CLUSTERS - 1) / np.outer(scale, scale)
-    covariance[size == 0, :] = covariance[:, size == 0] = np.nan  # the torque does not depend on it
-    return covariance
+    at = rows.number - rows.number[0]
+    X, rest = np.zeros((at[-1] + 1, 1, len(x))), np.full((at[-1] + 1, 1), np.nan)  # rows that are left out are missing
+    X[at, 0], rest[at, 0] = J, rows.torque - law(rows)
+    lost = np.linalg.norm(J, axis=0) == 0
+    return np.where(lost | lost[:, None], np.nan, covariance_of([(X, rest)]))
 
 
 def with_identified_friction(robot: Model, estimate: Estimate) -> Model:

@@ -9,7 +9,7 @@ fitted; every other term is a candidate that stays only if it lowers the held-ou
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
@@ -28,6 +28,7 @@ class FrictionRows:
     Attributes:
         q, speed: (k,) [rad, rad/s | m, m/s].   torque: (k,) what the arm without friction leaves unexplained [N m | N].
         load: (k,) torque at the joint's links [N m | N].   warming: (k,) [K], NaN where it is not known.
+        number: (k,) of the rows in the log, successive ones a period apart; by default there are no gaps.
     """
 
     q: np.ndarray
@@ -35,6 +36,11 @@ class FrictionRows:
     torque: np.ndarray
     load: np.ndarray
     warming: np.ndarray
+    number: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=int))
+
+    def __post_init__(self) -> None:
+        if not len(self.number):
+            object.__setattr__(self, "number", np.arange(len(self.speed)))
 
     def part(self, chosen: np.ndarray) -> FrictionRows:
         """A selection of the rows."""

@@ -6,8 +6,8 @@ known (the payload's mass, springs of the record), the measured efforts of joint
     u_j = h_j (Y_j θ + c_j) + noise of deviation σ_j,      h_j = 1 / g_j.
 
 All joints share θ, so a gain is identifiable where its torque depends on a number that is known, or on one that another joint
-feels. The noise is in u alone:  min Σ_j |u_j - h_j (Y_j θ + c_j)|² / σ_j²  by Gauss and Newton, σ_j of joint j by itself, from
-the total least squares of  g_j u_j = Y_j θ + λ c_j  scaled to λ = 1. Triangular factors suffice; no row is read again.
+feels. The noise is in u alone:  min Σ_j |u_j - h_j (Y_j θ + c_j)|² / σ_j²  by Levenberg and Marquardt, σ_j of joint j by itself,
+from the total least squares of  g_j u_j = Y_j θ + λ c_j  scaled to λ = 1. Triangular factors suffice; no row is read again.
 """
 
 from __future__ import annotations
@@ -20,11 +20,12 @@ import numpy as np
 import scipy.linalg
 
 from armwright.errors import IdentificationError
+from armwright.fitting.levenberg_marquardt import Descent, descended
 from armwright.identification.arm.base import regrouped
 from armwright.identification.arm.equations import Factor
 from armwright.identification.arm.torque_model import Column
 
-ITERATIONS, HALVINGS = 100, 20
+ITERATIONS = 100
 SETTLED = 1e-7  # of the residual's deviation: a step that changes predictions less ends the iteration
 SEEN = 0.5  # deviation of a gain by the gain: above, the linear deviation says nothing, and the joint leaves the fit
 UNSEEN = 1e-6  # singular value of the gains' factor that counts as 0: a deviation of a million times the gain
@@ -167,28 +168,20 @@ def _fitted(problem: GainProblem) -> GainFit:
     if not len(problem.joints):
         return GainFit(problem, np.zeros(0), np.zeros(0))
     inverse = 1.0 / _total_least_squares(problem)
-    parameters = _parameters(problem, inverse)
-    cost = sum(each @ each for each in _residuals(problem, parameters, inverse))
-    for _ in range(ITERATIONS):
-        J = _jacobian(problem, parameters, inverse)
-        rest = np.concatenate(_residuals(problem, parameters, inverse))
-        size = np.linalg.norm(J, axis=0)
-        size[size == 0] = 1.0
-        step = np.linalg.lstsq(J / size, rest, rcond=1e-10)[0] / size
-        change = float(np.linalg.norm(J @ step))
-        if change <= SETTLED * max(1.0, np.sqrt(cost)):
-            return GainFit(problem, parameters, inverse)
-        for halving in range(HALVINGS):
-            share = 0.5**halving
-            tried = parameters + share * step[: len(parameters)], inverse + share * step[len(parameters) :]
-            new = sum(each @ each for each in _residuals(problem, *tried))
-            if new < cost:
-                break
-        else:
-            return GainFit(problem, parameters, inverse)  # rounding hides what is left to gain
-        (parameters, inverse), cost = tried, new
-    what = f"gains and parameters do not settle within {ITERATIONS} iterations"
-    raise IdentificationError(what, place="log", expected="logs of one arm without and with one payload")
+    count, at = len(problem.unknown), np.concatenate([_parameters(problem, inverse), inverse])
+
+    def evaluate(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        parts = x[0, :count], x[0, count:]
+        return -np.concatenate(_residuals(problem, *parts))[None], _jacobian(problem, *parts)[None]
+
+    found = descended(
+        evaluate, Descent.begin(evaluate, at[None]), rounds=ITERATIONS,
+        ends=lambda _, cost, moved: moved <= SETTLED**2 * np.maximum(1.0, cost),
+    )  # fmt: skip
+    if not found.ended[0]:
+        what = f"gains and parameters do not settle within {ITERATIONS} iterations"
+        raise IdentificationError(what, place="log", expected="logs of one arm without and with one payload")
+    return GainFit(problem, found.x[0, :count], found.x[0, count:])
 
 
 def _total_least_squares(problem: GainProblem) -> np.ndarray:

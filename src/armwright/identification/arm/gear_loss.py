@@ -24,9 +24,8 @@ from armwright.actuators.gear import gear_loss, loses_power
 from armwright.description.paths import path_name
 from armwright.errors import IdentificationError
 from armwright.identification.arm.base import BaseParameters, base_parameters
-from armwright.identification.arm.equations import Equations
+from armwright.identification.arm.equations import Equations, Samples
 from armwright.identification.arm.fit import ArmFit, fit_arm
-from armwright.identification.arm.samples import Samples
 from armwright.identification.arm.torque_model import Column, TorqueModel
 from armwright.identification.estimate import HALF_95
 from armwright.model import Body, EfficiencyTable

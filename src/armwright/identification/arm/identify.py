@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Literal
@@ -16,9 +15,15 @@ from armwright.description.robot import Source
 from armwright.entry import as_arm, as_log
 from armwright.errors import ArmwrightError, IdentificationError
 from armwright.identification.arm.arm_record import Paths, RecordParameters, described, record_parameters
-from armwright.identification.arm.base import BaseParameters, base_parameters, regrouped, regrouped_further
+from armwright.identification.arm.base import (
+    BaseParameters,
+    base_parameters,
+    regrouped,
+    regrouped_further,
+    told_parameters,
+)
 from armwright.identification.arm.closed_loop import Feedback, following
-from armwright.identification.arm.equations import Equations, equations_of, stacked
+from armwright.identification.arm.equations import Equations, SampleSource, equations_of, part_seconds
 from armwright.identification.arm.fit import ArmFit, HeldOut, cross_validated, fit_arm, measures_of
 from armwright.identification.arm.fit_noise import error_by_noise
 from armwright.identification.arm.gear_loss import (
@@ -45,12 +50,11 @@ from armwright.identification.arm.remarks import (
     unpredicted,
     verdict_of,
 )
-from armwright.identification.arm.samples import Memory, Samples, check_efforts, joints_of, samples_of
+from armwright.identification.arm.samples import Memory, Stream, checked, samples_of
 from armwright.identification.arm.separating import sentences
 from armwright.identification.arm.spring_record import SPRINGS
 from armwright.identification.arm.torque_model import SUPPORT, USUAL_FRICTION, TorqueModel, torque_model
 from armwright.identification.estimate import HALF_95, Estimate, write_into
-from armwright.identification.logs.checks import of_robot
 from armwright.identification.logs.log import Log
 from armwright.identification.logs.preparation import Preparation, choose_preparation
 from armwright.identification.validation.comparison import NO_HOLD_OUT, RecordComparison, compare_records
@@ -61,9 +65,6 @@ from armwright.results.page_parts import definitions
 from armwright.results.result import Result
 from armwright.results.table import Table, number
 
-FOLDS = 8  # parts of a log with few runs
-MANY_RUNS = 4  # from here on each run is a part
-IN_MEMORY = 20_000_000  # numbers of prepared rows that stay in memory: 160 MB; longer logs are read again
 GAIN = 0.01  # of the held-out error, that a spring must bring
 MOST_PASSES, SETTLED = 5, 0.05  # fits of a lossy arm about the last one, until it moves by less than so many deviations
 JOINTS = ("joint", "R²", "RMS", "of the torque [%]", "held out [%]", "unit")
@@ -235,75 +236,108 @@ def identify_arm(
         raise IdentificationError(
             "missing", place="robot", expected="an arm, or kinematics alone, here or in the log's file"
         )
-    order = joints_of(log, arm.names)
-    log = of_robot(log, arm)
-    runs = list(log.fit if runs is None else runs)
-    check_efforts(log, arm.names, runs)
-    gears = None if log.gears is None else log.gears[np.ix_(order, order)]
+    log = checked(log, arm, runs)
+    stream = Stream(log, arm, runs, cutoff=cutoff, decimate=decimate)
+    absent = stream.lacks if lacks is None else lacks
     model = torque_model(
-        arm,
-        friction=friction,
-        springs=springs,
-        lacks=(missing := _lacks(log, lacks)),
-        stribeck_speed=stribeck_speed,
-        gears=gears,
+        arm, friction=friction, springs=springs, lacks=absent, stribeck_speed=stribeck_speed, gears=stream.gears
     )
-    prepared = {run: choose_preparation(log, run, cutoff=cutoff, decimate=decimate) for run in runs}
-    seconds = _part_seconds(log, runs)
-    lossy, untold = lossy_model(model, fit_efficiency), {}
-    rows = partial(_Rows, log, runs=runs, prepared=prepared, memory=None if lossy is None else {})
+    lossy = lossy_model(model, fit_efficiency)
+    if lossy is not None:
+        check_losses(lossy, method, absent)
+    fitted = _fitted(stream, model, lossy, method, feedback, forgetting, strict=fit_efficiency != "all")
+    return judged(_estimate(fitted, method, sensitivity, record or bool(stream.hold_out)), log, arm, stream.hold_out)
+
+
+@dataclass(frozen=True, eq=False)
+class _Fitted:
+    """A fit of a stream's rows.
+
+    Attributes:
+        stream: of the log.   rows: its samples for the fit's model.   fit: found.   base: identifiable from the log.
+        structural: base parameters of the arm.   untold: joints whose efficiency stays the record's, each with the reason.
+    """
+
+    stream: Stream
+    rows: SampleSource
+    fit: ArmFit
+    base: BaseParameters
+    structural: BaseParameters
+    untold: Mapping[str, str]
+
+
+def _fitted(
+    stream: Stream,
+    model: TorqueModel,
+    lossy: LossyModel | None,
+    method: str,
+    feedback: Feedback | tuple[Any, Any, float] | None,
+    forgetting: float,
+    strict: bool,
+) -> _Fitted:
+    """The fit by a method; of a lossy arm about its own solution."""
+    seconds, untold = part_seconds(stream.runs, stream.seconds), {}
+    memory: Memory | None = None if lossy is None else {}
+
+    def read(model: TorqueModel) -> tuple[SampleSource, Equations]:
+        rows = stream.kept(model, memory)
+        return rows, equations_of(rows(), model, part_seconds=seconds)
+
     if lossy is None:
-        source = rows(model)
-        equations = equations_of(source(), model, part_seconds=seconds)
+        rows, equations = read(model)
         dropped = _useless_springs(equations)
     else:
-        check_losses(lossy, method, missing)
-        problem = GearProblem(lambda each: equations_of(rows(each)(), each, part_seconds=seconds), _base_of, method)
-        gears_fit = fit_gears(
-            problem, lossy, _useless_springs, lambda each: rows(each)(), strict=fit_efficiency != "all"
-        )
-        model, equations, dropped = gears_fit.model, gears_fit.equations, gears_fit.dropped
-        untold = gears_fit.untold
-        source = rows(model)
+        problem = GearProblem(lambda each: read(each)[1], told_parameters, method)
+        gears_fit = fit_gears(problem, lossy, _useless_springs, lambda each: stream.kept(each, memory)(), strict=strict)
+        model, equations, dropped, untold = gears_fit.model, gears_fit.equations, gears_fit.dropped, gears_fit.untold
+        rows = stream.kept(model, memory)
     structural = base_parameters(model, dropped)
-    base = regrouped_further(structural, _columns_factor(equations))
-    loop = None if feedback is None else _loop(feedback, source, prepared[runs[0]], model.arm.n)
-    fit = METHODS[method].fit(FitProblem(source, equations, base, seconds, loop, forgetting))
+    base = regrouped_further(structural, equations.factor)
+    loop = None if feedback is None else _loop(feedback, rows, stream.prepared[stream.runs[0]], model.arm.n)
+    fit = METHODS[method].fit(FitProblem(rows, equations, base, seconds, loop, forgetting))
     for _ in range(MOST_PASSES):
         if not isinstance(model, LossyModel) or distance(fit) < SETTLED:
             break
         model = model.at(fit.parameters)
-        source = rows(model)
-        equations = equations_of(source(), model, part_seconds=seconds)
-        fit = METHODS[method].fit(FitProblem(source, equations, base, seconds, loop, forgetting))
+        rows, equations = read(model)
+        fit = METHODS[method].fit(FitProblem(rows, equations, base, seconds, loop, forgetting))
+    return _Fitted(stream, rows, fit, base, structural, untold)
+
+
+def _estimate(found: _Fitted, method: str, sensitivity: bool, record: bool) -> ArmEstimate:
+    """The estimate with remarks, measures and a verdict on the fitted rows."""
+    fit, base, structural, rows, prepared = found.fit, found.base, found.structural, found.rows, found.stream.prepared
+    model, equations = fit.equations.model, fit.equations
     held_out = tuple(cross_validated(fit)) if len(equations.parts) > 1 and METHODS[method].parts else ()
-    kept_back = [run for run in log.hold_out if run not in runs]
-    sensitive = _sensitive(log, model, prepared, fit) if sensitivity and METHODS[method].parts else ()
-    values = record_parameters(fit) if record or kept_back else None
+    sensitive = _sensitive(found.stream, fit) if sensitivity and METHODS[method].parts else ()
+    values = record_parameters(fit) if record else None
     if values is not None and isinstance(model, LossyModel):
         again = model.at(values.values)
-        factors = equations_of(rows(again)(), again).factors
+        factors = equations_of(found.stream.kept(again)(), again).factors
         values = replace(values, r2=measures_of(factors, values.values)[2])
-    directions = [*sentences(fit, source()), *_separating(equations, base, structural)]
-    remarks = remarks_on(fit, base, structural, directions, sensitive, held_out, values, prepared[runs[0]])
-    remarks += [*late_torques(fit, next(source())), *loss_remarks(fit, untold), *SUPPORT.notes(arm)]
-    doubts = [*doubtful_losses(fit), *unlike_the_record(fit)]
-    doubts += (driving := driving_frictions(fit))
-    doubts += negative_inertias(fit, next(source()))
-    doubts += [] if driving else misread_columns(fit, next(source()))
-    doubts += impossible_parameters(fit, values)
-    rows, cut = equations.rows.max(), prepared[runs[0]].cutoff
-    about = f"{METHODS[method].about} of {rows} rows, {model.arm.n} joints, cut-off {cut:.4g} Hz"
-    estimate = Estimate(
-        names=tuple(fit.base.names), values=fit.values, covariance=fit.covariance, sha256=log.sha256, method=about,
-        units=tuple(fit.base.units), remarks=(*remarks, *doubts, *map(str, log.warnings)), condition=fit.condition,
-        fit=measures_by_joint(fit, held_out),
-        verdict="not identified" if doubts else verdict_of(fit, len(base), len(structural)), log=log.path.name,
-    )  # fmt: skip
-    found = ArmEstimate(
-        estimate, fit, tuple(fit.base.formulas), len(structural), held_out, None, sensitive, values, gears
+    some, cut = next(iter(rows())), next(iter(prepared.values()))
+    directions = [*sentences(fit, rows()), *_separating(equations, base, structural)]
+    remarks = remarks_on(fit, base, structural, directions, sensitive, held_out, values, cut)
+    driving, negative, impossible = (
+        driving_frictions(fit),
+        negative_inertias(fit, some),
+        impossible_parameters(fit, values),
     )
-    return judged(found, log, arm, kept_back)
+    doubts = [*unlike_the_record(fit), *driving, *negative]
+    measures, verdict = measures_by_joint(fit, held_out), verdict_of(fit, len(base), len(structural))
+    remarks += late_torques(fit, some)
+    doubts += [*([] if driving else misread_columns(fit, some)), *impossible]
+    remarks += [*loss_remarks(fit, found.untold), *SUPPORT.notes(model.arm)]
+    doubts = [*doubtful_losses(fit), *doubts]
+    about = f"{METHODS[method].about} of {equations.rows.max()} rows, {model.arm.n} joints, cut-off {cut.cutoff:.4g} Hz"
+    estimate = Estimate(
+        names=tuple(fit.base.names), values=fit.values, covariance=fit.covariance, sha256=found.stream.sha256, method=about,
+        units=tuple(fit.base.units), remarks=(*remarks, *doubts, *found.stream.warnings), condition=fit.condition,
+        fit=measures, verdict="not identified" if doubts else verdict, log=found.stream.name,
+    )  # fmt: skip
+    return ArmEstimate(
+        estimate, fit, tuple(fit.base.formulas), len(structural), held_out, None, sensitive, values, found.stream.gears
+    )
 
 
 def judged(found: ArmEstimate, log: Log, arm: Model, runs: Sequence[str]) -> ArmEstimate:
@@ -333,16 +367,7 @@ def judged(found: ArmEstimate, log: Log, arm: Model, runs: Sequence[str]) -> Arm
     return replace(found, estimate=estimate, hold_out=comparison)
 
 
-def _lacks(log: Log, lacks: Collection[str] | None) -> Collection[str]:
-    """Terms that the measured torque does not contain: as requested, else as the log's file says."""
-    if lacks is not None:
-        return lacks
-    return tuple(dict.fromkeys(term for signal in log.table.signals for term in signal.lacks))
-
-
-def _loop(
-    feedback: Feedback | tuple[Any, Any, float], source: Callable[[], Iterator[Samples]], prepared: Preparation, n: int
-) -> Feedback:
+def _loop(feedback: Feedback | tuple[Any, Any, float], source: SampleSource, prepared: Preparation, n: int) -> Feedback:
     """The log's loop, with the low-pass that its rows went through."""
     if isinstance(feedback, Feedback):
         return replace(feedback, cutoff=prepared.cutoff, order=prepared.order)
@@ -354,57 +379,6 @@ def _loop(
         raise IdentificationError(place="feedback period", value=period, expected="a number above 0 [s]")
     loop = following(list(source()), np.broadcast_to(kp, n), np.broadcast_to(kd, n), period)
     return replace(loop, cutoff=prepared.cutoff, order=prepared.order)
-
-
-class _Rows:
-    """Prepared rows of a log, in memory where they are few, else read again at each call."""
-
-    def __init__(
-        self,
-        log: Log,
-        model: TorqueModel,
-        runs: Sequence[str],
-        prepared: Mapping[str, Preparation],
-        memory: Memory | None = None,
-    ):
-        rows = sum(log.run(run).rows / prepared[run].decimate for run in runs)
-        self._few = rows * (model.arm.n * (len(model) + 5) + 1) < IN_MEMORY
-        kept = memory if self._few else None
-        self._read = lambda: samples_of(log, model, runs, prepared, kept)
-        self._kept: list[Samples] | None = None
-
-    def __call__(self) -> Iterator[Samples]:
-        """The rows, block by block."""
-        if not self._few:
-            return self._read()
-        if self._kept is None:
-            self._kept = list(self._read())
-        return iter(self._kept)
-
-
-def _part_seconds(log: Log, runs: Sequence[str]) -> float:
-    """Length of a part [s]: whole runs if there are several, else a share of the time."""
-    if len(runs) >= MANY_RUNS:
-        return np.inf
-    return max(sum(log.run(run).duration for run in runs) / FOLDS, 1e-9)
-
-
-def _regrouped_without(equations: Equations, dropped: Sequence[int]) -> BaseParameters:
-    """Base parameters of a log's rows without some columns."""
-    columns = len(equations.model)
-    matrix = stacked(equations.factors, columns)[0][:, :columns]
-    matrix[:, list(dropped)] = 0.0
-    return regrouped(equations.model.columns, matrix)
-
-
-def _columns_factor(equations: Equations) -> np.ndarray:
-    """R (p + 1, p) of all columns of a log."""
-    return stacked(equations.factors, len(equations.model))[0][:, : len(equations.model)]
-
-
-def _base_of(equations: Equations, dropped: Sequence[int]) -> BaseParameters:
-    """Base parameters of an arm without some columns that a log tells."""
-    return regrouped_further(base_parameters(equations.model, dropped), _columns_factor(equations))
 
 
 def _useless_springs(equations: Equations) -> list[int]:
@@ -424,8 +398,10 @@ def _useless_springs(equations: Equations) -> list[int]:
 
 
 def _held_out_error(equations: Equations, dropped: Sequence[int]) -> float:
-    """Root mean square of the held-out errors over all parts that move."""
-    parts = cross_validated(fit_arm(equations, _regrouped_without(equations, dropped)))
+    """Root mean square of the held-out errors over all parts that move, of a fit without some columns."""
+    factor = equations.factor
+    factor[:, list(dropped)] = 0.0
+    parts = cross_validated(fit_arm(equations, regrouped(equations.model.columns, factor)))
     return float(np.sqrt(np.nanmean([each.error**2 for each in parts if not each.at_rest])))
 
 
@@ -437,25 +413,25 @@ def _separating(equations: Equations, base: BaseParameters, structural: BasePara
     from armwright.identification.experiments.expected import joints_that_separate
 
     model = equations.model
-    R = stacked(equations.factors, len(model))[0][:, structural.independent]
+    R = equations.factor[:, structural.independent]
     regressor = BaseRegressor(model, structural, np.zeros(model.arm.n))
     return list(joints_that_separate(regressor, R.T @ R, int(equations.rows.max())))[:MOST_NAMED]
 
 
-def _sensitive(log: Log, model: TorqueModel, prepared: Mapping[str, Preparation], fit: ArmFit) -> tuple[str, ...]:
+def _sensitive(stream: Stream, fit: ArmFit) -> tuple[str, ...]:
     """Names of parameters that leave their 95 % interval where the cut-off is 30 % lower or higher."""
-    moved = np.zeros(len(fit.base), dtype=bool)
+    model, moved = fit.equations.model, np.zeros(len(fit.base), dtype=bool)
     for factor in (SMALLER, LARGER):
         other = {}
-        for run, each in prepared.items():
+        for run, each in stream.prepared.items():
             cutoff = min(factor * each.cutoff, 0.45 * each.rate)
             most = max(int(each.rate / (2 * cutoff)), 1)
             other[run] = choose_preparation(
-                log, run, cutoff=cutoff, order=each.order, decimate=min(each.decimate, most),
+                stream.log, run, cutoff=cutoff, order=each.order, decimate=min(each.decimate, most),
                 differentiation=each.differentiation,
             )  # fmt: skip
         try:
-            equations = equations_of(samples_of(log, model, list(prepared), other), model)
+            equations = equations_of(samples_of(stream.log, model, stream.runs, other), model)
             again = fit_arm(equations, fit.base, "wls", fit.weights)
         except IdentificationError:  # a filter so slow that too few rows are left
             continue

@@ -11,11 +11,10 @@ import numpy as np
 from armwright.errors import IdentificationError
 from armwright.identification.arm.base import BaseParameters
 from armwright.identification.arm.closed_loop import ClosedLoopMethod, Feedback, fit_closed_loop
-from armwright.identification.arm.equations import Equations, stacked
+from armwright.identification.arm.equations import Equations, SampleSource, stacked
 from armwright.identification.arm.essential import essential_parameters
 from armwright.identification.arm.fit import (
     ArmFit,
-    SampleSource,
     fit_arm,
     fit_robust,
     measures_of,

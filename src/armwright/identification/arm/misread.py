@@ -11,10 +11,10 @@ from itertools import combinations
 
 import numpy as np
 
+from armwright.fitting.triangular import triangle
+from armwright.identification.arm.equations import Samples
 from armwright.identification.arm.fit import ArmFit
-from armwright.identification.arm.samples import Samples
 from armwright.identification.arm.torque_model import TorqueModel
-from armwright.identification.arm.triangular import triangle
 
 ROWS = 400  # that mistakes are tried on
 BETTER = 0.25  # squares of the errors with a mistake undone, by those as logged: less is in doubt

@@ -13,7 +13,7 @@ Either way joints are weighted by their residuals, and standard deviations count
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -26,7 +26,7 @@ from armwright.dynamics.gears import joint_torques
 from armwright.entry import AnyArm, AnyLog, as_arm, as_log
 from armwright.errors import IdentificationError, LogError
 from armwright.identification.arm.base import BaseParameters, regrouped
-from armwright.identification.arm.equations import Equations, equations_of, stacked
+from armwright.identification.arm.equations import Equations, Samples, SampleSource, equations_of
 from armwright.identification.arm.fit import ArmFit, fit_arm, with_correlation
 from armwright.identification.arm.gear_loss import GearProblem, LossyModel, fit_gears, lossy_model
 from armwright.identification.arm.physical import (
@@ -37,7 +37,7 @@ from armwright.identification.arm.physical import (
     physical_by_log_cholesky,
     pseudo_inertias,
 )
-from armwright.identification.arm.samples import Memory, Samples, check_efforts, samples_of
+from armwright.identification.arm.samples import Memory, Stream, checked
 from armwright.identification.arm.torque_model import (
     INERTIAL,
     INERTIAL_UNITS,
@@ -47,7 +47,6 @@ from armwright.identification.arm.torque_model import (
     torque_model,
 )
 from armwright.identification.estimate import HALF_95, Estimate
-from armwright.identification.logs.checks import of_robot
 from armwright.identification.logs.log import Log
 from armwright.identification.logs.preparation import Preparation, choose_preparation
 from armwright.model import BASE, Model
@@ -159,22 +158,20 @@ def identify_payload(
     """
     log = as_log(log)
     robot = as_arm(robot, "robot")
-    for each in (log,) if loaded_log is None else (log, loaded_log):
-        check_efforts(each, robot.names, each.fit)
-    log, loaded_log = of_robot(log, robot), None if loaded_log is None else of_robot(loaded_log, robot)
-    logs = [log] if loaded_log is None else [log, loaded_log]
+    logs = [checked(each, robot) for each in ((log,) if loaded_log is None else (log, loaded_log))]
     warnings = tuple(str(warning) for each in logs for warning in each.warnings)
     if preparation is not None:
-        found = _fitted(log, robot, loaded_log, frame, (preparation, preparation))
+        found = _fitted(logs, robot, frame, [preparation] * len(logs))
         return replace(found, remarks=(*found.remarks, *warnings))
+    log = logs[0]
     chosen = choose_preparation(log).cutoff
     tried: list[tuple[float, Estimate]] = []
     too_short: LogError | None = None
     for cutoff in chosen * np.array(CUTOFFS):
         if cutoff < HIGHEST / log.run().period or not tried:
-            choices = tuple(choose_preparation(each, cutoff=cutoff) for each in (log, loaded_log or log))
+            choices = [choose_preparation(each, cutoff=cutoff) for each in logs]
             try:
-                tried.append((cutoff, _fitted(log, robot, loaded_log, frame, choices)))
+                tried.append((cutoff, _fitted(logs, robot, frame, choices)))
             except LogError as error:  # a higher cut-off leaves more rows
                 too_short = error
                 if cutoff >= HIGHEST / log.run().period:
@@ -193,39 +190,38 @@ def _vagueness(estimate: Estimate) -> float:
     return float(estimate.std[0]) if np.isfinite(estimate.std[0]) else np.inf
 
 
-def _fitted(
-    log: Log, robot: Model, loaded_log: Log | None, frame: str | None, preparations: Sequence[Preparation]
-) -> Estimate:
-    """The estimate with one low-pass for each log."""
-    if loaded_log is None:
-        model = payload_model(robot, frame)
-        prepared = partial(samples_of, log, model, None, preparations[0])
-        source: Callable[[], Iterable[Samples]] = (
-            (lambda: behind_gears(prepared(), model)) if is_lossy(robot) else prepared
-        )
-        fit = _weighted(equations_of(list(source()), model))
-        covariance = with_correlation(source, fit).covariance
+def _fitted(logs: Sequence[Log], robot: Model, frame: str | None, preparations: Sequence[Preparation]) -> Estimate:
+    """The estimate from one log or two, with one low-pass for each."""
+    streams = [Stream(log, robot, None, each) for log, each in zip(logs, preparations, strict=True)]
+    if len(logs) == 1:
+        model: TorqueModel = (alone := payload_model(robot, frame))
+        prepared = partial(streams[0].samples, model)
+        sources: list[SampleSource] = [(lambda: behind_gears(prepared(), alone)) if is_lossy(robot) else prepared]
         method = "payload from one log and the known arm: weighted least squares of the torques that the arm leaves unexplained"
-        return _estimate(fit, covariance, method, log.sha256, log.path.name)
-    whole = payload_model(robot, frame, torque_model(robot))
-    lossy = lossy_model(whole)
-    memories: list[Memory | None] = [None, None] if lossy is None else [{}, {}]
-    model = (
-        whole
-        if lossy is None
-        else fit_gears(GearProblem(partial(_of_both, log, loaded_log, preparations, memories), _told), lossy).model
-    )
-    sources = _both(model, log, loaded_log, preparations, memories)
-    halves = equations_of(sources[0](), _empty(model)), equations_of(sources[1](), model)
-    fit = _weighted(Equations(model, (*halves[0].parts, *halves[1].parts)))
+        sha256 = logs[0].sha256
+    else:
+        model = payload_model(robot, frame, torque_model(robot))
+        lossy, memories = lossy_model(model), ({}, {})
+        if lossy is not None:
+            problem = GearProblem(lambda each: _joined(each, _both(each, streams, memories))[0], _told)
+            model = fit_gears(problem, lossy).model
+        sources = _both(model, streams, (None, None) if lossy is None else memories)
+        method = f"payload from two logs, {both_logs(*logs)}: weighted least squares of both together"
+        sha256 = checksum_of_both(*logs)
+    whole, halves = _joined(model, sources)
+    fit = fit_arm(whole, _told(whole))
     # H⁻¹ Γ H⁻¹ is linear in Γ, so that of both logs is the sum of those of each.
     covariances = [
         with_correlation(each, replace(fit, equations=half)).covariance
         for each, half in zip(sources, halves, strict=True)
     ]
-    method = f"payload from two logs, {both_logs(log, loaded_log)}: weighted least squares of both together"
-    sha256 = checksum_of_both(log, loaded_log)
-    return _estimate(fit, sum(covariances, np.zeros(())), method, sha256, loaded_log.path.name)
+    return _estimate(fit, sum(covariances, np.zeros(())), method, sha256, logs[-1].path.name)
+
+
+def _joined(model: TorqueModel, sources: Sequence[SampleSource]) -> tuple[Equations, list[Equations]]:
+    """The least-squares problem of all logs together, and of each; of two the first is without the payload."""
+    halves = [equations_of(each(), _empty(model) if each is not sources[-1] else model) for each in sources]
+    return Equations(model, tuple(part for half in halves for part in half.parts)), halves
 
 
 def _empty(model: TorqueModel) -> TorqueModel:
@@ -236,29 +232,10 @@ def _empty(model: TorqueModel) -> TorqueModel:
     return replace(model, loaded=False)
 
 
-def _both(
-    model: TorqueModel,
-    log: Log,
-    loaded_log: Log,
-    preparations: Sequence[Preparation],
-    memories: Sequence[Memory | None],
-) -> list[Callable[[], Iterator[Samples]]]:
+def _both(model: TorqueModel, streams: Sequence[Stream], memories: Sequence[Memory | None]) -> list[SampleSource]:
     """Samples of the log without the payload, and of that with it."""
-    each = zip((log, loaded_log), (_empty(model), model), preparations, memories, strict=True)
-    return [partial(samples_of, one, which, None, choice, memory) for one, which, choice, memory in each]
-
-
-def _of_both(
-    log: Log,
-    loaded_log: Log,
-    preparations: Sequence[Preparation],
-    memories: Sequence[Memory | None],
-    model: TorqueModel,
-) -> Equations:
-    """The least-squares problem of both logs."""
-    sources = _both(model, log, loaded_log, preparations, memories)
-    halves = equations_of(sources[0](), _empty(model)), equations_of(sources[1](), model)
-    return Equations(model, (*halves[0].parts, *halves[1].parts))
+    models = _empty(model), model
+    return [partial(one.samples, *each) for one, *each in zip(streams, models, memories, strict=True)]
 
 
 def both_logs(log: Log, loaded_log: Log) -> str:
@@ -280,14 +257,9 @@ def behind_gears(samples: Iterable[Samples], model: PayloadModel) -> Iterator[Sa
         yield replace(block, tau=np.asarray(measured - own, dtype=float).T)
 
 
-def _weighted(equations: Equations) -> ArmFit:
-    """Weighted least squares of all columns that the log and the arm's structure can distinguish."""
-    return fit_arm(equations, _told(equations))
-
-
 def _told(equations: Equations, dropped: Sequence[int] = ()) -> BaseParameters:
     """Base parameters of the columns that the rows distinguish, without some."""
-    factor = stacked(equations.factors, len(equations.model))[0][:, :-1]
+    factor = equations.factor
     factor[:, list(dropped)] = 0.0
     base = regrouped(equations.model.columns, factor)
     if not len(base):

@@ -7,18 +7,18 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from armwright.fitting.directions import MEANINGLESS
 from armwright.fitting.measures import r_squared, rms
 from armwright.identification.arm.base import BaseParameters
 from armwright.identification.arm.equations import Equations
 from armwright.identification.arm.fit import AT_REST, ArmFit, HeldOut
 from armwright.identification.arm.spring_record import SPRINGS
 from armwright.identification.estimate import HALF_95
-from armwright.identification.identifiability import MEANINGLESS
 from armwright.identification.logs.preparation import Preparation
 
 if TYPE_CHECKING:
     from armwright.identification.arm.arm_record import RecordParameters
-    from armwright.identification.arm.samples import Samples
+    from armwright.identification.arm.equations import Samples
     from armwright.identification.validation.comparison import RecordComparison
 
 MOST_NAMED = 6  # parameters in one remark

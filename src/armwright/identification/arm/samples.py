@@ -13,62 +13,134 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
 
 import numpy as np
 
 from armwright.actuators.coupling import shares_of, to_joints
 from armwright.errors import IdentificationError, LogError
+from armwright.identification.arm.equations import Samples, SampleSource
 from armwright.identification.arm.torque_model import TorqueModel
+from armwright.identification.logs.checks import of_robot
 from armwright.identification.logs.columns import check_gears
-from armwright.identification.logs.log import Log
+from armwright.identification.logs.log import Log, bridged
 from armwright.identification.logs.preparation import Preparation, choose_preparation, settling
-from armwright.identification.logs.prepared import SEAM, bridged, prepared_blocks, resting_speeds, zero_phase
+from armwright.identification.logs.prepared import SEAM, prepared_blocks, resting_speeds, zero_phase
+from armwright.model import Model
 
 CHUNK_VALUES = 2**21  # of the columns that pass the filter at once: 16 MB
+
+IN_MEMORY = 20_000_000  # numbers of prepared rows that stay in memory: 160 MB; longer logs are read again
 
 Moving = tuple[int, np.ndarray, dict[str, np.ndarray]]  # stretch, times (rows,), values (rows, n) by their names
 Memory = dict[str, list[Moving]]  # by the run's name
 
 
-@dataclass(frozen=True, eq=False)
-class Samples:
-    """Some prepared rows of a log for an arm.
+class Stream:
+    """Rows of some runs of a log for an arm: the log is looked at once, its rows are read block by block in bounded memory.
 
     Attributes:
-        run, stretch: which part of the log.   t: (rows,) [s].   q, qd, qdd: (rows, n).
-        tau: (rows, n) [N m | N] measured motor torque, joint side; NaN for joints without.
-        temperature: (rows, n) [°C] of the motors, NaN for joints without; None if it is not logged.
-        columns, known: (rows, n, p) `rows` and (rows, n) `known_torques` of the model, filtered as the torques are; None: not yet
-            computed, then those of the states.
-        fitted: (rows, n) False where a torque is not fitted (`TorqueModel.known_rows`); None: all are.
+        log: a checked log.   arm: whose joints are in the log, by name.   runs: names.   prepared: their low-passes, by name.
+        source: of motor torques: the log's, or from its currents by Kt of the record, or from its voltages by eq. (12).
+        order: indices of the log's joints in the arm's order.   gears: (n, n) θ_motor = gears q of the log, or None.
+        seconds: of all runs together.   hold_out: names of other runs, that the log holds out.   lacks: terms that its torques
+        are without.   name, sha256, warnings: of the log, for an estimate.
     """
 
-    run: str
-    stretch: int
-    t: np.ndarray
-    q: np.ndarray
-    qd: np.ndarray
-    qdd: np.ndarray
-    tau: np.ndarray
-    temperature: np.ndarray | None = None
-    columns: np.ndarray | None = None
-    known: np.ndarray | None = None
-    fitted: np.ndarray | None = None
+    def __init__(
+        self,
+        log: Log,
+        arm: Model,
+        runs: Sequence[str] | None = None,
+        preparation: Preparation | Mapping[str, Preparation] | None = None,
+        **choices: Any,
+    ):
+        """The rows of a log.
 
-    def part(self, chosen: slice | np.ndarray) -> Samples:
-        """Some of its rows."""
-        names = ("t", "q", "qd", "qdd", "tau", "temperature", "columns", "known", "fitted")
-        return replace(self, **{name: getattr(self, name)[chosen] for name in names if getattr(self, name) is not None})
+        Args:
+            log: a checked log.   arm: its joints are in the log, by name.   runs: names; None: those to fit.
+            preparation: of all runs, or of each by its name; None: chosen for each run, by `choices` of `choose_preparation`.
+        Raises:
+            LogError: joints of the arm that are not in the log, or gears that are not the arm's.
+            IdentificationError: joints of the arm without positions, or neither torque, current nor voltage.
+        """
+        self.order, self.source = joints_of(log, arm.names), torque_source(log)
+        check_gears(log, arm)
+        self.log, self.arm, self.runs = log, arm, tuple(log.fit if runs is None else runs)
+        self.hold_out = [run for run in log.hold_out if run not in self.runs]
+        self.name, self.sha256, self.warnings = log.path.name, log.sha256, [str(each) for each in log.warnings]
+        self.lacks = tuple(dict.fromkeys(term for signal in log.table.signals for term in signal.lacks))
+        self.gears = None if log.gears is None else log.gears[np.ix_(self.order, self.order)]
+        self.seconds = sum(log.run(name).duration for name in self.runs)
+        self._rows = {name: log.run(name).rows for name in self.runs}
+        own = preparation if isinstance(preparation, Mapping) else dict.fromkeys(self.runs, preparation)
+        self.prepared = {name: own[name] or choose_preparation(log, name, **choices) for name in self.runs}
+        self._resting = {name: resting_speeds(log, name)[self.order] for name in self.runs}
 
-    def regressor(self, model: TorqueModel) -> np.ndarray:
-        """Y (rows, n, p) of the model that the samples were prepared for."""
-        return model.rows(self.q, self.qd, self.qdd) if self.columns is None else self.columns
+    def kept(self, model: TorqueModel, memory: Memory | None = None) -> SampleSource:
+        """Samples for a model at each call: in memory where they are few, else read again.
 
-    def unknown_torque(self, model: TorqueModel) -> np.ndarray:
-        """Y π (rows, n) [N m | N]: measured torque without what the model knows; NaN where it is not fitted."""
-        known = model.known_torques(self.q, self.qd, self.qdd) if self.known is None else self.known
-        unknown = self.tau - known
-        return unknown if self.fitted is None else np.where(self.fitted, unknown, np.nan)
+        Args:
+            model: of the arm.   memory: as of `samples`, where rows are few.
+        """
+        rows = sum(self._rows[name] / each.decimate for name, each in self.prepared.items())
+        if rows * (model.arm.n * (len(model) + 5) + 1) >= IN_MEMORY:
+            return lambda: self.samples(model)
+        return partial(iter, list(self.samples(model, memory)))
+
+    def samples(self, model: TorqueModel, memory: Memory | None = None) -> Iterator[Samples]:
+        """Rows as states, motor torques and columns of a model of the arm, block by block.
+
+        Args:
+            model: of the arm.
+            memory: where the motion and torques of runs stay that passed the wide low-pass, for further models; None: nowhere.
+        Raises:
+            LogError: no stretch is long enough.   ModelError: currents or voltages of motors without constants.
+        """
+        is_empty = True
+        for run in self.runs:
+            for block in self._parallel_filtered(run, model, memory):
+                is_empty = False
+                yield block
+        if is_empty:
+            run = self.runs[-1]
+            longest = max((stretch.rows for stretch in bridged(self.log, self.log.run(run))), default=0)
+            expected = f"more than {2 * self.prepared[run].edge} rows without a gap; or a higher cut-off"
+            what = f"the longest stretch has {longest} rows"
+            raise LogError(what, place=f"run {run!r}", expected=expected, file=self.log.path)
+
+    def _parallel_filtered(self, run: str, model: TorqueModel, memory: Memory | None) -> Iterator[Samples]:
+        """Samples of a run: the wide low-pass, torques and columns, the preparation's low-pass, its decimation.
+
+        Rows on either side of a block are kept until the filter has settled.
+        """
+        first = self.prepared[run].of_motion
+        second = replace(self.prepared[run], rate=self.prepared[run].rate / first.decimate)
+        seam = settling(second.sections, SEAM)
+        rows = max(CHUNK_VALUES // max(int(model.of_joint.sum()), 1), 4 * seam) * first.decimate
+        moving: Iterable[Moving] = self._moving(run, model, first, rows)
+        if memory is not None:
+            moving = memory[run] = memory.get(run) or list(moving)
+        through, behind = (run, model, second, first, self._resting[run]), None
+        for stretch, t, states in moving:
+            if behind is not None and behind.stretch != stretch:
+                yield from behind.samples(0, *through)
+                behind = None
+            behind = _Behind(stretch, t, states, 0, 0) if behind is None else behind.plus(t, states)
+            if len(behind.t) - behind.done > 2 * seam:
+                yield from behind.samples(seam, *through)
+                behind = behind.after(seam)
+        if behind is not None:
+            yield from behind.samples(0, *through)
+
+    def _moving(self, run: str, model: TorqueModel, first: Preparation, rows: int) -> Iterator[Moving]:
+        """Motion, motor torques and temperatures of a run that passed the wide low-pass, some rows of it at once."""
+        for stretch, block in prepared_blocks(self.log, run, first, rows):
+            values = {name: _full(self.log, name, each)[:, self.order] for name, each in block.values.items()}
+            states = {name: values[name] for name in ("q", "qd", "qdd", "temperature") if name in values}
+            states["tau"] = _torque(model, self.source, values)
+            yield stretch, block.t, states
 
 
 def samples_of(
@@ -78,73 +150,14 @@ def samples_of(
     preparation: Preparation | Mapping[str, Preparation] | None = None,
     memory: Memory | None = None,
 ) -> Iterator[Samples]:
-    """Prepared rows of a log's runs as an arm's states and motor torques, block by block in bounded memory.
-
-    Torques are the log's, or follow from its currents by Kt of the record, or from its voltages by eq. (12).
+    """Prepared rows of a log's runs as an arm's states and motor torques, as `Stream` has them.
 
     Args:
-        log: a checked log.   model: of the arm; its joints are in the log, by name.
-        runs: names; None: those to fit.   preparation: of all runs, or of each by its name; None: chosen for each run.
-        memory: where the motion and torques of runs stay that passed the wide low-pass, for further models; None: nowhere.
+        log, runs, preparation: of the `Stream`.   model, memory: of its `samples`.
     Raises:
-        LogError: joints of the arm that are not in the log, gears that are not the arm's, or no stretch that is long enough.
-        IdentificationError: joints of the arm without positions, or neither torque, current nor voltage.
-        ModelError: currents or voltages of motors without constants.
+        LogError, IdentificationError, ModelError: as of both.
     """
-    order = joints_of(log, model.arm.names)
-    check_gears(log, model.arm)
-    source, is_empty = torque_source(log), True
-    for run in log.fit if runs is None else runs:
-        chosen = preparation[run] if isinstance(preparation, Mapping) else preparation or choose_preparation(log, run)
-        for block in _parallel_filtered(log, run, model, chosen, order, source, memory):
-            is_empty = False
-            yield block
-        if is_empty and run == (log.fit if runs is None else runs)[-1]:
-            longest = max((stretch.rows for stretch in bridged(log, log.run(run))), default=0)
-            expected = f"more than {2 * chosen.edge} rows without a gap; or a higher cut-off"
-            raise LogError(
-                f"the longest stretch has {longest} rows", place=f"run {run!r}", expected=expected, file=log.path
-            )
-
-
-def _parallel_filtered(
-    log: Log, run: str, model: TorqueModel, chosen: Preparation, order: list[int], source: str, memory: Memory | None
-) -> Iterator[Samples]:
-    """Samples of a run: the wide low-pass, torques and columns, the preparation's low-pass, its decimation.
-
-    Rows on either side of a block are kept until the filter has settled.
-    """
-    first = chosen.of_motion
-    second = replace(chosen, rate=chosen.rate / first.decimate)
-    seam = settling(second.sections, SEAM)
-    rows = max(CHUNK_VALUES // max(int(model.of_joint.sum()), 1), 4 * seam) * first.decimate
-    slowest, behind = resting_speeds(log, run)[order], None
-    moving: Iterable[Moving] = _moving(log, run, model, first, order, source, rows)
-    if memory is not None:
-        moving = memory.setdefault(run, [])
-        if not moving:
-            moving.extend(_moving(log, run, model, first, order, source, rows))
-    for stretch, t, states in moving:
-        if behind is not None and behind.stretch != stretch:
-            yield from behind.samples(run, model, second, 0, first, slowest)
-            behind = None
-        behind = _Behind(stretch, t, states, 0, 0) if behind is None else behind.plus(t, states)
-        if len(behind.t) - behind.done > 2 * seam:
-            yield from behind.samples(run, model, second, seam, first, slowest)
-            behind = behind.after(seam)
-    if behind is not None:
-        yield from behind.samples(run, model, second, 0, first, slowest)
-
-
-def _moving(
-    log: Log, run: str, model: TorqueModel, first: Preparation, order: list[int], source: str, rows: int
-) -> Iterator[Moving]:
-    """Motion, motor torques and temperatures of a run that passed the wide low-pass, some rows of it at once."""
-    for stretch, block in prepared_blocks(log, run, first, rows):
-        values = {name: _full(log, name, each)[:, order] for name, each in block.values.items()}
-        states = {name: values[name] for name in ("q", "qd", "qdd", "temperature") if name in values}
-        states["tau"] = _torque(model, source, values)
-        yield stretch, block.t, states
+    return Stream(log, model.arm, runs, preparation).samples(model, memory)
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,7 +176,7 @@ class _Behind:
         return replace(self, t=np.concatenate([self.t, t]), values=joined)
 
     def samples(
-        self, run: str, model: TorqueModel, second: Preparation, seam: int, first: Preparation, slowest: np.ndarray
+        self, seam: int, run: str, model: TorqueModel, second: Preparation, first: Preparation, slowest: np.ndarray
     ) -> Iterator[Samples]:
         """Every k-th of the rows but for the last `seam`, and those that the filter's settling spoils at the stretch's ends."""
         spoilt, step = (second.edge - first.edge) // first.decimate, second.decimate // first.decimate
@@ -222,28 +235,26 @@ def torque_source(log: Log) -> str:
     raise IdentificationError("no torques", place="signals", expected=expected, file=log.path)
 
 
-def check_efforts(log: Log, names: Sequence[str], runs: Sequence[str]) -> None:
-    """Refuses a joint that moves with a constant torque, current or voltage: an offset alone would explain it.
+def checked(log: Log, arm: Model, runs: Sequence[str] | None = None) -> Log:
+    """The log, with what else is found with an arm that its file does not name.
 
     Raises:
-        IdentificationError: with the joint.
+        IdentificationError: a joint moves with a constant torque, current or voltage: an offset alone would explain it.
+        LogError: as `of_robot`.
     """
     source = torque_source(log)
-    for name, joint in zip(names, joints_of(log, names), strict=True):
-        q, effort = (_extremes(log, signal, joint, runs) for signal in ("q", source))
-        if q[0] < q[1] and effort[0] == effort[1]:
+    censuses = [census for name in runs or log.fit if (census := log.run(name).census) is not None]
+    for name, joint in zip(arm.names, joints_of(log, arm.names), strict=True):
+        moves = []
+        for signal in ("q", source):
+            joints = log.layout[signal].joints or ()
+            k = joints.index(joint) if joint in joints else None
+            each = [] if k is None else [(c.signals[signal].low[k], c.signals[signal].high[k]) for c in censuses]
+            moves.append(min(low for low, _ in each) < max(high for _, high in each) if each else None)
+        if moves == [True, False]:
             what = f"never changes while joint {name!r} moves: it says nothing about inertia and friction"
             raise IdentificationError(what, place=f"signal {source}", expected="efforts that move it", file=log.path)
-
-
-def _extremes(log: Log, signal: str, joint: int, runs: Sequence[str]) -> tuple[float, float]:
-    """Lowest and highest value of a joint's signal over some runs; NaN if it is not measured."""
-    joints = log.layout[signal].joints or ()
-    censuses = [census for name in runs if (census := log.run(name).census) is not None]
-    if joint not in joints or not censuses:
-        return np.nan, np.nan
-    k, counted = joints.index(joint), [census.signals[signal] for census in censuses]
-    return min(float(each.low[k]) for each in counted), max(float(each.high[k]) for each in counted)
+    return of_robot(log, arm)
 
 
 def _full(log: Log, name: str, values: np.ndarray) -> np.ndarray:

@@ -6,9 +6,9 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from armwright.fitting.directions import ENOUGH, WEAK, directions, gain, in_words, scaled
+from armwright.identification.arm.equations import Samples
 from armwright.identification.arm.fit import ArmFit
-from armwright.identification.arm.samples import Samples
-from armwright.identification.identifiability import ENOUGH, WEAK, gain, in_words, scaled, weak_directions
 
 STATES = 240  # of the log that a candidate repeats
 TURN = 0.5 * np.pi  # [rad]; slides move by as much of a quarter of a metre
@@ -22,13 +22,10 @@ def sentences(fit: ArmFit, samples: Iterable[Samples]) -> list[str]:
     Args:
         fit: of the log.   samples: of it, for the poses that were used.
     """
-    names = fit.base.names
-    directions = weak_directions(fit.information, names, WEAK)[:MOST_SENTENCES]
-    if not directions:
-        return []
-    short = {name: fit.base.columns[k].about for name, k in zip(names, fit.base.independent, strict=True)}
-    candidates = motions(fit, samples)
-    return [in_words(each, short, _remedy(fit, each.vector, candidates)) for each in directions]
+    weak = [each for each in directions(scaled(fit.information)[0]) if each.condition > WEAK][:MOST_SENTENCES]
+    candidates = motions(fit, samples) if weak else {}
+    words = [fit.base.columns[k].about for k in fit.base.independent]
+    return [in_words(each, words, _remedy(fit, each.vector, candidates)) for each in weak]
 
 
 def _remedy(fit: ArmFit, vector: np.ndarray, candidates: dict[str, np.ndarray]) -> str:

@@ -7,7 +7,7 @@ I = Σ JᵀJ / σ², and no unbiased estimate has a covariance below I⁻¹ (Cra
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ import numpy as np
 from armwright import scalar
 from armwright.entry import as_arm
 from armwright.errors import IdentificationError
+from armwright.fitting.directions import Direction, directions_of, listed
 from armwright.identification.experiments.columns import DRIVES, BaseRegressor
 from armwright.identification.experiments.information import column_norms, scaled
 from armwright.model import Model
@@ -28,7 +29,6 @@ ROUNDING = 1e-12  # of the longest column: shorter ones are 0
 NOTHING = 1e-12  # of the largest eigenvalue of the scaled information: below, a direction is not seen at all
 WEAK = 30.0  # times the best direction's deviation: a direction that is told this much worse is called weak
 SHARE = 0.25  # of a direction's largest component: parameters with less are not named
-MOST_NAMED = 4  # parameters of a direction in a sentence
 BETTER = 2.0  # times smaller a deviation must be to be worth a sentence
 RANGE, PERIODS, STATES = 0.6, 3.0, 200  # of a probing motion: part of the joint's range, its periods, instants
 
@@ -63,7 +63,7 @@ class Expected:
 
         In units of each parameter's deviation if all others were known.
         """
-        return weak_directions(self.information)
+        return [each.vector for each in weak_directions(self.information)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,28 +137,17 @@ def deviations(information: np.ndarray) -> np.ndarray:
     return np.where(lost, np.inf, np.sqrt(variance))
 
 
-def weak_directions(information: np.ndarray) -> list[np.ndarray]:
-    """Directions (p,) of the scaled information with `WEAK` times the best direction's deviation, the worst first.
+def weak_directions(information: np.ndarray) -> list[Direction]:
+    """Directions of the scaled information with `WEAK` times the best direction's deviation, the worst first.
 
     Parameters that change nothing that is measured come first, each for itself; then eigenvectors of the others.
     """
     lengths = np.sqrt(np.maximum(np.diag(information), 0.0))
     seen = lengths > ROUNDING * lengths.max(initial=0.0)
-    directions = list(np.eye(len(seen))[~seen])
-    if seen.any():
-        values, vectors = np.linalg.eigh(scaled(information[np.ix_(seen, seen)], "columns"))
-        for k in np.flatnonzero(values < values[-1] / WEAK**2):
-            direction = np.zeros(len(seen))
-            direction[seen] = vectors[:, k]
-            directions.append(direction)
-    return directions
-
-
-def _named(direction: np.ndarray, names: Sequence[str]) -> str:
-    """Names of the parameters that a direction mixes, the largest first."""
-    order = np.argsort(-np.abs(direction))
-    chosen = [str(names[k]) for k in order if abs(direction[k]) >= SHARE * abs(direction[order[0]])][:MOST_NAMED]
-    return chosen[0] if len(chosen) == 1 else f"{', '.join(chosen[:-1])} and {chosen[-1]}"
+    unit = np.eye(len(seen))
+    found = [Direction(each, 0.0, np.inf) for each in unit[~seen]]
+    weak = directions_of(scaled(information[np.ix_(seen, seen)], "columns")) if seen.any() else []
+    return found + [replace(each, vector=each.vector @ unit[seen]) for each in weak if each.condition > WEAK]
 
 
 def experiments_that_separate(
@@ -179,8 +168,8 @@ def experiments_that_separate(
         own > ROUNDING * own.max(initial=0.0), own, with_all
     )  # the scale that the directions are found in
     for direction in weak_directions(information):
-        what, several = _named(direction, names), " and " in _named(direction, names)
-        change = direction / lengths
+        words, change = direction.names(names, SHARE), direction.vector / lengths
+        what, several = listed(words), len(words) > 1
         before = max(float(change @ information @ change), 0.0)
         gains = {name: float(change @ each @ change) for name, each in candidates.items()}
         name = max(gains, key=lambda each: gains[each], default="")

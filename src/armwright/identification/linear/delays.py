@@ -6,25 +6,21 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.stats import chi2
 
-from armwright.identification.linear.covariance import covariance_of
+from armwright.fitting.profile import profile_interval
 from armwright.identification.linear.prediction_error import Fit, estimate, with_best_numerator
-from armwright.identification.linear.records import Stretch
+from armwright.identification.linear.records import Recorded
 
 LEVEL = 0.95  # of the test that keeps a delay
 GAP = 2  # successive delays that fit worse: further ones are not tried
 FEWEST = 10  # rows for each parameter: with fewer the test's distribution does not hold
 
 
-def delay_interval(fit: Fit, stretches: Sequence[Stretch], initial: bool) -> tuple[int, int] | None:
+def delay_interval(fit: Fit, stretches: Sequence[Recorded], initial: bool) -> tuple[int, int] | None:
     """Smallest and largest delay [samples] of models that fit the data as well as the best one; None for too few rows.
 
     Every delay d gets a model of the same poles and of as many coefficients of B, at least one for each pole: a sampled
-    continuous system has that many, and its first ones may be lost in the noise. With S(d) the sum of squares and d* the best
-    delay, both models are part of one with |d - d*| coefficients more. The true d is thus kept with 95 % probability by
-
-        (S(d) - S(d*)) / variance <= χ²(0.95) of |d - d*| degrees of freedom.
+    continuous system has that many, and its first ones may be lost in the noise. The sums of squares are a profile of the delay.
 
     Coloured errors enlarge the variance as they enlarge that of B's coefficients.
 
@@ -38,34 +34,19 @@ def delay_interval(fit: Fit, stretches: Sequence[Stretch], initial: bool) -> tup
         return None
     variance = fit.cost / max(fit.equations - fit.orders.count, 1) * _inflation(fit)
 
-    def fitted(delay: int, last: Fit) -> Fit:
+    def fitted(delay: int, last: Fit) -> tuple[Fit, float]:
         model = replace(last.orders.polynomials(last.theta), b=np.zeros(delay + orders.nb), delay=delay)
         now = replace(orders, delay=delay)
         near = with_best_numerator(now, stretches, skip, initial, model)
-        return estimate(now, stretches, skip, initial, None, [near])
+        found = estimate(now, stretches, skip, initial, None, [near])
+        return found, found.cost
 
-    def refused(delay: int) -> bool:
-        return bool(costs[delay] - costs[best] > variance * chi2.ppf(LEVEL, max(abs(delay - best), 1)))
-
-    best = fit.orders.delay
-    first = fitted(best, fit)
-    costs = {best: first.cost}
-    for delays in (range(best - 1, -1, -1), range(best + 1, highest + 1)):
-        last, misses = first, 0
-        for delay in delays:
-            last = fitted(delay, last)
-            costs[delay] = last.cost
-            best = min(costs, key=lambda each: costs[each])
-            misses = misses + 1 if refused(delay) else 0
-            if misses == GAP:
-                break
-    kept = [delay for delay in costs if not refused(delay)]
+    kept = profile_interval(fitted, (fit.orders.delay, fit), highest, variance, LEVEL, GAP)
     return min(*kept, fit.orders.delay), max(*kept, fit.orders.delay)
 
 
 def _inflation(fit: Fit) -> float:
     """Mean variance of B's coefficients over what it would be if the errors were white; at least 1."""
-    white = covariance_of(replace(fit, orders=replace(fit.orders, structure="arx")))
     part = slice(fit.orders.na, fit.orders.na + fit.orders.nb)
-    ratio = np.diag(covariance_of(fit))[part] / np.maximum(np.diag(white)[part], 1e-300)
+    ratio = np.diag(fit.test_covariance)[part] / np.maximum(np.diag(fit.white_covariance)[part], 1e-300)
     return max(float(ratio.mean()), 1.0)

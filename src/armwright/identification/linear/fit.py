@@ -10,7 +10,6 @@ import numpy as np
 from scipy.stats import chi2
 
 from armwright.errors import LogError
-from armwright.identification.linear.covariance import covariance_of
 from armwright.identification.linear.delays import delay_interval
 from armwright.identification.linear.frequency import closed_loop
 from armwright.identification.linear.measures import gain_unit, simulation_measures
@@ -158,7 +157,7 @@ def _result(
     inner = orders.polynomials(fit.theta)
     model = units.polynomials(inner)
     change = units.jacobian(orders)
-    covariance = change @ covariance_of(fit) @ change.T
+    covariance = change @ fit.covariance @ change.T
     na, nb = orders.na, orders.nb
     poles, pole_slope = root_gradient(model.a)
     lead = model.b[orders.delay :]
@@ -259,7 +258,7 @@ def _significant(fit: Fit) -> bool:
     """True if the coefficients of B differ from 0 together:  bᵀ cov⁻¹ b against χ²."""
     part = slice(fit.orders.na, fit.orders.na + fit.orders.nb)
     b = fit.theta[part]
-    statistic = float(b @ np.linalg.pinv(covariance_of(fit)[part, part], hermitian=True) @ b)
+    statistic = float(b @ np.linalg.pinv(fit.covariance[part, part], hermitian=True) @ b)
     return bool(chi2.sf(statistic, len(b)) < CERTAIN)
 
 
@@ -267,7 +266,7 @@ def _remarks(scaled: Records, fit: Fit, model: Polynomials, poles: np.ndarray, p
     """Sentences about errors, feedback and poles."""
     kind, found = fit.orders.structure, []
     test = feedback(scaled.fit, fit.orders.delay)
-    if test.probability < CERTAIN:
+    if test.p < CERTAIN:
         if kind == "oe":
             found.append(closed_loop("an output-error model"))
         else:
@@ -277,17 +276,17 @@ def _remarks(scaled: Records, fit: Fit, model: Polynomials, poles: np.ndarray, p
             )
     white = whiteness(fit.errors)
     exact = fit.cost <= 1e-16 * fit.equations
-    if white.probability < CERTAIN and not exact:
+    if white.p < CERTAIN and not exact:
         if kind == "oe":
             found.append("the errors of the simulation are coloured; the intervals allow for it")
         else:
             found.append(
-                "the errors one step ahead are not white: the intervals are too narrow; "
+                "the errors one step ahead are not white: the intervals allow for it, but not for a bias; "
                 f"try {'armax or ' * (kind == 'arx')}a higher order"
             )
     errors = [prediction_errors(model, each, fit.orders.past, True) for each in scaled.fit]
     rest = cross_correlation(errors, [each.u[fit.orders.past :, 0] for each in scaled.fit], -20)
-    if rest.probability < CERTAIN and not exact:
+    if rest.p < CERTAIN and not exact:
         found.append(
             "the errors follow past inputs: there are dynamics that this order does not have, or that are not linear"
         )

@@ -161,7 +161,7 @@ def frequency_response(
         )
     found = _periodic(records, rows) if rows else _welch(records, segment)
     test = feedback(records.fit, 1)
-    if test.probability < CERTAIN:
+    if test.p < CERTAIN:
         from dataclasses import replace
 
         found = replace(found, remarks=(*found.remarks, closed_loop("H1 = S_yu / S_uu")))

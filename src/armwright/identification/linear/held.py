@@ -15,9 +15,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from armwright.identification.linear.levenberg_marquardt import descended
-from armwright.identification.linear.prediction_error import Fit, Orders, admissible, errors_of, largest_radius
-from armwright.identification.linear.records import Stretch
+from armwright.identification.linear.prediction_error import (
+    Fit,
+    Orders,
+    admissible,
+    errors_of,
+    largest_radius,
+    least_errors,
+)
+from armwright.identification.linear.records import Recorded
 from armwright.matrix_exponential import matrix_exponential
 
 MOST_POLES = 10  # of which coefficients in s still say something in doubles
@@ -72,7 +78,7 @@ def held_polynomials(p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.stack(a, axis=-1), np.stack([np.broadcast_to(each, response.shape) for each in b], axis=-1)
 
 
-def best_held(near: Fit, stretches: Sequence[Stretch], skip: int, initial: bool) -> Held | None:
+def best_held(near: Fit, stretches: Sequence[Recorded], skip: int, initial: bool) -> Held | None:
     """The held system with the fit's number of poles and the lowest BIC over numbers of zeros and delays; None if none fits.
 
     Args:
@@ -109,7 +115,7 @@ def _untried(orders: Orders, delay: int, skip: int, tried: dict[int, Held]) -> l
 
 
 def fit_held(
-    orders: Orders, zeros: int, stretches: Sequence[Stretch], skip: int, initial: bool, poles: np.ndarray
+    orders: Orders, zeros: int, stretches: Sequence[Recorded], skip: int, initial: bool, poles: np.ndarray
 ) -> Held:
     """Least-squares fit of a held system with a given delay.
 
@@ -158,11 +164,11 @@ def fit_held(
     x[linear] -= np.linalg.lstsq((jacobian @ slope)[:, linear], e, rcond=None)[0]
     theta, slope = parameters(x)
     e, jacobian = errors_of(orders, theta, stretches, skip, initial)
-    x, e, _, converged = descended(errors, x, (e, jacobian @ slope), steady=STEADY)
+    x, e, _, converged = least_errors(errors, x, (e, jacobian @ slope), steady=STEADY)
     theta, _ = parameters(x)
     _, jacobian = errors_of(orders, theta, stretches, skip, initial)
     freed = (len(orders.polynomials(theta).c) - 1) * sum(len(each.y) > skip + n for each in stretches)
-    return Held(Fit(orders, theta, e, jacobian, len(e) - freed * initial, converged), zeros, x[:n] * size)
+    return Held(Fit(orders, theta, e, jacobian, converged, len(e) - freed * initial), zeros, x[:n] * size)
 
 
 def continuous(a: np.ndarray) -> np.ndarray:

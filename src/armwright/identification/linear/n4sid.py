@@ -14,7 +14,7 @@ from armwright.identification.linear.frequency import closed_loop
 from armwright.identification.linear.measures import simulation_measures
 from armwright.identification.linear.model import LinearModel
 from armwright.identification.linear.modes import Quantity, magnitude_std, matched, modes
-from armwright.identification.linear.records import Records, Stretch, check_rows, records_of
+from armwright.identification.linear.records import Recorded, Records, check_rows, records_of
 from armwright.identification.linear.residuals import CERTAIN, feedback
 from armwright.identification.linear.scaling import Units, scale
 from armwright.identification.linear.selection import (
@@ -43,7 +43,7 @@ class How:
     offset: bool
     initial: bool
 
-    def projection(self, stretches: Sequence[Stretch]) -> subspace.Projection:
+    def projection(self, stretches: Sequence[Recorded]) -> subspace.Projection:
         """The projection for these options."""
         return subspace.project(stretches, self.rows, self.weighting, self.offset)
 
@@ -107,10 +107,10 @@ def fit_n4sid(
     remarks = list(records.notes)
     if moved:
         remarks.append("a pole lay outside the unit circle and was drawn back: the plant may integrate or be unstable")
-    if single and feedback(scaled.fit, delay).probability < CERTAIN:
+    if single and feedback(scaled.fit, delay).p < CERTAIN:
         remarks.append(closed_loop("a subspace method"))
 
-    def free(each: Stretch) -> np.ndarray:
+    def free(each: Recorded) -> np.ndarray:
         return each.y - model.simulate(each.u, subspace.initial_state(model, each))
 
     measures = simulation_measures(records, late, free, None, 0, units.ys)

@@ -9,8 +9,9 @@ rows: these initial states are eliminated from each stretch by an orthogonal pro
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 from typing import Literal
 
@@ -18,14 +19,18 @@ import numpy as np
 from scipy import signal
 
 from armwright.errors import LogError
-from armwright.identification.linear.levenberg_marquardt import ROUNDS, descended
-from armwright.identification.linear.records import Stretch
+from armwright.fitting.covariance import covariance_of
+from armwright.fitting.levenberg_marquardt import ROUNDS, USUAL, Descent, descended
+from armwright.identification.linear.records import Recorded
 from armwright.identification.logs.findings import number_of
 
 ONE = np.ones(1)
 Structure = Literal["arx", "oe", "armax"]
 FIRST = 5  # steps from every start, before the best goes on
 INSIDE = 0.98  # largest pole of a start that was unstable
+STEADY = 1e-3  # of a standard deviation: changes the sum of squares by a millionth of the errors' variance
+ROUNDING = 1e-13  # relative decrease of the sum of squares that is rounding
+Errors = tuple[np.ndarray, np.ndarray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,15 +106,15 @@ class Fit:
 
     Attributes:
         theta: (k,).   errors: (rows,) of all stretches.   jacobian: (rows, k) ∂errors/∂theta, initial states projected out.
-        equations: rows less the initial states that were estimated.   converged: False where rounds ran out.
+        converged: False where rounds ran out.   equations: rows less the initial states that were estimated.
     """
 
     orders: Orders
     theta: np.ndarray
     errors: np.ndarray
     jacobian: np.ndarray
-    equations: int
     converged: bool
+    equations: int
 
     @property
     def condition(self) -> float:
@@ -125,13 +130,30 @@ class Fit:
         """Sum of squares of the errors."""
         return float(self.errors @ self.errors)
 
+    @cached_property
+    def covariance(self) -> np.ndarray:
+        """(k, k) of the parameters, for errors of any colour."""
+        return covariance_of([(self.jacobian[:, None], self.errors[:, None])])
+
+    @property
+    def white_covariance(self) -> np.ndarray:
+        """(k, k) of the parameters, were the errors white: what criteria of orders presume."""
+        size = np.maximum(np.linalg.norm(self.jacobian, axis=0), 1e-300)
+        inverse = np.linalg.pinv((self.jacobian / size).T @ (self.jacobian / size), rcond=1e-14)
+        return self.cost / max(self.equations - len(size), 1) * inverse / np.outer(size, size)
+
+    @property
+    def test_covariance(self) -> np.ndarray:
+        """(k, k) by which a search for the order tests coefficients: errors of OE are whatever the plant's noise is."""
+        return self.covariance if self.orders.structure == "oe" else self.white_covariance
+
 
 def filtered(b: np.ndarray, a: np.ndarray, values: np.ndarray) -> np.ndarray:
     """B(q)/A(q) of columns (rows,) or (rows, k), from rest."""
     return np.asarray(signal.lfilter(b, a, values, axis=0))
 
 
-def prediction_errors(model: Polynomials, each: Stretch, skip: int, initial: bool) -> np.ndarray:
+def prediction_errors(model: Polynomials, each: Recorded, skip: int, initial: bool) -> np.ndarray:
     """Errors e (rows - skip,) = [A y - B u - c] / C of one stretch, with the effect of its initial state removed.
 
     Args:
@@ -143,7 +165,7 @@ def prediction_errors(model: Polynomials, each: Stretch, skip: int, initial: boo
     return e if base is None else e - base @ (base.T @ e)
 
 
-def _equation_errors(model: Polynomials, each: Stretch, skip: int) -> np.ndarray:
+def _equation_errors(model: Polynomials, each: Recorded, skip: int) -> np.ndarray:
     return filtered(model.a, ONE, each.y[:, 0])[skip:] - filtered(model.b, ONE, each.u[:, 0])[skip:] - model.constant
 
 
@@ -165,7 +187,7 @@ def _shifts(column: np.ndarray, by: Sequence[int]) -> np.ndarray:
     return result
 
 
-def _with_gradient(orders: Orders, theta: np.ndarray, each: Stretch, skip: int, initial: bool):
+def _with_gradient(orders: Orders, theta: np.ndarray, each: Recorded, skip: int, initial: bool):
     """Errors (rows,) and their derivatives (rows, k) of one stretch, initial states projected out. [Ljung1999], eq. (10.61)."""
     model = orders.polynomials(theta)
     rows = len(each.y) - skip
@@ -189,7 +211,7 @@ def _with_gradient(orders: Orders, theta: np.ndarray, each: Stretch, skip: int, 
     return e, jacobian
 
 
-def errors_of(orders: Orders, theta: np.ndarray, stretches: Sequence[Stretch], skip: int, initial: bool):
+def errors_of(orders: Orders, theta: np.ndarray, stretches: Sequence[Recorded], skip: int, initial: bool):
     """Errors (rows,) of all stretches and their derivatives (rows, k), initial states projected out.
 
     Raises:
@@ -218,7 +240,7 @@ def stabilised(polynomial: np.ndarray, largest: float = INSIDE) -> np.ndarray:
     return np.real(np.poly(mirrored)) if len(roots) else polynomial
 
 
-def least_squares(orders: Orders, stretches: Sequence[Stretch], skip: int) -> np.ndarray:
+def least_squares(orders: Orders, stretches: Sequence[Recorded], skip: int) -> np.ndarray:
     """Parameters of the ARX model of these orders; of ARMAX orders its C is 1."""
     arx = replace(orders, structure="arx", nc=0)
     e, jacobian = errors_of(arx, np.zeros(arx.count), stretches, skip, initial=False)
@@ -226,7 +248,7 @@ def least_squares(orders: Orders, stretches: Sequence[Stretch], skip: int) -> np
     return orders.theta(replace(arx.polynomials(theta), c=np.eye(1, orders.nc + 1)[0]))
 
 
-def starts(orders: Orders, stretches: Sequence[Stretch], skip: int, initial: bool) -> list[np.ndarray]:
+def starts(orders: Orders, stretches: Sequence[Recorded], skip: int, initial: bool) -> list[np.ndarray]:
     """Starting points: ARX, instrumental variables of its simulation, and Steiglitz-McBride. [Ljung1999], section 10.4."""
     found = [least_squares(orders, stretches, skip)]
     found.append(_instrumental(orders, stretches, skip, found[0]))
@@ -234,7 +256,7 @@ def starts(orders: Orders, stretches: Sequence[Stretch], skip: int, initial: boo
         theta = found[0]
         for _ in range(6):
             f = stabilised(orders.polynomials(theta).a)
-            whiter = [Stretch(s.run, filtered(ONE, f, s.u), filtered(ONE, f, s.y)) for s in stretches]
+            whiter = [Recorded(s.run, filtered(ONE, f, s.u), filtered(ONE, f, s.y)) for s in stretches]
             theta = least_squares(orders, whiter, skip)
             if orders.constant:
                 theta[-1] *= f.sum()  # the constant column was not filtered
@@ -250,14 +272,14 @@ def starts(orders: Orders, stretches: Sequence[Stretch], skip: int, initial: boo
     return [with_best_numerator(orders, stretches, skip, initial, each) for each in kept]
 
 
-def _instrumental(orders: Orders, stretches: Sequence[Stretch], skip: int, theta: np.ndarray) -> np.ndarray:
+def _instrumental(orders: Orders, stretches: Sequence[Recorded], skip: int, theta: np.ndarray) -> np.ndarray:
     """ARX parameters by instrumental variables: outputs simulated by the last estimate, which the noise cannot reach, twice."""
     arx = replace(orders, structure="arx", nc=0)
     model = orders.polynomials(theta)
     for _ in range(2):
         a = stabilised(model.a)
         clean = [
-            Stretch(s.run, s.u, filtered(model.b, a, s.u) + model.constant / max(a.sum(), 1e-3)) for s in stretches
+            Recorded(s.run, s.u, filtered(model.b, a, s.u) + model.constant / max(a.sum(), 1e-3)) for s in stretches
         ]
         e, regressors = errors_of(arx, np.zeros(arx.count), stretches, skip, initial=False)
         _, instruments = errors_of(arx, np.zeros(arx.count), clean, skip, initial=False)
@@ -267,7 +289,7 @@ def _instrumental(orders: Orders, stretches: Sequence[Stretch], skip: int, theta
 
 
 def minimise(
-    orders: Orders, stretches: Sequence[Stretch], skip: int, initial: bool, theta: np.ndarray, rounds: int = ROUNDS
+    orders: Orders, stretches: Sequence[Recorded], skip: int, initial: bool, theta: np.ndarray, rounds: int = ROUNDS
 ) -> Fit:
     """Least squares of the errors from a starting point, by Levenberg-Marquardt; poles stay within the unit circle.
 
@@ -277,17 +299,41 @@ def minimise(
     freed = (len(orders.polynomials(theta).c) - 1) * sum(len(each.y) > skip + orders.na for each in stretches)
     equations = len(e) - (freed if initial else 0)
     if orders.structure == "arx":
-        return Fit(orders, theta, e, jacobian, equations, True)
+        return Fit(orders, theta, e, jacobian, True, equations)
     limit = largest_radius(stretches)
 
     def errors(trial: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
         return errors_of(orders, trial, stretches, skip, initial) if admissible(orders, trial, limit) else None
 
-    theta, e, jacobian, converged = descended(errors, theta, (e, jacobian), rounds)
-    return Fit(orders, theta, e, jacobian, equations, converged)
+    return Fit(orders, *least_errors(errors, theta, (e, jacobian), rounds), equations)
 
 
-def largest_radius(stretches: Sequence[Stretch]) -> float:
+def least_errors(
+    errors: Callable[[np.ndarray], Errors | None], theta: np.ndarray, first: Errors, rounds: int = ROUNDS,
+    steady: float = STEADY,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, bool]:  # fmt: skip
+    """Parameters (k,) with the smallest sum of squares, errors (rows,) and derivatives (rows, k) there, True if converged.
+
+    Args:
+        errors: of parameters, with their derivatives; None where parameters are forbidden.
+        theta: (k,) the start.   first: errors and derivatives there.   rounds: steps at most.
+        steady: part of a standard deviation of the parameters: a step that moves them by no more ends the search.
+    """
+    refused = np.full_like(first[0], np.inf), first[1]
+
+    def evaluate(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        e, jacobian = errors(x[0]) or refused
+        return e[None], jacobian[None]
+
+    def ends(gained: np.ndarray, cost: np.ndarray, moved: np.ndarray) -> np.ndarray:
+        return (gained <= ROUNDING * cost) | (moved <= steady**2 * cost / len(first[0]))
+
+    begun = Descent(theta[None], first[0][None], first[1][None], np.full(1, USUAL.first), np.zeros(1, dtype=bool))
+    found = descended(evaluate, begun, ends=ends, rounds=rounds)
+    return found.x[0], found.errors[0], found.jacobian[0], bool(found.ended[0])
+
+
+def largest_radius(stretches: Sequence[Recorded]) -> float:
     """Largest magnitude of a pole: over all rows of a stretch it grows by no more than e."""
     return 1.0 + 1.0 / max(len(each.y) for each in stretches)
 
@@ -300,7 +346,7 @@ def admissible(orders: Orders, theta: np.ndarray, limit: float) -> bool:
 
 def estimate(
     orders: Orders,
-    stretches: Sequence[Stretch],
+    stretches: Sequence[Recorded],
     skip: int,
     initial: bool,
     begin: np.ndarray | None = None,
@@ -320,7 +366,7 @@ def estimate(
 
 
 def with_best_numerator(
-    orders: Orders, stretches: Sequence[Stretch], skip: int, initial: bool, model: Polynomials
+    orders: Orders, stretches: Sequence[Recorded], skip: int, initial: bool, model: Polynomials
 ) -> np.ndarray:
     """Parameters with the B and constant that fit best beside a model's A and C: of these the errors are linear."""
     theta = orders.theta(model)

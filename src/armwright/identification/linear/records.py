@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from armwright.errors import LogError
+from armwright.fitting.stretch import Stretch
 from armwright.identification.logs.blocks import LARGEST
 from armwright.identification.logs.log import Log, LogRun
 
@@ -19,10 +20,9 @@ CONSTANT = 1e-12  # range of a signal, as a share of its size
 
 
 @dataclass(frozen=True, eq=False)
-class Stretch:
-    """Rows without a gap: u (rows, inputs) and y (rows, outputs) of the run of that name."""
+class Recorded(Stretch):
+    """A stretch's inputs u (rows, inputs) and outputs y (rows, outputs)."""
 
-    run: str
     u: np.ndarray
     y: np.ndarray
 
@@ -36,8 +36,8 @@ class Records:
         sha256: of the log; "" of arrays.   notes: sentences about the data.
     """
 
-    fit: tuple[Stretch, ...]
-    hold_out: tuple[Stretch, ...]
+    fit: tuple[Recorded, ...]
+    hold_out: tuple[Recorded, ...]
     period: float
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
@@ -55,8 +55,8 @@ class Records:
         """The records with inputs `delay` rows later; rows before the first such input are dropped."""
         from dataclasses import replace
 
-        def shift(each: Stretch) -> Stretch:
-            return Stretch(each.run, each.u[: len(each.u) - delay], each.y[delay:])
+        def shift(each: Recorded) -> Recorded:
+            return Recorded(each.run, each.u[: len(each.u) - delay], each.y[delay:])
 
         return replace(
             self, fit=tuple(map(shift, self.fit)), hold_out=tuple(map(shift, self.hold_out))
@@ -113,7 +113,7 @@ def _of_arrays(u: Any, y: Any, period: Any) -> Records:
                 )  # fmt: skip
             if np.abs(values).max() > LARGEST:
                 raise LogError(place=place, value=float(np.abs(values).max()), expected=f"at most {LARGEST:g}")
-        fit.append(Stretch(name, columns_u, columns_y))
+        fit.append(Recorded(name, columns_u, columns_y))
     step = _period(period, fit)
     inputs = tuple(f"u{k + 1}" for k in range(fit[0].u.shape[1])) if fit[0].u.shape[1] > 1 else ("u",)
     outputs = tuple(f"y{k + 1}" for k in range(fit[0].y.shape[1])) if fit[0].y.shape[1] > 1 else ("y",)
@@ -140,7 +140,7 @@ def _columns(values: Any, place: str) -> np.ndarray:
     return array[:, None] if array.ndim == 1 else array
 
 
-def _period(period: Any, runs: Sequence[Stretch]) -> float:
+def _period(period: Any, runs: Sequence[Recorded]) -> float:
     """The period [s] from a number or from times."""
     times = np.asarray(period, dtype=float) if not isinstance(period, str) else np.full(1, np.nan)
     if times.ndim == 0:
@@ -240,7 +240,7 @@ def _column(log: Log, signal: str, joint: str) -> int:
     return joints.index(number)
 
 
-def _stretches(log: Log, run: LogRun, inputs: Any, outputs: Any) -> list[Stretch]:
+def _stretches(log: Log, run: LogRun, inputs: Any, outputs: Any) -> list[Recorded]:
     """Parts of a run without gap and without empty cells."""
     blocks = list(log.blocks(run.name))
     t = np.concatenate([block.t for block in blocks])
@@ -258,7 +258,7 @@ def _stretches(log: Log, run: LogRun, inputs: Any, outputs: Any) -> list[Stretch
         finite = np.isfinite(u[rows]).all(axis=1) & np.isfinite(y[rows]).all(axis=1)
         edges = np.flatnonzero(np.diff(np.concatenate([[False], finite, [False]]).astype(np.int8)))
         for begin, end in zip(edges[::2] + part.begin, edges[1::2] + part.begin, strict=True):
-            found.append(Stretch(run.name, u[begin:end], y[begin:end]))
+            found.append(Recorded(run.name, u[begin:end], y[begin:end]))
     return found
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from armwright.identification.linear.prediction_error import Orders, Polynomials
-from armwright.identification.linear.records import Records, Stretch
+from armwright.identification.linear.records import Recorded, Records
 from armwright.identification.linear.state_space import StateSpace
 
 
@@ -20,9 +20,9 @@ class Units:
         self.u0, self.y0 = (u.mean(axis=0), y.mean(axis=0)) if centred else (np.zeros(u.shape[1]), np.zeros(y.shape[1]))
         self.us, self.ys = u.std(axis=0), y.std(axis=0)
 
-    def scaled(self, each: Stretch) -> Stretch:
+    def scaled(self, each: Recorded) -> Recorded:
         """Rows with mean 0 and size 1."""
-        return Stretch(each.run, (each.u - self.u0) / self.us, (each.y - self.y0) / self.ys)
+        return Recorded(each.run, (each.u - self.u0) / self.us, (each.y - self.y0) / self.ys)
 
     def polynomials(self, model: Polynomials) -> Polynomials:
         """Polynomials of signals in units."""

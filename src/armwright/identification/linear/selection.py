@@ -10,7 +10,6 @@ from typing import Any, Literal
 import numpy as np
 
 from armwright.errors import LogError
-from armwright.identification.linear.covariance import covariance_of
 from armwright.identification.linear.held import Held, best_held, bic_of
 from armwright.identification.linear.prediction_error import (
     Fit,
@@ -22,7 +21,7 @@ from armwright.identification.linear.prediction_error import (
     prediction_errors,
     with_best_numerator,
 )
-from armwright.identification.linear.records import Stretch
+from armwright.identification.linear.records import Recorded
 
 Criterion = Literal["cv", "aic", "bic", "fpe", "mdl"]
 CRITERIA: tuple[Criterion, ...] = ("cv", "aic", "bic", "fpe", "mdl")
@@ -76,7 +75,7 @@ def criteria(cost: float, rows: int, count: int, variance: float = 1.0) -> dict[
     }
 
 
-def first_response(stretches: Sequence[Stretch], most: int, least: int = 0) -> int:
+def first_response(stretches: Sequence[Recorded], most: int, least: int = 0) -> int:
     """Delay [samples] at which an ARX model of many coefficients first responds significantly to its input.
 
     Args:
@@ -87,20 +86,20 @@ def first_response(stretches: Sequence[Stretch], most: int, least: int = 0) -> i
     orders = Orders("arx", past, most - least + past, 0, least, constant=True)
     fit = minimise(orders, stretches, orders.past, False, least_squares(orders, stretches, orders.past))
     b = fit.theta[past : past + most - least + 1]
-    std = np.sqrt(np.maximum(np.diag(covariance_of(fit)), 0.0))[past : past + most - least + 1]
+    std = np.sqrt(np.maximum(np.diag(fit.test_covariance), 0.0))[past : past + most - least + 1]
     clear = np.flatnonzero(np.abs(b) > SIGNIFICANT * std)
     return least + int(clear[0] if len(clear) else np.argmax(np.abs(b) / np.maximum(std, 1e-300)))
 
 
 def trimmed(
-    orders: Orders, stretches: Sequence[Stretch], skip: int, initial: bool, further: Sequence[np.ndarray]
+    orders: Orders, stretches: Sequence[Recorded], skip: int, initial: bool, further: Sequence[np.ndarray]
 ) -> Fit:
     """A fit without the end coefficients of B that no criterion justifies: t² < ln(rows)."""
     fit = estimate(orders, stretches, skip, initial, None, further)
     while fit.orders.nb > 1:
         now = fit.orders
         part = slice(now.na, now.na + now.nb)
-        t = np.abs(fit.theta[part]) / np.sqrt(np.maximum(np.diag(covariance_of(fit))[part], 1e-300))
+        t = np.abs(fit.theta[part]) / np.sqrt(np.maximum(np.diag(fit.test_covariance)[part], 1e-300))
         end = 0 if t[0] <= t[-1] else -1
         if t[end] ** 2 >= np.log(len(fit.errors)):
             break
@@ -114,7 +113,7 @@ def trimmed(
     return fit
 
 
-def cross_validation(fit: Fit, stretches: Sequence[Stretch], skip: int, initial: bool) -> np.ndarray:
+def cross_validation(fit: Fit, stretches: Sequence[Recorded], skip: int, initial: bool) -> np.ndarray:
     """Mean squares (folds,) of the free simulation's error on held-out blocks of rows."""
     orders, errors = fit.orders, []
     parts_of_rows = folds(stretches, skip + 2 * orders.count)
@@ -137,7 +136,9 @@ def too_short() -> LogError:
     return LogError("too few rows to hold blocks of them out", place="select", value="cv", expected=expected)
 
 
-def folds(stretches: Sequence[Stretch], shortest: int, count: int = FOLDS) -> list[tuple[list[Stretch], list[Stretch]]]:
+def folds(
+    stretches: Sequence[Recorded], shortest: int, count: int = FOLDS
+) -> list[tuple[list[Recorded], list[Recorded]]]:
     """Stretches for fit and validation: every fold holds out one block of successive rows.
 
     Args:
@@ -154,7 +155,7 @@ def folds(stretches: Sequence[Stretch], shortest: int, count: int = FOLDS) -> li
             parts = ((fitted, 0, a), (held, a, b), (fitted, b, rows))
             for goes, first, last in parts:
                 if last - first > shortest:
-                    goes.append(Stretch(each.run, each.u[first:last], each.y[first:last]))
+                    goes.append(each.part(slice(first, last)))
             begin += rows
         if fitted and held:
             found.append((fitted, held))
@@ -162,7 +163,7 @@ def folds(stretches: Sequence[Stretch], shortest: int, count: int = FOLDS) -> li
 
 
 def selected(
-    structure: Structure, stretches: Sequence[Stretch], order: int | None, delay: int | None, *, most_order: int,
+    structure: Structure, stretches: Sequence[Recorded], order: int | None, delay: int | None, *, most_order: int,
     most_delay: int, constant: bool, initial: bool, by: Criterion,
 ) -> tuple[Orders, tuple[Candidate, ...]]:  # fmt: skip
     """Order and delay of a structure, and all candidates.
@@ -230,7 +231,7 @@ def _bic(fit: Fit) -> float:
     return criteria(fit.cost, fit.equations, fit.orders.count)["bic"]
 
 
-def _polished(orders: Orders, stretches: Sequence[Stretch], skip: int, initial: bool, fixed: bool) -> Orders:
+def _polished(orders: Orders, stretches: Sequence[Recorded], skip: int, initial: bool, fixed: bool) -> Orders:
     """The neighbour in delay and number of B's coefficients with the lowest BIC, as long as there is a lower one."""
 
     def bic(each: Orders) -> float:

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from armwright.errors import LogError
+from armwright.identification.logs.blocks import Block
 from armwright.identification.logs.findings import number_of
 
 if TYPE_CHECKING:
-    from armwright.identification.logs.blocks import Block
-    from armwright.identification.logs.log import Log, LogRun, Stretch
+    from armwright.identification.logs.log import Log, LogRun, Span
 
 GAP = 1.5  # times the usual period: a longer step of time is a gap
 BRIEFEST = 1e-9  # [s] from row to row: less is no clock
@@ -81,68 +81,49 @@ class SignalCensus:
         self.counted += len(values) - 1
 
 
-@dataclass(frozen=True)
+@dataclass
 class Census:
-    """Numbers about all rows of a run.
+    """Numbers about all rows of a run, while they go by and in the end.
 
     Attributes:
         rows: of the run.   first, last: times [s].   period: usual time from row to row [s].
         resolution: to which times are rounded [s]; 0 where that is fine.
-        jitter: standard deviation of the time from row to row, gaps left out [s].
         gaps: rows after a step longer than 1.5 periods.
         lost: rows that gaps would hold.   widest: of the gaps [s].   same_time: rows at the time of the row before.
         backwards: rows earlier than the row before.   no_time: rows without time.
         whole_repeats: rows that repeat all signals but temperatures.
         repeat_runs: how many groups of such rows, one behind the other.
         stretches: rows without gaps and missing cells.   signals: by name.
-        excerpt: block of rows with the most motion.   excerpt_begin: its first row.
+        excerpt: block of rows with the most motion.   motion: of it.   squares, steps: of the jitter [s²], and their number.
+        open_begin, open_start: row and time [s] at which the open stretch begins; None: none is open.
     """
-
-    rows: int
-    first: float
-    last: float
-    period: float
-    resolution: float
-    jitter: float
-    gaps: Places
-    lost: int
-    widest: float
-    same_time: Places
-    backwards: Places
-    no_time: Places
-    whole_repeats: Places
-    repeat_runs: int
-    stretches: tuple[Stretch, ...]
-    signals: dict[str, SignalCensus]
-    excerpt: Block
-    excerpt_begin: int = 0
-
-
-@dataclass
-class _Pass:
-    """Numbers while the rows go by."""
 
     signals: dict[str, SignalCensus]
     rows: int = 0
+    first: float = np.nan
+    last: float = np.nan
     period: float = 0.0
     resolution: float = 0.0
-    before: float = np.nan
-    first: float = np.nan
-    squares: float = 0.0
-    steps: int = 0
+    gaps: Places = Places()
     lost: int = 0
     widest: float = 0.0
-    gaps: Places = Places()
     same_time: Places = Places()
     backwards: Places = Places()
     no_time: Places = Places()
     whole_repeats: Places = Places()
     repeat_runs: int = 0
+    stretches: list[Span] = field(default_factory=list)
+    excerpt: Block = field(default_factory=lambda: Block(0, np.zeros(0), {}))
+    motion: float = -1.0
+    squares: float = 0.0
+    steps: int = 0
     open_begin: int | None = None
     open_start: float = np.nan
-    stretches: list[Stretch] = field(default_factory=list)
-    excerpt: Block | None = None
-    motion: float = -1.0
+
+    @property
+    def jitter(self) -> float:
+        """Standard deviation of the time from row to row, gaps left out [s]."""
+        return float(np.sqrt(self.squares / self.steps)) if self.steps else 0.0
 
 
 def census_of(log: Log, run: LogRun) -> Census:
@@ -151,7 +132,7 @@ def census_of(log: Log, run: LogRun) -> Census:
     Raises:
         LogError: as `read_log`; numbers beyond all sizes, fewer than two rows, or times that are all the same.
     """
-    state = _Pass({signal.name: SignalCensus.of(signal.size) for signal in log.layout})
+    state = Census({signal.name: SignalCensus.of(signal.size) for signal in log.layout})
     for block in log.blocks(run.name):
         _add_times(state, block)
         for name, values in block.values.items():
@@ -161,19 +142,14 @@ def census_of(log: Log, run: LogRun) -> Census:
         if len(state.stretches) > MOST_BREAKS:
             what = f"falls into more than {MOST_BREAKS} pieces"
             raise LogError(what, place=f"run {run.name!r}", expected="rows one after the other", file=log.path)
-    _close(state, state.rows, state.before)
-    if state.rows < 2 or not state.period or state.excerpt is None:
+    _close(state, state.rows, state.last)
+    if state.rows < 2 or not state.period or state.motion < 0.0:
         what = number_of(state.rows, "row") if state.rows < 2 else f"rows less than {BRIEFEST:g} s after each other"
         raise LogError(what, place=f"run {run.name!r}", expected="at least two rows over time", file=log.path)
-    jitter = float(np.sqrt(state.squares / state.steps)) if state.steps else 0.0
-    return Census(
-        state.rows, state.first, state.before, state.period, state.resolution, jitter, state.gaps, state.lost, state.widest,
-        state.same_time, state.backwards, state.no_time, state.whole_repeats, state.repeat_runs,
-        tuple(state.stretches), state.signals, state.excerpt, state.excerpt.row,
-    )  # fmt: skip
+    return state
 
 
-def _add_times(state: _Pass, block: Block) -> None:
+def _add_times(state: Census, block: Block) -> None:
     """Counts the steps of time, and cuts stretches where a step or a cell is missing."""
     t, row = block.t, block.row
     known = np.isfinite(t)
@@ -187,7 +163,7 @@ def _add_times(state: _Pass, block: Block) -> None:
         if state.resolution:  # then a usual step is a digit too long or too short
             state.period = float(np.mean(steps[(steps >= 0) & (steps <= _longest_step(period, state.resolution))]))
         state.first = float(t[known][0]) if known.any() else np.nan
-    steps = np.diff(t, prepend=state.before)
+    steps = np.diff(t, prepend=state.last)
     gap, same, back = steps > _longest_step(state.period, state.resolution), steps == 0, steps < 0
     state.gaps = state.gaps.plus(row + np.flatnonzero(gap))
     state.same_time = state.same_time.plus(row + np.flatnonzero(same))
@@ -206,7 +182,7 @@ def _add_times(state: _Pass, block: Block) -> None:
     good = known & np.isfinite(whole).all(axis=1)
     _cut(state, t, row, good, gap | back)
     if known.any():
-        state.before = float(t[known][-1])
+        state.last = float(t[known][-1])
 
 
 def _longest_step(period: float, resolution: float) -> float:
@@ -227,29 +203,29 @@ def resolution_of(t: np.ndarray, period: float) -> float:
     return 0.0
 
 
-def _cut(state: _Pass, t: np.ndarray, row: int, good: np.ndarray, breaks: np.ndarray) -> None:
+def _cut(state: Census, t: np.ndarray, row: int, good: np.ndarray, breaks: np.ndarray) -> None:
     """Ends the open stretch before gaps and at rows that are not good, and begins the next one behind them."""
     before = np.concatenate([[state.open_begin is not None], good[:-1]])
     ends, begins = before & (~good | breaks), good & (~before | breaks)
     for k in np.flatnonzero(ends | begins):
         if ends[k]:
-            _close(state, row + int(k), float(t[k - 1] if k else state.before))
+            _close(state, row + int(k), float(t[k - 1] if k else state.last))
         if begins[k]:
             state.open_begin, state.open_start = row + int(k), float(t[k])
 
 
-def _close(state: _Pass, end: int, stop: float) -> None:
+def _close(state: Census, end: int, stop: float) -> None:
     """Ends the open stretch before a row."""
-    from armwright.identification.logs.log import Stretch
+    from armwright.identification.logs.log import Span
 
     if state.open_begin is not None and end > state.open_begin:
-        state.stretches.append(Stretch(state.open_begin, end, state.open_start, stop))
+        state.stretches.append(Span(state.open_begin, end, state.open_start, stop))
     state.open_begin = None
 
 
-def _add_excerpt(state: _Pass, block: Block) -> None:
+def _add_excerpt(state: Census, block: Block) -> None:
     """Keeps the block in which signals change most from row to row."""
-    if len(block.t) < SHORTEST and state.excerpt is not None:
+    if len(block.t) < SHORTEST and state.motion >= 0.0:
         return
     name = next((name for name in ("q", "qd") if name in block.values), next(iter(block.values)))
     with np.errstate(invalid="ignore"):

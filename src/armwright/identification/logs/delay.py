@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +11,9 @@ from scipy import signal
 MOST = 50  # samples that are searched either way
 SHORTEST = 80  # rows
 LEAST, ROUNDING = 1e-100, 1e-12  # change of a signal, whose squares would underflow, and as a share of its size
+ALIKE = 0.7  # correlation of two signals between which a delay can be told
+REMOVED = 0.2  # of the unexplained power, that a shift has to take away to be a delay
+SHORT = 0.3  # rows: a shift that takes nothing away says that there is no delay
 ROUNDS = 5  # of the refinement; each reduces the error about tenfold
 
 
@@ -71,3 +75,32 @@ def delay_between(first: np.ndarray, second: np.ndarray) -> Delay | None:
     correlation = float(np.corrcoef(aligned, b[inside])[0, 1]) if aligned.std() > 0 else 0.0
     gain = np.sign(correlation) * b[inside].std() / aligned.std() if aligned.std() > 0 else 0.0
     return Delay(d, std, float(gain) * float(sizes[1] / sizes[0]), abs(correlation))
+
+
+def delay_of(measured: np.ndarray, predicted: np.ndarray, parts: Sequence[slice]) -> Delay | None:
+    """Delay of the measured signal behind the predicted one, in rows; of several stretches the mean weighted by 1 / std².
+
+    A stretch counts where the shift takes away a fifth at least of what the unshifted signals do not have in common: else
+    another error looks like a delay.
+
+    Args:
+        measured, predicted: (rows,).   parts: stretches of rows.
+    Returns:
+        delay: None where no stretch tells one.
+    """
+    delays = []
+    for part in parts:
+        with np.errstate(invalid="ignore", divide="ignore"):
+            found = delay_between(predicted[part], measured[part])
+            plain = float(np.corrcoef(predicted[part], measured[part])[0, 1]) if found is not None else 0.0
+        if found is None or not np.isfinite(found.std) or not np.isfinite(plain) or found.correlation < ALIKE:
+            continue
+        if abs(found.samples) < SHORT or 1.0 - found.correlation**2 < (1.0 - REMOVED) * (1.0 - plain**2):
+            delays.append(found)
+    if not delays:
+        return None
+    weights = np.array([1.0 / max(each.std, 1e-9) ** 2 for each in delays])
+    samples, gain, correlation = np.average(
+        [(d.samples, d.gain, d.correlation) for d in delays], axis=0, weights=weights
+    )
+    return Delay(float(samples), float(weights.sum() ** -0.5), float(gain), float(correlation))

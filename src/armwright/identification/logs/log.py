@@ -30,11 +30,12 @@ if TYPE_CHECKING:
 
     from armwright.identification.logs.census import Census
 
+BRIDGED = 3  # rows: gaps of so many are bridged
 MOST_VALUES = 200_000_000  # of a run in memory: 1.6 GB
 
 
 @dataclass(frozen=True)
-class Stretch:
+class Span:
     """Rows of a run without gap: `begin` to `end` (not included), at times `start` to `stop` [s]."""
 
     begin: int
@@ -51,6 +52,18 @@ class Stretch:
     def period(self) -> float:
         """Mean time from row to row [s]."""
         return (self.stop - self.start) / (self.rows - 1) if self.rows > 1 else 0.0
+
+
+@dataclass(frozen=True)
+class Bridged(Span):
+    """Rows with short gaps, as the evenly timed rows that they are interpolated at; `usual` is the log's period [s]."""
+
+    usual: float = 0.0
+
+    @property
+    def rows(self) -> int:
+        """Number of rows, the missing ones included."""
+        return max(round((self.stop - self.start) / self.usual), 1) + 1
 
 
 @dataclass(frozen=True)
@@ -77,9 +90,9 @@ class LogRun:
         return 0 if self.census is None else self.census.rows
 
     @property
-    def stretches(self) -> tuple[Stretch, ...]:
+    def stretches(self) -> tuple[Span, ...]:
         """Rows without gaps."""
-        return () if self.census is None else self.census.stretches
+        return () if self.census is None else tuple(self.census.stretches)
 
     @property
     def duration(self) -> float:
@@ -246,3 +259,24 @@ class Log:
         if self.arm is not None:
             about["robot"] = self.arm.name
         return xr.Dataset(variables, {"time": time, "joint": ("joint", list(self.joints))}, about)
+
+
+def bridged(log: Log, run: LogRun) -> tuple[Span, ...]:
+    """Stretches of a run, those with at most three rows missing between them joined; `rows` of these count the missing ones.
+
+    Logs of voltages or of held commands stay cut: a command may have changed in the gap.
+    """
+    if "voltage" in log.layout or log.held:
+        return run.stretches
+    joined: list[Span] = []
+    for each in run.stretches:
+        if joined and _is_short(joined[-1], each, run.period):
+            each = Bridged(joined[-1].begin, each.end, joined[-1].start, each.stop, run.period)
+            joined.pop()
+        joined.append(each)
+    return tuple(joined)
+
+
+def _is_short(before: Span, after: Span, period: float) -> bool:
+    """True of a gap of three rows at most, lost or with empty cells."""
+    return after.begin - before.end <= BRIDGED and 0 < after.start - before.stop < (BRIDGED + 1.5) * period

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,7 +13,7 @@ from armwright.entry import AnyLog, as_log
 from armwright.errors import LogError
 from armwright.identification.logs.blocks import ROWS, Block
 from armwright.identification.logs.findings import number_of
-from armwright.identification.logs.log import Log, LogRun, Stretch
+from armwright.identification.logs.log import Bridged, Log, Span, bridged
 from armwright.identification.logs.preparation import (
     EDGE,
     FIRST_DIFFERENCE,
@@ -32,7 +31,6 @@ SEAM = 1e-9  # what is left of a disturbance where windows of rows meet
 ROUNDED = 2.0  # digits that times are off even ones, where a clock was rounded, in the row and where the stretch begins
 REST = 1e-2  # of a joint's range by the run's duration: slower is at rest
 UNEVEN = 1e-3  # of a period: rows further from even times are interpolated
-BRIDGED = 3  # rows: gaps of so many are bridged
 BESIDE_GAP = 8  # rows beyond a window that a spline goes through
 RATES = {"q": ("qd", "qdd"), "qd": ("qdd",)}  # what follows from a signal by differentiation, in order
 
@@ -95,38 +93,6 @@ def _rate_unit(unit: str, source: str, name: str) -> str:
     )
 
 
-def bridged(log: Log, run: LogRun) -> tuple[Stretch, ...]:
-    """Stretches of a run, those with at most three rows missing between them joined; `rows` of these count the missing ones.
-
-    Logs of voltages or of held commands stay cut: a command may have changed in the gap.
-    """
-    if "voltage" in log.layout or log.held:
-        return run.stretches
-    joined: list[Stretch] = []
-    for each in run.stretches:
-        if joined and _is_short(joined[-1], each, run.period):
-            each = _Bridged(joined[-1].begin, each.end, joined[-1].start, each.stop, run.period)
-            joined.pop()
-        joined.append(each)
-    return tuple(joined)
-
-
-def _is_short(before: Stretch, after: Stretch, period: float) -> bool:
-    """True of a gap of three rows at most, lost or with empty cells."""
-    return after.begin - before.end <= BRIDGED and 0 < after.start - before.stop < (BRIDGED + 1.5) * period
-
-
-@dataclass(frozen=True)
-class _Bridged(Stretch):
-    """Rows with short gaps, as the evenly timed rows that they are interpolated at; `usual` is the log's period [s]."""
-
-    usual: float = 0.0
-
-    @property
-    def rows(self) -> int:
-        return max(round((self.stop - self.start) / self.usual), 1) + 1
-
-
 def prepared_blocks(log: Log, run: str, preparation: Preparation, rows: int = ROWS) -> Iterator[tuple[int, Block]]:
     """Prepared rows of a run with the number of their stretch, block by block in bounded memory.
 
@@ -147,12 +113,12 @@ def prepared_blocks(log: Log, run: str, preparation: Preparation, rows: int = RO
 
 
 def _window(
-    reader: _Rows, stretch: Stretch, preparation: Preparation, begin: int, end: int, seam: int, first: int
+    reader: _Rows, stretch: Span, preparation: Preparation, begin: int, end: int, seam: int, first: int
 ) -> Block:
     """Prepared rows `begin` to `end` of a stretch, from rows beyond them either way."""
     low, high = max(begin - seam, 0), min(end + seam, stretch.rows)
     even = stretch.start + stretch.period * np.arange(low, high)
-    if isinstance(stretch, _Bridged):
+    if isinstance(stretch, Bridged):
         times, values = even, reader.between(stretch, even)
     else:
         times, values = reader.rows(stretch.begin + low, stretch.begin + high)
@@ -225,7 +191,7 @@ class _Rows:
         self._t = np.zeros(0)
         self._values: dict[str, np.ndarray] = {}
 
-    def between(self, stretch: Stretch, times: np.ndarray) -> dict[str, np.ndarray]:
+    def between(self, stretch: Span, times: np.ndarray) -> dict[str, np.ndarray]:
         """Signals at some times of a stretch with short gaps, by cubic splines through the cells that are there."""
         while self._begin + len(self._t) < stretch.end and not (len(self._t) and self._t[-1] > times[-1]):
             late = self._begin + int(np.searchsorted(_increasing(self._t), times[0])) - BESIDE_GAP

@@ -9,8 +9,7 @@ import numpy as np
 
 from armwright.identification.logs.census import Census, Places, SignalCensus
 from armwright.identification.logs.findings import Found, error, note, number_of, warning
-from armwright.identification.logs.log import Log, LogRun
-from armwright.identification.logs.prepared import BRIDGED, bridged
+from armwright.identification.logs.log import BRIDGED, Log, LogRun, bridged
 from armwright.identification.logs.quantisation import quantisation_step
 from armwright.identification.logs.spectrum import longest_finite
 

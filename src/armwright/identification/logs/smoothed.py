@@ -50,7 +50,7 @@ def smoothed(log: Log, run: LogRun) -> Smoothed | None:
     """The excerpt's longest part without gaps, all signals through one zero-phase low-pass; None if too short."""
     census = run.census
     assert census is not None
-    begin = census.excerpt_begin
+    begin = census.excerpt.row
     end = begin + len(census.excerpt.t)
     parts = [(max(s.begin, begin) - begin, min(s.end, end) - begin) for s in census.stretches]
     low, high = max(parts, key=lambda part: part[1] - part[0], default=(0, 0))

@@ -9,11 +9,11 @@ import numpy as np
 
 from armwright.description.robot import RobotDescription
 from armwright.errors import ModelError
+from armwright.fitting.directions import directions, without as less
 from armwright.identification.motor.drive_record import HOLD_FIRST
 from armwright.identification.motor.measured import Measured
 from armwright.identification.motor.output_error import ROWS_OF_STARTS, Problem, many_starts, refined, starts
 from armwright.identification.motor.problem import sizes
-from armwright.identification.motor.uncertainty import Direction, untold
 from armwright.identification.motor.unknowns import values_of
 from armwright.progress import Progress
 
@@ -21,6 +21,9 @@ ROUNDS = 3  # of fit and new standard deviations of the signals
 SAME = 0.02  # of a standard deviation: a smaller change is none
 AT_BOUND = 1e-3  # of the range of a logarithm: nearer to its end is at the bound
 NONE = 1e-6  # of a size, or of a sample: less is 0
+WEAK = 0.5  # standard deviation of the logarithm of a product of numbers beyond which the log does not tell it
+NOTHING = 1e-6  # standard deviations of all residuals together that a nuisance of its size makes: less is none
+PART = 0.25  # of the largest entry of a direction: numbers with more take part in it
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,16 +32,16 @@ class Fitted:
 
     Attributes:
         problem: with the standard deviations of the signals that it found.   labels: of every unknown, "joint:name".
-        z: (k,) coordinates.   held: numbers of the unknowns that were held.   reasons: what could not be told apart, and which of
-        it was held for that.   zero: numbers of those that came out as 0.   ends: of those that ran into a bound of their search.
-        remarks: sentences about these.
+        z: (k,) coordinates.   held: numbers of the unknowns that were held.   reasons: exponents of a product that the log does
+        not tell, by the numbers of its factors, and which of these was held for that.   zero: numbers of those that are 0.
+        ends: of those that ran into a bound of their search.   remarks: sentences about these.
     """
 
     problem: Problem
     labels: list[str]
     z: np.ndarray
     held: list[int]
-    reasons: list[tuple[Direction, int]] = field(default_factory=list)
+    reasons: list[tuple[dict[int, float], int]] = field(default_factory=list)
     zero: list[int] = field(default_factory=list)
     ends: list[int] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
@@ -105,16 +108,30 @@ def _hold(done: Fitted, jacobian: np.ndarray, first: np.ndarray) -> None:
     while True:
         kept = [k for k in range(len(first)) if k not in done.held]
         candidates = [i for i, k in enumerate(kept) if not done.problem.unknowns[k].nuisance]
-        found = untold(jacobian[:, kept], candidates)
-        if not found:
+        exponents = {kept[i]: power for i, power in untold(jacobian[:, kept], candidates).items()}
+        if not exponents:
             return
-        members = tuple(kept[i] for i in found[0].unknowns)
-        names = [done.labels[k].split(":")[-1] for k in members]
+        names = [done.labels[k].split(":")[-1] for k in exponents]
         ranks = [HOLD_FIRST.index(name) if name in HOLD_FIRST else len(HOLD_FIRST) for name in names]
-        chosen = members[int(np.argmin(ranks))]
-        done.reasons.append((replace(found[0], unknowns=members), chosen))
+        chosen = list(exponents)[int(np.argmin(ranks))]
+        done.reasons.append((exponents, chosen))
         done.held.append(chosen)
         done.z[chosen] = first[chosen]
+
+
+def untold(jacobian: np.ndarray, candidates: Sequence[int]) -> dict[int, float]:
+    """Exponents of the product of candidates that a log tells worst, by their numbers; none if it is told well.
+
+    Args:
+        jacobian: (m, k) of residuals in standard deviations, by coordinates in their sizes.   candidates: numbers of unknowns;
+            the others are nuisances, which are free.
+    """
+    others = [k for k in range(jacobian.shape[1]) if k not in candidates]
+    own = less(jacobian[:, list(candidates)], jacobian[:, others], NOTHING)  # rounding made longer looks like any other
+    if not candidates or (worst := directions(own)[0]).shown > 1.0 / WEAK:
+        return {}
+    members = worst.members(PART)
+    return {candidates[j]: float(worst.vector[j] / worst.vector[members[0]]) for j in sorted(members)}
 
 
 def _note_ends(done: Fitted, kept: Sequence[int]) -> None:

@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 
 from armwright.errors import LogError
+from armwright.fitting.stretch import Stretch
 from armwright.identification.logs.log import Log
 from armwright.identification.logs.quantisation import quantisation_step
 from armwright.identification.motor.response import Inputs
@@ -20,15 +21,14 @@ SAME = 0.02  # of a speed's standard deviation: how far it may be from the diffe
 
 
 @dataclass(frozen=True, eq=False)
-class Stretch:
-    """A stretch of a run without gaps.
+class Driven(Stretch):
+    """A stretch of motors that are driven.
 
     Attributes:
         run: its name.   t: (rows,) [s].   inputs: what drives it.   values: signal → (rows, n) measured.
         weights: (rows, signals · n) 1 where a value is compared, else 0; 1/√m in m rows that hold the same count.
     """
 
-    run: str
     t: np.ndarray
     inputs: Inputs
     values: dict[str, np.ndarray]
@@ -56,7 +56,7 @@ class Measured:
     command: Command
     signals: tuple[str, ...]
     steps: dict[str, np.ndarray]
-    stretches: tuple[Stretch, ...]
+    stretches: tuple[Driven, ...]
     remarks: tuple[str, ...]
 
     @property
@@ -173,7 +173,7 @@ def _stretches(log: Log, run: str, data, driver: str, names: Sequence[str], plac
         if "q" in names:
             at = names.index("q") * len(places)
             weights[:, at : at + len(places)] /= np.sqrt(np.column_stack([rows_of_count(q) for q in values["q"].T]))
-        yield Stretch(run, t, Inputs(period, command), values, weights)
+        yield Driven(run, t, Inputs(period, command), values, weights)
 
 
 def rows_of_count(counts: np.ndarray) -> np.ndarray:
@@ -186,7 +186,7 @@ LEVEL_TICKS = 100  # of a level that is held until the motor is steady: it may b
 LEVEL_TIME = 8.0  # time constants that it is held
 
 
-def steady(log: Log, joints: Sequence[str], data: Measured, time: float) -> Stretch:
+def steady(log: Log, joints: Sequence[str], data: Measured, time: float) -> Driven:
     """A log of steady states as a stretch: every row's command is applied until the motor is steady, and then compared.
 
     Args:
@@ -214,4 +214,4 @@ def steady(log: Log, joints: Sequence[str], data: Measured, time: float) -> Stre
     if not weights.any():
         raise LogError("the other log has no speed to compare", place="static", file=log.path)
     t = np.cumsum(period) - period
-    return Stretch("static", t, Inputs(period, np.repeat(command, LEVEL_TICKS, axis=0)), values, weights)
+    return Driven("static", t, Inputs(period, np.repeat(command, LEVEL_TICKS, axis=0)), values, weights)

@@ -17,7 +17,8 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.stats import qmc
 
-from armwright.identification.motor.measured import Stretch
+from armwright.fitting.levenberg_marquardt import Damping, Descent, descended
+from armwright.identification.motor.measured import Driven
 from armwright.identification.motor.response import Response
 from armwright.identification.motor.unknowns import Unknown, values_of
 
@@ -26,6 +27,9 @@ SPREAD = 3.0  # factor by which starts are drawn about the guess, either way
 STEPS_OF_STARTS = 12  # that the better starts take
 STEPS_OF_ALL, FEWEST_STARTS = 4, 4  # after which the worse half of the starts is given up, and how many go on at least
 EVALUATIONS = 60  # of the last fit
+DAMPING = Damping(first=1e-2, better=0.2, least=1e-10, most=1e8)
+LONGEST = 2.0  # step of a coordinate: a factor of 7 of a number above 0
+GAIN = 1e-6  # of the cost: a start that gains less has arrived
 
 
 @dataclass(frozen=True)
@@ -52,7 +56,7 @@ class Problem:
 
     response: Response
     unknowns: tuple[Unknown, ...]
-    stretches: tuple[Stretch, ...]
+    stretches: tuple[Driven, ...]
     places: tuple[Places, ...]
     sigma: np.ndarray
     nominal: np.ndarray
@@ -140,21 +144,13 @@ class Problem:
             if count < 2:
                 break
             rows -= count
-            stretches.append(_first_rows(stretch, count))
+            stretches.append(stretch.part(slice(count)))
             places.append(at)
         return (
             self
             if len(stretches) == len(self.stretches) and rows >= 0
             else replace(self, stretches=tuple(stretches), places=tuple(places))
         )
-
-
-def _first_rows(stretch: Stretch, count: int) -> Stretch:
-    if count == len(stretch.t):
-        return stretch
-    inputs = replace(stretch.inputs, period=stretch.inputs.period[:count], command=stretch.inputs.command[:count])
-    values = {name: each[:count] for name, each in stretch.values.items()}
-    return replace(stretch, t=stretch.t[:count], inputs=inputs, values=values, weights=stretch.weights[:count])
 
 
 def starts(problem: Problem, guesses: Sequence[np.ndarray], count: int, seed: int) -> np.ndarray:
@@ -183,30 +179,15 @@ def starts(problem: Problem, guesses: Sequence[np.ndarray], count: int, seed: in
 def many_starts(problem: Problem, z: np.ndarray, steps: int = STEPS_OF_STARTS) -> tuple[np.ndarray, np.ndarray]:
     """Coordinates (lanes, k) after some Levenberg-Marquardt steps, and costs (lanes,), of the starts that survived."""
     low, high = problem.bounds
-    residuals, jacobian = _finite(*problem.evaluate(z))
-    cost, damping = _costs(residuals), np.full(len(z), 1e-2)
-    for number in range(steps):
-        if number == STEPS_OF_ALL:
-            kept = np.argsort(cost)[: max(len(cost) // 2, FEWEST_STARTS)]
-            z, residuals, jacobian, cost, damping = (each[kept] for each in (z, residuals, jacobian, cost, damping))
-        slope = np.einsum("lmk,lm->lk", jacobian, residuals)
-        square = np.matmul(jacobian.transpose(0, 2, 1), jacobian)
-        size = np.maximum(np.einsum("lkk->lk", square), 1e-12)
-        matrix = square + (damping[:, None] * size)[:, :, None] * np.eye(z.shape[1])
-        step = np.linalg.solve(matrix, -slope[..., None])[..., 0]
-        new = np.clip(z + np.clip(step, -2.0, 2.0), low, high)
-        new_residuals, new_jacobian = _finite(*problem.evaluate(new))
-        new_cost = _costs(new_residuals)
-        better = new_cost < cost
-        damping = np.clip(np.where(better, damping / 5.0, damping * 4.0), 1e-10, 1e8)
-        gain = np.where(better, 1.0 - np.minimum(new_cost, cost) / np.maximum(cost, 1e-300), 0.0)
-        z = np.where(better[:, None], new, z)
-        residuals = np.where(better[:, None], new_residuals, residuals)
-        jacobian = np.where(better[:, None, None], new_jacobian, jacobian)
-        cost = np.where(better, new_cost, cost)
-        if better.any() and gain.max() < 1e-6:
-            break
-    return z, cost
+    found = Descent.begin(lambda x: _finite(*problem.evaluate(x)), z, DAMPING.first)
+    for trials in (STEPS_OF_ALL, steps - STEPS_OF_ALL):
+        found = descended(
+            lambda x: _finite(*problem.evaluate(x)), found, damping=DAMPING, trials=trials,
+            move=lambda x, step: np.clip(x + np.clip(step, -LONGEST, LONGEST), low, high),
+            ends=lambda gained, cost, _: gained <= GAIN * cost,
+        )  # fmt: skip
+        found = found.only(np.argsort(found.cost)[: max(len(found.x) // 2, FEWEST_STARTS)])
+    return found.x, found.cost
 
 
 LARGEST = 1e9  # of a scaled residual; a lane beyond is lost
@@ -218,13 +199,6 @@ def _finite(residuals: np.ndarray, jacobian: np.ndarray | None) -> tuple[np.ndar
     lost = ~(np.abs(residuals) < LARGEST).all(axis=1) | ~(np.abs(jacobian) < LARGEST**1.5).all(axis=(1, 2))
     residuals[lost], jacobian[lost] = LARGEST, 0.0
     return residuals, jacobian
-
-
-def _costs(residuals: np.ndarray) -> np.ndarray:
-    """Half the sums of squares (lanes,); infinite where a lane left the finite numbers."""
-    with np.errstate(over="ignore", invalid="ignore"):
-        cost = 0.5 * (residuals * residuals).sum(axis=1)
-    return np.where(np.isfinite(cost), cost, np.inf)
 
 
 def refined(problem: Problem, z: np.ndarray) -> np.ndarray:

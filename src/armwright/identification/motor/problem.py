@@ -12,7 +12,7 @@ from armwright.description.robot import RobotDescription
 from armwright.errors import ModelError
 from armwright.identification.motor.drive_record import paths_of, value_at
 from armwright.identification.motor.guess import Guess
-from armwright.identification.motor.measured import Measured, Stretch, rows_of_count
+from armwright.identification.motor.measured import Driven, Measured, rows_of_count
 from armwright.identification.motor.output_error import Places, Problem
 from armwright.identification.motor.response import Response, response_of
 from armwright.identification.motor.unknowns import RANGE, Unknown, positive, values_of
@@ -30,7 +30,7 @@ UNITS = {"voltage": "V", "current": "A", "torque": "N m"}  # of a command
 
 
 def problem_of(
-    record: RobotDescription, data: Measured, stretches: Sequence[Stretch], names: Mapping[str, tuple[str, ...]],
+    record: RobotDescription, data: Measured, stretches: Sequence[Driven], names: Mapping[str, tuple[str, ...]],
     guesses: Sequence[Guess], per_run: Sequence[str], free: Sequence[str] | None, delay: float | None, most_delay: int,
     priors: bool = False,
 ) -> tuple[Problem, list[str]]:  # fmt: skip
@@ -68,9 +68,13 @@ def problem_of(
     if free is not None and "offset" in free:
         for k, joint in enumerate(data.joints):
             for run in runs if "offset" in per_run else [""]:
-                unknown = Unknown(f"{joint}: offset", 0.0, -largest, largest, 0.01 * largest, run=run, nuisance=True,
-                                  unit={"voltage": "V", "current": "A", "torque": "N m"}[data.command])  # fmt: skip
-                add(unknown, "offset", f"offset{k}", run)
+                about = {"run": run, "nuisance": True, "unit": UNITS[data.command]}
+                add(
+                    Unknown(f"{joint}: offset", 0.0, -largest, largest, 0.01 * largest, **about),
+                    "offset",
+                    f"offset{k}",
+                    run,
+                )
     places = []
     for number, stretch in enumerate(stretches):
         start, fixed_start = starts_of(stretch, number, response, arm, unknowns, labels, speed, data)
@@ -83,12 +87,8 @@ def problem_of(
     sigma = _first_sigma(data.stretches, data)
     fixed_delay = 0.0 if delay is None else delay / data.period
     if fixed_delay > lags + 1:
-        raise ModelError(
-            "longer than the longest delay",
-            place="delay",
-            value=delay,
-            expected=f"at most {(lags + 1) * data.period:g} s",
-        )
+        expected = f"at most {(lags + 1) * data.period:g} s"
+        raise ModelError("longer than the longest delay", place="delay", value=delay, expected=expected)
     prior = _prior(record, unknowns) if priors else None
     problem = Problem(
         response, tuple(unknowns), tuple(stretches), tuple(places), sigma, varied.nominal, fixed_delay, prior
@@ -116,7 +116,7 @@ def _prior(record: RobotDescription, unknowns: Sequence[Unknown]) -> np.ndarray:
     return prior
 
 
-def speeds_of(stretch: Stretch) -> np.ndarray:
+def speeds_of(stretch: Driven) -> np.ndarray:
     """(rows, n) measured speeds, or differences of positions."""
     for name in ("qd", "qd_mean"):
         if name in stretch.values:
@@ -187,7 +187,7 @@ def sizes(
 
 
 def starts_of(
-    stretch: Stretch,
+    stretch: Driven,
     number: int,
     response: Response,
     arm: Model,
@@ -206,18 +206,8 @@ def starts_of(
 
     def add(place: int, what: str, guess: float, size: float, unit: str) -> None:
         start[place] = len(unknowns)
-        unknowns.append(
-            Unknown(
-                what,
-                guess,
-                guess - 100 * size,
-                guess + 100 * size,
-                size,
-                run=stretch.run + many,
-                nuisance=True,
-                unit=unit,
-            )
-        )
+        ends, run = (guess - 100 * size, guess + 100 * size), stretch.run + many
+        unknowns.append(Unknown(what, guess, *ends, size, run=run, nuisance=True, unit=unit))
         labels.append("start")
 
     for k, joint in enumerate(data.joints):
@@ -254,7 +244,7 @@ def _speed_at_rest(position: np.ndarray, period: float) -> float | None:
     return float(steps[steps > 0.0].min() / ((rows - 1) * period)) if rows > 2 and steps.any() else None
 
 
-def _first_sigma(stretches: Sequence[Stretch], data: Measured) -> np.ndarray:
+def _first_sigma(stretches: Sequence[Driven], data: Measured) -> np.ndarray:
     """Standard deviations (signals · n,) to begin with: noise of the second differences, at least that of quantisation."""
     rows = []
     for name in data.signals:

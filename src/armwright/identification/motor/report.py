@@ -11,16 +11,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from armwright.description.robot import RobotDescription
+from armwright.fitting.covariance import covariance_of
+from armwright.fitting.directions import listed
 from armwright.identification.estimate import Estimate, write_into
 from armwright.identification.logs.log import Log
 from armwright.identification.motor.fitting import Fitted, without
 from armwright.identification.motor.guess import Guess
 from armwright.identification.motor.held_out import held_out
 from armwright.identification.motor.measured import Measured
+from armwright.identification.motor.output_error import Problem
 from armwright.identification.motor.predictions import predictions_of
 from armwright.identification.motor.problem import sizes
 from armwright.identification.motor.separating import separating
-from armwright.identification.motor.uncertainty import covariance
 from armwright.identification.motor.unknowns import values_of
 from armwright.results.result import Result
 from armwright.results.table import Table
@@ -192,6 +194,22 @@ def result(
     return MotorFit(_with_drift(estimate, done, values), record, predictions, None, cost)
 
 
+def covariance(problem: Problem, residuals: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
+    """(k, k) of coordinates, for residuals that are correlated in time, each signal by itself, and a prior.
+
+    Args:
+        residuals: (m,).   jacobian: (m, k), as `Problem.evaluate` gives them.
+    """
+    blocks, begin, k = [], 0, jacobian.shape[1]
+    for stretch in problem.stretches:
+        shape = stretch.weights.shape
+        rows = slice(begin, begin + stretch.weights.size)
+        errors = np.where(stretch.weights > 0.0, residuals[rows].reshape(shape), np.nan)
+        blocks.append((jacobian[rows].reshape(*shape, k), errors))
+        begin = rows.stop
+    return covariance_of(blocks, None if problem.prior is None else np.diag(problem.prior[1] ** -2.0))
+
+
 def _of_held(
     done: Fitted, record: RobotDescription, data: Measured, kept: Sequence[int], jacobian: np.ndarray
 ) -> np.ndarray:
@@ -302,8 +320,8 @@ def called_in_words(done: Fitted, k: int) -> str:
 def _in_words(done: Fitted, values: np.ndarray, data: Measured, clauses: Sequence[str]) -> list[str]:
     """Indistinguishable parameters in words, the ones fixed for that reason, and remedies: `clauses`, one for each reason."""
     sentences = []
-    for (direction, chosen), clause in zip(done.reasons, clauses, strict=True):
-        signs = {called_in_words(done, k): x for k, x in zip(direction.unknowns, direction.exponents, strict=True)}
+    for (exponents, chosen), clause in zip(done.reasons, clauses, strict=True):
+        signs = {called_in_words(done, k): power for k, power in exponents.items()}
         names, each = list(signs), done.problem.unknowns[chosen]
         unit = "" if each.shown_unit == "1" else f" {each.shown_unit}"
         kept = f"the {called_in_words(done, chosen)} is held at {values[chosen]:.4g}{unit}" + (clause and f"; {clause}")
@@ -313,10 +331,8 @@ def _in_words(done: Fitted, values: np.ndarray, data: Measured, clauses: Sequenc
         same = [n for n, x in signs.items() if x > 0]
         other = [n for n, x in signs.items() if x < 0]
         change = f"larger {' and '.join(same)}" + (f" with smaller {' and '.join(other)}" if other else "")
-        sentences.append(
-            f"{', '.join(names[:-1])} and {names[-1]} cannot be distinguished with this log: {change} predicts the same; {kept}"
-        )
-    held = {labels_name(done, k) for d, _ in done.reasons for k in d.unknowns}
+        sentences.append(f"{listed(names)} cannot be distinguished with this log: {change} predicts the same; {kept}")
+    held = {labels_name(done, k) for exponents, _ in done.reasons for k in exponents}
     by_voltage = data.command == "voltage"
     if done.reasons and by_voltage and "current" not in data.signals and held & {"R", "Kt", "J", "L"}:
         what = "a log of the current beside the voltage would separate resistance, torque constant and inertia"

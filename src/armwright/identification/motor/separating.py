@@ -14,12 +14,13 @@ import numpy as np
 from armwright.description.paths import path_name
 from armwright.description.robot import RobotDescription
 from armwright.errors import ScenarioError
+from armwright.fitting.directions import without
 from armwright.identification.experiments.expected import BETTER, deviations, experiments_that_separate
 from armwright.identification.experiments.motor import MotorGuess, motor_experiment
 from armwright.identification.motor.drive_record import paths_of, value_at
 from armwright.identification.motor.fitting import Fitted
 from armwright.identification.motor.guess import Guess
-from armwright.identification.motor.measured import Measured, Stretch
+from armwright.identification.motor.measured import Driven, Measured
 from armwright.identification.motor.output_error import Problem
 from armwright.identification.motor.problem import sizes
 from armwright.identification.motor.response import Inputs
@@ -86,11 +87,7 @@ def _clause(free: Sequence[int], information: np.ndarray, candidates: Mapping[st
 def _information(jacobian: np.ndarray, own: Sequence[int], size: np.ndarray) -> np.ndarray:
     """(own, own) Fisher information, by coordinates in their sizes, of what is free beside nuisances."""
     others = [k for k in range(jacobian.shape[1]) if k not in own]
-    columns, nuisance = jacobian[:, list(own)] * size[list(own)], jacobian[:, others]
-    lengths = np.linalg.norm(nuisance, axis=0)
-    basis, values, _ = np.linalg.svd(nuisance[:, lengths > 0] / lengths[lengths > 0], full_matrices=False)
-    basis = basis[:, values > 1e-8]
-    columns = columns - basis @ (basis.T @ columns)
+    columns = without(jacobian[:, list(own)] * size[list(own)], jacobian[:, others])
     return columns.T @ columns
 
 
@@ -132,7 +129,7 @@ def _of_current(
     return found if "current" in data.signals else {"a log of the current beside the voltage": moving, **found}
 
 
-def _speeds(problem: Problem, stretch: Stretch, y: np.ndarray, dy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _speeds(problem: Problem, stretch: Driven, y: np.ndarray, dy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Predicted speed (rows,) and its derivatives (rows, k)."""
     names = problem.response.signals
     for name in ("qd", "qd_mean"):

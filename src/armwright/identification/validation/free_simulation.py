@@ -11,6 +11,7 @@ import numpy as np
 from armwright.actuators.coupling import motor_shares
 from armwright.description.drive import Command
 from armwright.errors import LogError, ScenarioError
+from armwright.fitting.residuals import parts_of
 from armwright.identification.logs.log import Log, LogRun
 from armwright.identification.logs.prepared import prepare_log
 from armwright.identification.validation.prediction import (
@@ -22,9 +23,7 @@ from armwright.identification.validation.prediction import (
     columns_of,
     is_logged,
     preparation_for,
-    units_of,
 )
-from armwright.identification.validation.residuals import parts_of
 from armwright.identification.validation.torque import as_logged, check_constants, with_command
 from armwright.kernels.compiled import CompiledArm, compile_arm
 from armwright.model import Model
@@ -211,25 +210,10 @@ def _predictions(
     for quantity, measured, which in logged:
         if measured is not None:
             predicted = np.concatenate([each[which] for each in windows])
-            yield Prediction(
-                quantity,
-                how,
-                run.run.name,
-                run.run.use,
-                tuple(arm.names),
-                units_of(arm, quantity),
-                1.0 / run.run.period,
-                1,
-                run.t[rows],
-                part,
-                measured[rows],
-                predicted,
-                run.start_qd[rows],
-                None,
-                run.commands[rows - 1],
-                command,
-                diverged,
-            )
+            yield Prediction.of(
+                arm, run.run, quantity, how, run.t[rows], part, measured[rows], predicted, speed=run.start_qd[rows],
+                inputs=run.commands[rows - 1], input_name=command, diverged=diverged,
+            )  # fmt: skip
 
 
 def simulate_scenario(scenario: Scenario, log: Log, runs: Sequence[str]) -> list[Prediction]:
@@ -269,23 +253,8 @@ def simulate_scenario(scenario: Scenario, log: Log, runs: Sequence[str]) -> list
                 values = values @ motor_shares(arm)
             predicted = np.stack([np.interp(t, run["time"].values, each) for each in values.T], axis=1)
             speed = raw["qd"].values[inside][:, order] if is_logged(log, "qd") else None
-            found.append(
-                Prediction(
-                    quantity,
-                    how,
-                    name,
-                    chosen.use,
-                    tuple(arm.names),
-                    units_of(arm, quantity),
-                    1.0 / chosen.period,
-                    1,
-                    t,
-                    np.zeros(len(t), dtype=int),
-                    raw[signal].values[inside][:, order],
-                    predicted,
-                    speed,
-                )
-            )
+            part, measured = np.zeros(len(t), dtype=int), raw[signal].values[inside][:, order]
+            found.append(Prediction.of(arm, chosen, quantity, how, t, part, measured, predicted, speed=speed))
     return found
 
 

@@ -8,22 +8,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armwright.fitting.measures import Agreement, agreement, at_rest, rms
-from armwright.identification.logs.delay import Delay
+from armwright.fitting.residuals import (
+    ChiSquared,
+    Correlation,
+    autocorrelation,
+    cross_correlation,
+    ljung_box,
+    parts_of,
+    residual_spectrum,
+)
+from armwright.identification.logs.delay import Delay, delay_of
 from armwright.identification.logs.log import Log
 from armwright.identification.logs.quantisation import quantisation_step
 from armwright.identification.logs.spectrum import longest_finite, motion_band
 from armwright.identification.validation.friction_signature import FrictionSignature, Term, friction_signature
 from armwright.identification.validation.prediction import Prediction, Quantity
-from armwright.identification.validation.residuals import (
-    Correlation,
-    LjungBox,
-    autocorrelation,
-    cross_correlation,
-    delay_of,
-    ljung_box,
-    parts_of,
-    residual_spectrum,
-)
 
 STILL = 1e-3  # of the joint's largest range over all runs: less is rest
 STEPS = 3  # of quantisation: less is rest
@@ -75,7 +74,7 @@ class JointMeasures:
     runs: Mapping[str, Agreement]
     at_rest: Mapping[str, AtRest]
     autocorrelation: Correlation | None
-    whiteness: LjungBox | None
+    whiteness: ChiSquared | None
     cross: Correlation | None
     input_name: str
     delay: Delay | None
@@ -133,32 +132,33 @@ def joint_measures(predictions: Sequence[Prediction], column: int, still: set[st
     at_rest |= {each.run: _at_rest(each, column, mask) for each, mask in zip(moving, masks, strict=True) if mask.any()}
     moves = [(each, ~mask) for each, mask in zip(moving, masks, strict=True)]
     runs = {each.run: agreement(each.measured[m, column], each.predicted[m, column]) for each, m in moves}
-    rows = _joined(moves, column)
-    residual, parts = rows.measured - rows.predicted, parts_of(rows.part)
+    rows, numbers = _joined(moves, column)
+    measured, predicted, parts = rows["measured"], rows["predicted"], parts_of(numbers)
+    residual = measured - predicted
     auto = autocorrelation(residual, parts)
-    delay = delay_of(rows.measured, rows.predicted, parts)
+    delay = delay_of(measured, predicted, parts)
     if delay is not None:
-        delay = Delay(delay.samples * first.every, delay.std * first.every, delay.gain, delay.correlation)
+        delay = replace(delay, samples=delay.samples * first.every, std=delay.std * first.every)
     unit, friction = first.units[column], None
-    if first.quantity == "torque" and rows.speed is not None and rows.acceleration is not None:
-        length = "m" if unit == "N" else "rad"
-        size = rms(rows.measured) if len(residual) else 0.0
-        friction = friction_signature(residual, rows.speed, rows.acceleration, unit, length, rows.direction, size)
+    if first.quantity == "torque" and {"speed", "acceleration"} <= set(rows):
+        length, size = "m" if unit == "N" else "rad", rms(measured) if len(residual) else 0.0
+        motion = rows["speed"], rows["acceleration"]
+        friction = friction_signature(residual, *motion, unit, length, rows.get("direction"), size)
     found = JointMeasures(
         first.joints[column],
         first.quantity,
         unit,
         first.how,
-        agreement(rows.measured, rows.predicted),
+        agreement(measured, predicted),
         runs,
         at_rest,
         auto,
         None if auto is None else ljung_box(auto, len(residual)),
-        None if rows.inputs is None else cross_correlation(residual, rows.inputs, parts),
+        cross_correlation(residual, rows["inputs"], parts) if "inputs" in rows else None,
         first.input_name,
         delay,
         1.0 / (first.rate * first.every),
-        residual_spectrum(residual, rows.measured, parts, first.rate),
+        residual_spectrum(residual, measured, parts, first.rate),
         friction,
         sum(each.diverged for each in moving),
     )
@@ -172,9 +172,8 @@ def moving_rows(predictions: Sequence[Prediction], column: int, still: set[str])
         predictions: of one quantity, a run each.   column: the joint's.   still: runs in which it does not move.
     """
     moving = [each for each in predictions if each.run not in still]
-    moves = [(each, ~mask) for each, mask in zip(moving, _rests(moving, column), strict=True)]
-    rows = _joined(moves, column)
-    return rows.measured, rows.predicted
+    rows, _ = _joined([(each, ~mask) for each, mask in zip(moving, _rests(moving, column), strict=True)], column)
+    return rows["measured"], rows["predicted"]
 
 
 def _rests(moving: Sequence[Prediction], column: int) -> list[np.ndarray]:
@@ -204,46 +203,23 @@ def _at_rest(prediction: Prediction, column: int, rows: np.ndarray | None = None
     return AtRest(int(both.sum()), float(y[both].mean()), float(p[both].mean()), rms((y - p)[both]))
 
 
-@dataclass(frozen=True, eq=False)
-class _Rows:
-    """Rows of one joint over all runs in which it moves, those that are not finite left out; None: not known."""
+def _joined(moves: Sequence[tuple[Prediction, np.ndarray]], column: int) -> tuple[dict[str, np.ndarray], np.ndarray]:
+    """Signals (rows,) of one joint over all runs in which it moves, rows that are not finite left out; numbers of stretches.
 
-    measured: np.ndarray
-    predicted: np.ndarray
-    part: np.ndarray
-    speed: np.ndarray | None
-    acceleration: np.ndarray | None
-    inputs: np.ndarray | None
-    direction: np.ndarray | None
-
-
-def _joined(moves: Sequence[tuple[Prediction, np.ndarray]], column: int) -> _Rows:
-    """Rows of all runs in which the joint moves, one after the other, their stretches numbered on."""
+    A signal that one of the runs does not have is left out.
+    """
     kept = [m & np.isfinite(each.measured[:, column]) & np.isfinite(each.predicted[:, column]) for each, m in moves]
-    runs = [each for each, _ in moves]
-
-    def join(values: list[np.ndarray]) -> np.ndarray:
-        rows = [each[mask, column] for each, mask in zip(values, kept, strict=True)]
-        return np.concatenate([np.zeros(0), *rows])
-
-    def known(values: list[np.ndarray | None]) -> np.ndarray | None:
-        there = [each for each in values if each is not None]
-        return join(there) if len(there) == len(values) else None
-
-    number, parts = 0, []
-    for each, mask in zip(runs, kept, strict=True):
+    rows, number, parts = {}, 0, [np.zeros(0, dtype=int)]
+    for name in ("measured", "predicted", "speed", "acceleration", "inputs", "direction"):
+        values = [getattr(each, name) for each, _ in moves]
+        if not any(each is None for each in values):
+            chosen = (each[mask, column] for each, mask in zip(values, kept, strict=True))
+            rows[name] = np.concatenate([np.zeros(0), *chosen])
+    for (each, _), mask in zip(moves, kept, strict=True):
         changes = (np.diff(each.part, prepend=each.part[:1]) != 0) | (np.diff(mask, prepend=mask[:1]) != 0)
         parts.append(number + np.cumsum(changes)[mask])
         number += int(changes.sum()) + 1
-    return _Rows(
-        join([each.measured for each in runs]),
-        join([each.predicted for each in runs]),
-        np.concatenate([np.zeros(0, dtype=int), *parts]),
-        known([each.speed for each in runs]),
-        known([each.acceleration for each in runs]),
-        known([each.inputs for each in runs]),
-        known([each.direction for each in runs]),
-    )
+    return rows, np.concatenate(parts)
 
 
 def remarks(found: JointMeasures) -> list[str]:

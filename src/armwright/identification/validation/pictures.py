@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from armwright.fitting.residuals import parts_of
 from armwright.identification.validation.joint_measures import JointMeasures
 from armwright.identification.validation.prediction import Prediction
-from armwright.identification.validation.residuals import parts_of
 from armwright.results.svg import INK, POINTS, PREDICTED, QUIET, RESIDUAL, SIZE, curve, page_svg, words
 
 if TYPE_CHECKING:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from armwright.errors import LogError
 from armwright.identification.logs.columns import check_gears
-from armwright.identification.logs.log import Log
+from armwright.identification.logs.log import Log, LogRun
 from armwright.identification.logs.preparation import Preparation, choose_preparation
 from armwright.identification.logs.spectrum import HIGHEST
 from armwright.model import Model
@@ -62,6 +62,16 @@ class Prediction:
     input_name: str = ""
     diverged: int = 0
     direction: np.ndarray | None = None
+
+    @classmethod
+    def of(
+        cls, arm: Model, run: LogRun, quantity: Quantity, how: str, t: np.ndarray, part: np.ndarray, measured: np.ndarray,
+        predicted: np.ndarray, **more: Any,
+    ) -> Prediction:  # fmt: skip
+        """A prediction at every row of a run."""
+        names, units = tuple(arm.names), units_of(arm, quantity)
+        head = (quantity, how, run.name, run.use, names, units, 1.0 / run.period, 1)
+        return cls(*head, t, part, measured, predicted, **more)
 
 
 def preparation_for(log: Log, run: str, decimate: int | None = None) -> Preparation:

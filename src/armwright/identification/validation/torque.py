@@ -12,6 +12,7 @@ from armwright.actuators import drive_torque
 from armwright.actuators.coupling import motor_shares
 from armwright.description.drive import Command
 from armwright.errors import LogError
+from armwright.fitting.residuals import parts_of
 from armwright.identification.logs.log import Log
 from armwright.identification.logs.preparation import Preparation
 from armwright.identification.logs.prepared import prepare_log, resting_speeds, zero_phase
@@ -24,7 +25,6 @@ from armwright.identification.validation.prediction import (
     preparation_for,
     units_of,
 )
-from armwright.identification.validation.residuals import parts_of
 from armwright.kernels.compiled import CompiledArm, compile_arm
 from armwright.model import Model
 

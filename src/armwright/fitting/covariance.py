@@ -13,15 +13,15 @@ takes from the noise what its columns can follow, X δ with δ ~ C: the autocova
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from math import ceil
 
 import numpy as np
-from scipy.linalg import solve_toeplitz
 from scipy.signal import lfilter
 
-from armwright.identification.arm.triangular import triangle
+from armwright.fitting.autoregression import autoregression, lagged_products
+from armwright.fitting.triangular import triangle
 
 ORDER = 12  # of the autoregressions, at most
 TAKEN = (
@@ -67,70 +67,76 @@ def correlated(source: Source, weights: np.ndarray, bread: np.ndarray) -> LongRu
     return found
 
 
+def covariance_of(blocks: Sequence[tuple[np.ndarray, np.ndarray]], prior: np.ndarray | None = None) -> np.ndarray:
+    """Covariance C (b, b) of least squares, whose errors are weighted already.
+
+    Args:
+        blocks: derivatives X (rows, n, b) and errors e (rows, n) of stretches without gaps; NaN where an error is missing.
+        prior: (b, b) information about the parameters beside these rows; None: none.
+    """
+    prior = np.zeros((blocks[0][0].shape[2],) * 2) if prior is None else prior
+    information = sum((np.einsum("tji,tjk->ik", X, X) for X, _ in blocks), prior)
+    size = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    bread = np.linalg.pinv(information / np.outer(size, size), rcond=1e-14) / np.outer(size, size)
+    return correlated(lambda: blocks, np.ones(blocks[0][0].shape[1]), bread).covariance + bread @ prior @ bread
+
+
 def _variance_taken(root: np.ndarray, bread: np.ndarray) -> float:
     """tr(C H): what the columns' part of the noise, X δ, adds to the weighted sum of squares."""
     size = np.sqrt(np.abs(np.diag(bread)))
-    return float(np.sum((root / size) @ np.linalg.inv(bread / np.outer(size, size)) * (root / size)))
+    size = np.where(size > 0.0, size, 1.0)
+    return float(np.sum((root / size) @ np.linalg.pinv(bread / np.outer(size, size), hermitian=True) * (root / size)))
 
 
 def _with_noise(source: Source, weights: np.ndarray, bread: np.ndarray, noise: np.ndarray, rows: np.ndarray) -> LongRun:
     """The covariance for noise with these autocovariances (lags, n), each over rows (n,)."""
-    filters = [autoregression(noise[:, j], rows[j]) for j in range(len(rows))]
-    half = _half_width(_scores(source(), weights, filters))
+    most = np.maximum(rows // 10, 1).astype(int)
+    models = [autoregression(noise[: most[j], j], max(rows[j], 1.0)) for j in range(len(rows))]
+    half = _half_width(scores for scores, _ in _scores(source(), weights, models))
     window = 1.0 - np.abs(np.arange(1 - half, half)) / half
     window /= np.linalg.norm(window)
-    sums, count = None, 0
-    for scores in _scores(source(), weights, filters):
+    sums, count = np.zeros((len(bread),) * 2), 0
+    for scores, missing in _scores(source(), weights, models):
         count += len(scores)
         beyond = np.zeros((len(window) - 1, scores.shape[1]))
         sums = triangle(np.asarray(lfilter(window, [1.0], np.concatenate([scores, beyond]), axis=0)), sums)
-    assert sums is not None
+        sums = triangle(missing, sums)
     kernel = np.correlate(window, window, "full")
-    orders = np.array([len(each) - 1 for each in filters])
+    orders = np.array([len(each) - 1 for each, _ in models])
     return LongRun(sums @ bread.T, orders, len(kernel), count / float(kernel @ kernel))
-
-
-def autoregression(autocovariances: np.ndarray, rows: float) -> np.ndarray:
-    """Polynomial [1, −a_1, …, −a_p] of an autoregression by Yule and Walker, its order by the criterion of Schwarz.
-
-    Args:
-        autocovariances: (lags,).   rows: how many are behind them.
-    """
-    r = autocovariances
-    best, least = np.ones(1), np.inf
-    for p in range(min(len(r), max(int(rows) // 10, 1)) if r[0] > 0 else 0):
-        a = solve_toeplitz(r[:p], r[1 : p + 1]) if p else np.zeros(0)
-        left = max(float(r[0] - a @ r[1 : p + 1]), 1e-12 * r[0])
-        criterion = rows * np.log(left) + p * np.log(rows)
-        if criterion < least:
-            best, least = np.concatenate([[1.0], -a]), criterion
-    return best
 
 
 def _autocovariances(
     blocks: Iterable[tuple[np.ndarray, np.ndarray]], root: np.ndarray | None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Autocovariances (lags, n) of the residuals, or with a root of C those of X δ, δ ~ C; and the rows (n,) behind them."""
-    sums, rows = np.zeros(()), np.zeros(())
+    sums, pairs, places = (np.zeros(()) for _ in range(3))
     for X, e in blocks:
         known = np.isfinite(e)
         each = np.where(known, e, 0.0)[:, :, None] if root is None else (X @ root.T) * known[:, :, None]
-        sums = sums + [np.einsum("tjk,tjk->j", each[: max(len(each) - k, 0)], each[k:]) for k in range(ORDER + 1)]
-        rows = rows + known.sum(axis=0)
-    return np.asarray(sums) / np.maximum(rows, 1), np.asarray(rows, dtype=float)
+        sums = sums + lagged_products(each, ORDER)
+        pairs = pairs + lagged_products(known.astype(float), ORDER)
+        places = places + np.maximum(len(e) - np.arange(ORDER + 1.0), 0.0)[:, None]
+    pairs, places = np.asarray(pairs), np.asarray(places)
+    share = places / np.maximum(
+        places[0], 1.0
+    )  # of the rows that have one so many later: small for long lags, as it should
+    return np.asarray(sums) / np.maximum(pairs, 1.0) * share, pairs[0]
 
 
 def _scores(
-    blocks: Iterable[tuple[np.ndarray, np.ndarray]], weights: np.ndarray, filters: list[np.ndarray]
-) -> Iterator[np.ndarray]:
-    """Scores Σ_j w_j z_tj ε_tj (rows, b) of whitened residuals, block by block."""
+    blocks: Iterable[tuple[np.ndarray, np.ndarray]], weights: np.ndarray, models: Sequence[tuple[np.ndarray, float]]
+) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Scores Σ_j w_j z_tj ε_tj (rows, b) of whitened residuals, block by block, and w_j z_tj σ_j where no ε is known."""
     for X, e in blocks:
-        e = np.nan_to_num(e)
-        scores = np.zeros((len(X), X.shape[2]))
-        for j, a in enumerate(filters):
+        scores, missing = np.zeros((len(X), X.shape[2])), []
+        for j, (a, variance) in enumerate(models):
             white = np.asarray(lfilter(a, [1.0], e[::-1, j]))[::-1]
-            scores += weights[j] * white[:, None] * np.asarray(lfilter([1.0], a, X[:, j], axis=0))
-        yield scores
+            x = np.where(np.isfinite(e[:, j, None]), X[:, j], 0.0)
+            z = weights[j] * np.asarray(lfilter([1.0], a, x, axis=0))
+            scores += np.nan_to_num(white)[:, None] * z
+            missing.append(z[np.isnan(white)] * np.sqrt(variance))
+        yield scores, np.concatenate(missing)
 
 
 def _half_width(blocks: Iterable[np.ndarray]) -> int:

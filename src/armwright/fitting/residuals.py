@@ -1,4 +1,4 @@
-"""Tests of residuals: whiteness, correlation with the input, spectrum, delay. They do not affect the verdict. [Ljung1999]"""
+"""Tests of residuals: whiteness, correlation with the input, and their spectrum. [Ljung1999]"""
 
 from __future__ import annotations
 
@@ -9,14 +9,9 @@ from itertools import pairwise
 import numpy as np
 from scipy import signal as sp, stats
 
-from armwright.identification.logs.delay import Delay, delay_between
-
 LAGS = 25  # samples
 CONFIDENCE = 0.99
 SEGMENT = 512  # rows of a spectrum's segment
-ALIKE = 0.7  # correlation of two signals between which a delay can be told
-REMOVED = 0.2  # of the unexplained power, that a shift has to take away to be a delay
-SHORT = 0.3  # rows: a shift that takes nothing away says that there is no delay
 Parts = Sequence[slice]  # rows without gaps
 
 
@@ -45,16 +40,21 @@ class Correlation:
 
 
 @dataclass(frozen=True)
-class LjungBox:
-    """Test of the first h autocorrelations at once:  Q = N (N + 2) Σ r_k² / (N − k), χ² with h degrees of freedom. [LjungBox1978]
+class ChiSquared:
+    """A statistic, χ² under the null hypothesis.
 
     Attributes:
-        q: the statistic.   lags: h.   p: probability of a larger Q, were the residuals white.
+        q: the statistic.   lags: its degrees of freedom.   p: probability of a larger one by chance.
     """
 
     q: float
     lags: int
     p: float
+
+    @classmethod
+    def of(cls, q: float, lags: int) -> ChiSquared:
+        """The test of a statistic."""
+        return cls(q, lags, float(stats.chi2.sf(q, lags)))
 
 
 def parts_of(number: np.ndarray) -> list[slice]:
@@ -81,11 +81,10 @@ def autocorrelation(residuals: np.ndarray, parts: Parts, lags: int = LAGS) -> Co
     return Correlation(k, np.array(values), _quantile() / n**0.5)
 
 
-def ljung_box(correlation: Correlation, rows: int) -> LjungBox:
-    """Ljung and Box's test of an `autocorrelation` of so many rows."""
+def ljung_box(correlation: Correlation, rows: int) -> ChiSquared:
+    """Test of the first h autocorrelations of so many rows at once:  Q = N (N + 2) Σ r_k² / (N − k). [LjungBox1978]"""
     k, r = correlation.lags, correlation.values
-    q = rows * (rows + 2.0) * float((r**2 / (rows - k)).sum())
-    return LjungBox(q, len(k), float(stats.chi2.sf(q, len(k))))
+    return ChiSquared.of(rows * (rows + 2.0) * float((r**2 / (rows - k)).sum()), len(k))
 
 
 def cross_correlation(residuals: np.ndarray, inputs: np.ndarray, parts: Parts, lags: int = LAGS) -> Correlation | None:
@@ -107,7 +106,7 @@ def cross_correlation(residuals: np.ndarray, inputs: np.ndarray, parts: Parts, l
     n, size = sum(map(len, e)), np.sqrt(sum(float(a @ a) for a in e) * sum(float(b @ b) for b in u))
     most = min(lags, len(both[0].lags))
     k = np.arange(-most, most + 1)
-    values = np.array([sum(_lagged(a, b, lag) for a, b in zip(e, u, strict=True)) for lag in k.tolist()])
+    values = np.array([sum(lagged(a, b, lag) for a, b in zip(e, u, strict=True)) for lag in k.tolist()])
     spread = 1.0 + 2.0 * float(both[0].values @ both[1].values)
     return Correlation(k, values / size, _quantile() * np.sqrt(max(spread, 1.0) / n))
 
@@ -137,37 +136,7 @@ def residual_spectrum(
     return f[1:], e[1:], y[1:]
 
 
-def delay_of(measured: np.ndarray, predicted: np.ndarray, parts: Parts) -> Delay | None:
-    """Delay of the measured signal behind the predicted one, in rows; of several stretches the mean weighted by 1 / std².
-
-    A stretch counts where the shift takes away a fifth at least of what the unshifted signals do not have in common: else
-    another error looks like a delay.
-
-    Args:
-        measured, predicted: (rows,).   parts: stretches of rows.
-    Returns:
-        delay: None where no stretch tells one.
-    """
-    delays = []
-    for part in parts:
-        with np.errstate(invalid="ignore", divide="ignore"):
-            found = delay_between(predicted[part], measured[part])
-            plain = float(np.corrcoef(predicted[part], measured[part])[0, 1]) if found is not None else 0.0
-        if found is None or not np.isfinite(found.std) or not np.isfinite(plain) or found.correlation < ALIKE:
-            continue
-        if abs(found.samples) < SHORT or 1.0 - found.correlation**2 < (1.0 - REMOVED) * (1.0 - plain**2):
-            delays.append(found)
-    if not delays:
-        return None
-    weights = np.array([1.0 / max(each.std, 1e-9) ** 2 for each in delays])
-    mean = {name: float(np.average([getattr(d, name) for d in delays], weights=weights)) for name in MEANS}
-    return Delay(mean["samples"], float(weights.sum() ** -0.5), mean["gain"], mean["correlation"])
-
-
-MEANS = ("samples", "gain", "correlation")
-
-
-def _lagged(later: np.ndarray, earlier: np.ndarray, lag: int) -> float:
+def lagged(later: np.ndarray, earlier: np.ndarray, lag: int) -> float:
     """Σ later(t + lag) earlier(t), of two signals (k,)."""
     if abs(lag) >= len(later):
         return 0.0

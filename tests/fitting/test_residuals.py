@@ -6,14 +6,8 @@ import numpy as np
 import pytest
 from scipy import signal, stats
 
-from armwright.identification.validation.residuals import (
-    autocorrelation,
-    cross_correlation,
-    delay_of,
-    ljung_box,
-    parts_of,
-    residual_spectrum,
-)
+from armwright.fitting.residuals import autocorrelation, cross_correlation, ljung_box, parts_of, residual_spectrum
+from armwright.identification.logs.delay import delay_of
 
 WHOLE = [slice(0, 2000)]
 
