@@ -48,7 +48,7 @@ def test_file_follows_the_specification_and_joints_move(arm):
     for animation in gltf.json["animations"]:
         targets = [channel["target"] for channel in animation["channels"]][: len(arm.bodies)]  # cylinders follow
         assert [gltf.json["nodes"][target["node"]]["name"] for target in targets] == [body.joint for body in arm.bodies]
-        paths = ["rotation" if body.kind == "revolute" else "translation" for body in arm.bodies]
+        paths = ["rotation" if body.kind.turns else "translation" for body in arm.bodies]
         assert [target["path"] for target in targets] == paths
 
 

@@ -39,7 +39,7 @@ def random_description(seed: int) -> RobotDescription:
 
 def random_position(model: Model, rng: np.random.Generator) -> np.ndarray:
     """q (n,): any angle, slides within 0.5 m."""
-    reach = [np.pi if body.kind == "revolute" else 0.5 for body in model.bodies]
+    reach = [body.kind.units.half_range for body in model.bodies]
     return rng.uniform(-1.0, 1.0, model.n) * reach
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from armwright import scalar
 from armwright.actuators.coupling import shares_of, to_joints, to_motors
-from armwright.description.friction import key_of
+from armwright.joint_kinds import ROTARY
 from armwright.model import Body, Friction, Mimics, Model, on_tree
 from armwright.scalar import Array, Scalar
 
@@ -160,7 +160,7 @@ def _warmed(value: Scalar, coefficient: Scalar | None, warming: Scalar | None) -
 def smoothing_key(body: Body) -> str:
     """Key of a joint's smoothing speed in its record."""
     on_motor = body.friction is not None and body.friction.on_motor
-    return f"friction.{key_of('smoothing', 'speed', body.kind == 'prismatic' and not on_motor)}"
+    return f"friction.{(ROTARY if on_motor else body.kind.units).key('smoothing', 'speed')}"
 
 
 def has_corner(friction: Friction) -> bool:

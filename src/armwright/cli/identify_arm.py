@@ -153,8 +153,7 @@ def show(found: ArmEstimate) -> None:
         measures = estimate.fit.get(body.joint, {})
         relative = f"{100 * fit.rms[j] / fit.torque_rms[j]:.3g} %" if fit.torque_rms[j] > 0 else "—"
         held = f"{100 * measures['held_out']:.3g} %" if "held_out" in measures else ""
-        unit = "N m" if body.kind == "revolute" else "N"
-        joints.append([body.joint, number(fit.r2[j]), number(fit.rms[j]), relative, held, unit])
+        joints.append([body.joint, number(fit.r2[j]), number(fit.rms[j]), relative, held, body.kind.units.torque])
     console.print(table("\njoints", JOINTS, joints, ("unit",)))
     if found.hold_out is not None:
         rows = [

@@ -30,10 +30,9 @@ def gain_units(arm: Model, law: Any, name: str) -> list[str]:
     """
     unit, units = GAIN_UNITS.get(type(law).__name__, {}).get(name, ""), []
     for body in arm.coordinates:
-        linear = body.kind == "prismatic"
         within = getattr(law, "current_kp", None) is not None  # the speed stage then commands a current
-        command = "A" if within else command_unit(body.drive.command, linear)
-        units.append(unit.replace("U", command).replace("Q", "m" if linear else "rad"))
+        command = "A" if within else command_unit(body.drive.command, body.kind.units)
+        units.append(unit.replace("U", command).replace("Q", body.kind.units.position))
     return units
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from armwright import scalar
-from armwright.description.robot import FixedJoint, Link, MovingJoint, PrismaticJoint, RevoluteJoint, RobotDescription
+from armwright.description.robot import FixedJoint, Link, MovingJoint, RobotDescription
 from armwright.errors import DescriptionError, Problem
 from armwright.model.joint_side import (
     brake_of,
@@ -91,8 +91,7 @@ def tree_of(robot: RobotDescription) -> Tree:
         raise DescriptionError(place=robot.name, expected="at least one joint that moves")
     gravity = scalar.array(STANDARD_GRAVITY) if robot.gravity_m_s2 is None else vector(robot.gravity_m_s2)
     tip = robot.tip if robot.tip is not None else _end_of_chain(robot)
-    moves = [joint for joint in robot.joints if not isinstance(joint, FixedJoint)]
-    followers = {joint.name: joint.mimic for joint in moves if joint.mimic is not None}
+    followers = {joint.name: joint.mimic for joint in robot.moving_joints if joint.mimic is not None}
     mimics = Mimics.of([body.joint for body in bodies], followers)
     cylinders = tuple(_cylinder(frames, cylinder) for cylinder in robot.cylinders)
     bare = tuple(link.name for link in robot.links if link.name in robot.without_masses and _is_bare(link))
@@ -152,9 +151,9 @@ def joint_placement(joint: Any) -> tuple[Placement, Placement]:
         return placed @ turn, turn.inverse()
     row = joint.dh if joint.dh is not None else joint.modified_dh
     along_x = _screw_x(row.alpha_rad.number, row.a_m.number)
-    if isinstance(joint, RevoluteJoint):  # what is constant along z: the offset before the motion, r behind it
+    if joint.kind.turns:  # what is constant along z: the offset before the motion, r behind it
         before, behind = _screw_z(row.offset_rad.number, 0.0), _screw_z(0.0, row.r_m.number)
-    elif isinstance(joint, PrismaticJoint):
+    elif joint.kind.slides:
         before, behind = _screw_z(row.theta_rad.number, row.offset_m.number), Placement.identity()
     else:
         before, behind = _screw_z(row.theta_rad.number, row.r_m.number), Placement.identity()
@@ -169,7 +168,7 @@ def _body(
     return {
         "joint": joint.name,
         "link": joint.child,
-        "kind": joint.type,
+        "kind": joint.kind,
         "parent": parent,
         "placement": placement,
         "link_frame": after,

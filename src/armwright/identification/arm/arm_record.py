@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from armwright.description.friction import key_of
 from armwright.description.paths import path_name
 from armwright.description.robot import RobotDescription, Source
 from armwright.errors import IdentificationError
@@ -26,6 +25,7 @@ from armwright.identification.arm.physical import (
 )
 from armwright.identification.arm.spring_record import SPRINGS, spring_keys
 from armwright.identification.arm.torque_model import Column, TorqueModel
+from armwright.joint_kinds import ROTARY
 
 MASSLESS = "massless"  # in a remark of an arm that was read without masses, and which are known now
 NOT_NEGATIVE = ("spring", "rotor", "viscous", "coulomb", "coulomb+", "coulomb-")
@@ -172,7 +172,7 @@ def _fixed_to(record: RobotDescription, link: str) -> set[str]:
     """Links that fixed joints hang on a link."""
     found, added = {link}, True
     while added:
-        more = {joint.child for joint in record.joints if joint.type == "fixed" and joint.parent in found} - found
+        more = {joint.child for joint in record.joints if not joint.kind.moves and joint.parent in found} - found
         found, added = found | more, bool(more)
     return found - {link}
 
@@ -291,19 +291,19 @@ def _friction(
     on_motor = any(len(column.turned) > 1 for column in fitted.values()) or (
         lossy and old is not None and old.side == "motor"
     )
-    linear = joint.type == "prismatic" and not on_motor
+    key_of = (ROTARY if on_motor else joint.kind.units).key
     n = abs(ratio) if on_motor else 1.0
     values: dict[str, Any] = {"side": "motor"} if on_motor else {}
     if lossy and old is not None and old.load_coefficient is not None and "coulomb" in "".join(fitted):
         values["load_coefficient"] = old.load_coefficient
     if old is not None and old.law == "coulomb":  # the fit took Coulomb's sign over this speed
-        smoothing = getattr(old, key_of("smoothing", "speed", joint.type == "prismatic" and old.side != "motor"))
+        smoothing = getattr(old, old.units.key("smoothing", "speed"))
         if smoothing is not None:
             turns = n / abs(ratio) if old.side == "motor" else n  # speeds of the new side by those of the old one
-            values[key_of("smoothing", "speed", linear)] = _scaled(smoothing, turns)
+            values[key_of("smoothing", "speed")] = _scaled(smoothing, turns)
 
     def put(stem: str, dimension: Any, kind: str, factor: float, value: float | None = None) -> None:
-        name = key_of(stem, dimension, linear)
+        name = key_of(stem, dimension)
         paths.setdefault(places[fitted[kind]], []).append((f"{path_name(joint.name)}.friction.{name}", factor))
         values[name] = _number((float(found.values[places[fitted[kind]]]) if value is None else value) * factor, key)
 
@@ -321,7 +321,7 @@ def _friction(
     if "stribeck" in fitted and "coulomb" in fitted:
         level = float(found.values[places[fitted["coulomb"]]] + found.values[places[fitted["stribeck"]]])
         put("stribeck_torque", "torque", "stribeck", 1 / n, max(level, 0.0))
-        values[key_of("stribeck_speed", "speed", linear)] = _number(fitted["stribeck"].speed * n, key)
+        values[key_of("stribeck_speed", "speed")] = _number(fitted["stribeck"].speed * n, key)
     return {"friction": values}
 
 

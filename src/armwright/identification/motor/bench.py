@@ -10,6 +10,7 @@ from armwright.description.database import parse
 from armwright.description.robot import RobotDescription
 from armwright.description.writer import to_toml
 from armwright.errors import ModelError
+from armwright.joint_kinds import KINDS
 
 BENCH = "bench"  # key of the source of a number that no robot's record has
 LOCKED = 1e9  # [kg m²] that a locked rotor turns: no motor moves it
@@ -68,7 +69,7 @@ def _benches(
     tables, links = [], []
     for own in joints:
         load = loads[own["name"]]
-        linear, child = own["type"] == "prismatic", f"{own['name']}_load"
+        linear, child = KINDS[own["type"]].units.linear, f"{own['name']}_load"
         about = 0.0 if linear else load  # of a ball: a plate that turns about one axis alone is no body
         inertia = {"xx": about, "yy": about, "zz": about, "xy": 0.0, "xz": 0.0, "yz": 0.0}
         mass = load if linear else float(load > 0.0)

@@ -77,7 +77,7 @@ def preparation_for(log: Log, run: str, decimate: int | None = None) -> Preparat
 
 def units_of(arm: Model, quantity: Quantity) -> tuple[str, ...]:
     """(n,) units of a quantity, one for each joint."""
-    return tuple(UNITS[quantity][body.kind == "prismatic"] for body in arm.coordinates)
+    return tuple(UNITS[quantity][body.kind.units.linear] for body in arm.coordinates)
 
 
 def check_match(arm: Model, log: Log) -> None:

@@ -363,7 +363,7 @@ def explained(follower: Follower, stuck: Stuck) -> ScenarioError:
         worst, first = int(np.argmax(off)), stuck.s if here else float(s[far].min())
         return _out_of_reach(follower, first, float(distance[worst]), float(angle[worst]), float(s[worst]))
     joint, rate = tool.hardest(stuck.q, path.points(np.array([stuck.s])))
-    unit = "m" if tool.arm.coordinates[joint].kind == "prismatic" else "rad"
+    unit = tool.arm.coordinates[joint].kind.units.position
     speed = (
         f"{rate:.3g} {unit}/s for each m/s of the tool, and more beyond" if rate < BOUNDLESS else "an infinite speed"
     )
