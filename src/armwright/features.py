@@ -76,6 +76,9 @@ def _is_table(efficiency: Any) -> bool:
 
 
 ARM = {
+    "screw joints": Feature(
+        "joints.pitch_m_per_rad", "helical joints", _joints(lambda body: body.kind.turns and body.kind.slides)
+    ),
     "branches": Feature("joints.parent", "branches", _branching),
     "mimic joints": Feature("joints.mimic", "joints that follow others", _mimicking),
     "payload": Feature("with_payload", "a payload of the record", lambda arm: ()),
@@ -251,7 +254,7 @@ GROUPS = {  # which a declaration may name together
         *("LuGre friction", "motor-side friction", "friction by temperature"),
     ),
     "all but geometry": tuple(
-        name for name in ARM if name not in ("branches", "mimic joints", "payload", "locked joints")
+        name for name in ARM if name not in ("screw joints", "branches", "mimic joints", "payload", "locked joints")
     ),
 }
 

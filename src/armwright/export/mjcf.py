@@ -34,6 +34,7 @@ SUPPORT = Support(
         ),
         LOST,
     ),
+    refused={"screw joints": "has no helical joint"},
 )
 
 

@@ -31,7 +31,7 @@ from armwright.export.urdf import write_urdf
 from armwright.features import Support
 from armwright.output import file_stem, whole_file
 
-SUPPORT = Support("export ros2")
+SUPPORT = Support("export ros2", refused={"screw joints": "has no helical joint"})
 
 HARDWARE = (
     "mock_components/GenericSystem"  # of ros2_control: state follows command; stands for the driver of the real arm

@@ -36,7 +36,7 @@ from armwright.spatial import Placement, roll_pitch_yaw
 
 TYPES = {"revolute": "revolute", "prismatic": "prismatic", "fixed": "fixed"}
 ENDLESS = {"revolute": "continuous"}  # without limits of position
-SUPPORT = Support("convert to URDF")
+SUPPORT = Support("convert to URDF", refused={"screw joints": "has no helical joint"})
 
 
 def write_urdf(
