@@ -30,6 +30,7 @@ ORDER = (
     ("examples",),  # copies of the example programs
     ("signals",),  # named layouts of vectors
     ("spatial", "joint_kinds"),  # vectors and frames; kinds of joints
+    ("friction_laws",),
     ("lazy_schema",),  # tables that few files have
     ("validation",),  # pydantic's errors as ours
     ("other_names",),

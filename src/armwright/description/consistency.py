@@ -11,6 +11,7 @@ from armwright.description.drive import COMMAND_NEEDS
 from armwright.description.friction import BY_TEMPERATURE
 from armwright.description.paths import quantities, split_path
 from armwright.errors import Problem
+from armwright.friction_laws import LAWS
 from armwright.quantity import SourceKind
 from armwright.validation import Invalid
 
@@ -241,7 +242,7 @@ def _mimic(joint: Any, moving: dict[str, Any]) -> Iterator[Problem]:
         wrong += [f"motor.{key}" for key in drive if getattr(motor, key) != defaults[key]]
     if friction is not None:
         wrong += [f"friction.{key}" for key in OF_DRIVEN if getattr(friction, key) is not None]
-        wrong += ["friction.law"] if friction.law == "lugre" else []
+        wrong += ["friction.law"] if LAWS[friction.law].bristles else []
     if wrong:
         what = f"the joint mimics {joint.mimic.joint!r} and has no drive"
         yield Problem(what, place=wrong[0], expected="only friction and a motor's gear_ratio and rotor_inertia_kg_m2")

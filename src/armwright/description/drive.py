@@ -6,10 +6,11 @@ from dataclasses import dataclass
 from math import sqrt
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, create_model, model_validator
 
-from armwright.description.friction import SMOOTHING, LawName, SmoothingSpeed, check_friction
+from armwright.description.friction import SMOOTHING, SmoothingSpeed, check_friction
 from armwright.description.twins import twin_of
+from armwright.friction_laws import LAWS
 from armwright.joint_kinds import LINEAR, ROTARY, JointUnits
 from armwright.lazy_schema import imported_later
 from armwright.quantity import BelowOne, NotNegative, NotZero, Number, Positive, Range, Record, Share
@@ -28,6 +29,10 @@ COMMAND_NEEDS = {  # keys of [motor] without which a drive cannot follow its com
     "current": ("torque_constant_n_m_per_a",),
     "torque": (),
 }
+if TYPE_CHECKING:
+    LawName = str
+else:
+    LawName = Literal[tuple(LAWS)]
 Basis = Literal["dc", "phase_peak", "phase_rms", "line_peak", "line_rms"]
 
 
@@ -129,24 +134,7 @@ class _Friction(Record):
         return self
 
 
-class RotaryFriction(_Friction):
-    """Friction torque against the speed of a revolute joint, or of any joint's motor (`side = "motor"`).
-
-    With s = q̇ / √(q̇² + smoothing²), or s = sgn q̇ without a smoothing speed (at rest any s from -1 to 1 in the simulator, 0 in
-    the kernels):
-    `law = "coulomb"`:  f = offset + viscous q̇ + s · [ coulomb + (stribeck_torque - coulomb) exp(-(q̇/stribeck_speed)²) ],
-    coulomb_positive where q̇ > 0, coulomb_negative where q̇ < 0 (both magnitudes).
-    `law = "sigmoid"`:  f = a / (1 + exp(-b (q̇ + c))) - a / (1 + exp(-b c)) + viscous q̇ + offset. [Gaz2019]
-    `law = "lugre"`: in the simulator  f = offset + viscous q̇ + bristle_stiffness z + bristle_damping ż,
-    ż = q̇ - bristle_stiffness |q̇| / g z,  g the bracket of the Coulomb law; that law itself in the kernels. [CanudasEtAl1995]
-    With `side = "motor"` the motor's torques are referred by |n|, its viscous friction by n². Signs stay the joint's, also for
-    n < 0: coulomb_positive is felt where q̇ > 0, though the motor then turns backwards; so with offset and sigmoid_shift.
-    `load_coefficient` c adds c |torque| s: of the torque that leaves the gear, or of that which enters it with side = "motor".
-    Temperature counts in the simulator only, by the warming ΔT = T - T_reference of the motor's housing, or winding:
-    viscous · exp(-ΔT / viscous_fall_k), or viscous · max(0, 1 + viscous_temperature_coefficient ΔT), and coulomb and
-    stribeck_torque · max(0, 1 + coulomb_temperature_coefficient ΔT). [BittencourtGunnarsson2012]
-    """
-
+class _OfAllLaws(_Friction):
     units = ROTARY
     source: str | None = None
     side: Literal["joint", "motor"] = Field(
@@ -171,11 +159,31 @@ class RotaryFriction(_Friction):
         default=None, description="Speed over which it falls to Coulomb's."
     )
     smoothing_rad_per_s: SmoothingSpeed | None = Field(default=None, description=SMOOTHING)
-    sigmoid_amplitude_n_m: NotNegative | None = Field(default=None, description="a of the sigmoid law.")
-    sigmoid_slope_s_per_rad: Positive | None = Field(default=None, description="b of the sigmoid law.")
-    sigmoid_shift_rad_per_s: Number | None = Field(default=None, description="c of the sigmoid law.")
-    bristle_stiffness_n_m_per_rad: Positive | None = Field(default=None, description="σ0 of LuGre.")
-    bristle_damping_n_m_s_per_rad: NotNegative | None = Field(default=None, description="σ1 of LuGre.")
+
+
+READINGS: dict[str, Any] = {"Number": Number, "NotNegative": NotNegative, "Positive": Positive}
+_own: dict[str, Any] = {
+    ROTARY.key(key.stem, key.dimension): (READINGS[key.takes] | None, Field(default=None, description=key.about))
+    for law in LAWS.values()
+    for key in law.own
+}
+_OfLaws = create_model("_OfLaws", __base__=_OfAllLaws, __module__=__name__, **_own)
+
+
+class RotaryFriction(_OfLaws):
+    """Friction torque against the speed of a revolute joint, or of any joint's motor (`side = "motor"`).
+
+    With s = q̇ / √(q̇² + smoothing²), or s = sgn q̇ without a smoothing speed (at rest any s from -1 to 1 in the simulator, 0 in
+    the kernels):
+    {laws}
+    With `side = "motor"` the motor's torques are referred by |n|, its viscous friction by n². Signs stay the joint's, also for
+    n < 0: coulomb_positive is felt where q̇ > 0, though the motor then turns backwards; so with offset and sigmoid_shift.
+    `load_coefficient` c adds c |torque| s: of the torque that leaves the gear, or of that which enters it with side = "motor".
+    Temperature counts in the simulator only, by the warming ΔT = T - T_reference of the motor's housing, or winding:
+    viscous · exp(-ΔT / viscous_fall_k), or viscous · max(0, 1 + viscous_temperature_coefficient ΔT), and coulomb and
+    stribeck_torque · max(0, 1 + coulomb_temperature_coefficient ΔT). [BittencourtGunnarsson2012]
+    """
+
     load_coefficient: BelowOne | None = Field(
         default=None, description="What the dry friction gains of the torque through the gear; absent: nothing."
     )
@@ -189,6 +197,10 @@ class RotaryFriction(_Friction):
     coulomb_temperature_coefficient_per_k: Number | None = Field(
         default=None, description="Relative change of Coulomb's and Stribeck's levels per kelvin; absent: none."
     )
+
+
+_equations = "".join(law.equation for law in LAWS.values()).lstrip("\n")
+RotaryFriction.__doc__ = (RotaryFriction.__doc__ or "").replace("    {laws}", _equations)
 
 
 @twin_of(RotaryFriction)

@@ -1,48 +1,15 @@
-"""Friction laws in robot files: keys of each law, and valid combinations.
-
-The equations are in `armwright.actuators.friction`, under the same names.
-"""
+"""Friction in robot files: keys that all laws share, and valid combinations. The laws are `armwright.friction_laws`."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import inf
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from armwright.errors import DescriptionError
-from armwright.joint_kinds import Dimension
+from armwright.friction_laws import LAWS
 from armwright.quantity import Quantity, Reading, check_together, one_number
 from armwright.validation import Invalid
 
-LawName = Literal["coulomb", "sigmoid", "lugre"]
-
-
-@dataclass(frozen=True)
-class FrictionKeys:
-    """Fields of a record that a law reads, beside viscous friction and offset.
-
-    Attributes:
-        own: keys that only this law has, without their unit, and the dimension of each; it needs all of them.
-        dry: Coulomb's and Stribeck's levels: "allowed", "needed" (Coulomb's, above 0), or "none".
-        linear: those of `own` in which friction is linear: columns of `regressor_drive`.
-        smoothed: whether it needs a smoothing speed; others take sgn q̇ without one.
-    """
-
-    own: tuple[tuple[str, Dimension], ...] = ()
-    dry: Literal["allowed", "needed", "none"] = "allowed"
-    linear: tuple[str, ...] = ()
-    smoothed: bool = False
-
-
-LAWS: dict[LawName, FrictionKeys] = {
-    "coulomb": FrictionKeys(),
-    "sigmoid": FrictionKeys(
-        (("sigmoid_amplitude", "torque"), ("sigmoid_slope", "slope"), ("sigmoid_shift", "speed")),
-        dry="none",
-        linear=("sigmoid_amplitude",),
-    ),
-    "lugre": FrictionKeys((("bristle_stiffness", "stiffness"), ("bristle_damping", "damping")), dry="needed"),
-}
 VISCOUS_FALL = "viscous_fall_k"
 VISCOUS_SLOPE, COULOMB_SLOPE = "viscous_temperature_coefficient_per_k", "coulomb_temperature_coefficient_per_k"
 BY_TEMPERATURE = (VISCOUS_FALL, VISCOUS_SLOPE, COULOMB_SLOPE)  # keys that count where the motor's temperature is known
@@ -55,9 +22,6 @@ SmoothingSpeed = Annotated[
 SMOOTHING = (
     "Speed over which dry friction and gear loss change their sign; it limits the step. Absent: in simulation they hold a joint "
     "at rest, and kernels take the sign of the speed."
-)
-LINEAR = tuple(  # law and place of every parameter of its own in which friction is linear
-    (name, place) for name, law in LAWS.items() for place, (stem, _) in enumerate(law.own) if stem in law.linear
 )
 
 
@@ -86,7 +50,11 @@ def check_friction(friction: Any) -> None:
     check_together(friction, *stribeck)
     law = LAWS[friction.law]
     smoothing = [key_of("smoothing", "speed")] if law.smoothed else []
-    needed = [*(key_of(*key) for key in law.own), *(coulomb if law.dry == "needed" else []), *smoothing]
+    needed = [
+        *(key_of(key.stem, key.dimension) for key in law.own),
+        *(coulomb if law.dry == "needed" else []),
+        *smoothing,
+    ]
     missing = [key for key in needed if key not in present]
     if missing:
         raise Invalid(f"needs {' and '.join(missing)}", place="law", value=friction.law)
@@ -96,7 +64,11 @@ def check_friction(friction: Any) -> None:
                 place=key, value=0.0, expected=f'a level above 0 with law = "{friction.law}", at which it slips'
             )
     for name, other in LAWS.items():
-        foreign = [key for key in (key_of(*key) for key in other.own) if key in present and key not in needed]
+        foreign = [
+            key
+            for key in (key_of(each.stem, each.dimension) for each in other.own)
+            if key in present and key not in needed
+        ]
         if foreign:
             raise Invalid(f'needs law = "{name}"', place=foreign[0])
     if "load_coefficient" in present and coulomb[0] not in present:

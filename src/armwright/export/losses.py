@@ -11,6 +11,7 @@ from armwright.description.friction import BY_TEMPERATURE
 from armwright.description.paths import quantities
 from armwright.description.robot import RobotDescription
 from armwright.export.joints import is_of_coupled_motor
+from armwright.friction_laws import LAWS
 
 
 class Losses:
@@ -101,11 +102,7 @@ def _beyond_coulomb(friction: Any) -> list[str]:
         getattr(friction, key(stem, "torque"))
         for stem in ("coulomb_positive", "coulomb_negative", "offset", "stribeck_torque")
     )
-    lost = []
-    if friction.law == "sigmoid":
-        lost.append("friction by the law 'sigmoid' (its viscous part is written)")
-    if friction.law == "lugre":
-        lost.append("the bristles of the friction law 'lugre'")
+    lost = [LAWS[friction.law].lost] if LAWS[friction.law].lost else []
     if friction.side == "motor":
         lost.append("that friction is the motor's (written as the joint's, by n² and |n|)")
     if plus is not None and minus is not None:

@@ -8,8 +8,8 @@ import numpy as np
 
 from armwright import scalar
 from armwright.description.drive import DC_EQUIVALENT
-from armwright.description.friction import LAWS
 from armwright.description.robot import MovingJoint
+from armwright.friction_laws import LAWS
 from armwright.joint_kinds import Dimension, JointUnits
 from armwright.model.drive import (
     Brake,
@@ -139,7 +139,7 @@ def friction_of(joint: MovingJoint) -> Friction | None:
         stribeck_speed=on_joint_side("stribeck_speed", "speed", absent=1.0),
         smoothing=_smoothing(joint),
         law=record.law,
-        parameters=tuple(on_joint_side(*key) for key in LAWS[record.law].own),
+        parameters=tuple(on_joint_side(key.stem, key.dimension) for key in LAWS[record.law].own),
         on_motor=record.side == "motor",
         load_coefficient=_lossy(record.load_coefficient, 0.0),
         viscous_fall=_number(record.viscous_fall_k),

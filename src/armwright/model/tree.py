@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from typing import Self
 
 from armwright import scalar
-from armwright.description.friction import LINEAR
 from armwright.errors import ModelError
+from armwright.friction_laws import linear_parameters
 from armwright.joint_kinds import JointKind
 from armwright.model.drive import Brake, Drive, Elasticity, Friction, Limits, Stops, Supply
 from armwright.model.mimics import Mimics
@@ -154,7 +154,7 @@ class Tree(Frozen):
             f = Friction() if body.friction is None else body.friction
             rows += [body.drive.armature, f.viscous, f.offset, f.coulomb_positive, f.coulomb_negative]
             rows += [0.0 if f.stribeck is None else f.stribeck]
-            rows += [f.parameters[k] if f.law == law else 0.0 for law, k in LINEAR]
+            rows += [f.parameters[k] if f.law == law else 0.0 for law, k in linear_parameters()]
         return scalar.array(rows)
 
     def __repr__(self) -> str:

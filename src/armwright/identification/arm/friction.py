@@ -18,6 +18,7 @@ from armwright.dynamics.gears import joint_torques
 from armwright.entry import AnyArm, AnyLog, as_arm, as_log
 from armwright.errors import IdentificationError
 from armwright.fitting.measures import agreement
+from armwright.friction_laws import law_of_keys
 from armwright.identification.arm.friction_law import (
     CANDIDATES,
     WORTH,
@@ -348,7 +349,7 @@ def with_identified_friction(robot: Model, estimate: Estimate) -> Model:
         if keys is not None and isinstance(joint, MovingJoint):
             units = joint.kind.units
             kind = LinearFriction if units.linear else RotaryFriction
-            law = "sigmoid" if any(key.startswith("sigmoid") for key in keys) else "coulomb"
+            law = law_of_keys(keys, units)
             smoothing = units.key("smoothing", "speed")
             old = getattr(joint.friction, smoothing, None)
             kept = {smoothing: old} if old is not None and law == "coulomb" else {}

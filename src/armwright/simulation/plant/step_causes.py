@@ -12,7 +12,7 @@ from typing import Any
 
 from armwright import scalar
 from armwright.actuators.friction import smoothing_key
-from armwright.description.friction import LAWS
+from armwright.friction_laws import LAWS
 from armwright.joint_kinds import ROTARY, JointUnits
 from armwright.model import Body, EfficiencyTable, Model, TableSpring
 from armwright.scalar import Array, Scalar
@@ -130,14 +130,12 @@ def _effects_of_friction(body: Body, units: JointUnits) -> Iterator[tuple[str, s
     if scalar.is_symbolic(friction.viscous) or friction.viscous != 0:
         key = f"friction.{units.key('viscous', 'damping')}"
         yield "the viscous friction", key, _in_part("friction", _scaled("viscous")), ""
-    if friction.law == "sigmoid":
-        key = f"friction.{units.key('sigmoid_slope', 'slope')}"
-        yield "the sigmoid friction", key, _in_part("friction", _less_of_law(0)), ""
-    elif friction.law == "lugre":
-        for k, (stem, dimension) in enumerate(LAWS["lugre"].own):
-            key = f"friction.{units.key(stem, dimension)}"
-            yield f"the {stem.replace('_', ' ')}", key, _in_part("friction", _less_of_law(k)), ""
-    elif friction.is_dry:
+    law = LAWS[friction.law]
+    for name, place, scaled in law.step_limits:
+        own = law.own[place]
+        key = f"friction.{units.key(own.stem, own.dimension)}"
+        yield name, key, _in_part("friction", _less_of_law(scaled)), ""
+    if not law.step_limits and friction.is_dry:
         smoothed = friction.smoothing is not None
         key = smoothing_key(body) if smoothed else f"friction.{units.key('stribeck_speed', 'speed')}"
         levels = _scaled("coulomb_positive", "coulomb_negative", "stribeck")
