@@ -20,7 +20,7 @@ from armwright.description.drive import (
 from armwright.description.paths import quantities
 from armwright.description.twins import twin_of
 from armwright.errors import DescriptionError
-from armwright.joint_kinds import KINDS, LINEAR, MOVING, ROTARY, JointKind, JointUnits
+from armwright.joint_kinds import KINDS, LINEAR, ROTARY, JointKind, JointUnits, moving_kinds
 from armwright.lazy_schema import imported_later
 from armwright.quantity import Direction, NotNegative, NotZero, Number, Positive, Quantity, Record, Source, Vector3
 from armwright.validation import NAME, NAMEABLE, Invalid
@@ -246,7 +246,7 @@ def _joint_record(kind: type[JointKind]) -> type[MovingJoint]:
     return create_model(name, __base__=MovingJoint, __module__=__name__, __doc__=kind.about, **fields)
 
 
-JOINTS = {name: _joint_record(KINDS[name]) for name in MOVING}
+JOINTS = {name: _joint_record(kind) for name, kind in moving_kinds().items()}
 globals().update({record.__name__: record for record in JOINTS.values()})  # pickles look them up by name
 if TYPE_CHECKING:
     Joint = MovingJoint | FixedJoint

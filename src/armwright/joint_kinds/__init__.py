@@ -1,4 +1,7 @@
-"""Kinds of joints, one value each: motion, units, keys. A new kind is one file here, and a row of `KINDS`."""
+"""Kinds of joints, one value each: motion, units, keys. A new kind is one file here, and a row of `KINDS`.
+
+A kind of a user's own is put into `KINDS` before the first robot is read, since every kind has a record.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,11 @@ from armwright.joint_kinds.revolute import Revolute
 from armwright.joint_kinds.units import LINEAR, ROTARY, UNITS, Dimension, JointUnits
 
 KINDS: dict[str, type[JointKind]] = {kind.name: kind for kind in (Revolute, Prismatic, Helical, Fixed)}
-MOVING = tuple(name for name, kind in KINDS.items() if kind.moves)
+
+
+def moving_kinds() -> dict[str, type[JointKind]]:
+    """The kinds that have a coordinate, by their names."""
+    return {name: kind for name, kind in KINDS.items() if kind.moves}
 
 
 def kind_named(name: object, place: str = "type", file: object = "") -> type[JointKind]:
@@ -28,7 +35,6 @@ def kind_named(name: object, place: str = "type", file: object = "") -> type[Joi
 __all__ = [
     "KINDS",
     "LINEAR",
-    "MOVING",
     "ROTARY",
     "UNITS",
     "Dimension",
@@ -39,4 +45,5 @@ __all__ = [
     "Prismatic",
     "Revolute",
     "kind_named",
+    "moving_kinds",
 ]

@@ -18,8 +18,8 @@ Regrouped = tuple[tuple[Scalar, Array, Array], dict[str, Any]]
 class JointKind:
     """Motion of a joint about and along the z axis of its frame, with the coordinate q.  [Featherstone2008] chapter 4
 
-    The motion subspace of a kind is S = [s z; t z]: it slides by s q and turns by t q. Everything that the dynamics ask for
-    follows from it; a kind writes it out, so that a 0 or a 1 in S costs no operation.
+    The motion subspace of a kind is S = [s z; t z]: it slides by s q and turns by t q, t being 0 or 1. Everything that the
+    dynamics ask for follows from it; a kind writes it out, so that a 0 or a 1 in S costs no operation.
 
     Attributes:
         name: its `type` in robot files.   about: one line for the reference.   units: of q and of its torque.
