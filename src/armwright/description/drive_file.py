@@ -165,7 +165,7 @@ def _add_drive(
         kind = LinearFriction if linear and not on_motor else RotaryFriction
         joint["friction"] = _part(path, f"{place}.friction", kind, drive.friction, source)
     if drive.limits is not None:
-        limits = _part(path, f"{place}.limits", PARTS_OF[linear]["limits"], drive.limits, source)
+        limits = _part(path, f"{place}.limits", PARTS_OF["limits"][linear], drive.limits, source)
         joint["limits"] = {**joint.get("limits", {}), **_sourced(limits, source)}
     for part in PARTS:
         if getattr(drive, part) is not None:

@@ -27,28 +27,15 @@ from armwright.validation import NAME, NAMEABLE, Invalid
 
 if TYPE_CHECKING:
     from armwright.description.built_from import BuiltFrom
-    from armwright.description.drive_effects import (
-        LinearElasticity,
-        LinearStops,
-        RotaryBrake,
-        RotaryElasticity,
-        RotaryStops,
-        SlideBrake,
-        Supply,
-    )
+    from armwright.description.drive_effects import Supply
     from armwright.description.fits import Fit
-    from armwright.description.springs import Cylinder, LinearSpring, RotarySpring
+    from armwright.description.springs import Cylinder
     from armwright.solids.visual import Visual
 else:
-    LinearElasticity, LinearStops, RotaryBrake, RotaryElasticity, RotaryStops, SlideBrake, Supply = imported_later(
-        "armwright.description.drive_effects",
-        *("LinearElasticity", "LinearStops", "RotaryBrake", "RotaryElasticity", "RotaryStops", "SlideBrake", "Supply"),
-    )
+    (Supply,) = imported_later("armwright.description.drive_effects", "Supply")
     (BuiltFrom,) = imported_later("armwright.description.built_from", "BuiltFrom")
     (Fit,) = imported_later("armwright.description.fits", "Fit")
-    Cylinder, LinearSpring, RotarySpring = imported_later(
-        "armwright.description.springs", "Cylinder", "LinearSpring", "RotarySpring"
-    )
+    (Cylinder,) = imported_later("armwright.description.springs", "Cylinder")
     (Visual,) = imported_later("armwright.solids.visual", "Visual")
 
 Name = Annotated[str, Field(min_length=1, pattern=NAME)]
@@ -210,31 +197,21 @@ class FixedJoint(_Joint):
     modified_dh: FixedDH | None = Field(default=None, description="Modified (Craig's) row.")
 
 
-PARTS = {  # of a joint, by whether its coordinate is a length
-    False: {
-        "mimic": RotaryMimic,
-        "friction": RotaryFriction,
-        "limits": RotaryLimits,
-        "elasticity": RotaryElasticity,
-        "stops": RotaryStops,
-        "brake": RotaryBrake,
-        "spring": RotarySpring,
-    },
-    True: {
-        "mimic": LinearMimic,
-        "friction": SlideFriction,
-        "limits": LinearLimits,
-        "elasticity": LinearElasticity,
-        "stops": LinearStops,
-        "brake": SlideBrake,
-        "spring": LinearSpring,
-    },
+PARTS: dict[str, tuple[Any, Any]] = {  # of a joint whose coordinate is an angle, and of one where it is a length
+    "mimic": (RotaryMimic, LinearMimic),
+    "friction": (RotaryFriction, SlideFriction),
+    "limits": (RotaryLimits, LinearLimits),
+    "elasticity": imported_later("armwright.description.drive_effects", "RotaryElasticity", "LinearElasticity"),
+    "stops": imported_later("armwright.description.drive_effects", "RotaryStops", "LinearStops"),
+    "brake": imported_later("armwright.description.drive_effects", "RotaryBrake", "SlideBrake"),
+    "spring": imported_later("armwright.description.springs", "RotarySpring", "LinearSpring"),
 }
 
 
 def _joint_record(kind: type[JointKind]) -> type[MovingJoint]:
     """The record of a kind: the keys of all joints, with parts in its units, and its own numbers."""
-    parts, row = PARTS[kind.units.linear], RevoluteDH if kind.turns else PrismaticDH
+    row = RevoluteDH if kind.turns else PrismaticDH
+    parts = {key: pair[kind.units.linear] for key, pair in PARTS.items()}
     fields: dict[str, Any] = {"type": (Literal[kind.name], Field(description="Kind of joint."))}
     fields |= {key: (NotZero, Field(description=about)) for key, about in kind.numbers.items()}
     for key, part in {"dh": row, "modified_dh": row, **parts}.items():

@@ -20,15 +20,10 @@ class Sigmoid(FrictionLaw):
     `law = "sigmoid"`:  f = a / (1 + exp(-b (q̇ + c))) - a / (1 + exp(-b c)) + viscous q̇ + offset. [Gaz2019]"""
     own = (
         OwnKey(
-            *("sigmoid_amplitude", "torque", "a of the sigmoid law.", "NotNegative"),
-            linear=True,
-            start=lambda level, fastest: 2 * level,
-            low=0.0,
+            "sigmoid_amplitude", "torque", "a of the sigmoid law.", "NotNegative", True, lambda level, _: 2 * level, 0.0
         ),
         OwnKey(
-            *("sigmoid_slope", "slope", "b of the sigmoid law.", "Positive"),
-            start=lambda level, fastest: 10 / fastest,
-            low=1e-6,
+            "sigmoid_slope", "slope", "b of the sigmoid law.", "Positive", False, lambda _, fastest: 10 / fastest, 1e-6
         ),
         OwnKey("sigmoid_shift", "speed", "c of the sigmoid law.", start=lambda level, fastest: 0.0),
     )
