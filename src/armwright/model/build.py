@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from armwright import scalar
-from armwright.description.robot import FixedJoint, Link, MovingJoint, RobotDescription
+from armwright.description.robot import Link, MovingJoint, RobotDescription
 from armwright.errors import DescriptionError, Problem
 from armwright.model.joint_side import (
     brake_of,
@@ -42,9 +42,7 @@ def places_of_joints(robot: RobotDescription, model: Tree) -> dict[str, list[Any
         if joint.parent in places:
             places[joint.parent].append(before.position)
         if joint.child in places:
-            places[joint.child].append(
-                (after if not isinstance(joint, FixedJoint) else before @ after).inverse().position
-            )
+            places[joint.child].append((after if joint.kind.moves else before @ after).inverse().position)
     return places
 
 
@@ -76,7 +74,7 @@ def tree_of(robot: RobotDescription) -> Tree:
     for joint in _parents_first(robot):
         carrier = frames[joint.parent]
         before, after = joint_placement(joint)
-        if isinstance(joint, FixedJoint):
+        if not joint.kind.moves:
             frames[joint.child] = Frame(carrier.body, carrier.placement @ before @ after)
         else:
             moving.append(_body(robot, joint, carrier.body, carrier.placement @ before, after))
@@ -145,7 +143,7 @@ def joint_placement(joint: Any) -> tuple[Placement, Placement]:
     """Placements of the joint's axis frame in the parent link and of the child link's frame in the axis frame."""
     if joint.frame is not None:
         placed = Placement(rotation_rpy(*vector(joint.frame.rpy_rad)), vector(joint.frame.xyz_m))
-        if isinstance(joint, FixedJoint):
+        if not joint.kind.moves:
             return placed, Placement.identity()
         turn = Placement(rotation_to_axis(vector(joint.axis)), scalar.zeros(3))
         return placed @ turn, turn.inverse()

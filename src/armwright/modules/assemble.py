@@ -143,7 +143,7 @@ def _joint(instance: Instance, crossing: Crossing, at: Placement, draft: Draft) 
         "frame": joint.frame if same and forward else frame_of(at),
         "source": _source(instance, joint.source, draft),
     }
-    if isinstance(joint, FixedJoint):
+    if not joint.kind.moves:
         return FixedJoint(**fields)
     axis = joint.axis
     assert axis is not None
