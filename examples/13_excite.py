@@ -35,7 +35,6 @@ prbs = aw.identification.motor_experiment("prbs", guess)
 print(f"prbs: {prbs.duration:.3g} s, {prbs.reasons[-1]}")
 
 if len(sys.argv) > 1:
-    folder = Path(sys.argv[1])
-    folder.mkdir(exist_ok=True)
+    (folder := Path(sys.argv[1])).mkdir(exist_ok=True)
     aw.identification.plot_experiment(designed, folder / "excite.png")
     aw.identification.plot_experiment(prbs, folder / "prbs.png")

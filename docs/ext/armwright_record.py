@@ -31,7 +31,7 @@ TABLES: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...] = (
     (
         "[[joints]]",
         "Every joint has exactly one of `dh`, `modified_dh` and `frame`.",
-        (robot.RevoluteJoint, robot.PrismaticJoint, robot.FixedJoint),
+        (*robot.JOINTS.values(), robot.FixedJoint),
     ),
     (
         "dh, modified_dh",
@@ -127,7 +127,7 @@ MODULE_TABLES: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...] = (
     (
         "[[modules.joints]]",
         "As `[[joints]]` of a robot file, with `frame` only, and with the child's own frame.",
-        (library.ModuleRevolute,),
+        (library.JOINTS["revolute"],),
     ),
     ("[[modules.connectors]]", "", (library.Connector,)),
     ("An assembly, `*.assembly.toml`", "", (assembly.Assembly,)),

@@ -18,6 +18,8 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
+from armwright.friction_laws import LAWS
+
 Outcome = Literal["exact", "approximated", "without effect", "refused"]
 
 
@@ -75,7 +77,21 @@ def _is_table(efficiency: Any) -> bool:
     return hasattr(efficiency, "torques")
 
 
+def _of_laws() -> dict[str, Feature]:
+    """A feature for every friction law that has one."""
+    return {
+        law.feature: Feature(
+            "joints.friction.law", f"friction law {name}", _frictions(lambda friction, name=name: friction.law == name)
+        )
+        for name, law in LAWS.items()
+        if law.feature
+    }
+
+
 ARM = {
+    "screw joints": Feature(
+        "joints.pitch_m_per_rad", "helical joints", _joints(lambda body: body.kind.turns and body.kind.slides)
+    ),
     "branches": Feature("joints.parent", "branches", _branching),
     "mimic joints": Feature("joints.mimic", "joints that follow others", _mimicking),
     "payload": Feature("with_payload", "a payload of the record", lambda arm: ()),
@@ -102,7 +118,7 @@ ARM = {
     "smoothed friction": Feature(
         "joints.friction.smoothing_rad_per_s",
         "dry friction with a smoothing speed",
-        _frictions(lambda friction: friction.is_dry and friction.law == "coulomb" and not friction.sticks),
+        _frictions(lambda friction: friction.is_dry and LAWS[friction.law].sticks and not friction.sticks),
     ),
     "friction by direction": Feature(
         "joints.friction.coulomb_negative_n_m",
@@ -122,12 +138,7 @@ ARM = {
         "Stribeck friction",
         _frictions(lambda friction: friction.stribeck is not None),
     ),
-    "sigmoid friction": Feature(
-        "joints.friction.law", "friction law sigmoid", _frictions(lambda friction: friction.law == "sigmoid")
-    ),
-    "LuGre friction": Feature(
-        "joints.friction.law", "friction law lugre", _frictions(lambda friction: friction.law == "lugre")
-    ),
+    **_of_laws(),
     "motor-side friction": Feature(
         "joints.friction.side", "friction of the motor", _frictions(lambda friction: friction.on_motor)
     ),
@@ -246,12 +257,12 @@ GROUPS = {  # which a declaration may name together
             "friction by direction",
             "friction offset",
             "Stribeck friction",
-            "sigmoid friction",
         ),
-        *("LuGre friction", "motor-side friction", "friction by temperature"),
+        *_of_laws(),
+        *("motor-side friction", "friction by temperature"),
     ),
     "all but geometry": tuple(
-        name for name in ARM if name not in ("branches", "mimic joints", "payload", "locked joints")
+        name for name in ARM if name not in ("screw joints", "branches", "mimic joints", "payload", "locked joints")
     ),
 }
 

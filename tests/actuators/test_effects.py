@@ -10,11 +10,12 @@ from armwright.actuators.backlash import beyond_gap, flank_depths, pushed
 from armwright.actuators.brake import holding
 from armwright.actuators.cogging import cogging_energy, cogging_torque
 from armwright.actuators.elasticity import transmitted
-from armwright.actuators.friction import dry_level, joint_friction, viscous_torque
+from armwright.actuators.friction import joint_friction, viscous_torque
 from armwright.actuators.lugre import bristle_friction, sliding
 from armwright.actuators.stops import stopped
 from armwright.actuators.supply import bus
 from armwright.actuators.thermal import warmed, warming_rates
+from armwright.friction_laws.levels import dry_level
 from armwright.model import Brake, Cogging, Drive, Elasticity, Friction, Stops, Supply, Thermal
 
 SPEED = st.floats(-5.0, 5.0)

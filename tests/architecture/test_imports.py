@@ -29,7 +29,8 @@ ORDER = (
     ("output", "reading", "named_file"),
     ("examples",),  # copies of the example programs
     ("signals",),  # named layouts of vectors
-    ("spatial",),
+    ("spatial", "joint_kinds"),  # vectors and frames; kinds of joints
+    ("friction_laws",),
     ("lazy_schema",),  # tables that few files have
     ("validation",),  # pydantic's errors as ours
     ("other_names",),

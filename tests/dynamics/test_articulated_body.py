@@ -10,6 +10,7 @@ import pytest
 from armwright import scalar
 from armwright.dynamics import articulated_body, composite_body, mass_matrix
 from armwright.dynamics.articulated_body import articulated_shares
+from armwright.joint_kinds import Prismatic, Revolute
 from armwright.kinematics.axial_motion import AxialMotion
 from armwright.kinematics.joint_motion import joint_motions
 from armwright.model import Model, build_model
@@ -107,11 +108,11 @@ def test_pieces_of_equal_length_are_equal_work():
 def test_no_joint_row_is_left_without_a_rotor():
     """What a joint hands on takes no force along it: exactly 0, so nothing is computed with it."""
     model = arm("puma560").replace(rotors=None)
-    for kind, rows in (("revolute", ("coupling", "angular")), ("prismatic", ("linear",))):
+    for kind, rows in ((Revolute(), ("coupling", "angular")), (Prismatic(), ("linear",))):
         body = model.bodies[3]
         inertia = _rigid(body)
         u, un = inertia.column(kind)
-        d = (un if kind == "revolute" else u)[2]
+        d = kind.project(un, u)[2]
         left = inertia.without(kind, (u / d, un / d), 0.0)
         for name in rows:
             assert not getattr(left, name)[2].any()

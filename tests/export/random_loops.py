@@ -140,7 +140,7 @@ def loops(draw: Draw) -> aw.Scenario:
     velocity = draw(st.sampled_from(["exact", "difference", "filtered", "observer"]))
     cutoff = draw(number(10.0, 300.0)) if velocity in ("filtered", "observer") else None
     noise = {name: draw(perhaps(number(1e-6, 1e-3), 0.0)) for name in ("position_noise", "velocity_noise")}
-    turns = {} if any(b.kind == "prismatic" for b in arm.coordinates) else {"side": "link"}
+    turns = {} if any(b.kind.units.linear for b in arm.coordinates) else {"side": "link"}
     sensors = aw.Sensors(
         counts=draw(perhaps(st.integers(100, 2**18))), velocity=velocity, cutoff_hz=cutoff, **noise, **turns
     )

@@ -98,6 +98,7 @@ ARMS = {
             "command": None,
         }
     },
+    "screw joints": {"joint": {"type": "helical", "pitch_m_per_rad": 0.05}},
     "branches": {"third": {"parent": "rod0"}, "robot": {"tip": "rod2"}},
 }
 

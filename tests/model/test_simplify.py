@@ -62,13 +62,15 @@ def test_frames_stay_where_they_are(which):
 
 @pytest.mark.parametrize("which", ARMS)
 def test_seven_parameters_are_left(which):
-    """Regrouped, a revolute body has no mass, no m c_z and no ∫z² dm; a sliding one has no tensor."""
+    """Regrouped, a revolute body has no mass, no m c_z and no ∫z² dm; a sliding one has no tensor, a screw no Iyy."""
     for body in base_parameters(arm_of(which)).bodies:
-        if body.kind == "revolute":
+        if not body.kind.slides:
             assert body.mass == 0.0
             assert body.first_moment[2] == 0.0
             xx, yy, zz = np.diagonal(body.inertia)
             assert xx + yy - zz == pytest.approx(0.0, abs=1e-12)
+        elif body.kind.turns:
+            assert body.inertia[1, 1] == 0.0
         else:
             assert not body.inertia.any()
 

@@ -14,7 +14,7 @@ from armwright.description.database import parse
 from armwright.model import Model, build_model
 from armwright.program import interpret, trace
 
-OWN = ("workshop", "gripper", "sprung", "rough")
+OWN = ("workshop", "gripper", "sprung", "rough", "screws")
 NAMES = [*builtin_names(), *OWN]
 FREE = [name for name in NAMES if name != "gripper"]  # whose joints all move by themselves
 
@@ -22,7 +22,7 @@ FREE = [name for name in NAMES if name != "gripper"]  # whose joints all move by
 @functools.cache
 def description(name: str) -> RobotDescription:
     """The description of a built-in arm, or of one of `OWN`."""
-    made = {"workshop": workshop, "gripper": gripper, "sprung": sprung, "rough": rough}
+    made = {"workshop": workshop, "gripper": gripper, "sprung": sprung, "rough": rough, "screws": screws}
     return parse(made[name](), name) if name in made else read_description(name)
 
 
@@ -188,3 +188,11 @@ def sprung() -> dict[str, Any]:
     ]
     keys = ("name", "link_a", "anchor_a_m", "link_b", "anchor_b_m", "force_n", "length_m", "stiffness_n_per_m")
     return {**robot, "name": "sprung", "cylinders": [dict(zip(keys, row, strict=True)) for row in ends]}
+
+
+def screws() -> dict[str, Any]:
+    """`sprung` with screws of either hand in place of two of its turns, one before the tip."""
+    robot = sprung()
+    for number, pitch in ((3, 0.08), (5, -0.03)):
+        robot["joints"][number - 1] |= {"type": "helical", "pitch_m_per_rad": pitch}
+    return {**robot, "name": "screws"}

@@ -42,7 +42,7 @@ def joint_transforms(joint: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         axis = Z if isinstance(joint, FixedJoint) else np.array(joint.axis.value) / np.linalg.norm(joint.axis.value)
         return frame_transform(joint.frame), axis, np.eye(4)
     row = joint.dh or joint.modified_dh
-    if isinstance(joint, RevoluteJoint):
+    if joint.type in ("revolute", "helical"):
         along_z = about("z", row.offset_rad, row.r_m)
     elif isinstance(joint, PrismaticJoint):
         along_z = about("z", row.theta_rad, row.offset_m)
@@ -97,9 +97,13 @@ class Pinocchio:
                 if isinstance(joint, FixedJoint):
                     at, frame = carrier, placed * before * behind
                 else:
-                    turns = isinstance(joint, RevoluteJoint)
-                    kind = pin.JointModelRevoluteUnaligned if turns else pin.JointModelPrismaticUnaligned
-                    at = self.model.addJoint(carrier, kind(axis), placed * before, joint.name)
+                    if joint.type == "helical":
+                        moving = pin.JointModelHelicalUnaligned(axis, float(joint.pitch_m_per_rad))
+                    elif joint.type == "revolute":
+                        moving = pin.JointModelRevoluteUnaligned(axis)
+                    else:
+                        moving = pin.JointModelPrismaticUnaligned(axis)
+                    at = self.model.addJoint(carrier, moving, placed * before, joint.name)
                     rotors[at], frame = armature(joint), behind
                 body = robot.link(joint.child)
                 com = np.array(body.com_m.value)

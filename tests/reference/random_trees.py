@@ -20,16 +20,22 @@ def joint_count(seed: int) -> int:
     return 1 + (seed // 3 % MOST_JOINTS if seed % 3 == 0 else seed % 11)
 
 
-def random_description(seed: int) -> RobotDescription:
+def random_description(seed: int, screws: bool = False) -> RobotDescription:
     """A tree of `joint_count(seed)` moving joints whose mass matrix is well conditioned at a few random positions.
 
     Frames are explicit, axes point anywhere, inertias belong to real bodies. Joints may stand in the file before the
     joint that carries them. Some joints have a motor (rotor inertia, signed ratio), some of those friction and gear
     loss: take them away with `replace(friction=None, efficiency=None)` before comparing with a peer that has none.
+    With `screws` every other joint that turns is one, of either hand.
     """
     for attempt in range(100):
         rng = np.random.default_rng([seed, attempt])
-        description = parse(_random_tree(rng, joint_count(seed)), f"random tree {seed}")
+        tree = _random_tree(rng, joint_count(seed))
+        if screws:
+            turning = [joint for joint in tree["joints"] if joint["type"] == "revolute"]
+            for joint in turning[::2]:
+                joint |= {"type": "helical", "pitch_m_per_rad": rng.choice([-1.0, 1.0]) * rng.uniform(0.005, 0.1)}
+        description = parse(tree, f"random tree {seed}")
         model = build_model(description)
         conditions = [np.linalg.cond(mass_matrix(model, random_position(model, rng))) for _ in range(3)]
         if max(conditions) < 0.1 * WORST_CONDITION:
@@ -39,7 +45,7 @@ def random_description(seed: int) -> RobotDescription:
 
 def random_position(model: Model, rng: np.random.Generator) -> np.ndarray:
     """q (n,): any angle, slides within 0.5 m."""
-    reach = [np.pi if body.kind == "revolute" else 0.5 for body in model.bodies]
+    reach = [body.kind.units.half_range for body in model.bodies]
     return rng.uniform(-1.0, 1.0, model.n) * reach
 
 

@@ -82,7 +82,18 @@ def everything(model: Model) -> Program:
 @pytest.mark.sample(20)
 def test_random_trees_against_pinocchio(pinocchio, seed):
     """Traced dynamics and kinematics of trees, with a wrench, are Pinocchio's RNEA, ABA, CRBA, pose and Jacobian."""
-    description = random_description(seed)
+    compare_traced(pinocchio, random_description(seed), seed)
+
+
+@pytest.mark.parametrize("seed", range(0, TREES, 5))
+@pytest.mark.sample(10)
+def test_trees_with_screws_against_pinocchio(pinocchio, seed):
+    """The same of trees with joints that turn and slide at once."""
+    compare_traced(pinocchio, random_description(seed, screws=True), seed)
+
+
+def compare_traced(pinocchio: type[Pinocchio], description: RobotDescription, seed: int) -> None:
+    """Asserts that traced dynamics and kinematics are Pinocchio's."""
     model = lossless(description)
     assert model.n == joint_count(seed)
     program, peer = everything(model), pinocchio(description, model.names)
@@ -107,9 +118,10 @@ def test_random_trees_against_mujoco(mujoco, seed):
 
 
 @pytest.mark.parametrize("seed", range(0, TREES, 10))
-def test_articulated_bodies_of_random_trees_against_pinocchio(pinocchio, seed):
+@pytest.mark.parametrize("screws", [False, True])
+def test_articulated_bodies_of_random_trees_against_pinocchio(pinocchio, seed, screws):
     """Our articulated bodies, on floats and with a wrench, give Pinocchio's accelerations."""
-    description = random_description(seed)
+    description = random_description(seed, screws)
     model = lossless(description)
     peer = pinocchio(description, model.names)
     wrench = np.random.default_rng([seed, 2]).normal(size=6)

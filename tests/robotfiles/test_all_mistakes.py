@@ -35,7 +35,7 @@ side = "engine"  #! expected 'joint' or 'motor'
 
 [[joints]]
 name = "elbow"
-type = "revolut"  #! expected revolute, prismatic or fixed
+type = "revolut"  #! expected revolute, prismatic, helical or fixed
 parent = "link1"
 child = "link2"
 

@@ -1,3 +1,5 @@
+import sys
+
 """Sweeps: the bits of one run whatever the chunks, resumption after kills, and refusals."""
 
 import contextlib
@@ -390,10 +392,12 @@ def test_the_command_on_a_full_disk(file: Path, tmp_path: Path, monkeypatch: pyt
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(
-        "armwright.sweeps.sweep.connected", lambda _: contextlib.nullcontext(SimpleNamespace(nthreads=dict))
+        sys.modules["armwright.sweeps.sweep"],
+        "connected",
+        lambda _: contextlib.nullcontext(SimpleNamespace(nthreads=dict)),
     )
     monkeypatch.setattr("armwright.sweeps.store.SweepStore._file", full)
-    monkeypatch.setattr("armwright.sweeps.sweep._results", lambda *_: iter([(0, {})]))
+    monkeypatch.setattr(sys.modules["armwright.sweeps.sweep"], "_results", lambda *_: iter([(0, {})]))
     result = CliRunner().invoke(app, ["sweep", str(file), "--lanes", "20", "-o", str(tmp_path / "runs.zarr")])
     assert result.exit_code == 2
     assert "runs.zarr: cannot be written: No space left on device; finished chunks are kept" in result.stderr

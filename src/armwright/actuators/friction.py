@@ -1,4 +1,4 @@
-"""Joint friction as a static map of speed: viscous friction, an offset, and one of `LAWS`.
+"""Joint friction as a static map of speed: viscous friction, an offset, and one of `friction_laws.LAWS`.
 
 Dry friction without a smoothing speed is any torque within its levels at rest, which the simulator solves for (`sticks` of the
 record's friction). The map here has its value in motion, and 0 at rest: one number for every state, as kernels need it.
@@ -7,84 +7,17 @@ A law of its own state stands in a file of its own (`lugre`); here it has the ma
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from armwright import scalar
 from armwright.actuators.coupling import shares_of, to_joints, to_motors
-from armwright.description.friction import key_of
+from armwright.friction_laws import LAWS
+from armwright.friction_laws.levels import dry_level, same, warmed
+from armwright.joint_kinds import ROTARY
 from armwright.model import Body, Friction, Mimics, Model, on_tree
 from armwright.scalar import Array, Scalar
-
-
-def smooth_sign(speed: Scalar, smoothing: Scalar | None) -> Scalar:
-    """s = q̇ / √(q̇² + smoothing²): a sign that passes through 0 with the slope 1/smoothing.
-
-    Without smoothing, None, s = sgn q̇ with sgn 0 = 0; its slope is 0 everywhere.
-    """
-    if smoothing is None:
-        return scalar.sign(speed)
-    return speed / scalar.sqrt(speed * speed + smoothing * smoothing)
-
-
-def coulomb(torque: Scalar, friction: Friction, speed: Scalar, load: Scalar | None, warming: Scalar | None) -> Scalar:
-    """torque + s · [ Fc + (Fs - Fc) exp(-(q̇/vs)²) ],  Fc by the sign of q̇, s = `smooth_sign`."""
-    if friction.smoothing is None and not friction.is_dry:
-        return torque
-    return torque + dry_level(friction, speed, load, warming) * smooth_sign(speed, friction.smoothing)
-
-
-def sigmoid(torque: Scalar, friction: Friction, speed: Scalar, load: Scalar | None, warming: Scalar | None) -> Scalar:
-    """torque + a/(1 + exp(-b (q̇ + c))) - a/(1 + exp(-b c)).  [Gaz2019]"""
-    a, b, c = friction.parameters
-    return torque + a / (1.0 + scalar.exp(-b * (speed + c))) - a / (1.0 + scalar.exp(-b * c))
-
-
-def static_levels(friction: Friction) -> tuple[Scalar, Scalar]:
-    """-Fs and Fs; without Stribeck's level, or above it, Coulomb's of either direction."""
-    plus, minus = friction.coulomb_positive, friction.coulomb_negative
-    if friction.stribeck is None:
-        return -minus, plus
-    return -scalar.maximum(friction.stribeck, minus), scalar.maximum(friction.stribeck, plus)
-
-
-def ends_of_sigmoid(friction: Friction) -> tuple[Scalar, Scalar]:
-    """-a/(1 + exp(-b c)) and a - a/(1 + exp(-b c)), the law's values far from standstill: it stands for dry friction."""
-    a, b, c = friction.parameters
-    low = -a / (1.0 + scalar.exp(-b * c))
-    return low, low + a
-
-
-@dataclass(frozen=True)
-class Law:
-    """A friction law.
-
-    Attributes:
-        add: (torque, friction, speed, load, warming) → the torque with the law's added to viscous friction and offset; [N m | N],
-            speed in [rad/s | m/s].
-        steep: friction → middle and half width [rad/s | m/s] of the speeds, beside standstill, where it is steepest.
-        bends: whether its slope jumps where a joint turns back.
-        holding: friction → the torques [N m | N] of either direction, negative and positive, between which it holds a joint at
-            rest, without load.
-    """
-
-    add: Callable[[Scalar, Friction, Scalar, Scalar | None, Scalar | None], Scalar]
-    steep: Callable[[Friction], tuple[Scalar, Scalar]] = lambda friction: (0.0, 1.0)
-    bends: bool = False
-    holding: Callable[[Friction], tuple[Scalar, Scalar]] = static_levels
-
-
-LAWS = {
-    "coulomb": Law(coulomb),
-    "sigmoid": Law(
-        sigmoid,
-        steep=lambda friction: (-friction.parameters[2], 1 / friction.parameters[1]),
-        holding=ends_of_sigmoid,
-    ),
-    "lugre": Law(coulomb, bends=True),
-}
 
 
 def joint_friction(
@@ -119,57 +52,18 @@ def viscous_torque(friction: Friction, speed: Scalar, warming: Scalar | None = N
     torque = friction.viscous * speed
     if warming is not None and friction.viscous_fall is not None:
         return torque * scalar.exp(-warming / friction.viscous_fall)
-    return _warmed(torque, friction.viscous_temperature_coefficient, warming)
-
-
-def dry_level(
-    friction: Friction,
-    speed: Scalar,
-    load: Scalar | None = None,
-    warming: Scalar | None = None,
-    direction: Scalar | None = None,
-) -> Scalar:
-    """g(q̇) = Fc + (Fs - Fc) exp(-(q̇/vs)²) [N m | N].  [BittencourtGunnarsson2012]
-
-    Both levels count max(0, 1 + coefficient · warming) times, and then rise by share · |load|. Fc is that of the direction of
-    motion, by default the sign of the speed.
-    """
-    plus, minus = friction.coulomb_positive, friction.coulomb_negative
-    backward = scalar.less(speed if direction is None else direction, 0.0)
-    level = plus if _same(plus, minus) else scalar.where(backward, minus, plus)
-    level, most = (
-        None if part is None else _warmed(part, friction.coulomb_temperature_coefficient, warming)
-        for part in (level, friction.stribeck)
-    )
-    if load is not None and friction.load_coefficient is not None:
-        added = friction.load_coefficient * scalar.abs(load)
-        level, most = level + added, None if most is None else most + added
-    if most is not None:
-        ratio = speed / friction.stribeck_speed
-        level = level + (most - level) * scalar.exp(-(ratio * ratio))
-    return level
-
-
-def _warmed(value: Scalar, coefficient: Scalar | None, warming: Scalar | None) -> Scalar:
-    """value · max(0, 1 + coefficient · warming)."""
-    if coefficient is None or warming is None:
-        return value
-    return value * scalar.maximum(1.0 + coefficient * warming, 0.0)
+    return warmed(torque, friction.viscous_temperature_coefficient, warming)
 
 
 def smoothing_key(body: Body) -> str:
     """Key of a joint's smoothing speed in its record."""
     on_motor = body.friction is not None and body.friction.on_motor
-    return f"friction.{key_of('smoothing', 'speed', body.kind == 'prismatic' and not on_motor)}"
+    return f"friction.{(ROTARY if on_motor else body.kind.units).key('smoothing', 'speed')}"
 
 
 def has_corner(friction: Friction) -> bool:
     """True where the slope jumps as a joint turns back: |q̇| of bristles, another Coulomb level for either direction."""
-    return LAWS[friction.law].bends or not _same(friction.coulomb_positive, friction.coulomb_negative)
-
-
-def _same(a: Scalar, b: Scalar) -> bool:
-    return a is b or (not scalar.is_symbolic(a, b) and a == b)
+    return LAWS[friction.law].bends or not same(friction.coulomb_positive, friction.coulomb_negative)
 
 
 def friction_torques(arm: Model, qd: Array) -> np.ndarray:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from armwright import scalar
-from armwright.actuators.friction import smooth_sign
+from armwright.friction_laws.levels import smooth_sign
 from armwright.interpolation import piecewise_linear
 from armwright.model import Body, Drive, EfficiencyTable, Friction
 from armwright.scalar import Array, Scalar
@@ -114,7 +114,9 @@ def holds_by_loss(body: Body) -> bool:
 
     Of bristles the part by load is in their level, which needs no smoothing.
     """
-    by_load = body.friction is not None and body.friction.load_coefficient is not None and body.friction.law != "lugre"
+    by_load = (
+        body.friction is not None and body.friction.load_coefficient is not None and not body.friction.has_bristles
+    )
     return body.drive.smoothing is None and (body.drive.efficiency is not None or by_load)
 
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from armwright import scalar
-from armwright.actuators.friction import dry_level, viscous_torque
+from armwright.actuators.friction import viscous_torque
+from armwright.friction_laws.levels import dry_level
 from armwright.model import Friction
 from armwright.scalar import Array, Scalar
 

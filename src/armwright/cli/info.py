@@ -10,6 +10,7 @@ import typer
 from armwright.cli.arguments import Robot
 from armwright.cli.tables import number, table
 from armwright.features import Support
+from armwright.joint_kinds import UNITS as JOINT_UNITS, JointKind
 
 if TYPE_CHECKING:
     from armwright.cli.tables import Table
@@ -82,7 +83,7 @@ def _summary(arm: Model, record: RobotDescription) -> str:
         far = f"{number(reach(arm))} m at most, base to {arm.tip}, pulled straight"
     except ModelError:
         far = "—, the arm names no tip"
-    kinds = Counter(body.kind for body in arm.bodies)
+    kinds = Counter(body.kind.name for body in arm.bodies)
     followers = f", {len(arm.bodies) - arm.n} of them mimic others" if arm.mimics is not None else ""
     lines = {
         "joints": ", ".join(f"{count} {kind}" for kind, count in kinds.items()) + followers,
@@ -103,7 +104,7 @@ def _geometry(record: RobotDescription) -> list[Table | None]:
     parts = []
     for way, title in (("dh", "Denavit-Hartenberg, classic"), ("modified_dh", "Denavit-Hartenberg, modified (Craig)")):
         joints = [joint for joint in record.joints if getattr(joint, way, None) is not None]
-        rows = [[j.name, j.type, j.parent, j.child, *_dh(getattr(j, way), j.type)] for j in joints]
+        rows = [[j.name, j.type, j.parent, j.child, *_dh(getattr(j, way), j.kind)] for j in joints]
         heads = ("joint", "type", "parent", "child", "α [°]", "a [m]", "r [m]", "θ [°]")
         parts.append(table(title, heads, rows, left=("type", "parent", "child", "r [m]", "θ [°]")))
     rows = []
@@ -120,13 +121,13 @@ def _geometry(record: RobotDescription) -> list[Table | None]:
     return parts
 
 
-def _dh(row: Any, kind: str) -> list[str]:
+def _dh(row: Any, kind: JointKind) -> list[str]:
     """α, a, r, θ; what moves is written q, with its offset."""
     alpha = number(DEGREES * float(row.alpha_rad))
-    if kind == "revolute":
+    if kind.turns:
         offset = DEGREES * float(row.offset_rad)
         return [alpha, number(row.a_m), number(row.r_m), _moving(offset)]
-    if kind == "prismatic":
+    if kind.slides:
         return [alpha, number(row.a_m), _moving(float(row.offset_m)), number(DEGREES * float(row.theta_rad))]
     return [alpha, number(row.a_m), number(row.r_m), number(DEGREES * float(row.theta_rad))]
 
@@ -217,8 +218,8 @@ def _mimics(record: RobotDescription) -> Table | None:
     for joint in record.joints:
         mimic = getattr(joint, "mimic", None)
         if mimic is not None:
-            unit = "rad" if joint.type == "revolute" else "m"
-            rows.append([joint.name, mimic.joint, number(mimic.multiplier), f"{number(mimic.offset)} {unit}"])
+            where = f"{number(mimic.offset)} {mimic.units.position}"
+            rows.append([joint.name, mimic.joint, number(mimic.multiplier), where])
     heads = ("joint", "master", "multiplier", "offset")
     return table("Joints that mimic others: q = multiplier · q_master + offset", heads, rows, left=("master",))
 
@@ -304,15 +305,13 @@ def _limits(arm: Model) -> Table | None:
     rows = []
     for body in arm.bodies:
         low, high = body.limits.position
-        scale = DEGREES if body.kind == "revolute" else 1.0
+        scale = 1.0 if body.kind.units.linear else DEGREES
         bounded = low > -float("inf") or high < float("inf")
         place = f"{number(scale * low)} … {number(scale * high)}{'°' if scale > 1 else ' m'}" if bounded else ""
         most = [getattr(body.limits, name) for name in ("velocity", "acceleration", "torque", "voltage", "current")]
         rows.append([body.joint, place, *("" if value == float("inf") else number(value) for value in most)])
-    mixed = {body.kind for body in arm.bodies}
-    speed, force = (
-        ("rad/s | m/s", "N m | N") if len(mixed) > 1 else ("rad/s", "N m") if "revolute" in mixed else ("m/s", "N")
-    )
+    units = [JOINT_UNITS[linear] for linear in sorted({body.kind.units.linear for body in arm.bodies})]
+    speed, force = " | ".join(each.speed for each in units), " | ".join(each.torque for each in units)
     rate = " | ".join(f"{unit}²" for unit in speed.split(" | "))
     heads = ("joint", "position", f"velocity [{speed}]", f"acceleration [{rate}]", f"motor torque [{force}]")
     heads = (*heads, "voltage [V]", "current [A]")

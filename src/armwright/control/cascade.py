@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -49,6 +49,9 @@ class Cascade:
         ScenarioError: names the field, its value and what was expected.
     """
 
+    gain_units: ClassVar[dict[str, str]] = {  # U: the unit of the command, Q: rad or m
+        "position_kp": "1/s", "speed_kp": "U s/Q", "speed_ki": "U/Q", "current_kp": "V/A", "current_ki": "V/(A s)",
+    }  # fmt: skip
     position_kp: Any
     speed_kp: Any
     speed_ki: Any = 0.0

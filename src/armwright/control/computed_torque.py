@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -31,6 +31,7 @@ class ComputedTorque:
         ScenarioError: names the field, its value and what was expected.
     """
 
+    gain_units: ClassVar[dict[str, str]] = {"kp": "1/s²", "ki": "1/s³", "kd": "1/s"}
     kp: Any
     kd: Any
     ki: Any = 0.0

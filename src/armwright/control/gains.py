@@ -13,27 +13,18 @@ from armwright.model import Model
 from armwright.model.joint_signals import command_unit
 from armwright.parameters import Batch, lane_values
 
-GAIN_UNITS = {  # by law and gain; U: the unit of the command, Q: rad or m
-    "JointPID": {"kp": "U/Q", "ki": "U/(Q s)", "kd": "U s/Q"},
-    "ComputedTorque": {"kp": "1/s²", "ki": "1/s³", "kd": "1/s"},
-    "Cascade": {
-        "position_kp": "1/s", "speed_kp": "U s/Q", "speed_ki": "U/Q", "current_kp": "V/A", "current_ki": "V/(A s)",
-    },
-}  # fmt: skip
-
 
 def gain_units(arm: Model, law: Any, name: str) -> list[str]:
-    """The unit of a law's gain for each joint; "" if unknown.
+    """The unit of a law's gain for each joint, from its class's `gain_units`; "" if unknown.
 
     Args:
         arm: the model.   law: the controller.   name: of its gain.
     """
-    unit, units = GAIN_UNITS.get(type(law).__name__, {}).get(name, ""), []
+    unit, units = getattr(law, "gain_units", {}).get(name, ""), []
     for body in arm.coordinates:
-        linear = body.kind == "prismatic"
         within = getattr(law, "current_kp", None) is not None  # the speed stage then commands a current
-        command = "A" if within else command_unit(body.drive.command, linear)
-        units.append(unit.replace("U", command).replace("Q", "m" if linear else "rad"))
+        command = "A" if within else command_unit(body.drive.command, body.kind.units)
+        units.append(unit.replace("U", command).replace("Q", body.kind.units.position))
     return units
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -47,6 +47,11 @@ class JointPID:
         ScenarioError: names the field, its value and what was expected.
     """
 
+    gain_units: ClassVar[dict[str, str]] = {
+        "kp": "U/Q",
+        "ki": "U/(Q s)",
+        "kd": "U s/Q",
+    }  # U: the unit of the command, Q: rad or m
     kp: Any
     ki: Any = 0.0
     kd: Any = 0.0

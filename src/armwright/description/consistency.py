@@ -11,6 +11,7 @@ from armwright.description.drive import COMMAND_NEEDS
 from armwright.description.friction import BY_TEMPERATURE
 from armwright.description.paths import quantities, split_path
 from armwright.errors import Problem
+from armwright.friction_laws import LAWS
 from armwright.quantity import SourceKind
 from armwright.validation import Invalid
 
@@ -49,7 +50,7 @@ def robot_problems(robot: Any, unread: Collection[str] = ()) -> Iterator[Problem
     """
     basic = [*_names(robot)] or [*_tree(robot)]
     yield from basic or _cylinders(robot)
-    moving = [joint for joint in robot.joints if joint.type != "fixed"]
+    moving = list(robot.moving_joints)
     independent = [joint.name for joint in moving if joint.mimic is None]
     of_joints = [
         problem.within(f"joint {joint.name!r}")
@@ -192,7 +193,7 @@ def _cylinders(robot: Any) -> Iterator[Problem]:
 
 def carrier(robot: Any, link: str) -> str:
     """The link nearest to the base that moves as one body with a link, or the base."""
-    fixed = {joint.child: joint.parent for joint in robot.joints if joint.type == "fixed"}
+    fixed = {joint.child: joint.parent for joint in robot.joints if not joint.kind.moves}
     while link in fixed:
         link = fixed[link]
     return link
@@ -211,7 +212,7 @@ def _command(robot: Any, joint: Any) -> Iterator[Problem]:
         yield Problem("needs a [joints.motor] with its gear_ratio", place="friction.side", value="motor")
     if motor is not None and motor.gear_efficiency_table is not None:
         try:
-            motor.gear_efficiency_table.check_units("motor.gear_efficiency_table", joint.type == "prismatic")
+            motor.gear_efficiency_table.check_units("motor.gear_efficiency_table", joint.kind)
         except Invalid as error:
             yield from error.problems
 
@@ -241,7 +242,7 @@ def _mimic(joint: Any, moving: dict[str, Any]) -> Iterator[Problem]:
         wrong += [f"motor.{key}" for key in drive if getattr(motor, key) != defaults[key]]
     if friction is not None:
         wrong += [f"friction.{key}" for key in OF_DRIVEN if getattr(friction, key) is not None]
-        wrong += ["friction.law"] if friction.law == "lugre" else []
+        wrong += ["friction.law"] if LAWS[friction.law].bristles else []
     if wrong:
         what = f"the joint mimics {joint.mimic.joint!r} and has no drive"
         yield Problem(what, place=wrong[0], expected="only friction and a motor's gear_ratio and rotor_inertia_kg_m2")
@@ -250,17 +251,16 @@ def _mimic(joint: Any, moving: dict[str, Any]) -> Iterator[Problem]:
 def _effects(robot: Any, joint: Any) -> Iterator[Problem]:
     """Effects of a drive need what they rest on."""
     motor, friction, command = joint.motor, joint.friction, joint.command or robot.command
-    limit = "position_rad" if joint.type == "revolute" else "position_m"
-    if joint.stops is not None and getattr(joint.limits, limit) is None:
-        yield Problem(f"needs limits.{limit}, where they stand", place="stops")
+    if joint.stops is not None and joint.limit("position") is None:
+        yield Problem(f"needs limits.{joint.limit_key('position')}, where they stand", place="stops")
     if joint.elasticity is not None and (motor is None or float(motor.rotor_inertia_kg_m2) == 0):
         yield Problem("needs motor.rotor_inertia_kg_m2 above 0: the mass before the spring", place="elasticity")
     if joint.brake is not None and joint.brake.side == "motor" and motor is None:
         yield Problem("needs a [joints.motor] with its gear_ratio", place="brake.side", value="motor")
-    on_slide = joint.brake is not None and joint.type == "prismatic" and joint.brake.side == "joint"
-    if on_slide and hasattr(joint.brake, "holding_torque_n_m"):
+    brake = joint.brake
+    if brake is not None and brake.side == "joint" and brake.units is not joint.kind.units:
         expected = 'side = "motor", or keys in N'
-        yield Problem("in N m on a prismatic joint, it is its motor's", place="brake", expected=expected)
+        yield Problem(f"in N m on a {joint.type} joint, it is its motor's", place="brake", expected=expected)
     by_temperature = [key for key in BY_TEMPERATURE if getattr(friction, key, None) is not None]
     if by_temperature and (motor is None or motor.thermal is None):
         yield Problem("needs motor.thermal, which knows the temperature", place=f"friction.{by_temperature[0]}")

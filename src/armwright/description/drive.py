@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import sqrt
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, create_model, model_validator
 
-from armwright.description.friction import SMOOTHING, LawName, SmoothingSpeed, check_friction
+from armwright.description.friction import SMOOTHING, SmoothingSpeed, check_friction
+from armwright.description.twins import twin_of
+from armwright.friction_laws import LAWS
+from armwright.joint_kinds import LINEAR, ROTARY, JointUnits
 from armwright.lazy_schema import imported_later
 from armwright.quantity import BelowOne, NotNegative, NotZero, Number, Positive, Range, Record, Share
 from armwright.validation import Invalid
@@ -26,6 +29,10 @@ COMMAND_NEEDS = {  # keys of [motor] without which a drive cannot follow its com
     "current": ("torque_constant_n_m_per_a",),
     "torque": (),
 }
+if TYPE_CHECKING:
+    LawName = str
+else:
+    LawName = Literal[tuple(LAWS)]
 Basis = Literal["dc", "phase_peak", "phase_rms", "line_peak", "line_rms"]
 
 
@@ -118,24 +125,17 @@ class Motor(Record):
         return self
 
 
-class RotaryFriction(Record):
-    """Friction torque against the speed of a revolute joint, or of any joint's motor (`side = "motor"`).
+class _Friction(Record):
+    units: ClassVar[JointUnits]
 
-    With s = q̇ / √(q̇² + smoothing²), or s = sgn q̇ without a smoothing speed (at rest any s from -1 to 1 in the simulator, 0 in
-    the kernels):
-    `law = "coulomb"`:  f = offset + viscous q̇ + s · [ coulomb + (stribeck_torque - coulomb) exp(-(q̇/stribeck_speed)²) ],
-    coulomb_positive where q̇ > 0, coulomb_negative where q̇ < 0 (both magnitudes).
-    `law = "sigmoid"`:  f = a / (1 + exp(-b (q̇ + c))) - a / (1 + exp(-b c)) + viscous q̇ + offset. [Gaz2019]
-    `law = "lugre"`: in the simulator  f = offset + viscous q̇ + bristle_stiffness z + bristle_damping ż,
-    ż = q̇ - bristle_stiffness |q̇| / g z,  g the bracket of the Coulomb law; that law itself in the kernels. [CanudasEtAl1995]
-    With `side = "motor"` the motor's torques are referred by |n|, its viscous friction by n². Signs stay the joint's, also for
-    n < 0: coulomb_positive is felt where q̇ > 0, though the motor then turns backwards; so with offset and sigmoid_shift.
-    `load_coefficient` c adds c |torque| s: of the torque that leaves the gear, or of that which enters it with side = "motor".
-    Temperature counts in the simulator only, by the warming ΔT = T - T_reference of the motor's housing, or winding:
-    viscous · exp(-ΔT / viscous_fall_k), or viscous · max(0, 1 + viscous_temperature_coefficient ΔT), and coulomb and
-    stribeck_torque · max(0, 1 + coulomb_temperature_coefficient ΔT). [BittencourtGunnarsson2012]
-    """
+    @model_validator(mode="after")
+    def _complete(self) -> Any:
+        check_friction(self)
+        return self
 
+
+class _OfAllLaws(_Friction):
+    units = ROTARY
     source: str | None = None
     side: Literal["joint", "motor"] = Field(
         default="joint",
@@ -159,11 +159,31 @@ class RotaryFriction(Record):
         default=None, description="Speed over which it falls to Coulomb's."
     )
     smoothing_rad_per_s: SmoothingSpeed | None = Field(default=None, description=SMOOTHING)
-    sigmoid_amplitude_n_m: NotNegative | None = Field(default=None, description="a of the sigmoid law.")
-    sigmoid_slope_s_per_rad: Positive | None = Field(default=None, description="b of the sigmoid law.")
-    sigmoid_shift_rad_per_s: Number | None = Field(default=None, description="c of the sigmoid law.")
-    bristle_stiffness_n_m_per_rad: Positive | None = Field(default=None, description="σ0 of LuGre.")
-    bristle_damping_n_m_s_per_rad: NotNegative | None = Field(default=None, description="σ1 of LuGre.")
+
+
+READINGS: dict[str, Any] = {"Number": Number, "NotNegative": NotNegative, "Positive": Positive}
+_own: dict[str, Any] = {
+    ROTARY.key(key.stem, key.dimension): (READINGS[key.takes] | None, Field(default=None, description=key.about))
+    for law in LAWS.values()
+    for key in law.own
+}
+_OfLaws = create_model("_OfLaws", __base__=_OfAllLaws, __module__=__name__, **_own)
+
+
+class RotaryFriction(_OfLaws):
+    """Friction torque against the speed of a revolute joint, or of any joint's motor (`side = "motor"`).
+
+    With s = q̇ / √(q̇² + smoothing²), or s = sgn q̇ without a smoothing speed (at rest any s from -1 to 1 in the simulator, 0 in
+    the kernels):
+    {laws}
+    With `side = "motor"` the motor's torques are referred by |n|, its viscous friction by n². Signs stay the joint's, also for
+    n < 0: coulomb_positive is felt where q̇ > 0, though the motor then turns backwards; so with offset and sigmoid_shift.
+    `load_coefficient` c adds c |torque| s: of the torque that leaves the gear, or of that which enters it with side = "motor".
+    Temperature counts in the simulator only, by the warming ΔT = T - T_reference of the motor's housing, or winding:
+    viscous · exp(-ΔT / viscous_fall_k), or viscous · max(0, 1 + viscous_temperature_coefficient ΔT), and coulomb and
+    stribeck_torque · max(0, 1 + coulomb_temperature_coefficient ΔT). [BittencourtGunnarsson2012]
+    """
+
     load_coefficient: BelowOne | None = Field(
         default=None, description="What the dry friction gains of the torque through the gear; absent: nothing."
     )
@@ -178,63 +198,38 @@ class RotaryFriction(Record):
         default=None, description="Relative change of Coulomb's and Stribeck's levels per kelvin; absent: none."
     )
 
-    @model_validator(mode="after")
-    def _complete(self) -> RotaryFriction:
-        check_friction(self, linear=False)
-        return self
+
+_equations = "".join(law.equation for law in LAWS.values()).lstrip("\n")
+RotaryFriction.__doc__ = (RotaryFriction.__doc__ or "").replace("    {laws}", _equations)
 
 
-class LinearFriction(Record):
+@twin_of(RotaryFriction)
+class LinearFriction(_Friction):
     """Friction force against the speed of a prismatic joint: `RotaryFriction` in N and metres."""
 
+    units = LINEAR
     source: str | None = None
     side: Literal["joint"] = Field(
         default="joint", description="A slide's own friction; its motor's is given in N m with side = 'motor'."
     )
-    law: LawName = Field(default="coulomb", description="The equation above that holds.")
-    viscous_n_s_per_m: NotNegative | None = Field(default=None, description="Slope of the friction over the speed.")
-    coulomb_positive_n: NotNegative | None = Field(
-        default=None, description="Magnitude of the dry friction where q̇ > 0."
-    )
-    coulomb_negative_n: NotNegative | None = Field(
-        default=None, description="Magnitude of the dry friction where q̇ < 0."
-    )
-    offset_n: Number | None = Field(
-        default=None, description="A constant force against positive motion, whichever way the joint moves."
-    )
-    stribeck_force_n: NotNegative | None = Field(
-        default=None, description="Magnitude at the beginning of motion, above Coulomb's."
-    )
-    stribeck_speed_m_per_s: Positive | None = Field(default=None, description="Speed over which it falls to Coulomb's.")
-    smoothing_m_per_s: SmoothingSpeed | None = Field(default=None, description=SMOOTHING)
-    sigmoid_amplitude_n: NotNegative | None = Field(default=None, description="a of the sigmoid law.")
-    sigmoid_slope_s_per_m: Positive | None = Field(default=None, description="b of the sigmoid law.")
-    sigmoid_shift_m_per_s: Number | None = Field(default=None, description="c of the sigmoid law.")
-    bristle_stiffness_n_per_m: Positive | None = Field(default=None, description="σ0 of LuGre.")
-    bristle_damping_n_s_per_m: NotNegative | None = Field(default=None, description="σ1 of LuGre.")
-    load_coefficient: BelowOne | None = Field(
-        default=None, description="What the dry friction gains of the torque through the gear; absent: nothing."
-    )
-    viscous_fall_k: Positive | None = Field(
-        default=None,
-        description="Warming over which viscous falls to 1/e, from the motor's thermal.reference_c on; absent: constant.",
-    )
-    viscous_temperature_coefficient_per_k: Number | None = Field(
-        default=None, description="Relative change of viscous per kelvin; instead of viscous_fall_k."
-    )
-    coulomb_temperature_coefficient_per_k: Number | None = Field(
-        default=None, description="Relative change of Coulomb's and Stribeck's levels per kelvin; absent: none."
-    )
+
+
+class _Limits(Record):
+    units: ClassVar[JointUnits]
 
     @model_validator(mode="after")
-    def _complete(self) -> LinearFriction:
-        check_friction(self, linear=True)
+    def _ordered(self) -> Any:
+        key = self.units.key("position", "position")
+        position = getattr(self, key)
+        if position is not None and not position.value[0] < position.value[1]:
+            raise Invalid(place=key, value=position.value, expected="the lowest before the highest")
         return self
 
 
-class RotaryLimits(Record):
+class RotaryLimits(_Limits):
     """Limits of a revolute joint and its drive. Absent: no limit is known."""
 
+    units = ROTARY
     source: str | None = None
     position_rad: Range | None = Field(default=None, description="[lowest, highest].")
     velocity_rad_per_s: Positive | None = Field(default=None, description="Either way.")
@@ -243,29 +238,10 @@ class RotaryLimits(Record):
     voltage_v: Positive | None = Field(default=None, description="Of the drive, either way.")
     current_a: Positive | None = Field(default=None, description="Of the drive, either way.")
 
-    @model_validator(mode="after")
-    def _ordered(self) -> RotaryLimits:
-        return _ordered_range(self, "position_rad")
 
-
-class LinearLimits(Record):
+@twin_of(RotaryLimits)
+class LinearLimits(_Limits):
     """Limits of a prismatic joint and its drive. Absent: no limit is known."""
 
+    units = LINEAR
     source: str | None = None
-    position_m: Range | None = Field(default=None, description="[lowest, highest].")
-    velocity_m_per_s: Positive | None = Field(default=None, description="Either way.")
-    acceleration_m_per_s2: Positive | None = Field(default=None, description="Either way, of planned motions.")
-    force_n: Positive | None = Field(default=None, description="Of the motor referred to the joint, either way.")
-    voltage_v: Positive | None = Field(default=None, description="Of the drive, either way.")
-    current_a: Positive | None = Field(default=None, description="Of the drive, either way.")
-
-    @model_validator(mode="after")
-    def _ordered(self) -> LinearLimits:
-        return _ordered_range(self, "position_m")
-
-
-def _ordered_range(limits: Any, key: str) -> Any:
-    position = getattr(limits, key)
-    if position is not None and not position.value[0] < position.value[1]:
-        raise Invalid(place=key, value=position.value, expected="the lowest before the highest")
-    return limits

@@ -5,11 +5,13 @@ Rotary and linear, by their units. Few robots have them: `description.robot` imp
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
 
+from armwright.description.twins import twin_of
+from armwright.joint_kinds import LINEAR, ROTARY, JointKind, JointUnits
 from armwright.quantity import (
     APART,
     NotNegative,
@@ -104,16 +106,15 @@ class GearEfficiencyTable(Record):
         """Key of the speeds in each row."""
         return "speed_m_per_s" if self.torque_n_m is None else "speed_rad_per_s"
 
-    def check_units(self, place: str, linear: bool) -> None:
-        """Refuses a table in N m on a prismatic joint, or in N on a revolute one.
+    def check_units(self, place: str, kind: JointKind) -> None:
+        """Refuses a table in N m on a joint that slides, or in N on one that turns.
 
         Raises:
             Invalid: names the key that is expected at that place.
         """
-        wanted = "force_n" if linear else "torque_n_m"
+        wanted = "force_n" if kind.units.linear else "torque_n_m"
         if self.torque_key != wanted:
-            kind = "prismatic" if linear else "revolute"
-            raise Invalid(f"on a {kind} joint", place=f"{place}.{self.torque_key}", expected=wanted)
+            raise Invalid(f"on a {kind.name} joint", place=f"{place}.{self.torque_key}", expected=wanted)
 
     @model_validator(mode="after")
     def _complete(self) -> GearEfficiencyTable:
@@ -181,13 +182,26 @@ class Cogging(Record):
     phase_rad: Number = Field(description="Of the sine at θ_motor = 0.")
 
 
-class RotaryElasticity(Record):
+class _Elasticity(Record):
+    units: ClassVar[JointUnits]
+
+    @model_validator(mode="after")
+    def _complete(self) -> Any:
+        cubic, gap = self.units.key("cubic", "cubic"), self.units.key("backlash", "position")
+        if getattr(self, cubic) is not None and getattr(self, gap) is not None:
+            raise Invalid(expected=f"{cubic} or {gap}, not both: a stiffening gear has no play")
+        check_together(self, self.units.key("error", "position"), "error_phase_rad")
+        return self
+
+
+class RotaryElasticity(_Elasticity):
     """A gear that gives way between motor and joint: both positions are states of the simulator. [Spong1987]
 
     δ = θ_motor / n + A sin(2 θ_motor + phase) - q,  torque = k δ' + κ δ'³ + d δ̇,
     δ' = δ less the play: 0 within ± backlash/2, where nothing is transmitted; flanks never pull. [NordinGutman2002]
     """
 
+    units = ROTARY
     source: str | None = None
     stiffness_n_m_per_rad: Positive = Field(description="k, at the joint.")
     damping_n_m_s_per_rad: NotNegative = Field(description="d, at the joint.")
@@ -196,34 +210,13 @@ class RotaryElasticity(Record):
     error_rad: Positive | None = Field(default=None, description=ERROR)
     error_phase_rad: Number | None = Field(default=None, description="Phase of that error at θ_motor = 0.")
 
-    @model_validator(mode="after")
-    def _complete(self) -> RotaryElasticity:
-        return _checked_elasticity(self, "rad", "n_m")
 
-
-class LinearElasticity(Record):
+@twin_of(RotaryElasticity, "error_phase_rad")
+class LinearElasticity(_Elasticity):
     """`RotaryElasticity` of a prismatic joint, in N and metres."""
 
+    units = LINEAR
     source: str | None = None
-    stiffness_n_per_m: Positive = Field(description="k, at the joint.")
-    damping_n_s_per_m: NotNegative = Field(description="d, at the joint.")
-    cubic_n_per_m3: Positive | None = Field(default=None, description=STIFFENING)
-    backlash_m: Positive | None = Field(default=None, description=PLAY)
-    error_m: Positive | None = Field(default=None, description=ERROR)
-    error_phase_rad: Number | None = Field(default=None, description="Phase of that error at θ_motor = 0.")
-
-    @model_validator(mode="after")
-    def _complete(self) -> LinearElasticity:
-        return _checked_elasticity(self, "m", "n")
-
-
-def _checked_elasticity(record: Any, length: str, force: str) -> Any:
-    cubic, gap = getattr(record, f"cubic_{force}_per_{length}3"), getattr(record, f"backlash_{length}")
-    if cubic is not None and gap is not None:
-        expected = f"cubic_{force}_per_{length}3 or backlash_{length}, not both: a stiffening gear has no play"
-        raise Invalid(expected=expected)
-    check_together(record, f"error_{length}", "error_phase_rad")
-    return record
 
 
 class RotaryStops(Record):
@@ -234,15 +227,24 @@ class RotaryStops(Record):
     damping_n_m_s_per_rad: NotNegative = Field(description="d.")
 
 
+@twin_of(RotaryStops)
 class LinearStops(Record):
     """End stops at limits.position_m, springs with dampers that only push:  force = max(0, k p + d ṗ), p > 0 how far in."""
 
     source: str | None = None
-    stiffness_n_per_m: Positive = Field(description="k.")
-    damping_n_s_per_m: NotNegative = Field(description="d.")
 
 
-class RotaryBrake(Record):
+class _Brake(Record):
+    units: ClassVar[JointUnits]
+
+    @model_validator(mode="after")
+    def _check(self) -> Any:
+        stiffness, damping = self.units.key("stiffness", "stiffness"), self.units.key("damping", "damping")
+        check_together(self, stiffness, damping, "release_time_s")
+        return self
+
+
+class RotaryBrake(_Brake):
     """A holding brake, which the simulator applies and releases. [Dahl1968]
 
     With a stiffness it gives way like a spring until it slips: torque = k z + d ż,  ż = q̇ - k |q̇| / holding_torque z while
@@ -250,6 +252,7 @@ class RotaryBrake(Record):
     Without one it is rigid: any torque up to holding_torque at rest, at once.
     """
 
+    units = ROTARY
     source: str | None = None
     side: Literal["joint", "motor"] = Field(default="joint", description=SIDE)
     holding_torque_n_m: Positive = Field(description="Beyond which it slips.")
@@ -259,28 +262,14 @@ class RotaryBrake(Record):
         default=None, description="Over which its torque dies away when it is released."
     )
 
-    @model_validator(mode="after")
-    def _check(self) -> RotaryBrake:
-        check_together(self, "stiffness_n_m_per_rad", "damping_n_m_s_per_rad", "release_time_s")
-        return self
 
-
-class LinearBrake(Record):
+@twin_of(RotaryBrake)
+class LinearBrake(_Brake):
     """`RotaryBrake` on a slide itself, in N and metres; one on its motor has N m and side = "motor"."""
 
+    units = LINEAR
     source: str | None = None
     side: Literal["joint"] = Field(default="joint", description="The slide itself.")
-    holding_force_n: Positive = Field(description="Beyond which it slips.")
-    stiffness_n_per_m: Positive | None = Field(default=None, description="k, of its lining; absent: rigid.")
-    damping_n_s_per_m: NotNegative | None = Field(default=None, description="d.")
-    release_time_s: Positive | None = Field(
-        default=None, description="Over which its force dies away when it is released."
-    )
-
-    @model_validator(mode="after")
-    def _check(self) -> LinearBrake:
-        check_together(self, "stiffness_n_per_m", "damping_n_s_per_m", "release_time_s")
-        return self
 
 
 SlideBrake = LinearBrake | RotaryBrake  # of a prismatic joint: on the slide, or on its motor

@@ -23,10 +23,12 @@ from typing import Any
 
 from pydantic import Field
 
-from armwright.description.drive import Command, LinearFriction, LinearLimits, Motor, RotaryFriction, RotaryLimits
+from armwright.description.drive import Command, LinearFriction, Motor, RotaryFriction
 from armwright.description.paths import path_name
+from armwright.description.robot import JOINTS, PARTS as PARTS_OF
 from armwright.description.toml_file import read_text, toml_tables
 from armwright.errors import DescriptionError, Problem
+from armwright.joint_kinds import KINDS
 from armwright.quantity import Positive, Record, Source, Vector3
 from armwright.reading import real_path
 from armwright.toml_text import TomlText
@@ -111,7 +113,7 @@ def add_drives(path: Path, drives: DriveFile, robot: dict[str, Any], reductions:
         DescriptionError: a joint that the robot has not or that does not move, a gear ratio that is missing or another
             than the other file's, a number without a source.
     """
-    moving = {joint["name"]: joint for joint in robot["joints"] if joint["type"] != "fixed"}
+    moving = {joint["name"]: joint for joint in robot["joints"] if joint["type"] in JOINTS}
     wrong: list[Problem] = []
     for name, drive in drives.joints.items():
         try:
@@ -149,7 +151,7 @@ def _add_drive(
     imported: str,
 ) -> None:
     """Puts the drive of one joint into its record; `imported` is the source of the other file's numbers."""
-    slides = joint["type"] == "prismatic"
+    linear = KINDS[joint["type"]].units.linear
     if drive.command is not None:
         joint["command"] = drive.command
     if drive.bus_period_s is not None:
@@ -160,10 +162,10 @@ def _add_drive(
         joint["motor"] = _part(path, f"{place}.motor", Motor, motor, source)
     if drive.friction is not None:
         on_motor = drive.friction.get("side") == "motor"
-        kind = LinearFriction if slides and not on_motor else RotaryFriction
+        kind = LinearFriction if linear and not on_motor else RotaryFriction
         joint["friction"] = _part(path, f"{place}.friction", kind, drive.friction, source)
     if drive.limits is not None:
-        limits = _part(path, f"{place}.limits", LinearLimits if slides else RotaryLimits, drive.limits, source)
+        limits = _part(path, f"{place}.limits", PARTS_OF["limits"][linear], drive.limits, source)
         joint["limits"] = {**joint.get("limits", {}), **_sourced(limits, source)}
     for part in PARTS:
         if getattr(drive, part) is not None:

@@ -1,55 +1,15 @@
-"""Friction laws in robot files: keys of each law, and valid combinations.
-
-The equations are in `armwright.actuators.friction`, under the same names.
-"""
+"""Friction in robot files: keys that all laws share, and valid combinations. The laws are `armwright.friction_laws`."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import inf
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from armwright.errors import DescriptionError
+from armwright.friction_laws import LAWS
 from armwright.quantity import Quantity, Reading, check_together, one_number
 from armwright.validation import Invalid
 
-LawName = Literal["coulomb", "sigmoid", "lugre"]
-Dimension = Literal["torque", "speed", "slope", "stiffness", "damping"]
-ENDINGS: dict[Dimension, tuple[str, str]] = {  # of keys, in a record in N m and rad and in one in N and m
-    "torque": ("n_m", "n"),
-    "speed": ("rad_per_s", "m_per_s"),
-    "slope": ("s_per_rad", "s_per_m"),
-    "stiffness": ("n_m_per_rad", "n_per_m"),
-    "damping": ("n_m_s_per_rad", "n_s_per_m"),
-}
-
-
-@dataclass(frozen=True)
-class FrictionKeys:
-    """Fields of a record that a law reads, beside viscous friction and offset.
-
-    Attributes:
-        own: keys that only this law has, without their unit, and the dimension of each; it needs all of them.
-        dry: Coulomb's and Stribeck's levels: "allowed", "needed" (Coulomb's, above 0), or "none".
-        linear: those of `own` in which friction is linear: columns of `regressor_drive`.
-        smoothed: whether it needs a smoothing speed; others take sgn q̇ without one.
-    """
-
-    own: tuple[tuple[str, Dimension], ...] = ()
-    dry: Literal["allowed", "needed", "none"] = "allowed"
-    linear: tuple[str, ...] = ()
-    smoothed: bool = False
-
-
-LAWS: dict[LawName, FrictionKeys] = {
-    "coulomb": FrictionKeys(),
-    "sigmoid": FrictionKeys(
-        (("sigmoid_amplitude", "torque"), ("sigmoid_slope", "slope"), ("sigmoid_shift", "speed")),
-        dry="none",
-        linear=("sigmoid_amplitude",),
-    ),
-    "lugre": FrictionKeys((("bristle_stiffness", "stiffness"), ("bristle_damping", "damping")), dry="needed"),
-}
 VISCOUS_FALL = "viscous_fall_k"
 VISCOUS_SLOPE, COULOMB_SLOPE = "viscous_temperature_coefficient_per_k", "coulomb_temperature_coefficient_per_k"
 BY_TEMPERATURE = (VISCOUS_FALL, VISCOUS_SLOPE, COULOMB_SLOPE)  # keys that count where the motor's temperature is known
@@ -63,15 +23,6 @@ SMOOTHING = (
     "Speed over which dry friction and gear loss change their sign; it limits the step. Absent: in simulation they hold a joint "
     "at rest, and kernels take the sign of the speed."
 )
-LINEAR = tuple(  # law and place of every parameter of its own in which friction is linear
-    (name, place) for name, law in LAWS.items() for place, (stem, _) in enumerate(law.own) if stem in law.linear
-)
-
-
-def key_of(stem: str, dimension: Dimension, linear: bool) -> str:
-    """A key with its unit: `key_of("bristle_stiffness", "stiffness", False)` → "bristle_stiffness_n_m_per_rad"."""
-    stem = "stribeck_force" if linear and stem == "stribeck_torque" else stem
-    return f"{stem}_{ENDINGS[dimension][linear]}"
 
 
 def check_smoothing(smoothing: Any) -> None:
@@ -85,20 +36,25 @@ def check_smoothing(smoothing: Any) -> None:
         raise DescriptionError(place="smoothing", value=smoothing, expected=expected)
 
 
-def check_friction(friction: Any, linear: bool) -> None:
-    """Refuses a record of friction whose keys do not go together; `linear`: it is in N and metres.
+def check_friction(friction: Any) -> None:
+    """Refuses a record of friction whose keys do not go together, by the keys of its `units`.
 
     Raises:
         Invalid: names the key and what it needs.
     """
+    key_of = friction.units.key
     present = {key for key in type(friction).model_fields if getattr(friction, key) is not None}
-    coulomb = [key_of(f"coulomb_{side}", "torque", linear) for side in ("positive", "negative")]
-    stribeck = [key_of("stribeck_torque", "torque", linear), key_of("stribeck_speed", "speed", linear)]
+    coulomb = [key_of(f"coulomb_{side}", "torque") for side in ("positive", "negative")]
+    stribeck = [key_of("stribeck_torque", "torque"), key_of("stribeck_speed", "speed")]
     check_together(friction, *coulomb)
     check_together(friction, *stribeck)
     law = LAWS[friction.law]
-    smoothing = [key_of("smoothing", "speed", linear)] if law.smoothed else []
-    needed = [*(key_of(*key, linear) for key in law.own), *(coulomb if law.dry == "needed" else []), *smoothing]
+    smoothing = [key_of("smoothing", "speed")] if law.smoothed else []
+    needed = [
+        *(key_of(key.stem, key.dimension) for key in law.own),
+        *(coulomb if law.dry == "needed" else []),
+        *smoothing,
+    ]
     missing = [key for key in needed if key not in present]
     if missing:
         raise Invalid(f"needs {' and '.join(missing)}", place="law", value=friction.law)
@@ -108,13 +64,17 @@ def check_friction(friction: Any, linear: bool) -> None:
                 place=key, value=0.0, expected=f'a level above 0 with law = "{friction.law}", at which it slips'
             )
     for name, other in LAWS.items():
-        foreign = [key for key in (key_of(*key, linear) for key in other.own) if key in present and key not in needed]
+        foreign = [
+            key
+            for key in (key_of(each.stem, each.dimension) for each in other.own)
+            if key in present and key not in needed
+        ]
         if foreign:
             raise Invalid(f'needs law = "{name}"', place=foreign[0])
     if "load_coefficient" in present and coulomb[0] not in present:
         raise Invalid(f"needs {coulomb[0]} and {coulomb[1]}, which rise with the load", place="load_coefficient")
     for key, needs in ((VISCOUS_FALL, "falls"), (VISCOUS_SLOPE, "changes")):
-        if key in present and key_of("viscous", "damping", linear) not in present:
+        if key in present and key_of("viscous", "damping") not in present:
             raise Invalid(f"needs viscous friction, which {needs}", place=key)
     if VISCOUS_FALL in present and VISCOUS_SLOPE in present:
         raise Invalid(f"goes without {VISCOUS_FALL}", place=VISCOUS_SLOPE)

@@ -9,7 +9,7 @@ from typing import Any
 
 import pydantic
 
-from armwright.description.robot import Joint, Link, RevoluteJoint, RobotDescription
+from armwright.description.robot import JOINTS, Joint, Link, RobotDescription
 
 LISTS = {"joints": Joint, "links": Link}  # of which a table that cannot be read leaves its names behind
 NAMES = ("name", "parent", "child")
@@ -76,4 +76,4 @@ def _bare(key: str, table: Mapping[str, Any]) -> Any:
     """A joint or a link of which only names are known."""
     if key == "links":
         return Link.model_construct(name=table["name"], mass_kg=None, com_m=None, inertia_kg_m2=None)
-    return RevoluteJoint.model_construct(type="revolute", **{name: table[name] for name in NAMES})
+    return JOINTS["revolute"].model_construct(type="revolute", **{name: table[name] for name in NAMES})

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from copy import copy
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Union
 
 import numpy as np
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import Discriminator, Field, Tag, create_model, model_validator
 
 from armwright.description.consistency import check_robot
 from armwright.description.drive import (
@@ -17,40 +18,30 @@ from armwright.description.drive import (
     RotaryLimits,
 )
 from armwright.description.paths import quantities
+from armwright.description.twins import twin_of
 from armwright.errors import DescriptionError
+from armwright.joint_kinds import KINDS, LINEAR, ROTARY, JointKind, JointUnits, moving_kinds
 from armwright.lazy_schema import imported_later
-from armwright.quantity import Direction, NotNegative, NotZero, Number, Positive, Record, Source, Vector3
+from armwright.quantity import Direction, NotNegative, NotZero, Number, Positive, Quantity, Record, Source, Vector3
 from armwright.validation import NAME, NAMEABLE, Invalid
 
 if TYPE_CHECKING:
     from armwright.description.built_from import BuiltFrom
-    from armwright.description.drive_effects import (
-        LinearElasticity,
-        LinearStops,
-        RotaryBrake,
-        RotaryElasticity,
-        RotaryStops,
-        SlideBrake,
-        Supply,
-    )
+    from armwright.description.drive_effects import Supply
     from armwright.description.fits import Fit
-    from armwright.description.springs import Cylinder, LinearSpring, RotarySpring
+    from armwright.description.springs import Cylinder
     from armwright.solids.visual import Visual
 else:
-    LinearElasticity, LinearStops, RotaryBrake, RotaryElasticity, RotaryStops, SlideBrake, Supply = imported_later(
-        "armwright.description.drive_effects",
-        *("LinearElasticity", "LinearStops", "RotaryBrake", "RotaryElasticity", "RotaryStops", "SlideBrake", "Supply"),
-    )
+    (Supply,) = imported_later("armwright.description.drive_effects", "Supply")
     (BuiltFrom,) = imported_later("armwright.description.built_from", "BuiltFrom")
     (Fit,) = imported_later("armwright.description.fits", "Fit")
-    Cylinder, LinearSpring, RotarySpring = imported_later(
-        "armwright.description.springs", "Cylinder", "LinearSpring", "RotarySpring"
-    )
+    (Cylinder,) = imported_later("armwright.description.springs", "Cylinder")
     (Visual,) = imported_later("armwright.solids.visual", "Visual")
 
 Name = Annotated[str, Field(min_length=1, pattern=NAME)]
 FileName = Annotated[str, Field(min_length=1, pattern=NAMEABLE)]  # of joints, links and frames, as their file has it
 MASTER = "The joint that it follows; that may follow another in turn."
+LimitName = Literal["position", "velocity", "acceleration", "torque"]
 MULTIPLIER = "How far it moves by the master's 1 rad or m, in its own unit."
 
 
@@ -92,32 +83,31 @@ class JointFrame(Record):
     rpy_rad: Vector3 = Field(description="Angles about fixed x, then y, then z.")
 
 
-class RotaryMimic(Record):
+class _Mimic(Record):
+    units: ClassVar[JointUnits]
+
+    @property
+    def offset(self) -> Any:
+        """[rad | m]."""
+        return getattr(self, self.units.key("offset", "position")).number
+
+
+class RotaryMimic(_Mimic):
     """A revolute joint without a drive of its own:  q = multiplier · q_master + offset; torques go to the master, by power."""
 
+    units = ROTARY
     source: str | None = None
     joint: str = Field(min_length=1, description=MASTER)
     multiplier: NotZero = Field(description=MULTIPLIER)
     offset_rad: Number = Field(description="Where it stands while its master is at 0.")
 
-    @property
-    def offset(self) -> Any:
-        """[rad]."""
-        return self.offset_rad.number
 
-
-class LinearMimic(Record):
+@twin_of(RotaryMimic)
+class LinearMimic(_Mimic):
     """`RotaryMimic` of a prismatic joint."""
 
+    units = LINEAR
     source: str | None = None
-    joint: str = Field(min_length=1, description=MASTER)
-    multiplier: NotZero = Field(description=MULTIPLIER)
-    offset_m: Number = Field(description="Where it stands while its master is at 0.")
-
-    @property
-    def offset(self) -> Any:
-        """[m]."""
-        return self.offset_m.number
 
 
 class _Joint(Record):
@@ -126,6 +116,14 @@ class _Joint(Record):
     parent: FileName = Field(description="The link that carries the joint.")
     child: FileName = Field(description="The link that the joint moves.")
     frame: JointFrame | None = Field(default=None, description="Where the joint stands: this, dh or modified_dh.")
+    type: Any = Field(description="Kind of joint.")
+    dh: Any = Field(default=None, description="Classic Denavit-Hartenberg row.")
+    modified_dh: Any = Field(default=None, description="Modified (Craig's) row.")
+
+    @property
+    def kind(self) -> JointKind:
+        """The motion that it allows, and its units."""
+        return KINDS[self.type].of(self)
 
     @model_validator(mode="after")
     def _one_placement(self) -> Any:
@@ -156,61 +154,39 @@ SlideFriction = Annotated[
 ]
 
 
-class RevoluteJoint(_Joint):
-    """A joint that turns about the z axis of its frame (DH), or about `axis` in its frame."""
+class MovingJoint(_Joint):
+    """Keys of all joints that move. Every kind has a record of its own, `JOINTS`, with parts in its units."""
 
-    type: Literal["revolute"] = Field(description="Kind of joint.")
-    dh: RevoluteDH | None = Field(default=None, description="Classic Denavit-Hartenberg row.")
-    modified_dh: RevoluteDH | None = Field(default=None, description="Modified (Craig's) row.")
     axis: Direction | None = Field(
         default=None, description="Direction of the joint in its frame; goes with frame only."
     )
-    mimic: RotaryMimic | None = Field(default=None, description="Whom it follows; absent: it has an entry in q.")
+    mimic: Any = Field(default=None, description="Whom it follows; absent: it has an entry in q.")
     command: Command | None = Field(
         default=None, description="Kind of command that its drive takes; absent: the robot's."
     )
     bus_period_s: Positive | None = Field(default=None, description="Time between two commands on the drive's bus.")
     motor: Motor | None = Field(default=None, description="Motor and gear.")
-    friction: RotaryFriction | None = Field(default=None, description="Absent: none.")
-    limits: RotaryLimits = Field(default=RotaryLimits.model_construct(), description="Absent: none known.")
-    elasticity: RotaryElasticity | None = Field(default=None, description="Of the gear; absent: it is rigid.")
-    stops: RotaryStops | None = Field(
-        default=None, description="End stops; absent: nothing stops the joint at its limits."
-    )
-    brake: RotaryBrake | None = Field(default=None, description="A holding brake; absent: none.")
-    spring: RotarySpring | None = Field(default=None, description="A spring at the joint; absent: none.")
-
-
-class PrismaticJoint(_Joint):
-    """A joint that slides along the z axis of its frame (DH), or along `axis` in its frame."""
-
-    type: Literal["prismatic"] = Field(description="Kind of joint.")
-    dh: PrismaticDH | None = Field(default=None, description="Classic Denavit-Hartenberg row.")
-    modified_dh: PrismaticDH | None = Field(default=None, description="Modified (Craig's) row.")
-    axis: Direction | None = Field(
-        default=None, description="Direction of the joint in its frame; goes with frame only."
-    )
-    mimic: LinearMimic | None = Field(default=None, description="Whom it follows; absent: it has an entry in q.")
-    command: Command | None = Field(
-        default=None, description="Kind of command that its drive takes; absent: the robot's."
-    )
-    bus_period_s: Positive | None = Field(default=None, description="Time between two commands on the drive's bus.")
-    motor: Motor | None = Field(default=None, description="Motor and gear.")
-    friction: SlideFriction | None = Field(default=None, description="Absent: none.")
-    limits: LinearLimits = Field(default=LinearLimits.model_construct(), description="Absent: none known.")
-    elasticity: LinearElasticity | None = Field(default=None, description="Of the gear; absent: it is rigid.")
-    stops: LinearStops | None = Field(
-        default=None, description="End stops; absent: nothing stops the joint at its limits."
-    )
-    brake: SlideBrake | None = Field(default=None, description="A holding brake; absent: none.")
-    spring: LinearSpring | None = Field(default=None, description="A spring at the joint; absent: none.")
+    friction: Any = Field(default=None, description="Absent: none.")
+    limits: Any = Field(default=None, description="Absent: none known.")
+    elasticity: Any = Field(default=None, description="Of the gear; absent: it is rigid.")
+    stops: Any = Field(default=None, description="End stops; absent: nothing stops the joint at its limits.")
+    brake: Any = Field(default=None, description="A holding brake; absent: none.")
+    spring: Any = Field(default=None, description="A spring at the joint; absent: none.")
 
     @model_validator(mode="after")
-    def _friction_side(self) -> PrismaticJoint:
-        if isinstance(self.friction, RotaryFriction) and self.friction.side != "motor":
+    def _friction_side(self) -> Any:
+        if self.kind.units.linear and isinstance(self.friction, RotaryFriction) and self.friction.side != "motor":
             expected = 'side = "motor", or keys in N'
-            raise Invalid("in N m on a prismatic joint, it is its motor's", place="friction", expected=expected)
+            raise Invalid(f"in N m on a {self.type} joint, it is its motor's", place="friction", expected=expected)
         return self
+
+    def limit_key(self, quantity: LimitName) -> str:
+        """Key of one of its limits, with its unit: `joint.limit_key("velocity")` → "velocity_rad_per_s"."""
+        return self.kind.units.key(quantity, "speed" if quantity == "velocity" else quantity)
+
+    def limit(self, quantity: LimitName) -> Quantity | None:
+        """One of its limits; None where it is not known."""
+        return getattr(self.limits, self.limit_key(quantity))
 
 
 class FixedJoint(_Joint):
@@ -221,8 +197,38 @@ class FixedJoint(_Joint):
     modified_dh: FixedDH | None = Field(default=None, description="Modified (Craig's) row.")
 
 
-Joint = Annotated[RevoluteJoint | PrismaticJoint | FixedJoint, Field(discriminator="type")]
-MovingJoint = RevoluteJoint | PrismaticJoint
+PARTS: dict[str, tuple[Any, Any]] = {  # of a joint whose coordinate is an angle, and of one where it is a length
+    "mimic": (RotaryMimic, LinearMimic),
+    "friction": (RotaryFriction, SlideFriction),
+    "limits": (RotaryLimits, LinearLimits),
+    "elasticity": imported_later("armwright.description.drive_effects", "RotaryElasticity", "LinearElasticity"),
+    "stops": imported_later("armwright.description.drive_effects", "RotaryStops", "LinearStops"),
+    "brake": imported_later("armwright.description.drive_effects", "RotaryBrake", "SlideBrake"),
+    "spring": imported_later("armwright.description.springs", "RotarySpring", "LinearSpring"),
+}
+
+
+def _joint_record(kind: type[JointKind]) -> type[MovingJoint]:
+    """The record of a kind: the keys of all joints, with parts in its units, and its own numbers."""
+    row = RevoluteDH if kind.turns else PrismaticDH
+    parts = {key: pair[kind.units.linear] for key, pair in PARTS.items()}
+    fields: dict[str, Any] = {"type": (Literal[kind.name], Field(description="Kind of joint."))}
+    fields |= {key: (NotZero, Field(description=about)) for key, about in kind.numbers.items()}
+    for key, part in {"dh": row, "modified_dh": row, **parts}.items():
+        field = copy(MovingJoint.model_fields[key])
+        if key == "limits":
+            field.default = part.model_construct()
+        fields[key] = (part if key == "limits" else part | None, field)
+    name = f"{kind.name.capitalize()}Joint"
+    return create_model(name, __base__=MovingJoint, __module__=__name__, __doc__=kind.about, **fields)
+
+
+JOINTS = {name: _joint_record(kind) for name, kind in moving_kinds().items()}
+globals().update({record.__name__: record for record in JOINTS.values()})  # pickles look them up by name
+if TYPE_CHECKING:
+    Joint = MovingJoint | FixedJoint
+else:
+    Joint = Annotated[Union[(*JOINTS.values(), FixedJoint)], Field(discriminator="type")]
 
 
 class Inertia(Record):
@@ -306,6 +312,11 @@ class RobotDescription(Record):
     def _consistent(self) -> RobotDescription:
         check_robot(self)
         return self
+
+    @property
+    def moving_joints(self) -> tuple[MovingJoint, ...]:
+        """The joints that move, in the file's order."""
+        return tuple(joint for joint in self.joints if isinstance(joint, MovingJoint))
 
     def link(self, name: str) -> Link:
         """The link of that name."""

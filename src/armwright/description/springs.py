@@ -5,24 +5,49 @@ Few robots have them: `description.robot` imports this file when it meets one. T
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
 from armwright.description.robot import FileName
+from armwright.description.twins import twin_of
+from armwright.joint_kinds import LINEAR, ROTARY, JointUnits
 from armwright.quantity import Increasing, NotNegative, Number, Numbers, Positive, Record, Vector3, check_together
 from armwright.validation import Invalid
 
 OUTSIDE = 'Beyond the table\'s ends: "constant", the value there; "linear", the slope there. Goes with the table.'
 
 
-class RotarySpring(Record):
+class _Spring(Record):
+    units: ClassVar[JointUnits]
+
+    @model_validator(mode="after")
+    def _complete(self) -> Any:
+        stiffness, rest = self.units.key("stiffness", "stiffness"), self.units.key("rest", "position")
+        positions, values = self.units.key("positions", "position"), self.units.key("torques", "torque")
+        table, line = (positions, values, "outside"), (stiffness, rest, self.units.key("preload", "torque"))
+        present = [key for key in (*line, *table) if getattr(self, key) is not None]
+        if not present or (set(present) & set(line) and set(present) & set(table)):
+            raise Invalid(expected=f"{stiffness} and {rest}, or a table: {', '.join(table)}")
+        if present[0] in line:
+            if missing := [key for key in (stiffness, rest) if key not in present]:
+                raise Invalid(f"needs {' and '.join(missing)} beside it", place=present[0])
+            return self
+        check_together(self, *table)
+        count, given = len(getattr(self, positions).value), getattr(self, values).value
+        if len(given) != count:
+            raise Invalid(place=values, value=given, expected=f"{count} numbers, as in {positions}")
+        return self
+
+
+class RotarySpring(_Spring):
     """A spring at a revolute joint, on the link's side of the gear. A torque above 0 drives the joint forward, as a motor's does.
 
     Linear:  torque = preload - stiffness (q - rest).
     By table: straight lines between the points (positions, torques); the slope jumps at the points. [DeBoor1978]
     """
 
+    units = ROTARY
     source: str | None = None
     stiffness_n_m_per_rad: NotNegative | None = Field(default=None, description="k of a linear spring.")
     rest_rad: Number | None = Field(default=None, description="Where a linear spring has its preload.")
@@ -33,45 +58,13 @@ class RotarySpring(Record):
     torques_n_m: Numbers | None = Field(default=None, description="As many.")
     outside: Literal["constant", "linear"] | None = Field(default=None, description=OUTSIDE)
 
-    @model_validator(mode="after")
-    def _complete(self) -> RotarySpring:
-        return _checked(self, "rad", "n_m", "torques_n_m")
 
-
-class LinearSpring(Record):
+@twin_of(RotarySpring)
+class LinearSpring(_Spring):
     """`RotarySpring` of a prismatic joint, in N and metres."""
 
+    units = LINEAR
     source: str | None = None
-    stiffness_n_per_m: NotNegative | None = Field(default=None, description="k of a linear spring.")
-    rest_m: Number | None = Field(default=None, description="Where a linear spring has its preload.")
-    preload_n: Number | None = Field(
-        default=None, description="Force at rest_m; absent: 0. With a stiffness of 0 a constant force."
-    )
-    positions_m: Increasing | None = Field(default=None, description="Points of a table, in place of a stiffness.")
-    forces_n: Numbers | None = Field(default=None, description="As many.")
-    outside: Literal["constant", "linear"] | None = Field(default=None, description=OUTSIDE)
-
-    @model_validator(mode="after")
-    def _complete(self) -> LinearSpring:
-        return _checked(self, "m", "n", "forces_n")
-
-
-def _checked(spring: Any, length: str, force: str, values: str) -> Any:
-    stiffness, rest = f"stiffness_{force}_per_{length}", f"rest_{length}"
-    positions, table = f"positions_{length}", (f"positions_{length}", values, "outside")
-    linear = (stiffness, rest, f"preload_{force}")
-    present = [key for key in (*linear, *table) if getattr(spring, key) is not None]
-    if not present or (set(present) & set(linear) and set(present) & set(table)):
-        raise Invalid(expected=f"{stiffness} and {rest}, or a table: {', '.join(table)}")
-    if present[0] in linear:
-        if missing := [key for key in (stiffness, rest) if key not in present]:
-            raise Invalid(f"needs {' and '.join(missing)} beside it", place=present[0])
-        return spring
-    check_together(spring, *table)
-    count = len(getattr(spring, positions).value)
-    if len(getattr(spring, values).value) != count:
-        raise Invalid(place=values, value=getattr(spring, values).value, expected=f"{count} numbers, as in {positions}")
-    return spring
 
 
 class Cylinder(Record):

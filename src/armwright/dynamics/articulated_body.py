@@ -67,7 +67,7 @@ def articulated_accelerations(
         net = net - sprung_torques(arm, q)
     freely = {}  # r/D, the acceleration of a joint whose parent has none beyond its bias
     for i, body in arm.inward():
-        r = net[i] - (n[i] if body.kind == "revolute" else f[i])[2]
+        r = net[i] - body.kind.project(n[i], f[i])[2]
         freely[i] = r / d[i]
         if body.parent != BASE:
             k, kn = share[i]
@@ -78,8 +78,11 @@ def articulated_accelerations(
         a[i], wd[i] = axial[i].acceleration_to_body(a[body.parent], wd[body.parent])
         k, kn = share[i]
         qdd[i] = freely[i] - (k @ a[i] + kn @ wd[i])
-        along_axis = scalar.array([0.0, 0.0, qdd[i]])
-        a[i], wd[i] = (a[i], wd[i] + along_axis) if body.kind == "revolute" else (a[i] + along_axis, wd[i])
+        about, along = body.kind.motion(qdd[i])
+        if body.kind.turns:
+            wd[i] = wd[i] + scalar.array([0.0, 0.0, about])
+        if body.kind.slides:
+            a[i] = a[i] + scalar.array([0.0, 0.0, along])
     return scalar.array(qdd)
 
 
@@ -95,7 +98,7 @@ def articulated_shares(
     share, d = {}, {}
     for i, body in arm.inward():
         u, un = inertia[i].column(body.kind)
-        d[i] = (un if body.kind == "revolute" else u)[2] + body.drive.joint_inertia
+        d[i] = body.kind.project(un, u)[2] + body.drive.joint_inertia
         share[i] = u / d[i], un / d[i]
         if body.parent != BASE:
             left = inertia[i].without(body.kind, share[i], body.drive.joint_inertia)

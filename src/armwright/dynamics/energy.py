@@ -45,13 +45,13 @@ def _kinetic_energy(arm: Model, q: Array, qd: Array) -> Scalar:
     """T of the links and of the rotors that one joint each turns."""
     w, v, total = {BASE: scalar.zeros(3)}, {BASE: scalar.zeros(3)}, 0.0
     for (i, body), motion in zip(arm.outward(), joint_motions(arm, q), strict=True):
-        along_z = scalar.array([0.0, 0.0, qd[i]])
         w[i] = motion.to_body(w[body.parent])
         v[i] = motion.to_body(v[body.parent] + cross(w[body.parent], motion.position))
-        if body.kind == "revolute":
-            w[i] = w[i] + along_z
-        else:
-            v[i] = v[i] + along_z
+        about, along = body.kind.motion(qd[i])
+        if body.kind.turns:
+            w[i] = w[i] + scalar.array([0.0, 0.0, about])
+        if body.kind.slides:
+            v[i] = v[i] + scalar.array([0.0, 0.0, along])
         total = total + 0.5 * (
             v[i] @ (body.mass * v[i] + 2.0 * cross(w[i], body.first_moment))
             + w[i] @ (body.inertia @ w[i])

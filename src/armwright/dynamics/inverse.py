@@ -113,7 +113,7 @@ def link_torques(
     f, n = inertial_forces(arm, motion, qd, qdd, wrench)
     tau = scalar.zeros(arm.n)
     for i, body in arm.inward():
-        tau[i] = n[i][2] if body.kind == "revolute" else f[i][2]  # (10), the axis is z
+        tau[i] = body.kind.project(n[i], f[i])[2]  # (10), the axis is z
         if body.parent != BASE:
             pushed = motion[i].to_parent(f[i])
             f[body.parent] = f[body.parent] + pushed  # (8)

@@ -6,6 +6,7 @@ import numpy as np
 
 from armwright import scalar
 from armwright.actuators.coupling import coupled_inertia, shares_of
+from armwright.joint_kinds import JointKind
 from armwright.kinematics.joint_motion import joint_motions
 from armwright.model import BASE, Mimics, Model, on_tree, one_state_with_masses
 from armwright.scalar import Array
@@ -39,13 +40,13 @@ def _composite_bodies(arm: Model, q: Array) -> np.ndarray:
     columns = scalar.zeros(arm.n, arm.n)
     for j, body in arm.inward():
         force, moment = _unit_acceleration(body.kind, m[j], h[j], e[j])  # (19)-(22)
-        columns[j, j] = (moment if body.kind == "revolute" else force)[2] + body.drive.joint_inertia  # (23)
+        columns[j, j] = body.kind.project(moment, force)[2] + body.drive.joint_inertia  # (23)
         at = j
         while arm.bodies[at].parent != BASE:
             force, moment = motion[at].to_parent(force), motion[at].to_parent(moment)  # (24)
             moment = moment + cross(motion[at].position, force)  # (25)
             at = arm.bodies[at].parent
-            columns[at, j] = columns[j, at] = (moment if arm.bodies[at].kind == "revolute" else force)[2]  # (26)
+            columns[at, j] = columns[j, at] = arm.bodies[at].kind.project(moment, force)[2]  # (26)
         a = body.parent
         if a != BASE:
             p, shifted = motion[j].position, motion[j].to_parent(h[j])
@@ -55,8 +56,7 @@ def _composite_bodies(arm: Model, q: Array) -> np.ndarray:
     return scalar.array(columns)
 
 
-def _unit_acceleration(kind: str, m: Array, h: Array, e: Array) -> tuple[np.ndarray, np.ndarray]:
-    """Inertial force and moment about the origin of a body that accelerates by 1 about z (or along z)."""
-    if kind == "revolute":
-        return scalar.array([-h[1], h[0], 0.0]), e[:, 2]  # z × h, E z
-    return scalar.array([0.0, 0.0, m]), scalar.array([h[1], -h[0], 0.0])  # m z, h × z
+def _unit_acceleration(kind: JointKind, m: Array, h: Array, e: Array) -> tuple[Array, Array]:
+    """Inertial force and moment about the origin of a body whose joint accelerates by 1."""
+    force = kind.project(scalar.array([-h[1], h[0], 0.0]), scalar.array([0.0, 0.0, m]))  # z × h, m z
+    return force, kind.project(e[:, 2], scalar.array([h[1], -h[0], 0.0]))  # E z, h × z

@@ -11,11 +11,12 @@ import numpy as np
 
 from armwright import scalar
 from armwright.actuators.friction import joint_friction
-from armwright.description.friction import LINEAR
 from armwright.dynamics.inverse import link_torques
+from armwright.friction_laws import linear_parameters
 from armwright.model import Body, Friction, Mimics, Model, on_tree, one_state
 from armwright.scalar import Array, Scalar
 
+LINEAR = linear_parameters()
 COLUMNS = 6 + len(LINEAR)  # of one joint's `drive_parameters`
 
 

@@ -59,8 +59,7 @@ def _add_cylinder(s: np.ndarray, arm: Model, cylinder: Cylinder, motion: list[Jo
     for arms, path, force in zip(levers, paths, (-push, push), strict=True):
         for k, i in enumerate(path[common:]):
             axis = arm.bodies[i].placement.rotation[:, 2]
-            turns = arm.bodies[i].kind == "revolute"
-            s[i] = s[i] - axis @ (cross(arms[i], force) if turns else force)
+            s[i] = s[i] - axis @ arm.bodies[i].kind.project(cross(arms[i], force), force)
             if k < len(path) - common - 1:
                 force = motion[i].to_body(force)
 

@@ -88,16 +88,16 @@ def _top(arm: Model, name: str, real: str) -> list[str]:
         "gcc -fstack-usage tells.",
         "",
         "Joints, in the order of every array over joints:",
-        *(f"  [{k}] {body.joint} ({body.kind}, {_POSITION[body.kind]})" for k, body in enumerate(arm.coordinates)),
+        *(
+            f"  [{k}] {body.joint} ({body.kind.name}, {body.kind.units.position})"
+            for k, body in enumerate(arm.coordinates)
+        ),
     ]
 
 
 def _on_arithmetic() -> str:
     first = "0 if the C file was compiled by the rules of IEEE 754, on which its bits rest; else what breaks them:"
     return comment([first, "", *(f"  {value}  {meaning}" for value, meaning in enumerate(FAULTS))])
-
-
-_POSITION = {"revolute": "rad", "prismatic": "m"}
 
 
 def _documented(arm: Model, function: CFunction, stack: int) -> str:

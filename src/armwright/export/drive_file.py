@@ -7,7 +7,7 @@ from typing import Any
 import tomlkit
 
 from armwright.description.drive_file import JointDrive
-from armwright.description.robot import FixedJoint, RobotDescription
+from armwright.description.robot import RobotDescription
 from armwright.export.joints import JointFrame, joint_frames, moved_tip
 from armwright.export.springs import cylinder_ends
 from armwright.model.variants.edits import tip_of
@@ -19,9 +19,7 @@ CARRIED = [name for name in JointDrive.model_fields if name != "source"]
 def drive_file(robot: RobotDescription) -> str:
     """The text of NAME.drive.toml, read by `read_urdf` together with NAME.urdf."""
     joints: dict[str, Any] = {}
-    for joint in robot.joints:
-        if isinstance(joint, FixedJoint):
-            continue
+    for joint in robot.moving_joints:
         source = joint.source or robot.source
         values = {name: getattr(joint, name) for name in CARRIED}
         joints[joint.name] = {

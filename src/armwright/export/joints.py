@@ -6,11 +6,13 @@ Classic Denavit-Hartenberg parameters put a link's frame elsewhere.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from armwright.description.robot import FixedJoint, Joint, Link, MovingJoint, PrismaticJoint, RobotDescription
+from armwright.description.robot import FixedJoint, Joint, Link, MovingJoint, RobotDescription
+from armwright.errors import ModelError
 from armwright.model.build import joint_placement
 from armwright.model.joint_side import friction_of
 from armwright.model.variants.edits import tip_of
@@ -64,6 +66,20 @@ def joint_frames(robot: RobotDescription) -> list[JointFrame]:
     return frames
 
 
+def named_in(types: Mapping[str, str], joint: Joint, file: str) -> str:
+    """What another format calls the joint's kind.
+
+    Args:
+        types: its word for every kind that it has.   file: the format, such as "a URDF".
+    Raises:
+        ModelError: it has no such joint.
+    """
+    if joint.type not in types:
+        what = f"{file} has no {joint.type} joint"
+        raise ModelError(what, place=f"joint {joint.name!r} type", value=joint.type, choices=types)
+    return types[joint.type]
+
+
 def moved_tip(robot: RobotDescription, frames: list[JointFrame]) -> str | None:
     """The name of the tip's frame if the tip is a link whose frame was moved onto its joint."""
     tip = tip_of(robot)
@@ -101,9 +117,7 @@ def _unit(axis: np.ndarray) -> tuple[float, ...]:
 
 def plain_limits(joint: MovingJoint) -> tuple[Limit, Limit, Limit]:
     """(position [rad | m], velocity [rad/s | m/s], effort [N m | N]); None for an unknown limit."""
-    if isinstance(joint, PrismaticJoint):
-        return joint.limits.position_m, joint.limits.velocity_m_per_s, joint.limits.force_n
-    return joint.limits.position_rad, joint.limits.velocity_rad_per_s, joint.limits.torque_n_m
+    return joint.limit("position"), joint.limit("velocity"), joint.limit("torque")
 
 
 def plain_friction(joint: MovingJoint) -> tuple[float, float]:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable
+from typing import Any
 
-from armwright.description.drive import LinearFriction, LinearLimits, RotaryFriction, RotaryLimits
 from armwright.description.drive_file import PARTS
 from armwright.description.friction import BY_TEMPERATURE
 from armwright.description.paths import quantities
-from armwright.description.robot import FixedJoint, RobotDescription
+from armwright.description.robot import RobotDescription
 from armwright.export.joints import is_of_coupled_motor
-from armwright.quantity import Quantity
+from armwright.friction_laws import LAWS
 
 
 class Losses:
@@ -38,7 +38,7 @@ def of_all_formats(robot: RobotDescription, kept: str = "") -> list[str]:
     Args:
         robot: the description.   kept: what is said behind those that a drive file keeps.
     """
-    moving = [joint for joint in robot.joints if not isinstance(joint, FixedJoint)]
+    moving = robot.moving_joints
     motors = [(joint.name, joint.motor) for joint in moving if joint.motor is not None]
     electric = [name for name, motor in motors if motor.torque_constant_n_m_per_a is not None]
     lossy, by_load = (
@@ -47,7 +47,7 @@ def of_all_formats(robot: RobotDescription, kept: str = "") -> list[str]:
     )
     driven = [joint.name for joint in moving if (joint.command or robot.command) != "torque"]
     supply = [j.name for j in moving if j.limits.voltage_v is not None or j.limits.current_a is not None]
-    planned = [j.name for j in moving if _acceleration(j.limits) is not None]
+    planned = [j.name for j in moving if j.limit("acceleration") is not None]
     numbers = list(quantities(robot))
     spread = sum(quantity.std is not None for _, quantity, _ in numbers)
     dh = [joint.name for joint in robot.joints if joint.dh is not None or joint.modified_dh is not None]
@@ -58,7 +58,8 @@ def of_all_formats(robot: RobotDescription, kept: str = "") -> list[str]:
     within = {key: [name for name, motor in motors if getattr(motor, key) not in (None, ())] for key in EFFECTS}
     elastic = [(joint.name, joint.elasticity) for joint in moving if joint.elasticity is not None]
     play, error = (
-        [name for name, each in elastic if getattr(each, key) is not None] for key in ("backlash_rad", "error_rad")
+        [name for name, each in elastic if getattr(each, each.units.key(stem, "position")) is not None]
+        for stem in ("backlash", "error")
     )
     of_drives = [
         loss_of("electrical constants", electric),
@@ -83,15 +84,11 @@ def of_all_formats(robot: RobotDescription, kept: str = "") -> list[str]:
     return [*(f"{sentence}{kept}" for sentence in of_drives if sentence), *filter(None, others)]
 
 
-def _acceleration(limits: RotaryLimits | LinearLimits) -> Quantity | None:
-    return limits.acceleration_rad_per_s2 if isinstance(limits, RotaryLimits) else limits.acceleration_m_per_s2
-
-
 def of_friction(robot: RobotDescription) -> list[str]:
     """Properties of the friction records beyond damping and one magnitude of dry friction."""
     lost: dict[str, list[str]] = {}
-    for joint in robot.joints:
-        if isinstance(joint, FixedJoint) or joint.friction is None:
+    for joint in robot.moving_joints:
+        if joint.friction is None:
             continue
         coupled = is_of_coupled_motor(joint)
         for what in ["friction of coupled motors"] if coupled else _beyond_coulomb(joint.friction):
@@ -99,30 +96,26 @@ def of_friction(robot: RobotDescription) -> list[str]:
     return [loss_of(what, names) for what, names in lost.items()]
 
 
-def _beyond_coulomb(friction: RotaryFriction | LinearFriction) -> list[str]:
-    rotary = isinstance(friction, RotaryFriction)
-    force = "n_m" if rotary else "n"
-    plus, minus = (getattr(friction, f"coulomb_{side}_{force}") for side in ("positive", "negative"))
-    offset = getattr(friction, f"offset_{force}")
-    level = friction.stribeck_torque_n_m if rotary else friction.stribeck_force_n
-    lost = []
-    if friction.law == "sigmoid":
-        lost.append("friction by the law 'sigmoid' (its viscous part is written)")
-    if friction.law == "lugre":
-        lost.append("the bristles of the friction law 'lugre'")
+def _beyond_coulomb(friction: Any) -> list[str]:
+    key = friction.units.key
+    plus, minus, offset, level = (
+        getattr(friction, key(stem, "torque"))
+        for stem in ("coulomb_positive", "coulomb_negative", "offset", "stribeck_torque")
+    )
+    lost = [LAWS[friction.law].lost] if LAWS[friction.law].lost else []
     if friction.side == "motor":
         lost.append("that friction is the motor's (written as the joint's, by n² and |n|)")
     if plus is not None and minus is not None:
-        if (friction.smoothing_rad_per_s if rotary else friction.smoothing_m_per_s) is not None:
+        if getattr(friction, key("smoothing", "speed")) is not None:
             lost.append("the speed that smooths dry friction")
         if float(plus) != float(minus):
             lost.append("dry friction that differs by direction (the mean is written)")
     if offset is not None and float(offset):
         lost.append("friction offset")
     lost += [
-        f"{key} of the friction"
-        for key in ("load_coefficient", *BY_TEMPERATURE)
-        if getattr(friction, key, None) is not None
+        f"{each} of the friction"
+        for each in ("load_coefficient", *BY_TEMPERATURE)
+        if getattr(friction, each, None) is not None
     ]
     if level is not None:
         lost.append("Stribeck friction")

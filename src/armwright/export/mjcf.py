@@ -10,8 +10,8 @@ from xml.etree import ElementTree
 import numpy as np
 
 from armwright.description.record_of import Arm, record_of
-from armwright.description.robot import FixedJoint, MovingJoint, PrismaticJoint, RobotDescription
-from armwright.export.joints import JointFrame, joint_frames, place_of, plain_friction, plain_limits
+from armwright.description.robot import MovingJoint, RobotDescription
+from armwright.export.joints import JointFrame, joint_frames, named_in, place_of, plain_friction, plain_limits
 from armwright.export.losses import Losses, of_all_formats, of_friction
 from armwright.export.springs import add_tendons, joint_stiffness
 from armwright.features import Support
@@ -22,6 +22,7 @@ from armwright.output import whole_file
 from armwright.solids.shapes import Box, Cylinder, Ellipsoid, Sphere
 from armwright.spatial import Placement, pseudo_inertia, rotation_quaternion
 
+TYPES = {"revolute": "hinge", "prismatic": "slide"}
 LOST = "not in the file; named among what is lost"
 SUPPORT = Support(
     "convert to MJCF",
@@ -33,6 +34,7 @@ SUPPORT = Support(
         ),
         LOST,
     ),
+    refused={"screw joints": "has no helical joint"},
 )
 
 
@@ -71,7 +73,7 @@ def mjcf_text(description: RobotDescription) -> tuple[str, list[str]]:
             bodies[entry.joint.parent], "body", {"name": entry.link.name, **_pose(entry.frame)}
         )
         bodies[entry.link.name] = body
-        if not isinstance(entry.joint, FixedJoint):
+        if isinstance(entry.joint, MovingJoint):
             _joint(body, actuator, entry.joint, entry, losses)
             if not _has_mass(description, entry.link.name):
                 losses.add("MuJoCo will not read the file, as nothing moved has mass", entry.joint.name)
@@ -85,8 +87,8 @@ def mjcf_text(description: RobotDescription) -> tuple[str, list[str]]:
     if tip is not None and "tip" not in (tip, *(frame.name for frame in description.frames)):
         link, at = place_of(description, frames, tip)
         ElementTree.SubElement(bodies[link], "site", {"name": "tip", **_pose(at)})
-    for joint in description.joints:
-        if not isinstance(joint, FixedJoint) and joint.mimic is not None:
+    for joint in description.moving_joints:
+        if joint.mimic is not None:
             pair = {"joint1": joint.name, "joint2": joint.mimic.joint}
             line = _text((joint.mimic.offset, joint.mimic.multiplier, 0.0, 0.0, 0.0))
             ElementTree.SubElement(equality, "joint", {**pair, "polycoef": line})
@@ -106,9 +108,9 @@ def mjcf_text(description: RobotDescription) -> tuple[str, list[str]]:
 
 
 def _joint(body: Any, actuator: Any, joint: MovingJoint, entry: JointFrame, losses: Losses) -> None:
-    slides, motor = isinstance(joint, PrismaticJoint), joint.motor
+    kind, motor = named_in(TYPES, joint, "an MJCF"), joint.motor
     position, velocity, effort = plain_limits(joint)
-    values = {"name": joint.name, "type": "slide" if slides else "hinge", "axis": _text(entry.axis)}
+    values = {"name": joint.name, "type": kind, "axis": _text(entry.axis)}
     if position is not None:
         values |= {"limited": "true", "range": _text(np.array(position))}
     if velocity is not None:
@@ -146,7 +148,7 @@ def _inertial(body: Any, entry: JointFrame, losses: Losses) -> None:
 def _has_mass(description: RobotDescription, link: str) -> bool:
     """True if a link has mass or inertia, or one that is fixed to it has."""
     record = description.link(link)
-    fixed = [j.child for j in description.joints if isinstance(j, FixedJoint) and j.parent == link]
+    fixed = [j.child for j in description.joints if not j.kind.moves and j.parent == link]
     has_mass = bool(float(record.mass_kg)) or bool(record.inertia_kg_m2.matrix().any())
     return has_mass or any(_has_mass(description, child) for child in fixed)
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,7 +23,7 @@ import numpy as np
 
 from armwright.description.drive_file import ENDING
 from armwright.description.record_of import Arm, record_of
-from armwright.description.robot import FixedJoint, MovingJoint, PrismaticJoint, RobotDescription
+from armwright.description.robot import MovingJoint, RobotDescription
 from armwright.errors import ModelError
 from armwright.export.c import folder_to_write
 from armwright.export.joints import Limit, plain_limits
@@ -31,7 +32,7 @@ from armwright.features import Support
 from armwright.output import file_stem, whole_file
 from armwright.results.result import Result
 
-SUPPORT = Support("export ros2")
+SUPPORT = Support("export ros2", refused={"screw joints": "has no helical joint"})
 
 HARDWARE = (
     "mock_components/GenericSystem"  # of ros2_control: state follows command; stands for the driver of the real arm
@@ -82,7 +83,7 @@ def export_ros2(
     if not isinstance(hardware, str) or not hardware.strip():
         raise ModelError(place="hardware", value=hardware, expected=f"the name of a plugin, such as {HARDWARE}")
     robot = record_of(arm)
-    moving = [joint for joint in robot.joints if not isinstance(joint, FixedJoint)]
+    moving = robot.moving_joints
     if not moving:
         raise ModelError(f"{robot.name} has none that moves", place="joints", expected="an arm")
     driven = [joint for joint in moving if joint.mimic is None]
@@ -100,7 +101,7 @@ def export_ros2(
     return Ros2Export(tuple(Path(directory) / name for name in names), tuple(lost))
 
 
-def _ros2_control(robot: RobotDescription, joints: list[MovingJoint], hardware: str) -> ElementTree.Element:
+def _ros2_control(robot: RobotDescription, joints: Sequence[MovingJoint], hardware: str) -> ElementTree.Element:
     """The element <ros2_control>: command interfaces with their limits, state interfaces; a mimic joint has states only."""
     element = ElementTree.Element("ros2_control", name=robot.name, type="system")
     ElementTree.SubElement(ElementTree.SubElement(element, "hardware"), "plugin").text = hardware
@@ -127,13 +128,11 @@ def _limits(joint: MovingJoint) -> dict[str, Any]:
     """Limits of a joint under the names of ros2_control's parameters."""
     position, velocity, effort = plain_limits(joint)
     low, high = (None, None) if position is None else np.array(position).tolist()
-    slides = isinstance(joint, PrismaticJoint)
-    acceleration = joint.limits.acceleration_m_per_s2 if slides else joint.limits.acceleration_rad_per_s2
     return {
         "has_position_limits": position is not None,
         **({} if position is None else {"min_position": low, "max_position": high}),
         **_limit("velocity", velocity),
-        **_limit("acceleration", acceleration),
+        **_limit("acceleration", joint.limit("acceleration")),
         "has_jerk_limits": False,
         **_limit("effort", effort),
     }

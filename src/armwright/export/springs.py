@@ -7,7 +7,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from armwright.description.robot import FixedJoint, MovingJoint, RobotDescription
+from armwright.description.robot import MovingJoint, RobotDescription
 from armwright.export.joints import JointFrame, place_of
 from armwright.export.losses import Losses, loss_of
 from armwright.model.joint_side import spring_of
@@ -16,7 +16,7 @@ from armwright.model.springs import LinearSpring
 
 def spring_losses(robot: RobotDescription) -> list[str]:
     """Springs of a description as losses of a format without springs, one sentence for each kind."""
-    joints = [joint.name for joint in robot.joints if not isinstance(joint, FixedJoint) and joint.spring is not None]
+    joints = [joint.name for joint in robot.moving_joints if joint.spring is not None]
     cylinders = loss_of("forces between two links", [cylinder.name for cylinder in robot.cylinders], "cylinder")
     return [loss for loss in (loss_of("springs", joints), cylinders) if loss]
 

@@ -12,10 +12,18 @@ import numpy as np
 
 from armwright.description.drive_file import ENDING
 from armwright.description.record_of import Arm, record_of
-from armwright.description.robot import FixedJoint, PrismaticJoint, RobotDescription
+from armwright.description.robot import MovingJoint, RobotDescription
 from armwright.description.urdf.joints import LARGEST
 from armwright.export.drive_file import drive_file
-from armwright.export.joints import JointFrame, joint_frames, moved_tip, place_of, plain_friction, plain_limits
+from armwright.export.joints import (
+    JointFrame,
+    joint_frames,
+    moved_tip,
+    named_in,
+    place_of,
+    plain_friction,
+    plain_limits,
+)
 from armwright.export.losses import Losses, loss_of, of_all_formats, of_friction
 from armwright.export.springs import spring_losses
 from armwright.features import Support
@@ -26,7 +34,9 @@ from armwright.solids.shapes import Box, Cylinder, Sphere
 from armwright.solids.visual import Visual
 from armwright.spatial import Placement, roll_pitch_yaw
 
-SUPPORT = Support("convert to URDF")
+TYPES = {"revolute": "revolute", "prismatic": "prismatic", "fixed": "fixed"}
+ENDLESS = {"revolute": "continuous"}  # without limits of position
+SUPPORT = Support("convert to URDF", refused={"screw joints": "has no helical joint"})
 
 
 def write_urdf(
@@ -126,13 +136,14 @@ def _visual(link: ElementTree.Element, entry: JointFrame, visual: Visual, path: 
 
 def _joint(robot: ElementTree.Element, entry: JointFrame, losses: Losses) -> None:
     joint = entry.joint
-    limits = {} if isinstance(joint, FixedJoint) else _limits(joint, losses)
-    kind = joint.type if joint.type != "revolute" or "lower" in limits else "continuous"
+    limits = _limits(joint, losses) if isinstance(joint, MovingJoint) else {}
+    kind = named_in(TYPES, joint, "a URDF")
+    kind = ENDLESS.get(kind, kind) if "lower" not in limits else kind
     element = ElementTree.SubElement(robot, "joint", name=joint.name, type=kind)
     ElementTree.SubElement(element, "parent", link=joint.parent)
     ElementTree.SubElement(element, "child", link=joint.child)
     ElementTree.SubElement(element, "origin", xyz=_text(entry.frame.position), rpy=_text(entry.angles))
-    if isinstance(joint, FixedJoint):
+    if not isinstance(joint, MovingJoint):
         return
     ElementTree.SubElement(element, "axis", xyz=_text(entry.axis))
     if limits:
@@ -153,12 +164,11 @@ def _joint(robot: ElementTree.Element, entry: JointFrame, losses: Losses) -> Non
 
 def _limits(joint: Any, losses: Losses) -> dict[str, str]:
     """A range must have both other limits, as a number; what is not known is written as LARGEST. A slide must have a range."""
-    slides = isinstance(joint, PrismaticJoint)
     position, velocity, effort = plain_limits(joint)
     written = {}
     if position is not None:
         written |= dict(zip(("lower", "upper"), (repr(v) for v in np.array(position).tolist()), strict=True))
-    elif slides:
+    elif not joint.kind.turns:
         losses.add(f"position limits, which are not known (written as ±{LARGEST:g} m)", joint.name)
         written |= {"lower": repr(-LARGEST), "upper": repr(LARGEST)}
     for name, value in (("effort", effort), ("velocity", velocity)):

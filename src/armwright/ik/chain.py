@@ -64,11 +64,11 @@ class Chain:
 
     @cached_property
     def turns_around(self) -> np.ndarray:
-        """(n,) True for revolute joints that reach every angle and move no other: descents need no limits there."""
+        """(n,) True for joints that only turn, reach every angle and move no other: descents need no limits there."""
         if self.bounds is not None:
             return np.zeros(self.n, dtype=bool)
         low, high = self.limits
-        turns = np.array([body.kind == "revolute" for body in self.model.coordinates]) & (high - low >= TURN)
+        turns = np.array([not body.kind.slides for body in self.model.coordinates]) & (high - low >= TURN)
         mimics = self.model.mimics
         if mimics is None:
             return turns
@@ -105,7 +105,7 @@ class Chain:
             )
         mimics = self.model.mimics
         alone = mimics is None or (mimics.drivers[0] == 0 and mimics.coordinate.count(0) == 1)
-        if path[0] != 0 or self.model.bodies[0].kind != "revolute" or not alone:
+        if path[0] != 0 or self.model.bodies[0].kind.slides or not alone:
             return None
         placed = body_placements(self.model, np.zeros(self.n))[0]
         axes = np.asarray(placed.rotation, dtype=float)

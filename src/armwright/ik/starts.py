@@ -99,7 +99,7 @@ def random_positions(chain: Chain, count: int) -> np.ndarray:
     from scipy.stats import qmc
 
     low, high = chain.limits
-    half = np.where([body.kind == "revolute" for body in chain.model.coordinates], np.pi, 0.5)
+    half = np.array([body.kind.units.half_range for body in chain.model.coordinates])
     low = np.where(np.isfinite(low), low, np.where(np.isfinite(high), high - 2.0 * half, -half))
     high = np.where(np.isfinite(high), high, low + 2.0 * half)
     return low + qmc.Sobol(chain.n, rng=np.random.default_rng(0)).random(count) * (high - low)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 PERCENTILES = (0.0, 1.0, 5.0, 25.0, 50.0, 75.0, 95.0, 99.0, 100.0)
 SAMPLES, MOST = 1_000_000, 50_000_000
-METRE = 0.5  # [m] to either side, of sliding joints without limits
+
 UNITS = {
     "position": "m", "reach": "m", "manipulability": "(m/rad)^m", "smallest_singular_value": "m/rad",
     "condition": "1", "limit_margin": "1",
@@ -92,7 +92,7 @@ def _percentiles(values: np.ndarray) -> np.ndarray:
 def sampled_ranges(arm: Model) -> tuple[np.ndarray, np.ndarray]:
     """Lowest and highest joint positions (n,) for sampling: the limits; a whole turn, or a metre, without limits."""
     low, high = np.array([body.limits.position for body in arm.coordinates]).T
-    half = np.where([body.kind == "revolute" for body in arm.coordinates], np.pi, METRE)
+    half = np.array([body.kind.units.half_range for body in arm.coordinates])
     low_known, high_known = np.isfinite(low), np.isfinite(high)
     lowest = np.where(low_known, low, np.where(high_known, high - 2.0 * half, -half))
     return lowest, np.where(high_known, high, lowest + 2.0 * half)

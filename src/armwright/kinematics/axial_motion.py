@@ -27,7 +27,7 @@ class AxialMotion:
         turns: list[Turn] = [(2, ci * c - si * s, ci * s + si * c), (0, *twist), (2, *outer)]
         self.turns = [turn for turn in turns if scalar.is_symbolic(*turn[1:]) or turn[1:] != (1.0, 0.0)]
         along, self.shift = _split(p, r[:, 2])
-        self.slide = scalar.array([0.0, 0.0, along if body.kind == "revolute" else along + q])
+        self.slide = scalar.array([0.0, 0.0, along + body.kind.motion(q)[1] if body.kind.slides else along])
 
     def inertia_to_parent(self, inertia: ArticulatedInertia) -> ArticulatedInertia:
         """An articulated inertia about the body's origin, in its axes: about the parent's, in the parent's."""

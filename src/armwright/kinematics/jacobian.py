@@ -16,7 +16,8 @@ from armwright.spatial import cross
 def jacobian(arm: Model, q: Array, frame: str | None = None) -> np.ndarray:
     """Geometric Jacobian of the tip or of another frame:  [v; ω] = J(q) q̇.  [Whitney1972]
 
-    Column of a revolute joint: [z × (p - o); z], of a prismatic one: [z; 0], with z the joint's axis and o its origin.
+    Column of a joint: t [z × (p - o); z] + s [z; 0], with z the joint's axis, o its origin, and t, s its share of turn and slide:
+    1, 0 of a revolute joint, 0, 1 of a prismatic one, 1 and its pitch of a helical one.
 
     Args:
         arm: the model.   q: (n,) [rad | m].   frame: name of a frame of the arm; by default its tip.
@@ -31,8 +32,7 @@ def jacobian(arm: Model, q: Array, frame: str | None = None) -> np.ndarray:
     columns = scalar.zeros(6, arm.n)
     for i in arm.path(tip.body):
         z, o = placed[i].rotation[:, 2], placed[i].position
-        if arm.bodies[i].kind == "revolute":
-            columns[:3, i], columns[3:, i] = cross(z, p - o), z
-        else:
-            columns[:3, i] = z
+        columns[:3, i] = arm.bodies[i].kind.project(cross(z, p - o), z)
+        if arm.bodies[i].kind.turns:
+            columns[3:, i] = z
     return scalar.array(columns)

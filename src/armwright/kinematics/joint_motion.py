@@ -1,4 +1,4 @@
-"""Motion of a body by its joint: a constant placement, then a turn about or a slide along the body's z axis."""
+"""Motion of a body by its joint: a constant placement, then a turn about and a slide along the body's z axis."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ class JointMotion:
 
     def __init__(self, body: Body, q: Scalar, nudge: Scalar | None = None):
         self.fixed = body.placement.rotation
-        if body.kind == "revolute":
+        self.cos, self.sin, self.position = 1.0, 0.0, body.placement.position
+        if body.kind.turns:
             angle = q if not scalar.is_symbolic(body.offset) and body.offset == 0.0 else q + body.offset
             self.cos, self.sin = scalar.cos(angle), scalar.sin(angle)
-            self.position = body.placement.position
-        else:
-            self.cos, self.sin = 1.0, 0.0
-            self.position = body.placement.position + self.fixed[:, 2] * (q if nudge is None else q + nudge)
-        self.nudge = nudge if body.kind == "revolute" else None
+        if body.kind.slides:
+            _, way = body.kind.motion(q if nudge is None else q + nudge)
+            self.position = body.placement.position + self.fixed[:, 2] * way
+        self.nudge = nudge if body.kind.turns else None
 
     def to_body(self, v: Array) -> np.ndarray:
         """A vector in the parent's axes, in the body's axes."""
@@ -90,7 +90,7 @@ def turning(body: Body, motion: JointMotion, w: Array, wd: Array, qd: Scalar, qd
     ω' = R ω + q̇ z,  ω̇' = R ω̇ + (R ω) × q̇ z + q̈ z, the product written out; a slide passes both on.
     """
     w, wd = motion.to_body(w), motion.to_body(wd)
-    if body.kind == "prismatic":
+    if not body.kind.turns:
         return w, wd
     turned = scalar.array([w[0], w[1], w[2] + qd])
     return turned, scalar.array([wd[0] + w[1] * qd, wd[1] - w[0] * qd, wd[2] + qdd])
@@ -101,10 +101,12 @@ def origin_acceleration(
 ) -> np.ndarray:
     """Acceleration of the body's origin, in its axes: (4) of the CMU report, v̇' = R (v̇ + U p).
 
-    `vd` and the acceleration tensor `u` are the parent's, `w` is the body's own; sliding along z adds 2 ω × q̇ z + q̈ z.
+    `vd` and the acceleration tensor `u` are the parent's, `w` is the body's own; sliding along z by s q adds
+    s (2 ω × q̇ z + q̈ z), in which the joint's own turn about z does not count.
     """
     carried = motion.to_body(vd + u @ motion.position)
-    if body.kind == "revolute":
+    if not body.kind.slides:
         return carried
+    (_, qd), (_, qdd) = body.kind.motion(qd), body.kind.motion(qdd)
     twice = qd + qd
     return carried + scalar.array([w[1] * twice, -(w[0] * twice), qdd])

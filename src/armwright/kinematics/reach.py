@@ -24,14 +24,14 @@ def reach(arm: Model, frame: str | None = None) -> Scalar:
     total = 0.0
     for i in arm.path(tip.body):
         body = arm.bodies[i]
-        if body.kind == "revolute":
+        if not body.kind.slides:
             total = total + _length(body.placement.position)
             continue
         low, high = body.limits.position
         if not -float("inf") < low <= high < float("inf"):
             return float("inf")
         slide = body.placement.rotation[:, 2]
-        ends = [_length(body.placement.position + slide * q) for q in (low, high)]
+        ends = [_length(body.placement.position + slide * body.kind.motion(q)[1]) for q in (low, high)]
         total = total + scalar.maximum(*ends)
     return total + _length(tip.placement.position)
 

@@ -18,7 +18,7 @@ from typing import Any, get_args
 import numpy as np
 
 from armwright.description.drive import DC_EQUIVALENT, Basis
-from armwright.description.robot import FixedJoint, MovingJoint, PrismaticJoint, RobotDescription
+from armwright.description.robot import MovingJoint, RobotDescription
 from armwright.errors import Findings, Problem
 
 CLOSE = 0.03  # by which constants of one motor in two bases may differ; √2 and 3/2 lie 6 % from each other
@@ -333,10 +333,10 @@ def contradictions(robot: RobotDescription) -> list[Problem]:
     """Warnings about numbers of a drive that contradict each other, with the mistake that explains it and the value that fits."""
     findings, links = Findings(), {}
     with np.errstate(all="ignore"):
-        for joint in robot.joints:
-            if isinstance(joint, FixedJoint) or joint.motor is None:
+        for joint in robot.moving_joints:
+            if joint.motor is None:
                 continue
-            slides = isinstance(joint, PrismaticJoint)
+            slides = joint.kind.units.linear
             links[slides] = links.get(slides) or _of_links(robot, slides) or nan
             for problem in _of_drive(_numbers_of(joint, joint.motor.basis, links[slides])):
                 findings.add("joint", joint.name, problem)
@@ -344,7 +344,7 @@ def contradictions(robot: RobotDescription) -> list[Problem]:
 
 
 def _numbers_of(joint: MovingJoint, basis: Basis, links: float) -> DriveNumbers:
-    slides = isinstance(joint, PrismaticJoint)
+    slides = joint.kind.units.linear
     found: dict[str, float] = {"links": links}
     for field, path in (KEYS | ON_A_SLIDE if slides else KEYS).items():
         entry: Any = joint

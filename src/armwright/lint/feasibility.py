@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from armwright.description.drive import Motor, RotaryFriction, RotaryLimits
+from armwright.description.drive import Motor
 from armwright.description.paths import quantities, unit_at
-from armwright.description.robot import FixedJoint, Link, MovingJoint, RobotDescription
+from armwright.description.robot import Link, MovingJoint, RobotDescription
 from armwright.errors import DescriptionError, Problem
 from armwright.lint.drives import contradictions
 from armwright.spatial import parallel_axes, pseudo_inertia
@@ -165,11 +165,10 @@ def _efficiencies(motor: Motor) -> list[tuple[str, float]]:
 
 def _held_by_friction(joint: MovingJoint) -> list[Problem]:
     """A warning if dry friction either way is not below the largest torque of the motor."""
-    friction, limits = joint.friction, joint.limits
-    largest, unit = (limits.torque_n_m, "N m") if isinstance(limits, RotaryLimits) else (limits.force_n, "N")
+    friction, largest, unit = joint.friction, joint.limit("torque"), joint.kind.units.torque
     if friction is None or largest is None:
         return []
-    key = f"coulomb_positive_{'n_m' if isinstance(friction, RotaryFriction) else 'n'}"
+    key = friction.units.key("coulomb_positive", "torque")
     levels = [getattr(friction, side) for side in (key, key.replace("positive", "negative"))]
     if None in levels:
         return []
@@ -185,9 +184,7 @@ def _held_by_friction(joint: MovingJoint) -> list[Problem]:
 def check_drives(robot: RobotDescription) -> list[Problem]:
     """Warnings about self-locking gears, friction that no torque overcomes, and numbers that contradict each other."""
     warnings = []
-    for joint in robot.joints:
-        if isinstance(joint, FixedJoint):
-            continue
+    for joint in robot.moving_joints:
         warnings += _held_by_friction(joint)
         if joint.motor is None:
             continue
@@ -207,6 +204,6 @@ def senses_of_gears(robot: RobotDescription) -> list[Problem]:
     what = "negative: the motor turns against the joint"
     return [
         Problem(what, f"joint {joint.name!r} motor.gear_ratio", float(joint.motor.gear_ratio))
-        for joint in robot.joints
-        if not isinstance(joint, FixedJoint) and joint.motor is not None and float(joint.motor.gear_ratio) < 0.0
+        for joint in robot.moving_joints
+        if joint.motor is not None and float(joint.motor.gear_ratio) < 0.0
     ]

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from armwright.description.robot import FixedJoint, Link, PrismaticJoint, RobotDescription
+from armwright.description.robot import Link, MovingJoint, RobotDescription
 from armwright.errors import Findings, Problem
 from armwright.lint.feasibility import is_possible
 from armwright.lint.placeholders import known_placeholders
@@ -151,8 +151,8 @@ def _kinds(robot: RobotDescription, link: Link) -> set[str]:
 
 
 def _of_efforts(robot: RobotDescription) -> Iterator[Problem]:
-    moving = [joint for joint in robot.joints if not isinstance(joint, FixedJoint)]
-    limits = [j.limits.force_n if isinstance(j, PrismaticJoint) else j.limits.torque_n_m for j in moving]
+    moving = robot.moving_joints
+    limits = [joint.limit("torque") for joint in moving]
     efforts = [np.nan if limit is None else float(limit) for limit in limits]
     for filler in known_placeholders()[1]:
         first = filler.found_in(efforts)
@@ -174,7 +174,7 @@ def implausible_units(robot: RobotDescription, long_links: Collection[str] = ())
         known = bool({joint.parent, joint.child} & set(long_links))
         for problem in _of_place(getattr(joint, way), is_known=known):
             findings.add("joint", joint.name, problem.within(way))
-        if not isinstance(joint, FixedJoint):
+        if isinstance(joint, MovingJoint):
             for problem in (*_of_limits(joint), *_of_spring(joint)):
                 findings.add("joint", joint.name, problem)
     for frame in robot.frames:
@@ -203,8 +203,7 @@ def _of_place(place: Any, *, is_known: bool) -> Iterator[Problem]:
 
 def _of_limits(joint: Any) -> Iterator[Problem]:
     """Limits of position. Those in degrees are whole or half ones; a joint of many turns has others."""
-    slides = isinstance(joint, PrismaticJoint)
-    limits = joint.limits.position_m if slides else joint.limits.position_rad
+    slides, limits = joint.kind.units.linear, joint.limit("position")
     if limits is None:
         return
     values = np.array(limits)
@@ -217,8 +216,7 @@ def _of_limits(joint: Any) -> Iterator[Problem]:
 
 def _of_spring(joint: Any) -> Iterator[Problem]:
     """A table that does not reach as far as the joint moves, and rest positions in degrees."""
-    unit = "m" if isinstance(joint, PrismaticJoint) else "rad"
-    limits = getattr(joint.limits, f"position_{unit}")
+    unit, limits = joint.kind.units.position, joint.limit("position")
     if joint.spring is None:
         return
     rest, positions = getattr(joint.spring, f"rest_{unit}"), getattr(joint.spring, f"positions_{unit}")

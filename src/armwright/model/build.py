@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from armwright import scalar
-from armwright.description.robot import FixedJoint, Link, MovingJoint, PrismaticJoint, RevoluteJoint, RobotDescription
+from armwright.description.robot import Link, MovingJoint, RobotDescription
 from armwright.errors import DescriptionError, Problem
 from armwright.model.joint_side import (
     brake_of,
@@ -42,9 +42,7 @@ def places_of_joints(robot: RobotDescription, model: Tree) -> dict[str, list[Any
         if joint.parent in places:
             places[joint.parent].append(before.position)
         if joint.child in places:
-            places[joint.child].append(
-                (after if not isinstance(joint, FixedJoint) else before @ after).inverse().position
-            )
+            places[joint.child].append((after if joint.kind.moves else before @ after).inverse().position)
     return places
 
 
@@ -76,7 +74,7 @@ def tree_of(robot: RobotDescription) -> Tree:
     for joint in _parents_first(robot):
         carrier = frames[joint.parent]
         before, after = joint_placement(joint)
-        if isinstance(joint, FixedJoint):
+        if not joint.kind.moves:
             frames[joint.child] = Frame(carrier.body, carrier.placement @ before @ after)
         else:
             moving.append(_body(robot, joint, carrier.body, carrier.placement @ before, after))
@@ -91,8 +89,7 @@ def tree_of(robot: RobotDescription) -> Tree:
         raise DescriptionError(place=robot.name, expected="at least one joint that moves")
     gravity = scalar.array(STANDARD_GRAVITY) if robot.gravity_m_s2 is None else vector(robot.gravity_m_s2)
     tip = robot.tip if robot.tip is not None else _end_of_chain(robot)
-    moves = [joint for joint in robot.joints if not isinstance(joint, FixedJoint)]
-    followers = {joint.name: joint.mimic for joint in moves if joint.mimic is not None}
+    followers = {joint.name: joint.mimic for joint in robot.moving_joints if joint.mimic is not None}
     mimics = Mimics.of([body.joint for body in bodies], followers)
     cylinders = tuple(_cylinder(frames, cylinder) for cylinder in robot.cylinders)
     bare = tuple(link.name for link in robot.links if link.name in robot.without_masses and _is_bare(link))
@@ -146,15 +143,15 @@ def joint_placement(joint: Any) -> tuple[Placement, Placement]:
     """Placements of the joint's axis frame in the parent link and of the child link's frame in the axis frame."""
     if joint.frame is not None:
         placed = Placement(rotation_rpy(*vector(joint.frame.rpy_rad)), vector(joint.frame.xyz_m))
-        if isinstance(joint, FixedJoint):
+        if not joint.kind.moves:
             return placed, Placement.identity()
         turn = Placement(rotation_to_axis(vector(joint.axis)), scalar.zeros(3))
         return placed @ turn, turn.inverse()
     row = joint.dh if joint.dh is not None else joint.modified_dh
     along_x = _screw_x(row.alpha_rad.number, row.a_m.number)
-    if isinstance(joint, RevoluteJoint):  # what is constant along z: the offset before the motion, r behind it
+    if joint.kind.turns:  # what is constant along z: the offset before the motion, r behind it
         before, behind = _screw_z(row.offset_rad.number, 0.0), _screw_z(0.0, row.r_m.number)
-    elif isinstance(joint, PrismaticJoint):
+    elif joint.kind.slides:
         before, behind = _screw_z(row.theta_rad.number, row.offset_m.number), Placement.identity()
     else:
         before, behind = _screw_z(row.theta_rad.number, row.r_m.number), Placement.identity()
@@ -169,7 +166,7 @@ def _body(
     return {
         "joint": joint.name,
         "link": joint.child,
-        "kind": joint.type,
+        "kind": joint.kind,
         "parent": parent,
         "placement": placement,
         "link_frame": after,

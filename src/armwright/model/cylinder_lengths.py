@@ -77,7 +77,8 @@ def _between(model: Tree, cylinder: Cylinder, low: np.ndarray, high: np.ndarray)
 
 def _far(body: Body) -> tuple[float, float]:
     """Half a turn or half a metre either way [rad | m]."""
-    return (-np.pi, np.pi) if body.kind == "revolute" else (-0.5, 0.5)
+    half = body.kind.units.half_range
+    return -half, half
 
 
 def _ends(model: Tree, cylinder: Cylinder, q: np.ndarray) -> list[np.ndarray]:
@@ -86,9 +87,8 @@ def _ends(model: Tree, cylinder: Cylinder, q: np.ndarray) -> list[np.ndarray]:
     for at, point in zip(cylinder.bodies, cylinder.ends, strict=True):
         while at != BASE:
             body = model.bodies[at]
-            turns = body.kind == "revolute"
-            turn, slide = (q[at] + body.offset, 0.0) if turns else (0.0, q[at])
-            moved = Placement(rotation_z(turn), np.array([0.0, 0.0, slide]))
+            turn, slide = body.kind.motion(q[at])
+            moved = Placement(rotation_z(turn + body.offset), np.array([0.0, 0.0, slide]))
             point, at = (body.placement @ moved).point(point), body.parent
         points.append(point)
     return points

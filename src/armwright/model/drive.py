@@ -8,8 +8,8 @@ from typing import Literal
 import numpy as np
 
 from armwright import scalar
-from armwright.description.friction import LawName
 from armwright.errors import ModelError
+from armwright.friction_laws import LAWS
 from armwright.scalar import Scalar
 
 
@@ -24,8 +24,8 @@ class Friction:
     stribeck: Scalar | None = None  # [N m | N], level at standstill; None: Coulomb only
     stribeck_speed: Scalar = 1.0  # [rad/s | m/s]
     smoothing: Scalar | None = None  # [rad/s | m/s]; None: dry friction is a set at rest (`sticks`), or there is none
-    law: LawName = "coulomb"
-    parameters: tuple[Scalar, ...] = ()  # the law's own, in the order of `description.friction.LAWS`
+    law: str = "coulomb"
+    parameters: tuple[Scalar, ...] = ()  # the law's own, in the order of `own` of `friction_laws.LAWS`
     on_motor: bool = False  # whose speed it acts on, where the gear gives way or the motor turns several joints
     load_coefficient: Scalar | None = None  # friction by the torque through the gear [-]; equation in `actuators.gear`
     viscous_fall: Scalar | None = None  # warming over which viscous falls to 1/e [K]
@@ -39,9 +39,14 @@ class Friction:
         return any(level is not None and (scalar.is_symbolic(level) or level != 0) for level in levels)
 
     @property
+    def has_bristles(self) -> bool:
+        """True if the simulator has bristles as a state of the joint."""
+        return LAWS[self.law].bristles
+
+    @property
     def sticks(self) -> bool:
         """True if dry friction has no smoothing speed: at rest it is any torque within its levels. LuGre's bristles hold."""
-        return self.law == "coulomb" and self.smoothing is None and self.is_dry
+        return LAWS[self.law].sticks and self.smoothing is None and self.is_dry
 
 
 @dataclass(frozen=True, eq=False)

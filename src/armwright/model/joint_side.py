@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from armwright import scalar
-from armwright.description.drive import DC_EQUIVALENT, LinearFriction, RotaryFriction
-from armwright.description.friction import LAWS, Dimension, key_of
-from armwright.description.robot import MovingJoint, RevoluteJoint
+from armwright.description.drive import DC_EQUIVALENT
+from armwright.description.robot import MovingJoint
+from armwright.friction_laws import LAWS
+from armwright.joint_kinds import Dimension, JointUnits
 from armwright.model.drive import (
     Brake,
     Cogging,
@@ -107,13 +108,9 @@ def _efficiency_table(record: GearEfficiencyTable) -> EfficiencyTable:
 
 def _smoothing(joint: MovingJoint) -> Scalar | None:
     """Speed of the joint over which friction and gear loss are smoothed, None if absent; the motor's is divided by |n|."""
-    if isinstance(joint.friction, LinearFriction):
-        speed, ratio = joint.friction.smoothing_m_per_s, 1.0
-    elif isinstance(joint.friction, RotaryFriction):
-        speed, ratio = joint.friction.smoothing_rad_per_s, _side_ratio(joint)
-    else:
-        return None
-    return None if speed is None else speed.number / ratio
+    record = joint.friction
+    speed = None if record is None else getattr(record, record.units.key("smoothing", "speed"))
+    return None if speed is None else speed.number / _side_ratio(joint)
 
 
 def _side_ratio(joint: MovingJoint) -> Scalar:
@@ -127,11 +124,10 @@ def friction_of(joint: MovingJoint) -> Friction | None:
     record, n = joint.friction, _side_ratio(joint)
     if record is None:
         return None
-    linear = isinstance(record, LinearFriction)
     factors = {"torque": n, "speed": 1.0 / n, "slope": n, "stiffness": n * n, "damping": n * n}
 
     def on_joint_side(stem: str, dimension: Dimension, absent: Any = 0.0) -> Scalar:
-        quantity = getattr(record, key_of(stem, dimension, linear))
+        quantity = getattr(record, record.units.key(stem, dimension))
         return absent if quantity is None else quantity.number * factors[dimension]
 
     return Friction(
@@ -143,7 +139,7 @@ def friction_of(joint: MovingJoint) -> Friction | None:
         stribeck_speed=on_joint_side("stribeck_speed", "speed", absent=1.0),
         smoothing=_smoothing(joint),
         law=record.law,
-        parameters=tuple(on_joint_side(*key) for key in LAWS[record.law].own),
+        parameters=tuple(on_joint_side(key.stem, key.dimension) for key in LAWS[record.law].own),
         on_motor=record.side == "motor",
         load_coefficient=_lossy(record.load_coefficient, 0.0),
         viscous_fall=_number(record.viscous_fall_k),
@@ -154,24 +150,24 @@ def friction_of(joint: MovingJoint) -> Friction | None:
 
 def elasticity_of(joint: MovingJoint) -> Elasticity | None:
     """The gear's elasticity, which the record gives at the joint."""
-    record, (angle, force) = joint.elasticity, _units(joint)
+    record, key = joint.elasticity, joint.kind.units.key
     if record is None:
         return None
-    stiffness, damping = _numbers(record, f"stiffness_{force}_per_{angle}", f"damping_{force}_s_per_{angle}")
-    cubic, gap, *error = _numbers(
-        record, f"cubic_{force}_per_{angle}3", f"backlash_{angle}", f"error_{angle}", "error_phase_rad"
+    stiffness, damping = _numbers(record, *_spring_keys(joint.kind.units))
+    cubic, gap, error, phase = _numbers(
+        record, key("cubic", "cubic"), key("backlash", "position"), key("error", "position"), "error_phase_rad"
     )
-    return Elasticity(stiffness, damping, cubic, gap, None if error[0] is None else (error[0], error[1]))
+    return Elasticity(stiffness, damping, cubic, gap, None if error is None else (error, phase))
+
+
+def _spring_keys(units: JointUnits) -> tuple[str, str]:
+    """Keys of a stiffness and of a damping."""
+    return units.key("stiffness", "stiffness"), units.key("damping", "damping")
 
 
 def stops_of(joint: MovingJoint) -> Stops | None:
     """End stops of a joint."""
-    record, (angle, force) = joint.stops, _units(joint)
-    return (
-        None
-        if record is None
-        else Stops(*_numbers(record, f"stiffness_{force}_per_{angle}", f"damping_{force}_s_per_{angle}"))
-    )
+    return None if joint.stops is None else Stops(*_numbers(joint.stops, *_spring_keys(joint.kind.units)))
 
 
 def brake_of(joint: MovingJoint) -> Brake | None:
@@ -181,10 +177,7 @@ def brake_of(joint: MovingJoint) -> Brake | None:
         return None
     on_motor = record.side == "motor"
     n = abs(joint.motor.gear_ratio.number) if on_motor and joint.motor is not None else 1.0
-    if hasattr(record, "holding_torque_n_m"):
-        keys = ("holding_torque_n_m", "stiffness_n_m_per_rad", "damping_n_m_s_per_rad")
-    else:
-        keys = ("holding_force_n", "stiffness_n_per_m", "damping_n_s_per_m")
+    keys = (record.units.key("holding_torque", "torque"), *_spring_keys(record.units))
     if getattr(record, keys[1]) is None:
         return Brake(getattr(record, keys[0]).number * n, None, None, None, on_motor)
     holding, stiffness, damping, release_time = _numbers(record, *keys, "release_time_s")
@@ -193,16 +186,14 @@ def brake_of(joint: MovingJoint) -> Brake | None:
 
 def spring_of(joint: MovingJoint) -> Spring | None:
     """The spring at a joint."""
-    record, (angle, force) = joint.spring, _units(joint)
+    record, key = joint.spring, joint.kind.units.key
     if record is None:
         return None
     if record.outside is None:
-        stiffness, rest, preload = _numbers(
-            record, f"stiffness_{force}_per_{angle}", f"rest_{angle}", f"preload_{force}"
-        )
+        keys = (key("stiffness", "stiffness"), key("rest", "position"), key("preload", "torque"))
+        stiffness, rest, preload = _numbers(record, *keys)
         return LinearSpring(stiffness, rest, 0.0 if preload is None else preload)
-    positions = getattr(record, f"positions_{angle}")
-    torques = getattr(record, "torques_n_m" if angle == "rad" else "forces_n")
+    positions, torques = getattr(record, key("positions", "position")), getattr(record, key("torques", "torque"))
     return TableSpring(positions.numbers, torques.numbers, record.outside)
 
 
@@ -215,31 +206,20 @@ def supply_of(record: Any) -> Supply | None:
     return Supply(plain[0], plain[1], plain[2], None if chopper[0] is None else (chopper[0], chopper[1], chopper[2]))
 
 
-def _units(joint: MovingJoint) -> tuple[str, str]:
-    """Endings of keys: of positions and of torques or forces."""
-    return ("rad", "n_m") if isinstance(joint, RevoluteJoint) else ("m", "n")
-
-
 def limits_of(joint: MovingJoint) -> Limits:
     """Limits of a joint, infinite where the record gives none."""
-    record = joint.limits
-    if isinstance(joint, RevoluteJoint):
-        position, velocity, torque = joint.limits.position_rad, joint.limits.velocity_rad_per_s, joint.limits.torque_n_m
-        acceleration = joint.limits.acceleration_rad_per_s2
-    else:
-        position, velocity, torque = joint.limits.position_m, joint.limits.velocity_m_per_s, joint.limits.force_n
-        acceleration = joint.limits.acceleration_m_per_s2
     factor = DC_EQUIVALENT[joint.motor.basis if joint.motor is not None else "dc"]
 
     def bound(quantity: Quantity | None, by: float = 1.0) -> Scalar:
         return np.inf if quantity is None else quantity.number * by
 
+    position = joint.limit("position")
     low, high = (-np.inf, np.inf) if position is None else position.numbers
     return Limits(
         position=(low, high),
-        velocity=bound(velocity),
-        acceleration=bound(acceleration),
-        torque=bound(torque),
-        voltage=bound(record.voltage_v, factor.voltage),
-        current=bound(record.current_a, factor.current),
+        velocity=bound(joint.limit("velocity")),
+        acceleration=bound(joint.limit("acceleration")),
+        torque=bound(joint.limit("torque")),
+        voltage=bound(joint.limits.voltage_v, factor.voltage),
+        current=bound(joint.limits.current_a, factor.current),
     )

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from armwright.joint_kinds import LINEAR, ROTARY, JointUnits
 from armwright.model.model import Model
 from armwright.signals import Layout, Signal
 
-UNITS = {  # of a revolute and of a prismatic joint; a command's unit is its drive's
-    "q": ("rad", "m"),
-    "qd": ("rad/s", "m/s"),
-    "qdd": ("rad/s²", "m/s²"),
-    "tau": ("N m", "N"),
+UNITS = {  # of a joint whose coordinate is an angle, and of one where it is a length; a command's unit is its drive's
+    "q": (ROTARY.position, LINEAR.position),
+    "qd": (ROTARY.speed, LINEAR.speed),
+    "qdd": (ROTARY.acceleration, LINEAR.acceleration),
+    "tau": (ROTARY.torque, LINEAR.torque),
     "voltage": ("V", "V"),
     "current": ("A", "A"),
 }
@@ -24,18 +25,18 @@ LONG_NAMES = {
 }
 
 
-def command_unit(command: str, linear: bool) -> str:
-    """Unit of a drive command of a revolute or prismatic joint: `command_unit("voltage", False)` → "V"."""
-    return {"voltage": "V", "current": "A"}.get(command) or UNITS["tau"][linear]
+def command_unit(command: str, units: JointUnits) -> str:
+    """Unit of a drive command of a joint with those units: `command_unit("voltage", ROTARY)` → "V"."""
+    return {"voltage": "V", "current": "A"}.get(command) or units.torque
 
 
 def joint_units(arm: Model, quantity: str) -> list[str]:
     """The unit of a quantity for each joint: `joint_units(arm, "q")` → ["rad", "m", …]; another unit stands for itself."""
     if quantity == "u":
-        return [command_unit(body.drive.command, body.kind == "prismatic") for body in arm.coordinates]
+        return [command_unit(body.drive.command, body.kind.units) for body in arm.coordinates]
     if quantity not in UNITS:
         return [quantity] * arm.n
-    return [UNITS[quantity][body.kind == "prismatic"] for body in arm.coordinates]
+    return [UNITS[quantity][body.kind.units.linear] for body in arm.coordinates]
 
 
 def joint_signal(

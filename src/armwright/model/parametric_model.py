@@ -11,7 +11,7 @@ from armwright.model import Body, Drive, Frame, Model
 from armwright.scalar import Array
 from armwright.spatial import Placement
 
-Structure = tuple[tuple[str, int], ...]  # (kind, parent) of every body; the last entry: ("tip", body that carries it)
+Structure = tuple[tuple[Any, int], ...]  # (kind, parent) of every body; the last entry: ("tip", body that carries it)
 
 
 def structure(model: Model) -> Structure:

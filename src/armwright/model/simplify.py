@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -11,7 +10,7 @@ from armwright import scalar
 from armwright.model.model import Model
 from armwright.model.springs import Cylinder
 from armwright.model.tree import BASE, Body, Frame
-from armwright.scalar import Array, Scalar
+from armwright.scalar import Array
 from armwright.spatial import (
     Placement,
     displaced_inertia,
@@ -19,7 +18,6 @@ from armwright.spatial import (
     rotation_to_axis,
     rotation_x,
     rotation_z,
-    second_moment,
     snap,
 )
 
@@ -53,7 +51,7 @@ def aligned_frames(model: Model) -> Model:
         placement = (
             reframed.placement if body.parent == BASE else displacements[body.parent].inverse() @ reframed.placement
         )
-        aligned = body.kind == "revolute" and not _varies(body)
+        aligned = body.kind.turns and not _varies(body)
         placement, offset = _split(placement) if aligned else (placement, 0.0)
         bodies.append(_snapped(replace(reframed, placement=placement, offset=body.offset + offset)))
     frames = {
@@ -68,14 +66,13 @@ def aligned_frames(model: Model) -> Model:
 def base_parameters(model: Model) -> Model:
     """Inertial parameters regrouped: what only the sum of two bodies decides is moved inward. [GautierKhalil1990]
 
-    A mass on the axis of a revolute joint does not know which of the two bodies it belongs to: a body's m, m c_z and ∫z² dm
-    move to its parent, and 7 of 10 parameters are left. A slide does not turn: its whole tensor moves. Kinetic energy is
-    unchanged and potential energy by a constant; a body alone is no longer one that could exist.
+    A mass on the axis of a revolute joint does not know which of the two bodies it belongs to, and so on: `regrouped` of the
+    joint's kind. Kinetic energy is unchanged and potential energy by a constant; a body alone is no longer one that could exist.
     """
     bodies = list(model.bodies)
     for i, body in model.inward():
         link = bodies[i]
-        moved, left = _line(link) if body.kind == "revolute" else _tensor(link)
+        moved, left = body.kind.regrouped(link.mass, link.first_moment, link.inertia)
         bodies[i] = replace(link, **left)
         if body.parent != BASE:
             m, h, tensor = moved
@@ -216,17 +213,3 @@ def _split(placement: Placement) -> tuple[Placement, float]:
     if abs(angle - quarters * 0.5 * np.pi) < RIGHT_ANGLE:
         return Placement(plain @ rotation_z(quarters * 0.5 * np.pi), placement.position), 0.0
     return Placement(plain, placement.position), angle
-
-
-def _line(body: Body) -> tuple[tuple[Scalar, Array, Array], dict[str, Any]]:
-    """A body's mass, brought together on its z axis, and what is then left of the body."""
-    along = second_moment(body.inertia)[2, 2]  # ∫ z² dm
-    h = scalar.array([0.0, 0.0, body.first_moment[2]])
-    tensor = scalar.array([[along, 0.0, 0.0], [0.0, along, 0.0], [0.0, 0.0, 0.0]])
-    left = {"mass": 0.0, "first_moment": body.first_moment - h, "inertia": body.inertia - tensor}
-    return (body.mass, h, tensor), left
-
-
-def _tensor(body: Body) -> tuple[tuple[Scalar, Array, Array], dict[str, Any]]:
-    """A body's tensor about its origin, and the body without."""
-    return (0.0, scalar.zeros(3), body.inertia), {"inertia": 0.0 * body.inertia}

@@ -5,11 +5,12 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Literal, Self
+from typing import Self
 
 from armwright import scalar
-from armwright.description.friction import LINEAR
 from armwright.errors import ModelError
+from armwright.friction_laws import linear_parameters
+from armwright.joint_kinds import JointKind
 from armwright.model.drive import Brake, Drive, Elasticity, Friction, Limits, Stops, Supply
 from armwright.model.mimics import Mimics
 from armwright.model.springs import Cylinder, Spring
@@ -31,7 +32,7 @@ class Body(Frozen):
 
     joint: str
     link: str
-    kind: Literal["revolute", "prismatic"]
+    kind: JointKind
     parent: int  # index of a body, or BASE
     placement: Placement
     link_frame: Placement
@@ -44,7 +45,7 @@ class Body(Frozen):
     elasticity: Elasticity | None = None
     stops: Stops | None = None
     brake: Brake | None = None
-    offset: Scalar = 0.0  # [rad], what a revolute joint's angle is beyond q
+    offset: Scalar = 0.0  # [rad], what the angle of a joint that turns is beyond q
     spring: Spring | None = None
 
     @property
@@ -153,7 +154,7 @@ class Tree(Frozen):
             f = Friction() if body.friction is None else body.friction
             rows += [body.drive.armature, f.viscous, f.offset, f.coulomb_positive, f.coulomb_negative]
             rows += [0.0 if f.stribeck is None else f.stribeck]
-            rows += [f.parameters[k] if f.law == law else 0.0 for law, k in LINEAR]
+            rows += [f.parameters[k] if f.law == law else 0.0 for law, k in linear_parameters()]
         return scalar.array(rows)
 
     def __repr__(self) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 import pydantic
 
 from armwright.description.paths import quantities
-from armwright.description.robot import FixedJoint, NamedFrame, PrismaticJoint, RevoluteJoint, RobotDescription
+from armwright.description.robot import JOINTS, FixedJoint, NamedFrame, RobotDescription
 from armwright.entry import as_path
 from armwright.errors import DescriptionError, Problem
 from armwright.lint.feasibility import frame_origin_sign
@@ -124,7 +124,7 @@ def _add_module(instance: Instance, start: str, draft: Draft, structure: Structu
     add_link(start, Placement.identity())
     for crossing in instance.module.crossings(start):
         before, after = crossing.before, crossing.after
-        if isinstance(crossing.joint, FixedJoint):
+        if not crossing.joint.kind.moves:
             before, after = before @ after, Placement.identity()
         at = structure.placements[instance.name, crossing.near] @ before
         draft.joints.append(_joint(instance, crossing, at, draft))
@@ -143,7 +143,7 @@ def _joint(instance: Instance, crossing: Crossing, at: Placement, draft: Draft) 
         "frame": joint.frame if same and forward else frame_of(at),
         "source": _source(instance, joint.source, draft),
     }
-    if isinstance(joint, FixedJoint):
+    if not joint.kind.moves:
         return FixedJoint(**fields)
     axis = joint.axis
     assert axis is not None
@@ -151,13 +151,13 @@ def _joint(instance: Instance, crossing: Crossing, at: Placement, draft: Draft) 
     command = joint.command or instance.library.command
     if command is not None:
         fields["command"] = command
-    return (RevoluteJoint if joint.type == "revolute" else PrismaticJoint)(**fields)
+    return JOINTS[joint.type](**fields)
 
 
 def _with_limits(assembly: Assembly, joints: Sequence[Any]) -> list[Any]:
     """Joints with the assembly's own limits, which may be narrower than the module's and not wider."""
     joints = list(joints)
-    known = {joint.name: k for k, joint in enumerate(joints) if not isinstance(joint, FixedJoint)}
+    known = {joint.name: k for k, joint in enumerate(joints) if joint.kind.moves}
     for name, table in assembly.limits.items():
         if name not in known:
             raise DescriptionError("no such joint", place="limits", value=name, choices=known)

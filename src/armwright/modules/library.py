@@ -3,21 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, Union
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field, create_model, model_validator
 
 from armwright.description.consistency import check_sources, check_unique
 from armwright.description.drive import Command
-from armwright.description.robot import (
-    FixedJoint,
-    Inertia,
-    JointFrame,
-    Name,
-    PrismaticJoint,
-    RevoluteJoint,
-)
+from armwright.description.robot import JOINTS as MOVING_JOINTS, FixedJoint, Inertia, JointFrame, MovingJoint, Name
 from armwright.errors import DescriptionError, Problem
 from armwright.lint.feasibility import impossible
 from armwright.quantity import NotNegative, Record, Source, Vector3
@@ -69,19 +62,23 @@ class _ModuleJoint(Record):
         return self
 
 
-class ModuleRevolute(_ModuleJoint, RevoluteJoint):
-    """A joint of a module that turns about `axis` in its frame."""
-
-
-class ModulePrismatic(_ModuleJoint, PrismaticJoint):
-    """A joint of a module that slides along `axis` in its frame."""
-
-
 class ModuleFixed(_ModuleJoint, FixedJoint):
     """Two bodies of a module that are one."""
 
 
-ModuleJoint = Annotated[ModuleRevolute | ModulePrismatic | ModuleFixed, Field(discriminator="type")]
+def _joint_record(name: str, record: type[MovingJoint]) -> Any:
+    about = f"A joint of a module. {record.__doc__}"
+    return create_model(
+        f"Module{name.capitalize()}", __base__=(_ModuleJoint, record), __module__=__name__, __doc__=about
+    )
+
+
+JOINTS = {name: _joint_record(name, record) for name, record in MOVING_JOINTS.items()}
+globals().update({record.__name__: record for record in JOINTS.values()})  # pickles look them up by name
+if TYPE_CHECKING:
+    ModuleJoint = Any
+else:
+    ModuleJoint = Annotated[Union[(*JOINTS.values(), ModuleFixed)], Field(discriminator="type")]
 
 
 class Connector(Record):
@@ -168,7 +165,7 @@ class Module(Record):
     @property
     def moving_joints(self) -> int:
         """Number of joints that are not fixed."""
-        return sum(joint.type != "fixed" for joint in self.joints)
+        return sum(joint.kind.moves for joint in self.joints)
 
     def impossible_body(self) -> Problem | None:
         """The first body that no real one can be and that is not accepted with a reason; None where all can be."""

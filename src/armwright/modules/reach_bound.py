@@ -55,7 +55,7 @@ def passage(module: Module, start: Connector, end: str | None) -> Passage:
         face = module.connector(end)
         placed, passed = bodies[face.body]
         placed = placed @ face.placement()
-    moving = [(joint, at) for joint, at in passed if joint.type != "fixed"]
+    moving = [(joint, at) for joint, at in passed if joint.kind.moves]
     points = _points(moving) or [np.zeros(3)]
     inner = sum(float(np.linalg.norm(b - a)) for a, b in pairwise(points))
     inner += sum(_travel(joint) for joint, _ in moving)
@@ -63,14 +63,14 @@ def passage(module: Module, start: Connector, end: str | None) -> Passage:
 
 
 def _points(moving: list[tuple[Any, Placement]]) -> list[np.ndarray]:
-    """A point on every axis: the foot of the common normal with its neighbour; of a slide the origin of its frame."""
+    """A point on every axis: the foot of the common normal with its neighbour; of a joint that slides the origin of its frame."""
     axes = [
         (at.position, at.rotation @ np.array(joint.axis) / np.linalg.norm(np.array(joint.axis))) for joint, at in moving
     ]
     points = []
     for k, (joint, _) in enumerate(moving):
         p, z = axes[k]
-        if joint.type == "prismatic":
+        if joint.kind.slides:
             points.append(p)
         elif len(axes) == 1:
             points.append(p - z * float(p @ z))
@@ -89,8 +89,8 @@ def _foot(p: np.ndarray, z: np.ndarray, o: np.ndarray, y: np.ndarray) -> float:
 
 
 def _travel(joint: Any) -> float:
-    """Largest distance of a slide from its zero [m], infinite without limits."""
-    if joint.type != "prismatic":
+    """Largest distance of a joint that slides from its zero [m], infinite without limits."""
+    if not joint.kind.slides:
         return 0.0
-    limits = joint.limits.position_m
-    return np.inf if limits is None else float(np.abs(np.array(limits)).max())
+    limits = joint.limit("position")
+    return np.inf if limits is None else float(np.abs(joint.kind.motion(np.array(limits))[1]).max())

@@ -105,7 +105,7 @@ def ranges(model: Model) -> tuple[np.ndarray, np.ndarray]:
     bounds = []
     for body in model.bodies:
         low, high = body.limits.position
-        reach = np.pi if body.kind == "revolute" else 0.5
+        reach = body.kind.units.half_range
         bounds.append((low if np.isfinite(low) else -reach, high if np.isfinite(high) else reach))
     low, high = np.array(bounds).T
     return low, high

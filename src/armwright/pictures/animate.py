@@ -112,8 +112,8 @@ def drawable_motions(run: xr.Dataset, arm: Model) -> tuple[np.ndarray, dict[str,
         expected = f"those of {arm.name}: {', '.join(arm.names)}"
         raise RunError(what, place="joint", value=joints, expected=expected)
     for body, kind in zip(arm.coordinates, run["kind"].values, strict=True):
-        if kind != body.kind:
-            expected = f"{body.kind}, as it is in {arm.name}"
+        if kind != body.kind.name:
+            expected = f"{body.kind.name}, as it is in {arm.name}"
             raise RunError(place=f"kind of joint {body.joint!r}", value=str(kind), expected=expected)
     if "q" not in run:
         raise RunError("missing", place="q", expected="all variables that simulate returns")
@@ -145,7 +145,7 @@ def _check_drawable(arm: Model, q: np.ndarray) -> None:
         if farthest > UNREAL:
             raise RunError(place=place, value=farthest, expected=f"at most {UNREAL:g}")
         turns = float(np.abs(np.diff(positions)).sum()) / (2.0 * np.pi)
-        if body.kind == "revolute" and turns > MOST_TURNS:
+        if body.kind.turns and turns > MOST_TURNS:
             raise RunError(f"{turns:.3g} turns", place=place, expected=f"at most {MOST_TURNS:g}")
 
 

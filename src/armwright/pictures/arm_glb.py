@@ -160,12 +160,15 @@ def _animation(
     reach = max(sum(float(np.linalg.norm(np.asarray(length, dtype=float))) for length in lengths), 0.1)
     if arm.tip is not None:
         reach += float(np.linalg.norm(np.asarray(arm.frame().placement.position, dtype=float)))
-    reach += sum(float(np.ptp(q[:, k])) for k, body in enumerate(arm.bodies) if body.kind == "prismatic")
+    reach += sum(float(np.ptp(body.kind.motion(q[:, k])[1])) for k, body in enumerate(arm.bodies) if body.kind.slides)
     for k, body in enumerate(arm.bodies):
-        turns = body.kind == "revolute"
+        turns = body.kind.turns
         times, positions = keyframes(t, q[:, k], TOLERANCE / (len(arm.bodies) * (reach if turns else 1.0)), turns)
-        values = _rotation(body, positions) if turns else _translation(body, positions)
-        add(node_of(k), "rotation" if turns else "translation", arrays.samples(times, bounds=True), values)
+        keys = arrays.samples(times, bounds=True)
+        if turns:
+            add(node_of(k), "rotation", keys, _rotation(body, positions))
+        if body.kind.slides:
+            add(node_of(k), "translation", keys, _translation(body, positions))
     for node, (number, part) in cylinders.items():
         times, places, turned = part_keyframes(arm, number, part, t, q)
         keys = arrays.samples(times, bounds=True)
@@ -185,12 +188,14 @@ def still_place(body: Body) -> dict[str, list[float]]:
 def _rotation(body: Body, q: np.ndarray) -> np.ndarray:
     """(k, 4) quaternions x, y, z, w of R Rz(q + offset), which turn steadily with q: no jumps of sign."""
     w, x, y, z = rotation_quaternion(body.placement.rotation)
-    half = 0.5 * (q + float(body.offset)) if body.kind == "revolute" else np.zeros_like(q)
+    half = 0.5 * (q + float(body.offset)) if body.kind.turns else np.zeros_like(q)
     c, s = np.cos(half), np.sin(half)
     return np.column_stack([x * c + y * s, y * c - x * s, z * c + w * s, w * c - z * s])
 
 
 def _translation(body: Body, q: np.ndarray) -> np.ndarray:
     """(k, 3) [m] origins of the body's frame in its parent's."""
-    slide = np.asarray(body.placement.rotation, dtype=float)[:, 2] if body.kind == "prismatic" else np.zeros(3)
-    return np.asarray(body.placement.position, dtype=float) + slide * q[:, None]
+    way = body.kind.motion(q)[1] if body.kind.slides else np.zeros_like(q)
+    return np.asarray(body.placement.position, dtype=float) + np.multiply.outer(
+        way, np.asarray(body.placement.rotation, dtype=float)[:, 2]
+    )

@@ -50,11 +50,11 @@ def joint_figure(arm: Model, travel: Mapping[int, tuple[float, float]]) -> Itera
                 if start.any():
                     yield body, GREY, icosphere(subdivisions=3, radius=0.55 * size), Placement(np.eye(3), start)
     for k, body in enumerate(arm.bodies):
-        turns = body.kind == "revolute"
+        turns = body.kind.turns
         drum = cylinder(radius=size, height=2.4 * size, sections=AROUND) if turns else box(extents=3 * [2.2 * size])
         yield k, JOINT, drum, Placement.identity()
-        low, high = (0.0, 0.0) if turns else travel.get(k, (0.0, 0.0))
-        low, high = min(low, 0.0), max(high, 0.0)
+        ways = [body.kind.motion(q)[1] for q in travel.get(k, (0.0, 0.0))]
+        low, high = min(*ways, 0.0), max(*ways, 0.0)
         if high - low > 0.05 * size:
             rail = cylinder(radius=0.4 * size, height=high - low, sections=AROUND)
             yield body.parent, GREY, rail, body.placement @ along_z(0.5 * (low + high))

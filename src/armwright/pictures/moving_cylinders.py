@@ -73,12 +73,12 @@ def _points(arm: Model, body: int, point: np.ndarray, q: np.ndarray) -> np.ndarr
     points = np.broadcast_to(point.astype(float), (len(q), 3))
     while body != BASE:
         link = arm.bodies[body]
-        angle = q[:, body] + float(link.offset) if link.kind == "revolute" else np.zeros(len(q))
+        angle = q[:, body] + float(link.offset) if link.kind.turns else np.zeros(len(q))
         c, s = np.cos(angle), np.sin(angle)
         x, y, z = points.T
         turned = np.column_stack([c * x - s * y, s * x + c * y, z])
-        if link.kind == "prismatic":
-            turned[:, 2] += q[:, body]
+        if link.kind.slides:
+            turned[:, 2] += link.kind.motion(q[:, body])[1]
         rotation, position = (
             np.asarray(each, dtype=float) for each in (link.placement.rotation, link.placement.position)
         )

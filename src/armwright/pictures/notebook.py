@@ -70,11 +70,11 @@ def _picture(arm: Model, q: tuple[float, ...] | None) -> str:
 def _joints(arm: Model) -> str:
     rows = []
     for body in arm.coordinates:
-        drive, angle = body.drive, body.kind == "revolute"
+        drive, angle = body.drive, not body.kind.units.linear
         low, high = (degrees(float(limit)) if angle else float(limit) for limit in body.limits.position)
         place = f"{low:.4g} … {high:.4g} {'°' if angle else 'm'}" if isfinite(low) or isfinite(high) else "no limits"
         gear = f"{float(drive.gear_ratio):.5g}" if drive.gear_ratio is not None else ""
-        rows.append([body.joint, body.kind, place, drive.command, gear])
+        rows.append([body.joint, body.kind.name, place, drive.command, gear])
     return _table(("joint", "type", "position", "driven by", "gear ratio"), rows)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from math import isfinite, pi
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,6 @@ from armwright.results.plot_page import PAGES as PLOT_PAGES, embedded, packed, p
 PAGES = Path(__file__).parent / "pages"
 SCRIPTS = (PLOT_PAGES / "unpack.js", *(PAGES / name for name in ("gltf.js", "stage.js", "pose.js")))
 STYLES = (PLOT_PAGES / "page.css", PAGES / "player.css", PAGES / "pose.css")
-OPEN = {"revolute": pi, "prismatic": 0.5}  # [rad | m] to either side: a slider of a joint without a limit there
 
 
 def write_glb(posed: PosedArm, path: Path) -> None:
@@ -50,7 +49,8 @@ def pose_page(posed: PosedArm, live: int | None = None) -> str:
         shapes = body_shapes(replace(arm, description=None), travel)[0]
     bodies = [
         {
-            "node": node_of(k), "angle": body.kind == "revolute", "offset": float(body.offset), **still_place(body),
+            "node": node_of(k), "turns": body.kind.turns, "way": float(body.kind.motion(1.0)[1]), "offset": float(body.offset),
+            **still_place(body),
             "joint": k if mimics is None else mimics.coordinate[k],
             "factor": 1.0 if mimics is None else float(mimics.factor[k]),
             "shift": 0.0 if mimics is None else float(mimics.offset[k]),
@@ -78,10 +78,10 @@ def _joints(arm: Model, q: np.ndarray) -> list[dict[str, Any]]:
     for k in drivers:
         body, position = arm.bodies[k], float(q[k])
         low, high = (float(limit) for limit in body.limits.position)
-        bounded = isfinite(low) and isfinite(high)
-        low, high = (low if isfinite(low) else -OPEN[body.kind]), (high if isfinite(high) else OPEN[body.kind])
+        bounded, half = isfinite(low) and isfinite(high), body.kind.units.half_range
+        low, high = (low if isfinite(low) else -half), (high if isfinite(high) else half)
         range_ = {"low": min(low, position), "high": max(high, position), "open": not bounded}
-        found.append({"name": body.joint, "angle": body.kind == "revolute", **range_})
+        found.append({"name": body.joint, "angle": not body.kind.units.linear, **range_})
     return found
 
 

@@ -47,7 +47,7 @@ def limit_notes(
             wanted = beyond(commanded, body.drive.dead_zone)  # a dead zone is no limit
             clipped = np.abs(applied - wanted) > ROUNDING * max(np.abs(commanded).max(), np.abs(applied).max())
             if clipped.any():
-                unit, share = command_unit(command, body.kind == "prismatic"), percentage(clipped.mean())
+                unit, share = command_unit(command, body.kind.units), percentage(clipped.mean())
                 reached.append(
                     f"the drive's limits clipped its {command} in {share} of the rows, first at {first(clipped)} "
                     f"(asked for up to {np.abs(commanded[clipped]).max():.4g} {unit})"

@@ -14,6 +14,7 @@ import numpy as np
 
 from armwright.entry import AnyRun, as_run
 from armwright.errors import RunError
+from armwright.joint_kinds import KINDS
 from armwright.printable import printable
 from armwright.results.aliases import PARTIAL, QUANTITIES, joint_names, variables
 from armwright.results.recording import in_order, run_units
@@ -30,7 +31,7 @@ HUGE = 1e300  # larger values, of a diverging run, are not drawn: their sums and
 FEW_LANES = 12  # more are drawn as their median and bands
 BANDS = ((0.05, 0.95), (0.25, 0.75))  # quantiles: nine out of ten lanes, half of them
 BAND_OPACITY = 0.16  # of each; they lie on each other
-TITLES = {  # quantity → title for revolute, for prismatic joints; the others have their long name
+TITLES = {  # quantity → title for joints that have angles, for those that have lengths; the others have their long name
     "q": ("Joint angles", "Joint positions"),
     "qd": ("Joint velocities", "Joint velocities"),
     "qdd": ("Joint accelerations", "Joint accelerations"),
@@ -257,7 +258,7 @@ class _Drawing:
         titles = TITLES.get(quantity) or 2 * (long_name[:1].upper() + long_name[1:],)
         commands = {str(self.runs[k]["command"].values[joint]) for joint, k in places}
         stepped = quantity in ("u", "u_issued") or commands == {COMMANDED.get(quantity)}
-        linear = str(run["kind"].values[joint]) == "prismatic"
+        linear = KINDS[str(run["kind"].values[joint])].units.linear
         symbol = SYMBOLS.get(_plain(quantity), quantity)
         return Panel(printable(titles[linear]), printable(symbol), printable(unit), stepped, tuple(curves))
 

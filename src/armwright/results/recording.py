@@ -21,6 +21,7 @@ import numpy as np
 
 from armwright.entry import AnyRun, as_run
 from armwright.errors import OutputError, Problem, RunError
+from armwright.joint_kinds import KINDS
 from armwright.model import Model
 from armwright.model.joint_signals import LONG_NAMES, UNITS, command_unit, joint_units
 from armwright.output import check_destination, whole_file
@@ -90,7 +91,7 @@ def bare_dataset(arm: Model, attrs: Mapping[str, Any], lanes: int | None) -> xr.
 
     coordinates: dict[str, Any] = {
         "joint": ("joint", list(arm.names), {"long_name": "joint"}),
-        "kind": ("joint", [body.kind for body in arm.coordinates], {"long_name": "kind of joint"}),
+        "kind": ("joint", [body.kind.name for body in arm.coordinates], {"long_name": "kind of joint"}),
         "command": ("joint", [body.drive.command for body in arm.coordinates], {"long_name": "what the drive is told"}),
     }
     if lanes is not None:
@@ -178,16 +179,16 @@ def _wide_reduced(run: xr.Dataset) -> dict[str, np.ndarray]:
 
 def run_units(run: xr.Dataset, name: str) -> list[str]:
     """The unit of a variable for each joint; its attribute only lists the units that occur."""
-    linear = [kind == "prismatic" for kind in run["kind"].values]
+    kinds = [KINDS[str(kind)].units for kind in run["kind"].values]
     commands = [str(command) for command in run["command"].values]
-    units = {quantity: [pair[k] for k in linear] for quantity, pair in UNITS.items()}
-    units["u"] = [command_unit(command, k) for command, k in zip(commands, linear, strict=True)]
+    units = {quantity: [pair[each.linear] for each in kinds] for quantity, pair in UNITS.items()}
+    units["u"] = [command_unit(*each) for each in zip(commands, kinds, strict=True)]
     if name in units:
         return units[name]
     stated = str(run[name].attrs.get("units", "-"))
     occurring = set(stated.split(" | "))  # of q_measured and the like, on an arm with slides
     same = (each for each in units.values() if len(occurring) > 1 and set(each) == occurring)
-    return next(same, [stated] * len(linear))
+    return next(same, [stated] * len(kinds))
 
 
 def check_recording(path: str | os.PathLike[str]) -> Path:

@@ -10,6 +10,7 @@ import numpy as np
 
 from armwright.entry import ENTRIES
 from armwright.errors import RunError, shown
+from armwright.joint_kinds import moving_kinds
 from armwright.model.joint_signals import LONG_NAMES
 from armwright.results.aliases import LOOP_STATE, PARTIAL, SESSION
 
@@ -46,7 +47,7 @@ class Rule:
 
 COORDINATES = {
     "joint": Rule(("joint",), TEXTS, needed=True, unique=True),
-    "kind": Rule(("joint",), TEXTS, needed=True, choices=("revolute", "prismatic")),
+    "kind": Rule(("joint",), TEXTS, needed=True, choices=tuple(moving_kinds())),
     "command": Rule(("joint",), TEXTS, needed=True, choices=("voltage", "current", "torque")),
     "time": Rule(("time",), finite=True, most=LATEST, rising=True, units=("s",)),
     "lane": Rule(("lane",), WHOLE, unique=True),

@@ -71,7 +71,7 @@ def sample_poses(arm: Model, names: tuple[str, ...]) -> np.ndarray:
     ranges = []
     for name in names:
         low, high = bodies[name].limits.position
-        unbounded = (-np.pi, np.pi) if bodies[name].kind == "revolute" else (0.0, 0.0)
+        unbounded = (-np.pi, np.pi) if not bodies[name].kind.slides else (0.0, 0.0)
         ranges.append((low, high) if -np.inf < low <= high < np.inf else unbounded)
     low, high = np.array(ranges).T
     points = qmc.Halton(len(names), scramble=False).random(POSES + 1)[1:]  # the first of them is a corner

@@ -13,6 +13,7 @@ from armwright.description.drive import COMMAND_NEEDS
 from armwright.description.todo import TODO
 from armwright.description.writer import for_folder, to_toml
 from armwright.errors import DescriptionError, OutputError
+from armwright.joint_kinds import KINDS, JointUnits
 from armwright.output import check_destination, whole_file
 
 MOST_JOINTS = 100
@@ -138,8 +139,9 @@ def _joint(tables: dict[str, str], command: str) -> Iterator[str]:
     """The tables of a joint, those of its drive filled up."""
     own = tables.pop("")
     yield own
-    if 'type = "fixed"' not in own and "\nmimic = " not in own:
-        for name, keys in _needed(own, command).items():
+    kind = next(kind for name, kind in KINDS.items() if f'type = "{name}"' in own)
+    if kind.moves and "\nmimic = " not in own:
+        for name, keys in _needed(kind.units, command).items():
             given = tables.get(name)
             lines = (given or f'[joints.{name}]\nsource = "datasheet"\n').rstrip("\n") + "\n"
             quoted = f'"{TODO}"' if given is None else f'{{ value = "{TODO}", source = "datasheet" }}'
@@ -153,14 +155,13 @@ def _joint(tables: dict[str, str], command: str) -> Iterator[str]:
     yield from tables.values()
 
 
-def _needed(joint: str, command: str) -> dict[str, tuple[str, ...]]:
+def _needed(units: JointUnits, command: str) -> dict[str, tuple[str, ...]]:
     """Keys of the drive of a joint, by table."""
-    unit, effort, viscous = (
-        ("m", "n", "n_s_per_m") if 'type = "prismatic"' in joint else ("rad", "n_m", "n_m_s_per_rad")
-    )
-    limit = "force_n" if effort == "n" else "torque_n_m"
+    key = units.key
+    dry = (key(f"coulomb_{side}", "torque") for side in ("positive", "negative"))
+    limits = (key("position", "position"), key("velocity", "speed"), key("torque", "torque"))
     return {
         "motor": ("gear_ratio", "rotor_inertia_kg_m2", *reversed(COMMAND_NEEDS[command])),
-        "friction": (f"viscous_{viscous}", f"coulomb_positive_{effort}", f"coulomb_negative_{effort}"),
-        "limits": (f"position_{unit}", f"velocity_{unit}_per_s", limit, *COMMANDED[command]),
+        "friction": (key("viscous", "damping"), *dry),
+        "limits": (*limits, *COMMANDED[command]),
     }

@@ -44,7 +44,7 @@ def _output(state: State) -> list[Output]:
         return [none, Sheet("controllers", ("kind", "gains"), rows, words=2)]
     built_controller(state, settings)
     gains = ", ".join(f"{name} = {text}" for name, text in settings.gains.items())
-    units = ["m" if body.kind == "prismatic" else "rad" for body in state.arm.coordinates]
+    units = [body.kind.units.position for body in state.arm.coordinates]
     scale = ", ".join(
         f"{significant(s)} {unit}/V" for s, unit in dict.fromkeys(zip(settings.scale, units, strict=True))
     )

@@ -17,8 +17,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armwright.actuators.coupling import motor_shares
-from armwright.actuators.friction import LAWS, motor_friction
+from armwright.actuators.friction import motor_friction
 from armwright.actuators.gear import gear_loss, loses_power
+from armwright.friction_laws import LAWS
 from armwright.model import Body, Friction, Model
 
 SURE = 3.0  # standard deviations

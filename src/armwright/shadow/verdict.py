@@ -12,8 +12,7 @@ from armwright.model import Model
 from armwright.shadow.observer import Residuals
 
 PRACTICALLY_ALL = 0.99  # share of the time
-FAR = {"prismatic": 0.1}  # [m] of the position residual; the model no longer shows the motion
-FAR_TURNED = 0.5  # [rad]
+FAR = {False: 0.5, True: 0.1}  # [rad | m] of the position residual; the model no longer shows the motion
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +70,7 @@ def verdict(arm: Model, judged: Judged, alarms: int) -> Verdict:
     """
     share = judged.unjudged
     lost = share > 1.0 - PRACTICALLY_ALL
-    far = np.array([FAR.get(body.kind, FAR_TURNED) for body in arm.coordinates])
+    far = np.array([FAR[body.kind.units.linear] for body in arm.coordinates])
     away = judged.farthest > far
     lines = []
     if alarms:

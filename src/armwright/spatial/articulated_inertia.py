@@ -7,12 +7,16 @@ turns about z in 8 products, any other in 12.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from armwright import scalar
 from armwright.scalar import Array, Scalar
 from armwright.spatial.rotation import cross, skew
+
+if TYPE_CHECKING:
+    from armwright.joint_kinds import JointKind
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,16 +42,15 @@ class ArticulatedInertia:
             self.linear + other.linear, self.coupling + other.coupling, self.angular + other.angular
         )
 
-    def column(self, kind: str) -> tuple[Array, Array]:
-        """Force and moment (3,) that a unit acceleration of a joint about z (or along z) asks for."""
-        if kind == "revolute":
-            return self.coupling[2], self.angular[:, 2]
-        return self.linear[:, 2], self.coupling[:, 2]
+    def column(self, kind: JointKind) -> tuple[Array, Array]:
+        """Force and moment (3,) that a unit acceleration of a joint asks for, I S."""
+        return kind.project(self.coupling[2], self.linear[:, 2]), kind.project(self.angular[:, 2], self.coupling[:, 2])
 
-    def without(self, kind: str, share: tuple[Array, Array], rotor: Scalar) -> ArticulatedInertia:
+    def without(self, kind: JointKind, share: tuple[Array, Array], rotor: Scalar) -> ArticulatedInertia:
         """Inertia seen through a joint that moves freely:  I - u uᵀ/D,  D = u_z + rotor;  `share` is u/D.
 
-        In the joint's own row  u_z - u_z u_z/D = rotor u_z/D,  and so on: rotor times `share`, exactly 0 without a rotor.
+        In the own row of a joint that only turns or slides  u_z - u_z u_z/D = rotor u_z/D,  and so on: rotor times `share`,
+        exactly 0 without a rotor.
         """
         (u, un), (k, kn) = self.column(kind), share
         linear, coupling, angular = scalar.zeros(3, 3), scalar.zeros(3, 3), scalar.zeros(3, 3)
@@ -57,10 +60,10 @@ class ArticulatedInertia:
             for j in range(i, 3):
                 linear[i, j] = linear[j, i] = self.linear[i, j] - u[i] * k[j]
                 angular[i, j] = angular[j, i] = self.angular[i, j] - un[i] * kn[j]
-        if kind == "revolute":
+        if not kind.slides:
             coupling[2] = rotor * k
             angular[2] = angular[:, 2] = rotor * kn
-        else:
+        elif not kind.turns:
             linear[2] = linear[:, 2] = rotor * k
             coupling[:, 2] = rotor * kn
         return ArticulatedInertia(scalar.array(linear), scalar.array(coupling), scalar.array(angular))

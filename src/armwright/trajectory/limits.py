@@ -57,7 +57,7 @@ class MotionLimits:
         limits = [body.limits for body in arm.coordinates]
         record = {name: np.array([getattr(each, name, np.inf) for each in limits], dtype=float) for name in QUANTITIES}
         record["torque"] = np.minimum(record["torque"], current_torques(arm))
-        prismatic = tuple(body.kind == "prismatic" for body in arm.coordinates)
+        prismatic = tuple(body.kind.units.linear for body in arm.coordinates)
         found = cls(**record, names=tuple(arm.names), prismatic=prismatic)
         found = found.replace(**overrides)
         given = np.isfinite(found.torque)  # infinite: no limit of torque at all

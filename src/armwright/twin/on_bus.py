@@ -227,7 +227,7 @@ def _speeds(scenario: Scenario) -> Sensors:
             problems.append(Problem("", f"loop.sensors.{name}", getattr(sensors, name), expected))
     if problems:
         raise BusError.of(*problems)
-    linear = any(body.kind == "prismatic" for body in arm.coordinates)
+    linear = any(body.kind.units.linear for body in arm.coordinates)
     metre = (COUNTS_PER_METRE if sensors.counts_per_m is None else sensors.counts_per_m) if linear else None
     counts = COUNTS_PER_TURN if sensors.counts is None else sensors.counts
     velocity = "difference" if sensors.velocity == "exact" else sensors.velocity

@@ -215,7 +215,7 @@ def _check_drives(master: Master) -> None:
         if abs(rated - ours) > RATED * ours:
             what = f"node {node.id} of {name} has a rated torque of {rated / 1e3:g} N m"
             raise BusError(what, place="object 6076", expected=f"{ours / 1e3:g} N m, the largest torque of the record")
-        turn = 2.0 * np.pi if master.rehearsal.scenario.arm.coordinates[k].kind == "revolute" else 1.0
+        turn = master.rehearsal.scenario.arm.coordinates[k].kind.units.whole
         counts = master.get(node, (0x608F, 1)) / master.get(node, (0x608F, 2))
         if abs(counts * float(units.count[k]) - turn) > 1e-6 * turn:
             what = f"node {node.id} of {name} has {counts:g} counts"

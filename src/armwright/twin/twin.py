@@ -107,11 +107,11 @@ class Twin:
     def _defaults(self, joint: int, load: BusLoad) -> dict[Key, int]:
         """Values of a drive's objects that follow from the record."""
         body, count = self.arm.coordinates[joint], float(self.units.count[joint])
-        unit = np.deg2rad(1.0) if body.kind == "revolute" else 1e-3
+        unit = 1e-3 if body.kind.units.linear else np.deg2rad(1.0)
         low, high = body.limits.position
         speed = int(body.limits.velocity / count)
         value, power = load.interpolation()
-        turn = 2.0 * np.pi if body.kind == "revolute" else 1.0
+        turn = body.kind.units.whole
         rated, constant = float(self.units.limit[joint] * self.units.torque[joint]), body.drive.torque_constant
         return {
             od.CYCLE: round(1e6 * self.period),

@@ -50,7 +50,7 @@ class Units:
         turn = np.broadcast_to(COUNTS_PER_TURN if sensors.counts is None else sensors.counts, arm.n).astype(float)
         metre = COUNTS_PER_METRE if sensors.counts_per_m is None else sensors.counts_per_m
         metre = np.broadcast_to(metre, arm.n).astype(float)
-        linear = np.array([body.kind == "prismatic" for body in arm.coordinates])
+        linear = np.array([body.kind.units.linear for body in arm.coordinates])
         count = np.where(linear, 1.0 / metre, 2.0 * np.pi / turn)
         problems = [problem for body in arm.coordinates for problem in _refused(body, arm.name)]
         if problems:

@@ -158,7 +158,7 @@ class LoopAnalysis(Result):
     def _units(self) -> dict[str, list[str]]:
         """Units of the joints by head."""
         arm = self.loop.scenario.arm
-        inertia = ["kg" if body.kind == "prismatic" else "kg m²" for body in arm.coordinates]
+        inertia = [body.kind.units.inertia for body in arm.coordinates]
         slope, noise = (
             [f"{unit}/{q}" for unit, q in zip(joint_units(arm, name), joint_units(arm, "q"), strict=True)]
             for name in ("tau", "u")
@@ -228,7 +228,7 @@ class LoopAnalysis(Result):
         if counts.any() and self.stable:
             tremor = np.sqrt(self.noise.command**2 @ (counts**2 / 12.0)).max(axis=0)
             bodies = self.loop.scenario.arm.coordinates
-            units = [command_unit(body.drive.command, body.kind == "prismatic") for body in bodies]
+            units = [command_unit(body.drive.command, body.kind.units) for body in bodies]
             listed = ", ".join(f"{value:.2g} {unit}" for value, unit in zip(tremor, units, strict=True))
             lines.append(f"counts of encoders make the commands of moving joints tremble, by up to {listed} (1 σ)")
         return [*lines, "limits of drives are left out", *loop.notes]

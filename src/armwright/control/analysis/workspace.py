@@ -74,9 +74,9 @@ def sampled_poses(arm: Model, count: int, seed: int = 0) -> np.ndarray:
     ranges = []
     for body in arm.coordinates:
         ends = np.array(body.limits.position, dtype=float)
-        if body.kind == "prismatic" and not np.isfinite(ends).all():
+        if body.kind.units.linear and not np.isfinite(ends).all():
             raise ScenarioError(f"sliding joint {body.joint!r} has no position limits", place="poses", file=arm.name)
-        ranges.append(ends if body.kind == "prismatic" else np.clip(ends, -np.pi, np.pi))
+        ranges.append(ends if body.kind.units.linear else np.clip(ends, -np.pi, np.pi))
     low, high = np.array(ranges).T
     return low + (high - low) * np.random.default_rng(seed).uniform(size=(count, arm.n))
 

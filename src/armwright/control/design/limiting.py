@@ -81,7 +81,7 @@ def joint_limits(design: GainDesign) -> tuple[JointLimit, ...]:
             float(design.bandwidth[j]),
             dict(sorted(factors[j].items(), key=lambda pair: -pair[1])),
             float(errors[j]),
-            "m" if body.kind == "prismatic" else "rad",
+            body.kind.units.position,
             float(inertia[:, j].max() / inertia[:, j].min()),
         )
         for j, body in enumerate(arm.coordinates)

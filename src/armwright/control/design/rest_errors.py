@@ -39,7 +39,7 @@ def rest_sentences(arm: Model, friction: np.ndarray, weight: np.ndarray) -> list
         worst = int(np.argmax(error))
         if error[worst] > 0.0:
             body = arm.coordinates[worst]
-            unit = "m" if body.kind == "prismatic" else "rad"
+            unit = body.kind.units.position
             found.append(f"{cause} up to {error[worst]:.2g} {unit} (joint {body.joint!r})")
     remedy = "an integral gain above 0 in the scenario takes that away"
     return [f"without an integral, {' and '.join(found)} may be left at rest; {remedy}"] if found else []

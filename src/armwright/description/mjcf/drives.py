@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 from math import inf
 from typing import Any
 
+from armwright.joint_kinds import JointUnits
+
 
 @dataclass
 class Actuation:
@@ -64,12 +66,12 @@ def masters(mujoco: Any, model: Any) -> dict[int, int]:
     return {int(model.eq_obj1id[k]): k for k in constraints(mujoco, model) if int(model.eq_type[k]) == line}
 
 
-def mimic_record(model: Any, k: int, master: str, *, hinge: bool) -> dict[str, Any]:
+def mimic_record(model: Any, k: int, master: str, units: JointUnits) -> dict[str, Any]:
     """`mimic` of the joint that constraint k moves: our q are MuJoCo's, whose line goes through the reference positions."""
     at = [float(model.qpos0[model.jnt_qposadr[int(joint)]]) for joint in (model.eq_obj1id[k], model.eq_obj2id[k])]
     constant, slope = map(float, model.eq_data[k][:2])
     return {
         "joint": master,
         "multiplier": slope,
-        f"offset_{'rad' if hinge else 'm'}": at[0] + constant - slope * at[1],
+        units.key("offset", "position"): at[0] + constant - slope * at[1],
     }

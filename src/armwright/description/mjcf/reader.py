@@ -20,7 +20,8 @@ from armwright.description.mjcf.springs import cylinder, joint_spring, springs_a
 from armwright.description.paths import UNNAMEABLE
 from armwright.description.robot import RobotDescription
 from armwright.errors import DescriptionError, Findings, Problem
-from armwright.spatial import Placement, roll_pitch_yaw, rotation_to_axis, rotation_z
+from armwright.joint_kinds import JointKind, Prismatic, Revolute
+from armwright.spatial import Placement, roll_pitch_yaw
 from armwright.validation import validated
 
 SOURCE = "mjcf_file"
@@ -162,9 +163,9 @@ class _Reader:
             link = self.bodies[i] if last else self._between(self.bodies[i], k - first + 1)
             axis, reference = model.jnt_axis[k], float(model.qpos0[model.jnt_qposadr[k]])
             hinge = int(model.jnt_type[k]) == int(self.mujoco.mjtJoint.mjJNT_HINGE)
+            kind = Revolute() if hinge else Prismatic()
             anchor = Placement(np.eye(3), model.jnt_pos[k] if hinge else np.zeros(3))
-            record = self._joint(k, hinge=hinge)
-            self._add_joint(record, carrier, link, at @ anchor @ _motion(axis, -reference, hinge=hinge), axis)
+            self._add_joint(self._joint(k, kind), carrier, link, at @ anchor @ kind.placement(axis, -reference), axis)
             carrier, at = link, anchor.inverse()
             if last:
                 self.inside[i] = at
@@ -189,41 +190,41 @@ class _Reader:
         along = {} if axis is None else {"axis": axis.tolist()}
         self.joints.append({**record, "parent": parent, "child": child, "frame": frame, **along})
 
-    def _joint(self, k: int, *, hinge: bool) -> dict[str, Any]:
+    def _joint(self, k: int, kind: JointKind) -> dict[str, Any]:
         """Kind, drive, friction and limits."""
         model, dof = self.model, int(self.model.jnt_dofadr[k])
         name = self._name(self.mujoco.mjtObj.mjOBJ_JOINT, k, "joint")
-        unit, force, viscous, length = ("rad", "n_m", "n_m_s_per_rad", "rad") if hinge else ("m", "n", "n_s_per_m", "m")
+        units = kind.units
         actuation = self.driven.get(k, Actuation())
         for remark in actuation.remarks:
             self.remarks.add("joint", name, Problem(remark))
         limits: dict[str, Any] = {}
         if model.jnt_limited[k]:
-            limits[f"position_{unit}"] = model.jnt_range[k].tolist()
+            limits[units.key("position", "position")] = model.jnt_range[k].tolist()
         torque = actuation.torque
         if model.jnt_actfrclimited[k]:
             torque = min(torque, float(np.abs(model.jnt_actfrcrange[k]).min()))
         if 0 < torque < inf:
-            limits["torque_n_m" if hinge else "force_n"] = torque
+            limits[units.key("torque", "torque")] = torque
         friction: dict[str, Any] = {}
         disabled = model.opt.disableflags
         damping, loss = float(np.ravel(model.dof_damping[dof])[0]), float(model.dof_frictionloss[dof])
         if damping and not disabled & int(getattr(self.mujoco.mjtDisableBit, "mjDSBL_DAMPER", 0)):
-            friction[f"viscous_{viscous}"] = damping
+            friction[units.key("viscous", "damping")] = damping
         if loss and not disabled & int(self.mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS):
-            friction |= {f"coulomb_{side}_{force}": loss for side in ("positive", "negative")}
+            friction |= {units.key(f"coulomb_{side}", "torque"): loss for side in ("positive", "negative")}
             if self.smoothing is not None:
-                friction[f"smoothing_{length}_per_s"] = {"value": self.smoothing, "source": self.chosen}
-        record: dict[str, Any] = {"name": name, "type": "revolute" if hinge else "prismatic", "limits": limits}
+                friction[units.key("smoothing", "speed")] = {"value": self.smoothing, "source": self.chosen}
+        record: dict[str, Any] = {"name": name, "type": kind.name, "limits": limits}
         armature, gear = float(model.dof_armature[dof]), actuation.gear
         if armature or gear != 1.0:
             record["motor"] = {"gear_ratio": gear, "rotor_inertia_kg_m2": armature / (gear * gear)}
         if k in self.following:
             other = int(model.eq_obj2id[self.following[k]])
             master = self._name(self.mujoco.mjtObj.mjOBJ_JOINT, other, "joint")
-            record["mimic"] = mimic_record(model, self.following[k], master, hinge=hinge)
+            record["mimic"] = mimic_record(model, self.following[k], master, units)
             self.remarks.add("joint", name, Problem("follows another exactly, where MuJoCo's constraint gives way"))
-        return record | joint_spring(self.mujoco, model, k, hinge=hinge) | ({"friction": friction} if friction else {})
+        return record | joint_spring(self.mujoco, model, k, units) | ({"friction": friction} if friction else {})
 
     def _cylinders(self, frames: list[dict[str, Any]]) -> list[dict[str, Any]]:
         """Tendons that pull or push; those without stiffness only measure."""
@@ -252,14 +253,6 @@ def _placement(position: np.ndarray, quaternion: np.ndarray) -> Placement:
         [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
     ]
     return Placement(np.array(rotation), np.array(position))
-
-
-def _motion(axis: np.ndarray, q: float, *, hinge: bool) -> Placement:
-    """A joint's motion at q, in its frame."""
-    if not hinge:
-        return Placement(np.eye(3), np.asarray(axis) * q)
-    turn = rotation_to_axis(axis)
-    return Placement(turn @ rotation_z(q) @ turn.T, np.zeros(3))
 
 
 def _tensor(tensor: np.ndarray) -> dict[str, float]:

@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from armwright.joint_kinds import JointUnits
+
 
 def springs_are_off(mujoco: Any, model: Any) -> bool:
     """True if the file's <flag> switches springs off, as older versions do together with dampers."""
@@ -15,14 +17,13 @@ def springs_are_off(mujoco: Any, model: Any) -> bool:
     return bool(model.opt.disableflags & int(flag))
 
 
-def joint_spring(mujoco: Any, model: Any, k: int, *, hinge: bool) -> dict[str, Any]:
+def joint_spring(mujoco: Any, model: Any, k: int, units: JointUnits) -> dict[str, Any]:
     """`spring` of joint k; empty without one. Our q are MuJoCo's, so that its spring reference is our rest."""
     stiffness = float(np.ravel(model.jnt_stiffness[k])[0])
     if not stiffness or springs_are_off(mujoco, model):
         return {}
-    length, force = ("rad", "n_m") if hinge else ("m", "n")
     rest = float(model.qpos_spring[model.jnt_qposadr[k]])
-    return {"spring": {f"stiffness_{force}_per_{length}": stiffness, f"rest_{length}": rest}}
+    return {"spring": {units.key("stiffness", "stiffness"): stiffness, units.key("rest", "position"): rest}}
 
 
 def sites_of(model: Any, i: int) -> list[int]:

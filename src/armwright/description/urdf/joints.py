@@ -9,7 +9,8 @@ import numpy as np
 
 from armwright.description.urdf.reading import DYNAMICS_ELSEWHERE, LIMITS_ELSEWHERE, UrdfReading
 from armwright.description.xml_tree import Element
-from armwright.spatial import Placement, roll_pitch_yaw, rotation_rpy, rotation_to_axis, rotation_z
+from armwright.joint_kinds import KINDS, JointUnits
+from armwright.spatial import Placement, roll_pitch_yaw, rotation_rpy
 
 TYPES = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic", "fixed": "fixed"}
 LARGEST = 1e9  # SI; no length, mass, tensor or limit of a robot is beyond, and the arithmetic stays far from overflow
@@ -40,14 +41,14 @@ def joint_record(reading: UrdfReading, joint: Element) -> dict[str, Any]:
         ends[side] = end.word("link", f"{what} <{side}>")
     frame = reading.attempt(pose, joint.one("origin"))
     record: dict[str, Any] = {"name": name, "type": TYPES[kind], **ends, "frame": frame}
-    if kind == "fixed":
+    if not KINDS[TYPES[kind]].moves:
         for tag in ("axis", "limit", "dynamics", "mimic"):
             if joint.one(tag) is not None:
                 reading.ignored[f"fixed joint/{tag}"] += 1
         return record
     record["axis"] = reading.attempt(_axis, reading, joint, what)
-    limits = reading.attempt(_limits, reading, joint, kind)
-    friction = reading.attempt(_friction, reading, joint, record["type"])
+    limits = reading.attempt(_limits, reading, joint, KINDS[TYPES[kind]].units)
+    friction = reading.attempt(_friction, reading, joint, KINDS[TYPES[kind]].units)
     return {**record, "limits": limits, **({"friction": friction} if friction else {})}
 
 
@@ -86,12 +87,11 @@ def _axis(reading: UrdfReading, joint: Element, what: str) -> list[float]:
     return direction
 
 
-def _limits(reading: UrdfReading, joint: Element, kind: str) -> dict[str, Any]:
+def _limits(reading: UrdfReading, joint: Element, units: JointUnits) -> dict[str, Any]:
     """Position, speed and effort. Other exporters write 0 for what they do not know, ours LARGEST; no joint has such limits."""
-    name, limit = joint.word("name"), joint.one("limit")
-    unit, effort = ("m", "force_n") if kind == "prismatic" else ("rad", "torque_n_m")
+    name, limit, bounded_range = joint.word("name"), joint.one("limit"), joint.word("type") != "continuous"
     if limit is None:
-        if kind != "continuous":
+        if bounded_range:
             reading.remark("joint", name, "no <limit>, which the format asks for: no limit is known")
         return {}
     for attribute in limit.attributes:
@@ -100,17 +100,17 @@ def _limits(reading: UrdfReading, joint: Element, kind: str) -> dict[str, Any]:
     limit.only_attributes("lower", "upper", "effort", "velocity", *LIMITS_ELSEWHERE)
     limits: dict[str, Any] = {}
     lower, upper = (_limit(limit, side) for side in ("lower", "upper"))
-    if kind != "continuous":
+    if bounded_range:
         if lower is not None and upper is not None and lower <= -LARGEST and upper >= LARGEST:
             reading.remark("joint", name, f"position limits of {LARGEST:g} or more either way: read as unknown")
         elif lower is not None and upper is not None and lower < upper:
-            limits[f"position_{unit}"] = [lower, upper]
+            limits[units.key("position", "position")] = [lower, upper]
         elif lower is not None and upper is not None and lower > upper:
             raise limit.error(place=f"joint {name!r} lower", value=lower, expected=f"a number below upper = {upper:g}")
         else:
             what = "its position limits leave no room (lower = upper) or are infinite: read as unknown"
             reading.remark("joint", name, what)
-    for attribute, key in (("velocity", f"velocity_{unit}_per_s"), ("effort", effort)):
+    for attribute, key in (("velocity", units.key("velocity", "speed")), ("effort", units.key("torque", "torque"))):
         value = _limit(limit, attribute)
         if value is not None and value < 0:
             raise limit.error(
@@ -129,7 +129,7 @@ def _limit(limit: Element, attribute: str) -> float | None:
     return limit.number(attribute, 0.0)
 
 
-def _friction(reading: UrdfReading, joint: Element, kind: str) -> dict[str, Any]:
+def _friction(reading: UrdfReading, joint: Element, units: JointUnits) -> dict[str, Any]:
     """Damping is viscous friction, `friction` Coulomb's either way; a URDF has no smoothing speed, so that it sticks."""
     dynamics, name = joint.one("dynamics"), joint.word("name")
     if dynamics is None:
@@ -142,12 +142,11 @@ def _friction(reading: UrdfReading, joint: Element, kind: str) -> dict[str, Any]
     for key, value in (("damping", damping), ("friction", coulomb)):
         if value < 0:
             raise dynamics.error(place=f"joint {name!r} {key}", value=value, expected="a number of 0 or more")
-    force, viscous, length = ("n", "n_s_per_m", "m") if kind == "prismatic" else ("n_m", "n_m_s_per_rad", "rad")
-    record: dict[str, Any] = {f"viscous_{viscous}": damping} if damping else {}
+    record: dict[str, Any] = {units.key("viscous", "damping"): damping} if damping else {}
     if coulomb:
-        record |= {f"coulomb_{side}_{force}": coulomb for side in ("positive", "negative")}
+        record |= {units.key(f"coulomb_{side}", "torque"): coulomb for side in ("positive", "negative")}
         if reading.smoothing is not None:
-            record[f"smoothing_{length}_per_s"] = {"value": reading.smoothing, "source": reading.smoothing_source}
+            record[units.key("smoothing", "speed")] = {"value": reading.smoothing, "source": reading.smoothing_source}
     return record
 
 
@@ -158,10 +157,11 @@ def with_mimic(reading: UrdfReading, joint: Element, record: dict[str, Any]) -> 
         DescriptionError: it follows by a multiplier of 0.
     """
     mimic = joint.one("mimic")
-    if mimic is None or record["type"] == "fixed" or None in (record["frame"], record["axis"]):
+    if mimic is None or not KINDS[record["type"]].moves or None in (record["frame"], record["axis"]):
         return record
     mimic.only_attributes("joint", "multiplier", "offset")
     master, name = mimic.word("joint"), record["name"]
+    kind = KINDS[record["type"]]
     multiplier, offset = mimic.number("multiplier", 1.0), bounded(mimic, [mimic.number("offset", 0.0)])[0]
     if reading.mimic == "independent":
         reading.remark("joint", name, "mimics another joint in the file, and is read as an independent joint")
@@ -171,7 +171,9 @@ def with_mimic(reading: UrdfReading, joint: Element, record: dict[str, Any]) -> 
             "joint", name, "mimics another joint in the file, and is fixed where it stands while that is at 0"
         )
         frame = record["frame"]
-        at = Placement(rotation_rpy(*frame["rpy_rad"]), np.array(frame["xyz_m"])) @ _moved(record, offset)
+        at = Placement(rotation_rpy(*frame["rpy_rad"]), np.array(frame["xyz_m"])) @ kind().placement(
+            np.array(record["axis"]), offset
+        )
         return {
             **{key: record[key] for key in ("name", "parent", "child")},
             "type": "fixed",
@@ -181,8 +183,8 @@ def with_mimic(reading: UrdfReading, joint: Element, record: dict[str, Any]) -> 
         raise mimic.error(
             place=f"joint {name!r} <mimic multiplier>", value=0.0, expected=f"another number, {OR_OTHERWISE}"
         )
-    unit = "m" if record["type"] == "prismatic" else "rad"
-    return {**record, "mimic": {"joint": master, "multiplier": multiplier, f"offset_{unit}": offset}}
+    where = kind.units.key("offset", "position")
+    return {**record, "mimic": {"joint": master, "multiplier": multiplier, where: offset}}
 
 
 def check_masters(joints: Sequence[Element], records: Sequence[dict[str, Any]]) -> None:
@@ -191,7 +193,7 @@ def check_masters(joints: Sequence[Element], records: Sequence[dict[str, Any]]) 
     Raises:
         DescriptionError: names the joint, with file and line.
     """
-    moving = [record["name"] for record in records if record["type"] != "fixed"]
+    moving = [record["name"] for record in records if KINDS[record["type"]].moves]
     for joint, record in zip(joints, records, strict=True):
         mimic = joint.one("mimic")
         if mimic is not None and "mimic" in record and record["mimic"]["joint"] not in moving:
@@ -199,11 +201,3 @@ def check_masters(joints: Sequence[Element], records: Sequence[dict[str, Any]]) 
             what, place = "does not move or is not there", f"joint {record['name']!r} <mimic joint>"
             expected = f"a joint that moves, {OR_OTHERWISE}"
             raise mimic.error(what, place=place, value=master, expected=expected, choices=others)
-
-
-def _moved(record: dict[str, Any], q: float) -> Placement:
-    """A joint's motion at q, in its frame."""
-    turn = rotation_to_axis(np.array(record["axis"]))
-    if record["type"] == "prismatic":
-        return Placement(np.eye(3), turn[:, 2] * q)
-    return Placement(turn @ rotation_z(q) @ turn.T, np.zeros(3))

@@ -18,6 +18,7 @@ from armwright.description.urdf.reading import GAZEBO_ELEMENTS, GAZEBO_PHYSICS, 
 from armwright.description.urdf.transmissions import reductions
 from armwright.description.xml_tree import Element, read_xml
 from armwright.errors import DescriptionError
+from armwright.joint_kinds import KINDS
 from armwright.validation import validated
 
 MIMIC = ("coupled", "independent", "fixed")
@@ -71,7 +72,7 @@ def read_urdf(
         add_drives(beside, drives, record, ratios)
     for joint in record["joints"]:
         ratio = ratios.get(joint["name"], PLACEHOLDER)
-        if abs(ratio) != PLACEHOLDER and joint["type"] != "fixed" and "motor" not in joint:
+        if abs(ratio) != PLACEHOLDER and KINDS[joint["type"]].moves and "motor" not in joint:
             why = "as no motor is known: give one in the drive file"
             reading.remark("joint", joint["name"], f"gear ratio {ratio:g} of its transmission is not used, {why}")
     return _validated(reading, record)

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from armwright.description.friction import key_of
 from armwright.description.paths import path_name
 from armwright.description.robot import RobotDescription, Source
 from armwright.errors import IdentificationError
@@ -26,6 +25,7 @@ from armwright.identification.arm.physical import (
 )
 from armwright.identification.arm.spring_record import SPRINGS, spring_keys
 from armwright.identification.arm.torque_model import Column, TorqueModel
+from armwright.joint_kinds import ROTARY
 
 MASSLESS = "massless"  # in a remark of an arm that was read without masses, and which are known now
 NOT_NEGATIVE = ("spring", "rotor", "viscous", "coulomb", "coulomb+", "coulomb-")
@@ -235,16 +235,16 @@ class _Written:
         on_motor = any(len(model.columns[k].turned) > 1 for k in fitted.values()) or (
             lossy and old is not None and old.side == "motor"
         )
-        linear = joint.type == "prismatic" and not on_motor
+        key_of = (ROTARY if on_motor else joint.kind.units).key
         n = abs(ratio) if on_motor else 1.0
         values: dict[str, Any] = {"side": "motor"} if on_motor else {}
         if lossy and old is not None and old.load_coefficient is not None and "coulomb" in "".join(fitted):
             values["load_coefficient"] = old.load_coefficient
         if old is not None and old.law == "coulomb":  # the fit took Coulomb's sign over this speed
-            smoothing = getattr(old, key_of("smoothing", "speed", joint.type == "prismatic" and old.side != "motor"))
+            smoothing = getattr(old, old.units.key("smoothing", "speed"))
             if smoothing is not None:
                 turns = n / abs(ratio) if old.side == "motor" else n  # speeds of the new side by those of the old one
-                values[key_of("smoothing", "speed", linear)] = _scaled(smoothing, turns)
+                values[key_of("smoothing", "speed")] = _scaled(smoothing, turns)
         stribeck = "stribeck" in fitted and "coulomb" in fitted
         for kind, stem, dimension, factor in NUMBERS:
             if kind in fitted and (kind != "stribeck" or stribeck):
@@ -253,13 +253,13 @@ class _Written:
                     value = self.offset(joint.name)
                 if kind == "stribeck":
                     value = max(value + float(found[fitted["coulomb"]]), 0.0)
-                name, scale = key_of(stem, dimension, linear), n**factor
+                name, scale = key_of(stem, dimension), n**factor
                 path = f"{path_name(joint.name)}.friction.{name}"
                 self.paths.setdefault(fitted[kind], []).append((path, scale))
                 values[name] = _number(value * scale, self.key)
         if stribeck:
             speed = model.columns[fitted["stribeck"]].speed * n
-            values[key_of("stribeck_speed", "speed", linear)] = _number(speed, self.key)
+            values[key_of("stribeck_speed", "speed")] = _number(speed, self.key)
         return {"friction": values}
 
     def offset(self, joint: str) -> float:
@@ -283,7 +283,7 @@ def _fixed_to(record: RobotDescription, link: str) -> set[str]:
     """Links that fixed joints hang on a link."""
     found, added = {link}, True
     while added:
-        more = {joint.child for joint in record.joints if joint.type == "fixed" and joint.parent in found} - found
+        more = {joint.child for joint in record.joints if not joint.kind.moves and joint.parent in found} - found
         found, added = found | more, bool(more)
     return found - {link}
 

@@ -206,7 +206,7 @@ def _with_enough_rows(log: Log, unknown: int) -> dict[str, Preparation]:
 
 
 def _motor(robot: Model, joint: str) -> Motor | None:
-    return next(each.motor for each in robot.record.joints if each.name == joint and each.type != "fixed")
+    return next(each.motor for each in robot.record.moving_joints if each.name == joint)
 
 
 def _gain_model(own: TorqueModel, frame: str | None, loaded: bool) -> GainModel:

@@ -13,13 +13,13 @@ import numpy as np
 
 from armwright.actuators.coupling import motor_shares
 from armwright.actuators.gear import loses_power
-from armwright.description.friction import key_of
 from armwright.description.paths import path_name, unit_at
 from armwright.dynamics.gears import joint_torques
 from armwright.entry import AnyArm, AnyLog, as_arm, as_log
 from armwright.errors import IdentificationError
 from armwright.fitting.covariance import covariance_of
 from armwright.fitting.measures import agreement
+from armwright.friction_laws import law_of_keys
 from armwright.identification.arm.equations import Samples
 from armwright.identification.arm.friction_law import (
     CANDIDATES,
@@ -39,7 +39,7 @@ from armwright.identification.arm.torque_model import SUPPORT as LINEAR, torque_
 from armwright.identification.estimate import Estimate
 from armwright.identification.logs.log import Log
 from armwright.identification.logs.preparation import Preparation, choose_preparation
-from armwright.model import Model
+from armwright.model import Body, Model
 
 SUPPORT = LINEAR.named("identify friction")
 
@@ -185,7 +185,6 @@ def identify_friction(
             what = "the log has its temperature, the record no motor.thermal.reference_c to count it from"
             remarks.append(f"{body.joint}: {what}: slopes of friction over temperature are not tried")
         moved = len(rows.speed) >= FEWEST and (rows.speed > 0).any() and (rows.speed < 0).any()
-        linear = body.kind == "prismatic"
         if not moved:
             remarks.append(
                 f"{body.joint}: does not move both ways for long enough; its friction stays as the record has it"
@@ -197,7 +196,7 @@ def identify_friction(
         doubtful = doubtful or bool(doubt)
         covariance = _covariance(rows, law)
         for term, value, at_bound in _recorded(rows, law):
-            names.append(_name(body.joint, term, linear))
+            names.append(_name(body, term))
             values.append(value)
             bounds.append(at_bound)
         blocks.append(_spread(law, covariance))
@@ -281,10 +280,11 @@ OF_SPRING = {
 }  # stem → value of `spring_keys`
 
 
-def _name(joint: str, term: Term, linear: bool) -> str:
+def _name(body: Body, term: Term) -> str:
     if term.dimension == "spring":
-        return f"{joint}: {term.stem}{SPRING}"
-    return f"{path_name(joint)}.friction.{term.stem if term.dimension is None else key_of(term.stem, term.dimension, linear)}"
+        return f"{body.joint}: {term.stem}{SPRING}"
+    key = term.stem if term.dimension is None else body.kind.units.key(term.stem, term.dimension)
+    return f"{path_name(body.joint)}.friction.{key}"
 
 
 def _unit(name: str) -> str:
@@ -330,6 +330,7 @@ def with_identified_friction(robot: Model, estimate: Estimate) -> Model:
     from dataclasses import replace as with_changes
 
     from armwright.description.drive import LinearFriction, RotaryFriction
+    from armwright.description.robot import MovingJoint
     from armwright.model.variants.edits import checked, replaced
 
     numbers: dict[str, dict[str, Any]] = {}
@@ -345,10 +346,11 @@ def with_identified_friction(robot: Model, estimate: Estimate) -> Model:
     joints, bodies = [], {body.joint: body for body in robot.coordinates}
     for joint in robot.record.joints:
         keys = numbers.get(joint.name)
-        if keys is not None and joint.type != "fixed":
-            kind = RotaryFriction if joint.type == "revolute" else LinearFriction
-            law = "sigmoid" if any(key.startswith("sigmoid") for key in keys) else "coulomb"
-            smoothing = "smoothing_rad_per_s" if joint.type == "revolute" else "smoothing_m_per_s"
+        if keys is not None and isinstance(joint, MovingJoint):
+            units = joint.kind.units
+            kind = LinearFriction if units.linear else RotaryFriction
+            law = law_of_keys(keys, units)
+            smoothing = units.key("smoothing", "speed")
             old = getattr(joint.friction, smoothing, None)
             kept = {smoothing: old} if old is not None and law == "coulomb" else {}
             friction = checked(kind, f"{path_name(joint.name)}.friction", law=law, **kept, **keys)

@@ -16,6 +16,8 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares
 
+from armwright.friction_laws import LAWS, FrictionLaw as FileLaw
+
 WORTH = 0.01  # share of the held-out error that a candidate must take away
 FOLDS = 8  # parts of the log, each held out once
 ENOUGH = 600  # rows for the choice of terms: neighbours say nearly the same
@@ -74,6 +76,16 @@ def _speed(share: float, rows: FrictionRows) -> float:
     return share * float(np.abs(rows.speed).max())
 
 
+def _of_law(law: FileLaw) -> tuple[Term, ...]:
+    """The own numbers of a law of robot files, and its offset."""
+
+    def started(start: Any) -> Any:
+        return lambda rows: start(level_of(rows), _speed(1.0, rows))
+
+    own = (Term(key.stem, key.dimension, started(key.start), key.low) for key in law.own)
+    return (*own, Term("offset", "torque", lambda rows: float(rows.torque.mean()), -np.inf))
+
+
 VISCOUS = Term("viscous", "damping", _slope)
 TERMS: dict[str, tuple[Term, ...]] = {
     "viscous": (VISCOUS,),
@@ -88,12 +100,7 @@ TERMS: dict[str, tuple[Term, ...]] = {
     "load": (Term("load_coefficient", None, lambda _: 0.01),),
     "coulomb by temperature": (Term("coulomb_temperature_coefficient_per_k", None, lambda _: -1e-3, -np.inf),),
     "viscous by temperature": (Term("viscous_temperature_coefficient_per_k", None, lambda _: -1e-3, -np.inf),),
-    "sigmoid": (
-        Term("sigmoid_amplitude", "torque", lambda rows: 2 * level_of(rows)),
-        Term("sigmoid_slope", "slope", lambda rows: 10 / _speed(1.0, rows), 1e-6),
-        Term("sigmoid_shift", "speed", lambda _: 0.0, -np.inf),
-        Term("offset", "torque", lambda rows: float(rows.torque.mean()), -np.inf),
-    ),
+    **{name: _of_law(law) for name, law in LAWS.items() if law.is_candidate},
     "spring": (
         Term("stiffness", "spring", level_of),
     ),  # its torque at 0 is in the levels of Coulomb, or the sigmoid's offset
@@ -108,7 +115,7 @@ CANDIDATES = (
     "load",
     "coulomb by temperature",
     "viscous by temperature",
-    "sigmoid",
+    *(name for name, law in LAWS.items() if law.is_candidate),
     "spring",
     "counterbalance",
 )
@@ -130,9 +137,9 @@ class FrictionLaw:
         v, speed, s = self.values, rows.speed, np.sign(rows.speed)
         warming = np.nan_to_num(rows.warming)
         torque = v["viscous"] * (1 + v.get("viscous_temperature_coefficient_per_k", 0.0) * warming) * speed
-        if "sigmoid" in self.terms:
-            a, b, c = (v[f"sigmoid_{name}"] for name in ("amplitude", "slope", "shift"))
-            torque = torque + v["offset"] + a * (_logistic(b * (speed + c)) - _logistic(np.array(b * c)))
+        law = own_law(self.terms)
+        if law is not None:
+            torque = torque + v["offset"] + law.fitted(v, speed)
         else:
             level = np.where(speed > 0, v["coulomb_positive"], v["coulomb_negative"])
             if "stribeck" in self.terms:
@@ -143,12 +150,13 @@ class FrictionLaw:
         return torque + v.get("sine", 0.0) * np.sin(rows.q) + v.get("cosine", 0.0) * np.cos(rows.q)
 
 
-def _logistic(x: np.ndarray) -> np.ndarray:
-    return 0.5 * (1 + np.tanh(0.5 * x))
+def own_law(terms: Sequence[str]) -> FileLaw | None:
+    """The law that replaces Coulomb's in a choice of terms; None without one."""
+    return next((LAWS[name] for name in terms if name in LAWS and LAWS[name].is_candidate), None)
 
 
 def terms_of(names: Sequence[str]) -> tuple[Term, ...]:
-    """Parameters of some terms; the sigmoid replaces the Coulomb levels."""
+    """Parameters of some terms; a law of its own keys replaces the Coulomb levels."""
     return tuple(term for name in names for term in TERMS[name])
 
 
@@ -204,13 +212,13 @@ def choose_terms(rows: FrictionRows, candidates: Sequence[str] = CANDIDATES, wor
             break
         terms, error = _with(terms, best), errors[best]
         left = [
-            each for each in left if each != best and ("sigmoid" not in terms or each in ("spring", "counterbalance"))
+            each for each in left if each != best and (own_law(terms) is None or each in ("spring", "counterbalance"))
         ]
     return Choice(terms, error, tried)
 
 
 def _with(terms: Sequence[str], candidate: str) -> tuple[str, ...]:
-    """Terms with one more; the sigmoid law has no other dry friction, nor what depends on it."""
-    if candidate == "sigmoid":
-        return (*(each for each in terms if each in ("viscous", "spring", "counterbalance")), "sigmoid")
+    """Terms with one more; a law of its own keys has no other dry friction, nor what depends on it."""
+    if own_law((candidate,)) is not None:
+        return (*(each for each in terms if each in ("viscous", "spring", "counterbalance")), candidate)
     return (*terms, candidate)

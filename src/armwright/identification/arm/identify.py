@@ -116,7 +116,7 @@ class ArmEstimate(Result):
         for j, body in enumerate(self.fit.equations.model.arm.coordinates):
             held = self.estimate.fit.get(body.joint, {}).get("held_out")
             share = 100.0 * self.fit.rms[j] / self.fit.torque_rms[j] if self.fit.torque_rms[j] > 0 else None
-            unit = "N m" if body.kind == "revolute" else "N"
+            unit = body.kind.units.torque
             shares = (number(share, ".3g"), number(None if held is None else 100.0 * held, ".3g"))
             joints.append([body.joint, number(self.fit.r2[j]), number(self.fit.rms[j]), *shares, unit])
         found = [replace(parameters, cells=named), Table("joints", JOINTS, joints, ("unit",))]

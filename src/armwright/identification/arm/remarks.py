@@ -76,8 +76,8 @@ def negative_inertias(fit: ArmFit, samples: Samples) -> list[str]:
         row = (model.rows(q, rest, unit) - model.rows(q, rest, rest))[:, j].mean(axis=0)[fit.base.independent]
         inertia, std = float(row @ fit.values), float(np.sqrt(max(row @ fit.covariance @ row, 0.0)))
         if inertia < -HALF_95 * std:
-            name = "inertia" if body.kind == "revolute" else "mass"
-            value = f"{inertia:.3g} ± {HALF_95 * std:.2g} {'kg m²' if body.kind == 'revolute' else 'kg'} (95 %)"
+            name = "mass" if body.kind.units.linear else "inertia"
+            value = f"{inertia:.3g} ± {HALF_95 * std:.2g} {body.kind.units.inertia} (95 %)"
             asked = "is the sign of its torque, its position or its gear wrong, or is it another arm?"
             said.append(f"{body.joint}: its {name} comes out as {value}, which no arm has: {asked}")
     return said

@@ -54,10 +54,11 @@ def motions(fit: ArmFit, samples: Iterable[Samples]) -> dict[str, np.ndarray]:
     phase = 2 * np.pi * np.arange(len(seen.t)) / max(len(seen.t), 1)
     found = {}
     for j, body in enumerate(model.arm.coordinates):
-        step = TURN if body.kind == "revolute" else SLIDE
+        linear = body.kind.units.linear
+        step = SLIDE if linear else TURN
         q = seen.q.copy()
         q[:, j] += step
-        turned = "turned by 90°" if body.kind == "revolute" else f"moved by {SLIDE:g} m"
+        turned = f"moved by {SLIDE:g} m" if linear else "turned by 90°"
         found[f"the same motion with {body.joint} {turned}"] = rows(q, seen.qd, seen.qdd)
         rate = max(speed[j], speed.max(initial=0.0), 0.1) / step * np.sqrt(2)
         still = np.zeros((len(phase), n))
@@ -65,7 +66,7 @@ def motions(fit: ArmFit, samples: Iterable[Samples]) -> dict[str, np.ndarray]:
         q[:, j] += step * np.sin(phase)
         qd[:, j] = step * rate * np.cos(phase)
         qdd[:, j] = -step * rate**2 * np.sin(phase)
-        amount = "±90°" if body.kind == "revolute" else f"±{SLIDE:g} m"
+        amount = f"±{SLIDE:g} m" if linear else "±90°"
         found[f"a swing of {body.joint} by {amount}"] = rows(q, qd, qdd)
     return found
 

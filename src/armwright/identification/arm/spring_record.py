@@ -28,15 +28,15 @@ def spring_keys(body: Body, values: Mapping[str, float], key: str) -> tuple[dict
     """
     if not values:
         return {}, None
-    angle, force, table = ("m", "n", "forces_n") if body.kind == "prismatic" else ("rad", "n_m", "torques_n_m")
+    key_of = body.kind.units.key
     old, k = body.spring, values.get("spring", 0.0)
     if set(values) == {"spring"} and not isinstance(old, TableSpring):
-        stiffness, before = f"stiffness_{force}_per_{angle}", old or LinearSpring(0.0, 0.0)
+        stiffness, before = key_of("stiffness", "stiffness"), old or LinearSpring(0.0, 0.0)
         rest = float(before.rest)
         line = {
             stiffness: {"value": k + float(before.stiffness), "source": key},
-            f"rest_{angle}": {"value": rest, "source": "definition"},
-            f"preload_{force}": {"value": float(before.preload) - k * rest, "source": key},
+            key_of("rest", "position"): {"value": rest, "source": "definition"},
+            key_of("preload", "torque"): {"value": float(before.preload) - k * rest, "source": key},
         }
         return {"spring": line}, stiffness if old is None else None
     ends = [float(end) for end in body.limits.position or () if np.isfinite(float(end))]
@@ -47,8 +47,8 @@ def spring_keys(body: Body, values: Mapping[str, float], key: str) -> tuple[dict
     if old is not None:
         torques = torques + [float(spring_torque(old, float(each))) for each in q]
     points = {
-        f"positions_{angle}": {"value": q.tolist(), "source": "definition"},
-        table: {"value": torques.tolist(), "source": key},
+        key_of("positions", "position"): {"value": q.tolist(), "source": "definition"},
+        key_of("torques", "torque"): {"value": torques.tolist(), "source": key},
         "outside": "linear",
     }
     return {"spring": points}, None

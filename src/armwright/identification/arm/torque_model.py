@@ -306,7 +306,7 @@ def _drive(
 ) -> Column:
     """A column of joint i, or of its motor where several joints turn it; `coupled`: its motor has one of its own."""
     body, law = arm.coordinates[i], KINDS[kind]
-    unit = law.unit if body.kind == "revolute" else law.sliding_unit
+    unit = law.sliding_unit if body.kind.units.linear else law.unit
     stem, sign = law.stem.rstrip("+-"), law.stem[len(law.stem.rstrip("+-")) :]
     own = len(turned) == 1
     name = f"{stem}{'' if own else 'm'}{i + 1}{sign}"
@@ -325,7 +325,7 @@ def _springs(arm: Model, springs: Collection[str]) -> list[Column]:
     columns = []
     for kind in ("spring", "sine", "cosine"):
         for i, body in enumerate(arm.coordinates):
-            if body.joint in springs and (kind == "spring" or body.kind == "revolute"):
+            if body.joint in springs and (kind == "spring" or body.kind.turns):
                 columns.append(_drive(arm, kind, i, ((i, 1.0),), None, coupled=False))
     return columns
 

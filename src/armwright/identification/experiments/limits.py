@@ -142,7 +142,7 @@ def _positions(arm: Model, given: Any, reasons: list[str]) -> tuple[np.ndarray, 
             raise ScenarioError(place="position", value=given, expected=expected)
     for k, body in enumerate(arm.coordinates):
         if not np.isfinite(bounds[k]).all():
-            if body.kind == "prismatic":
+            if body.kind.slides:
                 expected = "position limits, in the record or as an argument"
                 raise ScenarioError("slides without bounds", place=f"joint {body.joint!r}", expected=expected)
             bounds[k] = [-WHOLE_TURN, WHOLE_TURN]

@@ -30,9 +30,7 @@ def layout_of(
         LogError: a joint twice or none of the log's, a unit that is missing, contradicts the header, or is not the joint's.
     """
     kinds = {} if arm is None else {body.joint: body.kind for body in arm.coordinates}
-    sliding: dict[int, bool] = {
-        joints.index(name): kind == "prismatic" for name, kind in kinds.items() if name in joints
-    }
+    sliding: dict[int, bool] = {joints.index(name): kind.units.linear for name, kind in kinds.items() if name in joints}
     found: dict[str, list[int]] = {}
     problems: list[Problem] = []
     for k, signal in enumerate(table.signals):
@@ -74,7 +72,7 @@ def _place_columns(
     slides = kind.sided and unit in kind.sliding and unit not in kind.turning
     for j in numbers if kind.sided and signal.side == "joint" and unit not in SHARES else ():
         if sliding.setdefault(j, slides) != slides:
-            expected = f"a unit of a {'prismatic' if sliding[j] else 'revolute'} joint"
+            expected = f"a unit of a joint that has {'lengths' if sliding[j] else 'angles'}"
             raise LogError(f"joint {joints[j]!r}", place=f"{place}.unit", value=unit, expected=expected)
 
 

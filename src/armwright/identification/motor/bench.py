@@ -10,9 +10,11 @@ from armwright.description.database import parse
 from armwright.description.robot import RobotDescription
 from armwright.description.writer import to_toml
 from armwright.errors import ModelError
+from armwright.joint_kinds import KINDS
 
 BENCH = "bench"  # key of the source of a number that no robot's record has
 LOCKED = 1e9  # [kg m²] that a locked rotor turns: no motor moves it
+AS = {False: "revolute", True: "prismatic"}  # joints that turn or move a constant inertia, by their units
 KEPT = ("name", "type", "source", "motor", "friction", "limits", "elasticity", "command")
 ABOUT = {"kind": "estimate", "text": "assumed by armwright identify motor; the log does not determine it"}
 
@@ -50,6 +52,7 @@ def decoupled_record(record: RobotDescription, joints: Sequence[str], loads: Map
                 what = "turns nothing: its rotor inertia is 0 in the record, as of a direct drive"
                 raise ModelError(what, place=f"joint {name!r}", expected="load=…, the inertia that it turned")
             own.pop("elasticity", None)
+        own["type"] = AS[KINDS[own["type"]].units.linear]
         own["motor"] = {key: value for key, value in own["motor"].items() if key != "coupling"}
         own["limits"] = {
             key: value
@@ -68,7 +71,7 @@ def _benches(
     tables, links = [], []
     for own in joints:
         load = loads[own["name"]]
-        linear, child = own["type"] == "prismatic", f"{own['name']}_load"
+        linear, child = KINDS[own["type"]].units.linear, f"{own['name']}_load"
         about = 0.0 if linear else load  # of a ball: a plate that turns about one axis alone is no body
         inertia = {"xx": about, "yy": about, "zz": about, "xy": 0.0, "xz": 0.0, "yz": 0.0}
         mass = load if linear else float(load > 0.0)

@@ -7,12 +7,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from armwright.description.database import parse
-from armwright.description.friction import key_of
 from armwright.description.paths import path_name, quantities, split_path
 from armwright.description.robot import RobotDescription
 from armwright.description.writer import to_toml
 from armwright.errors import ModelError
 from armwright.identification.motor.bench import BENCH
+from armwright.joint_kinds import ROTARY
 
 MOTOR_KEYS = {
     "R": "resistance_ohm",
@@ -60,9 +60,9 @@ def paths_of(record: RobotDescription, joint: str, name: str) -> tuple[str, ...]
         return (f"{path_name(joint)}.motor.{MOTOR_KEYS[name]}",)
     each = _joint(record, joint)
     friction = getattr(each, "friction", None)
-    linear = each.type == "prismatic" and getattr(friction, "side", "joint") != "motor"
+    units = ROTARY if getattr(friction, "side", "joint") == "motor" else each.kind.units
     if name in FRICTION_STEMS:
-        return tuple(f"{path_name(joint)}.friction.{key_of(stem, kind, linear)}" for stem, kind in FRICTION_STEMS[name])  # type: ignore[arg-type]
+        return tuple(f"{path_name(joint)}.friction.{units.key(stem, kind)}" for stem, kind in FRICTION_STEMS[name])  # type: ignore[arg-type]
     if "." in name:
         return (f"{path_name(joint)}.{name}",)
     raise ModelError("no parameter of a drive", place="free", value=name, choices=SHORT)

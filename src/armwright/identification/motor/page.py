@@ -19,7 +19,7 @@ GAP = 1.5  # usual steps of time behind which a curve begins anew
 
 def plots(fit: MotorFit) -> list[tuple[str, str]]:
     """Sections of `write_report`, one for each run: heading and HTML."""
-    linear = {each.name: each.type == "prismatic" for each in fit.robot.joints}
+    linear = {each.name: each.kind.units.linear for each in fit.robot.moving_joints}
     found = []
     for run, data in fit.predictions.items():
         use = "held out" if any(name.startswith(f"{run}{MARK}") for name in fit.estimate.fit) else "fitted"

@@ -45,7 +45,7 @@ def robot_of(
             raise ModelError(what, place="load", value=load)
         return None, None, (next(iter(log.joints)) if joint is None else joint,), None
     record = read_description(robot) if isinstance(robot, (str, os.PathLike)) else record_of(robot)
-    moving = tuple(each.name for each in record.joints if each.type != "fixed" and each.mimic is None)
+    moving = tuple(each.name for each in record.moving_joints if each.mimic is None)
     if joint is not None and joint not in moving:
         raise ModelError("no joint of the robot", place="joint", value=joint, choices=moving)
     alone = load is not None or locked

@@ -139,11 +139,11 @@ def check_limits(limits: Limits, arm: Model, file: Any = "") -> None:
     for joint, table in limits.joints.items():
         if joint not in kinds:
             raise LogError("no joint of the arm", place="limits.joints", value=joint, choices=arm.names, file=file)
-        sliding = kinds[joint] == "prismatic"
-        for quantity, units in (("torque", ("N m", "N")), ("position", ("rad", "m")), ("speed", ("rad/s", "m/s"))):
+        for quantity in get_args(Quantity):
+            unit = getattr(kinds[joint].units, quantity)
             for key in getattr(table, quantity).model_dump(exclude_none=True):
-                if _unit_of(key) not in (None, units[sliding]):
-                    expected = f"{units[sliding]}, as the joint is {kinds[joint]}"
+                if _unit_of(key) not in (None, unit):
+                    expected = f"{unit}, as the joint is {kinds[joint].name}"
                     raise LogError(place=f"limits.joints.{joint}.{quantity}.{key}", expected=expected, file=file)
 
 

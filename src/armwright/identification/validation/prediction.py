@@ -21,11 +21,6 @@ if TYPE_CHECKING:
 
 Quantity = Literal["torque", "position", "speed"]
 SIGNALS: dict[Quantity, str] = {"torque": "tau", "position": "q", "speed": "qd"}
-UNITS: dict[Quantity, tuple[str, str]] = {  # of a revolute and of a prismatic joint
-    "torque": ("N m", "N"),
-    "position": ("rad", "m"),
-    "speed": ("rad/s", "m/s"),
-}
 POSES = 8  # in which an arm's torques are compared
 
 
@@ -87,7 +82,7 @@ def preparation_for(log: Log, run: str, decimate: int | None = None) -> Preparat
 
 def units_of(arm: Model, quantity: Quantity) -> tuple[str, ...]:
     """(n,) units of a quantity, one for each joint."""
-    return tuple(UNITS[quantity][body.kind == "prismatic"] for body in arm.coordinates)
+    return tuple(getattr(body.kind.units, quantity) for body in arm.coordinates)
 
 
 def check_match(arm: Model, log: Log) -> None:

@@ -83,7 +83,7 @@ def axes_of(model: Model, frame: str | None, length: float) -> Axes | None:
     """Axes of an arm all of whose joints are revolute and carry a frame one after the other; None for other arms."""
     target = model.frame(frame)
     serial = model.path(target.body) == list(range(len(model.bodies))) and model.mimics is None
-    if not serial or any(body.kind != "revolute" for body in model.bodies):
+    if not serial or any(body.kind.slides for body in model.bodies):
         return None
     placed = body_placements(model, np.zeros(model.n))
     each = [placed[i] for i in range(model.n)]

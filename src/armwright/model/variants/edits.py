@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, TypeVar
 
-from armwright.description.robot import FixedJoint, Joint, RobotDescription
+from armwright.description.robot import Joint, RobotDescription
 from armwright.errors import DescriptionError
 from armwright.model.build import tree_of
 from armwright.model.cylinder_lengths import is_stretched
@@ -51,7 +51,7 @@ def moving_cylinders(
     Args:
         robot: the whole arm.   joints: those that are left.   base: theirs.   held: positions of those that move no more.
     """
-    fixed = {joint.child: joint.parent for joint in joints if isinstance(joint, FixedJoint)}
+    fixed = {joint.child: joint.parent for joint in joints if not joint.kind.moves}
     there = {base, *(joint.child for joint in joints)}
 
     def rigid(link: str) -> str:

@@ -14,13 +14,12 @@ from armwright.description.robot import (
     Joint,
     JointFrame,
     MovingJoint,
-    PrismaticJoint,
     RobotDescription,
 )
 from armwright.errors import DescriptionError
 from armwright.model.variants.edits import check_name, checked, chosen, moving_cylinders, replaced
 from armwright.quantity import Quantity
-from armwright.spatial import roll_pitch_yaw, rotation_rpy, rotation_to_axis, rotation_z
+from armwright.spatial import roll_pitch_yaw, rotation_rpy
 
 
 def with_locked(robot: RobotDescription, positions: Mapping[str, Any]) -> RobotDescription:
@@ -36,12 +35,8 @@ def with_locked(robot: RobotDescription, positions: Mapping[str, Any]) -> RobotD
         DescriptionError: no such joint, one that does not move or that mimics another, a position that is no finite number,
             all joints held, or a joint whose motor another joint turns as well.
     """
-    moving = [joint.name for joint in robot.joints if not isinstance(joint, FixedJoint)]
-    masters = {
-        joint.name: joint.mimic
-        for joint in robot.joints
-        if not isinstance(joint, FixedJoint) and joint.mimic is not None
-    }
+    moving = [joint.name for joint in robot.moving_joints]
+    masters = {joint.name: joint.mimic for joint in robot.moving_joints if joint.mimic is not None}
     for name, position in positions.items():
         check_name(robot, "with_locked: joint", name, moving)
         place = f"with_locked: joint {name!r}"
@@ -72,7 +67,7 @@ def _with_followers(positions: Mapping[str, Any], masters: Mapping[str, Any]) ->
 
 def _locked(robot: RobotDescription, joint: Joint, positions: Mapping[str, float]) -> Joint:
     """The joint: fixed if it is locked, otherwise without locked joints that turn its motor."""
-    if isinstance(joint, FixedJoint) or joint.name not in positions:
+    if not isinstance(joint, MovingJoint) or joint.name not in positions:
         return uncoupled(joint, positions)
     q, place = positions[joint.name], f"with_locked: joint {joint.name!r}"
     others = [] if joint.motor is None else [c.joint for c in joint.motor.coupling if c.joint not in positions]
@@ -85,15 +80,16 @@ def _locked(robot: RobotDescription, joint: Joint, positions: Mapping[str, float
         )
     names = {key: getattr(joint, key) for key in ("source", "name", "parent", "child")}
     key = next(key for key in ("frame", "dh", "modified_dh") if getattr(joint, key) is not None)
-    placed = _moved_frame(joint, q) if key == "frame" else _moved_row(getattr(joint, key), q, place)
+    placed = _moved_frame(joint, q) if key == "frame" else _moved_row(joint, getattr(joint, key), q, place)
     return checked(FixedJoint, place, type="fixed", **names, **{key: placed})
 
 
-def _moved_row(row: Any, q: float, place: str) -> FixedDH:
-    """A Denavit-Hartenberg row at q: θ = q + offset, or r = q + offset."""
-    turns = hasattr(row, "offset_rad")
-    theta = _moved(row.offset_rad, q) if turns else row.theta_rad
-    r = row.r_m if turns else _moved(row.offset_m, q)
+def _moved_row(joint: MovingJoint, row: Any, q: float, place: str) -> FixedDH:
+    """A Denavit-Hartenberg row at q: θ turned, r moved by the joint's motion."""
+    kind = joint.kind
+    angle, way = kind.motion(q)
+    theta = _moved(row.offset_rad if kind.turns else row.theta_rad, angle)
+    r = _moved(row.r_m if kind.turns else row.offset_m, way)
     return checked(FixedDH, place, source=row.source, alpha_rad=row.alpha_rad, a_m=row.a_m, theta_rad=theta, r_m=r)
 
 
@@ -104,21 +100,22 @@ def _moved(offset: Quantity, q: float) -> Quantity:
 
 def _moved_frame(joint: MovingJoint, q: float) -> JointFrame:
     """The frame turned about the joint's axis, or moved along it."""
-    frame, turn = joint.frame, rotation_to_axis(np.array(joint.axis))
+    frame, kind = joint.frame, joint.kind
     assert frame is not None
     if q == 0.0:
         return frame
-    rotation = rotation_rpy(*np.array(frame.rpy_rad))
-    if isinstance(joint, PrismaticJoint):
-        moved = np.array(frame.xyz_m) + rotation @ turn[:, 2] * q
-        return checked(JointFrame, joint.name, source=frame.source, rpy_rad=frame.rpy_rad, xyz_m=chosen(*moved))
-    angles = roll_pitch_yaw(rotation @ turn @ rotation_z(q) @ turn.T)
-    return checked(JointFrame, joint.name, source=frame.source, xyz_m=frame.xyz_m, rpy_rad=chosen(*angles))
+    rotation, moved = rotation_rpy(*np.array(frame.rpy_rad)), kind.placement(np.array(joint.axis), q)
+    origin, angles = frame.xyz_m, frame.rpy_rad  # the file's own digits of what does not move
+    if kind.slides:
+        origin = chosen(*(np.array(origin) + rotation @ moved.position))
+    if kind.turns:
+        angles = chosen(*roll_pitch_yaw(rotation @ moved.rotation))
+    return checked(JointFrame, joint.name, source=frame.source, xyz_m=origin, rpy_rad=angles)
 
 
 def uncoupled(joint: Joint, names: Container[str]) -> Joint:
     """The joint, its motor no longer turned by the joints of those names."""
-    motor = None if isinstance(joint, FixedJoint) else joint.motor
+    motor = joint.motor if isinstance(joint, MovingJoint) else None
     if motor is None or not any(coupling.joint in names for coupling in motor.coupling):
         return joint
     left = tuple(coupling for coupling in motor.coupling if coupling.joint not in names)

@@ -14,7 +14,9 @@ from armwright.model.build import STANDARD_GRAVITY, tree_of
 from armwright.model.tree import BASE, Tree
 from armwright.model.variants.edits import CHOSEN, check_name, checked, chosen, moving_cylinders, replaced
 from armwright.model.variants.locked import uncoupled
-from armwright.spatial import Frozen, Placement, roll_pitch_yaw, rotated, rotation_rpy, rotation_z
+from armwright.spatial import Frozen, Placement, roll_pitch_yaw, rotated, rotation_rpy
+
+Z = np.array([0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +91,7 @@ def _way(robot: RobotDescription, place: str, start: str, end: str) -> set[str]:
     while end != start:
         if end not in mover:
             raise DescriptionError(place=place, expected="a tip that hangs on the base", file=robot.name)
-        moves |= not isinstance(mover[end], FixedJoint)
+        moves |= mover[end].kind.moves
         end = mover[end].parent
         way.add(end)
     if not moves:
@@ -101,7 +103,7 @@ def _rigid_with(robot: RobotDescription, way: set[str]) -> set[str]:
     """The links on the way and those that are fixed to them."""
     kept, added = way, way
     while added:
-        added = {j.child for j in robot.joints if isinstance(j, FixedJoint) and j.parent in kept} - kept
+        added = {j.child for j in robot.joints if not j.kind.moves and j.parent in kept} - kept
         kept = kept | added
     return kept
 
@@ -128,9 +130,7 @@ def _at_zero(model: Tree, name: str) -> Placement:
     placed, at = model.frames[name].placement, model.frames[name].body
     while at != BASE:
         body, q = model.bodies[at], 0.0 if model.mimics is None else float(model.mimics.offset[at])
-        turns = body.kind == "revolute"
-        turn, slide = rotation_z(q if turns else 0.0), np.array([0.0, 0.0, 0.0 if turns else q])
-        placed, at = body.placement @ Placement(turn, slide) @ placed, body.parent
+        placed, at = body.placement @ body.kind.placement(Z, q) @ placed, body.parent
     return placed
 
 

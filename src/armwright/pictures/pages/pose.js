@@ -5,7 +5,7 @@ const DEGREE = Math.PI / 180;
 const fixed = (v, digits) => (Math.round(v * 10 ** digits) / 10 ** digits + 0).toFixed(digits); // no -0
 
 class Poser {
-  // data: joints {name, angle, low, high, start, open}, bodies {node, angle, turn, at, offset, joint, factor, shift}, legs.
+  // data: joints {name, angle, low, high, start, open}, bodies {node, turns, way, turn, at, offset, joint, factor, shift}, legs.
   constructor(gltf, data) {
     Object.assign(this, { gltf, data, q: data.joints.map(({ start }) => start) });
     this.at = (id) => document.getElementById(id);
@@ -43,12 +43,13 @@ class Poser {
   // World matrices of all nodes at q.
   world() {
     const turns = new Map(), slides = new Map();
-    for (const { node, angle, turn: [x, y, z, w], at, axis, offset, joint, factor, shift } of this.data.bodies) {
+    for (const { node, turns: rotates, way, turn: [x, y, z, w], at, axis, offset, joint, factor, shift } of this.data.bodies) {
       const q = factor * this.q[joint] + shift;
-      if (angle) {
+      if (rotates) {
         const c = Math.cos((q + offset) / 2), s = Math.sin((q + offset) / 2);
         turns.set(node, [x * c + y * s, y * c - x * s, z * c + w * s, w * c - z * s]);
-      } else slides.set(node, at.map((v, i) => v + q * axis[i]));
+      }
+      if (way) slides.set(node, at.map((v, i) => v + way * q * axis[i]));
     }
     return this.gltf.placements(turns, slides);
   }

@@ -87,7 +87,7 @@ class Sensors:
         for name in ("counts", "counts_per_m"):
             if getattr(self, name) is not None:
                 one_each(f"sensors.{name}", getattr(self, name), arm)
-        sliding = [body for body in arm.coordinates if body.kind == "prismatic"]
+        sliding = [body for body in arm.coordinates if body.kind.units.linear]
         if self.counts_per_m is not None and not sliding:
             what, expected = f"{arm.name} has no prismatic joint", "sensors.counts, in one turn"
             raise ScenarioError(what, place="sensors.counts_per_m", value=self.counts_per_m, expected=expected)
@@ -199,7 +199,7 @@ class Sensors:
         each = {unit: one_each(keys[unit], value, arm) for unit, value in counts.items() if value is not None}
         steps: list[Scalar | None] = []
         for i, body in enumerate(arm.coordinates):
-            linear = self.side == "link" and body.kind == "prismatic"
+            linear = self.side == "link" and body.kind.units.linear
             ratio = body.drive.gear_ratio if self.side == "motor" else 1.0
             unit, length = ("metre", 1.0) if linear else ("turn", 2.0 * np.pi)  # [m], [rad]
             steps.append(length / (each[unit][i] * scalar.abs(ratio)) if unit in each else None)

@@ -237,7 +237,7 @@ def _warming(body: Body, states: JointStates, heat: Scalar | None, change: dict[
 
 def _knows_its_load(body: Body) -> bool:
     """True if the torque through a gear is known before accelerations are: of springs, and for bristles that of the motor."""
-    return body.elasticity is not None or (body.friction is not None and body.friction.law == "lugre")
+    return body.elasticity is not None or (body.friction is not None and body.friction.has_bristles)
 
 
 def _friction(
@@ -251,7 +251,7 @@ def _friction(
     speed = at.motor_speed if friction.on_motor else at.qd
     if friction.sticks and directions is not None:
         torque = sliding_friction(friction, speed, directions[friction.on_motor], load, warming)
-    elif friction.law != "lugre":
+    elif not friction.has_bristles:
         torque = joint_friction(friction, speed, load, warming)
     else:
         bent = bristle_friction(friction, speed, states.bristle, load, warming)
@@ -281,7 +281,7 @@ def at_rest(model: Model, q: Array, qd: Array, motor: Array, motor_speed: Array)
     ratios = [body.drive.gear_ratio for body in model.coordinates]
 
     def bent(i: int, body: Body) -> Array:
-        if body.friction is None or body.friction.law != "lugre":
+        if body.friction is None or not body.friction.has_bristles:
             return 0.0
         return sliding(body.friction, motor_speed[i] if body.friction.on_motor else qd[i])
 

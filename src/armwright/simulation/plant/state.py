@@ -17,7 +17,7 @@ def state_layout(model: Model, brakes: bool) -> Layout:
 
     every, elastic = which(lambda body: True), which(lambda body: body.elasticity is not None)
     wound = which(lambda body: body.drive.inductance is not None)
-    bristle = which(lambda body: body.friction is not None and body.friction.law == "lugre")
+    bristle = which(lambda body: body.friction is not None and body.friction.has_bristles)
     braked = which(lambda body: brakes and body.brake is not None and not body.brake.is_rigid)
     warm = which(lambda body: body.drive.thermal is not None)
     housed = which(lambda body: body.drive.thermal is not None and body.drive.thermal.housing is not None)

@@ -12,7 +12,8 @@ from typing import Any
 
 from armwright import scalar
 from armwright.actuators.friction import smoothing_key
-from armwright.description.friction import LAWS, key_of
+from armwright.friction_laws import LAWS
+from armwright.joint_kinds import ROTARY, JointUnits
 from armwright.model import Body, EfficiencyTable, Model, TableSpring
 from armwright.scalar import Array, Scalar
 
@@ -91,10 +92,9 @@ def _effects(arm: Model) -> Iterator[tuple[Cause, Callable[[Model, Scalar], Mode
 
 def _effects_of_joint(body: Body) -> Iterator[tuple[str, str, Change, str]]:
     """Name, key, change and remedy of each effect of one joint."""
-    slides = body.kind == "prismatic"
-    length, force = ("m", "n") if slides else ("rad", "n_m")
+    units = body.kind.units
     if body.friction is not None:
-        yield from _effects_of_friction(body, slides and not body.friction.on_motor)
+        yield from _effects_of_friction(body, ROTARY if body.friction.on_motor else units)
     drive = body.drive
     if drive.efficiency is not None or (body.friction is not None and body.friction.load_coefficient is not None):
         key = "motor.gear_efficiency" if drive.smoothing is None else smoothing_key(body)
@@ -107,39 +107,37 @@ def _effects_of_joint(body: Body) -> Iterator[tuple[str, str, Change, str]]:
     if drive.thermal is not None:
         change = _in_part("drive", _in_part("thermal", _slower_heat))
         yield "the motor's heat", "motor.thermal.winding_capacity_j_per_k", change, ""
-    springs = (("elasticity", "the elastic gear", length, force), ("stops", "the end stop", length, force))
+    springs = (("elasticity", "the elastic gear", units), ("stops", "the end stop", units))
     if body.brake is not None and not body.brake.is_rigid:
-        on_slide = slides and not body.brake.on_motor
-        springs = (*springs, ("brake", "the brake", *(("m", "n") if on_slide else ("rad", "n_m"))))
-    for part, name, along, by in springs:
+        springs = (*springs, ("brake", "the brake", ROTARY if body.brake.on_motor else units))
+    for part, name, own in springs:
         if getattr(body, part) is None:
             continue
         stiff = ("stiffness", "cubic") if part == "elasticity" else ("stiffness",)
-        yield f"the spring of {name}", f"{part}.stiffness_{by}_per_{along}", _in_part(part, _scaled(*stiff)), ""
-        yield f"the damper of {name}", f"{part}.damping_{by}_s_per_{along}", _in_part(part, _scaled("damping")), ""
+        stiffness, damping = (f"{part}.{own.key(stem, stem)}" for stem in ("stiffness", "damping"))
+        yield f"the spring of {name}", stiffness, _in_part(part, _scaled(*stiff)), ""
+        yield f"the damper of {name}", damping, _in_part(part, _scaled("damping")), ""
     if isinstance(body.spring, TableSpring):
-        key = f"spring.{'forces_n' if slides else 'torques_n_m'}"
-        yield "the spring", key, _in_part("spring", _scaled("torques")), ""
+        yield "the spring", f"spring.{units.key('torques', 'torque')}", _in_part("spring", _scaled("torques")), ""
     elif body.spring is not None:
-        yield "the spring", f"spring.stiffness_{force}_per_{length}", _in_part("spring", _scaled("stiffness")), ""
+        key = f"spring.{units.key('stiffness', 'stiffness')}"
+        yield "the spring", key, _in_part("spring", _scaled("stiffness")), ""
 
 
-def _effects_of_friction(body: Body, linear: bool) -> Iterator[tuple[str, str, Change, str]]:
+def _effects_of_friction(body: Body, units: JointUnits) -> Iterator[tuple[str, str, Change, str]]:
     friction = body.friction
     assert friction is not None
     if scalar.is_symbolic(friction.viscous) or friction.viscous != 0:
-        key = f"friction.{key_of('viscous', 'damping', linear)}"
+        key = f"friction.{units.key('viscous', 'damping')}"
         yield "the viscous friction", key, _in_part("friction", _scaled("viscous")), ""
-    if friction.law == "sigmoid":
-        key = f"friction.{key_of('sigmoid_slope', 'slope', linear)}"
-        yield "the sigmoid friction", key, _in_part("friction", _less_of_law(0)), ""
-    elif friction.law == "lugre":
-        for k, (stem, dimension) in enumerate(LAWS["lugre"].own):
-            key = f"friction.{key_of(stem, dimension, linear)}"
-            yield f"the {stem.replace('_', ' ')}", key, _in_part("friction", _less_of_law(k)), ""
-    elif friction.is_dry:
+    law = LAWS[friction.law]
+    for name, place, scaled in law.step_limits:
+        own = law.own[place]
+        key = f"friction.{units.key(own.stem, own.dimension)}"
+        yield name, key, _in_part("friction", _less_of_law(scaled)), ""
+    if not law.step_limits and friction.is_dry:
         smoothed = friction.smoothing is not None
-        key = smoothing_key(body) if smoothed else f"friction.{key_of('stribeck_speed', 'speed', linear)}"
+        key = smoothing_key(body) if smoothed else f"friction.{units.key('stribeck_speed', 'speed')}"
         levels = _scaled("coulomb_positive", "coulomb_negative", "stribeck")
         yield "the dry friction", key, _in_part("friction", levels), UNSMOOTHED if smoothed else ""
 

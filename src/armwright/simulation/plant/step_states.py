@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from armwright.actuators.friction import LAWS
+from armwright.friction_laws import LAWS
 from armwright.model import Body, Model, TableSpring
 from armwright.simulation.plant.plant import Plant
 

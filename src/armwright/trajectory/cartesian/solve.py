@@ -142,14 +142,14 @@ def solve_path(
         raise ScenarioError(place="tolerance", value=tolerance, expected="a number from 1e-9 to 0.1 [m and rad]")
     if clearance is not None:
         check_arm(clearance, arm)
-    tool = Tool(arm, frame, part)
+    tool, turning = Tool(arm, frame, part), np.array([not body.kind.slides for body in arm.coordinates])
     _check_vertical(path, part)
     follower = Follower(tool, path, None if posture is None else _positions(arm, "posture", posture))
     found: list[tuple[float, list[Any]]] = []
     failures: list[tuple[float, ScenarioError | Stuck]] = []
     for q in _starts(follower, near):
         try:
-            runs = _within(_followed(follower, q), limits, near is None, path)
+            runs = _within(_followed(follower, q), limits, turning if near is None else None, path)
             found.append((_pace(follower, runs, limits), runs))
         except Stuck as stuck:
             failures.append((stuck.s, stuck))
@@ -259,20 +259,20 @@ def _followed(follower: Follower, q: np.ndarray) -> list[tuple[np.ndarray, np.nd
 
 
 def _within(
-    runs: list[tuple[np.ndarray, np.ndarray]], limits: MotionLimits, turn: bool, path: CartesianPath
+    runs: list[tuple[np.ndarray, np.ndarray]], limits: MotionLimits, turning: np.ndarray | None, path: CartesianPath
 ) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Runs within the limits of position, if need be and allowed with whole turns added to revolute joints.
+    """Runs within the limits of position, if need be with whole turns added to the joints of `turning` (n,), which only turn.
 
     Raises:
         _Outside: names the joint, the place and how far it is outside.
     """
     rows = np.concatenate([q for _, q in runs])
     low, high = limits.position.T
-    if turn:
+    if turning is not None:
         least, most = rows.min(axis=0), rows.max(axis=0)
         over = np.where(least < low - BEYOND, np.ceil((low - least) / (2.0 * np.pi)), 0.0)
         over = np.where(most > high + BEYOND, -np.ceil((most - high) / (2.0 * np.pi)), over)
-        shift = np.where(np.array(limits.prismatic), 0.0, 2.0 * np.pi * over)
+        shift = np.where(turning, 2.0 * np.pi * over, 0.0)
         fits = (least + shift >= low - BEYOND) & (most + shift <= high + BEYOND)
         shift = np.where(fits, shift, 0.0)
         runs, rows = [(s, q + shift) for s, q in runs], rows + shift
@@ -364,7 +364,7 @@ def explained(follower: Follower, stuck: Stuck) -> ScenarioError:
         worst, first = int(np.argmax(off)), stuck.s if here else float(s[far].min())
         return _out_of_reach(follower, first, float(distance[worst]), float(angle[worst]), float(s[worst]))
     joint, rate = tool.hardest(stuck.q, path.points(np.array([stuck.s])))
-    unit = "m" if tool.arm.coordinates[joint].kind == "prismatic" else "rad"
+    unit = tool.arm.coordinates[joint].kind.units.position
     speed = (
         f"{rate:.3g} {unit}/s for each m/s of the tool, and more beyond" if rate < BOUNDLESS else "an infinite speed"
     )
