@@ -1,5 +1,3 @@
-import sys
-
 """Sweeps: the bits of one run whatever the chunks, resumption after kills, and refusals."""
 
 import contextlib
@@ -7,6 +5,7 @@ import json
 import os
 import shutil
 import signal
+import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
