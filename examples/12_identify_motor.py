@@ -35,6 +35,6 @@ signals = [
 ]
 """)
 fit = aw.identification.identify_motor(folder / "bench.log.toml", starts=4)
-print(fit.estimate)
+print(fit.estimate.tables()[0])
 low, high = fit.estimate.interval("motor.motor.resistance_ohm")
 print(f"R between {low:.4f} and {high:.4f} Ω (true: 1.3), delay {fit.estimate['delay_s'] / period:.3f} samples")

@@ -16,12 +16,11 @@ arm = aw.load("puma560")
 wall = np.array([[0.0, 0.0, 1.0, 0.5], [0.0, 1.0, 0.0, -0.25], [-1.0, 0.0, 0.0, 0.3], [0.0, 0.0, 0.0, 1.0]])
 c, s = np.cos(0.3), np.sin(0.3)  # the torch's tilt at the lower end of the first line
 tilted = np.array([[0.0, -s, c, 0.5], [0.0, c, s, -0.25], [-1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
-lines = [aw.trajectories.Line(tilted), aw.trajectories.Line([0.5, 0.0, 0.0]), aw.trajectories.Line([0.5, 0.2, 0.3])]
-arc = aw.trajectories.Arc([0.5, 0.1, 0.1], [0.5, 0.2, 0.0])
-seam = aw.trajectories.CartesianPath([*lines[:2], arc, lines[2]], wall, blend=0.02, blend_angle=0.1)
-motion = aw.trajectories.follow_path(
-    arm, seam, speed=0.2, acceleration=2.0, limits=aw.trajectories.MotionLimits.of(arm, velocity=2.0)
-)
+line, arc = aw.trajectories.Line, aw.trajectories.Arc([0.5, 0.1, 0.1], [0.5, 0.2, 0.0])
+segments = [line(tilted), line([0.5, 0.0, 0.0]), arc, line([0.5, 0.2, 0.3])]
+seam = aw.trajectories.CartesianPath(segments, wall, blend=0.02, blend_angle=0.1)
+limits = aw.trajectories.MotionLimits.of(arm, velocity=2.0)
+motion = aw.trajectories.follow_path(arm, seam, speed=0.2, acceleration=2.0, limits=limits)
 
 t = np.linspace(0.0, motion.duration, 3000)
 q, qd, _ = motion.at(t)
@@ -34,9 +33,8 @@ axes = (figure := Figure(figsize=(11.0, 3.2), layout="constrained")).subplots(1,
 dots = axes[0].scatter(y, z, c=speed, s=4, vmin=0.0)
 figure.colorbar(dots, ax=axes[0], label="torch [m/s]", location="bottom", shrink=0.8)
 axes[0].set(xlabel="y [m]", ylabel="z [m]", aspect="equal")
-axes[1].plot(t, speed)
-axes[2].plot(t, qd, label=arm.names)
-for each, label in zip(axes[1:], ("torch [m/s]", "joints [rad/s]"), strict=True):
+for each, values, label in zip(axes[1:], (speed, qd), ("torch [m/s]", "joints [rad/s]"), strict=True):
+    each.plot(t, values, label=arm.names if values is qd else None)
     each.set(xlabel="time [s]", ylabel=label)
 axes[2].legend(fontsize=7, loc="upper left", bbox_to_anchor=(1, 1))
 figure.savefig(folder / "weld_seam.png", dpi=110)

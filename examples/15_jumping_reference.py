@@ -11,8 +11,7 @@ from matplotlib.figure import Figure
 
 import armwright as aw
 
-folder = Path(sys.argv[1] if len(sys.argv) > 1 else "build/examples")
-folder.mkdir(parents=True, exist_ok=True)
+(folder := Path(sys.argv[1] if len(sys.argv) > 1 else "build/examples")).mkdir(parents=True, exist_ok=True)
 arm = aw.load("two-link")
 rows = np.zeros((1500, 2))  # one for each tick of 1 ms
 rows[50:, 0], rows[450:, 0], rows[600:, 0] = 0.4, -0.3, 0.2  # before the last move is over, and back

@@ -16,14 +16,10 @@ middle = aw.forward_kinematics(arm, np.array([0.2, -0.8, 0.4, 0.3, 0.0, 0.2]))  
 begin, end = middle.copy(), middle.copy()
 begin[:3, 3] += [0.0, -0.15, 0.01]  # the line passes it at 1 cm
 end[:3, 3] += [0.0, 0.15, 0.01]
-path, limits = (
-    aw.trajectories.CartesianPath([aw.trajectories.Line(end)], begin),
-    aw.trajectories.MotionLimits.of(arm, velocity=2.0, acceleration=40.0),
-)
-motions = {
-    slow: aw.trajectories.follow_path(arm, path, 0.1, 2.0, limits=limits, slow=slow)
-    for slow in ("everywhere", "where needed")
-}
+path = aw.trajectories.CartesianPath([aw.trajectories.Line(end)], begin)
+limits = aw.trajectories.MotionLimits.of(arm, velocity=2.0, acceleration=40.0)
+ways = ("everywhere", "where needed")
+motions = {way: aw.trajectories.follow_path(arm, path, 0.1, 2.0, limits=limits, slow=way) for way in ways}
 for slow, motion in motions.items():
     print(f"slower {slow}: {motion.duration:.2f} s")
 print(motion.stretches[0])

@@ -32,7 +32,8 @@ def number(value: Any, form: str = ".5g") -> Cell:
         value: the number.   form: of the text, as `format` has it.
     """
     exact = None if value is None or isnan(float(value)) else float(value) + 0.0  # no -0
-    cell = Cell("—" if exact is None else f"{exact:{form}}".replace("inf", "∞").replace("-", "−"))
+    text = "—" if exact is None else f"{exact:{form}}".replace("inf", "∞")
+    cell = Cell(f"−{text[1:]}" if text.startswith("-") else text)  # exponents keep the minus that programs read
     cell.value = exact
     return cell
 
