@@ -10,7 +10,7 @@ import armwright as aw
 from armwright.description.database import parse
 from armwright.errors import DescriptionError
 from armwright.joint_kinds import KINDS, LINEAR, ROTARY, Helical, Prismatic, Revolute, kind_named
-from armwright.kinematics import body_placements
+from armwright.kinematics.forward_kinematics import body_placements
 from armwright.model import build_model
 from physics.arms import arm, screws
 
