@@ -320,6 +320,7 @@ class Support:
         return tuple(f"{', '.join(features)}: {how}" for how, features in found.items())
 
 
+INFO = Support("info")  # which shows all of an arm; its command imports nothing heavy before it runs
 CONSUMERS = {  # where each declaration stands in this package, by what the consumers are for
     "Dynamics and motions": (
         *("kernels.compiled.KERNELS", "kernels.compiled.CASADI", "export.c.SUPPORT", "ik.solve.SUPPORT"),
@@ -338,7 +339,7 @@ CONSUMERS = {  # where each declaration stands in this package, by what the cons
     ),
     "Deployment and files": (
         *("export.controller.write.SUPPORT", "export.fmu.write.SUPPORT", "twin.on_bus.SUPPORT", "export.ros2.SUPPORT"),
-        *("export.urdf.SUPPORT", "export.mjcf.SUPPORT", "robotfiles.difference.SUPPORT", "cli.info.SUPPORT"),
+        *("export.urdf.SUPPORT", "export.mjcf.SUPPORT", "robotfiles.difference.SUPPORT", "features.INFO"),
     ),
 }
 

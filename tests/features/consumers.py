@@ -696,6 +696,6 @@ CONSUMERS = {
     "twin": Consumer("twin.on_bus.SUPPORT", on_bus, bus_equals_simulation, looped, "current"),
     "convert to URDF": Consumer("export.urdf.SUPPORT", converted("urdf"), reads_back),
     "convert to MJCF": Consumer("export.mjcf.SUPPORT", converted("xml"), torques_of_mujoco),
-    "info": Consumer("cli.info.SUPPORT", information, shows_it),
+    "info": Consumer("features.INFO", information, shows_it),
     "diff": Consumer("robotfiles.difference.SUPPORT", difference, differs_in_every_number),
 }

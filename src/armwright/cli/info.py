@@ -9,15 +9,12 @@ import typer
 
 from armwright.cli.arguments import Robot
 from armwright.cli.tables import number, table
-from armwright.features import Support
-from armwright.joint_kinds import UNITS as JOINT_UNITS, JointKind
 
 if TYPE_CHECKING:
     from armwright.cli.tables import Table
     from armwright.description import RobotDescription
+    from armwright.joint_kinds import JointKind
     from armwright.model import Model
-
-SUPPORT = Support("info")
 
 DEGREES = 57.29577951308232  # in a radian
 
@@ -302,6 +299,8 @@ def _cylinders(record: RobotDescription) -> Table | None:
 
 
 def _limits(arm: Model) -> Table | None:
+    from armwright.joint_kinds import UNITS
+
     rows = []
     for body in arm.bodies:
         low, high = body.limits.position
@@ -310,7 +309,7 @@ def _limits(arm: Model) -> Table | None:
         place = f"{number(scale * low)} … {number(scale * high)}{'°' if scale > 1 else ' m'}" if bounded else ""
         most = [getattr(body.limits, name) for name in ("velocity", "acceleration", "torque", "voltage", "current")]
         rows.append([body.joint, place, *("" if value == float("inf") else number(value) for value in most)])
-    units = [JOINT_UNITS[linear] for linear in sorted({body.kind.units.linear for body in arm.bodies})]
+    units = [UNITS[linear] for linear in sorted({body.kind.units.linear for body in arm.bodies})]
     speed, force = " | ".join(each.speed for each in units), " | ".join(each.torque for each in units)
     rate = " | ".join(f"{unit}²" for unit in speed.split(" | "))
     heads = ("joint", "position", f"velocity [{speed}]", f"acceleration [{rate}]", f"motor torque [{force}]")
