@@ -90,7 +90,7 @@ def test_back_emf_constant_apart_from_the_torque_constant(tmp_path):
     unknown = fit(log, "R", "Kt", "Ke", "J", "viscous", "coulomb")
     assert unknown[KE] == pytest.approx(0.06, rel=0.01)
     assert unknown.verdict == "not identified"
-    assert "a known inertia of about the rotor's added would do it" in str(unknown)
+    assert "a known inertia of about the rotor's added would do it" in " ".join(unknown.sentences())
 
 
 @pytest.mark.parametrize("most", [2.0, 10.0], ids=["slow", "fast"])
