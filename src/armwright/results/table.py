@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions, RenderResult
 
 UNIT = re.compile(r"\s*\[(?P<unit>[^\]]*)\]\s*$")
-SHOWN = 24  # rows of a table in a text; `rows` has all
+SHOWN, WIDEST = 24, 90  # rows of a table in a text, and letters of a cell; `rows` has all
 
 
 class Cell(str):
@@ -87,8 +87,8 @@ class Table:
         return rows
 
     def __str__(self) -> str:
-        """Columns side by side, at most `SHOWN` rows."""
-        used, shown = self.used, [[str(cell) for cell in row] for row in (self.heads, *self.cells[:SHOWN])]
+        """Columns side by side, at most `SHOWN` rows and `WIDEST` letters of a cell."""
+        used, shown = self.used, [[*map(_clipped, row)] for row in (self.heads, *self.cells[:SHOWN])]
         wide = {k: max(len(row[k]) for row in shown) for k in used}
         lines = [
             "  ".join(f"{row[k]:{'<' if k in self.words else '>'}{wide[k]}}" for k in used).rstrip() for row in shown
@@ -120,6 +120,11 @@ def table(
     """
     found = Table(title, heads, [list(row) for row in rows], left)
     return found if len(found.used) > 1 else None
+
+
+def _clipped(cell: Any) -> str:
+    text = str(cell)
+    return text if len(text) <= WIDEST else f"{text[: WIDEST - 1].rstrip()}…"
 
 
 def _value(cell: Any, word: bool) -> Any:

@@ -76,9 +76,8 @@ class Report(Result):
         return not self.errors
 
     def sentences(self) -> list[str]:
-        """The count of errors and warnings, then each finding."""
-        counts = f"{_plural(len(self.errors), 'error')}, {_plural(len(self.warnings), 'warning')}"
-        return [counts, *(f"{each.level}: {each.problem}" for each in self.findings)]
+        """The count of errors and warnings."""
+        return [f"{_plural(len(self.errors), 'error')}, {_plural(len(self.warnings), 'warning')}"]
 
     def tables(self) -> list[Table]:
         """A row for each check; then one for each finding."""
