@@ -173,7 +173,7 @@ def by_toolbox(arm: aw.Model, poses: np.ndarray, tolerance: float) -> Any:
     chain, tip = rtb.ETS(), arm.frame(None)
     for i in arm.path(tip.body):
         body = arm.bodies[i]
-        joint = {"revolute": rtb.ET.Rz, "prismatic": rtb.ET.tz}[body.kind]
+        joint = {"revolute": rtb.ET.Rz, "prismatic": rtb.ET.tz}[body.kind.name]
         chain = chain * rtb.ET.SE3(as_matrix(body.placement)) * joint(qlim=np.array(body.limits.position, dtype=float))
     chain = chain * rtb.ET.SE3(as_matrix(tip.placement))
     return lambda: [chain.ik_LM(pose, tol=tolerance) for pose in poses]

@@ -88,7 +88,7 @@ def with_motors(file: Path, folder: Path) -> aw.Model | None:
     except ArmwrightError:
         return None
     bodies = bare.coordinates
-    if bare.n > MOST_JOINTS or not all(body.kind == "revolute" and body.limits.torque < np.inf for body in bodies):
+    if bare.n > MOST_JOINTS or not all(body.kind.name == "revolute" and body.limits.torque < np.inf for body in bodies):
         return None
     text = 'source = "estimate"\ncommand = "voltage"\n'
     for body in bodies:
@@ -117,7 +117,7 @@ def swinging(arm: aw.Model) -> aw.Scenario:
 
 def controlled(arm: aw.Model) -> aw.Scenario:
     """The arm under a PID at 1 kHz that moves every joint by a tenth of a radian or a hundredth of a metre."""
-    steps = np.array([0.1 if body.kind == "revolute" else 0.01 for body in arm.coordinates])
+    steps = np.array([0.1 if body.kind.name == "revolute" else 0.01 for body in arm.coordinates])
     motion = aw.trajectories.Quintic(np.zeros(arm.n), steps, 0.8 * DURATION)
     law = aw.JointPID(kp=np.ones(arm.n), kd=np.ones(arm.n), gravity=True)
     scenario = aw.Scenario(arm, DURATION, loop=aw.Loop(law, motion, 1.0 / RATE, sensors=aw.Sensors(velocity="exact")))

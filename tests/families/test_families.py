@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -31,7 +32,11 @@ SMALL = {"progress": False}
 def test_a_toy_friction_law_and_a_toy_joint_kind(tmp_path):
     """In a process of their own, in which they are there before the first robot is read."""
     program = Path(__file__).with_name("toys.py")
-    done = subprocess.run([sys.executable, program], cwd=tmp_path, capture_output=True, text=True, timeout=300)
+    paths = os.pathsep.join(path for path in (str(program.parents[1]), os.environ.get("PYTHONPATH")) if path)
+    environment = os.environ | {"PYTHONPATH": paths}
+    done = subprocess.run(
+        [sys.executable, program], cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=300
+    )
     assert done.stdout == "met everywhere\n", done.stderr
 
 

@@ -10,7 +10,6 @@ import inspect
 import json
 import os
 import re
-import textwrap
 from dataclasses import fields, is_dataclass
 from html import escape
 from pathlib import Path
@@ -35,7 +34,6 @@ ON_PAPER = ("#222222", "#777777")  # words and points of a picture in a file
 BLUE = "#2a7fc9"  # seen on white and on black
 WIDTH = 9.2  # of a picture in a page [inch]
 LONGEST = 12  # values of an array that are shown one by one
-FULL = 120  # letters in a line of a text
 BARS = 4  # columns of a table that are drawn
 WORDS = re.compile(r"(?<=[a-z])(?=[A-Z])")
 
@@ -154,8 +152,7 @@ class Result:
 
     def __str__(self) -> str:
         """Tables of at most 24 rows, and sentences."""
-        words = "\n".join(textwrap.fill(each, FULL, subsequent_indent="  ") for each in self.sentences())
-        return "\n\n".join(filter(None, [*map(str, self.tables()), words]))
+        return "\n\n".join(filter(None, [*map(str, self.tables()), "\n".join(self.sentences())]))
 
     def _repr_html_(self) -> str:
         tables = (f"<b>{escape(each.title or '')}</b>{shown_table(each)}" for each in self.tables())

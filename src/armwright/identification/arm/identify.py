@@ -61,7 +61,7 @@ from armwright.identification.validation.comparison import NO_HOLD_OUT, RecordCo
 from armwright.identification.validation.validate import Validation
 from armwright.model import Model
 from armwright.model.load import load
-from armwright.results.page_parts import definitions
+from armwright.results.page_parts import definitions, sentence
 from armwright.results.result import Result
 from armwright.results.table import Table, number
 
@@ -106,7 +106,7 @@ class ArmEstimate(Result):
 
     def sentences(self) -> list[str]:
         """Remarks, then the verdict."""
-        return self.estimate.sentences()
+        return [*map(sentence, self.estimate.remarks), self.verdict]
 
     def tables(self) -> list[Table]:
         """Base parameters by their formulas; measures of each joint; the record on the runs held out."""
