@@ -139,7 +139,7 @@ def mjcf(
     actuators = ElementTree.SubElement(root, "actuator")
     for body, (rotation, position) in zip(arm.bodies, joint_places(arm), strict=True):
         element = ElementTree.SubElement(element, "body", pos=_text(position), quat=_text(_quaternion(rotation)))
-        joint = {"name": body.joint, "type": "hinge" if body.kind == "revolute" else "slide", "axis": "0 0 1"}
+        joint = {"name": body.joint, "type": "hinge" if body.kind.name == "revolute" else "slide", "axis": "0 0 1"}
         joint["armature"] = repr(float(body.drive.armature))
         if motors:
             joint["damping"] = _damping(body, dry)

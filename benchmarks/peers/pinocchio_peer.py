@@ -31,7 +31,7 @@ class PinocchioArm:
         self.model = pin.Model()
         self.model.gravity = pin.Motion(np.array(arm.gravity, dtype=float), np.zeros(3))
         for i, (body, place) in enumerate(zip(arm.bodies, joint_places(arm), strict=True)):
-            kind = pin.JointModelRZ() if body.kind == "revolute" else pin.JointModelPZ()
+            kind = pin.JointModelRZ() if body.kind.name == "revolute" else pin.JointModelPZ()
             joint = self.model.addJoint(i, kind, pin.SE3(*place), body.joint)
             inertia = pin.Inertia(float(body.mass), _floats(body.com), _floats(body.inertia_com))
             self.model.appendBodyToJoint(joint, inertia, pin.SE3.Identity())
@@ -79,7 +79,7 @@ class PinocchioLoop:
         bodies, places = arm.bodies, joint_places(arm)
         numbers = (
             np.array([b.parent for b in bodies], dtype=np.int64),
-            np.array([b.kind == "revolute" for b in bodies], dtype=np.bool_),
+            np.array([b.kind.name == "revolute" for b in bodies], dtype=np.bool_),
             *(_floats([place[part] for place in places]) for part in (0, 1)),
             *(_floats([getattr(b, part) for b in bodies]) for part in ("mass", "com", "inertia_com")),
             _floats([b.drive.armature for b in bodies]),
