@@ -103,7 +103,7 @@ def shadow(
     log = Path(source)
     with progress(f"reading {log.name}"):
         read = aw.identification.read_log(log)
-    with as_options("run", "robot", "deviation", "factor"), progress(f"beside {log.name}", "rows") as tell:
+    with as_options("run", "deviation", "factor", arm="--robot"), progress(f"beside {log.name}", "rows") as tell:
         found = aw.shadow.shadow_log(read, robot, runs=run, deviation=deviations, factor=factor, progress=tell)
     if live:
         from armwright.cli.shadow_live import replay

@@ -186,7 +186,7 @@ def _words(measure: str) -> str:
 
 
 def write_into(
-    robot: str | os.PathLike[str] | Arm | RobotDescription,
+    arm: str | os.PathLike[str] | Arm | RobotDescription,
     estimate: Estimate,
     output: str | os.PathLike[str],
     key: str = "fit",
@@ -197,7 +197,7 @@ def write_into(
     estimates, such as delays. A TOML file keeps its comments and its order.
 
     Args:
-        robot: an arm, its description, its name or the path of its file.   estimate: the numbers.
+        arm: an arm, its description, its name or the path of its file.   estimate: the numbers.
         output: path of the file to write, ending in .toml; it may be the robot's own.   key: of the source and of the fit.
     Returns:
         path: of the file.
@@ -207,21 +207,21 @@ def write_into(
     """
     expect(estimate, Estimate, "estimate", "an aw.identification.Estimate", IdentificationError)
     path = check_destination(output, (".toml",))
-    text = updated_text(robot, estimate, path.parent, key)
+    text = updated_text(arm, estimate, path.parent, key)
     with whole_file(path) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="\n")
     return path
 
 
 def updated_text(
-    robot: str | os.PathLike[str] | Arm | RobotDescription, estimate: Estimate, folder: Path, key: str = "fit"
+    arm: str | os.PathLike[str] | Arm | RobotDescription, estimate: Estimate, folder: Path, key: str = "fit"
 ) -> str:
     """The text of the file that `write_into` writes.
 
     Raises:
         OutputError, DescriptionError: as `write_into`.
     """
-    text, lost = _text_of(robot, folder)
+    text, lost = _text_of(arm, folder)
     estimate = replace(estimate, remarks=(*estimate.remarks, *(f"left out: {each}" for each in lost)))
     record = parse(tomlkit.parse(text).unwrap(), "robot", folder)
     parts = _parts(text)
@@ -237,19 +237,19 @@ def updated_text(
     return text
 
 
-def _text_of(robot: Any, folder: Path) -> tuple[str, tuple[str, ...]]:
+def _text_of(arm: Any, folder: Path) -> tuple[str, tuple[str, ...]]:
     """The robot's own file if its text is valid in that folder, else the description as TOML; and what that loses."""
-    if isinstance(robot, (str, os.PathLike)):
-        description, path = read_description(robot), Path(os.fspath(robot))
-        if os.fspath(robot) in builtin_names() and isinstance(robot, str):
-            return (resources.files("armwright.robots") / f"{robot}.toml").read_text(encoding="utf-8"), ()
+    if isinstance(arm, (str, os.PathLike)):
+        description, path = read_description(arm), Path(os.fspath(arm))
+        if os.fspath(arm) in builtin_names() and isinstance(arm, str):
+            return (resources.files("armwright.robots") / f"{arm}.toml").read_text(encoding="utf-8"), ()
         same = path.resolve().parent == folder.resolve()
         if path.suffix == ".toml" and (
             same or not (description.built_from or any(x.visuals for x in description.links))
         ):
             return read_text(path), ()
     else:
-        description = record_of(robot)
+        description = record_of(arm)
     description, lost = for_folder(description, folder)
     return to_toml(description, folder), lost
 

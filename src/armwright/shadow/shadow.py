@@ -242,7 +242,7 @@ class Shadow(Result):
 
 def shadow_log(
     log: AnyLog,
-    robot: AnyArm | None = None,
+    arm: AnyArm | None = None,
     *,
     runs: Sequence[str] | None = None,
     deviation: Any = None,
@@ -255,7 +255,7 @@ def shadow_log(
 
     Args:
         log: what `read_log` returned, with positions, and torques or currents, of all joints.
-        robot: path, name or model; None: the robot that the log names.   runs: names; None: all.
+        arm: path, name or model; None: the robot that the log names.   runs: names; None: all.
         deviation: (n,) or one number [N m | N], standard deviation of the torque residual; None: `torque_deviations`.
         factor: standard deviations that a residual may reach.   bandwidths: of the observer.
         record: path of the file, where `robot` is a model.   progress: True or None: a bar where it is
@@ -267,11 +267,11 @@ def shadow_log(
         ModelError: an arm without masses, or currents of motors whose constants are not known.
     """
     log = as_log(log)
-    if robot is None and log.arm is None:
-        raise LogError("missing", place="robot", expected="a robot's file, here or in the log", file=log.path)
-    if isinstance(robot, (str, os.PathLike)):
-        record = record or robot
-    arm = log.arm if robot is None else as_arm(robot, "robot")
+    if arm is None and log.arm is None:
+        raise LogError("missing", place="arm", expected="a robot's file, here or in the log", file=log.path)
+    if isinstance(arm, (str, os.PathLike)):
+        record = record or arm
+    arm = log.arm if arm is None else as_arm(arm)
     assert arm is not None
     check_match(arm, log)
     sources: tuple[Source, ...] = ("tau", "current")

@@ -152,7 +152,7 @@ def test_springs_of_a_fit_add_to_those_of_the_record():
 def test_logs_that_do_not_fit_the_arm_are_refused(tmp_path):
     arm = aw.load("lwa4p")
     log = aw.identification.read_log(write_log(tmp_path, arm, seconds=5))
-    with pytest.raises(IdentificationError, match="robot"):
+    with pytest.raises(IdentificationError, match="arm"):
         aw.identification.identify_arm(log)
     with pytest.raises(LogError, match="the same joints by name"):
         aw.identification.identify_arm(log, aw.load("panda"))

@@ -162,7 +162,7 @@ def test_gear_efficiency(tmp_path):
     log = log_of(tmp_path, change(0.75), volts())
     robot = tmp_path / "robot.toml"
     robot.write_text(change(0.9)(RECORD.format(**TRUE)))
-    found = fit(log, "R", "Kt", "J", "viscous", "coulomb", "efficiency", robot=robot)
+    found = fit(log, "R", "Kt", "J", "viscous", "coulomb", "efficiency", arm=robot)
     assert found["motor.motor.gear_efficiency"] == pytest.approx(0.75, rel=0.01)
     assert found[PATHS["coulomb"]] == pytest.approx(0.15, rel=0.02)
 
@@ -175,7 +175,7 @@ def test_backlash(tmp_path):
     log = log_of(tmp_path, change(0.02), volts())
     robot = tmp_path / "robot.toml"
     robot.write_text(change(0.01)(RECORD.format(**TRUE)))
-    found = fit(log, "R", "Kt", "coulomb", "elasticity.backlash_rad", robot=robot)
+    found = fit(log, "R", "Kt", "coulomb", "elasticity.backlash_rad", arm=robot)
     # flanks meet between the steps of the fit, which are coarser than those of the truth
     assert found["motor.elasticity.backlash_rad"] == pytest.approx(0.02, rel=0.05)
     assert found[R] == pytest.approx(TRUE["R"], rel=0.02)
@@ -191,6 +191,6 @@ def test_heat_of_the_winding(tmp_path):
     robot = tmp_path / "robot.toml"
     robot.write_text(change(4.0)(RECORD.format(**TRUE)))
     name = "motor.motor.thermal.winding_capacity_j_per_k"
-    found = fit(log, "R", "Kt", "J", "viscous", "coulomb", name, robot=robot)
+    found = fit(log, "R", "Kt", "J", "viscous", "coulomb", name, arm=robot)
     assert found[name] == pytest.approx(8.0, rel=0.03)
     assert found[R] == pytest.approx(TRUE["R"], rel=0.02)

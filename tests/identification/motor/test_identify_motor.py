@@ -113,7 +113,7 @@ def test_bad_input_is_refused(tmp_path):
         {"free": ["elasticity.backlash_rad"]},
         {"free": ["R"], "fixed": {"R": 1.0}},
         {"joint": "elbow"},
-        {"robot": "cmu-dd"},
+        {"arm": "cmu-dd"},
         {"starts": 0},
         {"runs": ["run9"]},
         {"signals": ["tau"]},

@@ -81,7 +81,7 @@ class GainModel(TorqueModel):
 def identify_drive_gains(
     log: AnyLog,
     loaded_log: AnyLog,
-    robot: AnyArm,
+    arm: AnyArm,
     mass: float,
     com: Iterable[float] | None = None,
     inertia: np.ndarray | None = None,
@@ -94,7 +94,7 @@ def identify_drive_gains(
 
     Args:
         log: of the arm without the payload.   loaded_log: with it; both with currents, or with torques of a doubtful scale.
-        robot: the arm; kinematics, gear ratios and springs count, masses and torque constants do not.
+        arm: the arm; kinematics, gear ratios and springs count, masses and torque constants do not.
         mass: of the payload [kg].   com: (3,) [m] its centre, in the frame; None: unknown.
         inertia: (3, 3) [kg m²] about the centre, in the frame's axes; None: unknown. Unknown numbers are fitted with the gains.
         mass_std: deviation of the mass [kg]: gains are as uncertain, in per cent, all together.
@@ -109,9 +109,9 @@ def identify_drive_gains(
     """
     log = as_log(log)
     loaded_log = as_log(loaded_log, "loaded_log")
-    robot = as_arm(robot, "robot")
+    arm = as_arm(arm)
     known = _known_parameters(mass, mass_std, com, inertia)
-    log, loaded_log = (checked(each, robot) for each in (log, loaded_log))
+    log, loaded_log = (checked(each, arm) for each in (log, loaded_log))
     source = torque_source(log)
     if source == "voltage" or torque_source(loaded_log) != source:
         what = "voltages" if source == "voltage" else "logs of different signals"
@@ -120,9 +120,9 @@ def identify_drive_gains(
         raise IdentificationError(
             "one log twice", place="loaded_log", value=loaded_log.path.name, expected="a log with the payload"
         )
-    own = torque_model(_serving(robot, source))
+    own = torque_model(_serving(arm, source))
     models = _gain_model(own, frame, loaded=False), _gain_model(own, frame, loaded=True)
-    unknown = len(base_parameters(own)) + int(np.isnan(known).sum()) + robot.n
+    unknown = len(base_parameters(own)) + int(np.isnan(known).sum()) + arm.n
     chosen: Sequence[Preparation | dict[str, Preparation]]
     if preparation is None:
         chosen = [_with_enough_rows(each, unknown) for each in (log, loaded_log)]
@@ -135,8 +135,8 @@ def identify_drive_gains(
     halves = [equations_of(each(), model) for each, model in zip(sources, models, strict=True)]
     whole, fit = fit_gains(_problem(halves, own, known))
     spread = _covariance(fit, sources)
-    _check_order(fit, spread, loaded_log, robot.names)
-    return _estimate(robot, source, _Found(halves, whole, fit, spread, mass), mass_std, (log, loaded_log))
+    _check_order(fit, spread, loaded_log, arm.names)
+    return _estimate(arm, source, _Found(halves, whole, fit, spread, mass), mass_std, (log, loaded_log))
 
 
 def _known_parameters(
@@ -166,27 +166,27 @@ def _known_parameters(
     return known
 
 
-def _serving(robot: Model, source: str) -> Model:
+def _serving(arm: Model, source: str) -> Model:
     """The arm with motors of 1 N m/A.
 
     Raises:
         IdentificationError: motors that several joints turn, gear loss, or currents without a gear.
     """
-    for body in robot.coordinates:
+    for body in arm.coordinates:
         drive, friction = body.drive, body.friction
         if drive.coupling:
             what, expected = "motors that several joints turn", "an arm whose motors each turn one joint"
-            raise IdentificationError(what, place=robot.name, expected=expected)
+            raise IdentificationError(what, place=arm.name, expected=expected)
         loads = friction is not None and friction.load_coefficient is not None
         if drive.efficiency is not None or loads:
             place = f"{path_name(body.joint)}.{'friction.load_coefficient' if loads else 'motor.gear_efficiency'}"
             what = "torque that a gear takes in proportion to its load looks like another gain"
             raise IdentificationError(what, place=place, expected="gears without loss, or the torque constants known")
-        if source == "current" and _motor(robot, body.joint) is None:
+        if source == "current" and _motor(arm, body.joint) is None:
             place, expected = f"{path_name(body.joint)}.motor", "gear_ratio and rotor_inertia_kg_m2 in the robot's file"
             raise IdentificationError("currents of a joint without a motor", place=place, expected=expected)
-    bodies = tuple(replace(body, drive=replace(body.drive, torque_constant=1.0)) for body in robot.bodies)
-    return replace(robot, bodies=bodies)
+    bodies = tuple(replace(body, drive=replace(body.drive, torque_constant=1.0)) for body in arm.bodies)
+    return replace(arm, bodies=bodies)
 
 
 def _with_enough_rows(log: Log, unknown: int) -> dict[str, Preparation]:
@@ -205,8 +205,8 @@ def _with_enough_rows(log: Log, unknown: int) -> dict[str, Preparation]:
     return chosen
 
 
-def _motor(robot: Model, joint: str) -> Motor | None:
-    return next(each.motor for each in robot.record.moving_joints if each.name == joint)
+def _motor(arm: Model, joint: str) -> Motor | None:
+    return next(each.motor for each in arm.record.moving_joints if each.name == joint)
 
 
 def _gain_model(own: TorqueModel, frame: str | None, loaded: bool) -> GainModel:
@@ -363,19 +363,19 @@ class _Found:
         return nothing and bool(np.isfinite(self._weight(self.whole, 0, 1.0)))
 
 
-def _estimate(robot: Model, source: str, found: _Found, mass_std: float, logs: tuple[Log, Log]) -> Estimate:
+def _estimate(arm: Model, source: str, found: _Found, mass_std: float, logs: tuple[Log, Log]) -> Estimate:
     """The gains with their covariance, and what the logs do not determine."""
-    n, fit = robot.n, found.fit
+    n, fit = arm.n, found.fit
     names, values, known, remarks = [], np.full(n, np.nan), np.zeros(n, dtype=bool), []
     slopes, measures = np.zeros((n, len(fit.inverse))), {}  # of the gains by h
-    for j, body in enumerate(robot.coordinates):
+    for j, body in enumerate(arm.coordinates):
         names.append(
             f"{path_name(body.joint)}.motor.torque_constant_n_m_per_a"
             if source == "current"
             else f"{body.joint}: drive gain"
         )
         h, _, reason = found.of_joint(j)
-        factor = _dc_equivalent(robot, body.joint) if source == "current" else 1.0
+        factor = _dc_equivalent(arm, body.joint) if source == "current" else 1.0
         known[j] = not reason
         if reason:
             remarks.append(reason)
@@ -407,9 +407,9 @@ def _estimate(robot: Model, source: str, found: _Found, mass_std: float, logs: t
     )  # fmt: skip
 
 
-def _dc_equivalent(robot: Model, joint: str) -> float:
+def _dc_equivalent(arm: Model, joint: str) -> float:
     """The DC motor's torque constant by the record's, which may be that of a brushless motor's phase."""
-    motor = _motor(robot, joint)
+    motor = _motor(arm, joint)
     return 1.0 if motor is None else DC_EQUIVALENT[motor.basis].torque_constant
 
 

@@ -53,30 +53,30 @@ BOUND = 1e-9  # of a parameter's scale
 
 
 def friction_rows(
-    log: Log, robot: Model, preparation: Preparation | None = None, warming: Mapping[str, float] | None = None
+    log: Log, arm: Model, preparation: Preparation | None = None, warming: Mapping[str, float] | None = None
 ) -> list[FrictionRows]:
     """Rows of every joint of a known arm in motion, for `choose_terms` and `fitted_law`.
 
     Rows near a turn are left out: there the low-pass has rounded off the change of sign.
 
     Args:
-        log: with torques, currents or voltages.   robot: the arm; its own friction is not used.
+        log: with torques, currents or voltages.   arm: the arm; its own friction is not used.
         preparation: None: chosen.
         warming: [K] of each run, by its name; None: the log's temperatures above the record's `motor.thermal.reference_c`.
     Raises:
         IdentificationError: an arm without masses, or a log that does not fit.
     """
-    if not np.any(np.asarray(robot.inertial_parameters, dtype=float)):
+    if not np.any(np.asarray(arm.inertial_parameters, dtype=float)):
         what = "an arm without masses: its gravity cannot be taken off"
-        raise IdentificationError(what, place=robot.name, expected="identify it first: armwright identify arm")
+        raise IdentificationError(what, place=arm.name, expected="identify it first: armwright identify arm")
     from armwright.kernels.compiled import compile_arm
 
-    plain = compile_arm(robot.replace(friction=None))
-    links = compile_arm(robot.replace(friction=None, rotors=None, efficiency=None))
-    choice, shares = preparation or _wider(log), motor_shares(robot)
-    frictionless = robot.replace(friction=None)
+    plain = compile_arm(arm.replace(friction=None))
+    links = compile_arm(arm.replace(friction=None, rotors=None, efficiency=None))
+    choice, shares = preparation or _wider(log), motor_shares(arm)
+    frictionless = arm.replace(friction=None)
     lossy, to_motors = any(map(loses_power, frictionless.coordinates)), np.linalg.inv(shares)
-    model, parts, stretch, end = torque_model(robot), [[] for _ in range(robot.n)], None, 0
+    model, parts, stretch, end = torque_model(arm), [[] for _ in range(arm.n)], None, 0
     for block in samples_of(log, model, None, choice):
         begin = end if (block.run, block.stretch) == stretch else end + APART
         stretch, end = (block.run, block.stretch), begin + len(block.t)
@@ -87,8 +87,8 @@ def friction_rows(
         else:
             rest = block.tau - plain.inverse_dynamics(block.q, block.qd, block.qdd) @ shares
         near = max(round(1.0 / (choice.cutoff * max(np.median(np.diff(block.t)), 1e-9))), 1) if len(block.t) > 1 else 1
-        warm = _warming(block, robot, warming)
-        for j in range(robot.n):
+        warm = _warming(block, arm, warming)
+        for j in range(arm.n):
             speed = block.qd[:, j]
             turns = np.flatnonzero(np.diff(np.sign(speed)) != 0)
             away = np.ones(len(speed), dtype=bool)
@@ -105,10 +105,10 @@ def friction_rows(
     return joined
 
 
-def _behind_gears(robot: Model) -> list[str]:
+def _behind_gears(arm: Model) -> list[str]:
     """A sentence about joints whose friction the record has on the motor's side of a lossy gear, and a fit has at the joint."""
-    lossy = [body for body in robot.replace(friction=None).coordinates if loses_power(body)]
-    own = {body.joint for body in robot.coordinates if body.friction is not None and body.friction.on_motor}
+    lossy = [body for body in arm.replace(friction=None).coordinates if loses_power(body)]
+    own = {body.joint for body in arm.coordinates if body.friction is not None and body.friction.on_motor}
     joints = [body.joint for body in lossy if body.joint in own]
     if not joints:
         return []
@@ -118,11 +118,11 @@ def _behind_gears(robot: Model) -> list[str]:
     ]
 
 
-def _warming(block: Samples, robot: Model, warming: Mapping[str, float] | None) -> np.ndarray:
+def _warming(block: Samples, arm: Model, warming: Mapping[str, float] | None) -> np.ndarray:
     """(rows, n) [K] of the motors above their reference temperatures; NaN where it is not known."""
     if warming is not None:
         return np.full(block.q.shape, warming.get(block.run, np.nan))
-    thermal = [body.drive.thermal for body in robot.coordinates]
+    thermal = [body.drive.thermal for body in arm.coordinates]
     reference = np.array([np.nan if each is None else float(each.reference) for each in thermal])
     return np.full(block.q.shape, np.nan) if block.temperature is None else block.temperature - reference
 
@@ -148,7 +148,7 @@ def friction_over_speed(rows: FrictionRows, bins: int = BINS) -> np.ndarray:
 
 def identify_friction(
     log: AnyLog,
-    robot: AnyArm,
+    arm: AnyArm,
     *,
     preparation: Preparation | None = None,
     warming: Mapping[str, float] | None = None,
@@ -158,7 +158,7 @@ def identify_friction(
     """Friction of every joint against its speed, load and temperature, from a log of an arm with otherwise known dynamics.
 
     Args:
-        log: with positions, and torques, currents or voltages.   robot: the arm; its masses count, its friction does not.
+        log: with positions, and torques, currents or voltages.   arm: the arm; its masses count, its friction does not.
         preparation: None: chosen.   warming: [K] above the reference temperature, of each run by its name; None: by the
             log's temperatures, for joints whose record has a reference temperature.
         candidates: of "stribeck", "load", "coulomb by temperature", "viscous by temperature", "sigmoid", "spring" and
@@ -171,16 +171,16 @@ def identify_friction(
         IdentificationError: an arm without masses, an unknown candidate, a log that does not fit.
     """
     log = as_log(log)
-    robot = as_arm(robot, "robot")
+    arm = as_arm(arm)
     for each in candidates:
         if each not in CANDIDATES:
             raise IdentificationError("unknown", place="candidates", value=each, choices=CANDIDATES)
-    log = checked(log, robot)
+    log = checked(log, arm)
     names: list[str] = []
     values, bounds, blocks, measures = [], [], [], {}
-    remarks, doubtful = [*map(str, log.warnings), *SUPPORT.notes(robot), *_behind_gears(robot)], False
+    remarks, doubtful = [*map(str, log.warnings), *SUPPORT.notes(arm), *_behind_gears(arm)], False
     measured = log.layout["temperature"].joints or () if "temperature" in log.layout and warming is None else ()
-    for body, rows in zip(robot.coordinates, friction_rows(log, robot, preparation, warming), strict=True):
+    for body, rows in zip(arm.coordinates, friction_rows(log, arm, preparation, warming), strict=True):
         if body.drive.thermal is None and log.joints.index(body.joint) in measured:
             what = "the log has its temperature, the record no motor.thermal.reference_c to count it from"
             remarks.append(f"{body.joint}: {what}: slopes of friction over temperature are not tried")
@@ -321,7 +321,7 @@ def _covariance(rows: FrictionRows, law: FrictionLaw) -> np.ndarray:
     return np.where(lost | lost[:, None], np.nan, covariance_of([(X, rest)]))
 
 
-def with_identified_friction(robot: Model, estimate: Estimate) -> Model:
+def with_identified_friction(arm: Model, estimate: Estimate) -> Model:
     """The arm with the estimated friction in place of its own, and with the estimated springs added to its own.
 
     Raises:
@@ -343,8 +343,8 @@ def with_identified_friction(robot: Model, estimate: Estimate) -> Model:
         if key:
             spread = {"std": float(std)} if np.isfinite(std) else {}
             numbers.setdefault(joint, {})[key] = {"value": float(value), "source": "fit", **spread}
-    joints, bodies = [], {body.joint: body for body in robot.coordinates}
-    for joint in robot.record.joints:
+    joints, bodies = [], {body.joint: body for body in arm.coordinates}
+    for joint in arm.record.joints:
         keys = numbers.get(joint.name)
         if keys is not None and isinstance(joint, MovingJoint):
             units = joint.kind.units
@@ -359,8 +359,8 @@ def with_identified_friction(robot: Model, estimate: Estimate) -> Model:
             joint = joint.replace(**spring_keys(bodies[joint.name], springs[joint.name], "fit")[0])
         joints.append(joint)
     prefixes = tuple(f"{path_name(joint)}.friction." for joint in numbers)
-    fits = {key: fit.without(prefixes) for key, fit in robot.record.fits.items()}
-    record = replaced(robot.record, "with_identified_friction", joints=tuple(joints), fits=fits)
+    fits = {key: fit.without(prefixes) for key, fit in arm.record.fits.items()}
+    record = replaced(arm.record, "with_identified_friction", joints=tuple(joints), fits=fits)
     from armwright.model import build_model
 
     return with_changes(build_model(record, on_impossible="warn"), changes={})

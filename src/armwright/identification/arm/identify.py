@@ -183,7 +183,7 @@ class ArmEstimate(Result):
 
 def identify_arm(
     log: Log,
-    robot: Model | None = None,
+    arm: Model | None = None,
     *,
     runs: Sequence[str] | None = None,
     method: str = "wls",
@@ -206,7 +206,7 @@ def identify_arm(
     load-proportional friction, links and friction are those beside this loss (`gear_loss`).
 
     Args:
-        log: what `read_log` returned.   robot: a full record or kinematics alone; None: the log's robot.
+        log: what `read_log` returned.   arm: a full record or kinematics alone; None: the log's robot.
         runs: names of those to fit; None: those that the log marks so.
         method: least squares "ols"; "wls", every joint weighted by its residuals; "irls" or "tukey", which also let outliers
             count less; "essential", which leaves out what the log hardly tells; "recursive", row by row. Or by a simulated loop:
@@ -231,10 +231,10 @@ def identify_arm(
     if method not in METHODS:
         raise IdentificationError(place="method", value=method, choices=tuple(METHODS))
     log = as_log(log)
-    arm = log.arm if robot is None else as_arm(robot, "robot")
+    arm = log.arm if arm is None else as_arm(arm)
     if arm is None:
         raise IdentificationError(
-            "missing", place="robot", expected="an arm, or kinematics alone, here or in the log's file"
+            "missing", place="arm", expected="an arm, or kinematics alone, here or in the log's file"
         )
     log = checked(log, arm, runs)
     stream = Stream(log, arm, runs, cutoff=cutoff, decimate=decimate)

@@ -136,7 +136,7 @@ def payload_model(arm: Model, frame: str | None = None, own: TorqueModel | None 
 
 def identify_payload(
     log: AnyLog,
-    robot: AnyArm,
+    arm: AnyArm,
     *,
     loaded_log: Log | None = None,
     frame: str | None = None,
@@ -146,7 +146,7 @@ def identify_payload(
 
     Args:
         log: of the arm with the payload; or, with `loaded_log`, without it.
-        robot: the arm. With one log its record must be true: what it lacks is taken for payload. With two its kinematics count.
+        arm: the arm. With one log its record must be true: what it lacks is taken for payload. With two its kinematics count.
         loaded_log: of the arm with the payload, where `log` is without.
         frame: that the payload's numbers are given in; None: the tip.
         preparation: of the logs; None: the low-pass that leaves the mass least uncertain.
@@ -157,11 +157,11 @@ def identify_payload(
         IdentificationError: a log without positions or torques, of another arm, with too few rows.
     """
     log = as_log(log)
-    robot = as_arm(robot, "robot")
-    logs = [checked(each, robot) for each in ((log,) if loaded_log is None else (log, loaded_log))]
+    arm = as_arm(arm)
+    logs = [checked(each, arm) for each in ((log,) if loaded_log is None else (log, loaded_log))]
     warnings = tuple(str(warning) for each in logs for warning in each.warnings)
     if preparation is not None:
-        found = _fitted(logs, robot, frame, [preparation] * len(logs))
+        found = _fitted(logs, arm, frame, [preparation] * len(logs))
         return replace(found, remarks=(*found.remarks, *warnings))
     log = logs[0]
     chosen = choose_preparation(log).cutoff
@@ -171,7 +171,7 @@ def identify_payload(
         if cutoff < HIGHEST / log.run().period or not tried:
             choices = [choose_preparation(each, cutoff=cutoff) for each in logs]
             try:
-                tried.append((cutoff, _fitted(logs, robot, frame, choices)))
+                tried.append((cutoff, _fitted(logs, arm, frame, choices)))
             except LogError as error:  # a higher cut-off leaves more rows
                 too_short = error
                 if cutoff >= HIGHEST / log.run().period:
@@ -190,17 +190,17 @@ def _vagueness(estimate: Estimate) -> float:
     return float(estimate.std[0]) if np.isfinite(estimate.std[0]) else np.inf
 
 
-def _fitted(logs: Sequence[Log], robot: Model, frame: str | None, preparations: Sequence[Preparation]) -> Estimate:
+def _fitted(logs: Sequence[Log], arm: Model, frame: str | None, preparations: Sequence[Preparation]) -> Estimate:
     """The estimate from one log or two, with one low-pass for each."""
-    streams = [Stream(log, robot, None, each) for log, each in zip(logs, preparations, strict=True)]
+    streams = [Stream(log, arm, None, each) for log, each in zip(logs, preparations, strict=True)]
     if len(logs) == 1:
-        model: TorqueModel = (alone := payload_model(robot, frame))
+        model: TorqueModel = (alone := payload_model(arm, frame))
         prepared = partial(streams[0].samples, model)
-        sources: list[SampleSource] = [(lambda: behind_gears(prepared(), alone)) if is_lossy(robot) else prepared]
+        sources: list[SampleSource] = [(lambda: behind_gears(prepared(), alone)) if is_lossy(arm) else prepared]
         method = "payload from one log and the known arm: weighted least squares of the torques that the arm leaves unexplained"
         sha256 = logs[0].sha256
     else:
-        model = payload_model(robot, frame, torque_model(robot))
+        model = payload_model(arm, frame, torque_model(arm))
         lossy, memories = lossy_model(model), ({}, {})
         if lossy is not None:
             problem = GearProblem(lambda each: _joined(each, _both(each, streams, memories))[0], _told)
@@ -341,7 +341,7 @@ def _numbers(parameters: np.ndarray) -> np.ndarray:
     return scalar.array([m, *c, *tensor])
 
 
-def with_identified_payload(robot: Model, estimate: Estimate, frame: str | None = None) -> Model:
+def with_identified_payload(arm: Model, estimate: Estimate, frame: str | None = None) -> Model:
     """The arm with the payload of an estimate at its tip, or at a frame.
 
     An unknown coordinate of the centre is 0: on a planar arm the one across its plane has no effect. An inertia that is not
@@ -358,4 +358,4 @@ def with_identified_payload(robot: Model, estimate: Estimate, frame: str | None 
         for k, (i, j) in enumerate(TENSOR, start=4):
             tensor[i, j] = tensor[j, i] = estimate.values[k]
     centre = np.where(known[1:4], estimate.values[1:4], 0.0)
-    return robot.with_payload(estimate.values[0], centre, tensor, frame, source="fit")
+    return arm.with_payload(estimate.values[0], centre, tensor, frame, source="fit")

@@ -39,7 +39,7 @@ POSITIVE = ("R", "L", "Kt", "Ke", "J")
 
 def identify_motor(
     log: Log | str | os.PathLike[str],
-    robot: Model | RobotDescription | str | os.PathLike[str] | None = None,
+    arm: Model | RobotDescription | str | os.PathLike[str] | None = None,
     *,
     joint: str | None = None,
     load: float | Mapping[str, float] | None = None,
@@ -63,7 +63,7 @@ def identify_motor(
 
     Args:
         log: voltage, current or torque, and position or speed of the joints; a current beside a voltage is compared too.
-        robot: an arm, its description, its name or the path of its file; None: the log's, or one motor on a bench.
+        arm: an arm, its description, its name or the path of its file; None: the log's, or one motor on a bench.
         joint: of a log of several, for a motor on a bench; or of a robot of several, with `load` or `locked`.
         load: inertia about its axis [kg m² | kg] that a joint turned behind its gear while it was logged, by joint or one for
             all; 0: motors taken off their arm. The fit goes into those joints of the robot. None: the arm moves as one.
@@ -91,9 +91,9 @@ def identify_motor(
     static = None if static is None else as_log(static, "static")
     _check(free, fixed, per_run, starts, most_delay)
     asked = [log.run(name).name for name in runs] if runs is not None else list(log.fit)
-    if priors and robot is None and log.arm is None:
+    if priors and arm is None and log.arm is None:
         raise ModelError("goes with a robot, whose record states deviations", place="priors", value=True)
-    base, source, joints, loads = robot_of(log, robot, joint, load, locked)
+    base, source, joints, loads = robot_of(log, arm, joint, load, locked)
     data = measured(log, asked, joints, speed, signals, locked=locked)
     ratios = [_ratio(base, log, name) for name in joints]
     guesses = []

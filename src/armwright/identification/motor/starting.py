@@ -38,7 +38,7 @@ def robot_of(
         if joint is not None and joint not in log.joints:
             raise ModelError("no joint of the log", place="joint", value=joint, choices=log.joints)
         if joint is None and len(log.joints) > 1:
-            expected = "joint=…, one motor by itself, or robot=…, the arm that they move"
+            expected = "joint=…, one motor by itself, or arm=…, the arm that they move"
             raise ModelError(f"the log has {len(log.joints)} joints", place="robot", expected=expected, file=log.path)
         if load is not None:
             what = "goes with a robot: the inertia of a motor of which nothing is known holds its load"
