@@ -65,6 +65,7 @@ def _kind(parameter):
 CASES = [(name, each) for name in sorted(PUBLIC) for each in parameters(name)]
 
 
+@pytest.mark.sample(56)
 @pytest.mark.parametrize(("name", "parameter"), CASES, ids=[f"{name}-{each.name}" for name, each in CASES])
 def test_a_wrong_object_is_refused_in_words(name, parameter, log, tmp_path, monkeypatch):
     """Only errors of ours, a `TypeError` of the signature itself, or of a record the error of its fields."""

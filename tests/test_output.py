@@ -121,6 +121,7 @@ WRITERS = {  # what writes one file or several into a folder
 }  # fmt: skip
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize(("writer", "compiler"), [*((name, True) for name in WRITERS), ("export_controller", False)])
 def test_a_full_disk_is_one_line_and_leaves_nothing(tmp_path, monkeypatch, writer, compiler):
     """Of the folder for results, and, where a compiler works there, of the one for temporary files."""

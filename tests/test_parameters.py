@@ -83,6 +83,7 @@ def test_one_lane_of_a_thousand_alone():
     assert len(np.unique(many.q.values[:, -1, 0])) == 1000
 
 
+@pytest.mark.study
 def test_a_million_lanes_of_twelve_uncertain_parameters():
     """In the time and memory of a test; lane 77 is the same alone."""
     names = [f"rod{k}.{p}" for k in (0, 1) for p in ("mass_kg", "com_m[0]", "com_m[2]")]

@@ -73,6 +73,7 @@ def test_every_function_is_called_here():
     assert sorted(with_progress()) == sorted(CALLS)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", CALLS)
 def test_it_takes_true_false_and_a_function_and_refuses_the_rest(tmp_path, capfd, name):
     if name == "sweep":

@@ -67,6 +67,7 @@ def friction_at(model: Model, speed: float) -> float:
     return float(friction_torques(model, np.array([speed]))[0])
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("law", SYMMETRIC)
 @given(speed=speeds)
 def test_equal_both_ways_is_odd(law, speed):
@@ -75,6 +76,7 @@ def test_equal_both_ways_is_odd(law, speed):
     assert friction_at(model, -speed) == -friction_at(model, speed)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("law", [*SYMMETRIC, *(f"lopsided {law}" for law in LOPSIDED)])
 @given(speed=speeds)
 def test_dissipative(law, speed):
@@ -124,6 +126,7 @@ def test_sigmoid_is_gaz():
         assert friction_at(model, speed) == pytest.approx(expected, rel=1e-13)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("ratio", [40.0, -40.0])
 @given(speed=speeds)
 def test_motor_side_is_referred(ratio, speed):
@@ -162,6 +165,7 @@ def test_positive_is_the_joints_direction_on_the_motor_side(ratio):
     assert friction_at(model, 0.0) == pytest.approx(40.0 * 0.002)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("ratio", [40.0, -40.0])
 @given(speed=speeds)
 def test_sigmoid_on_the_motor_side(ratio, speed):

@@ -102,6 +102,7 @@ def test_tables_and_pictures_are_saved(saved, run, folder):
     assert all(1000 < picture.stat().st_size < LARGEST for picture in pictures)
 
 
+@pytest.mark.study
 def test_some_rows_only():
     done = bench("--quick", "--only", "fused threads")
     assert done.returncode == 0, done.stderr
@@ -152,6 +153,7 @@ def test_chapters_of_another_day_say_so(at_home, tmp_path):
     assert text.count("measured on") == 1
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("words", [("--only", "no such arm"), ("--quick", "--save"), ("--only", "puma560", "--save")])
 def test_what_cannot_be_asked_for_is_refused(words):
     done = bench(*words)
@@ -224,6 +226,7 @@ def test_starts_are_judged_by_their_best(at_home):
     assert cells(0.0, [0.01])["load"] == ""
 
 
+@pytest.mark.study
 def test_the_readme_gets_its_table(at_home, saved, tmp_path):
     from readme import MARKS, update  # type: ignore[import-not-found]
 

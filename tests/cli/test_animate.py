@@ -58,6 +58,7 @@ def test_a_lane_as_a_page(folder):
     assert "lane 2" in text
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [

@@ -83,6 +83,7 @@ def refused(arguments):
     return result.stderr
 
 
+@pytest.mark.sample(10)
 @pytest.mark.parametrize(
     ("arguments", "message"), REFUSED, ids=lambda value: " ".join(value) if isinstance(value, tuple) else ""
 )

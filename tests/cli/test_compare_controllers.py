@@ -54,6 +54,7 @@ def run(folder, *arguments):
     return result.exit_code, result.output
 
 
+@pytest.mark.study
 def test_two_controllers_on_two_motions(files):
     code, text = run(
         files, "soft.scenario.toml", "stiff.scenario.toml", "--motion", "move.motion.toml", "--motion", "saved.csv",

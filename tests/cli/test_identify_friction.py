@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import pytest
+
 import armwright as aw
 from cli.test_commands import run
 from identification.arm.moved_arm import moved
 
 
+@pytest.mark.study
 def test_friction_is_found_and_written(tmp_path):
     arm = aw.load("two-link")
     moved(tmp_path, "arm", arm, torque_noise=0.01, position_noise=1e-5)

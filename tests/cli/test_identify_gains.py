@@ -25,6 +25,7 @@ def command(bench, *more, code=0, logs=("empty", "loaded"), robot="as_bought.urd
     return run("identify", "gains", empty, "--loaded-log", loaded, "--robot", bench / robot, *more, code=code)
 
 
+@pytest.mark.study
 def test_constants_are_written_for_the_next_command(bench):
     output, page = bench / "weighed.toml", bench / "gains.html"
     shown = command(bench, "--mass", "5", "--mass-std", "0.005", "-o", output, "--report", page).stdout

@@ -14,6 +14,7 @@ def log(tmp_path):
     return str(log_file(tmp_path, {"a": ("fit", data(0)), "b": ("hold-out", data(1))}))
 
 
+@pytest.mark.study
 def test_models_are_shown_and_drawn(log, tmp_path):
     picture = tmp_path / "oe.svg"
     shown = run("identify", "linear", log, "--order", "1", "--plot", str(picture)).stdout

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import pytest
+
 import armwright as aw
 from cli.test_commands import run
 from identification.arm.moved_arm import moved
 
 
+@pytest.mark.study
 def test_a_payload_is_found_and_written(tmp_path):
     arm = aw.load("lwa4p")
     noise = {"torque_noise": 0.3, "position_noise": 1e-5}

@@ -121,6 +121,7 @@ def test_a_terminal_has_the_minus_of_typographers(monkeypatch):
     assert stream.getvalue() == "q = −1\nqd = −2\n"
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(("words", "expected"), [("armwright info pu", "puma560"), ("armwright simu", "simulate")])
 def test_shells_complete_commands_and_robots(words, expected):
     count = str(len(words.split()) - 1)

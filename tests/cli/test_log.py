@@ -13,6 +13,7 @@ def test_a_log_is_shown(tmp_path):
     assert "error" not in shown
 
 
+@pytest.mark.study
 def test_a_picture_of_a_run(tmp_path):
     path = written(tmp_path, ALL)
     for ending, begin in (("png", b"\x89PNG"), ("svg", b"<?xml")):
@@ -48,6 +49,7 @@ def test_mistakes_are_one_line(tmp_path):
         assert option in result.stderr
 
 
+@pytest.mark.study
 @pytest.mark.filterwarnings("error")
 def test_a_picture_of_constants_has_no_spectrum_of_them(tmp_path):
     table = columns()

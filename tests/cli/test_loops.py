@@ -30,6 +30,7 @@ def run(folder, *arguments, period=2e-3, text=SCENARIO):
     return result.exit_code, result.output
 
 
+@pytest.mark.study
 def test_a_loop_that_keeps_its_margins(tmp_path):
     report, plot = tmp_path / "loops.html", tmp_path / "loops.png"
     code, text = run(tmp_path, "--report", report, "--plot", plot)
@@ -43,6 +44,7 @@ def test_a_loop_that_keeps_its_margins(tmp_path):
     assert "keeps its margins" in page
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("change", ["gains", "period"])
 def test_what_would_keep_the_margins_is_written(change, tmp_path):
     out = tmp_path / "fixed.scenario.toml"
@@ -59,6 +61,7 @@ def test_what_would_keep_the_margins_is_written(change, tmp_path):
     assert not (tmp_path / "same.scenario.toml").exists()
 
 
+@pytest.mark.study
 def test_a_loop_that_is_too_slow(tmp_path):
     code, text = run(tmp_path, period=0.05)
     assert code == 1

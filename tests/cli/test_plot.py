@@ -34,6 +34,7 @@ def test_chosen_joints_and_quantities(runs):
     assert "after.nc" in shown
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", ["all.html", "all.png", "all.svg", "all.pdf"])
 def test_files(runs, name):
     assert run("plot", "before.nc", "after.nc", "-o", name).stdout == f"wrote {name}\n"
@@ -47,6 +48,7 @@ def test_runs_of_one_name_are_told_apart_by_their_folder(runs):
     assert "old/after.nc" in shown
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [

@@ -47,6 +47,7 @@ def test_a_console_without_greek_letters():
     assert (done.returncode, done.stderr) == (0, "")
 
 
+@pytest.mark.study
 @pytest.mark.skipif(sys.platform == "win32", reason="needs POSIX signals")
 def test_ctrl_c_ends_quietly_and_keeps_what_is_finished(tmp_path, tmp_path_factory):
     cache = tmp_path_factory.mktemp("cache")
@@ -97,7 +98,7 @@ COMMANDS = [
     "arguments", [*COMMANDS, ("robots",), ("--help",), ("inverse-dynamics", "--help"), ("--version",)]
 )
 @pytest.mark.parametrize("rows", [1, 20000])
-@pytest.mark.sample(5)
+@pytest.mark.sample(1)
 def test_a_full_disk_behind_standard_output(arguments, rows, tmp_path):
     """Found at once or at the last flush: one line, no traceback."""
     (tmp_path / "in.csv").write_text("\n".join(["0,0,0,0,0,0"] * rows))
@@ -109,6 +110,7 @@ def test_a_full_disk_behind_standard_output(arguments, rows, tmp_path):
     assert done.returncode == 2
 
 
+@pytest.mark.sample(1)
 @pytest.mark.skipif(sys.platform == "win32", reason="pipes break differently there")
 @pytest.mark.parametrize("arguments", COMMANDS)
 def test_a_reader_that_never_reads(arguments, tmp_path):

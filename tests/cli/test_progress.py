@@ -15,6 +15,7 @@ def test_silent_without_a_terminal(capfd):
     assert capfd.readouterr() == ("", "")
 
 
+@pytest.mark.sample(1)
 @pytest.mark.skipif(sys.platform == "win32", reason="needs a pseudo-terminal")
 @pytest.mark.parametrize(("seconds", "seen"), [(0.0, False), (1.4 * PATIENCE, True)])
 def test_on_a_terminal(seconds, seen):
@@ -25,6 +26,7 @@ def test_on_a_terminal(seconds, seen):
     assert (b"working" in on_terminal(script)) == seen
 
 
+@pytest.mark.study
 @pytest.mark.skipif(sys.platform == "win32", reason="needs a pseudo-terminal")
 @pytest.mark.parametrize(("argument", "seen"), [("", True), ("progress=False", False)])
 def test_a_simulation_in_python_shows_one_bar_where_a_person_sees_it(argument, seen):

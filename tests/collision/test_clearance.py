@@ -64,6 +64,7 @@ def test_capsules_hold_the_record_s_shapes():
             assert inside.all(), (link.name, visual.name, nearest.max())
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("name", ["cmu-dd", "panda", "scara"])
 def test_capsules_stand_in_the_frames_of_their_links(name):
     """Drawn where `forward_kinematics(frame=link)` puts them, they hold the link's shapes, or join its joints, at any pose."""

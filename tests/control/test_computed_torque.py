@@ -36,6 +36,7 @@ def tracking(model, period, reckoned=None):
     return np.abs(run.q.values - run.q_reference.values).max()
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", ["two-link", "cmu-dd"])
 def test_an_exact_model_tracks_but_for_what_is_held_over_a_period(name):
     errors = [tracking(arm(name), period) for period in (2e-3, 1e-3, 5e-4)]

@@ -168,6 +168,7 @@ def test_the_regulator_of_a_joint_without_damping_is_the_closed_form():
     assert design.gains["kd"] == pytest.approx(design.inertia * 6.0 * np.sqrt(2.0), rel=0.4)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("method", ["pole-placement", "symmetric-optimum", "loop-shaping", "lqr"])
 @pytest.mark.parametrize("law", [PD, CASCADE], ids=["pd", "cascade"])
 def test_gains_without_a_stated_bandwidth_keep_the_margins_at_other_poses(method, law):

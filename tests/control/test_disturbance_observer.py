@@ -40,6 +40,7 @@ def test_the_estimate_is_the_closed_form():
     np.testing.assert_allclose(run.u.values[:-1, 0], expected, atol=1e-6 * PUSH)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("share", [0.7, 1.0, 1.5])
 def test_a_constant_load_is_rejected_without_an_integrator(share):
     """PD leaves d/kp; with the observer, whose inertia may be wrong, nothing."""

@@ -40,6 +40,7 @@ def test_each_cause_is_the_design_without_it():
             assert limit.slow
 
 
+@pytest.mark.study
 def test_the_fastest_loop_has_the_bandwidth_of_its_small_delays():
     """Kessler's 1/(2 T): without the delay T falls from 1.5 to 0.5 periods, so that a joint at this bound is 3 times faster."""
     design = aw.loops.design_gains(scenario(aw.load("lwa4p"), 4e-3), poses=100)

@@ -103,6 +103,7 @@ def test_any_document(data):
     read(data)
 
 
+@pytest.mark.study
 @settings(max_examples=200)
 @given(st.sampled_from(sorted(BUILTIN)), st.lists(st.tuples(st.integers(0, 10**6), values), min_size=1, max_size=3))
 def test_any_change_of_a_good_file(name, changes):

@@ -150,6 +150,7 @@ PUMA: dict[str, tuple[tuple[Any, ...], Any, str, Any, str]] = {  # where, what; 
 }  # fmt: skip
 
 
+@pytest.mark.sample(29)
 @pytest.mark.parametrize("case", PUMA)
 def test_refused_in_one_line(case):
     """A copy of `puma560` with one fault: file, place, value, and what was expected or the names that exist."""

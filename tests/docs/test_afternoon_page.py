@@ -14,6 +14,7 @@ from identification.real_logs import DATA
 PAGE = "docs/identify-in-an-afternoon.md"
 
 
+@pytest.mark.study
 def test_the_page_runs_as_it_says(tmp_path: Path) -> None:
     """Python and commands in the page's order, in one folder; each line that is shown is printed."""
     folder = DATA / "staubli_tx40"

@@ -16,6 +16,7 @@ from docs.pages import blocks, comparable, page, sessions, shell, write_files
 PAGE = "docs/datasheet-to-c.md"
 
 
+@pytest.mark.study
 def test_the_page_runs_as_it_says(tmp_path: Path) -> None:
     write_files(PAGE, tmp_path)
     shown = [session for kind, text in blocks(PAGE) if kind == "console" for session in sessions(text)]

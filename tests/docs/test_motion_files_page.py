@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 import armwright as aw
 from docs.pages import blocks, sessions, shell, write_files
 
 
+@pytest.mark.study
 def test_the_drill_is_planned_and_goes_along_its_axis(tmp_path):
     write_files("docs/motion-files.md", tmp_path)
     shown = [

@@ -31,6 +31,7 @@ def python_apart(code: str, folder: Path) -> str:
     return done.stdout
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("name", PROGRAMS)
 def test_it_prints_what_the_page_shows(name: str, tmp_path: Path) -> None:
     found = blocks(name)

@@ -7,6 +7,7 @@ import shlex
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from docs.pages import ROOT, blocks, comparable, page, python, sessions, shell, write_files
 
@@ -32,6 +33,7 @@ def test_the_readme_s_python_prints_what_it_shows(tmp_path: Path) -> None:
     np.testing.assert_allclose(ours, shown, atol=1e-3)
 
 
+@pytest.mark.study
 def test_the_readme_s_commands_run(tmp_path: Path) -> None:
     """One after the other in one folder, as a reader types them."""
     (tmp_path / "examples").symlink_to(ROOT / "examples")
@@ -54,6 +56,7 @@ def test_the_picture_s_command_is_the_demo_s() -> None:
     assert driven(words) == driven(shown)
 
 
+@pytest.mark.study
 def test_the_tutorial_runs_as_it_says(tmp_path: Path) -> None:
     """Commands and Python of the tutorial, in its order, in one folder."""
     write_files("docs/tutorial.md", tmp_path)

@@ -32,6 +32,7 @@ def _printed(code: str) -> str:
     return done.stdout
 
 
+@pytest.mark.study
 def test_generated_parts_are_current() -> None:
     done = subprocess.run(
         [sys.executable, str(TOOL), "--check"], capture_output=True, text=True, timeout=120, encoding="utf-8"
@@ -39,6 +40,7 @@ def test_generated_parts_are_current() -> None:
     assert done.returncode == 0, f"{done.stdout}{done.stderr}Run `make reference` and commit what it writes."
 
 
+@pytest.mark.study
 def test_an_outdated_page_is_found_and_written_anew(tmp_path: Path) -> None:
     """A page with another word in its table, and one without its generated part."""
     old = page("docs/reference/scenario-file.md")

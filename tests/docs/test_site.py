@@ -19,6 +19,7 @@ KEY = re.compile(r"\[([A-Z][A-Za-z]+(?:\d{4})?)\]")
 LISTED = re.compile(r"^\((\w+)\)=\n\*\*(\w+)\.\*\*", re.MULTILINE)
 
 
+@pytest.mark.study
 def test_it_builds_without_warnings(tmp_path: Path) -> None:
     pytest.importorskip("sphinx")
     command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-b", "html", "-d", str(tmp_path / "trees")]
@@ -38,6 +39,7 @@ def _docstrings() -> Iterator[str]:
                 yield ast.get_docstring(node) or ""
 
 
+@pytest.mark.study
 def test_every_citation_is_listed_and_every_listed_source_is_cited() -> None:
     in_source = {key for text in _docstrings() for key in KEY.findall(text)}
     in_pages = {

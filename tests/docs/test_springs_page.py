@@ -5,9 +5,12 @@ from __future__ import annotations
 import re
 import tomllib
 
+import pytest
+
 from docs.pages import ROOT, blocks, page, sessions, shell
 
 
+@pytest.mark.study
 def test_the_program_prints_what_the_page_shows(tmp_path):
     (tmp_path / "examples").symlink_to(ROOT / "examples")
     ((command, lines),) = [

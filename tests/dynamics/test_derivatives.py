@@ -31,6 +31,7 @@ def is_lossy(model: Model) -> bool:
     return any(body.drive.efficiency is not None for body in model.coordinates)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("which", [*NAMES, *TREES])
 def test_slopes_are_differences(which):
     """∂tau, ∂q̈ of every arm, friction and lossy gears included, within 1e-7 of differences of the float reference."""
@@ -52,6 +53,7 @@ def test_slopes_are_differences(which):
         assert_slope(by_tau @ by_qdd, np.eye(model.n), 1e-10)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("which", ["puma560", "lwa4p", "panda", "two-link", *TREES])
 def test_slopes_are_pinocchios(which):
     """Within 1e-9 of computeRNEADerivatives and computeABADerivatives, rotors' inertia included; friction and gear loss away."""
@@ -78,6 +80,7 @@ def last_frame(model: Model) -> Model:
     return model if model.tip is not None else model.replace(tip=list(model.frames)[-1])
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("which", [*NAMES, *TREES])
 def test_slopes_under_a_wrench_are_differences(which):
     """The environment's wrench is held in base axes while the arm moves under it."""
@@ -118,6 +121,7 @@ def test_a_wrench_of_zero_changes_nothing():
             assert_slope(mine, theirs, 1e-12)
 
 
+@pytest.mark.sample(6)
 @pytest.mark.parametrize("name", NAMES)
 def test_they_undo_each_other(name):
     """∂q̈/∂x = -∂q̈/∂tau ∂tau/∂x where q̈ is the acceleration of tau: an identity between the two functions."""

@@ -65,6 +65,7 @@ def acceleration(of_gear, w: float, force: float) -> float:
     return brentq(lack, -1e4, 1e4, xtol=1e-13, rtol=1e-14)
 
 
+@pytest.mark.sample(75)
 @pytest.mark.parametrize("force", [-90.0, -20.0, -4.0, 2.0, 9.0, 30.0, 45.0, 200.0])
 @pytest.mark.parametrize("w", [0.05, 0.9, 7.0, -0.05, -0.9, -7.0])
 @pytest.mark.parametrize(("share", "side"), [(None, "joint"), (0.3, "joint"), (0.3, "motor")])
@@ -163,6 +164,7 @@ def heavy() -> Model:
 ARMS = {"worn": worn(), "coupled": coupled(worn(), 0.6), "heavy": heavy()}
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", ARMS)
 def test_forward_of_inverse_is_identity(name):
     """q̈ → tau → q̈ of compiled kernels, within 1e-10 of what the torques at play can make of it."""
@@ -177,6 +179,7 @@ def test_forward_of_inverse_is_identity(name):
     assert (np.abs(back - qdd).max(1) <= 1e-10 * size).all()
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", ["worn", "heavy"])
 def test_one_solution_from_any_start_in_few_solves(name):
     """Newton's method ends at the same accelerations wherever it begins, in at most 12 solves."""
@@ -203,6 +206,7 @@ def test_one_solution_from_any_start_in_few_solves(name):
     assert max(counts) <= gears.MOST
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("speed", [0.0, 0.02, -0.02, 0.7])
 @pytest.mark.parametrize("name", ["worn", "coupled"])
 def test_slopes_on_both_sides_of_rest(name, speed):
@@ -244,11 +248,13 @@ BOOKS = {
 }  # fmt: skip
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", BOOKS)
 def test_power_balances(name):
     assert Balance(BOOKS[name]).lack([0.3], [0.5], [12.0], 1e-4, 0.1) < 1e-6
 
 
+@pytest.mark.study
 def test_the_book_of_a_table_closes_where_steps_end_at_its_knots():
     """Loss integrated as (t - G(t)) w closes the book to 1e-9."""
     forces = np.array([[14.0], [1.0], [-6.0], [9.0]]).repeat(50, axis=0)
@@ -261,6 +267,7 @@ def test_the_book_of_a_table_closes_where_steps_end_at_its_knots():
     assert lacks[1] < 1e-9
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", ["table", "load alone"])
 def test_the_plant_moves_as_forward_arm(name):
     """A rigid gear in the plant: its accelerations are those of the compiled function."""

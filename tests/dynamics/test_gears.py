@@ -150,6 +150,7 @@ def states(model: Model, count: int) -> np.ndarray:
     return np.stack([2.0 * q, qd * 10 ** rng.uniform(-3, 1, (count, 1)), qdd * 10 ** rng.uniform(-1, 3, (count, 1))])
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", ARMS)
 def test_forward_of_inverse_is_identity(name):
     """q̈ → tau → q̈ of compiled kernels, within 1e-10 of what the torques at play can make of it."""
@@ -164,6 +165,7 @@ def test_forward_of_inverse_is_identity(name):
     assert (np.abs(back - qdd).max(1) <= 1e-10 * size).all()
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("name", ARMS)
 def test_one_solution_from_any_start_in_few_solves(name, monkeypatch):
     """Newton's method ends at the same accelerations wherever it begins, in at most 12 solves."""

@@ -11,6 +11,7 @@ from physics.arms import NAMES, arm, random_state
 from physics.differences import assert_slope, differences
 
 
+@pytest.mark.sample(8)
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("seed", range(2))
 def test_slopes_of_the_state_are_differences(name, seed):

@@ -141,6 +141,7 @@ def test_energy_is_kept():
     assert kinetic + potential == pytest.approx(start, abs=1e-6 * kinetic)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("kernel", sorted(SIGNATURES))
 def test_kernels_are_the_plain_functions(kernel):
     """Compiled, in frames aligned and parameters regrouped, the gripper is the same."""

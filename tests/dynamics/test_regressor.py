@@ -24,6 +24,7 @@ def arm_of(which):
     return arm(which) if isinstance(which, str) else build_model(random_description(which))
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("which", ARMS)
 def test_regressor_times_parameters_is_inverse_dynamics(which):
     """tau = Y π + Y_d π_d + s within 1e-10, with rotors and every friction law, where gears lose nothing."""
@@ -52,6 +53,7 @@ def test_coupled_motors_are_refused_as_their_parameters_are():
     assert regressor(model, np.ones(6), np.ones(6), np.ones(6)).shape == (6, 60)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(("name", "rank"), [("puma560", 36), ("lwa4p", 36), ("panda", 43)])
 def test_rank_is_the_number_of_base_parameters(name, rank):
     """As many parameters as decide the motion: 36 of 60, 43 of 70, with a gap of ten decades below. [GautierKhalil1990]"""
@@ -77,6 +79,7 @@ def test_parameters_are_those_of_the_record(name):
         assert parameters == pytest.approx(expected, rel=1e-12, abs=1e-12)
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("which", ARMS)
 def test_frames_inside_do_not_show(which):
     """Columns and parameters belong to the link's frame, wherever the body's own frame was turned and slid to."""

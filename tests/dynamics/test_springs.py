@@ -80,7 +80,7 @@ TREES: dict[int, aw.Model] = {}
 
 
 @pytest.mark.parametrize("seed", range(0, 36, 3))
-@pytest.mark.sample(4)
+@pytest.mark.sample(1)
 def test_mujocos(seed, tmp_path):
     """Joint stiffness and spatial tendons of MuJoCo on random trees, within 1e-10; and back from its file."""
     mujoco = pytest.importorskip("mujoco", reason="MuJoCo is the oracle here: pip install mujoco")

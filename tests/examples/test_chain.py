@@ -47,6 +47,7 @@ def numbers(text: str) -> list[float]:
     return [float(number) for number in NUMBER.findall(text)]
 
 
+@pytest.mark.study
 def test_each_stage_does_what_it_is_for(chain: tuple[dict[str, str], Path]) -> None:
     """The arm's own numbers are found, the record passes, gains and feed-forward each make the error smaller."""
     said, folder = chain

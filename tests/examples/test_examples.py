@@ -46,6 +46,7 @@ SAYS = {  # lines that must come out, and files that must be there
 }
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
 def test_example(example: Path, tmp_path: Path) -> None:
     folder = tmp_path / "out"

@@ -130,6 +130,7 @@ def test_every_form_of_every_kernel_is_among_them():
         assert {f"{signature.name}:{option}" for option in signature.options} <= forms
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(("name", "form"), MARKED)
 def test_c_has_the_bits_of_the_compiled_kernel(libraries, name, form):
     """On 10,000 random states, and on zeros of both signs, far angles, subnormals, infinities and NaN in every input."""
@@ -162,7 +163,7 @@ PAIRS = [
 
 
 @pytest.mark.parametrize(("which", "name", "real"), PAIRS)
-@pytest.mark.sample(2)
+@pytest.mark.study
 def test_strict_compilers_have_nothing_to_say_and_the_self_test_passes(written, objects, which, name, real):
     header, _, test = written(name, real)
     program = test.with_name(f"{which}-selftest")
@@ -177,6 +178,7 @@ def test_strict_compilers_have_nothing_to_say_and_the_self_test_passes(written, 
     assert lines[-1] == f"{header.stem}: ok"
 
 
+@pytest.mark.study
 def test_the_self_test_of_gears_with_tables_passes(tmp_path):
     """Efficiency tables, and friction by load on either side, in C."""
     forms = ["inverse_dynamics", "forward_dynamics", "forward_dynamics_derivatives"]
@@ -201,6 +203,7 @@ def test_the_self_test_finds_what_is_wrong(tmp_path):
         assert done.stdout.endswith("puma560: FAILED\n")
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     "kernel", ["inverse_dynamics", "mass_matrix", "gravity_torques", "forward_kinematics", "jacobian"]
 )
@@ -225,6 +228,7 @@ def test_float_is_double_rounded(tmp_path, kernel):
     assert 0.0 < error.max() < ROUNDINGS / 4 * np.finfo(np.float32).eps
 
 
+@pytest.mark.study
 @pytest.mark.parametrize(
     ("name", "core", "real"),
     [("cmu-dd", CORTEX_M7, "double"), ("panda", CORTEX_M7, "float"), ("sprung", CORTEX_M4, "float")],
@@ -239,6 +243,7 @@ def test_microcontrollers(written, tmp_path, name, core, real):
     assert not {"fma", "fmaf", "malloc", "printf"} & set(names.stdout.split())
 
 
+@pytest.mark.study
 @pytest.mark.parametrize(("board", "real"), [("mps2-an500", "double"), ("mps2-an386", "float")])
 def test_the_self_test_passes_on_a_microcontroller(tmp_path, board, real):
     """On an emulated Cortex-M7 in double and a Cortex-M4 in float; a wrong number is told there too."""
@@ -269,6 +274,7 @@ def stack_usage(command: list[Any], source: Path, folder: Path) -> dict[str, int
     return {place.split(":")[-1]: int(size) for place, size, _ in rows}
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("real", ["double", "float"])
 @pytest.mark.parametrize("which", ["gcc", "arm-none-eabi-gcc"])
 def test_the_stack_is_what_the_header_says(tmp_path, which, real):
@@ -297,6 +303,7 @@ def long_arm(joints: int) -> Model:
     return replace(panda, name=f"long{joints}", bodies=tuple(bodies), frames={"tip": tip}, tip="tip", description=None)
 
 
+@pytest.mark.study
 def test_a_long_arm_compiles_in_seconds(tmp_path):
     """Sixty joints, in pieces: clean, the kernels' bits, outputs over inputs, and the stack that the header says."""
     model = long_arm(60)
@@ -323,6 +330,7 @@ def test_a_long_arm_compiles_in_seconds(tmp_path):
     assert subprocess.run([tmp_path / "selftest"], capture_output=True).returncode == 0
 
 
+@pytest.mark.study
 def test_a_hundred_joints_are_printed():
     """The longest arm that is offered; what waits between the pieces is on the stack, beside copies of the inputs."""
     texts = c_library(long_arm(100), ["inverse_dynamics+wrench"], "float")
@@ -382,6 +390,7 @@ def test_what_a_docstring_says_of_an_array():
     ]
 
 
+@pytest.mark.study
 def test_nothing_is_allocated_and_nothing_recurses(written, objects):
     """Only libm's functions are called from outside, and each function of ours only calls those that stand before it."""
     text = written("sprung")[1].read_text()
@@ -418,6 +427,7 @@ def test_nothing_is_allocated_and_nothing_recurses(written, objects):
     assert set(names.stdout.split()) - {"U"} <= libm
 
 
+@pytest.mark.study
 def test_the_header_tells_of_every_function(written, tmp_path):
     """Equation, shapes, units and the joints' names; it also serves C++."""
     header, _, _ = written("panda")

@@ -88,7 +88,7 @@ def differences(which: str, source: Path, folder: Path) -> int:
 
 
 @pytest.mark.parametrize(("which", "option"), CASES)
-@pytest.mark.sample(12)
+@pytest.mark.sample(2)
 def test_no_option_changes_bits_unnoticed(library, tmp_path, which, option):
     """Whatever the compiler's version; the words of the table hold for the versions that it names."""
     seen = outcome(which, option.split(), library, tmp_path)
@@ -99,6 +99,7 @@ def test_no_option_changes_bits_unnoticed(library, tmp_path, which, option):
         assert seen == TABLE[option][which]
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("which", VERSIONS)
 @pytest.mark.parametrize("level", ["-O0", "-Os", "-O3"])
 def test_the_usual_options_are_accepted(library, tmp_path, which, level):

@@ -225,6 +225,7 @@ def test_the_header_serves_cpp_and_names_units(exported, tmp_path):
     )
 
 
+@pytest.mark.study
 def test_it_builds_with_cmake_and_without_a_compiler(exported, tmp_path, monkeypatch):
     folder = exported("computed_torque").paths[0].parent
     for command in (["-S", folder, "-B", tmp_path], ["--build", tmp_path]):
@@ -249,6 +250,7 @@ STRICTER = (
 )
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("which", ["cascade", "voltage_loop"])
 @pytest.mark.parametrize("with_", ["gcc", "clang"])
 def test_strict_compilers_and_sanitizers_have_nothing_to_say(exported, tmp_path, which, with_):
@@ -270,6 +272,7 @@ def test_cppcheck_has_nothing_to_say(tmp_path):
     assert done.returncode == 0, done.stdout + done.stderr
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("which", CONTROLLERS)
 def test_a_microcontroller_has_the_bits_of_the_simulation(exported, tmp_path, which):
     """On an emulated Cortex-M7: the self-test's steps, the instructions of one by QEMU's count, and its stack."""
@@ -288,6 +291,7 @@ def test_a_microcontroller_has_the_bits_of_the_simulation(exported, tmp_path, wh
     assert reckoned <= stack <= reckoned + 200  # the self-test's own frames on top
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(("which", "most"), [("swing", 1e-5), ("voltage_loop", 1e-2)])
 def test_in_float_the_commands_are_near(tmp_path, which, most):
     """By parts of their range, on the simulation's inputs; no double is left, and the self-test holds its bits in Clang, too."""

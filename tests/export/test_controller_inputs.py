@@ -23,6 +23,7 @@ def counted(scenario):
     return replace(scenario, loop=replace(scenario.loop, sensors=sensors))
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("which", CONTROLLERS)
 def test_in_counts_every_command_has_the_bits_of_the_simulation(tmp_path, which):
     compiler("gcc")
@@ -110,6 +111,7 @@ def test_damaged_or_foreign_parameters_change_nothing(tmp_path):
     assert words == [["0", "1"], ["1", "0"], ["2", "0"], ["3", "0"]]
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("real", ["double", "float"])
 def test_parameters_that_no_controller_can_have_are_refused(tmp_path, real):
     """Each number in turn: gains are finite, limits are not negative and may be infinite, ranges of positions may be infinite."""
@@ -224,6 +226,7 @@ def test_it_takes_over_without_a_jump(tmp_path):
     np.testing.assert_allclose(np.diff(plain), 40.0 * 0.5 * 1e-3, rtol=1e-9)  # ki e T: clamping holds nothing up
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("with_", ["arm-none-eabi-gcc", "gcc"])
 def test_a_controller_that_does_not_fit_is_refused(tmp_path, monkeypatch, with_):
     """Its state is what its struct holds, its stack no less than the arrays of a step; limits below either are refused."""

@@ -30,6 +30,7 @@ def begun_at(code, tick):
     code.write_text(text)
 
 
+@pytest.mark.study
 @pytest.mark.parametrize(("starts", "ticks"), [(STARTS, 4000), ([2**32 - 10**6], 10**6 + 1000)])
 def test_a_float_cascade_commands_what_the_simulation_does(tmp_path, starts, ticks):
     """Whatever tick it begins in: all starts are a whole number of its cycles behind tick 0, where the simulation begins."""
@@ -45,6 +46,7 @@ def test_a_float_cascade_commands_what_the_simulation_does(tmp_path, starts, tic
         assert not np.any(compared.status & (NOT_FINITE | TIME))
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("real", ["double", "float"])
 def test_each_loop_is_due_in_its_ticks(tmp_path, real):
     """Seen by the speed and the effort that are held in between, while reference and speed go on in every tick."""

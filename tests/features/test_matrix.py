@@ -91,6 +91,7 @@ def check(name, feature, folder):
             consumer.law(made, answer, folder / "with")
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("name", CONSUMERS)
 def test_what_a_consumer_counts_exactly_it_counts_together(name, tmp_path):
     consumer = CONSUMERS[name]
@@ -114,6 +115,7 @@ def test_each_feature_is_to_each_consumer_what_it_declares(name, feature, tmp_pa
     check(name, feature, tmp_path)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", [name for name in CONSUMERS if once(name) is not None])
 def test_what_is_not_exact_is_said(name, tmp_path):
     check(name, once(name), tmp_path)

@@ -30,6 +30,7 @@ def stated_by_true(noise) -> np.ndarray:
     return ratios(values, stds)
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("rho", RHOS)
 def test_deviations_are_those_of_the_fits(rho):
     found = stated_by_true(lambda seed: ar1(rho, ROWS, 2, seed) * [1.0, 3.0])

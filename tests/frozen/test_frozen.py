@@ -14,11 +14,13 @@ from frozen.records import differences, frozen, run_digests
 from frozen.runs import RUNS
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", builtin_names())
 def test_kernels_do_the_same_operations(name):
     assert differences(frozen()["programs"][name], kernel_digests(aw.load(name))) == []
 
 
+@pytest.mark.sample(8)
 @pytest.mark.parametrize("name", RUNS)
 def test_reference_runs_have_the_same_bits(name):
     assert differences(frozen()["runs"][name], run_digests(name)) == []

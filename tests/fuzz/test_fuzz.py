@@ -29,6 +29,7 @@ def fuzz(*arguments: object) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, check=False, cwd=TESTS, timeout=300)
 
 
+@pytest.mark.study
 def test_a_short_campaign_finds_nothing(tmp_path):
     done = fuzz(
         "--cases", 1000, "--seed", 1, "--processes", 1, "--counts", tmp_path / "counts.json", "--failures", tmp_path
@@ -58,6 +59,7 @@ for name in os.listdir(seeds):
 """
 
 
+@pytest.mark.study
 def test_what_is_damaged_is_good_before(tmp_path):
     """Arguments and scenarios that are refused as they are would hide what their damage does."""
     (tmp_path / "torques.csv").write_text("t,shoulder,elbow\n0,1,2\n")
@@ -68,6 +70,7 @@ def test_what_is_damaged_is_good_before(tmp_path):
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.study
 def test_what_once_failed_does_not_fail_again():
     done = fuzz("--replay")
     assert done.returncode == 0, done.stdout + done.stderr

@@ -253,7 +253,7 @@ CELLS = [
 
 
 @pytest.mark.parametrize(("damage", "command", "code", "said"), CELLS)
-@pytest.mark.sample(40)
+@pytest.mark.sample(3)
 def test_a_broken_log_is_explained(bases, tmp_path, damage, command, code, said):
     done = run(bases, tmp_path, damage, command)
     shown = done.stdout + done.stderr

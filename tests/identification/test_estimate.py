@@ -126,6 +126,7 @@ def test_what_cannot_be_believed_is_refused_and_nothing_is_written(tmp_path: Pat
         aw.identification.write_into("cmu-dd", estimate(), tmp_path / "a.csv")
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("old", "new", "place"),
     [

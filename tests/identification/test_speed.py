@@ -80,6 +80,7 @@ def test_the_pipeline_and_a_motor_take_no_longer_than_eleven_loops(yardstick, tm
     assert seconds(pipeline) < limit
 
 
+@pytest.mark.study
 def test_a_measured_motor_takes_no_longer_than_two_loops(yardstick, tmp_path):
     """4093 rows of a PRBS in less than 1 s, compiled code at hand."""
     log = aw.identification.read_log(log_of(tmp_path, "dc_motor", DC_MOTOR))

@@ -43,6 +43,7 @@ def as_poses(at, turned):
     return poses
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(("name", "aim"), PAIRS, ids=lambda value: value.replace(" ", "_"))
 def test_reachable_targets_are_solved(name, aim, tmp_path):
     arm = small_arm(name, tmp_path) if name in JOINTS else aw.load(name)
@@ -73,6 +74,7 @@ def test_what_is_free_is_used(tmp_path):
     assert (whole.angle_error > 1e-3).all()
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", ["pitch-4", "servo-5"])
 def test_tools_that_point_straight_down(name, tmp_path):
     """Where the tool is vertical, the angle to the vertical has no slope."""
@@ -114,6 +116,7 @@ def test_what_cannot_be_reached_is_said_by_what_counts(tmp_path):
     assert aw.inverse_kinematics(arm, stretched, aim="position").angle_error[0] == 0.0
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("aim", "free"),
     [
@@ -153,6 +156,7 @@ def test_slopes_are_those_of_differences(aim):
             )
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("aim", EVERY)
 def test_measures_have_the_rows_that_count(aim):
     """The product of the singular values is that of J Jᵀ, J by differences of what counts about a pose that meets it."""
@@ -174,6 +178,7 @@ def test_measures_have_the_rows_that_count(aim):
     assert found.singular_values.shape == (3 + part.counted,)
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("aim", ["axis", "pitch"])
 def test_several_solutions_and_goals(aim, tmp_path):
     arm = small_arm("servo-5", tmp_path)
@@ -206,6 +211,7 @@ def test_several_solutions_and_goals(aim, tmp_path):
     assert near.success.all()
 
 
+@pytest.mark.study
 def test_closed_forms_are_for_whole_poses():
     arm = aw.load("puma560")
     pose = aw.compile(arm).forward_kinematics(np.array([0.3, -0.8, 0.4, 0.2, 0.7, 0.1]))

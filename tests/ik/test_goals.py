@@ -53,6 +53,7 @@ def best_by_slsqp(arm, goal, near, target, starts):
     return min(each.fun for each in found if np.abs(off(each.x)).max() < 1e-7)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("goal", ["nearest", "limits", "manipulability"])
 @pytest.mark.parametrize("name", ["panda", "iiwa"])
 def test_the_goal_is_as_good_as_that_of_slsqp(name, goal, tmp_path):

@@ -24,6 +24,7 @@ def off(arm, q, targets):
     return np.linalg.norm(poses[:, :3, 3] - targets[:, :3, 3], axis=1), turn.magnitude()
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("name", ["puma560", "lwa4p", "panda", "cmu-dd", "ur5", "xarm7", "iiwa"])
 def test_reachable_poses_are_solved_within_the_limits(name, tmp_path):
     arm = arm_of(name, tmp_path)
@@ -42,6 +43,7 @@ def test_reachable_poses_are_solved_within_the_limits(name, tmp_path):
     assert (found.attempts <= found.iterations).all()
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(("seed", "size"), [(4, 1.0), (10, 0.05), (11, 20.0)])
 def test_arms_of_random_axes_limits_and_sizes_are_solved(seed, size, tmp_path):
     rng = np.random.default_rng(1000 + seed)
@@ -75,6 +77,7 @@ def test_the_bits_of_a_target_depend_on_nothing_else():
     assert np.array_equal(solve(arm, targets[:6].reshape(2, 3, 4, 4)).q, every.q[:6].reshape(2, 3, 6))
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", ["puma560", "lwa4p", "iiwa"])
 def test_near_positions_are_found_again(name, tmp_path):
     arm = arm_of(name, tmp_path)
@@ -148,6 +151,7 @@ def test_out_of_reach_says_how_far_and_where_the_nearest_pose_is():
     assert "1 of 2 solved" in str(found)
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("name", ["puma560", "iiwa"])
 def test_the_nearest_reachable_pose_is_that_of_brute_force(name, tmp_path):
     """Bounded least squares of SciPy from 40 starts, on poses out of reach: by as much, in √(distance² + (w angle)²)."""
@@ -178,6 +182,7 @@ def test_the_nearest_reachable_pose_is_that_of_brute_force(name, tmp_path):
         assert np.hypot(distance[k], weight * angle[k]) <= best * (1.0 + 1e-3)
 
 
+@pytest.mark.study
 def test_a_weight_says_what_is_nearest_and_not_what_is_solved():
     arm = aw.load("panda")
     _, targets = samples(arm, 200)
@@ -190,6 +195,7 @@ def test_a_weight_says_what_is_nearest_and_not_what_is_solved():
         assert aw.inverse_kinematics(arm, targets, length=weight).success.mean() >= 0.995
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("name", ["puma560", "panda", "two-link"])
 def test_targets_in_millimetres_are_asked_about(name):
     arm = aw.load(name)
@@ -261,6 +267,7 @@ def test_a_frame_that_no_joint_moves_is_refused():
     assert error.value.value == "base"
 
 
+@pytest.mark.sample(13)
 @pytest.mark.parametrize(
     ("targets", "options", "place"),
     [

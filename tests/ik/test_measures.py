@@ -21,6 +21,7 @@ def rows_of(arm, q, aim, length):
     return {"position": linear, "rotation": angular}.get(aim, np.concatenate([linear, angular], axis=1))
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("name", ["puma560", "panda", "two-link"])
 @pytest.mark.parametrize("aim", ["pose", "position", "rotation", "axis"])
 def test_singular_values_are_those_of_numpy(name, aim, tmp_path):

@@ -48,6 +48,7 @@ def by_hand(arm, followers, q):
     return aw.compile(arm.tree).forward_kinematics(np.stack([every[name] for name in JOINTS], axis=1))
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("goal", [None, "limits"])
 @pytest.mark.parametrize("name", FOLLOWERS)
 def test_targets_are_met_with_the_followers_where_their_masters_put_them(name, goal, tmp_path):

@@ -39,6 +39,7 @@ def library(request, tmp_path_factory) -> ctypes.CDLL:
     return ctypes.CDLL(str(folder / "operations.so"))
 
 
+@pytest.mark.sample(43)
 @pytest.mark.parametrize("name", COMPUTED)
 def test_every_operation_has_llvm_s_bits(library, name):
     """All special values and six thousand others."""
@@ -48,6 +49,7 @@ def test_every_operation_has_llvm_s_bits(library, name):
     assert not wrong.any(), [(*(float(v[k]) for v in values), float(found[k])) for k in np.flatnonzero(wrong)[:5]]
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("command", ["gcc", "clang"])
 @pytest.mark.parametrize(
     ("name", "kernel"),

@@ -104,6 +104,7 @@ DAMAGES = {
 }
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("damage", DAMAGES.values(), ids=DAMAGES.keys())
 def test_damaged_entry_is_compiled_again_and_healed(folder, compiled, damage):
     right = bits()
@@ -137,6 +138,7 @@ def with_an_empty_secret(path):
     path.with_name(cache.SECRET).write_bytes(b"")
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     "forge", [forged_with_hash, forged_with_other_secret, without_its_secret, with_an_empty_secret]
 )
@@ -257,6 +259,7 @@ def test_usual_folder_is_private(tmp_path, monkeypatch):
     assert entry(place).stat().st_mode & 0o777 == 0o600
 
 
+@pytest.mark.sample(1)
 @POSIX
 @pytest.mark.parametrize("mode", [0o777, 0o770, 0o722])
 def test_folder_that_others_can_write_is_not_used_and_says_so_once(folder, compiled, mode):
@@ -286,6 +289,7 @@ def test_file_that_others_can_write_is_not_used(folder, compiled):
     assert len(compiled) == 2
 
 
+@pytest.mark.sample(1)
 @POSIX
 @pytest.mark.parametrize("kind", ["link", "pipe", "folder"])
 def test_entry_that_is_no_file_is_not_used(folder, tmp_path, compiled, kind):
@@ -309,6 +313,7 @@ NO_FOLDERS = {
 }
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(("name", "why"), NO_FOLDERS.values(), ids=NO_FOLDERS.keys())
 def test_name_of_no_folder_says_so_once(tmp_path, monkeypatch, compiled, name, why):
     (tmp_path / "file").write_text("a file, not a folder")
@@ -330,6 +335,7 @@ def test_home_may_be_written_short(tmp_path, monkeypatch):
     assert entry(tmp_path / "kept").exists()
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("fault", [errno.EROFS, errno.EACCES, errno.ENOSPC, errno.EDQUOT])
 @pytest.mark.parametrize("call", ["tempfile.mkstemp", "os.replace"])
 def test_what_cannot_be_written_is_left(folder, compiled, monkeypatch, fault, call):
@@ -426,6 +432,7 @@ def finish(running: subprocess.Popen) -> tuple[str, int]:
     return found, int(count)
 
 
+@pytest.mark.study
 def test_eight_processes_that_start_cold_together(folder):
     """Each waits until all are there, so that they miss, compile and write at the same time."""
     meet = "Path({0!r}).mkdir(exist_ok=True, mode=0o700); import os, time; open(os.path.join({0!r}, str(os.getpid())), 'w')\n"

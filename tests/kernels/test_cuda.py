@@ -70,6 +70,7 @@ def run(folder: Path, program: Program, inputs: Sequence[np.ndarray], count: int
     return outputs
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("kernel", KERNELS)
 @pytest.mark.parametrize("name", ["puma560", "workshop"])
 def test_kernels_have_the_bits_of_the_compiled_ones(tmp_path, name, kernel):

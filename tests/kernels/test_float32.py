@@ -61,7 +61,7 @@ def worst(name: str, kernel: str, count: int) -> float:
     ("name", "kernel"),
     [pair for pair in FULL if pair[1] != SPRINGS and (pair[0] == "puma560" or pair[1] in (*USUAL, "energy"))],
 )
-@pytest.mark.sample(16)
+@pytest.mark.sample(3)
 def test_single_precision_is_double_rounded(name, kernel):
     """Within the bound, and not by computing in double."""
     assert 0.0 < worst(name, kernel, 2000) <= BOUND
@@ -79,6 +79,7 @@ def test_inverse_dynamics_against_the_float_reference(name):
         assert np.abs(tau - expected).max() <= BOUND * ROUNDING * max(np.abs(expected).max(), 1.0)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("kernel", [*USUAL, "inverse_dynamics_derivatives", "motor_voltage", "energy"])
 def test_bits_do_not_depend_on_how_a_state_is_computed(kernel):
     """Same bits whatever the batch size, lane position, tail, thread count and vector width."""

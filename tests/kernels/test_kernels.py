@@ -63,7 +63,7 @@ def states(arm: aw.Model, kernel: str, count: int, *, optional: bool = False, se
         (*pair, True) for pair in FULL if SIGNATURES[pair[1]].optional and (pair[1] not in LONG or pair[0] == "puma560")
     ],
 )
-@pytest.mark.sample(40)
+@pytest.mark.sample(1)
 def test_kernel_equals_float_run(compiled, name, kernel, optional):
     """1e-12 of the magnitude of the terms: the float run defines the meaning."""
     signature = SIGNATURES[kernel]
@@ -92,6 +92,7 @@ def test_kernel_without_constants_is_refused(compiled, name, kernel):
     assert kernel == "operational_inertia" or error.value.place.startswith(f"{arm.names[0]}.motor.")
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("kernel", sorted(SIGNATURES))
 def test_bits_do_not_depend_on_how_a_state_is_computed(kernel):
     """Same bits whatever the batch size, lane position, tail, thread count and vector width."""
@@ -223,6 +224,7 @@ def test_angles_far_beyond_the_fast_range(compiled):
     assert np.allclose(result[4], expected, rtol=0, atol=1e-14)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("seed", range(12))
 def test_random_trees_through_llvm(seed):
     """A dozen of the random trees as native code, against floats."""

@@ -77,6 +77,7 @@ def test_odd_calls_give_the_general_answers_and_errors(dyn, name):
     assert RuntimeError in seen
 
 
+@pytest.mark.study
 def test_reference_counts_stay(dyn):
     rng = np.random.default_rng(4)
     for name in KERNELS:

@@ -94,6 +94,7 @@ def compiled(name: str, width: int, format: Format = DOUBLE) -> ArrayFunction:
     return ArrayFunction(lambda m, *values: lower(m, name, *values), OPERATIONS[name].arity, width, format=format)
 
 
+@pytest.mark.sample(18)
 @pytest.mark.parametrize("name", COMPUTED)
 def test_llvm_keeps_the_row(name):
     row = OPERATIONS[name]
@@ -112,6 +113,7 @@ def test_llvm_keeps_the_row(name):
     assert not wrong.any(), [(*(float(v[k]) for v in values), float(found[k])) for k in np.flatnonzero(wrong)[:5]]
 
 
+@pytest.mark.sample(20)
 @pytest.mark.parametrize("name", COMPUTED)
 def test_llvm_keeps_the_row_in_single_precision(name):
     """Exact operations to the bit, the others in units of a float's last place, double the judge.
@@ -131,6 +133,7 @@ def test_llvm_keeps_the_row_in_single_precision(name):
     assert not wrong.any(), [(*(float(v[k]) for v in values), float(found[k])) for k in np.flatnonzero(wrong)[:5]]
 
 
+@pytest.mark.sample(8)
 @formats
 @pytest.mark.parametrize("name", COMPUTED)
 def test_bits_are_the_same_for_every_width(name, format):

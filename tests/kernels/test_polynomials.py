@@ -55,6 +55,7 @@ PAIRS = [
 ]
 
 
+@pytest.mark.sample(3)
 @extended
 @pytest.mark.parametrize("name", TRUTH)
 def test_two_ulp_over_dense_random_arguments(name):

@@ -54,6 +54,7 @@ def test_it_is_left_out_behind_a_branch(tmp_path):
     np.testing.assert_array_equal(found, Kernel(PROGRAM, select_target())(GIVEN))
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("lanes", [16, 64])
 def test_what_no_lane_needs_costs_next_to_nothing(lanes):
     """Two thousand operations that no lane needs, beside the same that one lane of every tile needs."""

@@ -25,6 +25,7 @@ def test_rate_of_the_jacobian(which):
         np.testing.assert_allclose(ours, expected, rtol=0, atol=1e-9 * max(1.0, np.abs(expected).max()))
 
 
+@pytest.mark.sample(13)
 @pytest.mark.parametrize("which", [*NAMES, *range(1, 37, 3)])
 def test_acceleration_is_pinocchios(which):
     """Pinocchio's classical acceleration of the tip at q̈ = 0."""
@@ -40,6 +41,7 @@ def test_acceleration_is_pinocchios(which):
     )
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", ["puma560", "workshop"])
 def test_any_frame_plain_and_compiled(name):
     """`frame=` is what `replace(tip=...)` gives, in the plain functions and in the kernels; unknown names list what exists."""

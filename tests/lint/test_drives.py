@@ -133,6 +133,7 @@ PLANTED = [
 ]  # fmt: skip
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize(
     ("values", "key", "question", "fits", "name", "joint"),
     [pytest.param(*case[1:], id=f"{case[0]}-{case[-2]}-{case[-1]}") for case in PLANTED],
@@ -227,6 +228,7 @@ THERMAL = {
 }
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize(
     ("key", "value", "question", "fit"),
     [

@@ -102,6 +102,7 @@ def test_arrays_of_objects_that_are_numbers_are_taken():
     np.testing.assert_array_equal(aw.mass_matrix(arm("two-link"), q), aw.mass_matrix(arm("two-link"), [0.1, 1.0]))
 
 
+@pytest.mark.sample(44)
 @pytest.mark.parametrize("dtype", ["int8", "float16", "bool", "uint64", ">f8", "longdouble"])
 @pytest.mark.parametrize("name", PLAIN)
 def test_numbers_of_any_type_are_computed_with_as_floats(name, dtype):

@@ -29,6 +29,7 @@ def operations(arm: aw.Model, kernel: str) -> int:
     )
 
 
+@pytest.mark.sample(27)
 @pytest.mark.parametrize("step", STEPS, ids=lambda step: step.__name__)
 @pytest.mark.parametrize("which", ARMS)
 def test_motion_is_unchanged(which, step):

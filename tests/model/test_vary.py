@@ -66,7 +66,7 @@ def draws(varied, count, seed=1):
 
 @pytest.mark.parametrize("name", SEVERAL)
 @pytest.mark.parametrize("kernel", SIGNATURES)
-@pytest.mark.sample(28)
+@pytest.mark.sample(3)
 def test_a_kernel_that_varies_is_that_of_the_arm_with_the_values(name, kernel):
     model, signature = arm(name), SIGNATURES[kernel]
     names = [n for n in SEVERAL[name] if not n.startswith("joint3.motor")]
@@ -88,6 +88,7 @@ def test_a_kernel_that_varies_is_that_of_the_arm_with_the_values(name, kernel):
             np.testing.assert_allclose(one[k], other, atol=1e-9 * scale, rtol=0)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", builtin_names())
 def test_every_number_of_a_record_can_vary(name):
     model = arm(name)
@@ -101,6 +102,7 @@ def test_every_number_of_a_record_can_vary(name):
     np.testing.assert_allclose(found, expected, atol=1e-9 * np.abs(expected).max())
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("seed", range(6))
 def test_so_can_those_of_trees_with_frames_and_slides(seed):
     model = build_model(random_description(seed))

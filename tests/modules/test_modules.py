@@ -410,6 +410,7 @@ def places(value: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
     return [path, *(place for key, inner in below for place in places(inner, (*path, key)))]
 
 
+@pytest.mark.study
 @settings(max_examples=120, deadline=None)
 @given(st.data())
 def test_whatever_a_file_holds_it_is_read_or_refused(data: st.DataObject) -> None:

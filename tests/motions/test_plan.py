@@ -19,6 +19,7 @@ from trajectory.motions import check_continuous, check_within
 EXAMPLES = sorted((Path(__file__).parents[2] / "examples" / "motions").glob("*.motion.toml"))
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("file", EXAMPLES, ids=lambda path: path.stem.partition(".")[0])
 def test_examples_keep_their_limits(file):
     if 'curve = "ruckig"' in file.read_text(encoding="utf-8"):
@@ -137,6 +138,7 @@ def test_segments_follow_each_other(tmp_path):
     np.testing.assert_allclose(plan.motion.at(100.0)[0], 0.0, atol=1e-12)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("curve", ["s_curve", "trapezoid", "quintic", "minimum_jerk"])
 def test_speed_plays_a_move_slower(tmp_path, curve):
     limits = "velocity = 1e6\n"  # a law of one polynomial is then limited by its acceleration alone
@@ -160,6 +162,7 @@ GRIP = '[[segments]]\nkind = "grip"\nmass_kg = 1\ncom_m = [0, 0, 0]\ninertia_kg_
 POINTS = '[[segments]]\nkind = "waypoints"\npoints = [[0.3, 0, 0, 0, 0, 0], [0.5, 0, 0, 0, 0, 0]]\n'
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize(
     ("text", "said"),
     [
@@ -325,6 +328,7 @@ def test_a_limit_of_jerk_holds_beside_a_time_optimal_segment(tmp_path):
     assert planned(tmp_path, FAST, FILE.replace("jerk = 60.0", "")).kept
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("segment", "kind", "jumps"),
     [
@@ -427,6 +431,7 @@ duration_s = 0.4
 """
 
 
+@pytest.mark.study
 def test_a_grip_of_a_mass_alone_takes_a_point_mass(tmp_path):
     """As with zeros: at the tip's origin, or at the centre of mass that is stated."""
     for com in ("", "com_m = [0, 0, 0.06]\n"):
@@ -442,6 +447,7 @@ def test_a_grip_of_a_mass_alone_takes_a_point_mass(tmp_path):
         planned(tmp_path, "", CARRYING.replace("com_m = [0, 0, 0.06]\n", ""))
 
 
+@pytest.mark.study
 def test_a_simulation_carries_what_the_motion_takes_up(tmp_path):
     """The motors hold the body's weight from the grip to the release: g(q) of the arm with the body, and of the arm alone."""
     plan = planned(tmp_path, "", CARRYING)
@@ -472,6 +478,7 @@ def test_a_simulation_carries_what_the_motion_takes_up(tmp_path):
     assert "inputs.payload stands in place of what the reference takes up" in empty.attrs["notes"]
 
 
+@pytest.mark.study
 def test_the_command_simulates_with_what_the_motion_takes_up(tmp_path):
     plan = planned(tmp_path, "", CARRYING)
     scenario, runs = tmp_path / "a.scenario.toml", []
@@ -491,6 +498,7 @@ def test_the_command_simulates_with_what_the_motion_takes_up(tmp_path):
     assert np.abs(runs[0].q - runs[0].q_reference).sel(time=slice(begin + 0.1, None)).max() > 1e-3  # it sags
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", ["a.motion.toml", "a.csv"])
 def test_a_scenario_takes_a_motion_file(tmp_path, name):
     plan = planned(tmp_path, MOVE.format(""))
@@ -592,6 +600,7 @@ def test_the_command_ends_with_2_and_writes_nothing(tmp_path):
     assert not (tmp_path / "m.csv").exists()
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", ["a.motion.toml", "a.csv", "a.nc"])
 def test_simulate_follows_a_motion(tmp_path, name):
     plan = planned(tmp_path, MOVE.format(""))
@@ -635,6 +644,7 @@ TILTED = [0.2, 0.3, 0.6, 0.5 * np.pi - 0.9 - 1e-3, 0.3]
 DOWN, BENT = [0.2, 0.3, 0.6, 0.5 * np.pi - 0.9, 0.3], [0.2, 0.1, 0.9, 0.5, 0.3]
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("aim", "start", "turn"),
     [
@@ -671,6 +681,7 @@ def test_a_tool_is_led_with_a_part_of_its_orientation(aim, start, turn, tmp_path
         np.testing.assert_allclose(np.arctan2(x[1, 1], x[1, 0]), value, atol=1e-6)
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize(
     ("aim", "turn", "said"),
     [

@@ -28,6 +28,7 @@ LOSSLESS = [name for name in FREE if all(body.drive.efficiency is None for body 
 WRENCH = np.array([12.0, -7.0, 30.0, 1.5, -2.0, 0.7])
 
 
+@pytest.mark.sample(95)
 @pytest.mark.parametrize(
     ("forward", "name"),
     [*((forward_dynamics, name) for name in NAMES), *((articulated_body, name) for name in LOSSLESS)],
@@ -68,6 +69,7 @@ def test_forward_is_the_inverse_with_joints_at_rest(seed):
     np.testing.assert_allclose(inverse_dynamics(model, q, still, qdd), plain + offsets, rtol=0, atol=1e-10)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", ["inverse_dynamics", "forward_dynamics", "forward_dynamics_derivatives"])
 def test_kernels_of_what_sticks_are_their_functions(name):
     """Compiled, with some joints at rest and others in motion: the jump is at 0 for both."""

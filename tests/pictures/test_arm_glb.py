@@ -41,6 +41,7 @@ def motion(arm, rows=301, duration=3.0):
     return t, 1.5 * np.sin(2.0 * t[:, None] + k) + 0.4 * k * t[:, None] + np.where(k == 1, 0.0, 20.0)
 
 
+@pytest.mark.sample(3)
 def test_file_follows_the_specification_and_joints_move(arm):
     t, q = motion(arm)
     gltf = Gltf(animated_arm(arm, t, {"run": q, "reference": 0.9 * q}))
@@ -53,6 +54,7 @@ def test_file_follows_the_specification_and_joints_move(arm):
         assert moved[: len(expected)] == expected  # cylinders follow
 
 
+@pytest.mark.sample(2)
 def test_hand_is_where_kinematics_puts_it(arm):
     t, q = motion(arm)
     gltf = Gltf(animated_arm(arm, t, {"run": q}))
@@ -67,6 +69,7 @@ def test_hand_is_where_kinematics_puts_it(arm):
         assert np.linalg.norm(off[:3, 3]) < 1e-5
 
 
+@pytest.mark.sample(5)
 def test_an_independent_reader_sees_the_same_arm(arm):
     t, q = motion(arm, rows=5)
     data = animated_arm(arm, t, {"run": q})
@@ -113,6 +116,7 @@ def test_sizes_and_colours_are_the_arms(tmp_path):
     assert green == pytest.approx(0.214041, abs=1e-6)  # half of a screen's green is a fifth of its light
 
 
+@pytest.mark.sample(5)
 def test_gravity_points_down(arm):
     """As y is up in the file, whichever way gravity has in the base; the turn is a rotation, and none where z is up."""
     q = np.zeros((1, arm.n))

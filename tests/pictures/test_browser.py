@@ -51,6 +51,7 @@ def scene(browser):
     return browser.picture()[top:bottom, left:right]
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("size", [(700, 620), (360, 640)])
 def test_the_arm_is_seen_and_moves(browser, player, size):
     browser.open(player, "#t=0.5&pause&light", size)
@@ -72,6 +73,7 @@ def test_the_arm_is_seen_and_moves(browser, player, size):
     assert browser.faults() == []
 
 
+@pytest.mark.study
 def test_the_player_plays_and_is_told_where_to_go(browser, player):
     browser.open(player, "#t=0.5&pause")
     now = lambda: float(browser.text("#now").split()[0])  # noqa: E731
@@ -97,6 +99,7 @@ def test_the_player_plays_and_is_told_where_to_go(browser, player):
     assert browser.faults() == []
 
 
+@pytest.mark.study
 def test_the_camera_goes_around(browser, player):
     browser.open(player, "#t=0.5&pause&light")
     before = scene(browser)
@@ -115,6 +118,7 @@ def test_the_camera_goes_around(browser, player):
     assert browser.faults() == []
 
 
+@pytest.mark.study
 def test_curves_zoom_and_tell_values(run, browser, curves):
     browser.open(curves, "#light", (1000, 900))
     wide = browser.value(f"document.querySelector('{CANVAS}').clientWidth") - LEFT - RIGHT
@@ -151,6 +155,7 @@ def names(browser):
     return browser.value("[...document.querySelectorAll('.legend [aria-pressed]')].map((button) => button.innerText)")
 
 
+@pytest.mark.study
 def test_of_one_joint_the_colours_are_runs(run, browser, tmp_path):
     aw.plot({"whole": run, "half": run.isel(time=slice(0, 501))}, tmp_path / "two.html", joints=["joint2"])
     browser.open(tmp_path / "two.html", "#light", (1000, 900))
@@ -197,6 +202,7 @@ def round_trip(tmp_path_factory):
     return path
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("size", [(1280, 800), (800, 600), (360, 640)])
 def test_the_whole_motion_just_fills_the_picture(browser, round_trip, size):
     """The path of the hand comes near an edge of the picture, and never over it."""
@@ -213,6 +219,7 @@ def test_the_whole_motion_just_fills_the_picture(browser, round_trip, size):
     assert browser.faults() == []
 
 
+@pytest.mark.study
 def test_pages_are_drawn_light_dark_and_narrow(browser, curves):
     blue = [0x00, 0x72, 0xB2]  # the first joint's curve
     for fragment, size in (("#light", (900, 900)), ("#dark", (900, 900)), ("#light", (360, 740))):
@@ -235,6 +242,7 @@ def test_all_samples_count_where_many_share_a_pixel(browser, tmp_path):
     assert blue[140:290].any(axis=1).mean() > 0.9  # up and down again
 
 
+@pytest.mark.study
 def test_the_path_of_a_long_run_is_round(browser, tmp_path):
     arm = aw.load("two-link")
     run = aw.simulate(aw.Scenario(arm, command=[0, 0], duration=20.0, solver=aw.Solver(step=5e-3)))

@@ -24,7 +24,7 @@ HERE = [picture for picture in TABLE if not picture.commands[0].startswith("pyth
 
 
 @pytest.mark.parametrize("picture", HERE, ids=lambda picture: picture.file)
-@pytest.mark.sample(3)
+@pytest.mark.sample(1)
 def test_a_picture_is_what_its_commands_make(picture, tmp_path):
     if picture.opened is not None and CHROMIUM is None:
         pytest.skip("no chromium on this machine: the page was not opened")
@@ -67,6 +67,7 @@ def run():
     return aw.simulate(scenario)
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("ending", [".png", ".svg"])
 def test_what_makes_a_picture_another_one(run, tmp_path, ending):
     """The comparison sees a joint that moves by a tenth more, another name and another size, and nothing in a copy."""

@@ -148,6 +148,7 @@ def test_poses_go_to_the_page_and_come_from_it(live):
     assert late.next()["q"] == [0.25, 0.5]
 
 
+@pytest.mark.sample(6)
 @pytest.mark.parametrize(
     "body",
     [

@@ -37,6 +37,7 @@ def shown(browser):
     return [float(word) for word in browser.text("#q").split(",")]
 
 
+@pytest.mark.study
 @pytest.mark.parametrize(
     ("name", "fragment", "q"),
     [("panda", "#light", [0.2, -0.8, 0.1, -2.0, 0.1, 1.6, 0.7]), ("gripper", "#dark", None)],
@@ -59,6 +60,7 @@ def test_it_goes_where_the_program_says(browser, name, fragment, q):
         assert browser.faults() == []
 
 
+@pytest.mark.study
 def test_its_sliders_tell_the_program_and_other_pages(browser, tmp_path):
     with aw.show(aw.load("two-link"), live=True) as live:
         browser.open(live.url, stands=LIVE)
@@ -80,6 +82,7 @@ def test_its_sliders_tell_the_program_and_other_pages(browser, tmp_path):
             second.close()
 
 
+@pytest.mark.study
 def test_it_plays_a_run_in_its_own_time(browser):
     model = aw.load("two-link")
     run = aw.simulate(aw.Scenario(model, 1.0, [0.0, 0.0], start=aw.Start([0.3, 0.2])))
@@ -109,6 +112,7 @@ def test_it_plays_a_run_in_its_own_time(browser):
         assert browser.faults() == []
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("how", ["pose", "run"])
 def test_the_view_steps_back_for_where_the_arm_goes(browser, how):
     """From hanging to stretched out sideways and up: all of it is in the picture and above the floor."""
@@ -136,6 +140,7 @@ def test_the_view_steps_back_for_where_the_arm_goes(browser, how):
         assert browser.faults() == []
 
 
+@pytest.mark.study
 def test_a_session_drives_it(browser):
     session = Session("two-link")
     session.run("watch")

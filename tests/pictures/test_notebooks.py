@@ -26,6 +26,7 @@ def kinds(notebook):
     return [kind for output in outputs for kind in output.get("data", {"stream": None})]
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.name)
 def test_an_example_notebook_runs_and_has_no_outputs_stored(path, tmp_path):
     notebook = nbformat.read(path, as_version=4)
@@ -36,6 +37,7 @@ def test_an_example_notebook_runs_and_has_no_outputs_stored(path, tmp_path):
     assert "image/png" in seen
 
 
+@pytest.mark.study
 def test_bars_in_a_notebook(tmp_path):
     begin = "import armwright as aw, armwright.progress\narmwright.progress.PATIENCE = 0.0\narmwright.progress.OFTEN = 0.0\n"
     begin += (
@@ -49,6 +51,7 @@ def test_bars_in_a_notebook(tmp_path):
     assert shown == ["display_data"]
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", NAMES)
 def test_every_arm_has_a_page_without_scripts(name):
     page = arm(name)._repr_html_()

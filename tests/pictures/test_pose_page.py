@@ -37,6 +37,7 @@ def place(browser):
     return np.array(numbers[:3]), np.radians(numbers[3:]), q
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("name", ["panda", "cmu-dd", "workshop", "gripper", "sprung"])
 def test_the_end_effector_is_where_kinematics_says(browser, tmp_path, name):
     model = arm(name)
@@ -57,6 +58,7 @@ def test_the_end_effector_is_where_kinematics_says(browser, tmp_path, name):
     assert browser.faults() == []
 
 
+@pytest.mark.study
 def test_it_moves_light_and_dark_and_comes_back(browser, tmp_path):
     aw.show(arm("panda"), tmp_path / "arm.html", [0.2, -0.8, 0.1, -2.0, 0.1, 1.6, 0.7])
     for fragment in ("#light", "#dark"):
@@ -76,6 +78,7 @@ def test_it_moves_light_and_dark_and_comes_back(browser, tmp_path):
     assert browser.value("document.documentElement.scrollWidth") <= 360
 
 
+@pytest.mark.study
 def test_the_camera_stays_above_the_floor(browser, tmp_path):
     aw.show(arm("panda"), tmp_path / "arm.html")
     browser.open(tmp_path / "arm.html", "#light", stands=STANDS)

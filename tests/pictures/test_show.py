@@ -32,6 +32,7 @@ def pixels(path) -> np.ndarray:
     return imread(path)[..., :3]
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("name", NAMES)
 def test_a_png_shows_the_arm(name, tmp_path):
     write_png(posed_arm(arm(name)), tmp_path / "arm.png", longer=240)
@@ -41,6 +42,7 @@ def test_a_png_shows_the_arm(name, tmp_path):
     assert image[:3].min() > 0.5  # nothing runs out of the picture at the top
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("name", NAMES)
 def test_a_scene_has_a_node_for_each_link_where_it_stands(name, tmp_path):
     model = arm(name)

@@ -63,6 +63,7 @@ def played(tmp_path_factory):
     browser.close()
 
 
+@pytest.mark.study
 def test_it_has_a_track_for_every_joint(played):
     arm, _, browser = played
     assert browser.faults() == []

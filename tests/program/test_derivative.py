@@ -51,6 +51,7 @@ def test_through_a_program_that_is_called():
     np.testing.assert_allclose(slope, [[A[1] + 2.0 * np.exp(2.0 * A[0]), A[0]]], rtol=1e-14)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", ["inverse_dynamics", "gravity_torques", "mass_matrix"])
 def test_kernels_by_parameters(name):
     arm = aw.load("puma560")

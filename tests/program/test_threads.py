@@ -38,7 +38,7 @@ if failed:
 """
 
 
-@pytest.mark.sample(1)
+@pytest.mark.study
 @pytest.mark.parametrize("run", range(3))
 def test_threads_simulate_side_by_side(run: int) -> None:
     done = subprocess.run([sys.executable, "-c", WORK], capture_output=True, text=True, timeout=300)

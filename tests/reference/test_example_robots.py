@@ -35,6 +35,7 @@ def verdicts() -> dict[str, Verdict]:
     return {name: examined(path) for name, path in robot_files().items()}
 
 
+@pytest.mark.study
 def test_all_that_move_agree_with_pinocchio(verdicts):
     assert len(verdicts) == ROBOTS
     agree = [name for name, verdict in verdicts.items() if verdict.error is not None and verdict.error <= TOLERANCE]

@@ -79,14 +79,14 @@ def everything(model: Model) -> Program:
 
 
 @pytest.mark.parametrize("seed", range(TREES))
-@pytest.mark.sample(20)
+@pytest.mark.sample(2)
 def test_random_trees_against_pinocchio(pinocchio, seed):
     """Traced dynamics and kinematics of trees, with a wrench, are Pinocchio's RNEA, ABA, CRBA, pose and Jacobian."""
     compare_traced(pinocchio, random_description(seed), seed)
 
 
 @pytest.mark.parametrize("seed", range(0, TREES, 5))
-@pytest.mark.sample(10)
+@pytest.mark.sample(3)
 def test_trees_with_screws_against_pinocchio(pinocchio, seed):
     """The same of trees with joints that turn and slide at once."""
     compare_traced(pinocchio, random_description(seed, screws=True), seed)
@@ -109,7 +109,7 @@ def compare_traced(pinocchio: type[Pinocchio], description: RobotDescription, se
 
 
 @pytest.mark.parametrize("seed", range(TREES))
-@pytest.mark.sample(20)
+@pytest.mark.sample(7)
 def test_random_trees_against_mujoco(mujoco, seed):
     """Float dynamics and kinematics of trees are MuJoCo's: a peer that shares no formula with Pinocchio."""
     description = random_description(seed)
@@ -117,6 +117,7 @@ def test_random_trees_against_mujoco(mujoco, seed):
     compare_floats(model, mujoco(description, model.names), seed)
 
 
+@pytest.mark.sample(13)
 @pytest.mark.parametrize("seed", range(0, TREES, 10))
 @pytest.mark.parametrize("screws", [False, True])
 def test_articulated_bodies_of_random_trees_against_pinocchio(pinocchio, seed, screws):
@@ -187,6 +188,7 @@ def test_wrench_on_builtin_arms_against_pinocchio(pinocchio, name):
         assert_agree(articulated_body(model, q, qd, x, wrench), peer.forward_dynamics(q, qd, x, wrench))
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("seed", range(0, 55, 11))
 def test_random_trees_have_what_they_are_for(seed):
     """The trees branch, slide, turn, carry rotors and fixed links: else the comparisons above show little."""

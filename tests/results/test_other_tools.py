@@ -117,6 +117,7 @@ def test_names_of_any_length_keep_the_alignment(tmp_path, names):
     np.testing.assert_array_equal([last.position, last.effort], [run["q"].values[-1], run["tau"].values[-1]])
 
 
+@pytest.mark.study
 def test_a_recorded_mcap_goes_back_into_a_fit(tmp_path):
     pytest.importorskip("mcap_ros2.decoder")
     arm = aw.load("two-link")

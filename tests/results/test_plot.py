@@ -21,6 +21,7 @@ def run(tmp_path_factory):
     return invented(mixed_arm(tmp_path_factory.mktemp("robot")))
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("ending", MAGIC)
 @pytest.mark.parametrize("several", [False, True])
 def test_files_are_whole(run, tmp_path, ending, several):
@@ -60,6 +61,7 @@ def test_runs_beside_each_other_are_drawn_in_their_styles(run):
 LONG = "with feed-forward and friction compensation"
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("name", ["two-link", "panda", "cmu-dd"])
 @pytest.mark.parametrize("names", [["before", "after"], [LONG, f"no {LONG}"]])
 def test_the_legend_covers_no_axes_and_is_not_cut(name, names):
@@ -145,6 +147,7 @@ def test_held_values_are_steps_in_a_band_too():
         assert x[0] == y[0] or x[1] == y[1]  # each edge is level or upright
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("ending", ["svg", "pdf", "png", "html"])
 def test_pictures_of_equal_runs_are_equal_bytes(ending, tmp_path, monkeypatch):
     """Whenever they are drawn: also where a build sets the time for reproducible results."""

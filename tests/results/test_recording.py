@@ -194,6 +194,7 @@ def test_a_failure_half_way_leaves_what_was_there(arm, folder, monkeypatch, endi
     assert path.read_bytes() == b"before"
 
 
+@pytest.mark.sample(1)
 @pytest.mark.skipif(sys.platform == "win32", reason="needs a limit on file sizes")
 @pytest.mark.parametrize("ending", ENDINGS)
 def test_a_disk_that_fills_up(arm, folder, ending):

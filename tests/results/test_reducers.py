@@ -50,6 +50,7 @@ def recorded(run, band):
     }
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("band", [0.02, 0.1])
 def test_they_are_what_the_recorded_run_says(band):
     settling = f"settling_time:band={band}" if band != 0.02 else "settling_time"
@@ -209,6 +210,7 @@ print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
 """
 
 
+@pytest.mark.study
 def test_a_hundred_thousand_lanes_need_little_memory():
     """Beside what a thousand need, no more than some arrays of a few numbers a lane."""
     pytest.importorskip("resource")

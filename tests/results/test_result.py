@@ -66,6 +66,7 @@ RESULTS = {
 NO_PICTURE = {"Report", "Difference"}  # of words
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("name", RESULTS)
 def test_verbs(name, tmp_path):
     found = RESULTS[name]()

@@ -46,6 +46,7 @@ def seal(path):
     path.write_bytes(data + SEAL + hashlib.sha256(data).hexdigest().encode())
 
 
+@pytest.mark.study
 def test_damaged_and_foreign_files_are_refused_in_one_line(tmp_path):
     """Or accepted where the damage does no harm; by every function, in a process of limited memory that may crash."""
     outcomes, first = {}, 0
@@ -63,6 +64,7 @@ def test_damaged_and_foreign_files_are_refused_in_one_line(tmp_path):
     assert 0.5 < sum(what == "refused" for what in outcomes.values()) / FILES < 1.0
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("change", "said"),
     [
@@ -122,6 +124,7 @@ HARD = {
 }
 
 
+@pytest.mark.sample(1)
 @pytest.mark.filterwarnings("error:.*(overflow|invalid value|cast)")
 @pytest.mark.parametrize("change", HARD.values(), ids=HARD)
 def test_what_is_hard_to_draw_is_drawn_or_refused(tmp_path, run, change):
@@ -137,6 +140,7 @@ def test_what_is_hard_to_draw_is_drawn_or_refused(tmp_path, run, change):
             use()
 
 
+@pytest.mark.study
 def test_files_of_other_programs_are_read_if_they_are_runs(tmp_path, run):
     assert aw.load_run(written(run, tmp_path / "run.nc")).identical(run)
 
@@ -153,6 +157,7 @@ def test_a_saved_file_has_a_checksum_that_other_readers_pass_over(tmp_path, run)
         aw.load_run(path)
 
 
+@pytest.mark.study
 def test_a_file_that_was_changed_by_another_program_is_read(tmp_path, run):
     path = tmp_path / "run.nc"
     aw.save(run, path)
@@ -161,6 +166,7 @@ def test_a_file_that_was_changed_by_another_program_is_read(tmp_path, run):
     assert float(aw.load_run(path).q[0, 0, 0]) == 7.0
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("sealed", [True, False])
 @pytest.mark.parametrize("way", ["external", "link", "virtual", "huge", "texts"])
 def test_data_elsewhere_and_absurd_sizes_are_refused_before_they_are_read(tmp_path, run, way, sealed):
@@ -200,6 +206,7 @@ def test_pipes_and_folders_are_not_waited_for(tmp_path):
             aw.load_run(tmp_path / name)
 
 
+@pytest.mark.sample(11)
 @pytest.mark.parametrize("seed", range(40))
 def test_damaged_states_are_refused(tmp_path, seed):
     random = np.random.default_rng(seed)

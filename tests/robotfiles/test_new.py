@@ -32,6 +32,7 @@ def chain(tmp_path):
     )  # fmt: skip
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("command", ["voltage", "current", "torque"])
 @pytest.mark.parametrize("source", ["urdf", "panda", None])
 def test_filled_in_it_is_an_arm_whose_drives_have_all_that_they_need(tmp_path, source, command):

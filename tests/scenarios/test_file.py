@@ -46,6 +46,7 @@ def test_a_driven_arm_is_that_of_python(tmp_path):
     np.testing.assert_array_equal(run.q, same.q)
 
 
+@pytest.mark.study
 def test_terms_are_taken_away_as_in_python(tmp_path):
     """Every term that `replace` takes away, springs and cylinders too."""
     arm = arm_named("sprung")
@@ -74,6 +75,7 @@ def test_schedules_and_robots_lie_beside_the_file(tmp_path):
     assert aw.reproduce(tmp_path / "run.nc").same
 
 
+@pytest.mark.study
 def test_a_controlled_arm_and_its_lanes(tmp_path):
     lanes = '[lanes]\nkind = "grid"\n[lanes.vary]\n"loop.timing.command_delay_s" = { values = [0, 1.5e-3] }\n'
     lanes += (
@@ -136,6 +138,7 @@ def test_a_run_of_python_keeps_no_scenario(tmp_path):
         aw.reproduce(tmp_path / "run.nc")
 
 
+@pytest.mark.sample(12)
 @pytest.mark.parametrize(
     ("text", "said"),
     [
@@ -234,6 +237,7 @@ def test_formulas_that_are_none_name_their_place(tmp_path):
     assert refused.value.place == "loop.reference.q"
 
 
+@pytest.mark.study
 @settings(deadline=None, max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_any_file_is_a_scenario_or_refused(tmp_path, data):
@@ -345,6 +349,7 @@ def braked_file(folder):
     return 'robot = "braked.toml"\nduration_s = 0.1\nsolver.step_s = 1e-3\n'
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("brake", ["true", "[1, 1]", "{ joint0 = 1, joint1 = 1 }", '"brake.csv"'])
 def test_brakes_are_applied_as_in_python(tmp_path, brake):
     (tmp_path / "brake.csv").write_text("t,joint1,joint0\n0,1,1\n")

@@ -73,6 +73,7 @@ def test_reproducing_opens_no_other_file(folder, tmp_path):
     assert opened <= {str(path)}
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("way", ["..", "absolute", "link"])
 @pytest.mark.parametrize(("key", "file"), [("robot", "arm.toml"), ("schedule", "u.csv")])
 def test_a_path_that_leads_out_needs_the_users_word(folder, key, file, way):

@@ -62,6 +62,7 @@ def test_nothing_is_left_behind(tmp_path, monkeypatch):
     assert list(Path(tmp_path / "temporary").iterdir()) == []
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("lanes", [1, 2000])
 def test_of_a_stopped_run_what_there_is_comes_again(tmp_path, lanes):
     text = DRIVEN.replace("duration_s = 0.02", "duration_s = 0.5")

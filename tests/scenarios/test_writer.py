@@ -43,6 +43,7 @@ def same_bits(one, two):
             np.testing.assert_array_equal(one[name].values, two[name].values, err_msg=str(name))
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("file", FILES, ids=lambda each: each.name)
 def test_a_file_that_did_not_change_is_written_as_it_was(file, tmp_path):
     path = beside(file, tmp_path)
@@ -51,6 +52,7 @@ def test_a_file_that_did_not_change_is_written_as_it_was(file, tmp_path):
     assert (tmp_path / "again.scenario.toml").read_text() == path.read_text()
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("file", FILES, ids=lambda each: each.name)
 def test_a_file_written_anew_gives_the_same_bits(file, tmp_path):
     """Without its text: all values from the scenario, lanes as lists, schedules as files beside it."""
@@ -208,6 +210,7 @@ def some_scenarios():
     return [pytest.param(seed, marks=each) for seed, each in enumerate(marks)]
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("seed", some_scenarios())
 def test_random_scenarios_come_back_with_the_same_bits(seed, tmp_path):
     try:

@@ -21,6 +21,7 @@ def session():
     return Session()
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("leave", ["exit()", "quit()", "quit(1)", "raise SystemExit", "import sys; sys.exit()"])
 def test_leaving_python_in_a_script_goes_on_with_its_next_line(leave):
     typed = f"python theta[0] = 0.25; {leave}\n" if "raise" not in leave else f"python {leave}\ntheta[1] = 0.25\n"
@@ -84,6 +85,7 @@ def terminal(tmp_path):
     terminal.close()
 
 
+@pytest.mark.sample(1)
 @needs_pty
 @pytest.mark.parametrize("leave", ["exit()\r", "quit()\r", "\x04"])
 def test_leaving_the_prompt_comes_back_to_the_session(terminal, leave):

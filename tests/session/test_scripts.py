@@ -46,6 +46,7 @@ def test_a_script_that_calls_itself_is_told_once(tmp_path):
     assert [told.count(place) for place in ("standard input:1: ", "a.sim:2: ", "b.sim:1: ")] == [1] * 3
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("arguments", "text", "message"),
     [
@@ -84,6 +85,7 @@ def test_a_reader_that_goes_away_is_no_error():
     assert (done.returncode, done.stdout, done.stderr) == (0, b"Variables\n", b"")
 
 
+@pytest.mark.study
 @pytest.mark.skipif(sys.platform == "win32", reason="needs POSIX signals")
 def test_killed_in_the_middle_it_leaves_whole_files_or_none(tmp_path):
     """Printing, saving and recording for ever, killed at some moment, several times over."""

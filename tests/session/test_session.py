@@ -161,6 +161,7 @@ def test_the_voltage_is_what_is_stored(session):
     assert VARIABLES["voltage"].get(session.state)[2] == 4.0
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("robot", ["panda", "lwa4p", "two-link", "puma560"])
 def test_every_drive_stores_its_own_command(robot):
     session = Session(robot)
@@ -221,6 +222,7 @@ def test_undo_goes_back_and_keeps_what_was_not_undone(session):
     assert refused(session, "undo 99").place == "undo steps"
 
 
+@pytest.mark.study
 def test_what_is_saved_comes_back(session, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for line in (
@@ -405,6 +407,7 @@ def test_no_more_answers_drop_the_command():
     assert refused(session, "simulate").what == "not done"
 
 
+@pytest.mark.study
 def test_an_interrupted_run_is_kept_in_part_and_named(monkeypatch, tmp_path):
     session = Session(ask=lambda argument, default: "")
     session.show = lambda shown: None

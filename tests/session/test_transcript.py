@@ -30,6 +30,7 @@ def walked(tmp_path_factory):
     return folder, done.stdout
 
 
+@pytest.mark.study
 def test_the_transcript(walked):
     assert same_text(walked[1], TRANSCRIPT.read_text(encoding="utf-8")) is None
 
@@ -40,6 +41,7 @@ def test_every_variable_and_command_is_in_it():
     assert {same(entry.name) for entry in (*VARIABLES, *COMMANDS)} <= walked_through
 
 
+@pytest.mark.study
 def test_the_record_replays_to_the_same_files(walked, tmp_path):
     folder, _ = walked
     write_files(tmp_path)
@@ -70,6 +72,7 @@ def terminal(tmp_path):
     terminal.close()
 
 
+@pytest.mark.study
 @needs_pty
 def test_typed_at_a_terminal(terminal, walked):
     """The same lines typed say the same as the script; the tour, which pauses there, is in a test of its own."""
@@ -115,6 +118,7 @@ def test_prompts_completion_and_help(terminal):
     terminal.type("\r", until="Joint angles")
 
 
+@pytest.mark.study
 @needs_pty
 def test_ctrl_c_keeps_what_was_done_and_names_it(terminal):
     terminal.type("simulate new every=1000 steps=400000000\r", until="simulating")

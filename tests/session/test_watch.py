@@ -78,6 +78,7 @@ def test_a_line_that_fails_moves_nothing(session):
     assert session.live._message == before
 
 
+@pytest.mark.study
 def test_another_arm_is_another_page(session):
     session.run("database-read cmu-dd")
     assert sent(session) == {"page": 2, "q": [0.0] * 6}
@@ -113,6 +114,7 @@ def test_refused(session):
     assert "does not go with the rest" in str(refused(session, "watch off open=yes"))
 
 
+@pytest.mark.study
 @needs_pty
 def test_the_page_goes_with_the_session(tmp_path):
     terminal = Terminal(tmp_path)

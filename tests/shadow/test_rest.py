@@ -63,6 +63,7 @@ def last_residual(arm: aw.Arm, tau: np.ndarray, seed: int = 0) -> np.ndarray:
     return MomentumObserver(arm).update(t, q, np.tile(tau, (len(t), 1))).torque[-1]
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("name", ARMS)
 def test_any_torque_between_those_that_just_move_the_arm_leaves_no_residual(tmp_path, name):
     arm = two_link(tmp_path, *ARMS[name])
@@ -141,6 +142,7 @@ def alarms_of(arm, rows, **settings):
     return shadow.alarms
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", ["dry", "stiction", "lossy gear"])
 @pytest.mark.parametrize("reference", [MOVE, TURNS], ids=["move and rest", "turns"])
 def test_the_right_arm_raises_nothing_where_it_stops_starts_and_turns(tmp_path, name, reference):
@@ -178,6 +180,7 @@ def test_a_payload_is_noticed_at_the_next_motion(tmp_path):
     assert alarms[0].kind == "payload"
 
 
+@pytest.mark.study
 def test_the_wrist_of_the_tx40_at_rest(tmp_path):
     """Fitted to 5 s of the log; in the other 4 s its joints come to rest, and joint 6 was in contact with nothing there."""
     text = TX40.replace(

@@ -35,6 +35,7 @@ def arm():
     return aw.load("puma560")
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("signal", ["q", "tau", "qd", "t"])
 def test_a_value_that_cannot_be_is_reported_and_bridged(arm, signal):
     """Its row is without a residual; all others have the ones of the run without the fault; the contact is noticed."""
@@ -166,6 +167,7 @@ def test_a_residual_that_is_not_finite_starts_the_observer_again(arm):
     assert len(shadow.alarms) == 1
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("seed", range(2))
 def test_junk_anywhere_gives_the_same_row_by_row_and_never_silence(arm, seed):
     """Random faults in positions, torques and times: equal residuals, events and alarms for any blocks; judged after the last."""

@@ -78,6 +78,7 @@ def validated(folder, arm, noise):
     return record
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", ["two-link", "puma560", "lwa4p", "cmu-dd", "panda"])
 def test_a_wrong_payload_is_noticed_soon_and_the_right_one_never(tmp_path, name):
     """Limits come from the verdict; 1 kg more is taken up in the middle of several motions."""

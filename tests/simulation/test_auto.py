@@ -49,6 +49,7 @@ def solved(scenario: aw.Scenario) -> xarray.Dataset:
     return aw.simulate(replace(scenario, solver=aw.Solver("cvodes")))
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("name", ARMS)
 def test_a_run_is_right_without_settings(name):
     scenario = pushed(name, 0.05 if name == "panda" else 0.3)
@@ -70,6 +71,7 @@ def test_an_accuracy_is_kept_and_paid_for():
     assert runs[0].steps_tried < runs[1].steps_tried < runs[2].steps_tried
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("period", [1e-3, 4e-3])
 def test_a_loop_is_right_without_settings_and_its_controller_runs_once_a_tick(period):
     model, calls = arm("puma560"), []

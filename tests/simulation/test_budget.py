@@ -44,6 +44,7 @@ def wrong_by(run):
     return max(np.abs(mine - true).max() / np.ptp(true) for mine, true in zip(found, exact, strict=True))
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("angle", "duration", "accuracy", "dear"),  # evaluations a simulated second, at most
     [
@@ -173,6 +174,7 @@ def test_friction_stops_a_joint_where_and_when_it_does():
     assert run.qd.values[-1, 0] == 0.0
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(("angle", "duration"), [(1.5, 60.0), (3.0, 300.0)])
 def test_a_run_says_how_wrong_it_is(rod, angle, duration):
     """Within a factor of 3; and where the accuracy is not kept, what would keep it."""

@@ -69,7 +69,7 @@ ALL_WAYS = ["jitter and losses", "noise", "with memory", "in Python at once", "e
     [*EACH, *((name, way) for name in ALL_WAYS for way in WAYS if (name, way) not in EACH)],
     ids=lambda value: value if isinstance(value, str) else value.__name__,
 )
-@pytest.mark.sample(20)
+@pytest.mark.sample(1)
 def test_two_halves_are_the_uninterrupted_run(name, way, tmp_path):
     whole, parts = aw.simulate(halved(name)[0]), way(*halved(name), tmp_path)
     for variable in set(whole.data_vars) - OF_A_PART:
@@ -81,6 +81,7 @@ def test_two_halves_are_the_uninterrupted_run(name, way, tmp_path):
     np.testing.assert_array_equal(parts[1][LOOP_STATE].values, whole[LOOP_STATE].values)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", WITHOUT_BITS)
 def test_cvodes_continues_within_its_tolerance(name, tmp_path):
     scenario, first, second = halved(name)
@@ -99,6 +100,7 @@ STEPPED = [
 ]
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("name", STEPPED)
 def test_steps_are_the_run(name):
     scenario, first, second = halved(name)
@@ -115,6 +117,7 @@ SENSORS = aw.Sensors(counts=4096, velocity="difference", position_noise=1e-4)
 TIMING = aw.Timing("one-tick", command_delay=1.3e-3, measurement_loss=0.1)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("lanes", [None, 3])
 def test_commands_from_outside_are_those_of_a_controller(lanes):
     """The same law in a loop around `step`, with encoders, noise, delays and losses."""
@@ -237,6 +240,7 @@ def another(t, r, y):
     return y.applied
 
 
+@pytest.mark.study
 def test_lanes_continue_under_another_controller():
     """The other controller measures first what the drives did with the last command that was in force."""
     model = arm("cmu-dd")

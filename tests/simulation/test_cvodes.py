@@ -64,6 +64,7 @@ TIMINGS = {
 }
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("timing", TIMINGS.values(), ids=TIMINGS)
 def test_a_controlled_arm_is_what_small_steps_come_to(timing):
     """Same sensors, draws and changes: only the integration differs, and rk4's error is known to vanish."""
@@ -84,6 +85,7 @@ PUSHED = aw.Schedule(
 )  # fmt: skip
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("timing", TIMINGS.values(), ids=TIMINGS)
 def test_a_wrench_under_a_controller_is_what_small_steps_come_to(timing):
     """Held from row to row as commands are, and landed on where it changes within a tick; parameters vary beside it."""

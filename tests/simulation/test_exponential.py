@@ -84,6 +84,7 @@ def test_semi_implicit_euler_without_a_rate_moves_what_is_fast_as_a_position():
     np.testing.assert_allclose(split, plain, rtol=1e-14)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("varies", [False, True])
 @pytest.mark.parametrize(
     ("rule", "order"), [(rk3_exponential, 3), (rk4_exponential, 4), (semi_implicit_euler_exponential, 1)]

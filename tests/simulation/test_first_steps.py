@@ -50,6 +50,7 @@ def test_a_plain_arm_is_refused_at_its_rated_voltage_for_the_smoothing_of_its_ge
     assert StepLimit(plain_arm()).largest_step(rule, u) > 1e-3
 
 
+@pytest.mark.study
 def test_a_plain_arm_by_default():
     """Friction and gears without a smoothing speed: it moves as SciPy says, and without weight stays put at 0.2 V."""
     arm = plain_arm()

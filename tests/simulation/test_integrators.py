@@ -129,6 +129,7 @@ STIFF = {  # drives whose fast parts are integrated exactly, each with a step th
 }
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("name", INTEGRATORS)
 @pytest.mark.parametrize("drive", STIFF)
 def test_fast_parts_that_are_integrated_exactly_leave_the_rule_its_order(drive, name):

@@ -40,6 +40,7 @@ def scenarios(lanes, duration):
     return [controlled, driven]
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("which", [0, 1], ids=["controlled", "driven"])
 @pytest.mark.parametrize("threads", [1, 2])
 def test_finished_lanes_are_kept(which, threads):
@@ -89,6 +90,7 @@ class Integrates:
         return 20.0 * (r.q - y.q) + i, {"i": i}
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("stepped", [0, 7])
 @pytest.mark.parametrize("lanes", [None, 600])
 def test_a_simulation_stays_where_it_was(lanes, stepped):

@@ -92,6 +92,7 @@ def test_steps_of_a_schedule(name):
     check(run, np.array([at(name, changes, t) for t in run.time.values]))
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", DRIVES)
 def test_delayed_feedback(name):
     """Sampled P control of the speed (torques) or the position (volts); a lane for each pair of delays, in periods."""

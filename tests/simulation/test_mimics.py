@@ -23,6 +23,7 @@ def elastic_gripper():
     return build_model(parse(robot, "gripper"))
 
 
+@pytest.mark.study
 def test_a_run_is_forward_dynamics_integrated():
     """0.1 s under a constant voltage against SciPy on the plain forward dynamics."""
     model = arm("gripper")

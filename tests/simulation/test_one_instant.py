@@ -63,6 +63,7 @@ def measured(run, name):
     return run[f"{name}_measured"].values[..., 0]
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("solver", SOLVERS)
 @pytest.mark.parametrize("when", DELAYS)
 def test_measured_values_belong_together(when, solver):

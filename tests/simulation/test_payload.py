@@ -26,6 +26,7 @@ def state(run):
     return np.concatenate([run.q.values[..., -1, :], run.qd.values[..., -1, :]], axis=-1)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("integrator", ["rk3", "rk4", "semi_implicit_euler", "rk45", "rodas3", "cvodes"])
 def test_a_switch_is_two_runs_one_behind_the_other(integrator):
     """Without, with and without the body again, each run beginning where the one before ended."""
@@ -155,6 +156,7 @@ def balance(plant, x, u):
     return float(rates["electrical"] - rates["heat"] - rates["friction"])
 
 
+@pytest.mark.study
 @settings(deadline=None, max_examples=8)
 @given(data=st.data())
 def test_from_the_beginning_it_is_the_arm_with_a_payload(data):

@@ -85,6 +85,7 @@ def test_states_are_those_of_the_record(name):
     assert error.value.choices == plant.layout.names
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", MANY)
 def test_floats_interpreter_and_native_code_agree(name):
     plant = Plant.of(MANY[name])
@@ -103,6 +104,7 @@ def test_floats_interpreter_and_native_code_agree(name):
         np.testing.assert_allclose(native, told, rtol=1e-10, atol=1e-12)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("name", SMOOTH)
 def test_scipy_finds_the_same_at_third_order(name):
     """SciPy on `derivative`, which knows nothing of exponentials; the error shrinks by 8 with half the step."""

@@ -57,6 +57,7 @@ def test_power_balances_when_a_motor_feeds_the_bus():
     assert Balance(arm).lack([0.3], [9.0], [-8.0], 1e-4, 0.1) < 1e-6
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("rule", ORDERS)
 @pytest.mark.parametrize("name", SWITCHING)
 def test_where_contacts_switch_it_shrinks_with_the_order(name, rule):
@@ -79,6 +80,7 @@ def test_without_landing_it_does_not():
     assert -np.polyfit(range(6), np.log2(lacks), 1)[0] < 2.5
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", ["a stop hit several times", "play and stops", "bristles and inductance"])
 def test_it_shrinks_with_the_tolerance(name):
     """rk45, whose ticks of 20 ms hold several contacts: what is lacking goes with rtol."""

@@ -56,6 +56,7 @@ def theirs(h, duration, extra, u):
     return np.concatenate([data.qpos, data.qvel])
 
 
+@pytest.mark.sample(9)
 @pytest.mark.parametrize("u", [[12.0], [12.0, -7.0]], ids=["pendulum", "two links"])
 @pytest.mark.parametrize("name", EFFECTS)
 def test_parity(name, u):

@@ -86,6 +86,7 @@ def other_arms() -> dict[str, aw.Scenario]:
     }
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("what", sorted(other_arms()))
 def test_another_arm_or_structure_is_traced_anew(what):
     found, nominal = (

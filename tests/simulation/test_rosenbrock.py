@@ -135,6 +135,7 @@ def outer_inputs(plant):
     return shapes | ({"wrench": (6,)} if plant.model.n > 2 else {})
 
 
+@pytest.mark.sample(10)
 @pytest.mark.parametrize("name", PLANTS)
 def test_slopes_of_plants_are_those_of_their_derivative(name):
     """Against central differences: every effect, contacts held, brakes, wrenches, at random states and at rest."""

@@ -71,6 +71,7 @@ def check(scenario, steps, changes, events, brakes=False, within=1e-4):
             assert largest > 1e-6
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("friction", [DRY, STRIBECK], ids=["coulomb", "stribeck"])
 def test_two_links_with_dry_friction_stops_and_a_brake(friction):
     """Both joints slide, stick, turn round and hit their stops; a brake without a spring falls in on one and is released."""
@@ -98,6 +99,7 @@ def test_two_links_with_dry_friction_stops_and_a_brake(friction):
     check(scenario, steps, changes, 15, brakes=True)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("joint", "name", "step", "events", "within"),
     [
@@ -171,6 +173,7 @@ def at_peak(above, damping=20.0):
     return aw.Scenario(arm, 0.5, command=[-torque], start=aw.Start(qd=[speed]))
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("above", [0.0, 1e-9, -1e-9, 1e-7, -1e-7])
 @pytest.mark.parametrize("solver", [aw.Solver(), aw.Solver("rk4", 1e-3)], ids=["auto", "by hand"])
 def test_a_contact_that_is_only_touched_is_refused_by_its_name(above, solver):
@@ -181,6 +184,7 @@ def test_a_contact_that_is_only_touched_is_refused_by_its_name(above, solver):
         assert np.isfinite(aw.simulation.sensitivities(at_peak(clear), ["start.qd[0]"]).d_qd.values).all()
 
 
+@pytest.mark.study
 def test_a_load_that_only_just_does_not_break_a_joint_loose_is_refused_by_its_joint():
     """The first joint holds still by friction of just the largest load that the swing of the second puts on it."""
 

@@ -38,6 +38,7 @@ def start(field, entry):
     return change
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("integrator", ["rk3", "rk4", "semi_implicit_euler"])
 def test_commands_over_time(integrator):
     scenario = aw.Scenario(
@@ -58,6 +59,7 @@ def test_commands_over_time(integrator):
             assert np.abs(expected).max() > 1e-6
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("effect", ["inductance", "thermal", "lugre", "elastic", "load", "all"])
 def test_every_drive(effect):
     model = MANY[effect]

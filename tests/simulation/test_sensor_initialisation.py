@@ -12,6 +12,7 @@ from simulation.fields import scenario_of
 Q = np.array([0.0, 0.1, 0.0, 0.0, 0.0, 0.0])
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("velocity", ["difference", "filtered", "observer"])
 @pytest.mark.parametrize("side", ["motor", "link"])
 def test_coarse_counts_give_no_speed_at_rest(velocity, side):

@@ -67,6 +67,7 @@ def measured(model, sensors):
     return run.q_measured.values[0]
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ("sensors", "steps"),
     [

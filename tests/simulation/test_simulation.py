@@ -111,6 +111,7 @@ def test_every_arm_is_driven():
     assert set(DRIVEN) == set(aw.builtin_names())
 
 
+@pytest.mark.sample(1)
 def test_order_three(driven):
     """Halving the step divides RK3's error by 8."""
     arm, loop, start = driven
@@ -123,6 +124,7 @@ def test_order_three(driven):
     assert np.all(np.abs(orders - 3.0) < 0.25), (orders, errors)
 
 
+@pytest.mark.sample(1)
 def test_energy_balance(driven):
     """d(T + U)/dt = power of the motors - power lost in friction, integrated along a run by Simpson's rule."""
     from scipy.integrate import simpson
@@ -390,6 +392,7 @@ def test_a_loop_serves_its_own_arm_only(cmu):
             aw.simulate(aw.Scenario(other, duration=0.1, command=np.zeros(other.n)), loop=loop)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("fields", "said"),
     [
@@ -516,6 +519,7 @@ def test_ctrl_c_comes_back_soon(cmu):
     assert time.perf_counter() - start < 5.0  # the whole run takes a quarter of a minute
 
 
+@pytest.mark.study
 def test_parameters_may_vary_by_lane_without_a_controller():
     arm = aw.load("cmu-dd")
     masses = np.array([1.0, 2.0, 3.0])

@@ -47,6 +47,7 @@ def reference(stiffness, damping, rotor, push, speed, times):
     return rows
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("stiffness", "damping", "rotor", "push", "speed"),
     [

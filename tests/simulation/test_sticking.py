@@ -206,6 +206,7 @@ def test_cvodes_refuses_what_sticks():
     assert "smoothing" in caught.value.expected
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("rule", ["rk45", "rodas3"])
 @pytest.mark.parametrize("name", ["friction", "lossy", "elastic"])
 def test_rules_of_their_own_steps_agree_with_small_ones(name, rule):
@@ -311,6 +312,7 @@ def test_a_rigid_brake_holds_and_lets_go_at_its_instant(rule):
 # --- laws --------------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", ARMS)
 def test_compiled_steps_are_those_of_the_floats(name):
     """Some steps of a moving arm: floats, and compiled."""
@@ -326,6 +328,7 @@ def test_compiled_steps_are_those_of_the_floats(name):
     assert compiled[0] == pytest.approx(x, rel=1e-9, abs=1e-11)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", ARMS)
 def test_without_power_it_comes_to_rest(name):
     """Friction takes the energy of a moving arm without gravity: never more than before, in the end none and no bit moves."""

@@ -102,6 +102,7 @@ def test_the_same_rule_chatters_without_error_control():
     assert int(run.steps_tried) < 250
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("name", STIFF)
 def test_stiff_arms_are_right_at_ticks_of_a_millisecond(name):
     """Default tolerances, against CVODES: 1e-4 of each range, in one or two steps a tick."""
@@ -113,6 +114,7 @@ def test_stiff_arms_are_right_at_ticks_of_a_millisecond(name):
     assert int(run.steps_tried) < 700
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("name", MANY)
 def test_every_effect_is_followed(name):
     arm = MANY[name]

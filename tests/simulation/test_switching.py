@@ -119,6 +119,7 @@ def in_pieces(x, u, s):
     return new
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("width", [1, 4, 8])
 @pytest.mark.parametrize("substeps", [1, 3])
 def test_the_stage_does_what_it_says_in_numpy(width, substeps):
@@ -152,6 +153,7 @@ def arm_with_contacts():
     return chain([{**joint, **each} for each in own])
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("integrator", ["rk3", "rk45", "rodas3"])
 def test_a_lane_does_not_depend_on_its_neighbours(integrator):
     arm, draw, count = arm_with_contacts(), np.random.default_rng(1), 29

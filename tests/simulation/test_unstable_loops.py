@@ -75,6 +75,7 @@ def test_stable_loops_that_are_clipped_are_not_called_unstable():
         assert SAID not in run.attrs["notes"]
 
 
+@pytest.mark.study
 def test_limit_cycles_and_noise_of_stable_loops_are_not_called_unstable():
     pose = np.array([0.3, 0.2, -0.2, 0.1, 0.3, 0.2])
     scenario = scenario_of("cmu-dd", 3.0, pose, pose)

@@ -53,6 +53,7 @@ def test_rows_are_landed_on_inside_a_tick():
     np.testing.assert_allclose(coarse.qd.values, fine.qd.values, atol=1e-8)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("integrator", ["rk4", "rk45", "rodas3", "cvodes"])
 def test_commands_over_time_need_no_controller(integrator):
     """The same loop without a controller: rows of commands and wrench land where they come, whatever the rule."""

@@ -98,6 +98,7 @@ def whole() -> xr.Dataset:
     return aw.simulate(parsed)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("chunk", [7 * 13, LANES])
 def test_a_file_in_chunks_has_the_bits_of_one_run(
     chunk: int, file: Path, tmp_path: Path, client: Any, whole: xr.Dataset
@@ -260,6 +261,7 @@ def test_a_full_disk_keeps_what_is_done(
     assert_same(done.load(), whole)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("most", [0, 6000])
 def test_files_that_the_system_refuses_to_write(
     most: int, file: Path, tmp_path: Path, client: Any, whole: xr.Dataset
@@ -298,6 +300,7 @@ def test_a_chunk_that_fails_is_marked_and_tried_again(tmp_path: Path, client: An
     assert (again.done, set(again.failed)) == (0, set(done.failed))
 
 
+@pytest.mark.study
 def test_workers_that_are_killed(file: Path, tmp_path: Path) -> None:
     """SIGKILL for a worker in the middle of its chunk: another one simulates the chunk, and no bit differs."""
     if not hasattr(signal, "SIGKILL"):
@@ -416,7 +419,7 @@ def written(tmp_path_factory: pytest.TempPathFactory, client: Any) -> Path:
     return folder
 
 
-@pytest.mark.sample(10)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("seed", range(200))
 def test_damage_is_made_good_or_named(seed: int, written: Path, tmp_path: Path, client: Any) -> None:
     rng, path = np.random.default_rng(seed), tmp_path / "runs.zarr"
@@ -450,6 +453,7 @@ def test_damage_is_made_good_or_named(seed: int, written: Path, tmp_path: Path, 
         xr.testing.assert_identical(stored.compute(), aw.sweeps.load_sweep(written / "whole.zarr").compute())
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("copied", ["chunk_mark/c/1/0", "rms_error/c/1/0 chunk_mark/c/1/0", "zarr.json"])
 def test_a_copy_of_another_store_over_this_one_that_was_cut_off(
     copied: str, written: Path, tmp_path: Path, client: Any
@@ -476,6 +480,7 @@ def test_a_copy_of_another_store_over_this_one_that_was_cut_off(
     )
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("folder", ["chunk_mark", "rms_error"])
 def test_chunks_that_were_exchanged(folder: str, written: Path, tmp_path: Path, client: Any) -> None:
     path = tmp_path / "runs.zarr"

@@ -48,6 +48,7 @@ def test_a_path_that_comes_too_near_is_not_planned():
         aw.trajectories.check_clearance(model, motion, more)
 
 
+@pytest.mark.study
 def test_a_tool_path_takes_the_solution_that_keeps_its_distance():
     model, path = arm("lwa4p"), corner("lwa4p")
     usual = aw.trajectories.solve_path(model, path)

@@ -112,6 +112,7 @@ def jumping(motion: aw.trajectories.Motion) -> dict[str, set[int]]:
     return {"acceleration": speed, "jerk": speed | acceleration, "torque": impacts, "voltage": impacts}
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("payloads", [(), pytest.param(BODY, marks=pytest.mark.study)], ids=["empty", "loaded"])
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_limit_is_exceeded_exactly_where_a_dense_grid_says_so(kind, payloads):

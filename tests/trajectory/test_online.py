@@ -116,6 +116,7 @@ def test_a_step_is_met_in_the_least_time_without_overshoot(seed):
     assert (np.abs(state[:, 1]) <= 1e-6 * limits[:, 0]).all()
 
 
+@pytest.mark.study
 def test_a_move_that_is_changed_on_the_way_takes_as_long_as_ruckigs():
     ruckig = pytest.importorskip("ruckig")
     limits, rng = (1.0, 4.0, 60.0), np.random.default_rng(5)
@@ -172,6 +173,7 @@ def test_it_runs_in_the_compiled_loop_with_limits_of_each_lane():
     np.testing.assert_allclose(peaks, speeds, rtol=0.03)  # of what follows the filter
 
 
+@pytest.mark.study
 def test_its_step_is_printed_as_c_with_the_bits_of_the_kernel(tmp_path):
     gcc, n = compiler("gcc"), 2
     control = law().configure(arm("two-link"), PERIOD)

@@ -25,7 +25,7 @@ KINDS = {
 @pytest.mark.parametrize("kind", KINDS)
 @settings(max_examples=260, deadline=None)
 @given(seed=st.integers(0, 2**32))
-@pytest.mark.sample(2)
+@pytest.mark.study
 def test_limits_hold_and_one_is_used(kind, seed):
     draw = np.random.default_rng(seed)
     n, (quantities, continuous) = int(draw.integers(1, 8)), KINDS[kind]
@@ -126,6 +126,7 @@ def test_joints_begin_and_end_together():
     np.testing.assert_array_equal(q[:, 2], 0.0)
 
 
+@pytest.mark.study
 @settings(max_examples=20, deadline=None)
 @given(st.integers(0, 2**32))
 def test_minimum_jerk_meets_moving_states(seed):

@@ -30,6 +30,7 @@ def reference_of(tmp_path, text):
     return scenario, scenario.loop.reference
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("kind", "limits"),
     [

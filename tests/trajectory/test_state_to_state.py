@@ -29,6 +29,7 @@ def their_trajectory(states: dict[str, np.ndarray], limits: aw.trajectories.Moti
     return found
 
 
+@pytest.mark.study
 @settings(max_examples=400, deadline=None)
 @given(st.integers(0, 2**32))
 def test_durations_and_values_are_ruckigs_own(seed):

@@ -184,6 +184,7 @@ def test_differential_evolution_gets_better_too_and_repeats_itself(tmp_path):
     assert all(np.array_equal(found.gains[name], again.gains[name]) for name in found.gains)
 
 
+@pytest.mark.study
 def test_a_cluster_gives_the_same_bits(tmp_path):
     pytest.importorskip("distributed", reason="distributed is not installed: pip install armwright[sweep]")
     pytest.importorskip("zarr", reason="zarr is not installed: pip install armwright[sweep]")

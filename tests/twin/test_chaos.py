@@ -101,6 +101,7 @@ def check(rehearsal, monkeypatch, kind, at, seed):
     return True
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("kind", Chaos.KINDS)
 def test_two_moments(rehearsal, monkeypatch, kind):
     for seed in range(2):

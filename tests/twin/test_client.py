@@ -82,6 +82,7 @@ def test_the_tour(drive):
     assert twin.drives[1].state is State.SWITCH_ON_DISABLED
 
 
+@pytest.mark.study
 def test_stops_halts_and_homing_over_sdo(drive):
     """Objects by their names in the data sheet: shutdown along a ramp, halt, homing speeds, switches, and what is refused."""
     import canopen

@@ -288,6 +288,7 @@ def marked(name):
     return pytest.param(name, marks=[] if name.startswith(OFTEN) else [pytest.mark.study])
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", [marked(name) for name in CASES])
 def test_what_is_carried_acts_as_in_the_simulation(name, base, bus):
     made, without = CASES[name](), None

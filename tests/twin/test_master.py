@@ -181,6 +181,7 @@ def test_another_master(rehearsal, monkeypatch, outside, echo, stranger):
     assert 50 < len(run.time) <= 54
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("missing", [1, 2, 4])
 def test_as_many_answers_as_are_allowed_may_be_missing(rehearsal, monkeypatch, missing):
     def silence(cycles):
@@ -349,6 +350,7 @@ def test_what_is_reduced(speed, torque, is_reduced):
     assert Permission(speed=speed, torque=torque).reduced is is_reduced
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("lost", [0, 1, 2])
 def test_a_run_that_lost_more_than_a_thousandth_stores_nothing(slow, monkeypatch, outside, tmp_path, lost):
     """800 cycles: none may be incomplete, and none of isolated ones ends the run."""
@@ -450,6 +452,7 @@ def test_a_reduced_run_may_be_half_as_fast_again_as_in_proportion(slow):
     assert not _too_fast(slow, 1.02 * full, 0.25).any()
 
 
+@pytest.mark.study
 def test_noise_does_not_hide_how_fast_an_arm_is(scenario):
     """A step that hardly slows down beside noise of about 0.5 rad/s."""
     goal = np.array([-1.1, 0.1])

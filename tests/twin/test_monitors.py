@@ -40,6 +40,7 @@ class Beside:
         return self.law.step(t, replace(r, q=r.q + self.offset), y, s)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(("joint", "sign"), [(0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0)])
 def test_the_following_error_is_reference_less_position(scenario, bus, joint, sign):
     """The arm comes to stand 20 mrad from a reference at -1.2 and 0 rad: 19 mrad trip, 25 do not, on either side."""
@@ -136,6 +137,7 @@ def test_brakes_of_the_record_take_over(scenario, bus, tmp_path, arm_file):
     assert str(run.ending).endswith("all joints at rest; the drives are disabled")
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("reference", ["pose", "step"])
 def test_speed_slows_what_has_no_time_to_stretch(scenario, reference):
     goal = np.array([-1.1, 0.1])

@@ -51,6 +51,7 @@ def test_in_lock_step_the_twin_is_the_simulation_to_the_bit(lwa4p, bus):
     assert run.cycles.incomplete == 0
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     "changes",
     [

@@ -59,6 +59,7 @@ def test_a_twin_outside_needs_its_number(scenario, short, bus, outside):
         assert run_controller(short, bus, permission=Permission(serial=7)).complete
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize(
     ("changes", "real_time", "message"),
     [

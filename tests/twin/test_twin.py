@@ -371,6 +371,7 @@ def test_values_out_of_range_are_refused(twin, client):
             assert client.get(key) == value
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ("text", "code"),
     [
@@ -426,6 +427,7 @@ def test_a_fault_stays_while_its_cause_does(scenario, bus):
         assert twin.drives[1].state is State.ENABLED
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("option", "state"), [(1, State.FAULT), (2, State.SWITCH_ON_DISABLED), (3, State.SWITCH_ON_DISABLED)]
 )

@@ -49,6 +49,7 @@ def growth(scenario, period, pose):
     return speed[600:].max() / speed[300:600].max()
 
 
+@pytest.mark.sample(1)
 def test_margins_are_kept(analysed):
     """A gain margin of 2 and a phase margin of 30 degrees in any one command, the other joints' loops closed."""
     scenario, poses, _, _ = analysed
@@ -56,6 +57,7 @@ def test_margins_are_kept(analysed):
     assert loop.keeps(loop.slopes(poses), 2.0, np.radians(30.0)).all()
 
 
+@pytest.mark.sample(1)
 def test_the_simulation_becomes_unstable_at_the_period_of_the_coupled_analysis(analysed):
     scenario, _, period, worst = analysed
     own, _ = aw.loops.longest_period(scenario, worst)
@@ -64,6 +66,7 @@ def test_the_simulation_becomes_unstable_at_the_period_of_the_coupled_analysis(a
     assert growth(scenario, (1.0 + WITHIN) * own, worst) > 1.01
 
 
+@pytest.mark.study
 def test_joints_by_themselves_say_nearly_the_same(analysed):
     """Rotors behind gears of 100 and more weigh most: what the other joints do changes little. Their links alone would."""
     scenario, poses, period, _ = analysed

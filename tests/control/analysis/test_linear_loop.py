@@ -66,7 +66,7 @@ def settles(controller, timing, sensors):
 
 @pytest.mark.parametrize("timing", TIMINGS)
 @pytest.mark.parametrize("name", CONTROLLERS)
-@pytest.mark.sample(4)
+@pytest.mark.sample(1)
 def test_margins_are_where_the_simulation_becomes_unstable(name, timing):
     """A factor in one joint's command, 2 % inside and 2 % outside its margin."""
     sensors = aw.Sensors(velocity="filtered", cutoff_hz=80.0) if name == "pd" else aw.Sensors()

@@ -30,6 +30,7 @@ def scenario(controller, duration=1.0, late=0.0, **sensors):
     return aw.Scenario(arm, duration, loop=loop, start=POSE, solver=aw.Solver("rk4", substeps=2))
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", CONTROLLERS)
 def test_a_noisy_simulation_has_the_standard_deviations_of_the_norms(name):
     deviation = 1e-6
@@ -105,6 +106,7 @@ def test_a_rounded_sine_has_the_factor_of_its_first_harmonic():
         assert rounding_factor(amplitude, 1.0) == pytest.approx(expected, abs=1e-4)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(("force", "swings"), [(0.0, True), (2.0, True), (80.0, False)])
 def test_describing_functions_foresee_the_amplitude_of_counts_with_coulomb_friction(force, swings):
     """The elbow under PD at a gain margin of 1.1, begun within the limit cycle."""

@@ -141,6 +141,7 @@ def test_refused(call, place):
     assert error.value.problems[0].place == place
 
 
+@pytest.mark.study
 def test_a_direct_drive_joint_by_itself_is_no_answer():
     """Without gears the other joints decide: each joint by itself seems stable at periods at which the coupled loop is not."""
     arm = aw.load("cmu-dd")

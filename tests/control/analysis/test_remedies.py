@@ -25,6 +25,7 @@ def keeps(changed, analysis):
     return bool(loop.keeps(loop.slopes(analysis.poses), *analysis.asked).all())
 
 
+@pytest.mark.study
 @pytest.mark.parametrize(
     ("law", "period"), [(PID, 4e-3), (CASCADE, 8e-3), (aw.FeedForward(aw.Cascade(25.0, 15.0)), 8e-3)]
 )

@@ -20,6 +20,7 @@ def followed(request):
     return aw.loops.compare_controllers(scenarios["4ms"], scenarios, {request.param: plan}, runs=LANES)
 
 
+@pytest.mark.study
 def test_errors_stay_within_those_stated(followed):
     data = followed.data.isel(motion=0, payload=0)
     assert (data["failed"] == 0).all()

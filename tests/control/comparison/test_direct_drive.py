@@ -30,6 +30,7 @@ def tool():
     return found.data["path_largest"].isel(payload=0)
 
 
+@pytest.mark.study
 def test_pd_follows_slowly_and_fails_at_speed(tool):
     assert tool.sel(controller="pd", motion="slow") < 5e-3
     assert tool.sel(controller="pd", motion="fast") > 20e-3

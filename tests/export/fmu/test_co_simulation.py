@@ -39,6 +39,7 @@ def states(path, run, ticks, period, **inputs):
     return np.array(rows)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("name", "version"), [*((name, "3.0") for name in ARMS), ("two-link", "2.0"), ("puma560", "2.0")]
 )
@@ -75,6 +76,7 @@ def references(scenario, run, ticks):
     return reference_rows(scenario.arm, scenario.loop.reference, np.arange(ticks) * scenario.loop.period)
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("name", CONTROLLERS)
 def test_arm_and_controller_in_one_unit_do_what_was_simulated(name, tmp_path):
     """With delays, jitter, losses, noise, quantisation, clock drift, saturation and blows in the loop."""
@@ -113,6 +115,7 @@ def test_loops_at_their_own_rates_have_their_turns_as_simulated(version, tmp_pat
     fmu.close()
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", CONTROLLERS)
 def test_plant_and_controller_connected_run_as_simulated_one_tick_later(name, tmp_path):
     """A unit that computes in a step has its outputs at the step's end: connected units add one tick to the command's delay."""

@@ -30,6 +30,7 @@ def exported(scenario, path, **options):
     return aw.export.export_fmu(scenario, path, platforms=["host"], **options).path
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", PLANTS)
 def test_every_effect_and_rule_has_the_simulations_bits(name, tmp_path):
     arm, solver = PLANTS[name]
@@ -85,6 +86,7 @@ def test_a_plant_begins_where_its_start_parameters_say(tmp_path):
     fmu.close()
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("version", ["3.0", "2.0"])
 def test_states_are_kept_restored_and_serialised(version, tmp_path):
     """A copy goes on to the bit: in place, after a reset, and in another instance by way of bytes."""

@@ -10,6 +10,7 @@ from simulation.plants import COULOMB, ELASTIC, MOTOR, SUPPLY, THERMAL, chain, p
 from simulation.test_switching import PLAY, STOPS, bounced
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("name", "version"),
     [("two-link", "3.0"), ("puma560", "3.0"), ("puma560", "2.0"), ("lwa4p", "3.0"), ("panda", "2.0")],
@@ -30,6 +31,7 @@ def test_another_solver_comes_to_the_same_motion(name, version, tmp_path):
     np.testing.assert_allclose(x[arm.n : 2 * arm.n], run.qd.values[-1], atol=1e-6)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("version", ["3.0", "2.0"])
 def test_initial_values_have_one_name_in_both_interfaces(version, tmp_path):
     """`start.q` and `start.qd` begin either kind of unit in the same state, motors behind elastic gears too."""
@@ -71,6 +73,7 @@ def test_stops_are_events_and_bounces_come_to_the_closed_form(tmp_path):
     assert np.abs(simulated(exported.path, 2.0, tolerance=1e-10, u=[0.0]) - exact).max() < 1e-6
 
 
+@pytest.mark.study
 def test_play_temperatures_and_a_supply_are_states(tmp_path):
     motor = {**MOTOR, "inductance_h": 2e-3}
     joint = {"command": "voltage", "motor": motor, "friction": COULOMB}
@@ -86,6 +89,7 @@ def test_play_temperatures_and_a_supply_are_states(tmp_path):
     np.testing.assert_allclose(x[2:4], run.qd.values[-1], atol=2e-4)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("version", ["3.0", "2.0"])
 def test_directional_derivatives_are_the_slopes(version, tmp_path):
     """Central differences of what the unit itself computes, along random directions of states and inputs."""

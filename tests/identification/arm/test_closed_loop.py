@@ -77,6 +77,7 @@ def test_the_simulated_loop_is_that_of_the_simulator(arm, start, model):
     np.testing.assert_allclose(qd, run["qd"].values, atol=1e-5)
 
 
+@pytest.mark.study
 def test_instruments_are_unbiased_where_least_squares_is_biased(run, model):
     base = base_parameters(model)
     truth, feedback = (
@@ -115,6 +116,7 @@ def test_torques_alone_tell_the_parameters(run, model):
         np.testing.assert_allclose(fit.values, truth, atol=0.03)
 
 
+@pytest.mark.study
 def test_positions_alone_tell_the_parameters(run, model):
     """CLOE never reads a torque; where least squares is biased by 5 % and more, it is within its own intervals."""
     base = base_parameters(model)

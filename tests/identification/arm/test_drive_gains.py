@@ -51,6 +51,7 @@ def said(found, words):
     return [remark for remark in found.remarks if words in remark]
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("known", ["mass", "centre", "all"])
 def test_torque_constants_of_six_joints(arm, tmp_path, known):
     empty = log_of_currents(tmp_path, "empty", arm, arm, 0)

@@ -108,6 +108,7 @@ def test_too_few_rows_and_motions_that_tell_too_little_are_refused(model, base):
         fit_arm(equations_of([still], model), base)
 
 
+@pytest.mark.study
 def test_chi_squares_over_seeds_are_those_of_the_covariance(model, base):
     """Noise of a low-pass on known rows: the statistics' sum lies inside its central 99 % over ten seeds of 58 parameters."""
     seeds, rows, generator = 10, 8000, np.random.default_rng(11)

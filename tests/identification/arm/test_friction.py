@@ -27,6 +27,7 @@ def rows(terms, values, seed=0, noise=0.2, count=3000) -> FrictionRows:
     return FrictionRows(q, speed, torque, load, warming)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("term", "values"),
     [

@@ -110,6 +110,7 @@ def record_of(arm: aw.Arm) -> aw.Arm:
     return arm.with_values({f"{body.link}.mass_kg": 1.2 * float(body.mass) for body in arm.bodies})
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_about_the_truth_the_model_is_the_law_of_the_dynamics(arm, variant):
     lossy = VARIANTS[variant](arm)
@@ -140,6 +141,7 @@ def test_the_derivative_by_an_efficiency_is_that_of_the_dynamics(arm):
     np.testing.assert_allclose(column, (ends[1] - ends[0]) / (2 * step), rtol=1e-5, atol=1e-5)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_a_log_without_noise_gives_the_truth(tmp_path, arm, variant):
     lossy = VARIANTS[variant](arm)
@@ -169,6 +171,7 @@ def test_a_fit_that_does_not_know_the_loss_is_wrong(arm, log):
         assert bool(np.nanmin(found.fit.r2) > 0.999) is fits
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("method", ["ols", "irls", "tukey"])
 def test_methods_that_know_gear_loss_agree(arm, log, method):
     wls, other = (
@@ -206,6 +209,7 @@ def test_efficiencies_are_fitted_with_their_deviations(tmp_path, arm, log):
     assert "elbow.motor.gear_efficiency" in (tmp_path / "found.toml").read_text(encoding="utf-8")
 
 
+@pytest.mark.study
 def test_an_efficiency_that_the_log_hardly_tells_is_refused_or_stays(tmp_path, arm):
     """The yaw's own friction takes what its inertia gives: its load hardly ever drives its gear."""
     arm = changed(arm, friction={"viscous_n_m_s_per_rad": number(40.0)}, joint="yaw")
@@ -225,6 +229,7 @@ def test_unknown_joints_and_tables_are_refused(arm, log):
         aw.identification.identify_arm(log, VARIANTS["table"](arm), fit_efficiency=["yaw"])
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("variant", ["efficiency", "motor side", "table"])
 def test_the_written_record_keeps_the_loss_and_predicts_new_motions(tmp_path, arm, variant):
     lossy = VARIANTS[variant](arm)
@@ -303,6 +308,7 @@ def test_friction_behind_lossy_gears(tmp_path, arm):
     assert any("the record has friction at the motor" in each for each in moved_friction.remarks)
 
 
+@pytest.mark.study
 def test_errors_beside_those_without_loss(tmp_path, seeds):
     """A few of the seeds of tools/gear_loss_seeds.py."""
     case = seeds.cases(tmp_path)["four-joint"]

@@ -132,6 +132,7 @@ def test_a_log_without_runs_held_out_says_so(arms, tmp_path):
     assert [each for each in found.estimate.remarks if "no run is held out" in each]
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("name", ["plain", "stribeck"])
 def test_command_and_report_have_one_verdict(arms, tmp_path, name):
     output, page = tmp_path / "found.toml", tmp_path / "page.html"

@@ -170,6 +170,7 @@ def test_joints_with_other_names_are_not_taken_by_order(tmp_path):
         aw.identification.identify_arm(aw.identification.read_log(path), arm)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("factor", [1e-3, 0.05, 1.0, 100.0])
 def test_torques_of_another_unit_or_side_are_noticed(tmp_path, factor):
     """Torques N m for mN m, or of the motor for the joint's: R² is as good as ever, the links are not the record's."""
@@ -216,6 +217,7 @@ def test_a_mirrored_joint_that_hardly_moves_and_has_no_friction_is_said(tmp_path
     assert found.verdict == ("not identified" if mirrored else "identified")
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("ending", ["parquet", "nc", "mcap"])
 def test_every_format_gives_the_fit_of_the_csv_file(tmp_path, ending):
     arm = aw.load("two-link")
@@ -245,6 +247,7 @@ def test_every_format_gives_the_fit_of_the_csv_file(tmp_path, ending):
     assert found.verdict == first.verdict
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("held", [False, True])
 def test_a_joint_that_is_not_predicted_is_not_identified(tmp_path, held):
     """The torque of joint 1 is mostly something else: fitted with R² above 0, on parts or runs held out below 0.5."""
@@ -326,6 +329,7 @@ def test_tx40_predicts_seconds_that_it_has_not_seen(tx40):
     assert max(each.error for each in held) <= 0.16
 
 
+@pytest.mark.study
 def test_lwa_4p_joint_2_is_found_to_fit_poorly(tmp_path):
     folders = sorted((DATA / "schunk_lwa4p").glob("measurement_*[1234]"))
     if not folders:

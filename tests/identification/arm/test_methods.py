@@ -48,6 +48,7 @@ def truth(every):
     return every.fit.base.of(np.nan_to_num(every.fit.equations.model.prior))
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("method", METHODS)
 def test_every_method_finds_the_arm(arm, log, feedback, every, truth, method):
     found = aw.identification.identify_arm(log, arm, method=method, feedback=feedback, record=False, **OPTIONS)

@@ -50,6 +50,7 @@ def test_two_kilograms_within_one_per_cent_from_one_log(arm, tmp_path):
     assert float(again.record.link("payload").mass_kg) == pytest.approx(MASS, rel=0.01)
 
 
+@pytest.mark.study
 def test_two_kilograms_within_one_per_cent_from_two_logs(arm, tmp_path):
     """The arm's own masses are not needed: another arm with the same kinematics and gears does."""
     unloaded = moved(tmp_path, "unloaded", arm, **NOISE)
@@ -100,6 +101,7 @@ def test_a_planar_arm_has_its_payload_written(tmp_path):
     assert np.abs(got - expected).max() < 0.05 * np.abs(expected - own).max()
 
 
+@pytest.mark.study
 def test_no_payload_is_no_answer(arm, tmp_path):
     found = identify_payload(moved(tmp_path, "empty", arm, **NOISE), arm)
     assert found.verdict == "not identified"

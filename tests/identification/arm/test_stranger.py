@@ -162,6 +162,7 @@ MISTAKES = {
 }  # fmt: skip
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("mistake", MISTAKES)
 def test_what_no_check_of_units_sees_is_named_by_the_fit(tmp_path, nominal, table, mistake):
     """Every joint is predicted with R² above 0.5."""
@@ -182,6 +183,7 @@ def test_torques_that_come_late_are_said(tmp_path, nominal, table):
     assert float(said.split()[2]) == pytest.approx(20.0, rel=0.3)
 
 
+@pytest.mark.study
 def test_a_payload_on_a_coupled_wrist_is_found_from_currents(tmp_path, truth):
     carrying = written_arm(tmp_path, "carrying", payload=PAYLOAD)
     log = written_log(
@@ -202,6 +204,7 @@ def test_friction_of_joints_of_a_coupled_wrist(tmp_path, truth, table):
         assert found[f"{name}.friction.coulomb_positive_n_m"] == pytest.approx(coulomb, rel=0.03)
 
 
+@pytest.mark.study
 def test_a_good_fit_is_not_in_doubt_where_the_log_has_a_gap(tmp_path):
     """Mistakes are tried on the rows before the gap, few of them, with columns of a filtered motion: some always gain."""
     arm = aw.load("panda").replace(friction=None)

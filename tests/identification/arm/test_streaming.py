@@ -3,6 +3,8 @@
 import subprocess
 import sys
 
+import pytest
+
 SCRIPT = """
 import sys, tracemalloc
 import numpy as np
@@ -36,6 +38,7 @@ print(used(4), used(80))
 """
 
 
+@pytest.mark.study
 def test_twenty_times_the_rows_take_no_more_memory():
     result = subprocess.run([sys.executable, "-c", SCRIPT], capture_output=True, text=True, check=True)
     short, long = map(int, result.stdout.split())

@@ -42,6 +42,7 @@ def random_arm(folder: Path, seed: int) -> aw.Arm:
     return aw.load(path)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("kind", MOTIONS)
 def test_errors_are_those_of_the_stated_deviations(tmp_path, kind):
     seconds, rate, harmonics, size, noise = MOTIONS[kind]

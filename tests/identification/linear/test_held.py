@@ -46,6 +46,7 @@ def test_three_lags_are_found_with_their_delay():
     assert exact.poles == pytest.approx(p, rel=1e-3)
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("family", [random_truth, sampled_truth])
 def test_delays_of_random_systems(family):
     """All but a few of 200 are right (tools/linear_seeds.py); of these, which a free B alone got wrong, too."""

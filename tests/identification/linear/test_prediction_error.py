@@ -99,6 +99,7 @@ def test_armax_finds_the_noise():
     assert not any("white" in remark for remark in model.remarks)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("colour", [(1.0,), tuple(0.8 ** np.arange(20))])
 def test_intervals_cover_the_truth(colour):
     true_gain, inside = B.sum() / A.sum(), []
@@ -255,6 +256,7 @@ def test_delays_that_the_data_cannot_tell_apart():
     assert aw.identification.fit_oe(u, clean + white, 1.0, order=1, delay=3).delays == (3, 3)
 
 
+@pytest.mark.study
 def test_the_interval_of_delays_allows_for_coloured_noise():
     inside, widths = [], []
     for seed in range(16):

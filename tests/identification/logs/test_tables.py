@@ -120,6 +120,7 @@ file = "slow"
 """
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("ending", ["csv", "parquet", "nc"])
 def test_a_cell_that_is_no_number_is_named(tmp_path, ending):
     """Column, and line or row, also of motors that turn several joints, and of a file with a clock of its own."""

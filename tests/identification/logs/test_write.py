@@ -18,6 +18,7 @@ def simulated(name="lwa4p", sensors=None, lanes=False):
     return arm, aw.simulate(scenario)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("ending", ["csv", "nc", "parquet"])
 def test_a_run_is_read_back_as_a_log(ending, tmp_path):
     if ending == "parquet":
@@ -63,6 +64,7 @@ def heavier(arm):
     return arm.with_payload(1.0, [0, 0, 0], [0, 0, 0])
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [

@@ -73,6 +73,7 @@ def volts(rows: int = 1000, most: float = 10.0) -> np.ndarray:
     return commands(np.random.default_rng(3), rows, most)
 
 
+@pytest.mark.study
 def test_inductance(tmp_path):
     found = fit(
         log_of(tmp_path, with_motor("inductance_h = 0.004"), volts(), 1e-3), "R", "L", "Kt", "J", "viscous", "coulomb"
@@ -93,6 +94,7 @@ def test_back_emf_constant_apart_from_the_torque_constant(tmp_path):
     assert "a known inertia of about the rotor's added would do it" in " ".join(unknown.sentences())
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("most", [2.0, 10.0], ids=["slow", "fast"])
 def test_stribeck_friction(tmp_path, most):
     stribeck = "stribeck_torque_n_m = 0.02\nstribeck_speed_rad_per_s = 5.0"
@@ -105,6 +107,7 @@ def test_stribeck_friction(tmp_path, most):
     assert found[PATHS["coulomb"]] == pytest.approx(TRUE["coulomb"], rel=0.02)
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("mode", ["coast", "brake"])
 def test_the_mode_of_the_bridge(tmp_path, mode):
     """Found by the fit of both: the wrong one predicts worse."""
@@ -118,6 +121,7 @@ def test_the_mode_of_the_bridge(tmp_path, mode):
     assert f"while it is off ({mode}): the error is" in str(found.estimate)
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("names", [("current", "q", "qd"), ("q", "qd")], ids=["with current", "without"])
 def test_a_dead_zone_of_the_stage(tmp_path, names):
     """Apart from Coulomb friction, which acts against the motion where the zone acts against the voltage."""
@@ -130,6 +134,7 @@ def test_a_dead_zone_of_the_stage(tmp_path, names):
     assert found.verdict == "identified"
 
 
+@pytest.mark.study
 def test_dry_friction_by_direction_and_a_constant_torque(tmp_path):
     """Levels of 0.018 and 0.009 N m, and 0.004 N m that always pulls: it is in the levels' difference, or stands by itself."""
 
@@ -155,6 +160,7 @@ def test_dry_friction_by_direction_and_a_constant_torque(tmp_path):
     assert found[PATHS["coulomb"]] == pytest.approx(TRUE["coulomb"], rel=0.02)
 
 
+@pytest.mark.study
 def test_gear_efficiency(tmp_path):
     def change(value):
         return lambda text: with_motor(f"gear_efficiency = {value}")(geared(text))
@@ -167,6 +173,7 @@ def test_gear_efficiency(tmp_path):
     assert found[PATHS["coulomb"]] == pytest.approx(0.15, rel=0.02)
 
 
+@pytest.mark.study
 def test_backlash(tmp_path):
     def change(value):
         numbers = f"stiffness_n_m_per_rad = 50\ndamping_n_m_s_per_rad = 0.3\nbacklash_rad = {value}"
@@ -181,6 +188,7 @@ def test_backlash(tmp_path):
     assert found[R] == pytest.approx(TRUE["R"], rel=0.02)
 
 
+@pytest.mark.study
 def test_heat_of_the_winding(tmp_path):
     def change(capacity):
         numbers = "ambient_c = 20\nreference_c = 20\nwinding_resistance_k_per_w = 3.0\n"

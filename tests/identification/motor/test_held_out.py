@@ -56,6 +56,7 @@ def test_the_experiment_that_would_tell_is_named(tmp_path):
     assert "; a locked-rotor test with current would " in sentence
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("load", [None, 0.0], ids=["robot", "motor taken off"])
 def test_the_written_record_is_judged_with_the_numbers_of_validate(tmp_path, load):
     """Bit by bit, both records; the old one is the truth, so that the fit is no more than its noise behind it."""
@@ -73,6 +74,7 @@ def test_the_written_record_is_judged_with_the_numbers_of_validate(tmp_path, loa
     assert found.estimate.verdict == "identified"
 
 
+@pytest.mark.study
 def test_a_record_worse_than_the_one_that_it_replaces_is_not_identified(tmp_path):
     """A friction that was said to be known, and is not."""
     log, record, output = two_runs(tmp_path), true_record(tmp_path), tmp_path / "written.toml"
@@ -85,6 +87,7 @@ def test_a_record_worse_than_the_one_that_it_replaces_is_not_identified(tmp_path
         assert aw.load(output).record.fits["fit"].verdict == ("not identified" if code else "identified")
 
 
+@pytest.mark.study
 def test_a_bench_motor_has_nothing_to_be_compared_with(tmp_path):
     found = aw.identification.identify_motor(two_runs(tmp_path), starts=2)
     assert found.hold_out is not None

@@ -19,6 +19,7 @@ def seed(request, tmp_path_factory):
     return aw.identification.identify_motor(write_log(folder, request.param), starts=STARTS)
 
 
+@pytest.mark.study
 def test_every_parameter_is_found(seed):
     estimate = seed.estimate
     assert estimate.verdict == "identified"

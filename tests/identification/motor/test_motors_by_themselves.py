@@ -128,6 +128,7 @@ def test_one_motor_off_its_arm_goes_into_its_joint(tmp_path):
     assert "# from a datasheet" in text
 
 
+@pytest.mark.study
 def test_all_motors_of_an_arm_each_with_its_own_load(tmp_path):
     loads = {"shoulder": 0.0, "elbow": LOAD}
     with_load = TRUE["J"] + LOAD / RATIO**2
@@ -139,6 +140,7 @@ def test_all_motors_of_an_arm_each_with_its_own_load(tmp_path):
     check(estimate, "elbow")
 
 
+@pytest.mark.study
 def test_a_locked_rotor_tells_resistance_and_inductance(tmp_path):
     rng, inductance = np.random.default_rng(4), 0.012
     u = commands(rng, 800)
@@ -176,6 +178,7 @@ def test_bad_input_is_refused(tmp_path):
         aw.identification.identify_motor(log, load=0)
 
 
+@pytest.mark.study
 def test_a_gear_that_turns_backwards_on_a_bench(tmp_path):
     """Counts and rpm are the motor's, as the log's file says: so are the constants, with the sign of the gear."""
     table = logged(3)

@@ -37,6 +37,7 @@ def test_a_prior_tells_what_the_log_does_not(tmp_path):
     assert "0.05 Ω in the record is a prior; the log adds next to nothing" in str(estimate)
 
 
+@pytest.mark.study
 def test_two_measurements_of_one_number_are_weighed(tmp_path):
     """Posterior of two normal measurements: weights by their variances."""
     log = write_log(tmp_path, 0, rows=800)

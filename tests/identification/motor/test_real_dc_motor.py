@@ -41,6 +41,7 @@ def test_the_prbs_log_alone(log):
     assert not found.identifiable[found.number("motor.motor.resistance_ohm")]
 
 
+@pytest.mark.study
 def test_one_set_of_constants_for_all_logs(log, tmp_path):
     path = tmp_path / "static.log.toml"
     path.write_text(STATIC.format(folder=FOLDER.as_posix()))
@@ -56,6 +57,7 @@ def test_one_set_of_constants_for_all_logs(log, tmp_path):
     assert "drifts by" in str(found)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("fold", range(FOLDS))
 def test_held_out_stretches_are_predicted_better_than_by_a_linear_model(log, tmp_path, fold):
     """Both fitted to the rows before and behind the fold; offset and initial state of each are free in it."""

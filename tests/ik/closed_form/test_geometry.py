@@ -28,6 +28,7 @@ def apart(q, other):
     return np.abs(np.sin((q - other) / 2.0)).max(axis=-1)
 
 
+@pytest.mark.sample(9)
 @pytest.mark.parametrize("backward", [False, True])
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("seed", range(3))

@@ -111,6 +111,7 @@ def test_the_tool_stays_on_its_path_as_pinocchio_has_it(name):
     assert max(solution.deviation) < 1e-6
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", sorted(HOME))
 def test_velocity_and_acceleration_of_the_tool_are_the_paths(name):
     model, path = arm(name), corner(name)

@@ -67,6 +67,7 @@ CASES = [
 ]
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(("name", "q", "aim", "turn"), CASES)
 def test_what_counts_follows_the_path(name, q, aim, turn, arms):
     path = corner(start_of(name, q), turn)
@@ -90,6 +91,7 @@ def test_what_counts_follows_the_path(name, q, aim, turn, arms):
     np.testing.assert_allclose(slope, solution.at(middle[away])[2], atol=2e-2 * np.abs(second).max())
 
 
+@pytest.mark.sample(13)
 @pytest.mark.parametrize("aim", EVERY)
 def test_rates_are_those_of_differences(aim):
     """Frame and target that move so that the error stays 0 to second order, found by differences of its own definition."""

@@ -52,6 +52,7 @@ def test_where_and_by_how_much_the_speed_is_too_high_is_said(past_a_singularity)
     assert slow.slowed == pytest.approx(local.slowed, rel=1e-6) == pytest.approx(stretch.slower, rel=1e-3)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(("name", "way"), [("puma560", [0.12, 0.1, 0.0]), ("lwa4p", [0.1, -0.1, 0.05])])
 def test_limits_of_jerk_of_the_joints_slow_no_more_than_everywhere(name, way):
     model, start = arm(name), home(name)

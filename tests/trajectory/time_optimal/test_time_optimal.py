@@ -74,7 +74,7 @@ def test_a_grid_that_is_too_coarse_is_made_finer() -> None:
 
 
 @pytest.mark.parametrize(("name", "seed"), [("panda", 0), ("panda", 1), ("lwa4p", 0), ("cmu-dd", 0), ("cmu-dd", 3)])
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 def test_rigid_bodies_take_the_time_that_toppra_finds(name: str, seed: int) -> None:
     arm = aw.load(name).replace(**RIGID)
     path = random_path(arm, seed)
@@ -186,6 +186,7 @@ def test_dry_friction_and_lossy_gears_are_known() -> None:
     assert motion.duration > aw.trajectories.time_optimal(arm.replace(**RIGID), path, limits).duration
 
 
+@pytest.mark.study
 def test_a_plan_by_acceleration_alone_is_slower_or_asks_for_more_volts_than_there_are() -> None:
     arm = aw.load("cmu-dd")
     path = random_path(arm, 0)
@@ -204,6 +205,7 @@ def test_a_plan_by_acceleration_alone_is_slower_or_asks_for_more_volts_than_ther
     assert motion.duration < 0.8 * safe.duration
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("seed", [0, 1])
 def test_the_simulated_arm_follows_without_feedback_and_within_its_volts(seed: int) -> None:
     arm, period = aw.load("cmu-dd"), 1e-3
