@@ -26,7 +26,7 @@ demo: $(VENV)/.core  ## set up the core and move the built-in CMU arm
 	@echo "result   $(CURDIR)/build/demo/cmu-dd.nc"
 	@echo "picture  $(CURDIR)/build/demo/cmu-dd.png"
 
-test: $(VENV)/.all  ## set up everything and run the tests, but for what `make test-all` adds
+test: $(VENV)/.test  ## set up what the tests need and run them, but for what `make test-all` adds
 	$(BIN)/python -m pytest -n auto --dist loadfile -m "not study" $(ARGS)
 
 test-all: $(VENV)/.all  ## run what `make test` leaves out: statistics, all arms with all laws, chaos
@@ -65,17 +65,22 @@ clean:  ## remove what was built; the environment stays
 	rm -rf build dist .pytest_cache .ruff_cache .hypothesis
 	find src tests tools -name __pycache__ -type d -prune -exec rm -rf {} +
 
-# --- the environment: one stamp for the core, one for everything --------------------------------------------------------
+# --- the environment: a stamp for the core, one for the tests, one for everything ---------------------------------------
 
-$(VENV)/.core: requirements.lock pyproject.toml tools/core_requirements.py
+$(VENV)/.core: requirements.lock pyproject.toml tools/requirements.py
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and f"Armwright needs Python 3.11 or newer; $(PYTHON) is {sys.version.split()[0]}. Try: make PYTHON=python3.12 ...")'
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python tools/core_requirements.py > $(VENV)/core.lock
+	$(BIN)/python tools/requirements.py core > $(VENV)/core.lock
 	$(PIP) --require-hashes --only-binary :all: -r $(VENV)/core.lock
 	$(PIP) --no-deps --no-build-isolation --editable .
 	@touch $@
 
-$(VENV)/.all: $(VENV)/.core
+$(VENV)/.test: $(VENV)/.core
+	$(BIN)/python tools/requirements.py test > $(VENV)/test.lock
+	$(PIP) --require-hashes --only-binary :all: -r $(VENV)/test.lock
+	@touch $@
+
+$(VENV)/.all: $(VENV)/.test
 	$(PIP) --require-hashes --only-binary :all: -r requirements.lock
 	@touch $@
 

@@ -1,8 +1,11 @@
-"""Print the part of `requirements.lock` that running Armwright needs, without the extras and the developers' tools.
+"""Print a part of `requirements.lock`: what running Armwright needs, or what `make test` needs beside it.
 
-The lock is one file for everything. uv notes below each entry what asked for it (`# via …`); walking those notes from
-the project's own dependencies, and the build backend, gives the core. Standard library only: it runs before anything
-is installed.
+    python tools/requirements.py core | test
+
+The lock is one file for everything. uv notes below each entry what asked for it (`# via …`); walking those notes from the
+names in `pyproject.toml` gives the part: the project's own dependencies and the build backend for `core`; for `test` also
+the extras that add functions, and the group `test`. What only benchmarks, the docs, the checks and studies use is left out.
+Standard library only: it runs before anything is installed.
 """
 
 import re
@@ -11,6 +14,7 @@ import tomllib
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
+TESTED = ("identify", "control", "trajectory", "sweep", "meshes", "logs", "twin")  # extras that add functions
 
 
 def canonical(name: str) -> str:
@@ -18,9 +22,13 @@ def canonical(name: str) -> str:
     return re.sub(r"[-_.]+", "-", name).lower()
 
 
-def asked_for(pyproject: dict) -> set[str]:
-    """Names in `project.dependencies` and `build-system.requires`."""
-    wanted = pyproject["project"]["dependencies"] + pyproject["build-system"]["requires"]
+def asked_for(pyproject: dict, part: str) -> set[str]:
+    """Names that a part begins with."""
+    project = pyproject["project"]
+    wanted = project["dependencies"] + pyproject["build-system"]["requires"]
+    if part == "test":
+        wanted += [each for extra in TESTED for each in project["optional-dependencies"][extra]]
+        wanted += pyproject["dependency-groups"]["test"]
     return {canonical(re.match(r"[\w.-]+", requirement)[0]) for requirement in wanted}
 
 
@@ -34,10 +42,9 @@ def entries(lock: str) -> list[tuple[str, set[str], str]]:
     return found
 
 
-def core(pyproject: dict, lock: str) -> list[str]:
-    """The entries that the project's own dependencies and their dependencies name."""
+def part_of(lock: str, names: set[str]) -> list[str]:
+    """The entries of those names and of all that they ask for."""
     every = entries(lock)
-    names = asked_for(pyproject)
     if missing := names - {name for name, _, _ in every}:
         raise SystemExit(f"requirements.lock: no entry for {', '.join(sorted(missing))}; run `make lock`")
     while more := {name for name, via, _ in every if via & names} - names:
@@ -46,6 +53,8 @@ def core(pyproject: dict, lock: str) -> list[str]:
 
 
 if __name__ == "__main__":
+    if sys.argv[1:] not in (["core"], ["test"]):
+        raise SystemExit("expected one word: core or test")
     pyproject = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     lock = (ROOT / "requirements.lock").read_text(encoding="utf-8")
-    sys.stdout.write("\n".join(core(pyproject, lock)) + "\n")
+    sys.stdout.write("\n".join(part_of(lock, asked_for(pyproject, sys.argv[1]))) + "\n")
