@@ -102,7 +102,8 @@ class Table:
 
         shown = table.Table(box=None, header_style="dim", pad_edge=False, padding=(0, 2, 0, 0))
         for k in self.used:
-            shown.add_column(Text(self.heads[k]), justify="left" if k in self.words else "right", overflow="fold")
+            head = self.heads[k].replace(" [", "\n[")  # a unit has a line of its own
+            shown.add_column(Text(head), justify="left" if k in self.words else "right", overflow="fold")
         for row in self.cells:
             shown.add_row(*(Text(str(row[k])) for k in self.used))
         if self.title is not None:

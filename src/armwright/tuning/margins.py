@@ -8,7 +8,7 @@ import numpy as np
 
 from armwright.control.analysis.instability import growing_mode
 from armwright.control.analysis.linear_loop import LinearLoop
-from armwright.control.analysis.regions import longest_delay, longest_period
+from armwright.control.analysis.regions import longest_delay, longest_period, margins_text
 from armwright.control.analysis.workspace import joint_inertias
 from armwright.errors import ScenarioError
 from armwright.simulation.scenario import Scenario
@@ -80,7 +80,7 @@ class MarginConstraint:
         period, _ = longest_period(self._one, self.poses, gain_margin=gain, phase_margin=phase)
         loop = LinearLoop(self._one)
         what = (
-            f"no gains found that keep a gain margin of {gain:g} and a phase margin of {np.degrees(phase):.3g}° at "
+            f"no gains found that keep {margins_text(gain, phase)} at "
             f"{1e3 * loop.period:.4g} ms with {1e3 * loop.delay:.4g} ms of delay"
         )
         advice = ["less margin or wider bounds"]

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from armwright.control.analysis.regions import margins_text
 from armwright.control.gains import gain_units
 from armwright.errors import ScenarioError
 from armwright.output import check_destination
@@ -153,8 +154,7 @@ class TuningResult(Result):
     def sentences(self) -> list[str]:
         """The result in sentences."""
         (before, after), (tuned, held) = self.score, self.lanes
-        gain, phase = self.asked
-        asked = f"a gain margin of {gain:g} and a phase margin of {np.degrees(phase):.3g}°"
+        asked = margins_text(*self.asked)
         if self.improved:
             first = f"tuned: the score on {held} held-out lanes goes from {before:.4g} to {after:.4g}"
         elif self.start_keeps:

@@ -18,8 +18,10 @@ from armwright.control.analysis.regions import (
     PHASE,
     GainRegion,
     check_margins,
+    decibels,
     gain_region,
     longest_period,
+    margins_text,
     usual_gains,
 )
 from armwright.control.analysis.remedies import LoopRemedies, loop_remedies
@@ -29,13 +31,13 @@ from armwright.errors import ScenarioError
 from armwright.model.joint_signals import command_unit, joint_units
 from armwright.results.page_parts import bullets, sentence
 from armwright.results.result import Result
-from armwright.results.table import Table
+from armwright.results.table import Cell, Table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 HEADS = (
-    "joint", "inertia held", "inertia free", "gravity slope", "coupling", "gain margin ×", "gain margin ÷", "phase margin",
+    "joint", "inertia held", "inertia free", "gravity slope", "coupling", "gain margin up", "gain margin down", "phase margin",
     "noise gain",
 )  # fmt: skip
 FURTHER = 24  # poses drawn evenly beside the extreme ones
@@ -173,8 +175,8 @@ class LoopAnalysis(Result):
         for j, name in enumerate(self.loop.names):
             ranges = [_range(each[:, j]) for each in (self.inertias.held, self.inertias.free, self.inertias.slope)]
             margins = [
-                f"{np.nanmin(self.held.gain_up[:, j]):.3g}" if np.isfinite(self.held.gain_up[:, j]).any() else "—",
-                f"{1.0 / np.nanmax(self.held.gain_down[:, j]):.3g}" if np.nanmax(self.held.gain_down[:, j]) > 0 else "∞",
+                _gain("×", np.nanmin(self.held.gain_up[:, j]), 1) if np.isfinite(self.held.gain_up[:, j]).any() else "—",
+                _gain("÷", 1.0 / down, -1) if (down := np.nanmax(self.held.gain_down[:, j])) > 0 else "∞",
                 f"{np.degrees(np.nanmin(self.held.phase[:, j])):.3g}°",
             ] if np.isfinite(self.held.phase[:, j]).all() else ["unstable"] * 3  # fmt: skip
             noise = self.noise.command[:, j, j]
@@ -191,10 +193,9 @@ class LoopAnalysis(Result):
 
     def sentences(self) -> list[str]:
         """The result in sentences, which also say how poses were sampled."""
-        loop, (gain, phase) = self.loop, self.asked
+        loop, asked = self.loop, margins_text(*self.asked)
         worst = int(self.radius.argmax())
         pose = ", ".join(f"{value:.3g}" for value in self.poses[worst])
-        asked = f"a gain margin of {gain:g} and a phase margin of {np.degrees(phase):.3g}°"
         bad = int((self.radius >= 1.0).sum())
         state = (
             f"stable at the {len(self.poses)} poses"
@@ -226,12 +227,20 @@ class LoopAnalysis(Result):
         )
         counts = self.loop.scenario.loop.joint_sensors.counts_of(self.loop.scenario.arm)  # type: ignore[union-attr]
         if counts.any() and self.stable:
-            tremor = np.sqrt(self.noise.command**2 @ (counts**2 / 12.0)).max(axis=0)
+            ripple = np.sqrt(self.noise.command**2 @ (counts**2 / 12.0)).max(axis=0)
             bodies = self.loop.scenario.arm.coordinates
             units = [command_unit(body.drive.command, body.kind.units) for body in bodies]
-            listed = ", ".join(f"{value:.2g} {unit}" for value, unit in zip(tremor, units, strict=True))
-            lines.append(f"counts of encoders make the commands of moving joints tremble, by up to {listed} (1 σ)")
+            listed = ", ".join(f"{value:.2g} {unit}" for value, unit in zip(ripple, units, strict=True))
+            lines.append(
+                f"quantisation ripple of the commands while joints move, by encoder counts: up to {listed} (1 σ)"
+            )
         return [*lines, "limits of drives are left out", *loop.notes]
+
+
+def _gain(sign: str, factor: float, way: int) -> Cell:
+    cell = Cell(f"{sign} {factor:.3g} ({way * decibels(factor):+.1f} dB)".replace("-", "−"))
+    cell.value = factor
+    return cell
 
 
 def analyse_loops(

@@ -1,4 +1,4 @@
-"""Effects of measurement noise on a sampled loop: H2 norms, tremor by encoder quantisation, and limit cycles.
+"""Effects of measurement noise on a sampled loop: H2 norms, ripple by encoder quantisation, and limit cycles.
 
 White noise v of standard deviation 1 in a joint's measured position drives the closed loop  z_{k+1} = F z_k + g v_k;  its
 covariance P = F P Fᵀ + g gᵀ gives the standard deviation of everything that depends on z, the H2 norm of that way. A loop of
@@ -97,14 +97,14 @@ def noise_gain(loop: LinearLoop, q: Any, *, gains: Any = None, joint: int | None
 
 
 def quantisation(loop: LinearLoop, q: Any, *, gains: Any = None) -> Quantisation:
-    """Effects of encoder quantisation on a scenario's loop: tremor while moving, limit cycles at rest.
+    """Effects of encoder quantisation on a scenario's loop: ripple while moving, limit cycles at rest.
 
     Dry friction, which stops small limit cycles and makes others with an integrator, is left out: simulate for it.
 
     Args:
         loop: of a scenario.   q: (…, n) poses [rad | m].   gains: in place of the controller's batches.
     Returns:
-        quantisation: counts, tremor, and the room up to a limit cycle.
+        quantisation: counts, ripple, and the room up to a limit cycle.
     Raises:
         ScenarioError: poses that are none of the arm.
     """

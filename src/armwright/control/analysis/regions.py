@@ -259,6 +259,16 @@ def longest_delay(scenario: Scenario, q: Any, *, gain_margin: float = 1.0, phase
     return low
 
 
+def decibels(gain: float) -> float:
+    """20 log₁₀ of a gain [dB]."""
+    return 20.0 * float(np.log10(gain))
+
+
+def margins_text(gain: float, phase: float) -> str:
+    """A gain margin, a factor, and a phase margin [rad] in words."""
+    return f"a gain margin of {gain:g} ({decibels(gain):.3g} dB) and a phase margin of {np.degrees(phase):.3g}°"
+
+
 def check_margins(gain: Any, phase: Any) -> None:
     """Refuses values that are not valid margins.
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from armwright import scalar
 from armwright.control.analysis.linear_loop import LinearLoop
+from armwright.control.analysis.regions import margins_text
 from armwright.parameters import Batch
 from armwright.simulation.scenario import Scenario
 
@@ -50,8 +51,7 @@ class LoopRemedies:
 
     def sentences(self) -> list[str]:
         """The remedy in words."""
-        gain, phase = self.asked
-        asked = f"a gain margin of {gain:g} and a phase margin of {np.degrees(phase):.3g}°"
+        asked = margins_text(*self.asked)
         lines = []
         if self.factors is not None and self.slower is not None:
             names = self.slower.arm.names

@@ -77,8 +77,8 @@ OF_JOINTS = {  # variable → unit ("q": that of the position) and meaning
     "saturation": ("-", "share of ticks in which the drive did less than was commanded"),
 }
 OF_TOOL = {
-    "path_mean": "mean distance of the tool from its path",
-    "path_largest": "largest distance of the tool from its path",
+    "path_mean": "mean path deviation of the tool",
+    "path_largest": "largest path deviation of the tool",
     "path_accuracy": "largest distance of the mean path from the commanded one, AT_p of ISO 9283",
     "path_repeatability": "spread of the runs about their mean path, RT_p of ISO 9283",
 }
@@ -90,7 +90,7 @@ class Comparison(Result):
 
     Attributes:
         data: dataset along controller, motion and payload, and joint where a measure is one of a joint; units and meanings in
-            attributes. `deviation` (…, point) [m] is the largest distance from the path of any run along the path,
+            attributes. `deviation` (…, point) [m] is the largest path deviation of any run along the path,
             `error` (…, instant, joint) the largest error over time, `watched` (controller, motion) [s] how long a run lasts,
             `failed` the number of runs that diverged or ran out of steps: a case with one has no measures.
         band: (n,) [rad | m] of the settling time.   runs: in each case.
@@ -108,7 +108,7 @@ class Comparison(Result):
         return f"joints, the worst of each case; {self.runs} runs each, settled within {self.band.max():g} rad | m"
 
     def tables(self) -> list[Table]:
-        """Joints and drives, the worst joint of every case; and the tool's distances from its path, if it moves."""
+        """Joints and drives, the worst joint of every case; and the path deviation of the tool, if it moves."""
         errors = [(name, unit) for unit in ("rad", "m") for name in ("rms_error", "largest_error", "overshoot")]
         heads = [f"{name.replace('_', ' ')} [{unit}]" for name, unit in errors]
         heads += ["settling [s]", "peak of limit", "saturated", "failed runs"]
@@ -424,7 +424,7 @@ def _dataset(arm: Model, cases: list[Any], names: tuple[list[str], ...]) -> xr.D
 
     found = {name: variable(name, ("joint",), unit, about) for name, (unit, about) in OF_JOINTS.items()}
     found |= {name: variable(name, (), "m", about) for name, about in OF_TOOL.items()}
-    found["deviation"] = variable("deviation", ("point",), "m", "largest distance from the path in any run")
+    found["deviation"] = variable("deviation", ("point",), "m", "largest path deviation in any run")
     found["error"] = variable("error", ("instant", "joint"), "q", "largest error in any run")
     found["watched"] = variable("watched", (), "s", "duration of a run")
     found["failed"] = variable("failed", (), "-", "runs that diverged or ran out of steps")

@@ -1,7 +1,7 @@
 """Measures of a tracked motion: path accuracy and repeatability of the tool, settling, overshoot.  [ISO9283]
 
 A point of the commanded path is compared with where the tool crosses the plane through it, normal to the path. A tool that is
-late but on the path has no path error; how late it is stands in the errors of the joints.
+late but on the path has no path deviation; how late it is stands in the errors of the joints.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class ToolPath:
 
 @dataclass(frozen=True)
 class PathErrors:
-    """Distances of the tool from its path, all [m].
+    """Path deviation of the tool: its distances from its path, all [m].
 
     Attributes:
         mean, largest: over all points and runs.

@@ -10,7 +10,7 @@ import numpy as np
 
 from armwright import scalar
 from armwright.control.analysis.linear_loop import LinearLoop
-from armwright.control.analysis.regions import GAIN, PHASE, check_margins
+from armwright.control.analysis.regions import GAIN, PHASE, check_margins, margins_text
 from armwright.control.analysis.small_signal import SUPPORT as SMALL_MOTIONS
 from armwright.control.cascade import Cascade
 from armwright.control.computed_torque import ComputedTorque
@@ -108,12 +108,11 @@ class GainDesign(Result):
 
     def sentences(self) -> list[str]:
         """The design in words."""
-        gain, phase = self.asked
         keeps = "keep" if self.keeps else "do NOT keep"
         speeds = ", ".join(f"{each:.3g}" for each in self.bandwidth)
         return [
             f"{self.method}: bandwidths {speeds} rad/s, small delays {1e3 * self.lag.max():.3g} ms",
-            f"the gains {keeps} a gain margin of {gain:g} and a phase margin of {np.degrees(phase):.3g}° at {self.poses} "
+            f"the gains {keeps} {margins_text(*self.asked)} at {self.poses} "
             "extreme poses; between them nothing is proven",
             *self.notes,
             *rest_sentences(self.scenario.arm, self.friction_error, self.weight_error),
@@ -410,9 +409,8 @@ def _checked_bandwidth(bandwidth: Any, designer: Designer) -> np.ndarray:
 
 def _refusal(designer: Designer, drawn: tuple[int, int]) -> ScenarioError:
     """The error where no bandwidth keeps the margins, with a period at which one does, or that it would without delays."""
-    gain, phase = designer.asked
     what = (
-        f"no bandwidth keeps a gain margin of {gain:g} and a phase margin of {np.degrees(phase):.3g}° at "
+        f"no bandwidth keeps {margins_text(*designer.asked)} at "
         f"{1e3 * designer.loop.period:.4g} ms with {1e3 * designer.loop.delay:.4g} ms of delay"
     )
     scenario, expected = designer.scenario, ["less margin"]
