@@ -15,12 +15,12 @@ import numpy as np
 from armwright.errors import ArmwrightError, ScenarioError
 from armwright.model import Model
 from armwright.model.changes import TERMS
+from armwright.model.payload import Payload
 from armwright.parameters import Batch, Draw
 from armwright.scenarios.kinds import CONFIGURED, kind_of
 from armwright.scenarios.lanes import TENSOR, TIMES
 from armwright.scenarios.parts import Formulas
 from armwright.scenarios.values import OTHERS
-from armwright.simulation.inputs.payload import Payload
 from armwright.simulation.inputs.schedule import Schedule
 from armwright.simulation.loop.sensors import Sensors
 from armwright.simulation.scenario import Scenario

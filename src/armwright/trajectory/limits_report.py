@@ -13,9 +13,9 @@ from armwright.errors import ScenarioError
 from armwright.kernels.compiled import KERNELS, compile_arm
 from armwright.model import Model
 from armwright.model.joint_signals import UNITS
+from armwright.model.payload import Payload
 from armwright.results.result import Result
 from armwright.results.table import Table, number
-from armwright.simulation.inputs.payload import Payload
 from armwright.trajectory.joined import APART, Joined
 from armwright.trajectory.limits import MotionLimits, current_torques
 from armwright.trajectory.motion import Motion

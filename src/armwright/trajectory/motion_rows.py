@@ -15,6 +15,7 @@ import numpy as np
 from armwright.errors import RunError, ScenarioError, ScheduleError
 from armwright.model import Model
 from armwright.model.joint_signals import joint_units
+from armwright.model.payload import Payload
 from armwright.output import check_destination, whole_file
 from armwright.printable import printable
 from armwright.results.csv_tables import Column, joint_columns, parse_numbers, table_text, write_table
@@ -22,7 +23,6 @@ from armwright.results.plot import check_plot, draw, write_plot
 from armwright.results.plot_curves import describe
 from armwright.results.recording import make_dataset
 from armwright.results.run_file import load_run, write_netcdf
-from armwright.simulation.inputs.payload import Payload
 from armwright.trajectory.limits_report import efforts
 from armwright.trajectory.motion import Motion
 from armwright.trajectory.piecewise import PiecewisePolynomial
