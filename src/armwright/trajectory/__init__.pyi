@@ -15,7 +15,7 @@ from armwright.trajectory.limits import MotionLimits as MotionLimits
 from armwright.trajectory.limits_report import LimitsReport as LimitsReport, limits_report as limits_report
 from armwright.trajectory.minimum_jerk import MinimumJerk as MinimumJerk
 from armwright.trajectory.motion import Motion as Motion
-from armwright.trajectory.motion_rows import load_motion as load_motion
+from armwright.trajectory.motion_files import load_motion as load_motion
 from armwright.trajectory.online import ReferenceFilter as ReferenceFilter
 from armwright.trajectory.path import JointPath as JointPath
 from armwright.trajectory.piecewise import PiecewisePolynomial as PiecewisePolynomial

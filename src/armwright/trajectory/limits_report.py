@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -16,11 +16,11 @@ from armwright.model.joint_signals import UNITS
 from armwright.model.payload import Payload
 from armwright.results.result import Result
 from armwright.results.table import Table, number
+from armwright.trajectory.efforts import efforts, has_constants, in_order
 from armwright.trajectory.joined import APART, Joined
 from armwright.trajectory.limits import MotionLimits, current_torques
 from armwright.trajectory.motion import Motion
 from armwright.trajectory.piecewise import PiecewisePolynomial
-from armwright.trajectory.rest import Torques, torques
 from armwright.trajectory.rest_to_rest import RestToRest
 
 SUPPORT = KERNELS.named("plan")
@@ -237,7 +237,7 @@ def limits_report(
     if motion.n != arm.n or limits.n != arm.n:
         what = f"a motion of {motion.n} joints with limits of {limits.n}"
         raise ScenarioError(what, place=arm.name, expected=f"{arm.n} of both")
-    bodies = [payload] if isinstance(payload, Payload) else sorted(payload or (), key=lambda each: each.time)
+    bodies = in_order(payload)
     motions = list(_in_sequence(motion))
     parts = [_of_one(arm, each, limits, bodies, wrench, samples) for each in motions]
     for k, jumps in enumerate(jumps_of(motions)):
@@ -308,8 +308,8 @@ def _of_one(
         q, qd, qdd = motion.at(at)
         found = {"position": q, "velocity": qd, "acceleration": qdd, "jerk": _jerk(motion, at, qdd)}
         inside = np.where(at >= end, np.nextafter(end, -np.inf), at)  # what is gripped at the end, counts from there on
-        efforts = _efforts(arm, inside, q, qd, qdd, bodies, wrench, fastest)
-        return found | {quantity: each.least for quantity, each in efforts.items()}
+        known = efforts(arm, inside, q, qd, qdd, bodies, wrench, fastest)
+        return found | {quantity: each.least for quantity, each in known.items()}
 
     fastest = np.abs(motion.at(t)[1]).max(axis=0, initial=0.0)
     rows = values(t)
@@ -339,7 +339,7 @@ def _of_one(
         share = np.fmax(_shares(limits, quantity, low), _shares(limits, quantity, high))
         for store, value in zip(found, (low, high, share, at), strict=True):
             store[quantity] = value
-    known = _efforts(arm, t, *motion.at(t), bodies, wrench, fastest)
+    known = efforts(arm, t, *motion.at(t), bodies, wrench, fastest)
     bands = {
         quantity: np.where(each.held.all(axis=0), [each.low.min(axis=0), each.high.max(axis=0)], np.nan).T
         for quantity, each in known.items()
@@ -413,7 +413,7 @@ def _polynomial(motion: Motion) -> PiecewisePolynomial | None:
     """The motion as polynomials of time; None of a motion that is none."""
     if isinstance(motion, RestToRest):  # of degree 5 at most: the one with the same states at both ends
         return PiecewisePolynomial.hermite(motion.breaks, *motion.at(motion.breaks))
-    return motion if isinstance(motion, PiecewisePolynomial) else getattr(motion, "polynomial", None)
+    return getattr(motion, "polynomial", None)
 
 
 def _jerk(motion: Motion, t: np.ndarray, qdd: np.ndarray) -> np.ndarray:
@@ -527,7 +527,7 @@ def _unchecked(arm: Model, limits: MotionLimits, found: dict[str, np.ndarray], *
         if names and quantity not in found:
             why = "the record has no masses"
             if "torque" in found:
-                without = [body.joint for body in arm.coordinates if not _has_constants(body)]
+                without = [body.joint for body in arm.coordinates if not has_constants(body)]
                 why = f"the record has no motor constants of {', '.join(without)}"
             said.append(f"{quantity} of {', '.join(names)}: {why}")
     return (*said, *(unchecked_currents(arm) if currents else ()))
@@ -540,67 +540,9 @@ def unchecked_currents(arm: Model) -> list[str]:
     return [f"current of {', '.join(names)}: the record has no torque constant"] if names else []
 
 
-def _has_constants(body: Any) -> bool:
-    return body.drive.resistance is not None and body.drive.torque_constant is not None
-
-
 def _percent(share: float) -> str:
     """A share in percent; one decimal, or more where it would look like exactly the limit."""
     return f"{share:.5%}" if KEPT < share < 1.0005 else f"{share:.1%}"
-
-
-def efforts(
-    arm: Model,
-    t: np.ndarray,
-    q: np.ndarray,
-    qd: np.ndarray,
-    qdd: np.ndarray,
-    payload: Payload | Sequence[Payload] | None = None,
-    wrench: Any = None,
-) -> dict[str, np.ndarray]:
-    """Torques and voltages of the motors by quantity, (k, n) [N m | N] and [V], as far as the record allows.
-
-    Those of a joint at rest are without dry friction, also where its speed is the rounding of 0.
-
-    Args:
-        arm: the model.   t: (k,) [s] increasing.   q, qd, qdd: (k, n) [rad | m, …/s, …/s²].
-        payload: bodies in the hand, each from its time on.   wrench: (6,) [N, N m] on the tip, in base axes.
-    """
-    return {quantity: each.tau for quantity, each in _efforts(arm, t, q, qd, qdd, payload, wrench).items()}
-
-
-def _efforts(
-    arm: Model,
-    t: np.ndarray,
-    q: np.ndarray,
-    qd: np.ndarray,
-    qdd: np.ndarray,
-    payload: Payload | Sequence[Payload] | None,
-    wrench: Any,
-    fastest: np.ndarray | None = None,
-) -> dict[str, Torques]:
-    """Torques and voltages with their bands; see `efforts`. `fastest`: (n,) largest speeds, by default those of the rows."""
-    if arm.without_masses or not np.asarray(arm.inertial_parameters, dtype=float).any():
-        return {}
-    bodies = [payload] if isinstance(payload, Payload) else sorted(payload or (), key=lambda each: each.time)
-    force = () if wrench is None else (np.asarray(wrench, dtype=float),)
-    begins = [-np.inf, *(float(each.time) for each in bodies), np.inf]
-    fastest = np.abs(qd).max(axis=0, initial=0.0) if fastest is None else fastest
-    parts = []
-    for begin, end, body in zip(begins[:-1], begins[1:], [None, *bodies], strict=True):
-        rows = (t >= begin) & (t < end)
-        loaded = arm
-        if body is not None and float(body.mass) > 0.0:
-            loaded = arm.with_payload(body.mass, body.com, body.inertia, body.frame)
-        if rows.any():
-            parts.append(torques(arm, compile_arm(loaded), q[rows], qd[rows], qdd[rows], *force, fastest=fastest))
-    found = Torques(*(np.concatenate([getattr(part, each.name) for part in parts]) for each in fields(Torques)))
-    if not all(b.drive.resistance is not None and b.drive.torque_constant is not None for b in arm.coordinates):
-        return {"torque": found}
-    dyn = compile_arm(arm)
-    volts = [dyn.motor_voltage(found.qd, each) for each in (found.tau, found.low, found.high)]
-    low, high = np.minimum(*volts[1:]), np.maximum(*volts[1:])  # swapped where the gear turns the motor the other way
-    return {"torque": found, "voltage": Torques(found.qd, volts[0], low, high, found.held)}
 
 
 def _shares(limits: MotionLimits, quantity: str, rows: np.ndarray) -> np.ndarray:

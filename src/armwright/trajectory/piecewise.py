@@ -48,6 +48,11 @@ class PiecewisePolynomial(Motion):
         object.__setattr__(self, "coefficients", coefficients)
 
     @property
+    def polynomial(self) -> PiecewisePolynomial:
+        """The motion, as of the motions that are computed as one."""
+        return self
+
+    @property
     def n(self) -> int:
         """Number of joints."""
         return self.coefficients.shape[1]
