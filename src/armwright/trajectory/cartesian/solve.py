@@ -13,7 +13,8 @@ from scipy.interpolate import PPoly
 from armwright.collision import Clearance
 from armwright.entry import AnyArm, as_arm
 from armwright.errors import ABSENT, ScenarioError
-from armwright.ik.solve import inverse_kinematics, solver
+from armwright.ik.solve import inverse_kinematics
+from armwright.ik.solver import solver
 from armwright.ik.starts import random_positions
 from armwright.kinematics.aim import AXES, Aim
 from armwright.model import Model
