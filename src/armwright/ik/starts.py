@@ -74,7 +74,7 @@ class Starts:
     def __init__(self, chain: JointChain, poses_at: Callable[[np.ndarray], np.ndarray], target: Target):
         """Random positions within the limits, the same each time; `poses_at`: (k, n) → (k, 4, 4) of the frame."""
         self.chain = chain
-        positions = random_positions(chain, STARTS)
+        positions = random_positions(chain.model, STARTS)
         tasks, features = chain.places(poses_at(positions))
         azimuths = tasks[:, 12:]
         self.rows = np.concatenate([positions, azimuths], axis=1)
@@ -95,12 +95,12 @@ class Starts:
         return np.ascontiguousarray(lanes.get("found")[:, RANKED:])
 
 
-def random_positions(chain: JointChain, count: int) -> np.ndarray:
+def random_positions(arm: Model, count: int) -> np.ndarray:
     """(count, n) random joint positions, uniform within the limits; over a whole turn, or a metre, without limits."""
     from scipy.stats import qmc
 
-    low, high = sampled_ranges(chain.model)
-    return low + qmc.Sobol(chain.n, rng=np.random.default_rng(0)).random(count) * (high - low)
+    low, high = sampled_ranges(arm)
+    return low + qmc.Sobol(arm.n, rng=np.random.default_rng(0)).random(count) * (high - low)
 
 
 def sampled_ranges(arm: Model) -> tuple[np.ndarray, np.ndarray]:

@@ -1,7 +1,7 @@
 """The names of this room and where each lives: for type checkers, and for `armwright.lazy`."""
 
 from armwright.motions.plan import Plan as Plan, plan as plan
-from armwright.trajectory.cartesian.follow import follow_path as follow_path
+from armwright.trajectory.cartesian.follow import ToolLimits as ToolLimits, follow_path as follow_path
 from armwright.trajectory.cartesian.motion import CartesianMotion as CartesianMotion
 from armwright.trajectory.cartesian.path import CartesianPath as CartesianPath
 from armwright.trajectory.cartesian.pieces import PathPoints as PathPoints
