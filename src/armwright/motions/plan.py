@@ -103,7 +103,7 @@ class Plan(Result):
         Raises:
             OutputError: the file cannot be written.
         """
-        self.motion.save(path, self.arm, rate)
+        self.motion.save(self.arm, path, rate)
         return Path(path)
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | None:

@@ -311,7 +311,7 @@ def _reference(place: str, reference: Any, arm: Model) -> Tables:
         called = type(reference).__name__
         what, expected = (
             f"an aw.{called} that is not from a file {TABLED}",
-            "reference.save('NAME.csv', arm) and aw.trajectories.load_motion",
+            "reference.save(arm, 'NAME.csv') and aw.trajectories.load_motion",
         )
         raise ScenarioError(what, place=place, expected=expected)
     if callable(reference):
