@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Literal, get_args
 
@@ -10,11 +12,12 @@ import numpy as np
 from armwright.entry import AnyArm, as_arm
 from armwright.errors import ModelError, ShapeError
 from armwright.features import Support
+from armwright.ik.closed_form.branches import ClosedForm
 from armwright.ik.closed_form.nearly import closed_form
 from armwright.ik.goals import Goal
 from armwright.ik.several import best_different, descended
-from armwright.ik.solutions import PoseSolutions
-from armwright.ik.solver import PoseSolver, solver
+from armwright.ik.solutions import PoseBranches, PoseSolutions
+from armwright.ik.solver import solver
 from armwright.ik.targets import checked_array, checked_targets
 from armwright.kinematics.aim import Aim
 from armwright.model import Model
@@ -82,20 +85,19 @@ def inverse_kinematics(
     """
     arm = as_arm(arm)
     poses, shape, part = checked_targets(targets, aim)
-    limit = real_number(tolerance)
+    limit, wanted = real_number(tolerance), Goal.of(goal)
     if limit is None or not 1e-12 <= limit < 1.0:
         raise ModelError(place="tolerance", value=tolerance, expected="a number from 1e-12 to 1 [m and rad]")
     if not _is_count(threads):
         raise ModelError(place="threads", value=threads, expected="a whole number, 1 or more")
     starts = None if near is None else _checked_starts(near, arm.n, shape)
-    wanted = Goal.of(goal)
     if wanted.best == "nearest" and starts is None:
         raise ModelError(place="goal", value=wanted.best, expected="near, the joint positions to be nearest to")
     if solutions is not None and not _is_count(solutions, MOST_SOLUTIONS):
         raise ModelError(place="solutions", value=solutions, expected=f"a whole number from 1 to {MOST_SOLUTIONS}")
     if method not in get_args(Method):
         raise ModelError(place="method", value=method, choices=get_args(Method))
-    whole = part.kind == "pose"
+    asked, whole = _Targets(poses, shape, part, starts, limit, wanted, threads), part.kind == "pose"
     closed = closed_form(arm, frame, starts is not None) if whole and method != "numeric" else None
     if closed is None and method == "closed-form":
         expected = "six joints whose axes meet or are parallel as one needs, a frame of the last link and whole poses"
@@ -103,35 +105,43 @@ def inverse_kinematics(
         what = f"{arm.name} has no closed form" if whole else no_aim
         raise ModelError(what, place="method", value=method, expected=expected)
     if wanted.best is not None or solutions is not None:
-        plain, count = solver(arm, frame, part, limit, False, wanted.length), solutions or 1
-        if closed is None:
-            begins = None if starts is None else solver(arm, frame, part, limit, True, wanted.length)
-            candidates = descended(plain, begins, poses, starts, count, threads)
-        else:
-            candidates = closed.solve(poses, starts, limit, threads)[0].q
-            if method == "auto":
-                candidates = np.concatenate([candidates, plain.solve(poses, None, threads)[:, None, : arm.n]], axis=1)
-        q = best_different(plain, poses, candidates, starts, wanted.best, count, limit)
-        return _several(plain, q, poses, shape, solutions, limit)
-    numeric = partial(_numeric, arm, frame, part, limit, wanted.length, threads)
+        return _several(arm, frame, asked, closed, solutions, numeric=method != "closed-form")
     if closed is None:
-        values, more = numeric(poses, starts), {}
-    else:
-        branches, best = closed.solve(poses, starts, limit, threads)
-        values, branch = _of_branches(best)
-        left = np.flatnonzero(branch < 0)
-        if len(left) and method == "auto":
-            for every, found in zip(
-                values, numeric(poses[left], None if starts is None else starts[left]), strict=True
-            ):
-                every[left] = found
-        more = {
-            "method": f"{closed.kind} ({closed.geometry.description})",
-            "branches": branches.reshaped(shape),
-            "branch": branch.reshape(shape),
-        }
-    shaped = (each.reshape((*shape, *each.shape[1:])) for each in values)
-    return PoseSolutions(*shaped, tolerance=limit, arm=arm, **more)
+        return PoseSolutions(*asked.shaped(_numeric(arm, frame, asked)), tolerance=limit, arm=arm)
+    values, branches, branch = _in_closed_form(closed, asked)
+    left = np.flatnonzero(branch < 0)
+    if len(left) and method == "auto":
+        for every, found in zip(values, _numeric(arm, frame, asked.only(left)), strict=True):
+            every[left] = found
+    how = f"{closed.kind} ({closed.geometry.description})"
+    more = {"method": how, "branches": branches.reshaped(shape), "branch": branch.reshape(shape)}
+    return PoseSolutions(*asked.shaped(values), tolerance=limit, arm=arm, **more)
+
+
+@dataclass(frozen=True, eq=False)
+class _Targets:
+    """Targets, checked, and what is asked of their solutions.
+
+    Attributes:
+        poses: (k, 4, 4).   shape: of their batch.   aim: what counts of them.   near: (k, n) positions to begin with, or None.
+        tolerance: [m] and [rad].   goal: which solution is wanted.   threads: for large batches.
+    """
+
+    poses: np.ndarray
+    shape: tuple[int, ...]
+    aim: Aim
+    near: np.ndarray | None
+    tolerance: float
+    goal: Goal
+    threads: int
+
+    def only(self, rows: np.ndarray) -> _Targets:
+        """Some of the targets."""
+        return replace(self, poses=self.poses[rows], near=None if self.near is None else self.near[rows])
+
+    def shaped(self, values: Sequence[np.ndarray], *axis: int) -> Iterator[np.ndarray]:
+        """Values (k, …) in the shape of the batch, with one more axis where it is given."""
+        return (each.reshape((*self.shape, *axis, *each.shape[1:])) for each in values)
 
 
 def _is_count(value: Any, most: float = np.inf) -> bool:
@@ -152,50 +162,48 @@ def _checked_starts(near: Any, n: int, shape: tuple[int, ...]) -> np.ndarray:
     return np.broadcast_to(starts, (*shape, n)).reshape(-1, n)
 
 
-def _of_branches(best: np.ndarray) -> tuple[tuple[np.ndarray, ...], np.ndarray]:
-    """Positions, success, errors, margins, iterations and attempts (k, …) of the best branches, and their numbers (k,)."""
+def _in_closed_form(closed: ClosedForm, targets: _Targets) -> tuple[tuple[np.ndarray, ...], PoseBranches, np.ndarray]:
+    """Positions, success, errors, margins, iterations and attempts (k, …) of the best branches; all of them; numbers (k,)."""
+    branches, best = closed.solve(targets.poses, targets.near, targets.tolerance, targets.threads)
     n, branch = best.shape[1] - 4, best[:, -1].astype(int)
     none = np.zeros((2, len(best)), int)
-    return (best[:, :n], branch >= 0, best[:, n], best[:, n + 1], best[:, n + 2], *none), branch
+    return (best[:, :n], branch >= 0, best[:, n], best[:, n + 1], best[:, n + 2], *none), branches, branch
 
 
-def _numeric(
-    arm: Model,
-    frame: str | None,
-    aim: Aim,
-    tolerance: float,
-    length: float | None,
-    threads: int,
-    poses: np.ndarray,
-    starts: np.ndarray | None,
-) -> tuple[np.ndarray, ...]:
+def _numeric(arm: Model, frame: str | None, targets: _Targets) -> tuple[np.ndarray, ...]:
     """Positions, success, errors, margins, iterations and attempts (k, …) by descent."""
-    chosen = solver(arm, frame, aim, tolerance, starts is not None)
-    found = chosen.solve(poses, starts, threads)
+    poses, near, length = targets.poses, targets.near, targets.goal.length
+    of_arm = partial(solver, arm, frame, targets.aim, targets.tolerance, near is not None)
+    chosen = of_arm()
+    found = chosen.solve(poses, near, targets.threads)
     q = found[:, : arm.n]
     missed = np.flatnonzero(found[:, arm.n] >= (chosen.tolerance * min(1.0, chosen.chain.weight)) ** 2)
     if len(missed):
         if length is not None:  # which says what is nearest, and must not decide what is found
-            chosen = solver(arm, frame, aim, tolerance, starts is not None, length)
-            found[missed] = chosen.solve(poses[missed], None if starts is None else starts[missed], threads)
+            chosen = of_arm(length)
+            found[missed] = chosen.solve(poses[missed], None if near is None else near[missed], targets.threads)
         q[missed] = chosen.nearest(poses[missed], q[missed])
-    if starts is not None:
-        q = chosen.chain.nearest_turns(q, starts)
-    return q, *chosen.judged(q, poses, tolerance), *found[:, -2:].astype(int).T
+    if near is not None:
+        q = chosen.chain.nearest_turns(q, near)
+    return q, *chosen.judged(q, poses, targets.tolerance), *found[:, -2:].astype(int).T
 
 
 def _several(
-    solver: PoseSolver,
-    q: np.ndarray,
-    poses: np.ndarray,
-    shape: tuple[int, ...],
-    solutions: int | None,
-    tolerance: float,
+    arm: Model, frame: str | None, targets: _Targets, closed: ClosedForm | None, solutions: int | None, *, numeric: bool
 ) -> PoseSolutions:
-    """Results (…, solutions) of positions (k, solutions, n); without `solutions` the axis is left out."""
-    count = q.shape[1]
-    flat, targets = q.reshape(-1, q.shape[2]), np.repeat(poses, count, axis=0)
-    values = (flat, *solver.judged(flat, targets, tolerance), *np.zeros((2, len(flat)), int))
-    lead = shape if solutions is None else (*shape, count)
-    shaped = (each.reshape((*lead, *each.shape[1:])) for each in values)
-    return PoseSolutions(*shaped, tolerance=tolerance, arm=solver.chain.model, several=solutions is not None)
+    """The best solutions by a goal, one more axis of each target; without `solutions` one, and no axis."""
+    poses, near, limit, threads = targets.poses, targets.near, targets.tolerance, targets.threads
+    of_arm = partial(solver, arm, frame, targets.aim, limit)
+    plain, count = of_arm(False, targets.goal.length), solutions or 1
+    if closed is None:
+        begins = None if near is None else of_arm(True, targets.goal.length)
+        candidates = descended(plain, begins, poses, near, count, threads)
+    else:
+        candidates = closed.solve(poses, near, limit, threads)[0].q
+        if numeric:
+            candidates = np.concatenate([candidates, plain.solve(poses, None, threads)[:, None, : arm.n]], axis=1)
+    q = best_different(plain, poses, candidates, near, targets.goal.best, count, limit)
+    flat = q.reshape(-1, arm.n)
+    values = (flat, *plain.judged(flat, np.repeat(poses, count, axis=0), limit), *np.zeros((2, len(flat)), int))
+    axis = () if solutions is None else (solutions,)
+    return PoseSolutions(*targets.shaped(values, *axis), tolerance=limit, arm=arm, several=solutions is not None)

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from xml.sax.saxutils import quoteattr
 
-from armwright.export.fmu.variables import Variable, base_unit
+from armwright.export.fmu.variables import FmuVariable, base_unit
 
 VERSIONS = ("3.0", "2.0")
-INDEPENDENT = Variable("time", "independent", "continuous", "s", "simulation time", "", 0)
+INDEPENDENT = FmuVariable("time", "independent", "continuous", "s", "simulation time", "", 0)
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Description:
     identifier: str
     token: str
     about: str
-    variables: tuple[Variable, ...]
+    variables: tuple[FmuVariable, ...]
     period: float | None
     tool: str
     indicators: tuple[str, ...] = ()
@@ -82,15 +82,15 @@ def _experiment(it: Description) -> str:
     return _tag("DefaultExperiment", startTime=0.0, stopTime=it.stop, stepSize=it.period)
 
 
-def _unit(each: Variable) -> str | None:
+def _unit(each: FmuVariable) -> str | None:
     return None if each.unit == "-" else each.unit
 
 
-def _start(each: Variable) -> float | None:
+def _start(each: FmuVariable) -> float | None:
     return each.start if each.causality in ("input", "parameter") else None
 
 
-def _initial(each: Variable) -> str | None:
+def _initial(each: FmuVariable) -> str | None:
     if each.causality in ("input", "independent"):
         return None
     return "exact" if each.causality == "parameter" else "calculated"
