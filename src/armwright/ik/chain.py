@@ -74,7 +74,7 @@ class JointChain:
             return turns
         return turns & (
             np.bincount(mimics.coordinate, minlength=self.n) == 1
-        )  # a turn of the others moves their followers
+        )  # turns of the others move their followers
 
     @cached_property
     def low(self) -> Array:
@@ -263,9 +263,7 @@ class JointChain:
             for side in (x - low, high - x):
                 if np.isfinite(high - low) and high > low:
                     margin = scalar.minimum(margin, side * (1.0 / (high - low)))
-                elif scalar.is_symbolic(side) or np.isfinite(
-                    side
-                ):  # of a joint with one limit, only whether it is kept
+                elif scalar.is_symbolic(side) or np.isfinite(side):  # of one limit only whether it is kept
                     margin = scalar.minimum(margin, scalar.where(scalar.less(side, 0.0), side, 0.5))
         return margin
 

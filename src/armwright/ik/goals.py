@@ -108,9 +108,8 @@ def goal_search(chain: JointChain, goal: Best, tolerance: float) -> Program:
     layout = LaneState({"q": n, "trial": n, "way": n} | numbers)
     solved = (tolerance * min(1.0, float(chain.weight))) ** 2
     scale = _ranges(chain)[1] if goal == "limits" else np.ones(n)
-    metric = (
-        1.0 / np.where(scale > 0.0, scale, scale.max(initial=0.0) or 1.0) ** 2
-    )  # W⁻¹: about that of h's second derivative
+    # W⁻¹: about that of h's second derivative
+    metric = 1.0 / np.where(scale > 0.0, scale, scale.max(initial=0.0) or 1.0) ** 2
 
     def step(task: Array, fresh: Array, state: Array) -> tuple[np.ndarray, ...]:
         old, first = layout.split(state), scalar.less(0.0, fresh[0])

@@ -30,11 +30,8 @@ STILL = 1e-3  # of the joint that moves most: the rest of a motion of another jo
 KEPT = 1.0 + 1e-6  # share of a limit up to which it counts as kept
 SAMPLES = 2000  # of a report, at least, and …
 IN_A_PIECE = 10  # … between two breaks
-ROUNDS, BETWEEN, AS_LARGE = (
-    3,
-    8,
-    0.5,
-)  # refinements near extremes, points in each interval; of the way to the next value
+ROUNDS, BETWEEN = 3, 8  # refinements near extremes, points in each interval
+AS_LARGE = 0.5  # of the way to the next value
 BESIDE = 1e-9  # [s], and of a time: where positions beside a jump are looked at
 MECHANICAL = ("position", "velocity", "acceleration", "jerk")  # by their order as derivatives
 SHOWN = 4  # jumps that are listed
@@ -165,18 +162,11 @@ class LimitsReport(Result):
 
     def tables(self) -> list[Table]:
         """A row for each joint and quantity: the value with the largest share of its limit, that share, and when."""
-        rows = [
-            [
-                name,
-                quantity,
-                number(self.worst(quantity, k)),
-                self.limits.unit(quantity, k),
-                number(100.0 * share[k]),
-                number(when[k]),
-            ]
-            for k, name in enumerate(self.limits.names)
-            for (quantity, share), when in zip(self.share.items(), self.times.values(), strict=True)
-        ]
+        rows = []
+        for k, name in enumerate(self.limits.names):
+            for (quantity, share), when in zip(self.share.items(), self.times.values(), strict=True):
+                value, unit = number(self.worst(quantity, k)), self.limits.unit(quantity, k)
+                rows.append([name, quantity, value, unit, number(100.0 * share[k]), number(when[k])])
         heads = ("joint", "quantity", "value", "unit", "share of the limit [%]", "time [s]")
         return [Table(self.heading, heads, rows, ("quantity", "unit"))]
 
@@ -198,13 +188,8 @@ class LimitsReport(Result):
                 cells.append(f"{value} {self.limits.unit(quantity, k)} {part:>8}")
             rows.append(cells)
         widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-        lines = [
-            "   ".join(
-                [f"{row[0]:{widths[0]}}", *(f"{cell:>{w}}" for cell, w in zip(row[1:], widths[1:], strict=True))]
-            )
-            for row in rows
-        ]
-        return "\n".join(lines)
+        padded = [[f"{cell:>{w}}" for cell, w in zip(row[1:], widths[1:], strict=True)] for row in rows]
+        return "\n".join("   ".join([f"{row[0]:{widths[0]}}", *cells]) for row, cells in zip(rows, padded, strict=True))
 
 
 def limits_report(
@@ -273,27 +258,12 @@ def _joined(limits: MotionLimits, parts: tuple[LimitsReport, ...]) -> LimitsRepo
             store[quantity] = value
     jumps = np.concatenate([part.jumps for part in parts])
     excess = tuple(each for part in parts for each in part.excess)
-    bands = {
-        quantity: np.stack(
-            [
-                np.min([part.bands[quantity][:, 0] for part in parts], axis=0),
-                np.max([part.bands[quantity][:, 1] for part in parts], axis=0),
-            ],
-            axis=1,
-        )
-        for quantity in parts[0].bands
-    }  # NaN where a joint moves in one of them
-    first = parts[0]
-    return LimitsReport(
-        limits,
-        *found,
-        jumps=jumps,
-        excess=excess,
-        unchecked=first.unchecked,
-        parts=parts,
-        bands=bands,
-        notes=first.notes,
-    )
+    bands = {}  # NaN where a joint moves in one of them
+    for quantity in parts[0].bands:
+        low, high = np.array([part.bands[quantity] for part in parts]).transpose(2, 0, 1)
+        bands[quantity] = np.stack([low.min(axis=0), high.max(axis=0)], axis=1)
+    unchecked, notes = parts[0].unchecked, parts[0].notes
+    return LimitsReport(limits, *found, jumps, excess, unchecked, parts, bands, notes)
 
 
 def _of_one(

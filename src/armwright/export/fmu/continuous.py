@@ -148,9 +148,8 @@ def _beginning(config: LoopConfig, arm: Model, values: Mapping[str, np.ndarray])
 
 
 def _about(name: str) -> str:
-    return {"tau_link": "torque that leaves the gear", "electrical_power": "electrical power into the drive"}.get(
-        name, ""
-    )
+    abouts = {"tau_link": "torque that leaves the gear", "electrical_power": "electrical power into the drive"}
+    return abouts.get(name, "")
 
 
 def _variables(
@@ -198,12 +197,11 @@ def continuous_source(model: ContinuousModel, token: str) -> dict[str, str]:
     begin = loop.call(model.begin)
     unit.functions["model_begin"] = f"void model_begin(model_state *l)\n{{\n    {begin}\n    model_event(l);\n}}"
     unit.functions["model_tangent"] = _tangent(model, loop)
-    places = {name: _places(ports) for name, ports in (("known", _knowns(model)), ("unknown", _unknowns(model)))}
-    known = {each.name: places["known"].get((each.member, each.entry), -1) for each in model.variables}
-    unknown = {each.name: places["unknown"].get((each.member, each.entry), -1) for each in model.variables}
+    places = [_places(ports) for ports in (_knowns(model), _unknowns(model))]
+    numbers = [{each.name: at.get((each.member, each.entry), -1) for each in model.variables} for at in places]
     unit.functions["model_create"] = CREATE.format(rows=",\n".join(f"    {row}" for row in loop.initial(model.blocks)))
-    unit.functions["model_variables"] = variable_table(model.variables, known, unknown)
-    longest = max(len(each) for each in places.values())
+    unit.functions["model_variables"] = variable_table(model.variables, *numbers)
+    longest = max(len(each) for each in places)
     functions = (
         "\n/* A direction of states and inputs, or of derivatives and outputs. */\n"
         f"typedef struct {{\n    double values[{longest}];\n}} model_direction;\n\n"

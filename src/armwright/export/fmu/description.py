@@ -97,12 +97,11 @@ def _initial(each: FmuVariable) -> str | None:
 
 
 def _unknowns(it: Description) -> tuple[list[int], list[int], list[int]]:
-    """Value references of outputs, of state derivatives, and of what is to be computed at the beginning."""
+    """Value references of outputs, of state derivatives, and of both, which are computed at the beginning."""
     numbered = list(enumerate(it.variables, 1))
     outputs = [k for k, each in numbered if each.causality == "output"]
     derivatives = [k for k, each in numbered if each.derivative_of is not None]
-    computed = [k for k, each in numbered if each.causality == "output"]
-    return outputs, derivatives, computed
+    return outputs, derivatives, sorted({*outputs, *derivatives})
 
 
 def _version_3(it: Description, sources: Sequence[str]) -> list[str]:
@@ -128,7 +127,7 @@ def _version_3(it: Description, sources: Sequence[str]) -> list[str]:
     structure = [
         *(_tag("Output", valueReference=k) for k in outputs),
         *(_tag("ContinuousStateDerivative", valueReference=k) for k in derivatives),
-        *(_tag("InitialUnknown", valueReference=k) for k in sorted({*computed, *derivatives})),
+        *(_tag("InitialUnknown", valueReference=k) for k in computed),
         *(_tag("EventIndicator", valueReference=places[name]) for name in it.indicators),
     ]
     return [
@@ -161,7 +160,7 @@ def _version_2(it: Description, sources: Sequence[str]) -> list[str]:
         ]
     structure = []
     outputs, derivatives, computed = _unknowns(it)
-    groups = {"Outputs": outputs, "Derivatives": derivatives, "InitialUnknowns": sorted({*computed, *derivatives})}
+    groups = {"Outputs": outputs, "Derivatives": derivatives, "InitialUnknowns": computed}
     for group, members in groups.items():
         if members:
             structure += [f"<{group}>", *(_tag("Unknown", index=k + 1) for k in members), f"</{group}>"]

@@ -18,7 +18,7 @@ from armwright.trajectory.cartesian.solve import ToolPathSolution, checked_limit
 from armwright.trajectory.cartesian.uses import MARGIN, uses_of
 from armwright.trajectory.limits import LARGEST, SMALLEST, MotionLimits
 from armwright.trajectory.piecewise import LAST, PiecewisePolynomial
-from armwright.trajectory.s_curve import JERK, s_curve_times
+from armwright.trajectory.s_curve import s_curve_jerks, s_curve_times
 
 SLOWEST = 100.0  # a motion that must be slower than requested by more is next to a singularity
 JERK_TIME = 0.1  # [s] in which an acceleration is reached where no jerk is given
@@ -169,10 +169,8 @@ def _profile(path: CartesianPath, paces: list[Pace], time: float, slowed: float)
             raise ScenarioError(
                 f"it ends at {time + times.sum():.3g} s", place="speed", value=pace.speed, expected=expected
             )
-        derivative = np.zeros((7, 3))
-        ramp, flat, _, cruise, *_ = times
-        derivative[:, -1] = JERK * (end - begin) / (ramp * (ramp + flat) * (2.0 * ramp + flat + cruise))
-        run = PiecewisePolynomial.of_segments(float(knots[-1][-1]), times, derivative, begin)
+        jerks = s_curve_jerks(end - begin, times)
+        run = PiecewisePolynomial.of_segments(float(knots[-1][-1]), times, jerks, begin)
         knots.append(run.knots[1:])
         rows.append(run.coefficients)
     return PiecewisePolynomial(np.concatenate(knots), np.concatenate(rows))
