@@ -51,7 +51,7 @@ FOLLOWED = {
         *("Equations", "Part", "Factor", "FitProblem", "_Fitted", "ArmFit", "RecordParameters", "ArmEstimate"),
     ),
     "tune": ("Scenario", "Loop", "Space", "Objective", "Uncertainty", "TuningResult"),
-    "inverse_kinematics": ("Model", "Chain", "Solver", "PoseSolutions"),
+    "inverse_kinematics": ("Model", "JointChain", "PoseSolver", "PoseSolutions"),
     "export_controller": ("Scenario", "Loop", "Plant", "Program"),
 }
 

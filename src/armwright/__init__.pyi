@@ -57,6 +57,7 @@ from armwright.kinematics import (
 )
 from armwright.model import Model as Model
 from armwright.model.load import load as load
+from armwright.model.payload import Payload as Payload
 from armwright.parameters import Batch as Batch, Draw as Draw
 from armwright.pictures.animate import animate as animate
 from armwright.pictures.show import show as show
@@ -66,7 +67,6 @@ from armwright.results.run_file import load_run as load_run
 from armwright.results.statistics import statistics as statistics
 from armwright.scenarios import read_scenario as read_scenario, reproduce as reproduce, write_scenario as write_scenario
 from armwright.signals import Layout as Layout, Signal as Signal
-from armwright.simulation.inputs.payload import Payload as Payload
 from armwright.simulation.inputs.schedule import Schedule as Schedule
 from armwright.simulation.loop.command_filter import CommandFilter as CommandFilter
 from armwright.simulation.loop.sensors import Sensors as Sensors

@@ -74,7 +74,7 @@ ENTRIES = {
     ),
     "motion": Entry(
         "armwright.trajectory.motion.Motion",
-        "armwright.trajectory.motion_rows.load_motion",
+        "armwright.trajectory.motion_files.load_motion",
         ScheduleError,
         "a motion: its file, or what a planner or aw.trajectories.load_motion returns",
     ),

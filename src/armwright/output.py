@@ -14,7 +14,7 @@ import re
 import secrets
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from armwright.entry import as_path
@@ -94,15 +94,19 @@ def whole_file(
 
 
 @contextlib.contextmanager
-def working_folder() -> Iterator[Path]:
+def working_folder(texts: Mapping[str, str] | None = None) -> Iterator[Path]:
     """A temporary folder, for compilers and the like, which is gone behind the block.
 
+    Args:
+        texts: in ASCII, of files to begin with, by their names.
     Raises:
         OutputError: a file cannot be written there: a full disk.
     """
     place = Path(tempfile.gettempdir())
     with _as_output_error(place), tempfile.TemporaryDirectory(prefix="armwright-", ignore_cleanup_errors=True) as name:
         place = Path(name)
+        for file, text in (texts or {}).items():
+            (place / file).write_text(text, encoding="ascii", newline="\n")
         yield place
 
 

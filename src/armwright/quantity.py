@@ -50,6 +50,15 @@ class Record(BaseModel):
         return validated(type(self), fields)
 
 
+def absent(description: str, **constraints: Any) -> Any:
+    """A key that a table may leave out, which is None then.
+
+    Args:
+        description: of the key.   constraints: as of pydantic's `Field`.
+    """
+    return Field(None, description=description, **constraints)
+
+
 def check_together(record: Record, *keys: str) -> None:
     """Refuses a record with some but not all of these keys.
 

@@ -50,9 +50,10 @@ ORDER = (
     ("dynamics",),
     ("kernels",),
     ("results",),
-    ("simulation",),
     ("collision",),  # capsules around links
-    ("trajectory", "ik", "workspace", "identification", "control"),
+    ("ik",),
+    ("simulation",),
+    ("trajectory", "identification", "control"),
     ("scenarios", "motions"),  # scenario files: they name controllers and trajectories; motion files
     ("modules",),  # which arms modules make, and what they can do
     ("export",),

@@ -42,7 +42,7 @@ def files(tmp_path):
         (tmp_path / f"{name}.scenario.toml").write_text(SCENARIO.format(kp=kp))
     (tmp_path / "move.motion.toml").write_text(MOTION.format(robot="two-link"))
     (tmp_path / "other.motion.toml").write_text(MOTION.format(robot="cmu-dd"))
-    aw.trajectories.Quintic(np.zeros(2), np.array([0.2, 0.1]), 0.4).save(tmp_path / "saved.csv", aw.load("two-link"))
+    aw.trajectories.Quintic(np.zeros(2), np.array([0.2, 0.1]), 0.4).save(aw.load("two-link"), tmp_path / "saved.csv")
     return tmp_path
 
 

@@ -85,7 +85,7 @@ def test_refused_in_one_line_and_nothing_is_written(arguments, said, tmp_path, m
 def test_an_arm_gets_a_scenario_that_follows_a_motion(tmp_path):
     arm = aw.load("two-link")
     motion = aw.trajectories.Quintic([0.1, 0.2], [0.4, -0.3], 0.5)
-    motion.save(tmp_path / "go.csv", arm)
+    motion.save(arm, tmp_path / "go.csv")
     out = tmp_path / "go.scenario.toml"
     armwright("design", "two-link", "--period", 3e-3, "--reference", tmp_path / "go.csv", "-o", out, "--poses", 200)
     scenario = aw.read_scenario(out)

@@ -138,11 +138,16 @@ def test_out_of_reach_with_a_goal_and_several():
         ({"solutions": 0}, "solutions"),
         ({"solutions": 2.0}, "solutions"),
         ({"solutions": True}, "solutions"),
-        ({"length": 0.0}, "length"),
-        ({"length": np.nan}, "length"),
     ],
 )
 def test_bad_input_is_named(options, place):
     with pytest.raises(ModelError) as error:
         aw.inverse_kinematics(aw.load("two-link"), [0.3, 0.1, 0.0], **options)
     assert error.value.place == place
+
+
+@pytest.mark.parametrize("length", [0.0, np.nan, True, "long"])
+def test_a_length_that_is_none_is_refused(length):
+    with pytest.raises(ModelError) as error:
+        aw.kinematics.Goal(length=length)
+    assert error.value.place == "length"

@@ -188,11 +188,13 @@ def test_a_weight_says_what_is_nearest_and_not_what_is_solved():
     _, targets = samples(arm, 200)
     away = targets[:5].copy()
     away[:, :3, 3] *= 1.5 / np.linalg.norm(away[:, :3, 3], axis=1)[:, None]
-    by_length, by_angle = (aw.inverse_kinematics(arm, away, length=weight) for weight in (1e-4, 1e4))
+    by_length, by_angle = (
+        aw.inverse_kinematics(arm, away, goal=aw.kinematics.Goal(length=weight)) for weight in (1e-4, 1e4)
+    )
     assert (by_length.position_error <= by_angle.position_error * (1.0 + 1e-6)).all()
     assert (by_angle.angle_error <= by_length.angle_error * (1.0 + 1e-6)).all()
     for weight in (1e-4, 1e4):
-        assert aw.inverse_kinematics(arm, targets, length=weight).success.mean() >= 0.995
+        assert aw.inverse_kinematics(arm, targets, goal=aw.kinematics.Goal(length=weight)).success.mean() >= 0.995
 
 
 @pytest.mark.study

@@ -298,7 +298,7 @@ def test_a_planned_motion_is_named_by_its_file(tmp_path):
     text = (tmp_path / "go.scenario.toml").read_text()
     assert tomlkit.parse(text)["loop"]["reference"] == {"kind": "motion", "file": "go.motion.toml"}
     same_bits(aw.simulate(scenario), aw.simulate(aw.read_scenario(tmp_path / "go.scenario.toml")))
-    plan.motion.save(tmp_path / "go.csv", plan.arm)
+    plan.motion.save(plan.arm, tmp_path / "go.csv")
     rows = looped(PID, reference=aw.trajectories.load_motion(tmp_path / "go.csv", plan.arm))
     aw.write_scenario(rows, tmp_path / "rows.scenario.toml")
     same_bits(aw.simulate(rows), aw.simulate(aw.read_scenario(tmp_path / "rows.scenario.toml")))

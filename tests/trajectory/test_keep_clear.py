@@ -60,7 +60,7 @@ def test_a_tool_path_takes_the_solution_that_keeps_its_distance():
     assert clear.nearest(usual.at(np.linspace(0.0, path.length, 200))[0]).distance < 0.0
     other = aw.trajectories.solve_path(model, path, clearance=clear)
     assert clear.nearest(other.at(np.linspace(0.0, path.length, 3000))[0]).distance >= 0.01
-    motion = aw.trajectories.follow_path(model, path, 0.1, 1.0, clearance=clear)
+    motion = aw.trajectories.follow_path(model, other, 0.1, 1.0)
     np.testing.assert_allclose(motion.at(0.0)[0], other.at(0.0)[0])
     with pytest.raises(ScenarioError, match=r"and post overlap by [\d.]+ mm; expected 10 mm or more") as caught:
         aw.trajectories.solve_path(model, path, near=usual.at(0.0)[0], clearance=clear)

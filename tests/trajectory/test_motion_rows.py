@@ -20,7 +20,7 @@ def a_motion():
 
 def test_netcdf_keeps_the_pieces_to_the_bit(tmp_path):
     motion, model = a_motion(), arm("two-link")
-    motion.save(tmp_path / "m.nc", model)
+    motion.save(model, tmp_path / "m.nc")
     found = aw.trajectories.load_motion(tmp_path / "m.nc", model)
     np.testing.assert_array_equal(found.knots, motion.polynomial.knots)
     np.testing.assert_array_equal(found.coefficients, motion.polynomial.coefficients)
@@ -31,7 +31,7 @@ def test_netcdf_keeps_the_pieces_to_the_bit(tmp_path):
 @pytest.mark.parametrize("named", [True, False])
 def test_csv_gives_the_motion_between_its_rows_too(tmp_path, named):
     motion, model = a_motion(), arm("two-link")
-    motion.save(tmp_path / "m.csv", model, rate=100.0)
+    motion.save(model, tmp_path / "m.csv", rate=100.0)
     found = aw.trajectories.load_motion(tmp_path / "m.csv", model if named else None)
     assert (found.time, found.duration) == (motion.time, pytest.approx(motion.duration, rel=1e-14))
     t = np.linspace(0.0, motion.time + motion.duration + 0.5, 1777)
@@ -44,7 +44,7 @@ def test_csv_of_a_motion_that_is_no_polynomial(tmp_path):
         aw.trajectories.Fourier.at_rest([0.1, 0.2], [[0.3, 0.1]] * 2, [[0.1, 0.2]] * 2, 2.0, periods=1),
         arm("two-link"),
     )
-    motion.save(tmp_path / "m.csv", model, rate=200.0)
+    motion.save(model, tmp_path / "m.csv", rate=200.0)
     t = np.linspace(0.0, 2.0, 3001)
     np.testing.assert_allclose(aw.trajectories.load_motion(tmp_path / "m.csv").at(t)[0], motion.at(t)[0], atol=1e-12)
 
@@ -61,7 +61,7 @@ def test_columns_may_stand_in_any_order(tmp_path):
 def test_a_designed_excitation_is_a_motion(tmp_path):
     """Its table has the same columns."""
     motion, model = a_motion(), arm("two-link")
-    motion.save(tmp_path / "m.csv", model)
+    motion.save(model, tmp_path / "m.csv")
     header = (tmp_path / "m.csv").read_text().splitlines()[0]
     assert header == (
         "t [s],q_shoulder [rad],q_elbow [rad],qd_shoulder [rad/s],qd_elbow [rad/s],"
@@ -113,15 +113,15 @@ def test_other_files_are_refused(tmp_path):
     with pytest.raises(ArmwrightError, match="path of a motion"):
         aw.trajectories.load_motion(3)
     with pytest.raises(ArmwrightError, match="ending"):
-        a_motion().save(tmp_path / "m.txt", arm("two-link"))
+        a_motion().save(arm("two-link"), tmp_path / "m.txt")
     with pytest.raises(ScenarioError, match="a motion of 2 joints"):
-        a_motion().save(tmp_path / "m.csv", arm("lwa4p"))
+        a_motion().save(arm("lwa4p"), tmp_path / "m.csv")
     with pytest.raises(ScenarioError, match="does not end"):
-        aw.trajectories.Sine([0.0, 0.0], [1.0, 1.0], 1.0).save(tmp_path / "m.csv", arm("two-link"))
+        aw.trajectories.Sine([0.0, 0.0], [1.0, 1.0], 1.0).save(arm("two-link"), tmp_path / "m.csv")
     with pytest.raises(ScenarioError, match="rate = 0"):
-        a_motion().save(tmp_path / "m.csv", arm("two-link"), rate=0)
+        a_motion().save(arm("two-link"), tmp_path / "m.csv", rate=0)
     assert not list(tmp_path.iterdir())
-    a_motion().save(tmp_path / "m.nc", arm("two-link"))
+    a_motion().save(arm("two-link"), tmp_path / "m.nc")
     with pytest.raises(ScenarioError, match="expected those of lwa4p"):
         aw.trajectories.load_motion(tmp_path / "m.nc", arm("lwa4p"))
 

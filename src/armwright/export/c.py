@@ -7,7 +7,7 @@ The functions have the bits of the compiled kernels: in double of the usual ones
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
@@ -44,10 +44,8 @@ def write_c(arm: Model, functions: Sequence[str], folder: str | Path, real: str 
         OutputError: the folder or a file cannot be written.
     """
     texts = c_library(arm, functions, real)
-    with folder_to_write(Path(folder)) as place, ExitStack() as files:
-        for name, text in texts.items():
-            temporary = files.enter_context(whole_file(place / name, follow_link=False))
-            temporary.write_text(text, encoding="ascii", newline="\n")
+    with files_to_write(Path(folder), texts):
+        pass
     return [Path(folder) / name for name in texts]
 
 
@@ -74,6 +72,22 @@ def c_library(arm: Model, functions: Sequence[str], real: str = "double") -> dic
         f"{name}.c": f"{top}\n\n{c_text(unit, [own_header])}",
         f"{name}_selftest.c": selftest(arm, name, chosen, real),
     }
+
+
+@contextmanager
+def files_to_write(folder: Path, texts: Mapping[str, str | bytes]) -> Iterator[Path]:
+    """A folder with files of these texts, as by `folder_to_write`: all of them or, if the block fails, none.
+
+    Args:
+        folder: created if it does not exist.   texts: by the files' names.
+    Raises:
+        OutputError: the folder or a file cannot be written.
+    """
+    with folder_to_write(folder), ExitStack() as files:
+        for name, text in texts.items():
+            temporary = files.enter_context(whole_file(folder / name, follow_link=False))
+            temporary.write_bytes(text if isinstance(text, bytes) else text.encode())
+        yield folder
 
 
 @contextmanager

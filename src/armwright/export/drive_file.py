@@ -30,16 +30,16 @@ def drive_file(robot: RobotDescription) -> str:
     frames = joint_frames(robot)
     tip = moved_tip(robot, frames) or tip_of(robot)
     document = {
-        **({} if robot.source is None else {"source": robot.source}),
-        **({} if robot.command is None else {"command": robot.command}),
-        **({} if robot.gravity_m_s2 is None else {"gravity_m_s2": _plain(robot.gravity_m_s2, None)}),
-        **({} if tip is None else {"tip": tip}),
-        **({} if robot.supply is None else {"supply": _plain(robot.supply, robot.source)}),
+        "source": robot.source,
+        "command": robot.command,
+        "gravity_m_s2": _plain(robot.gravity_m_s2, None),
+        "tip": tip,
+        "supply": _plain(robot.supply, robot.source),
         "sources": {key: source.model_dump(exclude_none=True) for key, source in robot.sources.items()},
         "joints": joints,
-        **({"cylinders": [_cylinder(robot, frames, each) for each in robot.cylinders]} if robot.cylinders else {}),
+        "cylinders": [_cylinder(robot, frames, each) for each in robot.cylinders] or None,
     }
-    return tomlkit.dumps(document)
+    return tomlkit.dumps({key: value for key, value in document.items() if value is not None})
 
 
 def _cylinder(robot: RobotDescription, frames: list[JointFrame], cylinder: Any) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -64,6 +65,11 @@ def joint_frames(robot: RobotDescription) -> list[JointFrame]:
             tensor = after.rotation @ tensor @ after.rotation.T
         frames.append(JointFrame(joint, link, frame, angles, axis, after, com, 0.5 * (tensor + tensor.T)))
     return frames
+
+
+def numbers_text(numbers: Any) -> str:
+    """Numbers as attributes of XML have them, to the bit."""
+    return " ".join(repr(float(number)) for number in numbers)
 
 
 def named_in(types: Mapping[str, str], joint: Joint, file: str) -> str:

@@ -11,7 +11,15 @@ import numpy as np
 
 from armwright.description.record_of import Arm, record_of
 from armwright.description.robot import MovingJoint, RobotDescription
-from armwright.export.joints import JointFrame, joint_frames, named_in, place_of, plain_friction, plain_limits
+from armwright.export.joints import (
+    JointFrame,
+    joint_frames,
+    named_in,
+    numbers_text,
+    place_of,
+    plain_friction,
+    plain_limits,
+)
 from armwright.export.losses import Losses, of_all_formats, of_friction
 from armwright.export.springs import add_tendons, joint_stiffness
 from armwright.features import Support
@@ -64,7 +72,7 @@ def mjcf_text(description: RobotDescription) -> tuple[str, list[str]]:
     root = ElementTree.Element("mujoco", model=description.name)
     ElementTree.SubElement(root, "compiler", angle="radian", autolimits="false", balanceinertia="false")
     gravity = STANDARD_GRAVITY if description.gravity_m_s2 is None else np.array(description.gravity_m_s2)
-    ElementTree.SubElement(root, "option", gravity=_text(gravity))
+    ElementTree.SubElement(root, "option", gravity=numbers_text(gravity))
     world = ElementTree.SubElement(root, "worldbody")
     actuator, equality = ElementTree.SubElement(root, "actuator"), ElementTree.SubElement(root, "equality")
     bodies, frames = {description.base: world}, joint_frames(description)
@@ -90,7 +98,7 @@ def mjcf_text(description: RobotDescription) -> tuple[str, list[str]]:
     for joint in description.moving_joints:
         if joint.mimic is not None:
             pair = {"joint1": joint.name, "joint2": joint.mimic.joint}
-            line = _text((joint.mimic.offset, joint.mimic.multiplier, 0.0, 0.0, 0.0))
+            line = numbers_text((joint.mimic.offset, joint.mimic.multiplier, 0.0, 0.0, 0.0))
             ElementTree.SubElement(equality, "joint", {**pair, "polycoef": line})
             losses.add(
                 "that it follows exactly, as joints that follow others do (MuJoCo's equality constraints give way)",
@@ -110,9 +118,9 @@ def mjcf_text(description: RobotDescription) -> tuple[str, list[str]]:
 def _joint(body: Any, actuator: Any, joint: MovingJoint, entry: JointFrame, losses: Losses) -> None:
     kind, motor = named_in(TYPES, joint, "an MJCF"), joint.motor
     position, velocity, effort = plain_limits(joint)
-    values = {"name": joint.name, "type": kind, "axis": _text(entry.axis)}
+    values = {"name": joint.name, "type": kind, "axis": numbers_text(entry.axis)}
     if position is not None:
-        values |= {"limited": "true", "range": _text(np.array(position))}
+        values |= {"limited": "true", "range": numbers_text(np.array(position))}
     if velocity is not None:
         losses.add("velocity limits", joint.name)
     gear = 1.0 if motor is None else float(motor.gear_ratio)
@@ -129,7 +137,7 @@ def _joint(body: Any, actuator: Any, joint: MovingJoint, entry: JointFrame, loss
     drive = {"name": f"{joint.name}_motor", "joint": joint.name, "gear": repr(gear)}
     if effort is not None:
         most = float(effort) / abs(gear)
-        drive |= {"ctrllimited": "true", "ctrlrange": _text((-most, most))}
+        drive |= {"ctrllimited": "true", "ctrlrange": numbers_text((-most, most))}
     ElementTree.SubElement(actuator, "motor", drive)
 
 
@@ -142,7 +150,9 @@ def _inertial(body: Any, entry: JointFrame, losses: Losses) -> None:
         why = "the inertia of a point or a line" if mass and possible else "an inertia that no body has"
         losses.add(f"MuJoCo will not read the file, as it refuses {why}", entry.link.name, "link")
     entries = [tensor[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
-    ElementTree.SubElement(body, "inertial", pos=_text(entry.com), mass=repr(mass), fullinertia=_text(entries))
+    ElementTree.SubElement(
+        body, "inertial", pos=numbers_text(entry.com), mass=repr(mass), fullinertia=numbers_text(entries)
+    )
 
 
 def _has_mass(description: RobotDescription, link: str) -> bool:
@@ -159,7 +169,7 @@ def _geom(body: Any, entry: JointFrame, visual: Any, losses: Losses) -> None:
     if shape is None:
         losses.add(f"the picture of a {'hole' if visual.hole else visual.solid.shape}", entry.link.name, "link")
         return
-    colour = {} if visual.colour is None else {"rgba": _text((*visual.colour, 1.0))}
+    colour = {} if visual.colour is None else {"rgba": numbers_text((*visual.colour, 1.0))}
     place = _pose(entry.shift @ visual.placement())
     ElementTree.SubElement(body, "geom", {**shape, "contype": "0", "conaffinity": "0", "mass": "0", **place, **colour})
 
@@ -167,19 +177,15 @@ def _geom(body: Any, entry: JointFrame, visual: Any, losses: Losses) -> None:
 def _shape(solid: Any) -> dict[str, str] | None:
     """Type and half sizes of a geom."""
     if isinstance(solid, Box):
-        return {"type": "box", "size": _text(0.5 * np.array(solid.size_m))}
+        return {"type": "box", "size": numbers_text(0.5 * np.array(solid.size_m))}
     if isinstance(solid, Sphere):
         return {"type": "sphere", "size": repr(float(solid.radius_m))}
     if isinstance(solid, Cylinder):
-        return {"type": "cylinder", "size": _text((float(solid.radius_m), 0.5 * float(solid.length_m)))}
+        return {"type": "cylinder", "size": numbers_text((float(solid.radius_m), 0.5 * float(solid.length_m)))}
     if isinstance(solid, Ellipsoid):
-        return {"type": "ellipsoid", "size": _text(np.array(solid.semi_axes_m))}
+        return {"type": "ellipsoid", "size": numbers_text(np.array(solid.semi_axes_m))}
     return None
 
 
-def _text(numbers: Any) -> str:
-    return " ".join(repr(float(number)) for number in numbers)
-
-
 def _pose(at: Placement) -> dict[str, str]:
-    return {"pos": _text(at.position), "quat": _text(rotation_quaternion(at.rotation))}
+    return {"pos": numbers_text(at.position), "quat": numbers_text(rotation_quaternion(at.rotation))}

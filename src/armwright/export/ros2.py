@@ -13,7 +13,6 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -25,18 +24,16 @@ from armwright.description.drive_file import ENDING
 from armwright.description.record_of import Arm, record_of
 from armwright.description.robot import MovingJoint, RobotDescription
 from armwright.errors import ModelError
-from armwright.export.c import folder_to_write
+from armwright.export.c import files_to_write
 from armwright.export.joints import Limit, plain_limits
 from armwright.export.urdf import write_urdf
 from armwright.features import Support
-from armwright.output import file_stem, whole_file
+from armwright.output import file_stem
 from armwright.results.result import Result
 
 SUPPORT = Support("export ros2", refused={"screw joints": "has no helical joint"})
 
-HARDWARE = (
-    "mock_components/GenericSystem"  # of ros2_control: state follows command; stands for the driver of the real arm
-)
+HARDWARE = "mock_components/GenericSystem"  # of ros2_control: state follows command; in place of the real arm's driver
 COMMANDS = ("position", "velocity", "effort")
 WORDS = ("y", "n", "yes", "no", "on", "off", "true", "false", "null")  # names that YAML 1.1 reads as values
 UPDATE_RATE = 100  # [Hz] of controller_manager where nothing else is set
@@ -91,11 +88,8 @@ def export_ros2(
         "joint_limits.yaml": _yaml({"joint_limits": {joint.name: _limits(joint) for joint in moving}}),
         "controllers.yaml": _yaml(_controllers([joint.name for joint in driven], command, rate)),
     }
-    with folder_to_write(Path(directory)) as folder, ExitStack() as files:
+    with files_to_write(Path(directory), texts) as folder:
         urdf = folder / f"{file_stem(robot.name)}.urdf"
-        for name, text in texts.items():
-            temporary = files.enter_context(whole_file(folder / name, follow_link=False))
-            temporary.write_text(text, encoding="utf-8", newline="\n")
         lost = write_urdf(robot, urdf, elements=[_ros2_control(robot, moving, hardware)])
     names = (urdf.name, urdf.stem + ENDING, *texts)
     return Ros2Export(tuple(Path(directory) / name for name in names), tuple(lost))

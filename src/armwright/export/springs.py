@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from armwright.description.robot import MovingJoint, RobotDescription
-from armwright.export.joints import JointFrame, place_of
+from armwright.export.joints import JointFrame, numbers_text, place_of
 from armwright.export.losses import Losses, loss_of
 from armwright.model.joint_side import spring_of
 from armwright.model.springs import LinearSpring
@@ -68,8 +68,7 @@ def add_tendons(
             while site in taken:
                 site += "_"
             taken.add(site)
-            position = " ".join(repr(float(x)) for x in point)
-            ElementTree.SubElement(bodies[link], "site", {"name": site, "pos": position})
+            ElementTree.SubElement(bodies[link], "site", {"name": site, "pos": numbers_text(point)})
             ElementTree.SubElement(tendon, "site", {"site": site})
     if len(tendons):
         root.append(tendons)

@@ -20,6 +20,7 @@ from armwright.export.joints import (
     joint_frames,
     moved_tip,
     named_in,
+    numbers_text,
     place_of,
     plain_friction,
     plain_limits,
@@ -102,7 +103,7 @@ def _link(robot: ElementTree.Element, entry: JointFrame, path: Path, losses: Los
     link = ElementTree.SubElement(robot, "link", name=entry.link.name)
     if float(entry.link.mass_kg) or entry.tensor.any():
         inertial = ElementTree.SubElement(link, "inertial")
-        ElementTree.SubElement(inertial, "origin", xyz=_text(entry.com), rpy="0 0 0")
+        ElementTree.SubElement(inertial, "origin", xyz=numbers_text(entry.com), rpy="0 0 0")
         ElementTree.SubElement(inertial, "mass", value=repr(float(entry.link.mass_kg)))
         pairs = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
         tensor = {name: repr(float(entry.tensor[i, j])) for name, (i, j) in pairs.items()}
@@ -120,7 +121,7 @@ def _visual(link: ElementTree.Element, entry: JointFrame, visual: Visual, path: 
     ElementTree.SubElement(element, "origin", _pose(entry.shift @ visual.placement()))
     geometry = ElementTree.SubElement(element, "geometry")
     if isinstance(solid, Box):
-        ElementTree.SubElement(geometry, "box", size=_text(np.array(solid.size_m)))
+        ElementTree.SubElement(geometry, "box", size=numbers_text(np.array(solid.size_m)))
     elif isinstance(solid, Sphere):
         ElementTree.SubElement(geometry, "sphere", radius=repr(float(solid.radius_m)))
     elif isinstance(solid, Cylinder):
@@ -128,10 +129,10 @@ def _visual(link: ElementTree.Element, entry: JointFrame, visual: Visual, path: 
         ElementTree.SubElement(geometry, "cylinder", size)
     else:
         scale = np.broadcast_to(np.array(solid.scale), 3)
-        ElementTree.SubElement(geometry, "mesh", filename=_mesh_name(solid.path, path), scale=_text(scale))
+        ElementTree.SubElement(geometry, "mesh", filename=_mesh_name(solid.path, path), scale=numbers_text(scale))
     if visual.colour is not None:
         material = ElementTree.SubElement(element, "material", name="")
-        ElementTree.SubElement(material, "color", rgba=_text([*visual.colour, 1.0]))
+        ElementTree.SubElement(material, "color", rgba=numbers_text([*visual.colour, 1.0]))
 
 
 def _joint(robot: ElementTree.Element, entry: JointFrame, losses: Losses) -> None:
@@ -142,10 +143,10 @@ def _joint(robot: ElementTree.Element, entry: JointFrame, losses: Losses) -> Non
     element = ElementTree.SubElement(robot, "joint", name=joint.name, type=kind)
     ElementTree.SubElement(element, "parent", link=joint.parent)
     ElementTree.SubElement(element, "child", link=joint.child)
-    ElementTree.SubElement(element, "origin", xyz=_text(entry.frame.position), rpy=_text(entry.angles))
+    ElementTree.SubElement(element, "origin", xyz=numbers_text(entry.frame.position), rpy=numbers_text(entry.angles))
     if not isinstance(joint, MovingJoint):
         return
-    ElementTree.SubElement(element, "axis", xyz=_text(entry.axis))
+    ElementTree.SubElement(element, "axis", xyz=numbers_text(entry.axis))
     if limits:
         ElementTree.SubElement(element, "limit", limits)
     viscous, dry = plain_friction(joint)
@@ -197,8 +198,4 @@ def _mesh_name(mesh: Path, path: Path) -> str:
 
 
 def _pose(at: Placement) -> dict[str, str]:
-    return {"xyz": _text(at.position), "rpy": _text(roll_pitch_yaw(at.rotation))}
-
-
-def _text(numbers: Any) -> str:
-    return " ".join(repr(float(number)) for number in numbers)
+    return {"xyz": numbers_text(at.position), "rpy": numbers_text(roll_pitch_yaw(at.rotation))}

@@ -25,7 +25,7 @@ UPRIGHT = 1e-9  # of the first joint's axis along base z
 
 
 @dataclass(frozen=True, eq=False)
-class Chain:
+class JointChain:
     """An arm's joints and one of its frames.
 
     Poses are tasks of 13 numbers: position (3), rotation (9, row by row) and the azimuth of the position about the first
@@ -50,7 +50,7 @@ class Chain:
         """Number of joints."""
         return self.model.n
 
-    def of(self, task: Array) -> Chain:
+    def of(self, task: Array) -> JointChain:
         """The chain that a task is for: this one."""
         return self
 
@@ -74,7 +74,7 @@ class Chain:
             return turns
         return turns & (
             np.bincount(mimics.coordinate, minlength=self.n) == 1
-        )  # a turn of the others moves their followers
+        )  # turns of the others move their followers
 
     @cached_property
     def low(self) -> Array:
@@ -246,6 +246,16 @@ class Chain:
         square = (turned @ turned) * share  # sin²(angle / 2)
         return distance, 2.0 * scalar.atan2(scalar.sqrt(square), scalar.sqrt(scalar.maximum(1.0 - square, 0.0)))
 
+    @cached_property
+    def judge(self) -> Kernel:
+        """Compiled  q (k, n), poses (k, 4, 4) → distance (k,) [m], angle (k,) [rad], margin to the limits (k,)."""
+
+        def judged(q: Array, target: Array) -> tuple[Scalar, Scalar, Scalar]:
+            return *self.errors(q, target), self.margin(q)
+
+        shapes = {"q": (self.n,), "target": (4, 4)}
+        return Kernel(trace("errors", judged, shapes, ("position", "angle", "margin")), select_target())
+
     def margin(self, q: Array) -> Scalar:
         """Least distance to a limit as a share of that joint's range, 1/2 without limits; negative beyond one."""
         margin = 0.5
@@ -253,9 +263,7 @@ class Chain:
             for side in (x - low, high - x):
                 if np.isfinite(high - low) and high > low:
                     margin = scalar.minimum(margin, side * (1.0 / (high - low)))
-                elif scalar.is_symbolic(side) or np.isfinite(
-                    side
-                ):  # of a joint with one limit, only whether it is kept
+                elif scalar.is_symbolic(side) or np.isfinite(side):  # of one limit only whether it is kept
                     margin = scalar.minimum(margin, scalar.where(scalar.less(side, 0.0), side, 0.5))
         return margin
 

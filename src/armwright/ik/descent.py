@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armwright import scalar
-from armwright.ik.chain import Chain, unlimited
+from armwright.ik.chain import JointChain, unlimited
 from armwright.ik.family import Family
 from armwright.program import Program, trace
 from armwright.scalar import Array, Scalar
@@ -34,17 +34,10 @@ TINY = 1e-14  # [m²] on the diagonal, so that no direction is without resistanc
 
 
 @dataclass(frozen=True)
-class Layout:
-    """Places of what a lane remembers, in its block "state" of so many numbers."""
+class LaneState:
+    """Places of what a lane remembers, in its block "state": entries by name, in order."""
 
-    n: int
-
-    @property
-    def sizes(self) -> dict[str, int]:
-        """Entries by name, in order."""
-        n = self.n
-        scalars = dict.fromkeys(("cost", "damping", "iterations", "least", "spent", "attempts"), 1)
-        return {"q": n, "trial": n, "best": n, "slope": n, "normal": n * (n + 1) // 2, **scalars}
+    sizes: dict[str, int]
 
     def split(self, state: Array) -> dict[str, Array]:
         """The state by names."""
@@ -62,18 +55,20 @@ class Layout:
         return sum(self.sizes.values())
 
 
-def descent(arms: Chain | Family, tolerance: float, near: bool, patient: bool = False) -> Program:
+def descent(arms: JointChain | Family, tolerance: float, near: bool, patient: bool = False) -> Program:
     """Program  task, attempt, fresh, state → state_next, over, fresh_next, result  of one iteration.
 
-    task: what `Chain.task` makes of a pose, and the joint positions to begin with where `near`. attempt: a start's row, as
-    `Chain.starts` has it. result: joint positions, squared error [m²], iterations,
+    task: what `JointChain.tasks` makes of a pose, and the joint positions to begin with where `near`. attempt: a start's row, as
+    `JointChain.start` has it. result: joint positions, squared error [m²], iterations,
     attempts.
 
     Args:
         arms: the arm, or all arms of a structure.   tolerance: on the error where a descent ends [m | rad].
         near: the first attempt begins there.   patient: a slow descent goes on, to the nearest pose of a target out of reach.
     """
-    layout, n = Layout(arms.n), arms.n
+    n = arms.n
+    numbers = dict.fromkeys(("cost", "damping", "iterations", "least", "spent", "attempts"), 1)
+    layout = LaneState({"q": n, "trial": n, "best": n, "slope": n, "normal": n * (n + 1) // 2} | numbers)
     weight = float(arms.weight)
     solved, close = (tolerance * min(1.0, weight)) ** 2, (CLOSE * weight) ** 2
 
@@ -122,7 +117,7 @@ def descent(arms: Chain | Family, tolerance: float, near: bool, patient: bool = 
     return trace("descent", step, shapes, ("state_next", "over", "fresh_next", "result"))
 
 
-def _step(chain: Chain, q: Array, normal: Array, gradient: Array, damping: Scalar) -> np.ndarray:
+def _step(chain: JointChain, q: Array, normal: Array, gradient: Array, damping: Scalar) -> np.ndarray:
     """The damped Gauss-Newton step; joints at a limit that it would cross stay there."""
     n = chain.n
     free = []

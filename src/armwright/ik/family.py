@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armwright import scalar
-from armwright.ik.chain import Chain
+from armwright.ik.chain import JointChain
 from armwright.model import Model
 from armwright.model.parametric_model import Structure, parameter_shapes, parameters_of, parametric_model
 from armwright.scalar import Array
@@ -19,7 +19,7 @@ KEPT = ("rotation", "position", "offset", "tip_rotation", "tip_position")  # par
 class Family:
     """Arms of one structure.
 
-    Tasks are those of `Chain`, then the weight of angles [m/rad] of this target (0: its rotation does not count), then the
+    Tasks are those of `JointChain`, then the weight of angles [m/rad] of this target (0: its rotation does not count), then the
     arm: lowest and highest positions, and parameters.
 
     Attributes:
@@ -43,17 +43,17 @@ class Family:
     @property
     def task_size(self) -> int:
         """Numbers of a task."""
-        return Chain.task_size + 1 + sum(int(np.prod(shape)) for shape in self.shapes.values())
+        return JointChain.task_size + 1 + sum(int(np.prod(shape)) for shape in self.shapes.values())
 
-    def of(self, task: Array) -> Chain:
+    def of(self, task: Array) -> JointChain:
         """The chain that a task is for, of symbols."""
-        at, parts = Chain.task_size + 1, {}
+        at, parts = JointChain.task_size + 1, {}
         for name, shape in self.shapes.items():
             size = int(np.prod(shape))
             parts[name], at = task[at : at + size].reshape(shape), at + size
         none = {name: scalar.zeros(*shape) for name, shape in parameter_shapes(self.form).items() if name not in KEPT}
         model = parametric_model(self.form, tuple((parts | none)[name] for name in parameter_shapes(self.form)))
-        return Chain(model, None, task[Chain.task_size], bounds=(parts["low"], parts["high"]))
+        return JointChain(model, None, task[JointChain.task_size], bounds=(parts["low"], parts["high"]))
 
     def tasks(
         self, model: Model, bounds: tuple[np.ndarray, np.ndarray], poses: np.ndarray, turned: np.ndarray

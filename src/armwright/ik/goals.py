@@ -9,18 +9,19 @@ Joints at a limit that d would cross are held, W⁻¹ = 0 there. The step grows 
 
 from __future__ import annotations
 
-from typing import Literal, get_args
+from dataclasses import dataclass
+from typing import Any, Literal, get_args
 
 import numpy as np
 
 from armwright import scalar
-from armwright.ik.chain import TURN, Chain
-from armwright.ik.descent import Layout, chosen
+from armwright.errors import ModelError
+from armwright.ik.chain import TURN, JointChain
+from armwright.ik.descent import LaneState, chosen
 from armwright.program import Program, trace
 from armwright.scalar import Array, Scalar
 
-Goal = Literal["nearest", "limits", "manipulability"]
-GOALS: tuple[Goal, ...] = get_args(Goal)
+Best = Literal["nearest", "limits", "manipulability"]
 CORRECTIONS = 5  # steps back to the pose after one along it
 GROW, SHRINK, SHORTEST = 2.0, 0.25, 1e-6  # factors of the step; a shorter one ends the search
 LONGEST = 0.3  # [rad | m] of a joint in one step
@@ -30,17 +31,40 @@ AT_LIMIT = 1e-9  # [rad | m]
 TINY = 1e-13  # relative, on the diagonal: at singular poses J W⁻¹ Jᵀ has no inverse
 
 
-class GoalLayout(Layout):
-    """Places of what a lane remembers."""
+@dataclass(frozen=True)
+class Goal:
+    """What makes one solution better than another, and what an angle counts as against a length.
 
-    @property
-    def sizes(self) -> dict[str, int]:
-        """Entries by name, in order."""
-        n = self.n
-        return {"q": n, "trial": n, "way": n} | dict.fromkeys(("least", "length", "corrections", "spent"), 1)
+    Args:
+        best: of the joint positions that meet a pose those "nearest" to given ones (least Σ (q - near)²), farthest from the
+            "limits" (least Σ of squared distances from the middles of the joints' ranges, in halves of them), or of most
+            "manipulability" (angles times `length`); absent: the first that is found.
+        length: [m/rad] of angles, also where a target is not reached; absent: a third of the arm's reach.
+    Raises:
+        ModelError: no such goal, a length that is none.
+    """
+
+    best: Best | None = None
+    length: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.best is not None and self.best not in get_args(Best):
+            raise ModelError(place="goal", value=self.best, choices=get_args(Best))
+        length = None if self.length is None else scalar.real_number(self.length)
+        if self.length is not None and (length is None or not 1e-6 <= length <= 1e6):
+            raise ModelError(place="length", value=self.length, expected="a number from 1e-6 to 1e6 [m/rad]")
+
+    @classmethod
+    def of(cls, value: Any) -> Goal:
+        """The goal that a word names; that of None has no preference.
+
+        Raises:
+            ModelError: no such word; says which there are.
+        """
+        return value if isinstance(value, cls) else cls(value)
 
 
-def goal_value(chain: Chain, goal: Goal, q: Array, preferred: Array) -> Scalar:
+def goal_value(chain: JointChain, goal: Best, q: Array, preferred: Array) -> Scalar:
     """Value of a goal, the smaller the better.
 
     nearest: ½ Σ (q - q*)², of joints that turn around by the shorter way.   limits: ½ Σ ((q - middle) / half the range)² over
@@ -58,12 +82,12 @@ def goal_value(chain: Chain, goal: Goal, q: Array, preferred: Array) -> Scalar:
     return 0.5 * sum(scalar.log(scalar.maximum(x, 1e-300)) for x in inverse)
 
 
-def _apart(chain: Chain, q: Array, preferred: Array) -> list[Scalar]:
+def _apart(chain: JointChain, q: Array, preferred: Array) -> list[Scalar]:
     apart = q - preferred
     return [x - TURN * scalar.floor(x / TURN + 0.5) if t else x for x, t in zip(apart, chain.turns_around, strict=True)]
 
 
-def _ranges(chain: Chain) -> tuple[np.ndarray, np.ndarray]:
+def _ranges(chain: JointChain) -> tuple[np.ndarray, np.ndarray]:
     """Middles (n,) of joint ranges and 1 / half of each; 0 for joints without two limits or that turn around."""
     low, high = (np.asarray(each, dtype=float) for each in (chain.low, chain.high))
     limited = np.isfinite(high - low) & (high > low)
@@ -71,7 +95,7 @@ def _ranges(chain: Chain) -> tuple[np.ndarray, np.ndarray]:
     return 0.5 * (low + high), np.where(limited, 2.0 / (high - low), 0.0)
 
 
-def goal_search(chain: Chain, goal: Goal, tolerance: float) -> Program:
+def goal_search(chain: JointChain, goal: Best, tolerance: float) -> Program:
     """Program  task, fresh, state → state_next, over, fresh_next, result  of one evaluation.
 
     task: that of the pose, joint positions that meet it (n), preferred ones (n). result: joint positions, goal, evaluations.
@@ -79,12 +103,13 @@ def goal_search(chain: Chain, goal: Goal, tolerance: float) -> Program:
     Args:
         chain: the arm's.   goal: what is to be small.   tolerance: on the error of the pose [m | rad].
     """
-    n, layout, size = chain.n, GoalLayout(chain.n), chain.task_size
+    n, size = chain.n, chain.task_size
+    numbers = dict.fromkeys(("least", "length", "corrections", "spent"), 1)
+    layout = LaneState({"q": n, "trial": n, "way": n} | numbers)
     solved = (tolerance * min(1.0, float(chain.weight))) ** 2
     scale = _ranges(chain)[1] if goal == "limits" else np.ones(n)
-    metric = (
-        1.0 / np.where(scale > 0.0, scale, scale.max(initial=0.0) or 1.0) ** 2
-    )  # W⁻¹: about that of h's second derivative
+    # W⁻¹: about that of h's second derivative
+    metric = 1.0 / np.where(scale > 0.0, scale, scale.max(initial=0.0) or 1.0) ** 2
 
     def step(task: Array, fresh: Array, state: Array) -> tuple[np.ndarray, ...]:
         old, first = layout.split(state), scalar.less(0.0, fresh[0])
@@ -120,7 +145,7 @@ def goal_search(chain: Chain, goal: Goal, tolerance: float) -> Program:
     return trace("goal_search", step, shapes, ("state_next", "over", "fresh_next", "result"))
 
 
-def _way(chain: Chain, q: Array, slope: Array, downhill: Array, metric: np.ndarray) -> np.ndarray:
+def _way(chain: JointChain, q: Array, slope: Array, downhill: Array, metric: np.ndarray) -> np.ndarray:
     """d (n,), where joints at a limit that it would cross are held; once more where others then cross theirs."""
     inverse = scalar.array(metric)
     way = _projected(slope, downhill, inverse)
@@ -130,7 +155,7 @@ def _way(chain: Chain, q: Array, slope: Array, downhill: Array, metric: np.ndarr
     return scalar.array([x * _free(chain, i, q[i], x) for i, x in enumerate(way)])
 
 
-def _free(chain: Chain, joint: int, at: Scalar, way: Scalar) -> Scalar:
+def _free(chain: JointChain, joint: int, at: Scalar, way: Scalar) -> Scalar:
     """0 for a joint at a limit that would be crossed, else 1."""
     crosses = 0.0
     if np.isfinite(chain.low[joint]):
@@ -154,13 +179,13 @@ def _back(slope: Array, error: Array, inverse: Array) -> np.ndarray:
     return weighted.T @ scalar.solve_symmetric(square + np.eye(len(square)) * (rest + 1e-300), error)
 
 
-def _corrected(chain: Chain, q: Array, slope: Array, error: Array, metric: np.ndarray) -> np.ndarray:
+def _corrected(chain: JointChain, q: Array, slope: Array, error: Array, metric: np.ndarray) -> np.ndarray:
     step = _back(slope, error, scalar.array(metric))
     held = scalar.array([x * _free(chain, i, q[i], step[i]) for i, x in enumerate(metric)])
     return chain.within(q + _back(slope, error, held))
 
 
-def _moved(chain: Chain, q: Array, way: Array, length: Scalar) -> np.ndarray:
+def _moved(chain: JointChain, q: Array, way: Array, length: Scalar) -> np.ndarray:
     """q + length way, no joint by more than LONGEST, and no further than to the first limit."""
     factor = scalar.minimum(length, LONGEST / scalar.maximum(_largest(way), 1e-12))
     for i in range(chain.n):

@@ -3,53 +3,34 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from armwright.ik.chain import TURN, Chain
-from armwright.ik.goals import Goal, goal_search
+from armwright.ik.chain import TURN, JointChain
+from armwright.ik.goals import Best, goal_search
 from armwright.ik.measures import limit_margin
+from armwright.ik.solver import PoseSolver
 from armwright.ik.starts import NEAREST_OF, RANKED, STARTS
-from armwright.kernels.loop import Loop, Tasks
-from armwright.kernels.stages import Call, Exchange
-from armwright.kernels.target import Target
-
-if TYPE_CHECKING:
-    from armwright.ik.solve import Solver
+from armwright.ik.task_loop import TaskLoop
 
 DESCENTS, EACH = 16, 4  # from different starts: at least; for every solution that is asked for
 STRIDE = 5  # rows of the table from the first start of a descent to that of the next
 DIFFERENT = 0.05  # [rad | m]: solutions whose joints are all closer than this are one
 
 
-class GoalSearch:
-    """Native code that moves solutions within their poses until a goal grows no better."""
-
-    def __init__(self, chain: Chain, goal: Goal, tolerance: float, target: Target):
-        """Search for one chain and goal; tolerance [m | rad] on poses, which positions must meet before."""
-        self.chain, self.target = chain, target
-        size, n = chain.task_size + 2 * chain.n, chain.n
-        program = goal_search(chain, goal, tolerance)
-        self._loop = Loop((Exchange(size, 1, n + 2, 1, 1), Call(program)), self.target)
-
-    def improved(self, tasks: np.ndarray, q: np.ndarray, preferred: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Positions (k, n) and goals (k,) from solutions (k, n) of tasks (k, 13)."""
-        lanes, count = self._loop.lanes(self.target.width), len(tasks)
-        lanes.blocks["over"].fill(2.0)
-        lanes.blocks["task_number"].fill(-1.0)
-        results = np.empty((count, self.chain.n + 2))
-        every = np.ascontiguousarray(np.concatenate([tasks, q, preferred], axis=1))
-        work = Tasks(np.array([0, count]), every, np.zeros((1, 1)), np.zeros((count, 1)), results)
-        self._loop.run(lanes, 0.0, (0, 2**62), tasks=work)
-        return self.chain.wrapped(results[:, : self.chain.n].T).T, results[:, self.chain.n]
-
-
-goal_searcher = lru_cache(maxsize=16)(GoalSearch)
+@lru_cache(maxsize=16)
+def goal_loop(chain: JointChain, best: Best, tolerance: float) -> TaskLoop:
+    """Native code that moves solutions within their poses, met to a tolerance [m | rad], until a goal grows no better."""
+    return TaskLoop(goal_search(chain, best, tolerance))
 
 
 def descended(
-    solver: Solver, near_solver: Solver | None, poses: np.ndarray, near: np.ndarray | None, count: int, threads: int
+    solver: PoseSolver,
+    near_solver: PoseSolver | None,
+    poses: np.ndarray,
+    near: np.ndarray | None,
+    count: int,
+    threads: int,
 ) -> np.ndarray:
     """Candidates (k, d, n) for `count` different solutions of poses (k, 4, 4), by descents from different starts."""
     parts = [] if near_solver is None else [near_solver.solve(poses, near, threads)]
@@ -59,11 +40,11 @@ def descended(
 
 
 def best_different(
-    solver: Solver,
+    solver: PoseSolver,
     poses: np.ndarray,
     candidates: np.ndarray,
     near: np.ndarray | None,
-    goal: Goal | None,
+    goal: Best | None,
     count: int,
     tolerance: float,
 ) -> np.ndarray:
@@ -74,13 +55,15 @@ def best_different(
     chain, each = solver.chain, candidates.shape[1]
     q, targets = candidates.reshape(-1, chain.n).copy(), np.repeat(poses, each, axis=0)
     wanted = None if near is None else np.repeat(near, each, axis=0)
-    solved, off = solver.solved(q, targets, tolerance)
+    solved, position, angle, margin = solver.judged(q, targets, tolerance)
+    off = np.where(margin >= 0.0, np.hypot(position, chain.weight * angle), np.inf)  # also where there are no positions
     order = -limit_margin(chain.model, q)
     if goal is not None and solved.any():
-        search = goal_searcher(chain, goal, solver.tolerance, solver.target)
         preferred = np.zeros_like(q) if wanted is None else wanted
-        moved, order[solved] = search.improved(chain.tasks(targets[solved]), q[solved], preferred[solved])
-        still, _ = solver.solved(moved, targets[solved], tolerance)
+        tasks = np.concatenate([chain.tasks(targets[solved]), q[solved], preferred[solved]], axis=1)
+        improved = goal_loop(chain, goal, solver.tolerance).run(tasks)
+        moved, order[solved] = chain.wrapped(improved[:, : chain.n].T).T, improved[:, chain.n]
+        still = solver.judged(moved, targets[solved], tolerance)[0]
         q[np.flatnonzero(solved)[still]] = moved[still]
     if wanted is not None:
         q = chain.nearest_turns(q, wanted)
@@ -105,7 +88,7 @@ def _ranks(descent: int) -> np.ndarray:
     return ((NEAREST_OF + STRIDE * descent + np.arange(RANKED)) % STARTS).astype(float)
 
 
-def _different(chain: Chain, q: np.ndarray, order: np.ndarray, count: int) -> np.ndarray:
+def _different(chain: JointChain, q: np.ndarray, order: np.ndarray, count: int) -> np.ndarray:
     """(k, count, n): of solutions (k, d, n) with finite order, those that differ, in that order; NaN behind them."""
     rows = np.arange(len(q))
     kept = np.full((len(q), count, chain.n), np.nan)

@@ -1,9 +1,10 @@
-"""Inverse kinematics by descent from many starts, in native code: every lane works on a target until it is solved."""
+"""Inverse kinematics: in closed form where the arm's axes allow it, else by descent from many starts."""
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
-from functools import cached_property, lru_cache
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -11,26 +12,17 @@ import numpy as np
 from armwright.entry import AnyArm, as_arm
 from armwright.errors import ModelError, ShapeError
 from armwright.features import Support
-from armwright.ik.chain import Chain
 from armwright.ik.closed_form.branches import ClosedForm
 from armwright.ik.closed_form.nearly import closed_form
-from armwright.ik.descent import descent
-from armwright.ik.goals import GOALS, Goal
+from armwright.ik.goals import Goal
 from armwright.ik.several import best_different, descended
-from armwright.ik.solutions import PoseSolutions
-from armwright.ik.starts import RANKED, Starts
+from armwright.ik.solutions import PoseBranches, PoseSolutions
+from armwright.ik.solver import solver
 from armwright.ik.targets import checked_array, checked_targets
-from armwright.kernels.batch import Kernel
-from armwright.kernels.compiled import compile_arm
-from armwright.kernels.loop import Loop, Tasks
-from armwright.kernels.stages import Call, Exchange
-from armwright.kernels.target import select_target
 from armwright.kinematics.aim import Aim
-from armwright.kinematics.reach import reach
 from armwright.model import Model
 from armwright.other_names import answering
-from armwright.program import trace
-from armwright.scalar import Array, Scalar, real_number
+from armwright.scalar import real_number
 
 SUPPORT = Support(
     "ik",
@@ -40,108 +32,8 @@ SUPPORT = Support(
     },
 )
 
-ATTEMPTS = 1000  # starts of one target, at most
-CHUNK = 8192  # targets of one call of native code
 MOST_SOLUTIONS = 64  # of one target
-MARGIN = 0.3  # of the tolerance: where a descent ends
-ANGLE_SHARE = 1.0 / 3.0  # of the reach: what a turn by 1 rad counts as
-
-
-class Solver:
-    """The native code that solves an arm's targets, made once for each arm, frame, aim and tolerance."""
-
-    def __init__(self, chain: Chain, tolerance: float, near: bool, attempts: int = ATTEMPTS):
-        self.chain, self.target, self.tolerance = chain, select_target(), MARGIN * tolerance
-        options = {} if chain.frame is None else {"frame": chain.frame}
-        self._poses = compile_arm(chain.model).kernel("forward_kinematics", **options)
-        self.starts = Starts(chain, self._poses, self.target)
-        n, task = chain.n, chain.task_size + chain.n * near
-        ranked = RANKED + near  # the first attempt is the given start
-        program = descent(chain, self.tolerance, near)
-        self._loop = Loop((Exchange(task, n + 1, n + 3, attempts, ranked), Call(program)), self.target)
-
-    def solve(
-        self, poses: np.ndarray, near: np.ndarray | None, threads: int, ranks: np.ndarray | None = None
-    ) -> np.ndarray:
-        """(k, n + 3): joint positions, squared error [m²], iterations and attempts for poses (k, 4, 4).
-
-        Args:
-            poses: where to.   near: (k, n) positions to begin with, of a solver that takes them.
-            threads: for large batches.   ranks: (RANKED,) starts to try first, in place of those nearest to each pose.
-        """
-        results = np.empty((len(poses), self.chain.n + 3))
-        parts = [slice(first, first + CHUNK) for first in range(0, len(poses), CHUNK)]
-
-        def part(which: slice) -> None:
-            self._solve(poses[which], None if near is None else near[which], ranks, results[which])
-
-        if threads == 1 or len(parts) == 1:
-            for each in parts:
-                part(each)
-        else:
-            with ThreadPoolExecutor(threads) as pool:
-                list(pool.map(part, parts))
-        return results
-
-    @cached_property
-    def _patient(self) -> Loop:
-        """One long descent from given positions."""
-        n, task = self.chain.n, self.chain.task_size + self.chain.n
-        program = descent(self.chain, self.tolerance, near=True, patient=True)
-        return Loop((Exchange(task, n + 1, n + 3, 1, 1), Call(program)), self.target)
-
-    def nearest(self, poses: np.ndarray, q: np.ndarray) -> np.ndarray:
-        """(k, n) positions as near to poses out of reach as a long descent from positions (k, n) comes."""
-        results = np.empty((len(q), self.chain.n + 3))
-        tasks = np.concatenate([self.chain.tasks(poses), q], axis=1)
-        self._run(self._patient, tasks, np.zeros((len(q), 1)), results)
-        return results[:, : self.chain.n]
-
-    @cached_property
-    def errors(self) -> Kernel:
-        """Compiled  q (k, n), poses (k, 4, 4) → distance (k,) [m], angle (k,) [rad], margin to the limits (k,)."""
-
-        def errors(q: Array, target: Array) -> tuple[Scalar, Scalar, Scalar]:
-            return *self.chain.errors(q, target), self.chain.margin(q)
-
-        shapes = {"q": (self.chain.n,), "target": (4, 4)}
-        return Kernel(trace("errors", errors, shapes, ("position", "angle", "margin")), self.target)
-
-    def solved(self, q: np.ndarray, poses: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
-        """(k,) True where positions (k, n) within the limits bring the frame to poses (k, 4, 4); and (k,) [m] how far off it is.
-
-        Beyond the limits, or where there are no positions, it is infinitely far off.
-        """
-        position, angle, margin = self.errors(q, poses)
-        off, within = np.hypot(position, self.chain.weight * angle), margin >= 0.0
-        return (position <= tolerance) & (angle <= tolerance) & within, np.where(within, off, np.inf)
-
-    def _solve(self, poses: np.ndarray, near: np.ndarray | None, given: np.ndarray | None, results: np.ndarray) -> None:
-        tasks, features = self.chain.places(poses)
-        ranks = self.starts.ranked(tasks, features) if given is None else np.tile(given, (len(tasks), 1))
-        if near is not None:
-            tasks, ranks = np.concatenate([tasks, near], axis=1), np.concatenate([ranks[:, :1], ranks], axis=1)
-        self._run(self._loop, tasks, ranks, results)
-
-    def _run(self, loop: Loop, tasks: np.ndarray, ranks: np.ndarray, results: np.ndarray) -> None:
-        lanes = loop.lanes(self.target.width)
-        lanes.blocks["over"].fill(2.0)
-        lanes.blocks["task_number"].fill(-1.0)
-        queue = np.array([0, len(tasks)])
-        work = Tasks(queue, np.ascontiguousarray(tasks), self.starts.rows, np.ascontiguousarray(ranks), results)
-        loop.run(lanes, 0.0, (0, 2**62), tasks=work)
-
-
-@lru_cache(maxsize=16)
-def solver(
-    model: Model, frame: str | None, aim: Aim, tolerance: float, near: bool, weight: float | None = None
-) -> Solver:
-    """The solver of an arm, kept for the next call."""
-    if weight is not None:
-        return Solver(Chain(model, frame, float(weight), aim), tolerance, near)
-    length = float(reach(model, frame))
-    weight = ANGLE_SHARE * length if np.isfinite(length) and length > 0.0 else 1.0
-    return Solver(Chain(model, frame, weight, aim), tolerance, near)
+Method = Literal["auto", "closed-form", "numeric"]
 
 
 @answering
@@ -154,9 +46,8 @@ def inverse_kinematics(
     near: Any = None,
     tolerance: float = 1e-8,
     method: Method = "auto",
-    goal: Goal | None = None,
+    goal: str | Goal | None = None,
     solutions: int | None = None,
-    length: float | None = None,
     threads: int = 1,
 ) -> PoseSolutions:
     """Joint positions within the limits that bring the tip, or another frame, to poses.
@@ -180,13 +71,11 @@ def inverse_kinematics(
             them that of a closed form is the one farthest from the limits.
         tolerance: on the distance [m] and on the angle [rad].   threads: for large batches.
         method: "auto", "numeric", or "closed-form", which leaves targets that it does not solve without positions (NaN).
-        goal: the solution that is "nearest" to `near` (least Σ (q - near)²), farthest from the "limits" (least Σ of squared
-            distances from the middles of the joints' ranges, in halves of them), or of most "manipulability" (angles times
-            `length`). Of several descents; joints that a pose leaves free then move until the goal grows no better. The result
-            is the best of these, not proven to be the best of all. [Liegeois1977]
+        goal: the solution that is "nearest" to `near`, farthest from the "limits" or of most "manipulability"; a `Goal` also says
+            what an angle counts as against a length. Of several descents; joints that a pose leaves free then move until the
+            goal grows no better. The result is the best of these, not proven to be the best of all. [Liegeois1977]
         solutions: how many are wanted that differ by 0.05 rad or m of a joint: one more axis (…, solutions, n), best first: by
             the goal, else by `near`, else by distance to limits; nan and success False where fewer were found.
-        length: [m/rad] of angles against lengths, where a target is not reached; by default a third of the arm's reach.
     Returns:
         solutions: of every target; those that are out of reach have the nearest positions and say how far off they are.
     Raises:
@@ -196,143 +85,125 @@ def inverse_kinematics(
     """
     arm = as_arm(arm)
     poses, shape, part = checked_targets(targets, aim)
-    limit = real_number(tolerance)
+    limit, wanted = real_number(tolerance), Goal.of(goal)
     if limit is None or not 1e-12 <= limit < 1.0:
         raise ModelError(place="tolerance", value=tolerance, expected="a number from 1e-12 to 1 [m and rad]")
-    if isinstance(threads, bool) or not isinstance(threads, int) or threads < 1:
+    if not _is_count(threads):
         raise ModelError(place="threads", value=threads, expected="a whole number, 1 or more")
-    starts = None
-    if near is not None:
-        starts = checked_array(near, "near")
-        fits = starts.shape[-1:] == (arm.n,) and starts.shape[:-1] in ((), shape)
-        if not fits or not np.isfinite(starts).all():
-            expected = f"{arm.n} finite numbers, or as many for each target"
-            raise ShapeError(place="near", value=starts.shape if not fits else near, expected=expected)
-        starts = np.broadcast_to(starts, (*shape, arm.n)).reshape(-1, arm.n)
-    _check_choice(goal, starts is not None, solutions, length)
-    closed = _closed_form(arm, frame, part, method, starts is not None)
-    if goal is not None or solutions is not None:
-        plain = solver(arm, frame, part, limit, False, length)
-        begins = None if starts is None else solver(arm, frame, part, limit, True, length)
-        if closed is None:
-            candidates = descended(plain, begins, poses, starts, solutions or 1, threads)
-        else:
-            candidates = closed.solve(poses, starts, limit, threads)[0].q
-            if method == "auto":
-                candidates = np.concatenate([candidates, plain.solve(poses, None, threads)[:, None, : arm.n]], axis=1)
-        q = best_different(plain, poses, candidates, starts, goal, solutions or 1, limit)
-        return _several(plain, q, poses, shape, solutions, limit)
-    if closed is None:
-        values, more = _numeric(arm, frame, part, limit, poses, starts, length, threads), {}
-    else:
-        branches, best = closed.solve(poses, starts, limit, threads)
-        values, branch = _of_branches(best)
-        left = np.flatnonzero(branch < 0)
-        if len(left) and method == "auto":
-            some = _numeric(
-                arm, frame, part, limit, poses[left], None if starts is None else starts[left], length, threads
-            )
-            for every, found in zip(values, some, strict=True):
-                every[left] = found
-        more = {
-            "method": f"{closed.kind} ({closed.geometry.description})",
-            "branches": branches.reshaped(shape),
-            "branch": branch.reshape(shape),
-        }
-    return PoseSolutions(
-        *(each.reshape((*shape, *each.shape[1:])) for each in values), tolerance=limit, arm=arm, **more
-    )
-
-
-Method = Literal["auto", "closed-form", "numeric"]
-
-
-def _closed_form(arm: Model, frame: str | None, aim: Aim, method: Method, near: bool) -> ClosedForm | None:
-    """The closed form that a call uses.
-
-    Raises:
-        ModelError: it is asked for and there is none.
-    """
+    starts = None if near is None else _checked_starts(near, arm.n, shape)
+    if wanted.best == "nearest" and starts is None:
+        raise ModelError(place="goal", value=wanted.best, expected="near, the joint positions to be nearest to")
+    if solutions is not None and not _is_count(solutions, MOST_SOLUTIONS):
+        raise ModelError(place="solutions", value=solutions, expected=f"a whole number from 1 to {MOST_SOLUTIONS}")
     if method not in get_args(Method):
         raise ModelError(place="method", value=method, choices=get_args(Method))
-    found = closed_form(arm, frame, near) if aim.kind == "pose" and method != "numeric" else None
-    if found is None and method == "closed-form":
+    asked, whole = _Targets(poses, shape, part, starts, limit, wanted, threads), part.kind == "pose"
+    closed = closed_form(arm, frame, starts is not None) if whole and method != "numeric" else None
+    if closed is None and method == "closed-form":
         expected = "six joints whose axes meet or are parallel as one needs, a frame of the last link and whole poses"
-        what = (
-            f"{arm.name} has no closed form"
-            if aim.kind == "pose"
-            else f"a closed form needs whole poses, not aim = {str(aim)!r}"
-        )
+        no_aim = f"a closed form needs whole poses, not aim = {str(part)!r}"
+        what = f"{arm.name} has no closed form" if whole else no_aim
         raise ModelError(what, place="method", value=method, expected=expected)
-    return found
+    if wanted.best is not None or solutions is not None:
+        return _several(arm, frame, asked, closed, solutions, numeric=method != "closed-form")
+    if closed is None:
+        return PoseSolutions(*asked.shaped(_numeric(arm, frame, asked)), tolerance=limit, arm=arm)
+    values, branches, branch = _in_closed_form(closed, asked)
+    left = np.flatnonzero(branch < 0)
+    if len(left) and method == "auto":
+        for every, found in zip(values, _numeric(arm, frame, asked.only(left)), strict=True):
+            every[left] = found
+    how = f"{closed.kind} ({closed.geometry.description})"
+    more = {"method": how, "branches": branches.reshaped(shape), "branch": branch.reshape(shape)}
+    return PoseSolutions(*asked.shaped(values), tolerance=limit, arm=arm, **more)
 
 
-def _of_branches(best: np.ndarray) -> tuple[tuple[np.ndarray, ...], np.ndarray]:
-    """Positions, success, errors, margins, iterations and attempts (k, …) of the best branches, and their numbers (k,)."""
+@dataclass(frozen=True, eq=False)
+class _Targets:
+    """Targets, checked, and what is asked of their solutions.
+
+    Attributes:
+        poses: (k, 4, 4).   shape: of their batch.   aim: what counts of them.   near: (k, n) positions to begin with, or None.
+        tolerance: [m] and [rad].   goal: which solution is wanted.   threads: for large batches.
+    """
+
+    poses: np.ndarray
+    shape: tuple[int, ...]
+    aim: Aim
+    near: np.ndarray | None
+    tolerance: float
+    goal: Goal
+    threads: int
+
+    def only(self, rows: np.ndarray) -> _Targets:
+        """Some of the targets."""
+        return replace(self, poses=self.poses[rows], near=None if self.near is None else self.near[rows])
+
+    def shaped(self, values: Sequence[np.ndarray], *axis: int) -> Iterator[np.ndarray]:
+        """Values (k, …) in the shape of the batch, with one more axis where it is given."""
+        return (each.reshape((*self.shape, *axis, *each.shape[1:])) for each in values)
+
+
+def _is_count(value: Any, most: float = np.inf) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and 1 <= value <= most
+
+
+def _checked_starts(near: Any, n: int, shape: tuple[int, ...]) -> np.ndarray:
+    """(k, n) positions to begin with, one for each target.
+
+    Raises:
+        ShapeError: of other joints or targets, or not finite.
+    """
+    starts = checked_array(near, "near")
+    fits = starts.shape[-1:] == (n,) and starts.shape[:-1] in ((), shape)
+    if not fits or not np.isfinite(starts).all():
+        expected = f"{n} finite numbers, or as many for each target"
+        raise ShapeError(place="near", value=starts.shape if not fits else near, expected=expected)
+    return np.broadcast_to(starts, (*shape, n)).reshape(-1, n)
+
+
+def _in_closed_form(closed: ClosedForm, targets: _Targets) -> tuple[tuple[np.ndarray, ...], PoseBranches, np.ndarray]:
+    """Positions, success, errors, margins, iterations and attempts (k, …) of the best branches; all of them; numbers (k,)."""
+    branches, best = closed.solve(targets.poses, targets.near, targets.tolerance, targets.threads)
     n, branch = best.shape[1] - 4, best[:, -1].astype(int)
     none = np.zeros((2, len(best)), int)
-    return (best[:, :n], branch >= 0, best[:, n], best[:, n + 1], best[:, n + 2], *none), branch
+    return (best[:, :n], branch >= 0, best[:, n], best[:, n + 1], best[:, n + 2], *none), branches, branch
 
 
-def _numeric(
-    arm: Model,
-    frame: str | None,
-    aim: Aim,
-    tolerance: float,
-    poses: np.ndarray,
-    starts: np.ndarray | None,
-    weight: float | None,
-    threads: int,
-) -> tuple[np.ndarray, ...]:
+def _numeric(arm: Model, frame: str | None, targets: _Targets) -> tuple[np.ndarray, ...]:
     """Positions, success, errors, margins, iterations and attempts (k, …) by descent."""
-    chosen = solver(arm, frame, aim, tolerance, starts is not None)
-    found = chosen.solve(poses, starts, threads)
+    poses, near, length = targets.poses, targets.near, targets.goal.length
+    of_arm = partial(solver, arm, frame, targets.aim, targets.tolerance, near is not None)
+    chosen = of_arm()
+    found = chosen.solve(poses, near, targets.threads)
     q = found[:, : arm.n]
     missed = np.flatnonzero(found[:, arm.n] >= (chosen.tolerance * min(1.0, chosen.chain.weight)) ** 2)
     if len(missed):
-        if weight is not None:  # which says what is nearest, and must not decide what is found
-            chosen = solver(arm, frame, aim, tolerance, starts is not None, weight)
-            found[missed] = chosen.solve(poses[missed], None if starts is None else starts[missed], threads)
+        if length is not None:  # which says what is nearest, and must not decide what is found
+            chosen = of_arm(length)
+            found[missed] = chosen.solve(poses[missed], None if near is None else near[missed], targets.threads)
         q[missed] = chosen.nearest(poses[missed], q[missed])
-    if starts is not None:
-        q = chosen.chain.nearest_turns(q, starts)
-    position, angle, margin = chosen.errors(q, poses)
-    success = (position <= tolerance) & (angle <= tolerance) & (margin >= 0.0)
-    return q, success, position, angle, margin, *found[:, -2:].astype(int).T
+    if near is not None:
+        q = chosen.chain.nearest_turns(q, near)
+    return q, *chosen.judged(q, poses, targets.tolerance), *found[:, -2:].astype(int).T
 
 
 def _several(
-    solver: Solver,
-    q: np.ndarray,
-    poses: np.ndarray,
-    shape: tuple[int, ...],
-    solutions: int | None,
-    tolerance: float,
+    arm: Model, frame: str | None, targets: _Targets, closed: ClosedForm | None, solutions: int | None, *, numeric: bool
 ) -> PoseSolutions:
-    """Results (…, solutions) of positions (k, solutions, n); without `solutions` the axis is left out."""
-    count = q.shape[1]
-    flat, targets = q.reshape(-1, q.shape[2]), np.repeat(poses, count, axis=0)
-    position, angle, margin = solver.errors(flat, targets)
-    success = (position <= tolerance) & (angle <= tolerance) & (margin >= 0.0)  # False of nan
-    values = (flat, success, position, angle, margin, *np.zeros((2, len(flat)), int))
-    lead = shape if solutions is None else (*shape, count)
-    shaped = (each.reshape((*lead, *each.shape[1:])) for each in values)
-    return PoseSolutions(*shaped, tolerance=tolerance, arm=solver.chain.model, several=solutions is not None)
-
-
-def _check_choice(goal: Goal | None, near: bool, solutions: int | None, weight: float | None) -> None:
-    """Refuses a goal, a count or a weight that is none.
-
-    Raises:
-        ModelError: names it.
-    """
-    if goal is not None and goal not in GOALS:
-        raise ModelError(place="goal", value=goal, choices=GOALS)
-    if goal == "nearest" and not near:
-        raise ModelError(place="goal", value=goal, expected="near, the joint positions to be nearest to")
-    whole = isinstance(solutions, int) and not isinstance(solutions, bool) and 1 <= solutions <= MOST_SOLUTIONS
-    if solutions is not None and not whole:
-        raise ModelError(place="solutions", value=solutions, expected=f"a whole number from 1 to {MOST_SOLUTIONS}")
-    length = None if weight is None else real_number(weight)
-    if weight is not None and (length is None or not 1e-6 <= length <= 1e6):
-        raise ModelError(place="length", value=weight, expected="a number from 1e-6 to 1e6 [m/rad]")
+    """The best solutions by a goal, one more axis of each target; without `solutions` one, and no axis."""
+    poses, near, limit, threads = targets.poses, targets.near, targets.tolerance, targets.threads
+    of_arm = partial(solver, arm, frame, targets.aim, limit)
+    plain, count = of_arm(False, targets.goal.length), solutions or 1
+    if closed is None:
+        begins = None if near is None else of_arm(True, targets.goal.length)
+        candidates = descended(plain, begins, poses, near, count, threads)
+    else:
+        candidates = closed.solve(poses, near, limit, threads)[0].q
+        if numeric:
+            candidates = np.concatenate([candidates, plain.solve(poses, None, threads)[:, None, : arm.n]], axis=1)
+    q = best_different(plain, poses, candidates, near, targets.goal.best, count, limit)
+    flat = q.reshape(-1, arm.n)
+    values = (flat, *plain.judged(flat, np.repeat(poses, count, axis=0), limit), *np.zeros((2, len(flat)), int))
+    axis = () if solutions is None else (solutions,)
+    return PoseSolutions(*targets.shaped(values, *axis), tolerance=limit, arm=arm, several=solutions is not None)

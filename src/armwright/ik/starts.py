@@ -7,10 +7,11 @@ from collections.abc import Callable
 import numpy as np
 
 from armwright import scalar
-from armwright.ik.chain import TURN, Chain
+from armwright.ik.chain import TURN, JointChain
 from armwright.kernels.loop import Loop
 from armwright.kernels.stages import Call, Table
 from armwright.kernels.target import Target
+from armwright.model import Model
 from armwright.program import Program, trace
 from armwright.scalar import Array, Scalar
 
@@ -22,7 +23,7 @@ FEATURES = 12  # of a pose: position (3) and rotation (9)
 AT_ONCE = 16  # rows of the table that pass by together
 
 
-def ranking(chain: Chain) -> Program:
+def ranking(chain: JointChain) -> Program:
     """Program  row, pose, tick, found → found_next: keeps the `RANKED` nearest, of each `AT_ONCE` rows that pass by the nearest.
 
     row: features (12), half their square, and in turns the first position less the azimuth, from the middle of its limits.
@@ -67,13 +68,13 @@ class Starts:
     """A table of starts and the native code that ranks it.
 
     Attributes:
-        rows: (STARTS, n + 1) joint positions and the azimuth of their pose, as `Chain.start` takes them.
+        rows: (STARTS, n + 1) joint positions and the azimuth of their pose, as `JointChain.start` takes them.
     """
 
-    def __init__(self, chain: Chain, poses_at: Callable[[np.ndarray], np.ndarray], target: Target):
+    def __init__(self, chain: JointChain, poses_at: Callable[[np.ndarray], np.ndarray], target: Target):
         """Random positions within the limits, the same each time; `poses_at`: (k, n) → (k, 4, 4) of the frame."""
         self.chain = chain
-        positions = random_positions(chain, STARTS)
+        positions = random_positions(chain.model, STARTS)
         tasks, features = chain.places(poses_at(positions))
         azimuths = tasks[:, 12:]
         self.rows = np.concatenate([positions, azimuths], axis=1)
@@ -94,12 +95,18 @@ class Starts:
         return np.ascontiguousarray(lanes.get("found")[:, RANKED:])
 
 
-def random_positions(chain: Chain, count: int) -> np.ndarray:
+def random_positions(arm: Model, count: int) -> np.ndarray:
     """(count, n) random joint positions, uniform within the limits; over a whole turn, or a metre, without limits."""
     from scipy.stats import qmc
 
-    low, high = chain.limits
-    half = np.array([body.kind.units.half_range for body in chain.model.coordinates])
-    low = np.where(np.isfinite(low), low, np.where(np.isfinite(high), high - 2.0 * half, -half))
-    high = np.where(np.isfinite(high), high, low + 2.0 * half)
-    return low + qmc.Sobol(chain.n, rng=np.random.default_rng(0)).random(count) * (high - low)
+    low, high = sampled_ranges(arm)
+    return low + qmc.Sobol(arm.n, rng=np.random.default_rng(0)).random(count) * (high - low)
+
+
+def sampled_ranges(arm: Model) -> tuple[np.ndarray, np.ndarray]:
+    """Lowest and highest joint positions (n,) for sampling: the limits; a whole turn, or a metre, without limits."""
+    low, high = np.array([body.limits.position for body in arm.coordinates]).T
+    half = np.array([body.kind.units.half_range for body in arm.coordinates])
+    low_known, high_known = np.isfinite(low), np.isfinite(high)
+    lowest = np.where(low_known, low, np.where(high_known, high - 2.0 * half, -half))
+    return lowest, np.where(high_known, high, lowest + 2.0 * half)

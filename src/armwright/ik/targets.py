@@ -26,9 +26,8 @@ def checked_array(value: Any, place: str) -> np.ndarray:
     try:
         return real_numbers(value)
     except ValueError as error:
-        what = (
-            "rows of unequal length" if "inhomogeneous" in str(error) else str(error)
-        )  # NumPy's sentence is a paragraph
+        # NumPy's sentence is a paragraph
+        what = "rows of unequal length" if "inhomogeneous" in str(error) else str(error)
         raise ShapeError(what, place=place, expected="an array of real numbers") from None
 
 

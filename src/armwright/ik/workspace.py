@@ -9,7 +9,7 @@ import numpy as np
 from armwright.entry import AnyArm, as_arm
 from armwright.errors import ModelError
 from armwright.ik.measures import checked_task, limit_margin, measures
-from armwright.model import Model
+from armwright.ik.starts import sampled_ranges
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -87,12 +87,3 @@ def workspace(
 def _percentiles(values: np.ndarray) -> np.ndarray:
     """(9,) values at `PERCENTILES`, each that of a sample: none is made up between a number and infinity."""
     return np.percentile(values, PERCENTILES, method="nearest")
-
-
-def sampled_ranges(arm: Model) -> tuple[np.ndarray, np.ndarray]:
-    """Lowest and highest joint positions (n,) for sampling: the limits; a whole turn, or a metre, without limits."""
-    low, high = np.array([body.limits.position for body in arm.coordinates]).T
-    half = np.array([body.kind.units.half_range for body in arm.coordinates])
-    low_known, high_known = np.isfinite(low), np.isfinite(high)
-    lowest = np.where(low_known, low, np.where(high_known, high - 2.0 * half, -half))
-    return lowest, np.where(high_known, high, lowest + 2.0 * half)

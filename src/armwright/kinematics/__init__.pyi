@@ -1,5 +1,6 @@
 """The names of this room and where each lives: for type checkers, and for `armwright.lazy`."""
 
+from armwright.ik.goals import Goal as Goal
 from armwright.ik.measures import Manipulability as Manipulability, manipulability as manipulability
 from armwright.ik.solutions import PoseBranches as PoseBranches, PoseSolutions as PoseSolutions
 from armwright.ik.solve import inverse_kinematics as inverse_kinematics

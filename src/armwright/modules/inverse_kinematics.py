@@ -9,9 +9,8 @@ import numpy as np
 from armwright.ik.chain import angles_between
 from armwright.ik.descent import descent
 from armwright.ik.family import Family
+from armwright.ik.task_loop import TaskLoop
 from armwright.kernels.batch import Kernel
-from armwright.kernels.loop import Loop, Tasks
-from armwright.kernels.stages import Call, Exchange
 from armwright.kernels.target import select_target
 from armwright.kinematics import forward_kinematics
 from armwright.model import Model
@@ -53,26 +52,19 @@ class _Native:
     """Native code for all arms of a structure."""
 
     def __init__(self, form: Structure):
-        self.family, self._target = Family(form, ANGLE_WEIGHT), select_target()
+        self.family = Family(form, ANGLE_WEIGHT)
         n, size = self.family.n, self.family.task_size
-        program = descent(self.family, TOLERANCE, near=False)
-        self._loop = Loop((Exchange(size, n + 1, n + 3, ATTEMPTS, 1), Call(program)), self._target)
+        self._loop = TaskLoop(descent(self.family, TOLERANCE, near=False), ATTEMPTS)
 
         def pose(q: Array, task: Array) -> np.ndarray:
             return forward_kinematics(self.family.of(task).model, q)
 
-        self.poses = Kernel(trace("pose", pose, {"q": (n,), "task": (size,)}), self._target)
+        self.poses = Kernel(trace("pose", pose, {"q": (n,), "task": (size,)}), select_target())
 
     def descend(self, tasks: np.ndarray, starts: np.ndarray) -> np.ndarray:
         """(k, n) joint positions for tasks (k, …), each from its own start (k, n) first."""
-        lanes, count = self._loop.lanes(self._target.width), len(tasks)
-        lanes.blocks["over"].fill(2.0)
-        lanes.blocks["task_number"].fill(-1.0)
-        attempts = np.concatenate([starts, np.zeros((count, 1))], axis=1)
-        results = np.empty((count, self.family.n + 3))
-        work = Tasks(np.array([0, count]), tasks, attempts, np.arange(float(count)), results)
-        self._loop.run(lanes, 0.0, (0, 2**62), tasks=work)
-        return results[:, : self.family.n]
+        attempts = np.concatenate([starts, np.zeros((len(tasks), 1))], axis=1)
+        return self._loop.run(tasks, attempts, np.arange(float(len(tasks))))[:, : self.family.n]
 
 
 _native = lru_cache(maxsize=64)(_Native)

@@ -15,6 +15,7 @@ from armwright.description.toml_file import read_text
 from armwright.entry import as_path
 from armwright.errors import ArmwrightError, ScenarioError
 from armwright.model import Model, build_model
+from armwright.model.payload import Payload
 from armwright.motions.obstacles import check_clearance
 from armwright.motions.records import (
     MotionTable,
@@ -40,7 +41,6 @@ from armwright.motions.values import (
 from armwright.results.result import Result
 from armwright.results.table import Table, number
 from armwright.scenarios.files import Files, FolderFiles
-from armwright.simulation.inputs.payload import Payload
 from armwright.toml_text import TomlText
 from armwright.trajectory.joined import Joined
 from armwright.trajectory.limits import MotionLimits
@@ -103,7 +103,7 @@ class Plan(Result):
         Raises:
             OutputError: the file cannot be written.
         """
-        self.motion.save(path, self.arm, rate)
+        self.motion.save(self.arm, path, rate)
         return Path(path)
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | None:

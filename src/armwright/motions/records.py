@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field
 
-from armwright.quantity import Record
+from armwright.quantity import Record, absent
 from armwright.scenarios.records import Number, PerJoint, Tensor, Three, counted
 from armwright.validation import SEEN
 
@@ -20,16 +20,14 @@ SPEED = "1: as fast as the limits allow; 0.5: the same in twice the time."
 class LimitsTable(Record):
     """Limits in place of the record's: one number for all joints, one each, or a table by joint."""
 
-    position: Any = Field(
-        default=None, description="One number to either side, or lower and upper of every joint [rad | m]."
+    position: Any = absent("One number to either side, or lower and upper of every joint [rad | m].")
+    velocity: PerJoint | None = absent("[rad/s | m/s].")
+    acceleration: PerJoint | None = absent("[rad/s² | m/s²].")
+    jerk: PerJoint | None = absent(
+        "[rad/s³ | m/s³]; not kept by parabolic blends, trapezoids and time_optimal segments."
     )
-    velocity: PerJoint | None = Field(default=None, description="[rad/s | m/s].")
-    acceleration: PerJoint | None = Field(default=None, description="[rad/s² | m/s²].")
-    jerk: PerJoint | None = Field(
-        default=None, description="[rad/s³ | m/s³]; not kept by parabolic blends, trapezoids and time_optimal segments."
-    )
-    torque: PerJoint | None = Field(default=None, description="Of the motors, referred to the joints [N m | N].")
-    voltage: PerJoint | None = Field(default=None, description="Of the motors [V].")
+    torque: PerJoint | None = absent("Of the motors, referred to the joints [N m | N].")
+    voltage: PerJoint | None = absent("Of the motors [V].")
 
 
 class MoveSegment(Record):
@@ -38,14 +36,13 @@ class MoveSegment(Record):
     kind: Literal["move"] = Field(description="Which kind of segment.")
     goal: PerJoint = Field(description="Positions [rad | m], or a table by joint whose others stay.")
     curve: Literal["s_curve", "trapezoid", "quintic", "cubic", "minimum_jerk", "ruckig"] = Field(
-        default="s_curve", description="Law of the move, as the classes of the same names."
+        "s_curve", description="Law of the move, as the classes of the same names."
     )
-    goal_velocity: PerJoint | None = Field(
-        default=None,
-        description="Of minimum_jerk and ruckig, which may end moving; the next segment goes on from there.",
+    goal_velocity: PerJoint | None = absent(
+        "Of minimum_jerk and ruckig, which may end moving; the next segment goes on from there."
     )
-    duration_s: Seconds | None = Field(default=None, description="Absent: as short as the limits allow.")
-    speed: Speed = Field(default=1.0, description=SPEED)
+    duration_s: Seconds | None = absent("Absent: as short as the limits allow.")
+    speed: Speed = Field(1.0, description=SPEED)
 
 
 class WaypointsSegment(Record):
@@ -53,12 +50,12 @@ class WaypointsSegment(Record):
 
     kind: Literal["waypoints"] = Field(description="Which kind of segment.")
     points: Points = Field(description="Waypoints [rad | m], the arm's own pose before them left away.")
-    curve: Literal["cubic", "quintic", "parabolic"] = Field(default="cubic", description="Between the waypoints.")
-    times_s: tuple[Number, ...] | None = Field(
-        default=None, description="Of the waypoints, from the segment's beginning on; absent: by the limits."
+    curve: Literal["cubic", "quintic", "parabolic"] = Field("cubic", description="Between the waypoints.")
+    times_s: tuple[Number, ...] | None = absent(
+        "Of the waypoints, from the segment's beginning on; absent: by the limits."
     )
-    duration_s: Seconds | None = Field(default=None, description="Absent: as short as the limits allow.")
-    speed: Speed = Field(default=1.0, description=SPEED)
+    duration_s: Seconds | None = absent("Absent: as short as the limits allow.")
+    speed: Speed = Field(1.0, description=SPEED)
 
 
 class DwellSegment(Record):
@@ -73,18 +70,16 @@ class GripSegment(Record):
 
     kind: Literal["grip"] = Field(description="Which kind of segment.")
     mass_kg: Annotated[Number, Field(gt=0)] = Field(description="Mass of the body.")
-    com_m: Three | None = Field(
-        default=None,
-        description="Its centre of mass, in the frame; of a point mass its place, absent: the frame's origin.",
+    com_m: Three | None = absent(
+        "Its centre of mass, in the frame; of a point mass its place, absent: the frame's origin."
     )
     inertia_kg_m2: Annotated[Tensor | tuple[Number, Number, Number], counted(3, "moments about x, y and z")] | None = (
-        Field(
-            default=None,
-            description="About its centre of mass, in the frame's axes: a table, or three principal moments; absent: 0, a point "
-            "mass.",
+        absent(
+            "About its centre of mass, in the frame's axes: a table, or three principal moments; absent: 0, a point "
+            "mass."
         )
     )
-    frame: str | None = Field(default=None, description="Which carries it; absent: the tip.")
+    frame: str | None = absent("Which carries it; absent: the tip.")
 
 
 class ReleaseSegment(Record):
@@ -98,7 +93,7 @@ class TimeOptimalSegment(Record):
 
     kind: Literal["time_optimal"] = Field(description="Which kind of segment.")
     points: Points = Field(description="Waypoints [rad | m], the arm's own pose before them left away.")
-    grid: Annotated[int, Field(ge=10, le=5_000)] = Field(default=500, description="Number of grid points, about.")
+    grid: Annotated[int, Field(ge=10, le=5_000)] = Field(500, description="Number of grid points, about.")
 
 
 class LinePiece(Record):
@@ -106,16 +101,12 @@ class LinePiece(Record):
 
     kind: Literal["line"] = Field(description="Which kind of piece.")
     to_m: Three = Field(description="x, y, z where it ends.")
-    rpy_rad: Three | None = Field(
-        default=None, description="Angles about fixed x, y, z there; absent: it does not turn."
+    rpy_rad: Three | None = absent("Angles about fixed x, y, z there; absent: it does not turn.")
+    direction: Three | None = absent("Of the axis that `aim` names there, in base axes.")
+    pitch_rad: Annotated[Number, Field(ge=-RIGHT_ANGLE, le=RIGHT_ANGLE)] | None = absent(
+        "Of that axis there: its angle below the base's xy plane."
     )
-    direction: Three | None = Field(default=None, description="Of the axis that `aim` names there, in base axes.")
-    pitch_rad: Annotated[Number, Field(ge=-RIGHT_ANGLE, le=RIGHT_ANGLE)] | None = Field(
-        default=None, description="Of that axis there: its angle below the base's xy plane."
-    )
-    yaw_rad: Number | None = Field(
-        default=None, description="Of that axis there: its angle about base z, 0 along base x."
-    )
+    yaw_rad: Number | None = absent("Of that axis there: its angle about base z, 0 along base x.")
 
 
 class ArcPiece(Record):
@@ -124,16 +115,12 @@ class ArcPiece(Record):
     kind: Literal["arc"] = Field(description="Which kind of piece.")
     through_m: Three = Field(description="x, y, z that it passes.")
     to_m: Three = Field(description="x, y, z where it ends.")
-    rpy_rad: Three | None = Field(
-        default=None, description="Angles about fixed x, y, z there; absent: it does not turn."
+    rpy_rad: Three | None = absent("Angles about fixed x, y, z there; absent: it does not turn.")
+    direction: Three | None = absent("Of the axis that `aim` names there, in base axes.")
+    pitch_rad: Annotated[Number, Field(ge=-RIGHT_ANGLE, le=RIGHT_ANGLE)] | None = absent(
+        "Of that axis there: its angle below the base's xy plane."
     )
-    direction: Three | None = Field(default=None, description="Of the axis that `aim` names there, in base axes.")
-    pitch_rad: Annotated[Number, Field(ge=-RIGHT_ANGLE, le=RIGHT_ANGLE)] | None = Field(
-        default=None, description="Of that axis there: its angle below the base's xy plane."
-    )
-    yaw_rad: Number | None = Field(
-        default=None, description="Of that axis there: its angle about base z, 0 along base x."
-    )
+    yaw_rad: Number | None = absent("Of that axis there: its angle about base z, 0 along base x.")
 
 
 class CirclePiece(Record):
@@ -142,8 +129,8 @@ class CirclePiece(Record):
     kind: Literal["circle"] = Field(description="Which kind of piece.")
     centre_m: Three = Field(description="x, y, z of the centre.")
     normal: Three = Field(description="Axis; the angle counts by the right hand about it.")
-    angle_rad: Number = Field(default=6.283185307179586, description="How far; absent: one turn.")
-    turns: bool = Field(default=False, description="Whether the tool turns along.")
+    angle_rad: Number = Field(6.283185307179586, description="How far; absent: one turn.")
+    turns: bool = Field(False, description="Whether the tool turns along.")
 
 
 class ToolSegment(Record):
@@ -156,29 +143,22 @@ class ToolSegment(Record):
     speed_m_per_s: Annotated[Number, Field(gt=0)] = Field(description="Of the tool.")
     acceleration_m_per_s2: Annotated[Number, Field(gt=0)] = Field(description="Of the tool.")
     slow: Literal["everywhere", "where needed"] = Field(
-        default="everywhere", description="What is slower where the joints cannot follow at the tool's speed."
+        "everywhere", description="What is slower where the joints cannot follow at the tool's speed."
     )
-    constant: bool = Field(
-        default=False, description="true: refused rather than slower where the joints cannot follow."
-    )
-    blend_m: Annotated[Number, Field(ge=0)] = Field(
-        default=0.0, description="Largest distance of rounded corners; 0: sharp."
-    )
-    angular_speed_rad_per_s: Annotated[Number, Field(gt=0)] | None = Field(
-        default=None, description="Absent: no limit."
-    )
-    angular_acceleration_rad_per_s2: Annotated[Number, Field(gt=0)] | None = Field(
-        default=None, description="Both are needed for turns in place."
+    constant: bool = Field(False, description="true: refused rather than slower where the joints cannot follow.")
+    blend_m: Annotated[Number, Field(ge=0)] = Field(0.0, description="Largest distance of rounded corners; 0: sharp.")
+    angular_speed_rad_per_s: Annotated[Number, Field(gt=0)] | None = absent("Absent: no limit.")
+    angular_acceleration_rad_per_s2: Annotated[Number, Field(gt=0)] | None = absent(
+        "Both are needed for turns in place."
     )
     origin: Literal["base", "start"] = Field(
-        default="base",
-        description="Where positions count from, in base axes: the base, or the tool where the segment begins.",
+        "base", description="Where positions count from, in base axes: the base, or the tool where the segment begins."
     )
     aim: str = Field(
-        default="pose",
+        "pose",
         description="What of the tool's pose must be met: pose, position, axis, pitch, yaw, …, as in `inverse_kinematics`.",
     )
-    frame: str | None = Field(default=None, description="The frame that is led; absent: the tip.")
+    frame: str | None = absent("The frame that is led; absent: the tip.")
 
 
 Segment = Annotated[
@@ -193,7 +173,7 @@ class PlaneTable(Record):
     kind: Literal["plane"] = Field(description="Which kind of obstacle.")
     point_m: Three = Field(description="Any point of the plane, in base axes.")
     normal: Three = Field(description="Out of the solid side.")
-    name: Annotated[str, Field(pattern=SEEN)] = Field(default="plane", description="For messages.")
+    name: Annotated[str, Field(pattern=SEEN)] = Field("plane", description="For messages.")
 
 
 class BoxTable(Record):
@@ -202,8 +182,8 @@ class BoxTable(Record):
     kind: Literal["box"] = Field(description="Which kind of obstacle.")
     size_m: Three = Field(description="Along its x, y, z.")
     position_m: Three = Field(description="Of its middle, in base axes.")
-    rpy_rad: Three = Field(default=(0.0, 0.0, 0.0), description="Its angles about fixed x, then y, then z.")
-    name: Annotated[str, Field(pattern=SEEN)] = Field(default="box", description="For messages.")
+    rpy_rad: Three = Field((0.0, 0.0, 0.0), description="Its angles about fixed x, then y, then z.")
+    name: Annotated[str, Field(pattern=SEEN)] = Field("box", description="For messages.")
 
 
 class SphereTable(Record):
@@ -212,7 +192,7 @@ class SphereTable(Record):
     kind: Literal["sphere"] = Field(description="Which kind of obstacle.")
     radius_m: Annotated[Number, Field(gt=0)] = Field(description="Its radius.")
     position_m: Three = Field(description="Of its middle, in base axes.")
-    name: Annotated[str, Field(pattern=SEEN)] = Field(default="sphere", description="For messages.")
+    name: Annotated[str, Field(pattern=SEEN)] = Field("sphere", description="For messages.")
 
 
 ObstacleTable = Annotated[PlaneTable | BoxTable | SphereTable, Field(discriminator="kind")]
@@ -223,19 +203,18 @@ class MotionTable(Record):
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
-    title: str | None = Field(default=None, description="One line for whoever reads the file.")
+    title: str | None = absent("One line for whoever reads the file.")
     robot: str = Field(description="A built-in arm, or a robot file beside this one.")
     start: PerJoint = Field(description="Positions at the beginning [rad | m], or a table by joint whose others are 0.")
     limits: LimitsTable = Field(default_factory=LimitsTable, description="In place of the record's.")
-    obstacles: tuple[ObstacleTable, ...] = Field(default=(), description="What stands around the arm.")
-    clearance_m: Annotated[Number, Field(ge=0)] | None = Field(
-        default=None,
-        description="Least distance of links from each other and from obstacles; absent: 0 with obstacles, else not checked.",
+    obstacles: tuple[ObstacleTable, ...] = Field((), description="What stands around the arm.")
+    clearance_m: Annotated[Number, Field(ge=0)] | None = absent(
+        "Least distance of links from each other and from obstacles; absent: 0 with obstacles, else not checked."
     )
-    link_radius_m: Annotated[Number, Field(gt=0)] | None = Field(
-        default=None, description="Radius of links whose record has no shapes, for distances."
+    link_radius_m: Annotated[Number, Field(gt=0)] | None = absent(
+        "Radius of links whose record has no shapes, for distances."
     )
     ignore: tuple[tuple[str, str], ...] = Field(
-        default=(), description="Pairs of links whose distance does not count, as those of a wrist."
+        (), description="Pairs of links whose distance does not count, as those of a wrist."
     )
     segments: tuple[Segment, ...] = Field(min_length=1, description="One after the other.")

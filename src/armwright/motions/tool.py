@@ -11,11 +11,12 @@ from armwright.kinematics.aim import AXES, Aim, horizontal_normal
 from armwright.model import Model
 from armwright.motions.records import ArcPiece, LinePiece, ToolSegment
 from armwright.spatial.rotation import rotation_rpy
-from armwright.trajectory.cartesian.follow import follow_path
+from armwright.trajectory.cartesian.follow import ToolLimits, follow_path
 from armwright.trajectory.cartesian.motion import CartesianMotion
 from armwright.trajectory.cartesian.path import CartesianPath
 from armwright.trajectory.cartesian.rotations import HALF_TURN
 from armwright.trajectory.cartesian.segments import Arc, Circle, Line
+from armwright.trajectory.cartesian.solve import solve_path
 from armwright.trajectory.limits import MotionLimits
 from armwright.trajectory.limits_report import dense_times
 
@@ -55,10 +56,12 @@ def tool_motion(arm: Model, segment: ToolSegment, q: np.ndarray, limits: MotionL
             pieces.append(Circle(offset + piece.centre_m, piece.normal, piece.angle_rad, piece.turns))
         last = pieces[-1].pieces(pose, place)[-1]
         pose = last.at(np.array([last.length])).pose[0]
+    path = CartesianPath(pieces, start, segment.blend_m)
+    solution = solve_path(arm, path, near=q, frame=segment.frame, aim=aim, limits=limits)
     return follow_path(
-        arm, CartesianPath(pieces, start, segment.blend_m), segment.speed_m_per_s, segment.acceleration_m_per_s2,
-        angular_speed=segment.angular_speed_rad_per_s, angular_acceleration=segment.angular_acceleration_rad_per_s2,
-        limits=limits, slow=segment.slow, constant=segment.constant, near=q, frame=segment.frame, aim=segment.aim, time=time,
+        arm, solution, segment.speed_m_per_s, segment.acceleration_m_per_s2, limits=limits,
+        tool=ToolLimits(None, segment.angular_speed_rad_per_s, segment.angular_acceleration_rad_per_s2),
+        slow="nowhere" if segment.constant else segment.slow, time=time,
     )  # fmt: skip
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from armwright.errors import ArmwrightError, Problem, ScenarioError
 from armwright.kinematics.aim import Aim
 from armwright.model import Model, build_model
+from armwright.model.payload import Payload
 from armwright.motions.obstacles import obstacle
 from armwright.motions.records import (
     GripSegment,
@@ -27,7 +28,6 @@ from armwright.motions.records import (
 from armwright.scenarios.files import Files
 from armwright.scenarios.lanes import TENSOR
 from armwright.scenarios.records import inertia_tensor
-from armwright.simulation.inputs.payload import Payload
 from armwright.trajectory.limits import MotionLimits
 
 MOVING = ("minimum_jerk", "ruckig")  # curves which may begin and end moving

@@ -12,13 +12,13 @@ from armwright.description.toml_file import read_text
 from armwright.entry import as_path
 from armwright.errors import ScenarioError
 from armwright.model import build_model
+from armwright.model.payload import Payload
 from armwright.scenarios.files import Files, FolderFiles
 from armwright.scenarios.kinds import controller_tables
 from armwright.scenarios.lanes import vary
 from armwright.scenarios.mistakes import Mistakes
 from armwright.scenarios.parts import make_parts
 from armwright.scenarios.values import part_values
-from armwright.simulation.inputs.payload import Payload
 from armwright.simulation.scenario import Scenario
 from armwright.simulation.scenario_parts import Inputs, Loop, Recording, Solver, Start
 from armwright.toml_text import TomlText

@@ -24,7 +24,7 @@ from armwright.simulation.loop.command_filter import CommandFilter
 from armwright.simulation.loop.sensors import Sensors
 from armwright.simulation.loop.timing import Timing
 from armwright.trajectory.motion import Motion
-from armwright.trajectory.motion_rows import parse_motion
+from armwright.trajectory.motion_files import parse_motion
 
 OF_LOOP = {"sensors": Sensors, "command_filter": CommandFilter, "timing": Timing}
 

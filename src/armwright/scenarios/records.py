@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import ConfigDict, Field, StrictBool, model_validator
 
 from armwright.errors import ScenarioError
-from armwright.quantity import Record
+from armwright.quantity import Record, absent
 from armwright.scenarios.tuning_records import TuningTable
 from armwright.scenarios.value_records import MOST_LANES, Number, Values, Whole, counted
 
@@ -25,17 +25,15 @@ Three = Annotated[tuple[Number, Number, Number], counted(3, "along x, y and z")]
 class StartTable(Record):
     """Initial positions and speeds: numbers in the order of the joints, or a table by their names (others are 0)."""
 
-    q: PerJoint | None = Field(default=None, description="Positions [rad | m]; absent: 0.")
-    qd: PerJoint | None = Field(default=None, description="Speeds [rad/s | m/s]; absent: 0.")
+    q: PerJoint | None = absent("Positions [rad | m]; absent: 0.")
+    qd: PerJoint | None = absent("Speeds [rad/s | m/s]; absent: 0.")
 
 
 class CommandsTable(Record):
     """Commands over time, without a loop: one of these."""
 
-    constant: PerJoint | None = Field(default=None, description="One command a joint, each in its joint's own unit.")
-    schedule: str | None = Field(
-        default=None, description="CSV file: t in s and one column a joint, held from row to row."
-    )
+    constant: PerJoint | None = absent("One command a joint, each in its joint's own unit.")
+    schedule: str | None = absent("CSV file: t in s and one column a joint, held from row to row.")
 
     @model_validator(mode="after")
     def _one(self) -> CommandsTable:
@@ -59,42 +57,36 @@ class Kind(Record):
 class SensorsTable(Record):
     """Sensors of the joints and their errors; see `armwright.Sensors`. Absent: everything exactly."""
 
-    counts: Number | tuple[Number, ...] | None = Field(
-        default=None, description="Encoder counts in one turn; absent: not quantised."
+    counts: Number | tuple[Number, ...] | None = absent("Encoder counts in one turn; absent: not quantised.")
+    counts_per_m: Number | tuple[Number, ...] | None = absent(
+        "Of linear encoders on prismatic joints, with side = 'link'."
     )
-    counts_per_m: Number | tuple[Number, ...] | None = Field(
-        default=None, description="Of linear encoders on prismatic joints, with side = 'link'."
-    )
-    side: Literal["motor", "link"] = Field(default="motor", description="Where the encoder sits.")
-    velocity: str = Field(default="exact", description="exact, difference, filtered or observer.")
-    cutoff_hz: Number | None = Field(default=None, description="Of the filter or observer.")
-    position_noise: Number = Field(default=0.0, ge=0, description="Standard deviation [rad | m].")
-    velocity_noise: Number = Field(default=0.0, ge=0, description="[rad/s | m/s].")
-    current_noise: Number = Field(default=0.0, ge=0, description="[A].")
+    side: Literal["motor", "link"] = Field("motor", description="Where the encoder sits.")
+    velocity: str = Field("exact", description="exact, difference, filtered or observer.")
+    cutoff_hz: Number | None = absent("Of the filter or observer.")
+    position_noise: Number = Field(0.0, ge=0, description="Standard deviation [rad | m].")
+    velocity_noise: Number = Field(0.0, ge=0, description="[rad/s | m/s].")
+    current_noise: Number = Field(0.0, ge=0, description="[A].")
 
 
 class CommandFilterTable(Record):
     """Filter of the controller's output; see `armwright.CommandFilter`. Absent: none."""
 
-    limit: PerJoint | None = Field(default=None, description="The most that is commanded, either way.")
-    rate: PerJoint | None = Field(default=None, description="How fast a command may change, per second.")
-    resolution: PerJoint | None = Field(default=None, description="Its steps, of a DAC or a PWM.")
+    limit: PerJoint | None = absent("The most that is commanded, either way.")
+    rate: PerJoint | None = absent("How fast a command may change, per second.")
+    resolution: PerJoint | None = absent("Its steps, of a DAC or a PWM.")
 
 
 class TimingTable(Record):
     """Times of measurements and commands; see `armwright.Timing`. Absent: no delays."""
 
-    preset: str = Field(default="ideal", description="ideal, one-tick or sync.")
-    measurement_delay_s: Number = Field(
-        default=0.0, description="How old a measurement is when the controller sees it."
-    )
-    command_delay_s: Number = Field(default=0.0, description="From the controller to the drive, beyond the preset's.")
-    jitter_s: Number = Field(default=0.0, description="The most that a command is late beyond that, uniform.")
-    measurement_loss: Number = Field(
-        default=0.0, description="Probability that a measurement is lost; the last is repeated."
-    )
-    command_loss: Number = Field(default=0.0, description="The same of commands.")
-    clock_drift: Number = Field(default=0.0, description="(Drive's period - master's) / master's.")
+    preset: str = Field("ideal", description="ideal, one-tick or sync.")
+    measurement_delay_s: Number = Field(0.0, description="How old a measurement is when the controller sees it.")
+    command_delay_s: Number = Field(0.0, description="From the controller to the drive, beyond the preset's.")
+    jitter_s: Number = Field(0.0, description="The most that a command is late beyond that, uniform.")
+    measurement_loss: Number = Field(0.0, description="Probability that a measurement is lost; the last is repeated.")
+    command_loss: Number = Field(0.0, description="The same of commands.")
+    clock_drift: Number = Field(0.0, description="(Drive's period - master's) / master's.")
 
 
 class Tensor(Record):
@@ -121,17 +113,14 @@ class PayloadTable(Record):
 
     time_s: Number = Field(description="When it is taken up; 0 or later.")
     mass_kg: Number = Field(description="0 puts down what the hand held, and needs no more.")
-    com_m: Three | None = Field(
-        default=None, description="Centre of mass, in the frame; of a point mass its place, absent: the frame's origin."
-    )
+    com_m: Three | None = absent("Centre of mass, in the frame; of a point mass its place, absent: the frame's origin.")
     inertia_kg_m2: Annotated[Tensor | tuple[Number, Number, Number], counted(3, "moments about x, y and z")] | None = (
-        Field(
-            default=None,
-            description="About the centre of mass, in the frame's axes: a table, or three principal moments; absent: 0, a point "
-            "mass.",
+        absent(
+            "About the centre of mass, in the frame's axes: a table, or three principal moments; absent: 0, a point "
+            "mass."
         )
     )
-    frame: str | None = Field(default=None, description="Which carries it; absent: the tip.")
+    frame: str | None = absent("Which carries it; absent: the tip.")
 
 
 class LoopTable(Record):
@@ -140,36 +129,32 @@ class LoopTable(Record):
     controller: Kind = Field(
         description="kind = 'joint_pid', 'cascade', 'computed_torque' and its gains, or one around an inner table."
     )
-    reference: Kind | None = Field(
-        default=None,
-        description="kind = 'pose', 'schedule', 'motion', 'expression' or a named trajectory; absent: the initial pose.",
+    reference: Kind | None = absent(
+        "kind = 'pose', 'schedule', 'motion', 'expression' or a named trajectory; absent: the initial pose."
     )
-    period_s: Number | None = Field(default=None, description="From sample to sample; absent: step times substeps.")
+    period_s: Number | None = absent("From sample to sample; absent: step times substeps.")
     sensors: SensorsTable = Field(default_factory=SensorsTable, description="What is measured.")
     command_filter: CommandFilterTable = Field(
         default_factory=CommandFilterTable, description="Limits and steps of commands."
     )
     timing: TimingTable = Field(default_factory=TimingTable, description="Delays of measurements and commands.")
-    initial_command: PerJoint | None = Field(
-        default=None,
-        description="In force before the first tick, each in its joint's own unit; absent: what holds the arm.",
+    initial_command: PerJoint | None = absent(
+        "In force before the first tick, each in its joint's own unit; absent: what holds the arm."
     )
 
 
 class InputsTable(Record):
     """Inputs of the arm beside its commands; see `armwright.Inputs`."""
 
-    wrench: Wrench | None = Field(
-        default=None,
-        description="On the tip, in base axes: fx, fy, fz in N, mx, my, mz in N m; or a CSV file of them over t.",
+    wrench: Wrench | None = absent(
+        "On the tip, in base axes: fx, fy, fz in N, mx, my, mz in N m; or a CSV file of them over t."
     )
-    brake: bool | PerJoint | str | None = Field(
-        default=None,
-        description="Holding brakes of the record, 1 applied, 0 released: for all, one for each, a table by joint, or a CSV file "
-        "over t; absent: released.",
+    brake: bool | PerJoint | str | None = absent(
+        "Holding brakes of the record, 1 applied, 0 released: for all, one for each, a table by joint, or a CSV file "
+        "over t; absent: released."
     )
     payload: tuple[PayloadTable, ...] = Field(
-        default=(), description="What the end effector takes up and puts down, as [[inputs.payload]]."
+        (), description="What the end effector takes up and puts down, as [[inputs.payload]]."
     )
 
 
@@ -177,49 +162,39 @@ class SolverTable(Record):
     """Integrator and its steps; see `armwright.Solver`."""
 
     integrator: str = Field(
-        default="auto",
+        "auto",
         description="auto, or with a fixed step rk3, rk4, semi_implicit_euler; rk45; rodas3 for stiff arms; cvodes.",
     )
-    accuracy: Number | None = Field(
-        default=None, description="Of auto: how wrong a run may be, in parts of each quantity's range; absent: 1e-3."
+    accuracy: Number | None = absent(
+        "Of auto: how wrong a run may be, in parts of each quantity's range; absent: 1e-3."
     )
-    horizon_s: Number | None = Field(
-        default=None,
-        description="Of auto where nothing is sampled: how long a run is to keep its accuracy; absent: duration_s.",
+    horizon_s: Number | None = absent(
+        "Of auto where nothing is sampled: how long a run is to keep its accuracy; absent: duration_s."
     )
-    step_s: Number | None = Field(
-        default=None,
-        description="Of a fixed step; absent: period_s / substeps in a loop, else 1e-3. With auto: by rk3.",
+    step_s: Number | None = absent(
+        "Of a fixed step; absent: period_s / substeps in a loop, else 1e-3. With auto: by rk3."
     )
-    substeps: Whole | None = Field(default=None, description="Fixed steps in a period of the loop. With auto: by rk3.")
-    rtol: Number | None = Field(default=None, description="Relative tolerance of rk45, rodas3 and cvodes.")
-    atol: Number | None = Field(
-        default=None, description="Absolute tolerance of rk45, rodas3 and cvodes, in each state's unit."
-    )
+    substeps: Whole | None = absent("Fixed steps in a period of the loop. With auto: by rk3.")
+    rtol: Number | None = absent("Relative tolerance of rk45, rodas3 and cvodes.")
+    atol: Number | None = absent("Absolute tolerance of rk45, rodas3 and cvodes, in each state's unit.")
     global_error: StrictBool = Field(
-        default=True,
-        description="Of auto: whether some lanes are simulated again, to say how wrong the run is as a whole.",
+        True, description="Of auto: whether some lanes are simulated again, to say how wrong the run is as a whole."
     )
-    max_substeps: Whole | None = Field(
-        default=None,
-        description="Of auto, rk45 and rodas3 in each millisecond of a tick, or in a shorter tick, absent: 1000; a lane that "
-        "needs more is frozen.",
+    max_substeps: Whole | None = absent(
+        "Of auto, rk45 and rodas3 in each millisecond of a tick, or in a shorter tick, absent: 1000; a lane that "
+        "needs more is frozen."
     )
 
 
 class RecordingTable(Record):
     """Rows and numbers that a run keeps; see `armwright.Recording`."""
 
-    period_s: Number | None = Field(
-        default=None, description="From row to row; absent: 1e-3 with auto steps and nothing sampled, else `every`."
-    )
-    every: Whole | None = Field(
-        default=None, ge=0, description="Ticks from one row to the next, absent: 1; 0: the first and the last only."
-    )
-    what: Literal["all", "state", "none"] = Field(default="all", description="All, q and qd alone, or no rows at all.")
-    reduce: tuple[str, ...] = Field(default=(), description="Numbers computed while the loop runs, such as rms_error.")
-    reference: Kind | None = Field(
-        default=None, description="What reduce measures errors from, beside [commands]; kinds as in [loop.reference]."
+    period_s: Number | None = absent("From row to row; absent: 1e-3 with auto steps and nothing sampled, else `every`.")
+    every: Whole | None = absent("Ticks from one row to the next, absent: 1; 0: the first and the last only.", ge=0)
+    what: Literal["all", "state", "none"] = Field("all", description="All, q and qd alone, or no rows at all.")
+    reduce: tuple[str, ...] = Field((), description="Numbers computed while the loop runs, such as rms_error.")
+    reference: Kind | None = absent(
+        "What reduce measures errors from, beside [commands]; kinds as in [loop.reference]."
     )
 
 
@@ -229,8 +204,8 @@ class Lanes(Record):
     kind: Literal["list", "grid", "draws"] = Field(
         description="'list': all lists are as long as there are lanes; 'grid': every combination; 'draws': at random."
     )
-    count: Whole | None = Field(default=None, ge=1, le=MOST_LANES, description="Lanes to draw; goes with 'draws'.")
-    seed: Whole | None = Field(default=None, ge=0, description="Of the draws; goes with 'draws'.")
+    count: Whole | None = absent("Lanes to draw; goes with 'draws'.", ge=1, le=MOST_LANES)
+    seed: Whole | None = absent("Of the draws; goes with 'draws'.", ge=0)
     vary: dict[str, Values] = Field(
         min_length=1,
         description="By name: 'link6.mass_kg', 'loop.controller.kp[2]', 'loop.timing.command_delay_s', 'start.q[1]'.",
@@ -290,24 +265,24 @@ class ScenarioTable(Record):
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
-    title: str | None = Field(default=None, description="One line for whoever reads the file.")
+    title: str | None = absent("One line for whoever reads the file.")
     robot: str = Field(description="A built-in arm, or a robot file beside this one.")
     without: tuple[Literal["friction", "springs", "rotors", "efficiency"], ...] = Field(
-        default=(), description="Parts of the record that this run leaves away."
+        (), description="Parts of the record that this run leaves away."
     )
     values: dict[str, Number | tuple[Number, ...]] = Field(
         default_factory=dict, description="Other numbers than the record's: 'link6.mass_kg' = 1.2."
     )
-    duration_s: Number | None = Field(default=None, description="How long; absent: until a schedule's last row.")
-    seed: Whole = Field(default=0, ge=0, description="Of noise, jitter and losses.")
+    duration_s: Number | None = absent("How long; absent: until a schedule's last row.")
+    seed: Whole = Field(0, ge=0, description="Of noise, jitter and losses.")
     start: StartTable = Field(default_factory=StartTable, description="Initial positions and speeds.")
-    commands: CommandsTable | None = Field(default=None, description="Commands over time; or a loop.")
-    loop: LoopTable | None = Field(default=None, description="Controller, reference, sensors and timing.")
+    commands: CommandsTable | None = absent("Commands over time; or a loop.")
+    loop: LoopTable | None = absent("Controller, reference, sensors and timing.")
     inputs: InputsTable = Field(default_factory=InputsTable, description="What acts beside commands.")
     solver: SolverTable = Field(default_factory=SolverTable, description="Integrator and step.")
     recording: RecordingTable = Field(default_factory=RecordingTable, description="What is kept.")
-    lanes: Lanes | None = Field(default=None, description="Many runs at once; absent: one.")
-    tuning: TuningTable | None = Field(default=None, description="What `armwright tune` searches for; no run reads it.")
+    lanes: Lanes | None = absent("Many runs at once; absent: one.")
+    tuning: TuningTable | None = absent("What `armwright tune` searches for; no run reads it.")
 
     @model_validator(mode="after")
     def _driven(self) -> ScenarioTable:

@@ -15,12 +15,12 @@ import numpy as np
 from armwright.errors import ArmwrightError, ScenarioError
 from armwright.model import Model
 from armwright.model.changes import TERMS
+from armwright.model.payload import Payload
 from armwright.parameters import Batch, Draw
 from armwright.scenarios.kinds import CONFIGURED, kind_of
 from armwright.scenarios.lanes import TENSOR, TIMES
 from armwright.scenarios.parts import Formulas
 from armwright.scenarios.values import OTHERS
-from armwright.simulation.inputs.payload import Payload
 from armwright.simulation.inputs.schedule import Schedule
 from armwright.simulation.loop.sensors import Sensors
 from armwright.simulation.scenario import Scenario
@@ -311,7 +311,7 @@ def _reference(place: str, reference: Any, arm: Model) -> Tables:
         called = type(reference).__name__
         what, expected = (
             f"an aw.{called} that is not from a file {TABLED}",
-            "reference.save('NAME.csv', arm) and aw.trajectories.load_motion",
+            "reference.save(arm, 'NAME.csv') and aw.trajectories.load_motion",
         )
         raise ScenarioError(what, place=place, expected=expected)
     if callable(reference):

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BeforeValidator, Field, Strict, model_validator
+from pydantic import BeforeValidator, Strict, model_validator
 
 from armwright.parameters import Draw
-from armwright.quantity import Record
+from armwright.quantity import Record, absent
 
 MOST_LANES = 10**8
 Number = Annotated[float, Strict()]  # no text, and no true or false
@@ -34,15 +34,13 @@ Bounds = Annotated[tuple[Number, Number], counted(2, "a lower and an upper bound
 class Values(Record):
     """Values of one number in the lanes, in one of these ways."""
 
-    values: Numbers | None = Field(
-        default=None, min_length=1, description="These, one a lane (or one a row of the grid)."
-    )
-    start: Number | None = Field(default=None, description="From here …")
-    stop: Number | None = Field(default=None, description="… to here …")
-    count: Whole | None = Field(default=None, ge=1, le=MOST_LANES, description="… in so many equal steps.")
-    normal: Pair | None = Field(default=None, description="Drawn: mean and standard deviation.")
-    uniform: Bounds | None = Field(default=None, description="Drawn evenly between two bounds.")
-    lognormal: Pair | None = Field(default=None, description="Drawn: median, and standard deviation of the logarithm.")
+    values: Numbers | None = absent("These, one a lane (or one a row of the grid).", min_length=1)
+    start: Number | None = absent("From here …")
+    stop: Number | None = absent("… to here …")
+    count: Whole | None = absent("… in so many equal steps.", ge=1, le=MOST_LANES)
+    normal: Pair | None = absent("Drawn: mean and standard deviation.")
+    uniform: Bounds | None = absent("Drawn evenly between two bounds.")
+    lognormal: Pair | None = absent("Drawn: median, and standard deviation of the logarithm.")
 
     @model_validator(mode="after")
     def _one_way(self) -> Values:

@@ -14,6 +14,7 @@ from armwright.entry import as_arm
 from armwright.errors import ArmwrightError, ScenarioError
 from armwright.model import Model
 from armwright.model.joint_signals import joint_signal
+from armwright.model.payload import Payload
 from armwright.model.vary import Varied
 from armwright.notebook import repr_html
 from armwright.parameters import (
@@ -35,7 +36,7 @@ from armwright.simulation.inputs.input_schedule import (
     lane_numbers,
     wrench_schedule,
 )
-from armwright.simulation.inputs.payload import Payload, carried, payload_of
+from armwright.simulation.inputs.payload import carried, payload_of
 from armwright.simulation.loop.controller import configured
 from armwright.simulation.loop.state import LoopState, state_to_continue
 from armwright.simulation.loop.timing import Delays

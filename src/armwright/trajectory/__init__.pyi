@@ -1,7 +1,7 @@
 """The names of this room and where each lives: for type checkers, and for `armwright.lazy`."""
 
 from armwright.motions.plan import Plan as Plan, plan as plan
-from armwright.trajectory.cartesian.follow import follow_path as follow_path
+from armwright.trajectory.cartesian.follow import ToolLimits as ToolLimits, follow_path as follow_path
 from armwright.trajectory.cartesian.motion import CartesianMotion as CartesianMotion
 from armwright.trajectory.cartesian.path import CartesianPath as CartesianPath
 from armwright.trajectory.cartesian.pieces import PathPoints as PathPoints
@@ -15,7 +15,7 @@ from armwright.trajectory.limits import MotionLimits as MotionLimits
 from armwright.trajectory.limits_report import LimitsReport as LimitsReport, limits_report as limits_report
 from armwright.trajectory.minimum_jerk import MinimumJerk as MinimumJerk
 from armwright.trajectory.motion import Motion as Motion
-from armwright.trajectory.motion_rows import load_motion as load_motion
+from armwright.trajectory.motion_files import load_motion as load_motion
 from armwright.trajectory.online import ReferenceFilter as ReferenceFilter
 from armwright.trajectory.path import JointPath as JointPath
 from armwright.trajectory.piecewise import PiecewisePolynomial as PiecewisePolynomial

@@ -22,10 +22,7 @@ PATIENCE, SETTLED = 5, 3e-4  # last steps, and the part of the sum that they gai
 BARRIER, LEAST_BARRIER, FALL = 0.1, 1e-6, 0.7  # weight of the slacks' logarithms, where times are about 1
 FAR_ENOUGH = 0.3  # length of a step after which the barrier falls
 LOOSE, LEAST_LOOSE, TIGHTER = 0.1, 1e-3, 0.8  # 1 / weight of the squares of g
-TO_BOUNDARY, LEFT = (
-    0.95,
-    0.01,
-)  # of a slack or a rate: the largest part that a step takes, and what must be left at last
+TO_BOUNDARY, LEFT = 0.95, 0.01  # of a slack or a rate: the most that a step takes, and what must be left at last
 SHORTER, SHORTEST = 0.7, 1e-6  # steps that are tried
 SAFEGUARD = 10.0  # times or parts of barrier / slack, that a multiplier may be
 CONVEX, STRONGER, STRONGEST = 0.05, 2.5, 1e4  # curvature that is added where Newton's matrix is not positive definite

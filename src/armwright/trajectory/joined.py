@@ -11,8 +11,8 @@ import numpy as np
 from armwright import scalar
 from armwright.entry import expect
 from armwright.errors import ScenarioError
+from armwright.model.payload import Payload
 from armwright.scalar import Array, Scalar
-from armwright.simulation.inputs.payload import Payload
 from armwright.trajectory.motion import Motion
 
 LATE = 1e-9  # of a time: a gap between motions that is rounding

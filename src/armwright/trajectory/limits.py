@@ -68,6 +68,11 @@ class MotionLimits:
         """Number of joints."""
         return len(self.names)
 
+    @property
+    def unlimited(self) -> np.ndarray:
+        """(n,) True for joints without limits of velocity, acceleration and jerk."""
+        return np.isinf([self.velocity, self.acceleration, self.jerk]).all(axis=0)
+
     def replace(self, **overrides: Any) -> MotionLimits:
         """The limits with some replaced, as in `of`."""
         changed = {}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -13,14 +13,14 @@ from armwright.errors import ScenarioError
 from armwright.kernels.compiled import KERNELS, compile_arm
 from armwright.model import Model
 from armwright.model.joint_signals import UNITS
+from armwright.model.payload import Payload
 from armwright.results.result import Result
 from armwright.results.table import Table, number
-from armwright.simulation.inputs.payload import Payload
+from armwright.trajectory.efforts import efforts, has_constants, in_order
 from armwright.trajectory.joined import APART, Joined
 from armwright.trajectory.limits import MotionLimits, current_torques
 from armwright.trajectory.motion import Motion
 from armwright.trajectory.piecewise import PiecewisePolynomial
-from armwright.trajectory.rest import Torques, torques
 from armwright.trajectory.rest_to_rest import RestToRest
 
 SUPPORT = KERNELS.named("plan")
@@ -30,11 +30,8 @@ STILL = 1e-3  # of the joint that moves most: the rest of a motion of another jo
 KEPT = 1.0 + 1e-6  # share of a limit up to which it counts as kept
 SAMPLES = 2000  # of a report, at least, and …
 IN_A_PIECE = 10  # … between two breaks
-ROUNDS, BETWEEN, AS_LARGE = (
-    3,
-    8,
-    0.5,
-)  # refinements near extremes, points in each interval; of the way to the next value
+ROUNDS, BETWEEN = 3, 8  # refinements near extremes, points in each interval
+AS_LARGE = 0.5  # of the way to the next value
 BESIDE = 1e-9  # [s], and of a time: where positions beside a jump are looked at
 MECHANICAL = ("position", "velocity", "acceleration", "jerk")  # by their order as derivatives
 SHOWN = 4  # jumps that are listed
@@ -165,18 +162,11 @@ class LimitsReport(Result):
 
     def tables(self) -> list[Table]:
         """A row for each joint and quantity: the value with the largest share of its limit, that share, and when."""
-        rows = [
-            [
-                name,
-                quantity,
-                number(self.worst(quantity, k)),
-                self.limits.unit(quantity, k),
-                number(100.0 * share[k]),
-                number(when[k]),
-            ]
-            for k, name in enumerate(self.limits.names)
-            for (quantity, share), when in zip(self.share.items(), self.times.values(), strict=True)
-        ]
+        rows = []
+        for k, name in enumerate(self.limits.names):
+            for (quantity, share), when in zip(self.share.items(), self.times.values(), strict=True):
+                value, unit = number(self.worst(quantity, k)), self.limits.unit(quantity, k)
+                rows.append([name, quantity, value, unit, number(100.0 * share[k]), number(when[k])])
         heads = ("joint", "quantity", "value", "unit", "share of the limit [%]", "time [s]")
         return [Table(self.heading, heads, rows, ("quantity", "unit"))]
 
@@ -198,13 +188,8 @@ class LimitsReport(Result):
                 cells.append(f"{value} {self.limits.unit(quantity, k)} {part:>8}")
             rows.append(cells)
         widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-        lines = [
-            "   ".join(
-                [f"{row[0]:{widths[0]}}", *(f"{cell:>{w}}" for cell, w in zip(row[1:], widths[1:], strict=True))]
-            )
-            for row in rows
-        ]
-        return "\n".join(lines)
+        padded = [[f"{cell:>{w}}" for cell, w in zip(row[1:], widths[1:], strict=True)] for row in rows]
+        return "\n".join("   ".join([f"{row[0]:{widths[0]}}", *cells]) for row, cells in zip(rows, padded, strict=True))
 
 
 def limits_report(
@@ -237,7 +222,7 @@ def limits_report(
     if motion.n != arm.n or limits.n != arm.n:
         what = f"a motion of {motion.n} joints with limits of {limits.n}"
         raise ScenarioError(what, place=arm.name, expected=f"{arm.n} of both")
-    bodies = [payload] if isinstance(payload, Payload) else sorted(payload or (), key=lambda each: each.time)
+    bodies = in_order(payload)
     motions = list(_in_sequence(motion))
     parts = [_of_one(arm, each, limits, bodies, wrench, samples) for each in motions]
     for k, jumps in enumerate(jumps_of(motions)):
@@ -273,27 +258,12 @@ def _joined(limits: MotionLimits, parts: tuple[LimitsReport, ...]) -> LimitsRepo
             store[quantity] = value
     jumps = np.concatenate([part.jumps for part in parts])
     excess = tuple(each for part in parts for each in part.excess)
-    bands = {
-        quantity: np.stack(
-            [
-                np.min([part.bands[quantity][:, 0] for part in parts], axis=0),
-                np.max([part.bands[quantity][:, 1] for part in parts], axis=0),
-            ],
-            axis=1,
-        )
-        for quantity in parts[0].bands
-    }  # NaN where a joint moves in one of them
-    first = parts[0]
-    return LimitsReport(
-        limits,
-        *found,
-        jumps=jumps,
-        excess=excess,
-        unchecked=first.unchecked,
-        parts=parts,
-        bands=bands,
-        notes=first.notes,
-    )
+    bands = {}  # NaN where a joint moves in one of them
+    for quantity in parts[0].bands:
+        low, high = np.array([part.bands[quantity] for part in parts]).transpose(2, 0, 1)
+        bands[quantity] = np.stack([low.min(axis=0), high.max(axis=0)], axis=1)
+    unchecked, notes = parts[0].unchecked, parts[0].notes
+    return LimitsReport(limits, *found, jumps, excess, unchecked, parts, bands, notes)
 
 
 def _of_one(
@@ -308,8 +278,8 @@ def _of_one(
         q, qd, qdd = motion.at(at)
         found = {"position": q, "velocity": qd, "acceleration": qdd, "jerk": _jerk(motion, at, qdd)}
         inside = np.where(at >= end, np.nextafter(end, -np.inf), at)  # what is gripped at the end, counts from there on
-        efforts = _efforts(arm, inside, q, qd, qdd, bodies, wrench, fastest)
-        return found | {quantity: each.least for quantity, each in efforts.items()}
+        known = efforts(arm, inside, q, qd, qdd, bodies, wrench, fastest)
+        return found | {quantity: each.least for quantity, each in known.items()}
 
     fastest = np.abs(motion.at(t)[1]).max(axis=0, initial=0.0)
     rows = values(t)
@@ -339,7 +309,7 @@ def _of_one(
         share = np.fmax(_shares(limits, quantity, low), _shares(limits, quantity, high))
         for store, value in zip(found, (low, high, share, at), strict=True):
             store[quantity] = value
-    known = _efforts(arm, t, *motion.at(t), bodies, wrench, fastest)
+    known = efforts(arm, t, *motion.at(t), bodies, wrench, fastest)
     bands = {
         quantity: np.where(each.held.all(axis=0), [each.low.min(axis=0), each.high.max(axis=0)], np.nan).T
         for quantity, each in known.items()
@@ -413,7 +383,7 @@ def _polynomial(motion: Motion) -> PiecewisePolynomial | None:
     """The motion as polynomials of time; None of a motion that is none."""
     if isinstance(motion, RestToRest):  # of degree 5 at most: the one with the same states at both ends
         return PiecewisePolynomial.hermite(motion.breaks, *motion.at(motion.breaks))
-    return motion if isinstance(motion, PiecewisePolynomial) else getattr(motion, "polynomial", None)
+    return getattr(motion, "polynomial", None)
 
 
 def _jerk(motion: Motion, t: np.ndarray, qdd: np.ndarray) -> np.ndarray:
@@ -527,7 +497,7 @@ def _unchecked(arm: Model, limits: MotionLimits, found: dict[str, np.ndarray], *
         if names and quantity not in found:
             why = "the record has no masses"
             if "torque" in found:
-                without = [body.joint for body in arm.coordinates if not _has_constants(body)]
+                without = [body.joint for body in arm.coordinates if not has_constants(body)]
                 why = f"the record has no motor constants of {', '.join(without)}"
             said.append(f"{quantity} of {', '.join(names)}: {why}")
     return (*said, *(unchecked_currents(arm) if currents else ()))
@@ -540,67 +510,9 @@ def unchecked_currents(arm: Model) -> list[str]:
     return [f"current of {', '.join(names)}: the record has no torque constant"] if names else []
 
 
-def _has_constants(body: Any) -> bool:
-    return body.drive.resistance is not None and body.drive.torque_constant is not None
-
-
 def _percent(share: float) -> str:
     """A share in percent; one decimal, or more where it would look like exactly the limit."""
     return f"{share:.5%}" if KEPT < share < 1.0005 else f"{share:.1%}"
-
-
-def efforts(
-    arm: Model,
-    t: np.ndarray,
-    q: np.ndarray,
-    qd: np.ndarray,
-    qdd: np.ndarray,
-    payload: Payload | Sequence[Payload] | None = None,
-    wrench: Any = None,
-) -> dict[str, np.ndarray]:
-    """Torques and voltages of the motors by quantity, (k, n) [N m | N] and [V], as far as the record allows.
-
-    Those of a joint at rest are without dry friction, also where its speed is the rounding of 0.
-
-    Args:
-        arm: the model.   t: (k,) [s] increasing.   q, qd, qdd: (k, n) [rad | m, …/s, …/s²].
-        payload: bodies in the hand, each from its time on.   wrench: (6,) [N, N m] on the tip, in base axes.
-    """
-    return {quantity: each.tau for quantity, each in _efforts(arm, t, q, qd, qdd, payload, wrench).items()}
-
-
-def _efforts(
-    arm: Model,
-    t: np.ndarray,
-    q: np.ndarray,
-    qd: np.ndarray,
-    qdd: np.ndarray,
-    payload: Payload | Sequence[Payload] | None,
-    wrench: Any,
-    fastest: np.ndarray | None = None,
-) -> dict[str, Torques]:
-    """Torques and voltages with their bands; see `efforts`. `fastest`: (n,) largest speeds, by default those of the rows."""
-    if arm.without_masses or not np.asarray(arm.inertial_parameters, dtype=float).any():
-        return {}
-    bodies = [payload] if isinstance(payload, Payload) else sorted(payload or (), key=lambda each: each.time)
-    force = () if wrench is None else (np.asarray(wrench, dtype=float),)
-    begins = [-np.inf, *(float(each.time) for each in bodies), np.inf]
-    fastest = np.abs(qd).max(axis=0, initial=0.0) if fastest is None else fastest
-    parts = []
-    for begin, end, body in zip(begins[:-1], begins[1:], [None, *bodies], strict=True):
-        rows = (t >= begin) & (t < end)
-        loaded = arm
-        if body is not None and float(body.mass) > 0.0:
-            loaded = arm.with_payload(body.mass, body.com, body.inertia, body.frame)
-        if rows.any():
-            parts.append(torques(arm, compile_arm(loaded), q[rows], qd[rows], qdd[rows], *force, fastest=fastest))
-    found = Torques(*(np.concatenate([getattr(part, each.name) for part in parts]) for each in fields(Torques)))
-    if not all(b.drive.resistance is not None and b.drive.torque_constant is not None for b in arm.coordinates):
-        return {"torque": found}
-    dyn = compile_arm(arm)
-    volts = [dyn.motor_voltage(found.qd, each) for each in (found.tau, found.low, found.high)]
-    low, high = np.minimum(*volts[1:]), np.maximum(*volts[1:])  # swapped where the gear turns the motor the other way
-    return {"torque": found, "voltage": Torques(found.qd, volts[0], low, high, found.held)}
 
 
 def _shares(limits: MotionLimits, quantity: str, rows: np.ndarray) -> np.ndarray:

@@ -10,7 +10,7 @@ import numpy as np
 from armwright.errors import ScenarioError
 from armwright.trajectory.limits import MotionLimits
 from armwright.trajectory.piecewise import PiecewiseMotion, PiecewisePolynomial
-from armwright.trajectory.poses import check_limits, check_number, chosen_duration, plain_pose
+from armwright.trajectory.poses import check_limits, check_number, chosen_duration, plain_pose, rest_to_rest_times
 from armwright.trajectory.rest_to_rest import Quintic
 
 GROWTH = 1.1  # from one tried duration to the next
@@ -124,9 +124,8 @@ def _sufficient(
             found = _shortest(of, limits, *states, least)
         except ScenarioError:
             continue
-        return f"{found:.6g} s" + (
-            ", which keeps them" if moving else " or more"
-        )  # moving, a longer one may swing further
+        # moving, a longer one may swing further
+        return f"{found:.6g} s, which keeps them" if moving else f"{found:.6g} s or more"
     return "other states or limits: no duration keeps them"
 
 
@@ -135,11 +134,9 @@ def _shortest(
 ) -> float:
     """First duration [s] from a least one on, tried upwards, at which the motion keeps its limits."""
     way, bounds = np.abs(q[1] - q[0]), np.stack([limits.velocity, limits.acceleration, limits.jerk])
-    at_rest = float(
-        ((np.array(Quintic.PEAKS)[:, None] * way / bounds) ** (1.0 / np.array([[1.0], [2.0], [3.0]]))).max()
-    )
+    at_rest = float(rest_to_rest_times(Quintic.PEAKS, way, limits).max())
     if not qd.any() and not qdd.any():
-        free = (way > 0.0) & np.isinf(bounds).all(axis=0)
+        free = (way > 0.0) & limits.unlimited
         return chosen_duration("MinimumJerk", None, np.where(free, np.inf, at_rest), limits)
     changes = np.abs(qd).sum(axis=0) / bounds[1] + (np.abs(qd).sum(axis=0) / bounds[2]) ** 0.5
     longest = LONGEST * (at_rest + float((changes + np.abs(qdd).sum(axis=0) / bounds[2]).max()))

@@ -72,11 +72,11 @@ class Motion(ABC):
 
         return motion_dataset(arm, self, rate, payload)
 
-    def save(self, path: str | os.PathLike[str], arm: Model, rate: float = 500.0) -> None:
+    def save(self, arm: Model, path: str | os.PathLike[str], rate: float = 500.0) -> None:
         """Writes the motion as .csv (t, q, qd, qdd of every joint) or .nc, for `load_motion`.
 
         Args:
-            path: the file, replaced as a whole.   arm: whose joints move.   rate: rows in a second [1/s].
+            arm: whose joints move.   path: the file, replaced as a whole.   rate: rows in a second [1/s].
         Raises:
             ScenarioError: a motion of other joints, or one that does not end.   OutputError: it cannot be written.
         """

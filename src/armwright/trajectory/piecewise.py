@@ -48,6 +48,11 @@ class PiecewisePolynomial(Motion):
         object.__setattr__(self, "coefficients", coefficients)
 
     @property
+    def polynomial(self) -> PiecewisePolynomial:
+        """The motion, as of the motions that are computed as one."""
+        return self
+
+    @property
     def n(self) -> int:
         """Number of joints."""
         return self.coefficients.shape[1]
@@ -104,9 +109,7 @@ class PiecewisePolynomial(Motion):
         state, rows, lengths = np.zeros(derivative.shape[1]), [], []
         state[0] = start
         factorials = np.cumprod([1.0, *range(1, derivative.shape[1] + 1)])
-        least = np.spacing(
-            abs(time) + np.sum(durations)
-        )  # shorter segments, left by rounding, would end when they begin
+        least = np.spacing(abs(time) + np.sum(durations))  # shorter ones, left by rounding, would end when they begin
         for length, values in zip(durations, derivative, strict=True):
             if length <= least:
                 continue

@@ -148,9 +148,13 @@ def duration_within(motion: Any, peaks: tuple[float, float, float]) -> Any:
         return motion.duration
     start, goal = move_within(kind, motion.start, motion.goal, motion.limits)
     way, limits = np.abs(goal - start), motion.limits
-    bounds = np.stack([limits.velocity, limits.acceleration, limits.jerk])
-    needed = (np.array(peaks)[:, None] * way / bounds) ** (1.0 / np.array([[1.0], [2.0], [3.0]]))
-    least = needed.max(axis=0)
+    least = rest_to_rest_times(peaks, way, limits)
     if motion.duration is None:
-        least = np.where((way > 0.0) & np.isinf(bounds).all(axis=0), np.inf, least)
+        least = np.where((way > 0.0) & limits.unlimited, np.inf, least)
     return chosen_duration(kind, motion.duration, least, limits)
+
+
+def rest_to_rest_times(peaks: tuple[float, float, float], way: np.ndarray, limits: MotionLimits) -> np.ndarray:
+    """(n,) [s] least time of each joint for a way (n,) of 0 or more along one polynomial with these peaks."""
+    bounds = np.stack([limits.velocity, limits.acceleration, limits.jerk])
+    return ((np.array(peaks)[:, None] * way / bounds) ** (1.0 / np.array([[1.0], [2.0], [3.0]]))).max(axis=0)

@@ -3,59 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from armwright.trajectory.limits import MotionLimits
-from armwright.trajectory.piecewise import PiecewiseMotion, PiecewisePolynomial
-from armwright.trajectory.poses import check_number, chosen_duration, move_within
-from armwright.trajectory.trapezoid import standing
+from armwright.trajectory.segmented import SegmentedMove
 
-JERK = np.array([1.0, 0.0, -1.0, 0.0, -1.0, 0.0, 1.0])  # in the seven segments, by its largest
-
-
-@dataclass(frozen=True, eq=False)
-class SCurve(PiecewiseMotion):
-    """Fastest move from rest to rest within limits of speed, acceleration and jerk, in seven segments of constant jerk.
-
-    Accelerations are continuous. Joints end together: those that need less time than the slowest move slower in proportion.
-
-    Args:
-        start, goal: (n,) [rad | m].   limits: velocity and acceleration (perhaps infinite), jerk, position.
-        duration: [s]; None: what the slowest joint needs.   time: [s] of its beginning.
-    Raises:
-        ScenarioError: a pose outside its limits, no jerk limit, a duration too short, a move without length.
-    """
-
-    start: Any
-    goal: Any
-    limits: MotionLimits
-    duration: Any = None
-    time: float = 0.0
-
-    def __post_init__(self) -> None:
-        start, goal = move_within("SCurve", self.start, self.goal, self.limits)
-        check_number("SCurve", "time", self.time)
-        limits, way = self.limits, goal - start
-        limits.required("jerk", moving=way != 0.0)
-        bounds = zip(way, limits.velocity, limits.acceleration, limits.jerk, strict=True)
-        profiles = [s_curve_times(abs(h), v, a, j) for h, v, a, j in bounds]
-        least = np.array([times.sum() for times in profiles])
-        duration = chosen_duration("SCurve", self.duration, least, limits)
-        parts = []
-        for k, times in enumerate(profiles):
-            if way[k] == 0.0:
-                parts.append(standing(self.time, duration, start[k]))
-                continue
-            ramp, flat, _, cruise, *_ = stretched = times * (duration / least[k])
-            # the way is the speed reached, j ramp (ramp + flat), times half the time of accelerating and braking and the cruise
-            jerk = way[k] / (ramp * (ramp + flat) * (2.0 * ramp + flat + cruise))
-            rows = np.zeros((7, 3))
-            rows[:, -1] = jerk * JERK
-            parts.append(PiecewisePolynomial.of_segments(self.time, stretched, rows, start[k]))
-        object.__setattr__(self, "duration", duration)
-        self.set_polynomial(PiecewisePolynomial.side_by_side(parts))
+SIGNS = np.array([1.0, 0.0, -1.0, 0.0, -1.0, 0.0, 1.0])  # of the jerk in the seven segments
 
 
 def s_curve_times(h: float, v: float, a: float, j: float) -> np.ndarray:
@@ -74,3 +27,29 @@ def s_curve_times(h: float, v: float, a: float, j: float) -> np.ndarray:
         rising = 0.5 * ramp + np.sqrt(0.25 * ramp * ramp + h / a) if ramp == a / j else 2.0 * ramp
     flat = max(rising - 2.0 * ramp, 0.0)
     return np.array([ramp, flat, ramp, cruise, ramp, flat, ramp])
+
+
+def s_curve_jerks(h: float, times: np.ndarray) -> np.ndarray:
+    """(7, 3) jerks of segments of times (7,) [s] over a way h, behind zeros in place of speeds and accelerations."""
+    ramp, flat, _, cruise, *_ = times
+    rows = np.zeros((7, 3))
+    # the way is the speed reached, j ramp (ramp + flat), times half the time of accelerating and braking and the cruise
+    rows[:, -1] = h / (ramp * (ramp + flat) * (2.0 * ramp + flat + cruise)) * SIGNS
+    return rows
+
+
+@dataclass(frozen=True, eq=False)
+class SCurve(SegmentedMove):
+    """Fastest move from rest to rest within limits of speed, acceleration and jerk, in seven segments of constant jerk.
+
+    Accelerations are continuous. Joints end together: those that need less time than the slowest move slower in proportion.
+
+    Args:
+        start, goal: (n,) [rad | m].   limits: velocity and acceleration (perhaps infinite), jerk, position.
+        duration: [s]; None: what the slowest joint needs.   time: [s] of its beginning.
+    Raises:
+        ScenarioError: a pose outside its limits, no jerk limit, a duration too short, a move without length.
+    """
+
+    NEEDED = "jerk"
+    _durations, _constants = staticmethod(s_curve_times), staticmethod(s_curve_jerks)

@@ -12,9 +12,9 @@ from armwright import scalar
 from armwright.description.paths import split_path
 from armwright.errors import ScenarioError
 from armwright.model import Model
+from armwright.model.payload import Payload
 from armwright.parameters import Batch, Draw, numbers_by_lane, uniform_numbers
 from armwright.scalar import Array, Scalar
-from armwright.simulation.inputs.payload import Payload
 from armwright.simulation.loop.references import reference_rows
 from armwright.simulation.scenario import Scenario
 from armwright.simulation.scenario_parts import Start

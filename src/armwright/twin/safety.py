@@ -26,11 +26,11 @@ from armwright.identification.validation.validate import record_sha256
 from armwright.identification.validation.verdict import StoredVerdict, stored_verdict
 from armwright.interfaces import JointReference
 from armwright.model import Model
+from armwright.model.payload import Payload
 from armwright.output import whole_file
 from armwright.parameters import Batch
 from armwright.program import interpret, trace
 from armwright.scalar import Array, Scalar, real_number
-from armwright.simulation.inputs.payload import Payload
 from armwright.simulation.inputs.schedule import Schedule
 from armwright.simulation.scenario import Scenario
 from armwright.simulation.scenario_parts import Inputs

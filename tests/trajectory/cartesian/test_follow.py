@@ -161,7 +161,7 @@ def test_limits_slow_the_whole_motion_or_are_named():
     assert 0.999 < max(shares) < 1.0 + 1e-4  # of jerk, by differences; no slower than need be
     assert max(shares[:2]) < 1.0 + 1e-6
     with pytest.raises(ScenarioError, match="would need") as error:
-        aw.trajectories.follow_path(model, path, 0.5, 20.0, near=near, limits=limits, constant=True)
+        aw.trajectories.follow_path(model, path, 0.5, 20.0, near=near, limits=limits, slow="nowhere")
     assert "path at s" in error.value.place
     allowed = aw.trajectories.follow_path(model, path, 0.5 / motion.slowed, 20.0, near=near, limits=limits)
     assert allowed.slowed < motion.slowed
@@ -221,7 +221,7 @@ def test_stops_and_turns_in_place():
     with pytest.raises(ScenarioError, match="turns in place"):
         aw.trajectories.follow_path(model, path, 0.1, 1.0, near=HOME["puma560"])
     motion = aw.trajectories.follow_path(
-        model, path, 0.1, 1.0, angular_speed=0.5, angular_acceleration=2.0, near=HOME["puma560"]
+        model, path, 0.1, 1.0, tool=aw.trajectories.ToolLimits(None, 0.5, 2.0), near=HOME["puma560"]
     )
     assert len(motion.solution.runs) == 2
     t = motion.times([path.breaks[1]])
@@ -303,7 +303,7 @@ def test_a_goal_out_of_reach_is_said_of_a_path_that_begins_in_a_singularity(name
     start = compiled(name).forward_kinematics(np.array(q))
     path = aw.trajectories.CartesianPath([aw.trajectories.Line(start[:3, 3] + way)], start)
     with pytest.raises(ScenarioError, match=r"out of reach .* mm") as error:
-        aw.trajectories.follow_path(arm(name), path, 0.1, 1.0, near=q, aim="pose" if len(q) > 2 else "position")
+        aw.trajectories.solve_path(arm(name), path, near=q, aim="pose" if len(q) > 2 else "position")
     if off is not None:
         assert f"nearest pose is {1e3 * off:.4g} mm off" in str(error.value)
 
@@ -325,13 +325,10 @@ def test_a_limit_of_position_is_named_with_the_joint_and_how_far():
     [
         ({"speed": 0.0}, ScenarioError, "speed"),
         ({"acceleration": None}, ScenarioError, "acceleration"),
-        ({"jerk": -1.0}, ScenarioError, "jerk"),
         ({"near": [0.0]}, ScenarioError, "near"),
-        ({"posture": [np.nan] * 6}, ScenarioError, "posture"),
-        ({"tolerance": 0.0}, ScenarioError, "tolerance"),
+        ({"tool": 3.0}, ScenarioError, "tool"),
         ({"time": np.inf}, ScenarioError, "time"),
         ({"path": 3}, ScenarioError, "path"),
-        ({"aim": "turn"}, ModelError, "aim"),
         ({"arm": 5}, ModelError, "arm"),
         ({"limits": 3.0}, ScenarioError, "limits"),
         ({"limits": aw.trajectories.MotionLimits.of(arm("panda"))}, ScenarioError, "limits"),
@@ -342,6 +339,40 @@ def test_arguments_that_make_no_motion_are_refused(changes, kind, place):
     with pytest.raises(kind) as error:
         aw.trajectories.follow_path(**values)
     assert error.value.place == place
+
+
+@pytest.mark.parametrize(
+    ("changes", "kind", "place"),
+    [
+        ({"near": [0.0]}, ScenarioError, "near"),
+        ({"posture": [np.nan] * 6}, ScenarioError, "posture"),
+        ({"tolerance": 0.0}, ScenarioError, "tolerance"),
+        ({"aim": "turn"}, ModelError, "aim"),
+        ({"path": 3}, ScenarioError, "path"),
+    ],
+)
+def test_arguments_that_make_no_solution_are_refused(changes, kind, place):
+    with pytest.raises(kind) as error:
+        aw.trajectories.solve_path(**{"arm": arm("puma560"), "path": corner("puma560")} | changes)
+    assert error.value.place == place
+
+
+@pytest.mark.parametrize("limit", ["jerk", "angular_speed", "angular_acceleration"])
+def test_a_limit_of_the_tool_that_is_none_is_refused(limit):
+    for value in (-1.0, np.nan, "fast"):
+        with pytest.raises(ScenarioError) as error:
+            aw.trajectories.ToolLimits(**{limit: value})
+        assert error.value.place == limit
+
+
+def test_a_solution_of_another_arm_or_with_another_beginning_is_refused():
+    solution = aw.trajectories.solve_path(arm("puma560"), corner("puma560"), near=HOME["puma560"])
+    with pytest.raises(ScenarioError) as error:
+        aw.trajectories.follow_path(arm("panda"), solution, 0.1, 1.0)
+    assert error.value.place == "path"
+    with pytest.raises(ScenarioError) as error:
+        aw.trajectories.follow_path(arm("puma560"), solution, 0.1, 1.0, near=HOME["puma560"])
+    assert error.value.place == "near"
 
 
 def test_a_run_is_planned_time_optimally_and_stays_on_the_path():

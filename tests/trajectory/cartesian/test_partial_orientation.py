@@ -158,10 +158,13 @@ def test_limits_of_the_tool_count_what_turns_freely(arms):
     arm, start = arms("pitch-4"), start_of("pitch-4", BENT[:4])
     path = aw.trajectories.CartesianPath([aw.trajectories.Line(start[:3, 3] + [0.0, 0.12, 0.0])], start)
     limits = aw.trajectories.MotionLimits.of(arm, velocity=2.0, acceleration=20.0, jerk=400.0)
-    options = {"speed": 0.1, "acceleration": 1.0, "near": BENT[:4], "aim": "pitch", "limits": limits}
-    free = aw.trajectories.follow_path(arm, path, **options)
+    options = {"speed": 0.1, "acceleration": 1.0, "limits": limits}
+    solution = aw.trajectories.solve_path(arm, path, near=BENT[:4], aim="pitch", limits=limits)
+    free = aw.trajectories.follow_path(arm, solution, **options)
     for slow in ("everywhere", "where needed"):
-        bound = aw.trajectories.follow_path(arm, path, **options, angular_speed=0.3, slow=slow)
+        bound = aw.trajectories.follow_path(
+            arm, solution, **options, tool=aw.trajectories.ToolLimits(angular_speed=0.3), slow=slow
+        )
         assert bound.duration > 1.2 * free.duration
         assert "the tool's angular speed would be" in str(bound.stretches[0])
         t = np.linspace(0.0, bound.duration, 4001)

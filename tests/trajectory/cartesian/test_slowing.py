@@ -90,7 +90,7 @@ def test_stops_and_turns_in_place_stay_stops():
         [aw.trajectories.Line(turned), aw.trajectories.Line(moved(turned, [0.0, 0.1, 0.0]))], start
     )
     limits = aw.trajectories.MotionLimits.of(model, velocity=0.3, acceleration=4.0, torque=np.inf, voltage=np.inf)
-    options = {"angular_speed": 1.0, "angular_acceleration": 4.0, "near": HOME["puma560"], "limits": limits}
+    options = {"tool": aw.trajectories.ToolLimits(None, 1.0, 4.0), "near": HOME["puma560"], "limits": limits}
     motion = aw.trajectories.follow_path(model, path, 0.3, 2.0, slow="where needed", time=0.5, **options)
     assert motion.duration < aw.trajectories.follow_path(model, path, 0.3, 2.0, **options).duration
     assert motion.stretches

@@ -29,12 +29,12 @@ from armwright.errors import ScenarioError
 from armwright.fitting.measures import rms
 from armwright.kernels.compiled import compile_arm
 from armwright.model import Model
+from armwright.model.payload import Payload
 from armwright.output import check_destination, whole_file
 from armwright.parameters import Batch
 from armwright.results.result import Result
 from armwright.results.table import Table
 from armwright.simulation.checks import check_time, check_whole
-from armwright.simulation.inputs.payload import Payload
 from armwright.simulation.oscillation import unstable_loop
 from armwright.simulation.scenario import Scenario
 from armwright.simulation.scenario_parts import Loop, Recording, Start

@@ -71,9 +71,7 @@ def footprint(name: str, code: Mapping[str, str]) -> Footprint:
         f"char bytes_of_{kind}[sizeof({name}_{kind})] = {{1}};\n" for kind in STRUCTS
     )
     tools = {tool: str(Path(compiler).with_name(f"arm-none-eabi-{tool}")) if cross else tool for tool in ("nm", "size")}
-    with working_folder() as work:
-        for file, text in {**code, "probe.c": probe}.items():
-            (work / file).write_text(text, encoding="ascii", newline="\n")
+    with working_folder({**code, "probe.c": probe}) as work:
         for file in (f"{name}.c", "probe.c"):
             options = [*FLAGS, *(CORTEX_M7 if cross else ()), "-fstack-usage", "-c"]
             run_program([compiler, *options, str(work / file), "-o", str(work / f"{file}.o")])

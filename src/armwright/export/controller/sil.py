@@ -77,8 +77,7 @@ def software_in_the_loop(
     if compiler is None:
         raise ModelError("there is none", place="compiler", expected=" or ".join(COMPILERS))
     dtype = REALS[real].format.dtype
-    with working_folder() as work:
-        (work / "reader.c").write_text(reader(stages, recording, real), encoding="ascii", newline="\n")
+    with working_folder({"reader.c": reader(stages, recording, real)}) as work:
         input_rows(stages, recording).astype(dtype).tofile(work / "inputs")
         options = [*(flags_of_host() if flags is None else flags), f"-I{Path(folder)}"]
         files = [work / "reader.c", Path(folder) / f"{stages.name}.c"]
@@ -103,20 +102,24 @@ def relative_error(found: np.ndarray, expected: np.ndarray) -> float:
     return float((np.abs(found - expected).max(axis=0) / spans).max())
 
 
-def run_program(command: list[str]) -> str:
+def run_program(
+    command: list[str], place: str = "", timeout: float = TIMEOUT, environment: dict[str, str] | None = None
+) -> str:
     """Standard output of a program.
 
     Args:
-        command: the program and its words.
+        command: the program and its words.   place: what errors call it; default: its name.
+        timeout: [s] that it may take.   environment: its variables; None: those of this process.
     Raises:
         ModelError: it ends with an error.
     """
+    place = place or Path(command[0]).name
     try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT)
+        done = subprocess.run(command, capture_output=True, text=True, timeout=timeout, env=environment)
     except (OSError, subprocess.TimeoutExpired) as error:
-        raise ModelError(str(error), place=Path(command[0]).name) from None
+        raise ModelError(str(error), place=place) from None
     if done.returncode != 0:
         lines = [line for line in (done.stderr or done.stdout).splitlines() if line.strip()]
         what = next((line for line in lines if "error" in line), lines[0] if lines else f"ends with {done.returncode}")
-        raise ModelError(what, place=Path(command[0]).name)
+        raise ModelError(what, place=place)
     return done.stdout

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
 from armwright.entry import AnyScenario, as_scenario
 from armwright.errors import ModelError
-from armwright.export.c import folder_to_write
+from armwright.export.c import files_to_write
 from armwright.export.controller.build_files import cmake, readme
 from armwright.export.controller.footprint import Footprint, footprint
 from armwright.export.controller.header import header
@@ -22,7 +21,7 @@ from armwright.export.controller.stages import ControllerStages
 from armwright.features import Support
 from armwright.kernels.c import REALS
 from armwright.kernels.compiled import KERNELS
-from armwright.output import whole_file, working_folder
+from armwright.output import working_folder
 from armwright.results.result import Result
 from armwright.simulation.checks import is_whole
 
@@ -133,10 +132,8 @@ def export_controller(
         f"{stages.name}.parameters": parameter_file(stages, real),
     }
     folder = Path(directory)
-    with folder_to_write(folder), ExitStack() as files:
-        for file, text in texts.items():
-            temporary = files.enter_context(whole_file(folder / file, follow_link=False))
-            temporary.write_bytes(text if isinstance(text, bytes) else text.encode())
+    with files_to_write(folder, texts):
+        pass
     notes = list(SUPPORT.notes(scenario.arm))
     last = stages.ticks_of_time(real)
     if real == "float" and last is not None:
@@ -153,9 +150,7 @@ def _compared(stages: ControllerStages, recording: Recording, code: Mapping[str,
     Raises:
         ModelError: in double, a command with other bits.
     """
-    with working_folder() as place:
-        for file, text in code.items():
-            (place / file).write_text(text, encoding="ascii", newline="\n")
+    with working_folder(code) as place:
         comparison = software_in_the_loop(stages, recording, place, real)
     if real == "double" and comparison.first is not None:
         what = f"{comparison.others} of {comparison.ticks} commands have other bits than the simulation's, the first in tick"

@@ -5,7 +5,6 @@ from __future__ import annotations
 import importlib.util
 import os
 import platform
-import subprocess
 import sys
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -13,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from armwright.errors import ModelError
-from armwright.export.controller.sil import find_compiler
+from armwright.export.controller.sil import find_compiler, run_program
 
 HOST = "host"  # this computer, by its own compiler where it has one
 #: Equal bits need that products and sums stay apart; without math errno square roots are one instruction.
@@ -124,12 +123,5 @@ def _build_one(folder: Path, sources: Sequence[str], name: str, asked: str) -> P
         command.append("-fPIC")
     command += [str(folder / file) for file in sources]
     command += ["-o", str(binary), *([] if target.ending == ".dll" else ["-lm"])]
-    try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT, env=environment)
-    except (OSError, subprocess.TimeoutExpired) as error:
-        raise ModelError(str(error), place=f"compiler for {target.name}") from None
-    if done.returncode != 0:
-        lines = [line for line in done.stderr.splitlines() if line.strip()]
-        what = next((line for line in lines if "error" in line), lines[0] if lines else f"ends with {done.returncode}")
-        raise ModelError(what, place=f"compiler for {target.name}")
+    run_program(command, f"compiler for {target.name}", TIMEOUT, environment)
     return binary

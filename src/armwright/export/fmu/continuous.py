@@ -15,7 +15,7 @@ from armwright import scalar
 from armwright.errors import ScenarioError
 from armwright.export.fmu.model import CREATE, model_header, variable_table
 from armwright.export.fmu.sampled import UnrecordedLoop, acting_layout, lane_values, plant_alone
-from armwright.export.fmu.variables import Variable, variables_of
+from armwright.export.fmu.variables import FmuVariable, variables_of
 from armwright.kernels.c import Unit, c_text
 from armwright.kernels.c_loop import Clock, LoopText
 from armwright.kernels.c_syntax import C_DOUBLE, identifier
@@ -62,7 +62,7 @@ class ContinuousModel:
     begin: Program
     tangent: Program
     blocks: Mapping[str, np.ndarray]
-    variables: tuple[Variable, ...]
+    variables: tuple[FmuVariable, ...]
     indicators: tuple[str, ...]
 
 
@@ -148,14 +148,13 @@ def _beginning(config: LoopConfig, arm: Model, values: Mapping[str, np.ndarray])
 
 
 def _about(name: str) -> str:
-    return {"tau_link": "torque that leaves the gear", "electrical_power": "electrical power into the drive"}.get(
-        name, ""
-    )
+    abouts = {"tau_link": "torque that leaves the gear", "electrical_power": "electrical power into the drive"}
+    return abouts.get(name, "")
 
 
 def _variables(
     loop: UnrecordedLoop, scenario: Scenario, outputs: Layout, values: Mapping[str, np.ndarray], touches: bool
-) -> tuple[tuple[Variable, ...], tuple[str, ...]]:
+) -> tuple[tuple[FmuVariable, ...], tuple[str, ...]]:
     """All variables but time, and the names of event indicators."""
     joints, state = loop.arm.names, loop.plant.layout
     rows = variables_of(scenario.command_layout, joints, "u", "input", "continuous", starts=values["u"])
@@ -174,10 +173,12 @@ def _variables(
     for k, each in enumerate(states):
         unit = f"{each.unit}/s" if "/" not in each.unit else {"rad/s": "rad/s²", "m/s": "m/s²"}.get(each.unit, "-")
         about = f"time derivative of {each.name}"
-        rows.append(Variable(f"der({each.name})", "local", "continuous", unit, about, "xd", k, derivative_of=each.name))
+        rows.append(
+            FmuVariable(f"der({each.name})", "local", "continuous", unit, about, "xd", k, derivative_of=each.name)
+        )
     for signal in outputs:
         rows += variables_of(Layout((signal,)), joints, identifier(signal.name), "output", "continuous")
-    indicators: list[Variable] = []
+    indicators: list[FmuVariable] = []
     if touches:
         layout = Layout((Signal("contact", "-", (sum(loop.plant.contacts),), about="depth of a contact"),))
         indicators = variables_of(layout, joints, "z", "local", "continuous")
@@ -196,12 +197,11 @@ def continuous_source(model: ContinuousModel, token: str) -> dict[str, str]:
     begin = loop.call(model.begin)
     unit.functions["model_begin"] = f"void model_begin(model_state *l)\n{{\n    {begin}\n    model_event(l);\n}}"
     unit.functions["model_tangent"] = _tangent(model, loop)
-    places = {name: _places(ports) for name, ports in (("known", _knowns(model)), ("unknown", _unknowns(model)))}
-    known = {each.name: places["known"].get((each.member, each.entry), -1) for each in model.variables}
-    unknown = {each.name: places["unknown"].get((each.member, each.entry), -1) for each in model.variables}
+    places = [_places(ports) for ports in (_knowns(model), _unknowns(model))]
+    numbers = [{each.name: at.get((each.member, each.entry), -1) for each in model.variables} for at in places]
     unit.functions["model_create"] = CREATE.format(rows=",\n".join(f"    {row}" for row in loop.initial(model.blocks)))
-    unit.functions["model_variables"] = variable_table(model.variables, known, unknown)
-    longest = max(len(each) for each in places.values())
+    unit.functions["model_variables"] = variable_table(model.variables, *numbers)
+    longest = max(len(each) for each in places)
     functions = (
         "\n/* A direction of states and inputs, or of derivatives and outputs. */\n"
         f"typedef struct {{\n    double values[{longest}];\n}} model_direction;\n\n"

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from xml.sax.saxutils import quoteattr
 
-from armwright.export.fmu.variables import Variable, base_unit
+from armwright.export.fmu.variables import FmuVariable, base_unit
 
 VERSIONS = ("3.0", "2.0")
-INDEPENDENT = Variable("time", "independent", "continuous", "s", "simulation time", "", 0)
+INDEPENDENT = FmuVariable("time", "independent", "continuous", "s", "simulation time", "", 0)
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Description:
     identifier: str
     token: str
     about: str
-    variables: tuple[Variable, ...]
+    variables: tuple[FmuVariable, ...]
     period: float | None
     tool: str
     indicators: tuple[str, ...] = ()
@@ -82,27 +82,26 @@ def _experiment(it: Description) -> str:
     return _tag("DefaultExperiment", startTime=0.0, stopTime=it.stop, stepSize=it.period)
 
 
-def _unit(each: Variable) -> str | None:
+def _unit(each: FmuVariable) -> str | None:
     return None if each.unit == "-" else each.unit
 
 
-def _start(each: Variable) -> float | None:
+def _start(each: FmuVariable) -> float | None:
     return each.start if each.causality in ("input", "parameter") else None
 
 
-def _initial(each: Variable) -> str | None:
+def _initial(each: FmuVariable) -> str | None:
     if each.causality in ("input", "independent"):
         return None
     return "exact" if each.causality == "parameter" else "calculated"
 
 
 def _unknowns(it: Description) -> tuple[list[int], list[int], list[int]]:
-    """Value references of outputs, of state derivatives, and of what is to be computed at the beginning."""
+    """Value references of outputs, of state derivatives, and of both, which are computed at the beginning."""
     numbered = list(enumerate(it.variables, 1))
     outputs = [k for k, each in numbered if each.causality == "output"]
     derivatives = [k for k, each in numbered if each.derivative_of is not None]
-    computed = [k for k, each in numbered if each.causality == "output"]
-    return outputs, derivatives, computed
+    return outputs, derivatives, sorted({*outputs, *derivatives})
 
 
 def _version_3(it: Description, sources: Sequence[str]) -> list[str]:
@@ -128,7 +127,7 @@ def _version_3(it: Description, sources: Sequence[str]) -> list[str]:
     structure = [
         *(_tag("Output", valueReference=k) for k in outputs),
         *(_tag("ContinuousStateDerivative", valueReference=k) for k in derivatives),
-        *(_tag("InitialUnknown", valueReference=k) for k in sorted({*computed, *derivatives})),
+        *(_tag("InitialUnknown", valueReference=k) for k in computed),
         *(_tag("EventIndicator", valueReference=places[name]) for name in it.indicators),
     ]
     return [
@@ -161,7 +160,7 @@ def _version_2(it: Description, sources: Sequence[str]) -> list[str]:
         ]
     structure = []
     outputs, derivatives, computed = _unknowns(it)
-    groups = {"Outputs": outputs, "Derivatives": derivatives, "InitialUnknowns": sorted({*computed, *derivatives})}
+    groups = {"Outputs": outputs, "Derivatives": derivatives, "InitialUnknowns": computed}
     for group, members in groups.items():
         if members:
             structure += [f"<{group}>", *(_tag("Unknown", index=k + 1) for k in members), f"</{group}>"]

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from armwright.errors import ScenarioError
 from armwright.export.fmu.sampled import SampledModel
-from armwright.export.fmu.variables import Variable
+from armwright.export.fmu.variables import FmuVariable
 from armwright.kernels.c import Unit, c_text
 from armwright.kernels.c_loop import LoopText
 from armwright.kernels.c_syntax import C_DOUBLE, identifier, literal
@@ -63,7 +63,7 @@ void model_create(model_state *l)
 
 
 def model_header(
-    token: str, variables: Sequence[Variable], members: Iterable[str], constants: Mapping[str, str], functions: str
+    token: str, variables: Sequence[FmuVariable], members: Iterable[str], constants: Mapping[str, str], functions: str
 ) -> str:
     """The text of model.h.
 
@@ -83,7 +83,7 @@ def model_header(
 
 
 def variable_table(
-    variables: Sequence[Variable], known: Mapping[str, int] | None = None, unknown: Mapping[str, int] | None = None
+    variables: Sequence[FmuVariable], known: Mapping[str, int] | None = None, unknown: Mapping[str, int] | None = None
 ) -> str:
     """The table of variables, by value reference.
 

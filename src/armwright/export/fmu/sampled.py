@@ -11,13 +11,13 @@ are what it has at its end. A plant measures at the end of a step, so that its o
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from armwright.errors import ScenarioError
 from armwright.export.controller.stages import check_one_arm, traced_beginning
-from armwright.export.fmu.variables import Variable, quoted, variables_of
+from armwright.export.fmu.variables import FmuVariable, quoted, variables_of
 from armwright.kernels.c_loop import Clock
 from armwright.kernels.loop import Lanes
 from armwright.kernels.stages import SEEN, Call, Delay, Record, Rows, Stage, Table
@@ -78,7 +78,7 @@ class SampledModel:
     entering: tuple[tuple[str, str], ...]
     blocks: Mapping[str, np.ndarray]
     inputs: Mapping[str, np.ndarray]
-    variables: tuple[Variable, ...]
+    variables: tuple[FmuVariable, ...]
     ranged: tuple[int, ...]
 
     @property
@@ -94,6 +94,50 @@ def sampled_model(scenario: Scenario, part: str) -> SampledModel:
         ScenarioError: several lanes; a start that goes on from a state; no controller, or one that cannot be traced, where
             one is asked for; a solver that is no stage of the loop.
     """
+    loop = _printed_loop(scenario, part)
+    scenario, sampling = loop.scenario, loop.config.sampling
+    assert sampling is not None
+    law = None if part == "plant" else traced_beginning(loop, sampling)  # which says why a law cannot be traced
+    lanes = Lanes(1, loop.loop.loops[0].target.width, 0, scenario.first_lane)
+    loop.begin(lanes, None)
+    first = {name: rows[0] for name, rows in loop.initial_blocks(lanes).items()}
+    control, shape, move, measure = _split((*loop.loop.tick.before, *loop.loop.tick.after))
+    borders = _borders(loop, part, first, late=all(port.name != "u" for port in shape.program.outputs))
+    controller = part == "controller"
+    own, plant = () if part == "plant" else (*control, shape), () if controller else (*move, *measure)
+    kept = {"y_old": "y_kept", "u": "u", "u_queued": "u"}
+    blocks = {name: lanes.get(name)[0] for name in lanes.blocks}
+    extra = {name: first[name] for name in ("c", "p", "c_sensors") if name in first and name not in blocks}
+    begin, begun = (law, {"s": "s"}) if controller else (loop.initialisation.program, BEGUN)
+    assert begin is not None
+    return SampledModel(
+        part,
+        loop.arm,
+        Clock(loop.period, scenario.substeps, scenario.seed, scenario.first_lane),
+        _about(scenario, part, loop),
+        begin,
+        {port.name: borders.arguments[port.name] for port in begin.inputs if port.size},
+        begun,
+        {stage.to: kept[stage.to] for stage in (*own, *plant) if isinstance(stage, Delay)},
+        own,
+        () if controller else tuple(move),
+        () if controller else tuple(measure),
+        tuple(borders.entering),
+        {**blocks, **{name: values for name, values in extra.items() if values.size}},
+        {name: values for name, values in borders.inputs.items() if values.size},
+        tuple(borders.variables),
+        tuple(places_watched(loop.plant.layout, loop.config.is_ahead))
+        if "x_first" in blocks and not controller
+        else (),
+    )
+
+
+def _printed_loop(scenario: Scenario, part: str) -> UnrecordedLoop:
+    """The loop whose stages are printed.
+
+    Raises:
+        ScenarioError: as `sampled_model`.
+    """
     sampled = scenario.sampled  # or a plant under commands over time, whose steps are then those of their run
     scenario = plant_alone(scenario) if part == "plant" else _bare(scenario)
     if part != "plant" and scenario.controller is None:
@@ -105,98 +149,73 @@ def sampled_model(scenario: Scenario, part: str) -> SampledModel:
         raise ScenarioError(
             "is not part of the code", place="solver.integrator", value="cvodes", expected="'auto' or another rule"
         )
-    sampling = loop.config.sampling
-    assert sampling is not None
-    assert loop.reference is not None
-    law = None if part == "plant" else traced_beginning(loop, sampling)  # which says why a law cannot be traced
-    lanes = Lanes(1, loop.loop.loops[0].target.width, 0, scenario.first_lane)
-    loop.begin(lanes, None)
-    first = {name: rows[0] for name, rows in loop.initial_blocks(lanes).items()}
-    control, shape, move, measure = _split((*loop.loop.tick.before, *loop.loop.tick.after))
-    joints = loop.arm.names
-    y, r, command = sampling.sensors.y, loop.reference.layout, scenario.command_layout
-    inputs: dict[str, np.ndarray] = {}
-    variables: list[Variable] = []
+    return loop
+
+
+@dataclass(eq=False)
+class _Borders:
+    """Members for the inputs of a part, its variables, blocks that enter a tick, and arguments of its beginning."""
+
+    joints: Sequence[str]
+    inputs: dict[str, np.ndarray] = field(default_factory=dict)
+    variables: list[FmuVariable] = field(default_factory=list)
+    entering: list[tuple[str, str]] = field(default_factory=list)
+    arguments: dict[str, str] = field(default_factory=dict)
 
     def add(
-        layout: Layout,
-        member: str,
-        values: np.ndarray,
-        causality: str,
-        variability: str,
-        prefix: str = "",
-        about: str = "",
+        self, layout: Layout, member: str, values: np.ndarray, *kind: str, prefix: str = "", about: str = ""
     ) -> None:
-        inputs[member] = np.ravel(values)
-        variables.extend(
-            variables_of(
-                layout, joints, member, causality, variability, starts=inputs[member], prefix=prefix, about=about
-            )
-        )
+        """Adds inputs or parameters: `kind` is their causality and variability."""
+        self.inputs[member] = starts = np.ravel(values)
+        self.variables += variables_of(layout, self.joints, member, *kind, starts=starts, prefix=prefix, about=about)
 
-    entering: list[tuple[str, str]] = []
+
+def _borders(loop: UnrecordedLoop, part: str, first: Mapping[str, np.ndarray], *, late: bool) -> _Borders:
+    """The borders of a part, with the values `first` of its blocks; `late`: commands wait for their turn."""
+    sampling, reference, command = loop.config.sampling, loop.reference, loop.scenario.command_layout
+    assert sampling is not None
+    assert reference is not None
     arguments = {"c": "c", "p": "p", "c_sensors": "c_sensors", "payload": "in_payload", "wrench": "in_wrench"}
+    borders, y = _Borders(loop.arm.names, arguments=arguments), sampling.sensors.y
     if part == "plant":
-        add(command, "in_u", first["u"], "input", "discrete")
-        late = not any(port.name == "u" for port in shape.program.outputs)
-        entering += [("u_issued", "in_u"), *([] if late else [("u", "in_u")])]
+        borders.add(command, "in_u", first["u"], "input", "discrete")
+        borders.entering += [("u_issued", "in_u"), *([] if late else [("u", "in_u")])]
     else:
-        add(r, "in_r", _reference(loop, r), "input", "discrete", prefix="r", about="reference:")
-        entering.append(("r", "in_r"))
+        r = reference.layout
+        borders.add(r, "in_r", _reference(loop, r), "input", "discrete", prefix="r", about="reference:")
+        borders.entering.append(("r", "in_r"))
     if part == "controller":
-        add(y, "in_y", first["y"], "input", "discrete", prefix="y")
-        entering.append(("y", "in_y"))
+        borders.add(y, "in_y", first["y"], "input", "discrete", prefix="y")
+        borders.entering.append(("y", "in_y"))
+        borders.add(
+            command, "in_u_start", first["u"], "parameter", "fixed", prefix="start", about="in force at the start:"
+        )
+        borders.arguments |= {"y": "in_y"}
     else:
-        for name in loop.config.inputs:
-            add(acting_layout(loop, name), f"in_{name}", first[f"{name}{SEEN}"], "input", "discrete")
-            entering.append((name, f"in_{name}"))
-        start = scenario.initial_state[0]
-        layout = Layout((joint_signal(loop.arm, "q"), joint_signal(loop.arm, "qd")))
-        if len(start) == layout.size:
-            add(layout, "in_start", start, "parameter", "fixed", prefix="start", about="initial")
-        arguments["start"] = "in_start"
-        inputs.setdefault("in_start", start)
-        if scenario.first_command is not None:
-            inputs["in_u_start"] = first["u"]
-            arguments["u"] = "in_u_start"
-        variables += variables_of(y, joints, "y", "output", "discrete", prefix="y")
-        variables += variables_of(loop.plant.layout, joints, "x", "output", "discrete", prefix="x", about="true")
-    if part == "controller":
-        add(command, "in_u_start", first["u"], "parameter", "fixed", prefix="start", about="in force at the start:")
-        arguments |= {"y": "in_y"}
+        _add_plant(borders, loop, first)
+        borders.variables += variables_of(y, borders.joints, "y", "output", "discrete", prefix="y")
+        x = loop.plant.layout
+        borders.variables += variables_of(x, borders.joints, "x", "output", "discrete", prefix="x", about="true")
     if part != "plant":
-        variables += variables_of(command, joints, "u_issued", "output", "discrete")
-    variables += lane_values(loop, part)
-    controller = part == "controller"
-    kept = {"y_old": "y_kept", "u": "u", "u_queued": "u"}
-    stages = (*([] if part == "plant" else [*control, shape]), *([] if controller else [*move, *measure]))
-    rings = [stage.to for stage in stages if isinstance(stage, Delay)]
-    blocks = {name: lanes.get(name)[0] for name in lanes.blocks}
-    extra = {name: first[name] for name in ("c", "p", "c_sensors") if name in first and name not in blocks}
-    begin, begun = loop.initialisation.program, BEGUN
-    if controller:
-        begin, begun = law, {"s": "s"}
-    assert begin is not None
-    return SampledModel(
-        part,
-        loop.arm,
-        Clock(loop.period, scenario.substeps, scenario.seed, scenario.first_lane),
-        _about(scenario, part, loop),
-        begin,
-        {port.name: arguments[port.name] for port in begin.inputs if port.size},
-        begun,
-        {name: kept[name] for name in rings},
-        () if part == "plant" else (*control, shape),
-        () if controller else tuple(move),
-        () if controller else tuple(measure),
-        tuple(entering),
-        {**blocks, **{name: values for name, values in extra.items() if values.size}},
-        {name: values for name, values in inputs.items() if values.size},
-        tuple(variables),
-        tuple(places_watched(loop.plant.layout, loop.config.is_ahead))
-        if "x_first" in blocks and not controller
-        else (),
-    )
+        borders.variables += variables_of(command, borders.joints, "u_issued", "output", "discrete")
+    borders.variables += lane_values(loop, part)
+    return borders
+
+
+def _add_plant(borders: _Borders, loop: UnrecordedLoop, first: Mapping[str, np.ndarray]) -> None:
+    """Adds what acts on the plant, and the state and command that it begins with."""
+    for name in loop.config.inputs:
+        borders.add(acting_layout(loop, name), f"in_{name}", first[f"{name}{SEEN}"], "input", "discrete")
+        borders.entering.append((name, f"in_{name}"))
+    start = loop.scenario.initial_state[0]
+    layout = Layout((joint_signal(loop.arm, "q"), joint_signal(loop.arm, "qd")))
+    if len(start) == layout.size:
+        borders.add(layout, "in_start", start, "parameter", "fixed", prefix="start", about="initial")
+    borders.arguments["start"] = "in_start"
+    borders.inputs.setdefault("in_start", start)
+    if loop.scenario.first_command is not None:
+        borders.inputs["in_u_start"] = first["u"]
+        borders.arguments["u"] = "in_u_start"
 
 
 def _bare(scenario: Scenario) -> Scenario:
@@ -229,14 +248,12 @@ def _split(stages: tuple[Stage, ...]) -> tuple[Sequence[Stage], Call, Sequence[S
 
     Rows and tables are none of them: what they bring comes from outside.
     """
-    names = [stage.program.name if isinstance(stage, Call) else "" for stage in stages]
-    shape = names.index("shape")
-    output = names.index("tell")
-    inside = [stage for stage in stages if not isinstance(stage, (Rows, Table, Record))]
-    place = {id(stage): k for k, stage in enumerate(stages)}
-    control = [stage for stage in inside if output < place[id(stage)] < shape and _name(stage) == "control"]
-    measure = [stage for stage in inside if place[id(stage)] <= output]
-    move = [stage for stage in inside if place[id(stage)] > shape]
+    names = [_name(stage) for stage in stages]
+    shape, output = names.index("shape"), names.index("tell")
+    inside = [(k, stage) for k, stage in enumerate(stages) if not isinstance(stage, (Rows, Table, Record))]
+    control = [stage for k, stage in inside if output < k < shape and names[k] == "control"]
+    measure = [stage for k, stage in inside if k <= output]
+    move = [stage for k, stage in inside if k > shape]
     shaped = stages[shape]
     assert isinstance(shaped, Call)
     return control, shaped, move, measure
@@ -273,14 +290,14 @@ def _reference(loop: UnrecordedLoop, layout: Layout) -> np.ndarray:
     return values
 
 
-def lane_values(loop: UnrecordedLoop, part: str) -> list[Variable]:
+def lane_values(loop: UnrecordedLoop, part: str) -> list[FmuVariable]:
     """Values of the batched numbers of record and controller, as parameters."""
     sampling, varied, rows = loop.config.sampling, loop.config.varied, []
     assert sampling is not None
     if varied is not None and part != "controller":
         for k, name in enumerate(varied.names):
             value, about = float(loop.scenario.parameters[0, k]), "number of the record"
-            rows.append(Variable(f"p.{quoted(name)}", "parameter", "tunable", "-", about, "p", k, value))
+            rows.append(FmuVariable(f"p.{quoted(name)}", "parameter", "tunable", "-", about, "p", k, value))
     if part == "plant":
         return rows
     lanes, entry = sampling.controller.lanes, 0
@@ -288,7 +305,7 @@ def lane_values(loop: UnrecordedLoop, part: str) -> list[Variable]:
         for k in range(int(np.prod(shape, dtype=int))):
             words = f"c.{quoted(name)}" + (f".at{k}" if shape else "")
             value = float(lanes.values[0, entry])
-            rows.append(Variable(words, "parameter", "tunable", "-", "gain of the law", "c", entry, value))
+            rows.append(FmuVariable(words, "parameter", "tunable", "-", "gain of the law", "c", entry, value))
             entry += 1
     return rows
 

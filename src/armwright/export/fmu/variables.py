@@ -28,7 +28,7 @@ PLAIN = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 
 
 @dataclass(frozen=True)
-class Variable:
+class FmuVariable:
     """One scalar variable of an FMU.
 
     Attributes:
@@ -61,7 +61,7 @@ def variables_of(
     starts: Iterable[float] | None = None,
     about: str = "",
     states: bool = False,
-) -> list[Variable]:
+) -> list[FmuVariable]:
     """Variables of all entries of a layout, in its order.
 
     Args:
@@ -80,7 +80,7 @@ def variables_of(
             what = " ".join(part for part in (about, signal.about or signal.name) if part)
             text = f"{what}, {label}" if label else what
             rows.append(
-                Variable(
+                FmuVariable(
                     name, causality, variability, unit, text, identifier(member), entry, values[entry], state=states
                 )
             )

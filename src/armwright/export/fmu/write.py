@@ -114,9 +114,7 @@ def export_fmu(
         fmi = f"fmi{version[0]}.c"
         compiled = ["model.c", "instance.c", fmi]
         texts |= {file: (SOURCES / file).read_text(encoding="ascii") for file in ("instance.h", "instance.c", fmi)}
-        with working_folder() as folder:
-            for file, text in texts.items():
-                (folder / file).write_text(text, encoding="ascii", newline="\n")
+        with working_folder(texts) as folder:
             binaries = build(folder, compiled, identifier, targets)
             files = {"modelDescription.xml": model_description(description, version, compiled).encode()}
             files |= {f"sources/{file}": text.encode() for file, text in texts.items()}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from armwright import scalar
-from armwright.ik.chain import TURN, Chain
+from armwright.ik.chain import TURN, JointChain
 from armwright.ik.closed_form.geometry import Geometry
 from armwright.ik.closed_form.subproblems import Turn
 from armwright.ik.solutions import PoseBranches
@@ -19,7 +19,7 @@ from armwright.spatial import Placement
 BEYOND = 1e-9  # [rad] past a limit where a position is put onto the limit; the pose is checked after that
 
 
-def branches_program(chain: Chain, geometry: Geometry, near: bool) -> Program:
+def branches_program(chain: JointChain, geometry: Geometry, near: bool) -> Program:
     """Program  target, tolerance[, wanted] → q, position_error, angle_error, margin, solved, best.
 
     target: (4, 4) pose. tolerance: on its errors [m | rad]. wanted: (n,) positions to be near to [rad]. Of every branch q
@@ -55,7 +55,7 @@ def branches_program(chain: Chain, geometry: Geometry, near: bool) -> Program:
     return trace("closed_form", find, shapes, outputs)
 
 
-def _within(chain: Chain, q: Array, wanted: Array) -> np.ndarray:
+def _within(chain: JointChain, q: Array, wanted: Array) -> np.ndarray:
     """Positions with whole turns added: within the limits where that can be, and then near to what is wanted."""
     moved = []
     for i, (low, high) in enumerate(zip(*chain.limits, strict=True)):
@@ -91,7 +91,7 @@ class ClosedForm:
 
     def __init__(self, model: Model, frame: str | None, geometry: Geometry, near: bool):
         self.geometry, self.near = geometry, near
-        chain = Chain(model, frame, 1.0)
+        chain = JointChain(model, frame, 1.0)
         self._limits, self._joints = np.array(chain.limits), tuple(model.names)
         self._kernel = Kernel(branches_program(chain, geometry, near), select_target())
 

@@ -6,17 +6,13 @@ from functools import lru_cache
 
 import numpy as np
 
-from armwright.ik.chain import Chain
+from armwright.ik.chain import JointChain
 from armwright.ik.closed_form.branches import BEYOND, ClosedForm
 from armwright.ik.closed_form.geometry import NEARLY, Geometry, geometry_of
 from armwright.ik.descent import descent
 from armwright.ik.solutions import PoseBranches
-from armwright.kernels.batch import Kernel
-from armwright.kernels.loop import Loop, Tasks
-from armwright.kernels.stages import Call, Exchange
-from armwright.kernels.target import select_target
+from armwright.ik.task_loop import TaskLoop
 from armwright.model import Model
-from armwright.program import trace
 
 POLISHED = 1e-12  # [m and rad], where a descent ends
 AWAY = 0.1  # [rad]: a descent that ends farther from its branch has left it
@@ -33,15 +29,10 @@ class NearlyClosedForm(ClosedForm):
 
     def __init__(self, model: Model, frame: str | None, geometry: Geometry, near: bool):
         super().__init__(model, frame, geometry, near)
-        n, self._target = model.n, select_target()
-        self._chain = Chain(model, frame, geometry.links.length / 3.0, bounds=(np.full(n, -np.inf), np.full(n, np.inf)))
-        exchange = Exchange(self._chain.task_size + n, n + 1, n + 3, 1, 1)
-        self._loop = Loop((exchange, Call(descent(self._chain, POLISHED, near=True))), self._target)
-        limited = Chain(model, frame, 1.0)
-        self._errors = Kernel(
-            trace("errors", lambda q, pose: (*limited.errors(q, pose), limited.margin(q)), {"q": (n,), "pose": (4, 4)},
-                  ("position", "angle", "margin")), self._target
-        )  # fmt: skip
+        no_limits = np.full(model.n, -np.inf), np.full(model.n, np.inf)
+        self._chain = JointChain(model, frame, geometry.links.length / 3.0, bounds=no_limits)
+        self._loop = TaskLoop(descent(self._chain, POLISHED, near=True))
+        self._judge = JointChain(model, frame, 1.0).judge
 
     def solve(
         self, poses: np.ndarray, near: np.ndarray | None, tolerance: float, threads: int
@@ -54,7 +45,7 @@ class NearlyClosedForm(ClosedForm):
         q = np.where((np.abs(q - begin) < AWAY).all(axis=1, keepdims=True), q, begin)
         inside = np.clip(q, *self._limits)
         q = np.where(np.abs(q - inside) < BEYOND, inside, q)
-        position, angle, margin = self._errors(q, targets)
+        position, angle, margin = self._judge(q, targets)
         solved = (np.maximum(position, angle) <= tolerance) & (margin >= 0.0)
         cost = -margin if near is None else ((q - np.repeat(near, len(q) // max(count, 1), axis=0)) ** 2).sum(axis=1)
         q = q.reshape(ideal.q.shape)
@@ -70,17 +61,12 @@ class NearlyClosedForm(ClosedForm):
 
     def _polished(self, begin: np.ndarray, targets: np.ndarray) -> np.ndarray:
         """(k, n) ends of descents from positions (k, n) to targets (k, 4, 4)."""
-        results = np.empty((len(begin), begin.shape[1] + 3))
+        found = np.empty_like(begin)
         for first in range(0, len(begin), POLISHED_ON):
             part = slice(first, first + POLISHED_ON)
             tasks = np.concatenate([self._chain.tasks(targets[part]), begin[part]], axis=1)
-            lanes = self._loop.lanes(self._target.width)
-            lanes.blocks["over"].fill(2.0)
-            lanes.blocks["task_number"].fill(-1.0)
-            none = np.zeros((1, begin.shape[1] + 1))
-            work = Tasks(np.array([0, len(tasks)]), tasks, none, np.zeros((len(tasks), 1)), results[part])
-            self._loop.run(lanes, 0.0, (0, 2**62), tasks=work)
-        return results[:, : begin.shape[1]]
+            found[part] = self._loop.run(tasks)[:, : begin.shape[1]]
+        return found
 
 
 @lru_cache(maxsize=16)

@@ -7,7 +7,6 @@ body. The plant takes its ten numbers about the frame's origin, zeros for an emp
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,37 +14,11 @@ import numpy as np
 from armwright.errors import ArmwrightError, ScenarioError
 from armwright.lint.feasibility import IMPOSSIBLE
 from armwright.model import Model
+from armwright.model.payload import Payload
 from armwright.model.tree import BASE, TENSOR
 from armwright.parameters import Batch, check_counts, lane_counts, numbers_by_lane
 from armwright.simulation.inputs.input_schedule import LaneRows
 from armwright.spatial import displaced_inertia
-
-
-@dataclass(frozen=True, eq=False)
-class Payload:
-    """A body in the hand from a time on, in place of the payload before; as for `arm.with_payload`.
-
-    Args:
-        time: () [s] when it is taken up; 0 or later.
-        mass: () [kg]; 0 puts down what the hand held, and needs no more.
-        com: (3,) [m] centre of mass, in the frame; of a point mass its place, absent: the frame's origin.
-        inertia: (3, 3) [kg m²] about the centre of mass, in the frame's axes, or three principal moments; absent: a point mass.
-        frame: name of the frame that carries it; by default the tip.
-
-    Time, mass, com and inertia may each be a `Batch`, one value a lane.
-    """
-
-    time: Any
-    mass: Any
-    com: Any = None
-    inertia: Any = None
-    frame: str | None = None
-
-    def __post_init__(self) -> None:
-        if self.inertia is None:  # a point mass; of a body with an inertia nobody knows the centre of mass but the user
-            object.__setattr__(self, "inertia", np.zeros(3))
-            if self.com is None:
-                object.__setattr__(self, "com", np.zeros(3))
 
 
 def carried(payload: Payload) -> str:

@@ -2,86 +2,99 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
 import numpy as np
 
 from armwright import scalar
-from armwright.collision import Clearance
-from armwright.entry import AnyArm, as_arm
+from armwright.entry import AnyArm, as_arm, expect
 from armwright.errors import ScenarioError
-from armwright.kinematics.aim import Aim
+from armwright.model import Model
 from armwright.trajectory.cartesian.motion import CartesianMotion, SlowStretch
 from armwright.trajectory.cartesian.path import CartesianPath
 from armwright.trajectory.cartesian.slowing import Pace, locally_slowed
-from armwright.trajectory.cartesian.solve import checked_limits, place, solve_path
+from armwright.trajectory.cartesian.solve import ToolPathSolution, checked_limits, place, solve_path
 from armwright.trajectory.cartesian.uses import MARGIN, uses_of
 from armwright.trajectory.limits import LARGEST, SMALLEST, MotionLimits
 from armwright.trajectory.piecewise import LAST, PiecewisePolynomial
-from armwright.trajectory.s_curve import JERK, s_curve_times
+from armwright.trajectory.s_curve import s_curve_jerks, s_curve_times
 
 SLOWEST = 100.0  # a motion that must be slower than requested by more is next to a singularity
 JERK_TIME = 0.1  # [s] in which an acceleration is reached where no jerk is given
-Slow = Literal["everywhere", "where needed"]
+Slow = Literal["everywhere", "where needed", "nowhere"]
 SLOW = get_args(Slow)
+
+
+@dataclass(frozen=True)
+class ToolLimits:
+    """Limits of a tool's motion along its path, beside its speed and its acceleration.
+
+    Args:
+        jerk: [m/s³] along the way; absent: the acceleration is reached in 0.1 s.
+        angular_speed: [rad/s]; absent: no limit.   angular_acceleration: [rad/s²]; both are needed for turns in place.
+    Raises:
+        ScenarioError: names the limit, its value and what was expected.
+    """
+
+    jerk: float | None = None
+    angular_speed: float | None = None
+    angular_acceleration: float | None = None
+
+    def __post_init__(self) -> None:
+        _ = self.values
+
+    @property
+    def values(self) -> dict[str, float]:
+        """The limits by name; infinite: none."""
+        return {name: np.inf if value is None else _above_zero(name, value) for name, value in vars(self).items()}
 
 
 def follow_path(
     arm: AnyArm,
-    path: CartesianPath,
+    path: CartesianPath | ToolPathSolution,
     speed: float,
     acceleration: float,
     *,
-    jerk: float | None = None,
-    angular_speed: float | None = None,
-    angular_acceleration: float | None = None,
-    limits: MotionLimits | None = None,
-    slow: Slow = "everywhere",
-    constant: bool = False,
     near: Any = None,
-    frame: str | None = None,
-    aim: str | Aim = "pose",
-    posture: Any = None,
-    tolerance: float = 1e-6,
+    limits: MotionLimits | None = None,
+    tool: ToolLimits = ToolLimits(),
+    slow: Slow = "everywhere",
     time: float = 0.0,
-    clearance: Clearance | None = None,
 ) -> CartesianMotion:
     """Joint motion that moves the tool along a path at constant speed, from rest to rest between its stops.
 
     Where limits of the joints or of the tool would be exceeded, the whole motion is slower by one factor; with
-    `slow="where needed"` the tool is slower there and about there alone, and with `constant` the motion is refused. It tells
+    `slow="where needed"` the tool is slower there and about there alone, and with "nowhere" the motion is refused. It tells
     where and by how much. One that would have to be slower by more than 100 is next to a singularity, and refused.
 
     Args:
-        arm: the model.   path: of the tool.   speed: [m/s] of the tool.   acceleration: [m/s²] of the tool, centripetal included.
-        jerk: [m/s³] along the way; None: the acceleration is reached in 0.1 s.
-        angular_speed: [rad/s] of the tool; None: no limit.   angular_acceleration: [rad/s²]; both are needed for turns in place.
+        arm: the model.   path: of the tool's tip in all of its pose; or a solution of `solve_path`, which leads another frame,
+            counts a part of the pose, or keeps clear of obstacles.
+        speed: [m/s] of the tool.   acceleration: [m/s²] of the tool, centripetal included.
+        near: (n,) positions [rad | m] to begin near.
         limits: position, velocity, acceleration and jerk of the joints; None: the record's.
-        slow: what is slower where a limit would be exceeded: "everywhere" or "where needed".
-        constant: whether the speed that is asked for must be kept.   time: [s] of the beginning.
-        near: (n,) positions [rad | m] to begin near.   frame: of the arm that is led; None: its tip.
-        aim: part of the path's poses that counts, as in `solve_path`.
-        posture: (n,) [rad | m] for a redundant arm's self-motion.
-        tolerance: [m] and [rad] of the tool from its path.   clearance: of the arm, whose least distance is kept.
+        tool: its jerk, its angular speed and acceleration.
+        slow: what is slower where a limit would be exceeded: "everywhere", "where needed", or "nowhere": it is refused.
+        time: [s] of the beginning.
     Returns:
         motion: of the joints; it says where and by how much the speed is too high, and for which limits.
     Raises:
-        ScenarioError: as `solve_path`; a limit exceeded with `constant`; a speed that singularity forbids: where, which joint,
-            which speed it would need.   ModelError: no such frame or aim.
+        ScenarioError: as `solve_path`; a limit exceeded with "nowhere"; a speed that singularity forbids: where, which joint,
+            which speed it would need.   ModelError: no arm.
     """
     arm = as_arm(arm)
-    asked = {"speed": speed, "acceleration": acceleration, "jerk": jerk, "angular_speed": angular_speed}
-    asked["angular_acceleration"] = angular_acceleration
-    values = {name: _above_zero(name, value, name in ("speed", "acceleration")) for name, value in asked.items()}
+    expect(tool, ToolLimits, "tool", "an aw.trajectories.ToolLimits", ScenarioError)
+    asked = {"speed": speed, "acceleration": acceleration}
+    values = {name: _above_zero(name, value) for name, value in asked.items()} | tool.values
     begin = scalar.real_number(time)
     if begin is None or not np.isfinite(begin):
         raise ScenarioError(place="time", value=time, expected="a finite number [s]")
     if slow not in SLOW:
         raise ScenarioError(place="slow", value=slow, choices=SLOW)
     limits = checked_limits(arm, limits)
-    solution = solve_path(
-        arm, path, near=near, frame=frame, aim=aim, posture=posture, limits=limits, tolerance=tolerance, clearance=clearance
-    )  # fmt: skip
+    solution = _solved(arm, path, near, limits)
+    path = solution.path
     paces = [_pace(path, values, *run) for run in path.runs]
     profile = _profile(path, paces, begin, 1.0)
     uses = uses_of(solution, profile, limits, values)
@@ -89,7 +102,7 @@ def follow_path(
     if not hardest:
         return CartesianMotion(solution, profile, 1.0)
     slowed, worst, row = hardest[0]
-    if constant or slowed > SLOWEST:
+    if slow == "nowhere" or slowed > SLOWEST:
         near_one = slowed > SLOWEST and worst.joint
         what = f"{'next to a singularity, ' if near_one else ''}{worst.said(row)}"
         slower = f"a speed of {values['speed'] / slowed:.3g} m/s or less there, or another path"
@@ -105,10 +118,24 @@ def follow_path(
     return CartesianMotion(solution, profile, slowed, reasons, stretches)
 
 
-def _above_zero(name: str, value: Any, needed: bool) -> float:
+def _solved(arm: Model, path: Any, near: Any, limits: MotionLimits) -> ToolPathSolution:
+    """The path's solution, or the given one.
+
+    Raises:
+        ScenarioError: as `solve_path`; a solution of another arm, or one that is to begin elsewhere.
+    """
+    if not isinstance(path, ToolPathSolution):
+        return solve_path(arm, path, near=near, limits=limits)
+    if path.tool.arm.names != arm.names:
+        what, expected = f"solved for {path.tool.arm.name}", f"a path, or one that is solved for {arm.name}"
+        raise ScenarioError(what, place="path", expected=expected)
+    if near is not None:
+        raise ScenarioError("with a solution", place="near", expected="it given to solve_path")
+    return path
+
+
+def _above_zero(name: str, value: Any) -> float:
     number = scalar.real_number(value)
-    if value is None and not needed:
-        return np.inf
     if number is None or not SMALLEST <= number <= LARGEST:
         expected = "a number above 0" if number is None or number <= 0.0 else f"{SMALLEST:g} … {LARGEST:g}"
         raise ScenarioError(place=name, value=value, expected=expected)
@@ -142,10 +169,8 @@ def _profile(path: CartesianPath, paces: list[Pace], time: float, slowed: float)
             raise ScenarioError(
                 f"it ends at {time + times.sum():.3g} s", place="speed", value=pace.speed, expected=expected
             )
-        derivative = np.zeros((7, 3))
-        ramp, flat, _, cruise, *_ = times
-        derivative[:, -1] = JERK * (end - begin) / (ramp * (ramp + flat) * (2.0 * ramp + flat + cruise))
-        run = PiecewisePolynomial.of_segments(float(knots[-1][-1]), times, derivative, begin)
+        jerks = s_curve_jerks(end - begin, times)
+        run = PiecewisePolynomial.of_segments(float(knots[-1][-1]), times, jerks, begin)
         knots.append(run.knots[1:])
         rows.append(run.coefficients)
     return PiecewisePolynomial(np.concatenate(knots), np.concatenate(rows))

@@ -99,9 +99,8 @@ class CartesianPath:
         if not self.blend or a.first[0, :3] @ b.first[0, :3] < np.cos(SHARPEST):
             return None
         most = SHARE * short
-        if (
-            before.centre is None and after.centre is None
-        ):  # p and φ pass the corner at 3/16 of the change of their slopes
+        if before.centre is None and after.centre is None:
+            # p and φ pass the corner at 3/16 of the change of their slopes
             limits = [(self.blend, np.linalg.norm(turn)), (self.blend_angle, np.linalg.norm(after.rate - before.rate))]
             return float(min([most, *(16.0 * limit / (3.0 * change) for limit, change in limits if change > 0.0)]))
 

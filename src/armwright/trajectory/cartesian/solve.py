@@ -13,7 +13,7 @@ from scipy.interpolate import PPoly
 from armwright.collision import Clearance
 from armwright.entry import AnyArm, as_arm
 from armwright.errors import ABSENT, ScenarioError
-from armwright.ik.solve import inverse_kinematics, solver
+from armwright.ik.solve import inverse_kinematics
 from armwright.ik.starts import random_positions
 from armwright.kinematics.aim import AXES, Aim
 from armwright.model import Model
@@ -217,9 +217,8 @@ def _starts(follower: Follower, near: Any) -> list[np.ndarray]:
         solutions = inverse_kinematics(tool.arm, start, near=_positions(tool.arm, "near", near), **options)
         rows, fine = solutions.q[None], solutions.success[None]
     else:
-        chain = solver(tool.arm, tool.frame, tool.aim, 1e-8, True).chain
         targets = np.broadcast_to(start, (STARTS, 4, 4))
-        solutions = inverse_kinematics(tool.arm, targets, near=random_positions(chain, STARTS), **options)
+        solutions = inverse_kinematics(tool.arm, targets, near=random_positions(tool.arm, STARTS), **options)
         rows, fine = solutions.q, solutions.success
     if not fine.any():
         exact = (solutions.position_error <= solutions.tolerance) & (solutions.angle_error <= solutions.tolerance)

@@ -47,9 +47,8 @@ class PathLimits:
     def at(cls, dyn: CompiledArm, limits: MotionLimits, path: JointPath, s: np.ndarray) -> PathLimits:
         """Limits of an arm at points s (m,) of a path."""
         q, first, second = path.at(s)
-        moves = np.abs(first) > RESTING * np.abs(first).max(
-            initial=0.0
-        )  # the sign of rounding is not that of dry friction
+        # the sign of rounding is not that of dry friction
+        moves = np.abs(first) > RESTING * np.abs(first).max(initial=0.0)
         return cls(dyn, limits, q, np.where(moves, first, 0.0), second)
 
     def largest_x(self, shares: Shares) -> np.ndarray:
@@ -92,9 +91,8 @@ class PathLimits:
         volts = np.where(limited, volts, 0.0)
         ends = self.dyn.motor_torque(qd, -volts), self.dyn.motor_torque(qd, volts)  # swapped where n is negative
         least, greatest = np.minimum(*ends), np.maximum(*ends)
-        return np.maximum(-most, np.where(limited, least, -np.inf)), np.minimum(
-            most, np.where(limited, greatest, np.inf)
-        )
+        least, greatest = np.where(limited, least, -np.inf), np.where(limited, greatest, np.inf)
+        return np.maximum(-most, least), np.minimum(most, greatest)
 
     @cached_property
     def has_torques(self) -> bool:

@@ -10,7 +10,7 @@ from armwright.collision import Clearance
 from armwright.entry import AnyArm, as_arm
 from armwright.errors import ScenarioError
 from armwright.kernels.compiled import KERNELS, compile_arm
-from armwright.simulation.inputs.payload import Payload
+from armwright.model.payload import Payload
 from armwright.trajectory.limits import MotionLimits
 from armwright.trajectory.path import JointPath
 from armwright.trajectory.poses import check_number

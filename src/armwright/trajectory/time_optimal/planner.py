@@ -17,9 +17,7 @@ from armwright.trajectory.time_optimal.constraints import PathLimits
 from armwright.trajectory.time_optimal.passes import Profile, Table, fastest_profile
 from armwright.trajectory.time_optimal.timing import Timing
 
-COARSE = np.unique(
-    np.concatenate([np.linspace(0.0, 1.0, 49), np.geomspace(1e-4, 0.05, 24)])
-)  # levels, of the largest √x
+COARSE = np.unique([*np.linspace(0.0, 1.0, 49), *np.geomspace(1e-4, 0.05, 24)])  # levels, of the largest √x
 FINE = 16  # levels in a band
 RAISED = 4.0  # times in x, of coarse levels that are too low
 MOST = 1e50  # of a path acceleration, and of x
@@ -28,9 +26,7 @@ FIRST_BAND, LAST_BAND = 2, len(BANDS) - 1  # after the coarse levels, and of a p
 LEAST_BAND = 1e-3  # of a band, of the largest √x: where x is small
 MOST_PASSES = 20  # over finer levels
 EVEN, NEAR = np.linspace(0.0, 1.0, 25), 0.5 ** np.arange(6, 14)
-JUDGED = np.unique(
-    np.concatenate([EVEN, NEAR, 1.0 - NEAR])
-)  # of a piece's time: near its ends smoothed friction comes up
+JUDGED = np.unique([*EVEN, *NEAR, *(1.0 - NEAR)])  # of a piece's time: near its ends smoothed friction comes up
 ZOOM, ZOOMS = np.linspace(0.0, 1.0, 11), 4  # between the neighbours of a peak, and how often
 KEPT = 5e-7  # of a limit: the largest excess of a plan that holds
 SHRUNK = 1.05  # times the excess
