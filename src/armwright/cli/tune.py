@@ -109,17 +109,11 @@ def tune(
             start=start,
             objectives=objectives,
             limits=limits,
-            improve_each=improve_each,
-            over="worst" if worst else None,
             lanes=lanes,
-            method=method,
-            generations=generations,
-            candidates=candidates,
-            front=front,
-            gain_margin=gain_margin,
-            phase_margin=None if phase_margin is None else math.radians(phase_margin),
-            seed=seed,
-            client=client,
+            margins=aw.tuning.MarginConstraint(gain_margin, phase_margin and math.radians(phase_margin)),
+            search=aw.tuning.Search(
+                method, generations, candidates, front, "worst" if worst else None, improve_each, seed, client
+            ),
             progress=shown,
         )
     if plot is not None:
