@@ -3,33 +3,20 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
-import typer
-
-from armwright.cli.arguments import option
+from armwright.cli.arguments import argument, option, output_option
 from armwright.terminal import say
 
 
 def animate(
-    run: Annotated[Path, typer.Argument(metavar="RUN", help="Run saved as .nc.", show_default=False)],
-    output: Annotated[
-        Path,
-        option("--output -o", "FILE", "Where to: .html (a page that plays it) or .glb (animated glTF 2.0)."),
-    ],
-    robot: Annotated[
-        str | None,
-        option(
-            "--robot",
-            "ROBOT",
-            "The arm that moved: a built-in one, or path of its file; by default the built-in one that the run names, or "
-            "the one that the run of a scenario file keeps, drawn as a figure of its joints.",
-        ),
-    ] = None,
-    lane: Annotated[
-        int | None,
-        option("--lane", "K", "Which lane of a run that has several."),
-    ] = None,
+    run: Path = argument("RUN", "Run saved as .nc."),
+    output: Path = output_option("FILE", "Where to: .html (a page that plays it) or .glb (animated glTF 2.0).", ...),
+    robot: str | None = option(
+        "ROBOT",
+        "The arm that moved: a built-in one, or path of its file; by default the built-in one that the run names, or "
+        "the one that the run of a scenario file keeps, drawn as a figure of its joints.",
+    ),
+    lane: int | None = option("K", "Which lane of a run that has several."),
 ) -> None:
     """Write a run as a moving arm: a page with a player, or an animated glTF file.
 

@@ -25,9 +25,29 @@ SCENARIO = ".scenario.toml"
 MOTION = ".motion.toml"
 
 
-def option(names: str, metavar: str, text: str) -> Any:
-    """An option whose help does not show the default."""
-    return typer.Option(*names.split(), metavar=metavar, help=text, show_default=False)
+def option(metavar: str, text: str, default: Any = None, *, names: str = "", **more: Any) -> Any:
+    """An option, whose name is its parameter's and whose help does not show the default.
+
+    Args:
+        metavar, text: of its help.   default: of a required option, and in `Annotated`: `...`.
+        names: others than the parameter's.   more: as `typer.Option` has it.
+    """
+    return typer.Option(default, *names.split(), metavar=metavar, help=text, **{"show_default": False, **more})
+
+
+def output_option(metavar: str, text: str, default: Any = None) -> Any:
+    """The option --output, short -o."""
+    return option(metavar, text, default, names="--output -o")
+
+
+def flag(name: str, text: str, default: bool | None = False) -> Any:
+    """An option without a value."""
+    return typer.Option(default, name, help=text, show_default=False)
+
+
+def argument(metavar: str, text: str, default: Any = ..., **more: Any) -> Any:
+    """An argument, required by default."""
+    return typer.Argument(default, metavar=metavar, help=text, **{"show_default": False, **more})
 
 
 def complete_robot(incomplete: str) -> list[str]:
@@ -42,33 +62,39 @@ def complete_robot(incomplete: str) -> list[str]:
 
 Robot = Annotated[
     str,
-    typer.Argument(
-        metavar="ROBOT",
-        autocompletion=complete_robot,
-        help="Name of a built-in arm, or path of a robot's TOML, URDF or MJCF file.",
-        show_default=False,
+    argument(
+        "ROBOT", "Name of a built-in arm, or path of a robot's TOML, URDF or MJCF file.", autocompletion=complete_robot
     ),
 ]
-Table = Annotated[Path, typer.Argument(metavar="IN.csv", help="CSV file, one set of data a row.", show_default=False)]
-Out = Annotated[Path | None, option("--output -o", "OUT.csv", "CSV file for the results; without it they are printed.")]
+Table = Annotated[Path, argument("IN.csv", "CSV file, one set of data a row.")]
+Out = Annotated[Path | None, output_option("OUT.csv", "CSV file for the results; without it they are printed.", ...)]
 Schedule = Annotated[
-    Path | None, option("--schedule", "FILE", "CSV: t in s and one column a joint, held from row to row.")
+    Path | None, option("FILE", "CSV: t in s and one column a joint, held from row to row.", ..., names="--schedule")
 ]
-Voltage = Annotated[str | None, option("--voltage", "V1,V2,…", "Constant voltages in V.")]
-Current = Annotated[str | None, option("--current", "I1,I2,…", "Constant currents in A.")]
-Torque = Annotated[str | None, option("--torque", "T1,T2,…", "Constant motor torques at the joints in N m.")]
-Command = Annotated[str | None, option("--command", "U1,U2,…", "Constant commands, each in its own joint's unit.")]
+Voltage = Annotated[str | None, option("V1,V2,…", "Constant voltages in V.", ..., names="--voltage")]
+Current = Annotated[str | None, option("I1,I2,…", "Constant currents in A.", ..., names="--current")]
+Torque = Annotated[str | None, option("T1,T2,…", "Constant motor torques at the joints in N m.", ..., names="--torque")]
+Command = Annotated[
+    str | None, option("U1,U2,…", "Constant commands, each in its own joint's unit.", ..., names="--command")
+]
 Allow = Annotated[
     list[Path] | None,
-    option("--allow", "FOLDER", "Folder in which a scenario file may name files, beside its own; may be repeated."),
+    option(
+        "FOLDER",
+        "Folder in which a scenario file may name files, beside its own; may be repeated.",
+        ...,
+        names="--allow",
+    ),
 ]
 Duration = Annotated[
-    float | None, option("--duration", "S", "Duration in s; by default until the schedule's last row.")
+    float | None, option("S", "Duration in s; by default until the schedule's last row.", ..., names="--duration")
 ]
 Position = Annotated[
-    str | None, option("--q0", "Q1,Q2,…", "Initial positions in rad (or 30deg, pi/2) or m; default 0.")
+    str | None, option("Q1,Q2,…", "Initial positions in rad (or 30deg, pi/2) or m; default 0.", ..., names="--q0")
 ]
-Velocity = Annotated[str | None, option("--qd0", "W1,W2,…", "Initial velocities in rad/s or m/s; default 0.")]
+Velocity = Annotated[
+    str | None, option("W1,W2,…", "Initial velocities in rad/s or m/s; default 0.", ..., names="--qd0")
+]
 
 ANGLE = re.compile(r"^(?P<factor>[+-]?[\d.]*)\*?pi(?:/(?P<by>[\d.]+))?$")
 

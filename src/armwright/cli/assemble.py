@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
-
-from armwright.cli.arguments import option
+from armwright.cli.arguments import argument, flag, option, output_option
 from armwright.cli.tables import number, table
 from armwright.errors import ScenarioError
 from armwright.terminal import say
@@ -22,32 +20,18 @@ ENDINGS = (".toml", ".csv")
 
 
 def assemble(
-    assembly: Annotated[
-        str | None,
-        typer.Argument(
-            metavar="[FILE.assembly.toml]",
-            help="An assembly's file, or the name of a built-in one.",
-            show_default=False,
-        ),
-    ] = None,
-    output: Annotated[
-        Path | None,
-        option("--output -o", "FILE", "ARM.toml, the arm; with --all a list as .csv, or the best arm as .toml."),
-    ] = None,
-    every: Annotated[bool, typer.Option("--all", help="List every arm that the connectors allow instead.")] = False,
-    modules: Annotated[
-        str | None, option("--modules", "FILE", "With --all: a module library's file, or the name of a built-in one.")
-    ] = None,
-    task: Annotated[
-        Path | None, option("--task", "FILE", "With --all: rank them by how well they do the task in this file.")
-    ] = None,
-    max_joints: Annotated[int, typer.Option("--max-joints", metavar="N", help="With --all: joints of an arm.")] = 6,
-    min_joints: Annotated[int, typer.Option("--min-joints", metavar="N", help="With --all: joints of an arm.")] = 1,
-    max_links: Annotated[
-        int, typer.Option("--max-links", metavar="N", help="With --all: how many modules without joints in a row.")
-    ] = 1,
-    limit: Annotated[int, typer.Option("--limit", metavar="N", help="With --all: how many are computed.")] = 1000,
-    show: Annotated[int, typer.Option("--show", metavar="N", help="With --all: how many are printed.")] = 20,
+    assembly: str | None = argument("[FILE.assembly.toml]", "An assembly's file, or the name of a built-in one.", None),
+    output: Path | None = output_option(
+        "FILE", "ARM.toml, the arm; with --all a list as .csv, or the best arm as .toml."
+    ),
+    every: bool = flag("--all", "List every arm that the connectors allow instead."),
+    modules: str | None = option("FILE", "With --all: a module library's file, or the name of a built-in one."),
+    task: Path | None = option("FILE", "With --all: rank them by how well they do the task in this file."),
+    max_joints: int = option("N", "With --all: joints of an arm.", 6, show_default=True),
+    min_joints: int = option("N", "With --all: joints of an arm.", 1, show_default=True),
+    max_links: int = option("N", "With --all: how many modules without joints in a row.", 1, show_default=True),
+    limit: int = option("N", "With --all: how many are computed.", 1000, show_default=True),
+    show: int = option("N", "With --all: how many are printed.", 20, show_default=True),
 ) -> None:
     """Put modules together, check that they fit, and write the resulting arm.
 

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
-
-from armwright.cli.arguments import MOTION, SCENARIO, Allow, option
+from armwright.cli.arguments import MOTION, SCENARIO, Allow, argument, option, output_option
 from armwright.cli.tables import console_for_tables
 from armwright.errors import ScenarioError
 from armwright.terminal import say
@@ -17,37 +15,21 @@ if TYPE_CHECKING:
 
 
 def compare_controllers(
-    scenarios: Annotated[
-        list[Path],
-        typer.Argument(
-            metavar="FILE.scenario.toml…", help="Scenarios of one arm, each with a controller.", show_default=False
-        ),
-    ],
-    motion: Annotated[
-        list[Path],
-        option(
-            "--motion -m",
-            "FILE",
-            "Motion to follow: .motion.toml with its payloads, or .csv or .nc of one that was saved; may be repeated.",
-        ),
-    ],
-    payload: Annotated[
-        list[str] | None,
-        option(
-            "--payload",
-            "KG",
-            "Point mass at the tip during all of every motion; 0: what the motion carries; may be repeated.",
-        ),
-    ] = None,
-    runs: Annotated[
-        int | None, option("--runs", "N", "Runs with different noise and draws; default: the files' lanes, or 8.")
-    ] = None,
-    band: Annotated[float, option("--band", "B", "Band of the settling time in rad or m; default 0.001.")] = 1e-3,
-    settle: Annotated[float, option("--settle", "S", "Time to watch after each motion's end, s; default 1.")] = 1.0,
-    output: Annotated[
-        Path | None, option("--output -o", "FILE", "Write every measure: .csv by case and joint, or .nc.")
-    ] = None,
-    plot: Annotated[Path | None, option("--plot", "FILE", "Draw the errors: .png, .svg or .pdf.")] = None,
+    scenarios: list[Path] = argument("FILE.scenario.toml…", "Scenarios of one arm, each with a controller."),
+    motion: list[Path] = option(
+        "FILE",
+        "Motion to follow: .motion.toml with its payloads, or .csv or .nc of one that was saved; may be repeated.",
+        ...,
+        names="--motion -m",
+    ),
+    payload: list[str] | None = option(
+        "KG", "Point mass at the tip during all of every motion; 0: what the motion carries; may be repeated."
+    ),
+    runs: int | None = option("N", "Runs with different noise and draws; default: the files' lanes, or 8."),
+    band: float = option("B", "Band of the settling time in rad or m; default 0.001.", 1e-3),
+    settle: float = option("S", "Time to watch after each motion's end, s; default 1.", 1.0),
+    output: Path | None = output_option("FILE", "Write every measure: .csv by case and joint, or .nc."),
+    plot: Path | None = option("FILE", "Draw the errors: .png, .svg or .pdf."),
     allow: Allow = None,
 ) -> None:
     """Compare controllers on the same motions: errors, path accuracy (ISO 9283), settling, effort.

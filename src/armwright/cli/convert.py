@@ -3,30 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
 
-import typer
-
+from armwright.cli.arguments import argument, option
 from armwright.terminal import say
 
 
-def _file(metavar: str, help_text: str) -> Any:
-    return typer.Argument(metavar=metavar, help=help_text, show_default=False)
-
-
 def convert(
-    source: Annotated[
-        str, _file("IN", "A robot's TOML, URDF or MJCF file, the name of a built-in arm, or a run: .nc.")
-    ],
-    target: Annotated[Path, _file("OUT", "The file to write, replaced where it exists.")],
-    smoothing: Annotated[
-        float | None,
-        typer.Option(
-            "--smoothing",
-            metavar="V",
-            help="For URDF and MJCF: speed over which Coulomb friction changes its sign; by default it sticks in simulation.",
-        ),
-    ] = None,
+    source: str = argument("IN", "A robot's TOML, URDF or MJCF file, the name of a built-in arm, or a run: .nc."),
+    target: Path = argument("OUT", "The file to write, replaced where it exists."),
+    smoothing: float | None = option(
+        "V",
+        "For URDF and MJCF: speed over which Coulomb friction changes its sign; by default it sticks in simulation.",
+    ),
 ) -> None:
     """Convert a robot file or a run to another format, and list what is lost.
 

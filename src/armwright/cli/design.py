@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import typer
 
-from armwright.cli.arguments import SCENARIO, Allow, complete_robot, option, refuse_allow
+from armwright.cli.arguments import SCENARIO, Allow, argument, complete_robot, option, output_option, refuse_allow
 from armwright.cli.tables import show
 from armwright.errors import ScenarioError
 from armwright.terminal import say
@@ -18,50 +18,29 @@ FOR_ROBOTS = ("period", "controller", "timing", "duration")
 
 
 def design(
-    scenario: Annotated[
-        str,
-        typer.Argument(
-            metavar="FILE.scenario.toml|ROBOT",
-            autocompletion=complete_robot,
-            help="A scenario with a controller; or an arm, with --period.",
-            show_default=False,
-        ),
-    ],
-    out: Annotated[Path, option("--output -o", f"DESIGNED{SCENARIO}", "The scenario with the designed gains.")],
-    method: Annotated[
-        str | None,
-        option(
-            "--method", "NAME", "pole-placement, symmetric-optimum, loop-shaping or lqr; default by the controller."
-        ),
-    ] = None,
-    bandwidth: Annotated[
-        str | None,
-        option("--bandwidth", "W1,W2,…", "Of the joints in rad/s; default the stiffest that keeps the margins."),
-    ] = None,
-    damping: Annotated[float, option("--damping", "Z", "Of the closed loops; default 1.")] = 1.0,
-    gain_margin: Annotated[float, option("--gain-margin", "G", "Factor of a command to bear; default 2.")] = 2.0,
-    phase_margin: Annotated[float, option("--phase-margin", "DEG", "Phase lag to bear, degrees; default 30.")] = 30.0,
-    poses: Annotated[int, option("--poses", "N", "Poses to draw within the position limits; default 2000.")] = 2000,
-    seed: Annotated[int, option("--seed", "N", "Of the poses; default 0.")] = 0,
-    reference: Annotated[
-        Path | None,
-        option(
-            "--reference",
-            "FILE",
-            "Motion to follow from its start to its end: .motion.toml or .csv of `excite`, `plan`.",
-        ),
-    ] = None,
-    robot: Annotated[
-        str | None, option("--robot", "ROBOT", "In place of a scenario's, such as the identified one; its [values] go.")
-    ] = None,
-    period: Annotated[float | None, option("--period", "S", "Of an arm: sample period in s.")] = None,
-    controller: Annotated[
-        str | None, option("--controller", "KIND", "Of an arm: cascade, the default, joint_pid or computed_torque.")
-    ] = None,
-    timing: Annotated[
-        str | None, option("--timing", "PRESET", "Of an arm: ideal, one-tick, the default, or sync.")
-    ] = None,
-    duration: Annotated[float | None, option("--duration", "S", "Of an arm: of its scenario in s; default 1.")] = None,
+    scenario: str = argument(
+        "FILE.scenario.toml|ROBOT",
+        "A scenario with a controller; or an arm, with --period.",
+        autocompletion=complete_robot,
+    ),
+    out: Path = output_option(f"DESIGNED{SCENARIO}", "The scenario with the designed gains.", ...),
+    method: str | None = option(
+        "NAME", "pole-placement, symmetric-optimum, loop-shaping or lqr; default by the controller."
+    ),
+    bandwidth: str | None = option("W1,W2,…", "Of the joints in rad/s; default the stiffest that keeps the margins."),
+    damping: float = option("Z", "Of the closed loops; default 1.", 1.0),
+    gain_margin: float = option("G", "Factor of a command to bear; default 2.", 2.0),
+    phase_margin: float = option("DEG", "Phase lag to bear, degrees; default 30.", 30.0),
+    poses: int = option("N", "Poses to draw within the position limits; default 2000.", 2000),
+    seed: int = option("N", "Of the poses; default 0.", 0),
+    reference: Path | None = option(
+        "FILE", "Motion to follow from its start to its end: .motion.toml or .csv of `excite`, `plan`."
+    ),
+    robot: str | None = option("ROBOT", "In place of a scenario's, such as the identified one; its [values] go."),
+    period: float | None = option("S", "Of an arm: sample period in s."),
+    controller: str | None = option("KIND", "Of an arm: cascade, the default, joint_pid or computed_torque."),
+    timing: str | None = option("PRESET", "Of an arm: ideal, one-tick, the default, or sync."),
+    duration: float | None = option("S", "Of an arm: of its scenario in s; default 1."),
     allow: Allow = None,
 ) -> None:
     """Design a controller's gains for a scenario's period, delay and sensors, and say what limits every joint.

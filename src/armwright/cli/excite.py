@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from armwright.cli.arguments import Robot, as_options, option
+from armwright.cli.arguments import Robot, argument, as_options, flag, option, output_option
 from armwright.errors import ScenarioError
 from armwright.terminal import say
 
@@ -29,8 +29,8 @@ class ArmByDefault(TyperGroup):
 
 excite = typer.Typer(name="excite", cls=ArmByDefault)
 
-Picture = Annotated[Path | None, option("--plot", "FILE", "Draw it: .png, .svg or .pdf.")]
-Seed = Annotated[int, option("--seed", "N", "Of random numbers, 0 by default.")]
+Picture = Annotated[Path | None, option("FILE", "Draw it: .png, .svg or .pdf.", ..., names="--plot")]
+Seed = Annotated[int, option("N", "Of random numbers, 0 by default.", ..., names="--seed")]
 
 
 @excite.callback()
@@ -45,28 +45,17 @@ def _about() -> None:
 @excite.command()
 def arm(
     robot: Robot,
-    output: Annotated[
-        Path,
-        typer.Option(
-            "--output", "-o", metavar="MOTION.csv", help="The motion to write: t, q, qd and qdd of all joints."
-        ),
-    ],
-    period: Annotated[float, option("--period", "S", "Period in s, 10 by default.")] = 10.0,
-    harmonics: Annotated[int, option("--harmonics", "N", "Of each joint's Fourier series, 5 by default.")] = 5,
-    starts: Annotated[int, option("--starts", "N", "Random starts of the optimisation, 4 by default.")] = 4,
-    criterion: Annotated[
-        str, option("--criterion", "WHAT", "condition (default) or logdet: of the base regressor.")
-    ] = "condition",
-    velocity: Annotated[str | None, option("--velocity", "V1,V2,…", "Largest speeds; by default the record's.")] = None,
-    acceleration: Annotated[
-        str | None, option("--acceleration", "A1,A2,…", "Largest accelerations; by default the record's.")
-    ] = None,
-    torque: Annotated[str | None, option("--torque", "T1,T2,…", "Largest torques; by default the record's.")] = None,
-    floor: Annotated[float | None, option("--floor", "Z", "Lowest height of the tip in base axes, in m.")] = None,
-    rate: Annotated[float, option("--rate", "HZ", "Rows in a second, 500 by default.")] = 500.0,
-    kinematics_only: Annotated[
-        bool, typer.Option("--kinematics-only", help="Links of a TOML file may lack mass properties.")
-    ] = False,
+    output: Path = output_option("MOTION.csv", "The motion to write: t, q, qd and qdd of all joints.", ...),
+    period: float = option("S", "Period in s, 10 by default.", 10.0),
+    harmonics: int = option("N", "Of each joint's Fourier series, 5 by default.", 5),
+    starts: int = option("N", "Random starts of the optimisation, 4 by default.", 4),
+    criterion: str = option("WHAT", "condition (default) or logdet: of the base regressor.", "condition"),
+    velocity: str | None = option("V1,V2,…", "Largest speeds; by default the record's."),
+    acceleration: str | None = option("A1,A2,…", "Largest accelerations; by default the record's."),
+    torque: str | None = option("T1,T2,…", "Largest torques; by default the record's."),
+    floor: float | None = option("Z", "Lowest height of the tip in base axes, in m."),
+    rate: float = option("HZ", "Rows in a second, 500 by default.", 500.0),
+    kinematics_only: bool = flag("--kinematics-only", "Links of a TOML file may lack mass properties."),
     plot: Picture = None,
     seed: Seed = 0,
 ) -> None:
@@ -125,22 +114,18 @@ def arm(
 
 @excite.command()
 def motor(
-    kind: Annotated[
-        str, typer.Argument(metavar="KIND", help="step, staircase, prbs, multisine or chirp.", show_default=False)
-    ],
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="COMMAND.csv", help="The command to write.")],
-    robot: Annotated[str | None, option("--robot", "ROBOT", "Take the guess from this record.")] = None,
-    joint: Annotated[str | None, option("--joint", "NAME", "Of the robot; by default the first.")] = None,
-    gain: Annotated[float | None, option("--gain", "G", "Steady speed for a command, in rad/s per unit of it.")] = None,
-    time_constant: Annotated[float | None, option("--time-constant", "S", "In s.")] = None,
-    most: Annotated[float | None, option("--most", "U", "Largest command.")] = None,
-    dead_zone: Annotated[
-        float | None, option("--dead-zone", "U", "Command below which nothing moves; 0 by default.")
-    ] = None,
-    speed: Annotated[float | None, option("--speed", "W", "Largest speed in rad/s.")] = None,
-    travel: Annotated[float | None, option("--travel", "Q", "How far it may move to either side, in rad.")] = None,
-    sample: Annotated[float, option("--sample", "S", "Sample period of whoever plays it, 0.001 s by default.")] = 1e-3,
-    unit: Annotated[str | None, option("--unit", "UNIT", "Of the command, V by default.")] = None,
+    kind: str = argument("KIND", "step, staircase, prbs, multisine or chirp."),
+    output: Path = output_option("COMMAND.csv", "The command to write.", ...),
+    robot: str | None = option("ROBOT", "Take the guess from this record."),
+    joint: str | None = option("NAME", "Of the robot; by default the first."),
+    gain: float | None = option("G", "Steady speed for a command, in rad/s per unit of it."),
+    time_constant: float | None = option("S", "In s."),
+    most: float | None = option("U", "Largest command."),
+    dead_zone: float | None = option("U", "Command below which nothing moves; 0 by default."),
+    speed: float | None = option("W", "Largest speed in rad/s."),
+    travel: float | None = option("Q", "How far it may move to either side, in rad."),
+    sample: float = option("S", "Sample period of whoever plays it, 0.001 s by default.", 1e-3),
+    unit: str | None = option("UNIT", "Of the command, V by default."),
     plot: Picture = None,
     seed: Seed = 0,
 ) -> None:

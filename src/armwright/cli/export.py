@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
-from armwright.cli.arguments import SCENARIO, Allow, Robot, as_options
+from armwright.cli.arguments import SCENARIO, Allow, Robot, argument, as_options, flag, option, output_option
 from armwright.errors import ScenarioError
 from armwright.terminal import result, say
 
@@ -22,18 +21,11 @@ def _formats() -> None:
 @export.command()
 def c(
     robot: Robot,
-    functions: Annotated[
-        str,
-        typer.Option(
-            "--functions",
-            metavar="F1,F2,…",
-            help="Which functions: inverse_dynamics, inverse_dynamics+wrench, jacobian:frame=tool, …",
-        ),
-    ],
-    output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for the files; made where there is none.")
-    ],
-    single: Annotated[bool, typer.Option("--float", help="Compute in float instead of double.")] = False,
+    functions: str = option(
+        "F1,F2,…", "Which functions: inverse_dynamics, inverse_dynamics+wrench, jacobian:frame=tool, …", ...
+    ),
+    output: Path = output_option("DIR", "Folder for the files; made where there is none.", ...),
+    single: bool = flag("--float", "Compute in float instead of double."),
 ) -> None:
     """Write an arm's functions as a C99 library for a microcontroller: a header, a C file and a self-test.
 
@@ -60,25 +52,16 @@ def c(
 
 @export.command()
 def controller(
-    scenario: Annotated[str, typer.Argument(metavar="SCENARIO", help="A scenario file with a loop and a controller.")],
-    output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for the files; made where there is none.")
-    ],
-    name: Annotated[
-        str | None, typer.Option("--name", metavar="NAME", help="What names in C begin with; default: ARM_controller.")
-    ] = None,
-    gains: Annotated[
-        str,
-        typer.Option("--gains", metavar="G1,G2,…", help="Fields of the controller that become parameters of the code."),
-    ] = "",
-    single: Annotated[bool, typer.Option("--float", help="Compute in float instead of double.")] = False,
-    counts: Annotated[
-        bool, typer.Option("--counts", help="Take positions in counts of the scenario's encoders.")
-    ] = False,
-    ram: Annotated[
-        int | None, typer.Option("--ram", metavar="BYTES", help="RAM that the target has for it.", min=0)
-    ] = None,
-    flash: Annotated[int | None, typer.Option("--flash", metavar="BYTES", help="Flash that it has.", min=0)] = None,
+    scenario: str = argument("SCENARIO", "A scenario file with a loop and a controller."),
+    output: Path = output_option("DIR", "Folder for the files; made where there is none.", ...),
+    name: str | None = option("NAME", "What names in C begin with; default: ARM_controller."),
+    gains: str = option(
+        "G1,G2,…", "Fields of the controller that become parameters of the code.", "", show_default=True
+    ),
+    single: bool = flag("--float", "Compute in float instead of double."),
+    counts: bool = flag("--counts", "Take positions in counts of the scenario's encoders."),
+    ram: int | None = option("BYTES", "RAM that the target has for it.", min=0),
+    flash: int | None = option("BYTES", "Flash that it has.", min=0),
     allow: Allow = None,
 ) -> None:
     """Write the controller of a scenario as C99 for a microcontroller, and compare it with the simulation.
@@ -124,17 +107,12 @@ def controller(
 @export.command()
 def ros2(
     robot: Robot,
-    output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for the files; made where there is none.")
-    ],
-    command: Annotated[
-        str,
-        typer.Option("--command", metavar="KIND", help="What the controllers command: position, velocity or effort."),
-    ] = "position",
-    rate: Annotated[int, typer.Option("--rate", metavar="HZ", help="Update rate of the controller manager.")] = 100,
-    hardware: Annotated[
-        str, typer.Option("--hardware", metavar="PLUGIN", help="Plugin of the arm's driver.")
-    ] = "mock_components/GenericSystem",
+    output: Path = output_option("DIR", "Folder for the files; made where there is none.", ...),
+    command: str = option(
+        "KIND", "What the controllers command: position, velocity or effort.", "position", show_default=True
+    ),
+    rate: int = option("HZ", "Update rate of the controller manager.", 100, show_default=True),
+    hardware: str = option("PLUGIN", "Plugin of the arm's driver.", "mock_components/GenericSystem", show_default=True),
 ) -> None:
     """Write an arm for ROS 2: a URDF with ros2_control tags, its limits and its controllers.
 
@@ -158,28 +136,15 @@ def ros2(
 
 @export.command()
 def fmu(
-    source: Annotated[
-        str, typer.Argument(metavar="ROBOT|SCENARIO", help="A robot, as of other commands, or a scenario file (.toml).")
-    ],
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="X.fmu", help="The file.")],
-    part: Annotated[
-        str, typer.Option("--part", metavar="PART", help="plant, controller or both; the last two need a scenario.")
-    ] = "plant",
-    version: Annotated[str, typer.Option("--fmi", metavar="VERSION", help="3.0 or 2.0.")] = "3.0",
-    interface: Annotated[
-        str, typer.Option("--interface", metavar="INTERFACE", help="co-simulation or model-exchange.")
-    ] = "co-simulation",
-    name: Annotated[
-        str | None, typer.Option("--name", metavar="NAME", help="Model identifier; default: from the file's name.")
-    ] = None,
-    platforms: Annotated[
-        str | None,
-        typer.Option(
-            "--platforms",
-            metavar="P1,P2,…",
-            help="Binaries, such as x86_64-windows or host; default: all that can be built.",
-        ),
-    ] = None,
+    source: str = argument("ROBOT|SCENARIO", "A robot, as of other commands, or a scenario file (.toml)."),
+    output: Path = output_option("X.fmu", "The file.", ...),
+    part: str = option("PART", "plant, controller or both; the last two need a scenario.", "plant", show_default=True),
+    version: str = option("VERSION", "3.0 or 2.0.", "3.0", names="--fmi", show_default=True),
+    interface: str = option("INTERFACE", "co-simulation or model-exchange.", "co-simulation", show_default=True),
+    name: str | None = option("NAME", "Model identifier; default: from the file's name."),
+    platforms: str | None = option(
+        "P1,P2,…", "Binaries, such as x86_64-windows or host; default: all that can be built."
+    ),
     allow: Allow = None,
 ) -> None:
     """Write an arm, its controller or both as an FMU, for Simulink, Modelica tools, FMPy and others.

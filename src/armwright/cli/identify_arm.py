@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
-from armwright.cli.arguments import option
+from armwright.cli.arguments import argument, flag, option, output_option
 from armwright.cli.tables import show
 from armwright.terminal import say
 
@@ -21,56 +21,31 @@ HELD_OUT = ("joint", "quantity", "R²", "RMS", "R² before", "RMS before", "unit
 
 
 def arm(
-    file: Annotated[Path, typer.Argument(metavar="LOG.log.toml", help="Positions and torques.", show_default=False)],
-    robot: Annotated[str | None, option("--robot", "ROBOT", "The arm; by default the one that the log names.")] = None,
-    kinematics_only: Annotated[
-        bool, typer.Option("--kinematics-only", help="The robot's links may lack masses.", show_default=False)
-    ] = False,
-    method: Annotated[
-        str,
-        option(
-            "--method", "NAME", "ols, wls (default), irls, tukey, essential, recursive; of the loop iv, didim or cloe."
-        ),
-    ] = "wls",
-    feedback: Annotated[
-        str,
-        option(
-            "--feedback",
-            "KP1,…;KD1,…;S",
-            "Controller for iv, didim, cloe: gains at the joints [N m/rad] and [N m s/rad], period [s].",
-        ),
-    ] = "",
-    forgetting: Annotated[
-        float, option("--forgetting", "SHARE", "What a row still counts one row later, of recursive.")
-    ] = 1.0,
-    friction: Annotated[
-        str, option("--friction", "A,B,…", "Of viscous, coulomb, offset, asymmetric, stribeck.")
-    ] = "viscous,coulomb,offset",
-    stribeck_speed: Annotated[
-        float | None, option("--stribeck-speed", "W", "Of stribeck, in rad/s or m/s at the joint.")
-    ] = None,
-    springs: Annotated[
-        str, option("--springs", "J1,J2,…", "Joints that get a spring and a counterbalance as candidates.")
-    ] = "",
-    fit_efficiency: Annotated[
-        str,
-        option(
-            "--fit-efficiency",
-            "J1,J2,…|all",
-            "Joints whose gear efficiency is fitted; other joints have the record's.",
-        ),
-    ] = "",
-    lacks: Annotated[
-        str | None,
-        option("--lacks", "A,B,…", "What the torque is without: gravity, springs, rotors, viscous, coulomb, offset."),
-    ] = None,
-    cutoff: Annotated[float | None, option("--cutoff", "HZ", "Cut-off of the low-pass; by default chosen.")] = None,
-    decimate: Annotated[int | None, option("--decimate", "K", "Keep every k-th row; by default chosen.")] = None,
-    output: Annotated[Path | None, option("--output -o", "ARM.toml", "Write the arm with the fitted numbers.")] = None,
-    report: Annotated[
-        Path | None,
-        option("--report", "FILE.html", "Write a page; with -o it also compares the written arm with the log."),
-    ] = None,
+    file: Path = argument("LOG.log.toml", "Positions and torques."),
+    robot: str | None = option("ROBOT", "The arm; by default the one that the log names."),
+    kinematics_only: bool = flag("--kinematics-only", "The robot's links may lack masses."),
+    method: str = option(
+        "NAME", "ols, wls (default), irls, tukey, essential, recursive; of the loop iv, didim or cloe.", "wls"
+    ),
+    feedback: str = option(
+        "KP1,…;KD1,…;S",
+        "Controller for iv, didim, cloe: gains at the joints [N m/rad] and [N m s/rad], period [s].",
+        "",
+    ),
+    forgetting: float = option("SHARE", "What a row still counts one row later, of recursive.", 1.0),
+    friction: str = option("A,B,…", "Of viscous, coulomb, offset, asymmetric, stribeck.", "viscous,coulomb,offset"),
+    stribeck_speed: float | None = option("W", "Of stribeck, in rad/s or m/s at the joint."),
+    springs: str = option("J1,J2,…", "Joints that get a spring and a counterbalance as candidates.", ""),
+    fit_efficiency: str = option(
+        "J1,J2,…|all", "Joints whose gear efficiency is fitted; other joints have the record's.", ""
+    ),
+    lacks: str | None = option(
+        "A,B,…", "What the torque is without: gravity, springs, rotors, viscous, coulomb, offset."
+    ),
+    cutoff: float | None = option("HZ", "Cut-off of the low-pass; by default chosen."),
+    decimate: int | None = option("K", "Keep every k-th row; by default chosen."),
+    output: Path | None = output_option("ARM.toml", "Write the arm with the fitted numbers."),
+    report: Path | None = option("FILE.html", "Write a page; with -o it also compares the written arm with the log."),
 ) -> None:
     """Identify an arm: base parameters, rotors and friction, with standard deviations.
 

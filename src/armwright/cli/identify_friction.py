@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
-from armwright.cli.arguments import option
+from armwright.cli.arguments import argument, flag, option, output_option
 from armwright.cli.tables import show
 from armwright.terminal import say
 
@@ -16,27 +15,15 @@ HEADS = ("joint", "speed [rad/s | m/s]", "friction [N m | N]", "± std", "rows")
 
 
 def friction(
-    file: Annotated[
-        Path,
-        typer.Argument(metavar="LOG.log.toml", help="The arm in motion, each joint both ways.", show_default=False),
-    ],
-    robot: Annotated[str, option("--robot", "ROBOT", "The arm, known or identified; its own friction does not count.")],
-    cutoff: Annotated[float | None, option("--cutoff", "HZ", "Cut-off of the low-pass; by default chosen.")] = None,
-    warming: Annotated[
-        str,
-        option(
-            "--warming",
-            "RUN=K,…",
-            "Gears above the reference temperature, in kelvin, by run, instead of the log's temperatures.",
-        ),
-    ] = "",
-    table: Annotated[bool, typer.Option("--table", help="Show friction over speed as well.")] = False,
-    output: Annotated[
-        Path | None, option("--output -o", "ARM.toml", "Write the arm with this friction, its numbers with deviations.")
-    ] = None,
-    report: Annotated[
-        Path | None, option("--report", "FILE.html", "Write a page: verdict, remarks, parameters, fits.")
-    ] = None,
+    file: Path = argument("LOG.log.toml", "The arm in motion, each joint both ways."),
+    robot: str = option("ROBOT", "The arm, known or identified; its own friction does not count.", ...),
+    cutoff: float | None = option("HZ", "Cut-off of the low-pass; by default chosen."),
+    warming: str = option(
+        "RUN=K,…", "Gears above the reference temperature, in kelvin, by run, instead of the log's temperatures.", ""
+    ),
+    table: bool = flag("--table", "Show friction over speed as well."),
+    output: Path | None = output_option("ARM.toml", "Write the arm with this friction, its numbers with deviations."),
+    report: Path | None = option("FILE.html", "Write a page: verdict, remarks, parameters, fits."),
 ) -> None:
     """Identify joint friction: viscous, Coulomb, and further terms that held-out data support.
 

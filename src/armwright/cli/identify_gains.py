@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
-from armwright.cli.arguments import option
+from armwright.cli.arguments import argument, flag, option, output_option
 from armwright.cli.tables import show
 from armwright.terminal import say
 
@@ -16,32 +15,20 @@ TENSOR = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 
 
 def gains(
-    file: Annotated[
-        Path, typer.Argument(metavar="LOG.log.toml", help="The arm without the payload in motion.", show_default=False)
-    ],
-    robot: Annotated[str, option("--robot", "ROBOT", "The arm; its masses and torque constants do not count.")],
-    loaded: Annotated[Path, option("--loaded-log", "LOG", "The arm with the payload in motion.")],
-    mass: Annotated[float, option("--mass", "KG", "Of the payload, weighed.")],
-    mass_std: Annotated[float, option("--mass-std", "KG", "Deviation of the mass, which counts for every gain.")] = 0.0,
-    com: Annotated[
-        str | None, option("--com", "X,Y,Z", "Centre of the payload [m] in the frame; by default found with the gains.")
-    ] = None,
-    inertia: Annotated[
-        str | None,
-        option("--inertia", "XX,XY,XZ,YY,YZ,ZZ", "About the centre [kg m²]; with --com; by default found as well."),
-    ] = None,
-    frame: Annotated[str | None, option("--frame", "NAME", "Frame that carries it; by default the tip.")] = None,
-    kinematics_only: Annotated[
-        bool, typer.Option("--kinematics-only", help="The robot's links may lack masses.", show_default=False)
-    ] = False,
-    cutoff: Annotated[float | None, option("--cutoff", "HZ", "Cut-off of the low-pass; by default chosen.")] = None,
-    output: Annotated[
-        Path | None,
-        option("--output -o", "ARM.toml", "Write the arm with these torque constants and their deviations."),
-    ] = None,
-    report: Annotated[
-        Path | None, option("--report", "FILE.html", "Write a page: verdict, remarks, parameters, fits.")
-    ] = None,
+    file: Path = argument("LOG.log.toml", "The arm without the payload in motion."),
+    robot: str = option("ROBOT", "The arm; its masses and torque constants do not count.", ...),
+    loaded: Path = option("LOG", "The arm with the payload in motion.", ..., names="--loaded-log"),
+    mass: float = option("KG", "Of the payload, weighed.", ...),
+    mass_std: float = option("KG", "Deviation of the mass, which counts for every gain.", 0.0),
+    com: str | None = option("X,Y,Z", "Centre of the payload [m] in the frame; by default found with the gains."),
+    inertia: str | None = option(
+        "XX,XY,XZ,YY,YZ,ZZ", "About the centre [kg m²]; with --com; by default found as well."
+    ),
+    frame: str | None = option("NAME", "Frame that carries it; by default the tip."),
+    kinematics_only: bool = flag("--kinematics-only", "The robot's links may lack masses."),
+    cutoff: float | None = option("HZ", "Cut-off of the low-pass; by default chosen."),
+    output: Path | None = output_option("ARM.toml", "Write the arm with these torque constants and their deviations."),
+    report: Path | None = option("FILE.html", "Write a page: verdict, remarks, parameters, fits."),
 ) -> None:
     """Identify drive gains: torque constants of all motors by a payload of known mass, with standard deviations.
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
-from armwright.cli.arguments import option
+from armwright.cli.arguments import argument, option
 from armwright.terminal import say
 
 if TYPE_CHECKING:
@@ -17,23 +17,18 @@ NOT_IDENTIFIED = 1  # exit code
 
 
 def linear(
-    file: Annotated[
-        Path, typer.Argument(metavar="LOG.log.toml", help="Runs to fit and to hold out.", show_default=False)
-    ],
-    model: Annotated[str, option("--model", "KIND", "arx, oe, armax, n4sid or frequency.")] = "oe",
-    order: Annotated[str, option("--order", "N", "Number of poles; auto: chosen.")] = "auto",
-    delay: Annotated[str, option("--delay", "K", "Samples from input to output; auto: chosen.")] = "auto",
-    select: Annotated[str, option("--select", "CRITERION", "What chooses: cv, aic, bic, fpe or mdl.")] = "cv",
-    input: Annotated[str | None, option("--input", "SIGNAL", "By default the voltage, current or torque.")] = None,
-    output: Annotated[str | None, option("--output", "SIGNAL", "By default the speed or the position.")] = None,
-    joint: Annotated[str | None, option("--joint", "NAME", "Needed where the log has several.")] = None,
-    picture: Annotated[
-        Path | None,
-        option("--plot", "FILE", "Draw runs and frequency response, measured and of the model: .png, .svg or .pdf."),
-    ] = None,
-    report: Annotated[
-        Path | None, option("--report", "FILE.html", "Write a page: verdict, remarks, gain, time constants, fits.")
-    ] = None,
+    file: Path = argument("LOG.log.toml", "Runs to fit and to hold out."),
+    model: str = option("KIND", "arx, oe, armax, n4sid or frequency.", "oe"),
+    order: str = option("N", "Number of poles; auto: chosen.", "auto"),
+    delay: str = option("K", "Samples from input to output; auto: chosen.", "auto"),
+    select: str = option("CRITERION", "What chooses: cv, aic, bic, fpe or mdl.", "cv"),
+    input: str | None = option("SIGNAL", "By default the voltage, current or torque."),
+    output: str | None = option("SIGNAL", "By default the speed or the position."),
+    joint: str | None = option("NAME", "Needed where the log has several."),
+    picture: Path | None = option(
+        "FILE", "Draw runs and frequency response, measured and of the model: .png, .svg or .pdf.", names="--plot"
+    ),
+    report: Path | None = option("FILE.html", "Write a page: verdict, remarks, gain, time constants, fits."),
 ) -> None:
     """Fit a black-box model (ARX, OE, ARMAX or state space) from an input of a log to an output.
 

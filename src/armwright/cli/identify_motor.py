@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Literal
 
 import typer
 
-from armwright.cli.arguments import option
+from armwright.cli.arguments import argument, flag, option, output_option
 from armwright.cli.identify_linear import show_linear
 from armwright.cli.tables import show
 from armwright.terminal import say
@@ -16,66 +16,31 @@ NOT_IDENTIFIED = 1  # exit code
 
 
 def motor(
-    file: Annotated[
-        Path, typer.Argument(metavar="LOG.log.toml", help="Voltage or current, and motion.", show_default=False)
-    ],
-    model: Annotated[
-        str, option("--model", "KIND", "dc, or a black box: arx, oe, armax, n4sid, frequency (see `identify linear`).")
-    ] = "dc",
-    order: Annotated[str, option("--order", "N", "Number of poles of a black box; auto: chosen.")] = "auto",
-    delay: Annotated[str, option("--delay", "K", "Samples of delay of a black box; auto: chosen.")] = "auto",
-    robot: Annotated[
-        str | None, option("--robot", "ROBOT", "The arm; by default the log's, or one motor on a bench.")
-    ] = None,
-    joint: Annotated[
-        str | None, option("--joint", "NAME", "One motor by itself; of a robot's joint beside --load or --locked.")
-    ] = None,
-    load: Annotated[
-        list[str] | None,
-        option(
-            "--load",
-            "INERTIA | JOINT=INERTIA,…",
-            "Motors of the robot moved by themselves, each turning this inertia behind its gear, in kg m²; 0: none.",
-        ),
-    ] = None,
-    locked: Annotated[
-        bool, typer.Option("--locked", help="The rotor was held: the current tells R and L.", show_default=False)
-    ] = False,
-    free: Annotated[
-        list[str] | None,
-        option(
-            "--free",
-            "NAME,…",
-            "Fitted: R L Kt Ke J viscous coulomb coulomb_positive coulomb_negative stribeck friction_offset efficiency "
-            "dead_zone delay offset, or keys of the joint; by default all that the record has, and the delay.",
-        ),
-    ] = None,
-    fix: Annotated[
-        list[str] | None, option("--fix", "NAME=VALUE,…", "Known, in the record's unit: R=1.3, limits.voltage_v=24.")
-    ] = None,
-    per_run: Annotated[list[str] | None, option("--per-run", "NAME,…", "Fitted for every run by itself.")] = None,
-    runs: Annotated[
-        list[str] | None, option("--run", "NAME,…", "Runs to fit; by default those that the log says.")
-    ] = None,
-    static: Annotated[
-        Path | None, option("--static", "LOG.log.toml", "Steady states, a row each, as additional data.")
-    ] = None,
-    pwm: Annotated[
-        str | None, option("--pwm", "brake|coast|compare", "What the bridge does while off; compare: by the fit.")
-    ] = None,
-    priors: Annotated[
-        bool,
-        typer.Option(
-            "--priors", help="The record's own standard deviations count as measurements.", show_default=False
-        ),
-    ] = False,
-    starts: Annotated[int, option("--starts", "N", "First guesses; 16 by default.")] = 16,
-    output: Annotated[
-        Path | None, option("--output -o", "ARM.toml", "Write the record with the fitted numbers and their deviations.")
-    ] = None,
-    report: Annotated[
-        Path | None, option("--report", "FILE.html", "Write a page with the numbers and with plots of every run.")
-    ] = None,
+    file: Path = argument("LOG.log.toml", "Voltage or current, and motion."),
+    model: str = option("KIND", "dc, or a black box: arx, oe, armax, n4sid, frequency (see `identify linear`).", "dc"),
+    order: str = option("N", "Number of poles of a black box; auto: chosen.", "auto"),
+    delay: str = option("K", "Samples of delay of a black box; auto: chosen.", "auto"),
+    robot: str | None = option("ROBOT", "The arm; by default the log's, or one motor on a bench."),
+    joint: str | None = option("NAME", "One motor by itself; of a robot's joint beside --load or --locked."),
+    load: list[str] | None = option(
+        "INERTIA | JOINT=INERTIA,…",
+        "Motors of the robot moved by themselves, each turning this inertia behind its gear, in kg m²; 0: none.",
+    ),
+    locked: bool = flag("--locked", "The rotor was held: the current tells R and L."),
+    free: list[str] | None = option(
+        "NAME,…",
+        "Fitted: R L Kt Ke J viscous coulomb coulomb_positive coulomb_negative stribeck friction_offset efficiency "
+        "dead_zone delay offset, or keys of the joint; by default all that the record has, and the delay.",
+    ),
+    fix: list[str] | None = option("NAME=VALUE,…", "Known, in the record's unit: R=1.3, limits.voltage_v=24."),
+    per_run: list[str] | None = option("NAME,…", "Fitted for every run by itself."),
+    runs: list[str] | None = option("NAME,…", "Runs to fit; by default those that the log says.", names="--run"),
+    static: Path | None = option("LOG.log.toml", "Steady states, a row each, as additional data."),
+    pwm: str | None = option("brake|coast|compare", "What the bridge does while off; compare: by the fit."),
+    priors: bool = flag("--priors", "The record's own standard deviations count as measurements."),
+    starts: int = option("N", "First guesses; 16 by default.", 16),
+    output: Path | None = output_option("ARM.toml", "Write the record with the fitted numbers and their deviations."),
+    report: Path | None = option("FILE.html", "Write a page with the numbers and with plots of every run."),
 ) -> None:
     """Identify motors: resistance, torque constant, inertia, friction, delay, with standard deviations.
 

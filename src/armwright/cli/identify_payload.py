@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
-from armwright.cli.arguments import option
+from armwright.cli.arguments import argument, option, output_option
 from armwright.cli.tables import show
 from armwright.terminal import say
 
@@ -15,25 +14,19 @@ NOT_IDENTIFIED = 1  # exit code
 
 
 def payload(
-    file: Annotated[
-        Path, typer.Argument(metavar="LOG.log.toml", help="The arm with its payload in motion.", show_default=False)
-    ],
-    robot: Annotated[str, option("--robot", "ROBOT", "The arm without the payload.")],
-    loaded: Annotated[
-        Path | None,
-        option(
-            "--loaded-log", "LOG", "The arm with the payload; LOG.log.toml is then without, and only kinematics count."
-        ),
-    ] = None,
-    frame: Annotated[str | None, option("--frame", "NAME", "Frame that carries it; by default the tip.")] = None,
-    cutoff: Annotated[float | None, option("--cutoff", "HZ", "Cut-off of the low-pass; by default chosen.")] = None,
-    output: Annotated[
-        Path | None,
-        option("--output -o", "ARM.toml", "Write the arm with the payload, its numbers with their deviations."),
-    ] = None,
-    report: Annotated[
-        Path | None, option("--report", "FILE.html", "Write a page: verdict, remarks, parameters, fits.")
-    ] = None,
+    file: Path = argument("LOG.log.toml", "The arm with its payload in motion."),
+    robot: str = option("ROBOT", "The arm without the payload.", ...),
+    loaded: Path | None = option(
+        "LOG",
+        "The arm with the payload; LOG.log.toml is then without, and only kinematics count.",
+        names="--loaded-log",
+    ),
+    frame: str | None = option("NAME", "Frame that carries it; by default the tip."),
+    cutoff: float | None = option("HZ", "Cut-off of the low-pass; by default chosen."),
+    output: Path | None = output_option(
+        "ARM.toml", "Write the arm with the payload, its numbers with their deviations."
+    ),
+    report: Path | None = option("FILE.html", "Write a page: verdict, remarks, parameters, fits."),
 ) -> None:
     """Identify a payload: mass, centre of mass and inertia, with standard deviations.
 

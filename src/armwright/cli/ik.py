@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
-from armwright.cli.arguments import Out, Robot, Table, option, vector
+from armwright.cli.arguments import Out, Robot, Table, flag, option, vector
 from armwright.cli.tables import show_columns
 from armwright.terminal import say
 
@@ -37,32 +37,19 @@ def ik(
     robot: Robot,
     table: Table,
     output: Out = None,
-    frame: Annotated[str | None, option("--frame", "NAME", "The frame to bring there; by default the tip.")] = None,
-    near: Annotated[
-        str | None, option("--near", "Q1,Q2,…", "Joint positions to begin with, in rad (m for sliding joints).")
-    ] = None,
-    aim: Annotated[
-        str | None,
-        option(
-            "--aim",
-            "WORD",
-            "What counts: pose, position, axis, pitch, yaw ('axis x': of another axis), 'base xy', 'tool z'; "
-            "by default what the columns say.",
-        ),
-    ] = None,
-    goal: Annotated[
-        str | None,
-        option(
-            "--goal",
-            "WORD",
-            "Best solution by it: nearest (to --near), limits (far from them) or manipulability.",
-        ),
-    ] = None,
-    tolerance: Annotated[float, option("--tolerance", "T", "On distance in m and angle in rad.")] = 1e-8,
-    method: Annotated[
-        str, option("--method", "NAME", "closed-form, numeric, or auto: closed form where the arm has one.")
-    ] = "auto",
-    every: Annotated[bool, typer.Option("--all", help="All solutions of the closed form, a row each.")] = False,
+    frame: str | None = option("NAME", "The frame to bring there; by default the tip."),
+    near: str | None = option("Q1,Q2,…", "Joint positions to begin with, in rad (m for sliding joints)."),
+    aim: str | None = option(
+        "WORD",
+        "What counts: pose, position, axis, pitch, yaw ('axis x': of another axis), 'base xy', 'tool z'; "
+        "by default what the columns say.",
+    ),
+    goal: str | None = option(
+        "WORD", "Best solution by it: nearest (to --near), limits (far from them) or manipulability."
+    ),
+    tolerance: float = option("T", "On distance in m and angle in rad.", 1e-8),
+    method: str = option("NAME", "closed-form, numeric, or auto: closed form where the arm has one.", "auto"),
+    every: bool = flag("--all", "All solutions of the closed form, a row each."),
 ) -> None:
     """Inverse kinematics of a table: joint positions for the pose in each row.
 

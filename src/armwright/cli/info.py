@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
-
-from armwright.cli.arguments import Robot
+from armwright.cli.arguments import Robot, flag
 from armwright.cli.tables import number, table
 
 if TYPE_CHECKING:
@@ -21,12 +19,11 @@ DEGREES = 57.29577951308232  # in a radian
 
 PRODUCTS, SUMS = ("MUL", "SQ"), ("ADD", "SUB", "TWICE")
 
-Operations = Annotated[
-    bool, typer.Option("--operations", help="Count the operations of every kernel instead, step by step.")
-]
 
-
-def info(robot: Robot, operations: Operations = False) -> None:
+def info(
+    robot: Robot,
+    operations: bool = flag("--operations", "Count the operations of every kernel instead, step by step."),
+) -> None:
     """Show an arm: frames, masses, motors, friction, limits, sources of all numbers, warnings.
 
     \b

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
-
-from armwright.cli.arguments import as_options, option
+from armwright.cli.arguments import argument, as_options, option
 from armwright.cli.tables import console_for_tables, number, table
 from armwright.errors import LogError
 from armwright.terminal import say
@@ -19,16 +17,13 @@ HEADS = ("run", "use", "rows", "duration [s]", "rate [Hz]", "jitter", "gaps", "s
 
 
 def log(
-    file: Annotated[
-        Path, typer.Argument(metavar="FILE.log.toml", help="Which columns of which files are what.", show_default=False)
-    ],
-    run: Annotated[str | None, option("--run", "NAME", "The run to prepare and to draw; by default the first.")] = None,
-    picture: Annotated[
-        Path | None,
-        option("--plot", "FILE", "Draw the run and its spectra, as logged and as prepared: .png, .svg or .pdf."),
-    ] = None,
-    cutoff: Annotated[float | None, option("--cutoff", "HZ", "Cut-off of the low-pass; by default chosen.")] = None,
-    decimate: Annotated[int | None, option("--decimate", "K", "Keep every k-th row; by default chosen.")] = None,
+    file: Path = argument("FILE.log.toml", "Which columns of which files are what."),
+    run: str | None = option("NAME", "The run to prepare and to draw; by default the first."),
+    picture: Path | None = option(
+        "FILE", "Draw the run and its spectra, as logged and as prepared: .png, .svg or .pdf.", names="--plot"
+    ),
+    cutoff: float | None = option("HZ", "Cut-off of the low-pass; by default chosen."),
+    decimate: int | None = option("K", "Keep every k-th row; by default chosen."),
 ) -> None:
     """Read a log of measurements, check it, and show how it would be filtered for a fit.
 

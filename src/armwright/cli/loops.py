@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
-from armwright.cli.arguments import SCENARIO, Allow, option
+from armwright.cli.arguments import SCENARIO, Allow, argument, option, output_option
 from armwright.cli.tables import show
 from armwright.errors import ScenarioError
 from armwright.terminal import say
@@ -19,25 +19,15 @@ FAILS = 1  # the exit code where the loop does not keep its margins
 
 
 def loops(
-    scenario: Annotated[
-        Path, typer.Argument(metavar="FILE.scenario.toml", help="A scenario with a controller.", show_default=False)
-    ],
-    poses: Annotated[
-        int, option("--poses", "N", "Poses to draw within the position limits; default 100000.")
-    ] = 100_000,
-    gain_margin: Annotated[float, option("--gain-margin", "G", "Factor of a command to bear; default 2.")] = 2.0,
-    phase_margin: Annotated[float, option("--phase-margin", "DEG", "Phase lag to bear, degrees; default 30.")] = 30.0,
-    plot: Annotated[
-        Path | None, option("--plot", "FILE", "Draw which gains keep the margins: .png, .svg or .pdf.")
-    ] = None,
-    report: Annotated[Path | None, option("--report", "FILE.html", "Write all of it as a page.")] = None,
-    out: Annotated[
-        Path | None, option("--output -o", f"OUT{SCENARIO}", "Write the scenario with what would keep the margins.")
-    ] = None,
-    change: Annotated[
-        str | None, option("--change", "gains|period", "Of -o: slower gains, the default, or a shorter period.")
-    ] = None,
-    seed: Annotated[int, option("--seed", "N", "Of the poses; default 0.")] = 0,
+    scenario: Path = argument("FILE.scenario.toml", "A scenario with a controller."),
+    poses: int = option("N", "Poses to draw within the position limits; default 100000.", 100_000),
+    gain_margin: float = option("G", "Factor of a command to bear; default 2.", 2.0),
+    phase_margin: float = option("DEG", "Phase lag to bear, degrees; default 30.", 30.0),
+    plot: Path | None = option("FILE", "Draw which gains keep the margins: .png, .svg or .pdf."),
+    report: Path | None = option("FILE.html", "Write all of it as a page."),
+    out: Path | None = output_option(f"OUT{SCENARIO}", "Write the scenario with what would keep the margins."),
+    change: str | None = option("gains|period", "Of -o: slower gains, the default, or a shorter period."),
+    seed: int = option("N", "Of the poses; default 0.", 0),
     allow: Allow = None,
 ) -> None:
     """Analyse sampled loops over the workspace: margins, lowest sampling rate, gain regions.

@@ -3,24 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
+from armwright.cli.arguments import argument, option, output_option
 from armwright.terminal import say
 
 parts = typer.Typer(name="parts")
-
-File = Annotated[Path, typer.Argument(metavar="FILE.parts.toml", help="The parts database.", show_default=False)]
-Arm = Annotated[
-    Path, typer.Option("--output", "-o", metavar="ARM.toml", help="The arm's file to write; replaced where it exists.")
-]
-Audit = Annotated[
-    Path | None,
-    typer.Option(
-        "--audit", metavar="AUDIT.html", help="Also write how every link's numbers come about, as a web page."
-    ),
-]
 
 
 @parts.callback()
@@ -29,7 +18,11 @@ def _about() -> None:
 
 
 @parts.command()
-def build(file: File, output: Arm, audit: Audit = None) -> None:
+def build(
+    file: Path = argument("FILE.parts.toml", "The parts database."),
+    output: Path = output_option("ARM.toml", "The arm's file to write; replaced where it exists.", ...),
+    audit: Path | None = option("AUDIT.html", "Also write how every link's numbers come about, as a web page."),
+) -> None:
     """Write the arm that a parts database describes, with every link's mass, centre of mass and inertia computed.
 
     Run it again when the construction changes: loading an arm's file that is older than its parts gives a warning.

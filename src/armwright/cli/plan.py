@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
-from armwright.cli.arguments import Allow, option
+from armwright.cli.arguments import Allow, argument, option, output_option
 from armwright.errors import ScenarioError
 from armwright.terminal import say
 
@@ -16,15 +15,12 @@ ENDINGS = (".csv", ".nc")
 
 
 def plan(
-    file: Annotated[Path, typer.Argument(metavar="FILE.motion.toml", help="Motion file.", show_default=False)],
-    output: Annotated[
-        Path | None,
-        option("--output -o", "FILE", "Where the motion goes: .csv (t, q, qd, qdd of every joint) or .nc (NetCDF)."),
-    ] = None,
-    plot: Annotated[
-        Path | None, option("--plot", "FILE", "Where its plot goes: .png, .svg, .pdf, or .html to zoom into.")
-    ] = None,
-    rate: Annotated[float, option("--rate", "HZ", "Rows in a second, 500 by default.")] = 500.0,
+    file: Path = argument("FILE.motion.toml", "Motion file."),
+    output: Path | None = output_option(
+        "FILE", "Where the motion goes: .csv (t, q, qd, qdd of every joint) or .nc (NetCDF)."
+    ),
+    plot: Path | None = option("FILE", "Where its plot goes: .png, .svg, .pdf, or .html to zoom into."),
+    rate: float = option("HZ", "Rows in a second, 500 by default.", 500.0),
     allow: Allow = None,
 ) -> None:
     """Plan the motion of a motion file, within its limits or those of the robot file.

@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
-from armwright.cli.arguments import option
+from armwright.cli.arguments import argument, output_option
 from armwright.cli.tables import show
 from armwright.terminal import say
 
 
 def reproduce(
-    run: Annotated[Path, typer.Argument(metavar="RUN.nc", help="A run of a scenario file.", show_default=False)],
-    output: Annotated[
-        Path | None,
-        option("--output -o", "FILE", "Where the new run goes: .nc, .csv, .parquet, .mcap or .mat."),
-    ] = None,
+    run: Path = argument("RUN.nc", "A run of a scenario file."),
+    output: Path | None = output_option("FILE", "Where the new run goes: .nc, .csv, .parquet, .mcap or .mat."),
 ) -> None:
     """Compute a saved run again from the scenario stored in it, and compare all bits.
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import typer
 
-from armwright.cli.arguments import as_options, complete_robot, option
+from armwright.cli.arguments import argument, as_options, complete_robot, flag, option, output_option
 from armwright.cli.tables import show
 from armwright.errors import ScenarioError
 from armwright.terminal import say
@@ -17,50 +17,28 @@ ALARMED = 1  # the exit code without the verdict "no alarm"
 
 
 def shadow(
-    source: Annotated[
-        str,
-        typer.Argument(
-            metavar="LOG|BUS",
-            help="The arm's log, FILE.log.toml; or the bus of its drives, such as socketcan:can0.",
-            show_default=False,
-        ),
-    ],
-    robot: Annotated[
-        str | None,
-        typer.Option(
-            "--robot",
-            metavar="ARM",
-            autocompletion=complete_robot,
-            help="Path of the arm's record, or name of a built-in arm; by default the robot that the log names.",
-            show_default=False,
-        ),
-    ] = None,
-    run: Annotated[list[str] | None, option("--run", "NAME", "A run, may be repeated; by default all.")] = None,
-    deviation: Annotated[
-        str | None,
-        option("--deviation", "D1,D2,…", "Standard deviations of the residual torques; by default of the verdict."),
-    ] = None,
-    factor: Annotated[float | None, option("--factor", "K", "Deviations that a residual may reach; default 8.")] = None,
-    report: Annotated[
-        Path | None, option("--report", "FILE.html", "Write a page with plots, which needs no network.")
-    ] = None,
-    live: Annotated[
-        bool, typer.Option("--live", help="Show the residuals as they come, at the pace of the log.")
-    ] = False,
-    duration: Annotated[
-        float | None, option("--duration", "S", "How long to listen to a bus; by default until it is silent.")
-    ] = None,
-    output: Annotated[
-        Path | None,
-        option("--output -o", "FILE", "Where rows and residuals of a bus go: .nc, .csv, .parquet, .mcap or .mat."),
-    ] = None,
-    nodes: Annotated[str | None, option("--nodes", "N1,N2,…", "Nodes of a bus, by joint; default from 3.")] = None,
-    counts: Annotated[
-        float | None, option("--counts", "N", "Counts in a turn of a joint on a bus; default 360,000.")
-    ] = None,
-    period: Annotated[
-        float | None, option("--period", "S", "Time from SYNC to SYNC of a bus; by default by the clock.")
-    ] = None,
+    source: str = argument(
+        "LOG|BUS", "The arm's log, FILE.log.toml; or the bus of its drives, such as socketcan:can0."
+    ),
+    robot: str | None = option(
+        "ARM",
+        "Path of the arm's record, or name of a built-in arm; by default the robot that the log names.",
+        autocompletion=complete_robot,
+    ),
+    run: list[str] | None = option("NAME", "A run, may be repeated; by default all."),
+    deviation: str | None = option(
+        "D1,D2,…", "Standard deviations of the residual torques; by default of the verdict."
+    ),
+    factor: float | None = option("K", "Deviations that a residual may reach; default 8."),
+    report: Path | None = option("FILE.html", "Write a page with plots, which needs no network."),
+    live: bool = flag("--live", "Show the residuals as they come, at the pace of the log."),
+    duration: float | None = option("S", "How long to listen to a bus; by default until it is silent."),
+    output: Path | None = output_option(
+        "FILE", "Where rows and residuals of a bus go: .nc, .csv, .parquet, .mcap or .mat."
+    ),
+    nodes: str | None = option("N1,N2,…", "Nodes of a bus, by joint; default from 3."),
+    counts: float | None = option("N", "Counts in a turn of a joint on a bus; default 360,000."),
+    period: float | None = option("S", "Time from SYNC to SYNC of a bus; by default by the clock."),
 ) -> None:
     """Run a model beside its arm, with alarms for contacts and wrong payloads.
 

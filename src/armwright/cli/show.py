@@ -6,11 +6,9 @@ import sys
 from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
-
-from armwright.cli.arguments import Robot, as_options, option, vector
+from armwright.cli.arguments import Robot, as_options, flag, option, output_option, vector
 from armwright.errors import OutputError, Problem
 from armwright.terminal import say
 
@@ -20,26 +18,12 @@ if TYPE_CHECKING:
 
 def show(
     robot: Robot,
-    output: Annotated[
-        Path | None,
-        option("--output -o", "FILE", "The picture: .png, .html or .glb; replaced where it exists."),
-    ] = None,
-    size: Annotated[
-        int | None,
-        option("--size", "N", "Pixels of a PNG's longer side; default 900."),
-    ] = None,
-    q: Annotated[
-        str | None,
-        option("--q", "Q1,Q2,…", "The pose, in rad (or 30deg, pi/2) or m; default 0."),
-    ] = None,
-    live: Annotated[
-        bool, typer.Option("--live", help="Serve the page to this machine's browsers until Ctrl-C.")
-    ] = False,
-    port: Annotated[
-        int | None,
-        option("--port", "N", "Port of the live page on 127.0.0.1; by default one that is free."),
-    ] = None,
-    browser: Annotated[bool, typer.Option("--open", help="Open the live page in the browser.")] = False,
+    output: Path | None = output_option("FILE", "The picture: .png, .html or .glb; replaced where it exists."),
+    size: int | None = option("N", "Pixels of a PNG's longer side; default 900."),
+    q: str | None = option("Q1,Q2,…", "The pose, in rad (or 30deg, pi/2) or m; default 0."),
+    live: bool = flag("--live", "Serve the page to this machine's browsers until Ctrl-C."),
+    port: int | None = option("N", "Port of the live page on 127.0.0.1; by default one that is free."),
+    browser: bool = flag("--open", "Open the live page in the browser."),
 ) -> None:
     """Draw an arm in one pose, or serve a live page of it.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
@@ -22,8 +22,10 @@ from armwright.cli.arguments import (
     Velocity,
     Voltage,
     commands_of,
+    flag,
     naming_options,
     option,
+    output_option,
     refuse_allow,
     refuse_options,
     start_of,
@@ -45,50 +47,23 @@ def simulate(
     torque: Torque = None,
     command: Command = None,
     duration: Duration = None,
-    accuracy: Annotated[
-        float | None, option("--accuracy", "E", "How wrong the motion may be, in parts of its range; default 1e-3.")
-    ] = None,
-    step: Annotated[
-        float | None, option("--step", "S", "A fixed step in s; by default steps are as long as the accuracy allows.")
-    ] = None,
-    integrator: Annotated[
-        str | None,
-        option(
-            "--integrator",
-            "NAME",
-            "auto (by default), rk3 (with a step), rk4, semi_implicit_euler, rk45, rodas3 or cvodes.",
-        ),
-    ] = None,
+    accuracy: float | None = option("E", "How wrong the motion may be, in parts of its range; default 1e-3."),
+    step: float | None = option("S", "A fixed step in s; by default steps are as long as the accuracy allows."),
+    integrator: str | None = option(
+        "NAME", "auto (by default), rk3 (with a step), rk4, semi_implicit_euler, rk45, rodas3 or cvodes."
+    ),
     q0: Position = None,
     qd0: Velocity = None,
     allow: Allow = None,
-    reference: Annotated[
-        Path | None,
-        option(
-            "--reference",
-            "FILE",
-            "Motion that a scenario's loop follows: .motion.toml, or .csv or .nc of `armwright plan`.",
-        ),
-    ] = None,
-    record_every: Annotated[
-        int | None,
-        option("--record-every", "K", "Record every K-th step, default 1; 0: only start and end."),
-    ] = None,
-    record_period: Annotated[
-        float | None, option("--record-period", "S", "Time in s from row to row; default 1e-3 without a step.")
-    ] = None,
-    output: Annotated[
-        Path | None, option("--output -o", "FILE", "Where the run goes: .nc (NetCDF), .csv, .parquet, .mcap or .mat.")
-    ] = None,
-    plot: Annotated[
-        Path | None, option("--plot", "FILE", "Where its plot goes: .png, .svg, .pdf, or .html to zoom into.")
-    ] = None,
-    log: Annotated[
-        Path | None, option("--log", "FILE.log.toml", "Describe the run of -o as a log for identify, or add it to one.")
-    ] = None,
-    hold_out: Annotated[
-        bool, typer.Option("--hold-out", help="Of --log: the run is for the verdict, not for a fit.")
-    ] = False,
+    reference: Path | None = option(
+        "FILE", "Motion that a scenario's loop follows: .motion.toml, or .csv or .nc of `armwright plan`."
+    ),
+    record_every: int | None = option("K", "Record every K-th step, default 1; 0: only start and end."),
+    record_period: float | None = option("S", "Time in s from row to row; default 1e-3 without a step."),
+    output: Path | None = output_option("FILE", "Where the run goes: .nc (NetCDF), .csv, .parquet, .mcap or .mat."),
+    plot: Path | None = option("FILE", "Where its plot goes: .png, .svg, .pdf, or .html to zoom into."),
+    log: Path | None = option("FILE.log.toml", "Describe the run of -o as a log for identify, or add it to one."),
+    hold_out: bool = flag("--hold-out", "Of --log: the run is for the verdict, not for a fit."),
 ) -> None:
     """Simulate an arm: drive commands in, motion out; or run a scenario file.
 

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from armwright.cli.arguments import (
     SCENARIO,
@@ -40,20 +38,14 @@ def step_study(
     torque: Torque = None,
     command: Command = None,
     duration: Duration = None,
-    step: Annotated[
-        float | None,
-        option("--step", "S", "The step in s around which steps are tried, from 4 times it down; by default 0.001."),
-    ] = None,
-    steps: Annotated[
-        int, typer.Option("--steps", metavar="K", help="How many steps are tried, each half of the last.")
-    ] = 8,
-    integrator: Annotated[
-        str | None, option("--integrator", "NAME", "rk3 (by default), rk4 or semi_implicit_euler.")
-    ] = None,
-    accuracy: Annotated[
-        str,
-        typer.Option("--accuracy", metavar="E1,E2,…", help="Errors to recommend for, in rad and rad/s (m and m/s)."),
-    ] = "1e-3,1e-6,1e-9",
+    step: float | None = option(
+        "S", "The step in s around which steps are tried, from 4 times it down; by default 0.001."
+    ),
+    steps: int = option("K", "How many steps are tried, each half of the last.", 8, show_default=True),
+    integrator: str | None = option("NAME", "rk3 (by default), rk4 or semi_implicit_euler."),
+    accuracy: str = option(
+        "E1,E2,…", "Errors to recommend for, in rad and rad/s (m and m/s).", "1e-3,1e-6,1e-9", show_default=True
+    ),
     q0: Position = None,
     qd0: Velocity = None,
     allow: Allow = None,

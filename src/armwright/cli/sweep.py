@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
-from armwright.cli.arguments import SCENARIO, Allow, as_options, option
+from armwright.cli.arguments import SCENARIO, Allow, argument, as_options, flag, option, output_option
 from armwright.errors import ScenarioError
 from armwright.terminal import console, result, say
 
@@ -16,21 +16,14 @@ if TYPE_CHECKING:
 
 
 def sweep(
-    scenario: Annotated[Path, typer.Argument(metavar="SCENARIO", help="A .scenario.toml, whose lanes are drawn.")],
-    lanes: Annotated[float, option("--lanes", "N", "How many lanes, such as 1e7.")],
-    output: Annotated[Path, option("--output -o", "STORE", "Where results go: a folder that ends in .zarr.")],
-    scheduler: Annotated[
-        str | None, option("--scheduler", "ADDRESS", "A Dask scheduler, tcp://host:8786; default: this machine alone.")
-    ] = None,
-    chunk: Annotated[
-        int | None, option("--chunk", "K", "Lanes in a task, by default so many that it takes seconds.")
-    ] = None,
-    retries: Annotated[int, option("--retries", "K", "How often a chunk is tried again after an error.")] = 2,
-    rows: Annotated[bool, typer.Option("--rows", help="Store recorded rows too, not only what is reduced.")] = False,
-    verify: Annotated[
-        bool,
-        typer.Option("--verify", help="Simulate nothing: read the whole store, and compare it with its checksums."),
-    ] = False,
+    scenario: Path = argument("SCENARIO", "A .scenario.toml, whose lanes are drawn."),
+    lanes: float = option("N", "How many lanes, such as 1e7.", ...),
+    output: Path = output_option("STORE", "Where results go: a folder that ends in .zarr.", ...),
+    scheduler: str | None = option("ADDRESS", "A Dask scheduler, tcp://host:8786; default: this machine alone."),
+    chunk: int | None = option("K", "Lanes in a task, by default so many that it takes seconds."),
+    retries: int = option("K", "How often a chunk is tried again after an error.", 2),
+    rows: bool = flag("--rows", "Store recorded rows too, not only what is reduced."),
+    verify: bool = flag("--verify", "Simulate nothing: read the whole store, and compare it with its checksums."),
     allow: Allow = None,
 ) -> None:
     """Simulate millions of lanes of a scenario in chunks, and store a few results of each.

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
-from armwright.cli.arguments import SCENARIO, Allow, as_options, option, refuse_allow
+from armwright.cli.arguments import SCENARIO, Allow, argument, as_options, flag, option, refuse_allow
 from armwright.cli.tables import show
 from armwright.terminal import say
 
@@ -15,31 +14,21 @@ FAILS = 1  # the exit code where the record does not keep its limits
 
 
 def validate(
-    robot: Annotated[
-        str,
-        typer.Argument(
-            metavar="SCENARIO|ARM",
-            help="Path of a robot's file, name of a built-in arm, or path of a .scenario.toml.",
-            show_default=False,
-        ),
-    ],
-    log: Annotated[Path, typer.Argument(metavar="FILE.log.toml", help="The log to compare with.", show_default=False)],
-    limits: Annotated[
-        Path | None,
-        option("--limits", "LIMITS.toml", "What has to be reached; by default R² ≥ 0.9 of torques, or a fit of 70 %."),
-    ] = None,
-    run: Annotated[
-        list[str] | None,
-        option("--run", "NAME", "A run to judge, may be repeated; by default those marked hold-out, else all."),
-    ] = None,
-    window: Annotated[
-        float | None,
-        option("--window", "S", "Time in s after which a free simulation starts again from the log; default 0.5."),
-    ] = None,
-    no_simulation: Annotated[bool, typer.Option("--no-simulation", help="Predict torques only.")] = False,
-    report: Annotated[
-        Path | None, option("--report", "FILE.html", "Write a page with plots, which needs no network.")
-    ] = None,
+    robot: str = argument(
+        "SCENARIO|ARM", "Path of a robot's file, name of a built-in arm, or path of a .scenario.toml."
+    ),
+    log: Path = argument("FILE.log.toml", "The log to compare with."),
+    limits: Path | None = option(
+        "LIMITS.toml", "What has to be reached; by default R² ≥ 0.9 of torques, or a fit of 70 %."
+    ),
+    run: list[str] | None = option(
+        "NAME", "A run to judge, may be repeated; by default those marked hold-out, else all."
+    ),
+    window: float | None = option(
+        "S", "Time in s after which a free simulation starts again from the log; default 0.5."
+    ),
+    no_simulation: bool = flag("--no-simulation", "Predict torques only."),
+    report: Path | None = option("FILE.html", "Write a page with plots, which needs no network."),
     allow: Allow = None,
 ) -> None:
     """Compare a robot file with a log: torque prediction, free simulation, and a verdict.

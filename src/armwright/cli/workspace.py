@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
-from armwright.cli.arguments import Robot, option
+from armwright.cli.arguments import Robot, option, output_option
 from armwright.terminal import result, say
 
 SHOWN = (1.0, 50.0, 99.0, 100.0)  # percentiles of the summary
@@ -13,20 +12,16 @@ SHOWN = (1.0, 50.0, 99.0, 100.0)  # percentiles of the summary
 
 def workspace(
     robot: Robot,
-    output: Annotated[
-        Path | None,
-        option(
-            "--output -o", "FILE", "The picture: .png, .svg, .pdf, .html (a cloud to turn), or .nc for the numbers."
-        ),
-    ] = None,
-    samples: Annotated[int, option("--samples", "N", "Joint positions to draw; default 1000000.")] = 1_000_000,
-    frame: Annotated[str | None, option("--frame", "NAME", "The frame that moves; by default the tip.")] = None,
-    aim: Annotated[
-        str,
-        option("--aim", "WORD", "What manipulability counts: rotation, pose, position, axis, pitch, …; default pose."),
-    ] = "pose",
-    length: Annotated[float, option("--length", "L", "Metres that a turn by 1 rad counts as; default 1.")] = 1.0,
-    seed: Annotated[int, option("--seed", "N", "Of the samples; default 0.")] = 0,
+    output: Path | None = output_option(
+        "FILE", "The picture: .png, .svg, .pdf, .html (a cloud to turn), or .nc for the numbers."
+    ),
+    samples: int = option("N", "Joint positions to draw; default 1000000.", 1_000_000),
+    frame: str | None = option("NAME", "The frame that moves; by default the tip."),
+    aim: str = option(
+        "WORD", "What manipulability counts: rotation, pose, position, axis, pitch, …; default pose.", "pose"
+    ),
+    length: float = option("L", "Metres that a turn by 1 rad counts as; default 1.", 1.0),
+    seed: int = option("N", "Of the samples; default 0.", 0),
 ) -> None:
     """Draw the workspace of an arm: reachable positions, and manipulability there.
 
