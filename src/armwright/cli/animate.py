@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import armwright as aw
 from armwright.cli.arguments import argument, option, output_option
 from armwright.terminal import say
 
@@ -28,7 +29,6 @@ def animate(
       armwright animate run.nc -o run.glb
       armwright animate batch.nc --robot my-arm.toml --lane 3 -o lane3.html
     """
-    import armwright as aw
     from armwright.errors import RunError
     from armwright.pictures.animate import check_animation
     from armwright.scenarios.reproduce import kept_scenario

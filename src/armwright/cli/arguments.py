@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from math import isfinite, nan, pi
@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+import armwright as aw
 from armwright.errors import ABSENT, ArmwrightError, DivergenceError, ScenarioError
 from armwright.terminal import say
 
@@ -147,7 +148,6 @@ def _number(place: str, text: str, unit: str) -> float:
 
 def start_of(arm: Model, q0: str | None, qd0: str | None) -> Start:
     """Initial positions and speeds from the options --q0 and --qd0."""
-    import armwright as aw
     from armwright.model.joint_signals import joint_units
 
     units = joint_units(arm, "q")
@@ -157,10 +157,8 @@ def start_of(arm: Model, q0: str | None, qd0: str | None) -> Start:
         for k in far[:1]:
             turns = f"radians? {q[k]:g} rad is {abs(q[k]) / (2.0 * pi):.1f} turns"
             say(f"armwright: note: --q0 of joint {arm.names[k]!r}: {turns}; degrees are written {q[k]:g}deg", err=True)
-    return aw.Start(
-        q,
-        None if qd0 is None else vector("--qd0", qd0, arm.names, joint_units(arm, "qd")),
-    )
+    qd = None if qd0 is None else vector("--qd0", qd0, arm.names, joint_units(arm, "qd"))
+    return aw.Start(q, qd)
 
 
 def commands_of(arm: Model, schedule: Path | None, constants: dict[str, str | None]) -> Any:
@@ -171,7 +169,6 @@ def commands_of(arm: Model, schedule: Path | None, constants: dict[str, str | No
     Raises:
         ScenarioError: none, or more than one, or one that the arm's drives do not take.
     """
-    import armwright as aw
     from armwright.model.joint_signals import joint_units
 
     units = joint_units(arm, "u")
@@ -192,29 +189,87 @@ def commands_of(arm: Model, schedule: Path | None, constants: dict[str, str | No
     return vector(f"--{name}", str(text), arm.names, units)
 
 
-def refuse_options(file: str, options: dict[str, Any]) -> None:
+def words(text: str) -> list[str]:
+    """Words of text with commas between, without empty ones."""
+    return [word.strip() for word in text.split(",") if word.strip()]
+
+
+def numbers(
+    place: str,
+    text: str | None,
+    expected: str,
+    *,
+    kind: type[float] = float,
+    count: int | None = None,
+    error: type[ArmwrightError] = ScenarioError,
+) -> list[Any] | None:
+    """Numbers of text with commas between; None of None.
+
+    Args:
+        place: name of the option.   text: that was typed.   expected: in words.   kind: float or int.   count: how many.
+        error: type of the error.
+    Raises:
+        ArmwrightError: something that is no number, or another count.
+    """
+    if text is None:
+        return None
+    try:
+        found = [kind(part) for part in text.split(",")]
+    except ValueError:
+        found = []
+    if not found or count not in (None, len(found)):
+        raise error(place=place, value=text, expected=expected)
+    return found
+
+
+def node_numbers(nodes: str | None, error: type[ArmwrightError]) -> list[int] | None:
+    """Node numbers of the drives on a bus, as they were typed.
+
+    Raises:
+        ArmwrightError: no whole numbers with commas between.
+    """
+    return numbers("--nodes", nodes, "whole numbers with commas between: 3,4,5", kind=int, error=error)
+
+
+def refuse(
+    options: Mapping[str, Any],
+    what: str,
+    *,
+    error: type[ArmwrightError] = ScenarioError,
+    with_value: bool = False,
+    **about: Any,
+) -> None:
+    """Refuses options that were given.
+
+    Args:
+        options: values by name without --, None of one that was not given.   what: is wrong with them.
+        error: its type.   with_value: whether it shows the value.   about: its further fields.
+    Raises:
+        ArmwrightError: names the first.
+    """
+    for name, value in options.items():
+        if value is not None:
+            shown = {"value": value} if with_value else {}
+            raise error(what, place=f"--{name}", **shown, **about)
+
+
+def refuse_options(file: str, options: Mapping[str, Any]) -> None:
     """Refuses options that a scenario file already decides.
 
     Raises:
         ScenarioError: one of them was given.
     """
-    for name, value in options.items():
-        if value is not None:
-            raise ScenarioError(
-                "the scenario file states this already", place=f"--{name}", expected="the option or the file", file=file
-            )
+    refuse(options, "the scenario file states this already", expected="the option or the file", file=file)
 
 
-def refuse_allow(folders: list[Path] | None) -> None:
-    """Refuses --allow without a scenario file: only a scenario file names other files.
+def refuse_without_file(folders: list[Path] | None, robot: str | None = None) -> None:
+    """Refuses --allow and --robot without a scenario file: only a scenario file names other files, and a robot to replace.
 
     Raises:
-        ScenarioError: it was given.
+        ScenarioError: one of them was given.
     """
-    if folders:
-        raise ScenarioError(
-            "goes with a scenario file", place="--allow", value=str(folders[0]), expected=f"FILE{SCENARIO}"
-        )
+    options = {"allow": str(folders[0]) if folders else None, "robot": robot}
+    refuse(options, "goes with a scenario file", with_value=True, expected=f"FILE{SCENARIO}")
 
 
 OPTION_OF = {  # field of a scenario, or argument of a function → the option that gives it

@@ -6,9 +6,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import armwright as aw
 from armwright.cli.arguments import argument, flag, option, output_option
+from armwright.cli.outcome import TOML, check_file, say_notes
 from armwright.cli.tables import number, table
 from armwright.errors import ScenarioError
+from armwright.progress import progress
 from armwright.terminal import say
 
 if TYPE_CHECKING:
@@ -46,13 +49,11 @@ def assemble(
       armwright assemble --all --modules improv --max-joints 4 --limit 100
       armwright assemble --all --modules improv --min-joints 6 --task pick.task.toml -o best.toml
     """
-    from armwright.output import check_destination
 
     if every == (assembly is not None):
         what = "--all and a file given" if every else "neither a file nor --all given"
         raise ScenarioError(what, place="assemble", expected="FILE.assembly.toml, or --all --modules FILE")
-    if output is not None:
-        check_destination(output, ENDINGS if every else (".toml",))
+    check_file(output, ENDINGS if every else TOML)
     if assembly is not None:
         _one(assembly, output, unused={"--modules": modules, "--task": task})
     elif modules is None:
@@ -63,7 +64,6 @@ def assemble(
 
 
 def _one(source: str, output: Path | None, unused: dict[str, Any]) -> None:
-    import armwright as aw
     from armwright.cli.tables import console_for_tables
     from armwright.description.writer import write_toml
     from armwright.kinematics.reach import reach
@@ -89,13 +89,10 @@ def _one(source: str, output: Path | None, unused: dict[str, Any]) -> None:
         console.print(shown)
     if output is not None:
         console.print(f"wrote {output}")
-    for warning in arm.warnings:
-        say(f"armwright: note: {warning}", err=True)
+    say_notes(arm.warnings)
 
 
 def _all(modules: str, task: Path | None, rules: dict[str, int], output: Path | None, show: int) -> None:
-    import armwright as aw
-    from armwright.cli.progress import progress
     from armwright.cli.tables import console_for_tables
 
     library = aw.modules.read_modules(modules)
@@ -135,7 +132,6 @@ def _all(modules: str, task: Path | None, rules: dict[str, int], output: Path | 
 
 
 def _write(output: Path, library: ModuleLibrary, best: Assembly, result: Result) -> None:
-    import armwright as aw
     from armwright.description.writer import write_toml
 
     if output.suffix == ".toml":

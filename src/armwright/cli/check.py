@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import typer
 
+import armwright as aw
 from armwright.cli.arguments import Robot, flag
 from armwright.cli.excerpts import excerpt
 from armwright.cli.tables import console_for_tables
@@ -30,8 +31,6 @@ def check(
       armwright check my-arm.toml
       armwright check my-arm.urdf --strict
     """
-    import armwright as aw
-
     try:
         report = aw.robotfiles.check(robot)
     except ArmwrightError as error:

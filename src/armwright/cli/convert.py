@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import armwright as aw
 from armwright.cli.arguments import argument, option
-from armwright.terminal import say
+from armwright.cli.outcome import say_each
 
 
 def convert(
@@ -31,12 +32,7 @@ def convert(
       armwright convert my-arm.toml my-arm.xml
       armwright convert run.nc run.mcap
     """
-    import armwright as aw
-
     done = aw.robotfiles.convert(source, target, **({} if smoothing is None else {"smoothing": smoothing}))
-    for path in done.written:
-        say(f"wrote {path}")
-    for line in done.lost:
-        say(f"lost: {line}")
-    for line in done.notes:
-        say(f"note: {line}")
+    say_each("wrote ", done.written)
+    say_each("lost: ", done.lost)
+    say_each("note: ", done.notes)

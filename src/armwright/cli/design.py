@@ -5,16 +5,24 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import typer
-
-from armwright.cli.arguments import SCENARIO, Allow, argument, complete_robot, option, output_option, refuse_allow
+import armwright as aw
+from armwright.cli.arguments import (
+    SCENARIO,
+    Allow,
+    argument,
+    complete_robot,
+    option,
+    output_option,
+    refuse,
+    refuse_without_file,
+    vector,
+)
+from armwright.cli.outcome import TOML, check_file, exit_unless, say_each
 from armwright.cli.tables import show
 from armwright.errors import ScenarioError
-from armwright.terminal import say
+from armwright.progress import progress
 
-FAILS = 1  # the exit code where the gains do not keep the margins
 CONTROLLERS = ("cascade", "joint_pid", "computed_torque")
-FOR_ROBOTS = ("period", "controller", "timing", "duration")
 
 
 def design(
@@ -60,27 +68,23 @@ def design(
     import math
     from dataclasses import replace
 
-    import armwright as aw
-    from armwright.cli.progress import progress
     from armwright.cli.simulate import following
     from armwright.control.design.design_gains import with_gains
-    from armwright.output import check_destination
 
+    check_file(out, TOML, (scenario,))
     options = {"period": period, "controller": controller, "timing": timing, "duration": duration}
     if scenario.endswith(SCENARIO):
-        _refuse(options)
-        check_destination(out, (".toml",), read=(scenario,))
+        refuse(options, "the scenario file states this already", with_value=True, expected="none")
         found = aw.read_scenario(scenario, allow=allow or ())
         if robot is not None:
             found = replace(found, arm=aw.load(robot), vary={})
     else:
-        refuse_allow(allow)
-        _refuse_robot(robot)
-        check_destination(out, (".toml",), read=(scenario,))
+        refuse_without_file(allow, robot)
         found = _of_robot(scenario, **options)
     if reference is not None:
         found = _from_its_start(following(found, reference, scenario))
-    wanted = None if bandwidth is None else _numbers(bandwidth, found.arm)
+    names = found.arm.names
+    wanted = None if bandwidth is None else vector("--bandwidth", bandwidth, names, ["1/s"] * len(names))
     with progress(f"gains of {Path(scenario).name}"):
         designed = aw.loops.design_gains(
             found, method, bandwidth=wanted, damping=damping, gain_margin=gain_margin,
@@ -89,41 +93,13 @@ def design(
         limits = designed.limits
     assert found.loop is not None
     control = with_gains(found.controller, designed.gains)
-    lines = [*designed.sentences(), *map(str, limits)]
-    comments = [f"armwright design: {line}" for line in lines]
-    written = aw.write_scenario(
-        replace(found, loop=replace(found.loop, controller=control)), out, allow=allow or (), comments=comments
-    )
+    comments = [f"armwright design: {line}" for line in (*designed.sentences(), *limits)]
+    found = replace(found, loop=replace(found.loop, controller=control))
+    written = aw.write_scenario(found, out, allow=allow or (), comments=comments)
     show(designed)
-    for line in limits:
-        say(line)
-    for path in written:
-        say(f"wrote {path}")
-    if not designed.keeps:
-        raise typer.Exit(FAILS)
-
-
-def _refuse(options: dict[str, Any]) -> None:
-    """Refuses options of an arm beside a scenario, which states them.
-
-    Raises:
-        ScenarioError: one of them was given.
-    """
-    for name, value in options.items():
-        if value is not None:
-            raise ScenarioError(
-                "the scenario file states this already", place=f"--{name}", value=value, expected="none"
-            )
-
-
-def _refuse_robot(robot: str | None) -> None:
-    """Refuses --robot beside an arm.
-
-    Raises:
-        ScenarioError: it was given.
-    """
-    if robot is not None:
-        raise ScenarioError("goes with a scenario file", place="--robot", value=robot, expected=f"FILE{SCENARIO}")
+    say_each("", limits)
+    say_each("wrote ", written)
+    exit_unless(designed.keeps)
 
 
 def _from_its_start(scenario: Any) -> Any:
@@ -144,8 +120,6 @@ def _of_robot(
     Raises:
         ScenarioError: no period, or no such controller.
     """
-    import armwright as aw
-
     if period is None:
         expected = f"the sample period [s] of an arm's controller, or FILE{SCENARIO}"
         raise ScenarioError("missing", place="--period", expected=expected)
@@ -160,9 +134,3 @@ def _of_robot(
     loop = aw.Loop(ones[kind](), period=period, timing=aw.Timing(timing or "one-tick"))
     whole = max(round(1.0 / period), 1) * period if period > 0.0 else 1.0  # a second, in whole periods
     return aw.Scenario(aw.load(robot), whole if duration is None else duration, loop=loop)
-
-
-def _numbers(text: str, arm: Any) -> Any:
-    from armwright.cli.arguments import vector
-
-    return vector("--bandwidth", text, arm.names, ["1/s"] * arm.n)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import armwright as aw
 from armwright.cli.arguments import argument
 from armwright.cli.tables import show
 
@@ -19,6 +20,4 @@ def diff(a: str = argument("A", ARM.format("first")), b: str = argument("B", ARM
       armwright diff old-arm.toml new-arm.toml
       armwright diff puma560 my-puma.urdf
     """
-    import armwright as aw
-
     show(aw.robotfiles.diff(a, b))

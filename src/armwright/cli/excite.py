@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from typer.core import TyperGroup
 
-from armwright.cli.arguments import Robot, argument, as_options, flag, option, output_option
+import armwright as aw
+from armwright.cli.arguments import Robot, argument, as_options, flag, option, output_option, vector
+from armwright.cli.outcome import PICTURE, check_file, write
 from armwright.errors import ScenarioError
+from armwright.progress import progress
 from armwright.terminal import say
 
 if TYPE_CHECKING:
@@ -69,18 +73,12 @@ def arm(
       armwright excite lwa4p -o motion.csv --plot motion.png
       armwright excite arm.urdf -o motion.csv --velocity 1 --period 20 --floor 0.1
     """
-    import armwright as aw
-    from armwright.cli.arguments import vector
-    from armwright.cli.progress import progress
-    from armwright.identification.experiments.plot import check_experiment_plot
     from armwright.model.joint_signals import joint_units
-    from armwright.output import check_destination
 
-    check_destination(output, (".csv",))
+    check_file(output, (".csv",))
     if not 0.1 <= rate <= 1e6:
         raise ScenarioError(place="--rate", value=rate, expected="0.1 … 1e6 Hz")
-    if plot is not None:
-        check_experiment_plot(plot)
+    check_file(plot, PICTURE)
     model = aw.load(robot, kinematics_only=kinematics_only)
     given = {"velocity": ("qd", velocity), "acceleration": ("qdd", acceleration), "torque": ("tau", torque)}
     limits: dict[str, Any] = {
@@ -93,10 +91,8 @@ def arm(
 
     def shown(done: int, total: int) -> None:  # by the search, once its arguments are right
         if done == 0 and not sys.stderr.isatty():  # a bar would not be seen, and this may take minutes
-            say(
-                f"designing a motion of {model.name} by {total} start{'s' * (total != 1)}, each of some seconds",
-                err=True,
-            )
+            count = f"{total} start{'s' * (total != 1)}"
+            say(f"designing a motion of {model.name} by {count}, each of some seconds", err=True)
         tell(done, total)
 
     with as_options(*options), progress(f"designing a motion of {model.name}") as tell:
@@ -105,11 +101,8 @@ def arm(
             box=box, seed=seed, progress=shown, **limits,
         )  # fmt: skip
     say(found)
-    found.save(output, rate)
-    say(f"wrote {output}")
-    if plot is not None:
-        aw.identification.plot_experiment(found, plot)
-        say(f"wrote {plot}")
+    write(output, lambda path: found.save(path, rate))
+    write(plot, lambda path: aw.identification.plot_experiment(found, path))
 
 
 @excite.command()
@@ -136,13 +129,9 @@ def motor(
       armwright excite motor prbs -o prbs.csv --gain 12 --time-constant 0.05 --most 12
       armwright excite motor staircase -o static.csv --robot cmu-dd --joint joint1 --travel 1
     """
-    import armwright as aw
-    from armwright.identification.experiments.plot import check_experiment_plot
-    from armwright.output import check_destination
 
-    check_destination(output, (".csv",))
-    if plot is not None:
-        check_experiment_plot(plot)
+    check_file(output, (".csv",))
+    check_file(plot, PICTURE)
     options = {
         "gain": gain, "time_constant": time_constant, "most": most, "dead_zone": dead_zone, "speed": speed, "travel": travel,
         "unit": unit,
@@ -152,28 +141,20 @@ def motor(
     with as_options("seed", period="--sample"):
         found = aw.identification.motor_experiment(kind, guess, period=sample, seed=seed)
     say(found)
-    found.save(output)
-    say(f"wrote {output}")
-    if plot is not None:
-        aw.identification.plot_experiment(found, plot)
-        say(f"wrote {plot}")
+    write(output, found.save)
+    write(plot, lambda path: aw.identification.plot_experiment(found, path))
 
 
 def _guess(robot: str | None, joint: str | None, given: dict[str, Any]) -> MotorGuess:
     """The guess of a record with the options' values in place of its own, or of options alone."""
-    from dataclasses import replace
-
-    import armwright as aw
-
     try:
         if robot is not None:
             return replace(aw.identification.MotorGuess.of(aw.load(robot), joint, most=given.get("most")), **given)
         needed = [name for name in ("gain", "time_constant", "most") if name not in given]
         if needed:
             options = ", ".join(f"--{name.replace('_', '-')}" for name in needed)
-            raise ScenarioError(
-                f"no {options}", place="motor", expected="them, or --robot with motor constants in its record"
-            )
+            expected = "them, or --robot with motor constants in its record"
+            raise ScenarioError(f"no {options}", place="motor", expected=expected)
         if joint is not None:
             given["joint"] = joint
         return aw.identification.MotorGuess(**given)

@@ -6,8 +6,10 @@ from pathlib import Path
 
 import typer
 
-from armwright.cli.arguments import SCENARIO, Allow, Robot, argument, as_options, flag, option, output_option
-from armwright.errors import ScenarioError
+import armwright as aw
+from armwright.cli.arguments import SCENARIO, Allow, Robot, argument, as_options, flag, option, output_option, words
+from armwright.cli.outcome import check_file, naming_file, say_each, say_notes
+from armwright.progress import progress
 from armwright.terminal import result, say
 
 export = typer.Typer(name="export")
@@ -38,16 +40,12 @@ def c(
       armwright export c puma560 --functions inverse_dynamics+wrench,forward_kinematics:frame=link3 -o firmware
       armwright export c my-arm.toml --functions inverse_dynamics --float -o firmware
     """
-    import armwright as aw
-    from armwright.cli.progress import progress
     from armwright.export.c import write_c
 
     arm = aw.load(robot)
-    names = [name.strip() for name in functions.split(",") if name.strip()]
     with progress(f"exporting {arm.name}"):
-        paths = write_c(arm, names, output, "float" if single else "double")
-    for path in paths:
-        say(f"wrote {path}")
+        paths = write_c(arm, words(functions), output, "float" if single else "double")
+    say_each("wrote ", paths)
 
 
 @export.command()
@@ -76,22 +74,12 @@ def controller(
       armwright export controller swing.scenario.toml --gains position_kp,speed_kp -o firmware
       armwright export controller swing.scenario.toml --ram 16384 --flash 65536 -o firmware
     """
-    import armwright as aw
-    from armwright.cli.progress import progress
-    from armwright.scenarios.mistakes import key_in_file, keys_in_text
-
     read = aw.read_scenario(scenario, allow=allow or ())
-    fields = [gain.strip() for gain in gains.split(",") if gain.strip()]
-    with progress(f"exporting the controller of {read.arm.name}"):
-        try:
-            real = "float" if single else "double"
-            options = {"real": real, "counts": counts, "ram": ram, "flash": flash}
-            with as_options("name", "gains", "counts", "ram", "flash"):
-                exported = aw.export.export_controller(read, output, name=name, gains=fields, **options)
-        except ScenarioError as error:  # which does not know the file
-            raise error.renamed(key_in_file, keys_in_text).within(file=scenario) from None
-    for path in exported.paths:
-        say(f"wrote {path}")
+    options = {"real": "float" if single else "double", "counts": counts, "ram": ram, "flash": flash}
+    as_typed = as_options("name", "gains", "counts", "ram", "flash")
+    with progress(f"exporting the controller of {read.arm.name}"), naming_file(scenario), as_typed:
+        exported = aw.export.export_controller(read, output, name=name, gains=words(gains), **options)
+    say_each("wrote ", exported.paths)
     if exported.footprint is not None:
         say(f"takes {exported.footprint}")
     if exported.comparison is not None:
@@ -100,8 +88,7 @@ def controller(
         equal = "every command has the bits of the simulation"
         near = f"commands in float are within {compared.error:.2g} of their range of the simulation's, on its inputs"
         say(f"{compared.ticks} steps: {near if single else equal}; {took}")
-    for note in exported.notes:
-        say(f"armwright: note: {note}", err=True)
+    say_notes(exported.notes)
 
 
 @export.command()
@@ -124,14 +111,10 @@ def ros2(
       armwright export ros2 lwa4p -o lwa4p_description
       armwright export ros2 my-arm.toml --command effort --rate 500 -o my_arm_description
     """
-    import armwright as aw
-
     with as_options("command", "rate", "hardware"):
         exported = aw.export.export_ros2(aw.load(robot), output, command=command, rate=rate, hardware=hardware)
-    for path in exported.paths:
-        say(f"wrote {path}")
-    for line in exported.lost:
-        say(f"lost: {line}")
+    say_each("wrote ", exported.paths)
+    say_each("lost: ", exported.lost)
 
 
 @export.command()
@@ -159,26 +142,17 @@ def fmu(
       armwright export fmu swing.scenario.toml --part controller -o swing_controller.fmu
       armwright export fmu puma560 --interface model-exchange --fmi 2.0 -o puma560_me.fmu
     """
-    import armwright as aw
-    from armwright.cli.progress import progress
-    from armwright.output import check_destination
-    from armwright.scenarios.mistakes import key_in_file, keys_in_text
-
-    check_destination(output, (".fmu",), read=[source])
+    check_file(output, (".fmu",), [source])
     given = aw.read_scenario(source, allow=allow or ()) if source.endswith(SCENARIO) else aw.load(source)
-    asked = None if platforms is None else [each.strip() for each in platforms.split(",") if each.strip()]
-    with progress("exporting the FMU"):
-        try:
-            with as_options("part", "interface", "name", "platforms", version="--fmi"):
-                exported = aw.export.export_fmu(
-                    given, output, part=part, version=version, interface=interface, name=name, platforms=asked
-                )
-        except ScenarioError as error:  # which does not know the file
-            raise error.renamed(key_in_file, keys_in_text).within(file=source) from None
+    as_typed = as_options("part", "interface", "name", "platforms", version="--fmi")
+    with progress("exporting the FMU"), naming_file(source), as_typed:
+        binaries = None if platforms is None else words(platforms)
+        exported = aw.export.export_fmu(
+            given, output, part=part, version=version, interface=interface, name=name, platforms=binaries
+        )
     result(exported)
     counts = f"{len(exported.inputs)} inputs, {len(exported.outputs)} outputs, {len(exported.parameters)} parameters"
     say(f"wrote {exported.path}: FMI {exported.version}, {exported.interface}, {exported.part}; {counts}")
     sizes = ", ".join(f"{each} {size / 1024:.0f} kB" for each, size in exported.platforms.items())
     say(f"sources, and binaries for {sizes}" if sizes else "sources alone")
-    for note in exported.notes:
-        say(f"armwright: note: {note}", err=True)
+    say_notes(exported.notes)

@@ -3,21 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-import typer
-
-from armwright.cli.arguments import argument, flag, option, output_option
+import armwright as aw
+from armwright.cli.arguments import argument, flag, option, output_option, words
+from armwright.cli.outcome import PAGE, TOML, check_file, exit_unless, write
 from armwright.cli.tables import show
-from armwright.terminal import say
-
-if TYPE_CHECKING:
-    pass
-
-NOT_IDENTIFIED = 1  # exit code
-HEADS = ("base parameter", "value", "± std", "±", "unit")
-JOINTS = ("joint", "R² of the fit", "RMS of its residual", "of the torque's", "held-out parts", "unit")
-HELD_OUT = ("joint", "quantity", "R²", "RMS", "R² before", "RMS before", "unit", "")
+from armwright.errors import IdentificationError
+from armwright.progress import progress
 
 
 def arm(
@@ -60,39 +52,28 @@ def arm(
       armwright identify arm arm.log.toml --robot arm.toml --fit-efficiency shoulder,elbow -o arm_identified.toml
       armwright identify arm arm.log.toml --robot two-link --method iv --feedback "900,300;120,40;0.005"
     """
-    import armwright as aw
-    from armwright.cli.progress import progress
-    from armwright.output import check_destination
 
-    if output is not None:
-        check_destination(output, (".toml",), read=(file, robot))
-    if report is not None:
-        check_destination(report, (".html",))
+    check_file(output, TOML, (file, robot))
+    check_file(report, PAGE)
     model = None if robot is None else aw.load(robot, kinematics_only=kinematics_only)
     with progress(f"reading {file.name}") as tell:
         log = aw.identification.read_log(file, progress=tell)
     found = aw.identification.identify_arm(
-        log, model, method=method, friction=_words(friction), springs=_words(springs), stribeck_speed=stribeck_speed,
-        lacks=None if lacks is None else _words(lacks), cutoff=cutoff, decimate=decimate,
+        log, model, method=method, friction=words(friction), springs=words(springs), stribeck_speed=stribeck_speed,
+        lacks=None if lacks is None else words(lacks), cutoff=cutoff, decimate=decimate,
         feedback=_feedback(feedback), forgetting=forgetting,
-        fit_efficiency="all" if fit_efficiency == "all" else _words(fit_efficiency),
+        fit_efficiency="all" if fit_efficiency == "all" else words(fit_efficiency),
     )  # fmt: skip
     show(found)
-    if output is not None:
-        found.write(output)
-        say(f"wrote {output}")
+    write(output, found.write)
     if report is not None:
         compared = None if output is None else aw.identification.validate(output, log, simulation=False)
-        found.report(report, compared)
-        say(f"wrote {report}")
-    if found.verdict != "identified":
-        raise typer.Exit(NOT_IDENTIFIED)
+        write(report, lambda path: found.report(path, compared))
+    exit_unless(found.verdict == "identified")
 
 
 def _feedback(text: str) -> tuple[list[float], list[float], float] | None:
     """Gains and period of "900,300;120,40;0.005"; None of an empty text."""
-    from armwright.errors import IdentificationError
-
     if not text:
         return None
     try:
@@ -101,7 +82,3 @@ def _feedback(text: str) -> tuple[list[float], list[float], float] | None:
         expected = "KP1,KP2,…;KD1,KD2,…;PERIOD, gains for each joint and a period in s"
         raise IdentificationError(place="--feedback", value=text, expected=expected) from None
     return kp, kd, period
-
-
-def _words(text: str) -> tuple[str, ...]:
-    return tuple(word.strip() for word in text.split(",") if word.strip())

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import typer
-
-from armwright.cli.arguments import argument, flag, option, output_option
+import armwright as aw
+from armwright.cli.arguments import argument, flag, numbers, option, output_option
+from armwright.cli.outcome import PAGE, TOML, check_file, exit_unless, write
 from armwright.cli.tables import show
-from armwright.terminal import say
+from armwright.errors import IdentificationError
 
-NOT_IDENTIFIED = 1  # exit code
 TENSOR = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 
 
@@ -43,14 +42,9 @@ def gains(
     """
     import numpy as np
 
-    import armwright as aw
-    from armwright.output import check_destination
-
-    if output is not None:
-        check_destination(output, (".toml",), read=(file, loaded, robot))
-    if report is not None:
-        check_destination(report, (".html",))
-    centre, moments = _numbers("--com", com, 3), _numbers("--inertia", inertia, len(TENSOR))
+    check_file(output, TOML, (file, loaded, robot))
+    check_file(report, PAGE)
+    centre, moments = _of_payload("--com", com, 3), _of_payload("--inertia", inertia, len(TENSOR))
     tensor = None
     if moments is not None:
         tensor = np.zeros((3, 3))
@@ -58,33 +52,18 @@ def gains(
             tensor[i, j] = tensor[j, i] = value
     arm = aw.load(robot, kinematics_only=kinematics_only)
     logs = [aw.identification.read_log(each) for each in (file, loaded)]
-    preparation = (
-        None if cutoff is None else [aw.identification.choose_preparation(each, cutoff=cutoff) for each in logs]
-    )
+    choose = aw.identification.choose_preparation
+    preparation = None if cutoff is None else [choose(each, cutoff=cutoff) for each in logs]
     found = aw.identification.identify_drive_gains(
         logs[0], logs[1], arm, mass, centre, tensor, mass_std=mass_std, frame=frame, preparation=preparation
     )
     show(found)
-    if report is not None:
-        found.report(report, f"{logs[1].title}: drive gains")
-        say(f"wrote {report}")
-    if output is not None and np.asarray(found.identifiable).any():
-        aw.identification.write_into(arm, found, output, key="gains")
-        say(f"wrote {output}")
-    if found.verdict != "identified":
-        raise typer.Exit(NOT_IDENTIFIED)
+    write(report, lambda path: found.report(path, f"{logs[1].title}: drive gains"))
+    if np.asarray(found.identifiable).any():
+        write(output, lambda path: aw.identification.write_into(arm, found, path, key="gains"))
+    exit_unless(found.verdict == "identified")
 
 
-def _numbers(place: str, text: str | None, count: int) -> list[float] | None:
+def _of_payload(place: str, text: str | None, count: int) -> list[float] | None:
     """Numbers of "0.1,0,0.2"; None of no text."""
-    from armwright.errors import IdentificationError
-
-    if text is None:
-        return None
-    try:
-        values = [float(word) for word in text.split(",")]
-    except ValueError:
-        values = []
-    if len(values) != count:
-        raise IdentificationError(place=place, value=text, expected=f"{count} numbers with commas between")
-    return values
+    return numbers(place, text, f"{count} numbers with commas between", count=count, error=IdentificationError)

@@ -5,14 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Literal
 
-import typer
-
-from armwright.cli.arguments import argument, flag, option, output_option
+import armwright as aw
+from armwright.cli.arguments import argument, flag, option, output_option, refuse
 from armwright.cli.identify_linear import show_linear
+from armwright.cli.outcome import PAGE, TOML, check_file, exit_unless, write
 from armwright.cli.tables import show
-from armwright.terminal import say
-
-NOT_IDENTIFIED = 1  # exit code
+from armwright.errors import LogError, ModelError
+from armwright.progress import progress
 
 
 def motor(
@@ -57,18 +56,14 @@ def motor(
       armwright identify motor elbow.log.toml --robot arm.toml --joint elbow --load 0 -o arm_identified.toml
     """
     if model != "dc":
-        beside = {"--robot": robot, "--free": free, "--fix": fix, "--per-run": per_run, "--output": output}
-        beside |= {"--report": report, "--load": load, "--locked": locked, "--priors": priors}
-        _refuse_beside(model, beside)
+        beside = {"robot": robot, "free": free, "fix": fix, "per-run": per_run, "output": output, "report": report}
+        beside |= {"load": load, "locked": locked or None, "priors": priors or None}
+        what = f"belongs to --model dc, not to a black box: {model}"
+        refuse(beside, what, error=LogError, expected="one of the two")
         return show_linear(file, model, order=order, delay=delay, joint=joint)
-    import armwright as aw
-    from armwright.cli.progress import progress
-    from armwright.output import check_destination
 
-    if output is not None:
-        check_destination(output, (".toml",), read=(file, robot, static))
-    if report is not None:
-        check_destination(report, (".html",), read=(file, robot, static))
+    check_file(output, TOML, (file, robot, static))
+    check_file(report, PAGE, (file, robot, static))
     with progress("fitting") as tell:
         found = aw.identification.identify_motor(
             file,
@@ -87,26 +82,9 @@ def motor(
             progress=tell,
         )
     show(found)
-    if output is not None:
-        found.write(output)
-        say(f"wrote {output}")
-    if report is not None:
-        say(f"wrote {found.report(report)}")
-    if found.estimate.verdict != "identified":
-        raise typer.Exit(NOT_IDENTIFIED)
-
-
-def _refuse_beside(model: str, options: dict[str, object]) -> None:
-    """Refuses options of a motor's record beside a black box, which has none.
-
-    Raises:
-        LogError: names the first.
-    """
-    from armwright.errors import LogError
-
-    for name, value in options.items():
-        if value:
-            raise LogError(f"belongs to --model dc, not to a black box: {model}", place=name, expected="one of the two")
+    write(output, found.write)
+    write(report, found.report)
+    exit_unless(found.estimate.verdict == "identified")
 
 
 def _names(words: list[str] | None) -> list[str] | None:
@@ -116,8 +94,6 @@ def _names(words: list[str] | None) -> list[str] | None:
 
 def _values(words: list[str] | None, place: str = "--fix", example: str = "R=1.3") -> dict[str, float]:
     """Names and numbers from words such as "R=1.3"."""
-    from armwright.errors import ModelError
-
     found = {}
     for word in _names(words) or []:
         name, _, text = word.partition("=")
@@ -130,8 +106,6 @@ def _values(words: list[str] | None, place: str = "--fix", example: str = "R=1.3
 
 def _load(words: list[str] | None) -> float | dict[str, float] | None:
     """One inertia, or inertias by joint."""
-    from armwright.errors import ModelError
-
     if words is None or any("=" in word for word in words):
         return None if words is None else _values(words, "--load", "elbow=0.02")
     try:
@@ -141,8 +115,6 @@ def _load(words: list[str] | None) -> float | dict[str, float] | None:
 
 
 def _pwm(word: str | None) -> Literal["brake", "coast", "compare"] | None:
-    from armwright.errors import ModelError
-
     if word in (None, "brake", "coast", "compare"):
         return word  # type: ignore[return-value]
     raise ModelError(place="--pwm", value=word, choices=("brake", "coast", "compare"))

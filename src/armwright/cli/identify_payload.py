@@ -4,13 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import typer
-
+import armwright as aw
 from armwright.cli.arguments import argument, option, output_option
+from armwright.cli.outcome import PAGE, TOML, check_file, exit_unless, write
 from armwright.cli.tables import show
-from armwright.terminal import say
-
-NOT_IDENTIFIED = 1  # exit code
 
 
 def payload(
@@ -38,14 +35,10 @@ def payload(
       armwright identify payload loaded.log.toml --robot lwa4p
       armwright identify payload empty.log.toml --robot lwa4p --loaded-log loaded.log.toml -o carrying.toml
     """
-    import armwright as aw
     from armwright.identification.arm.payload import with_identified_payload
-    from armwright.output import check_destination
 
-    if output is not None:
-        check_destination(output, (".toml",), read=(file, loaded, robot))
-    if report is not None:
-        check_destination(report, (".html",))
+    check_file(output, TOML, (file, loaded, robot))
+    check_file(report, PAGE)
     arm = aw.load(robot)
     logs = [aw.identification.read_log(each) for each in (file, loaded) if each is not None]
     preparation = None if cutoff is None else aw.identification.choose_preparation(logs[0], cutoff=cutoff)
@@ -53,11 +46,11 @@ def payload(
         logs[0], arm, loaded_log=logs[1] if len(logs) > 1 else None, frame=frame, preparation=preparation
     )
     show(found)
-    if report is not None:
-        found.report(report, f"{logs[0].title}: payload")
-        say(f"wrote {report}")
-    if found.verdict != "identified":
-        raise typer.Exit(NOT_IDENTIFIED)
-    if output is not None:
-        aw.identification.write_into(with_identified_payload(arm, found, frame), found, output, key="payload")
-        say(f"wrote {output}")
+    write(report, lambda path: found.report(path, f"{logs[0].title}: payload"))
+    exit_unless(found.verdict == "identified")
+    write(
+        output,
+        lambda path: aw.identification.write_into(
+            with_identified_payload(arm, found, frame), found, path, key="payload"
+        ),
+    )

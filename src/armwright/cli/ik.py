@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-import typer
-
+import armwright as aw
 from armwright.cli.arguments import Out, Robot, Table, flag, option, vector
+from armwright.cli.outcome import check_file, exit_unless
 from armwright.cli.tables import show_columns
+from armwright.progress import progress
 from armwright.terminal import say
 
 if TYPE_CHECKING:
@@ -67,15 +68,11 @@ def ik(
       armwright ik puma560 poses.csv --all
       armwright ik my-arm.toml poses.csv --aim pitch
     """
-    import armwright as aw
-    from armwright.cli.progress import progress
     from armwright.model.joint_signals import joint_units
-    from armwright.output import check_destination
     from armwright.results.csv_tables import joint_columns
 
     arm = aw.load(robot)
-    if output is not None:
-        check_destination(output, read=(table, robot))
+    check_file(output, read=(table, robot))
     targets, part = _targets(table, aim)
     wish: Any = goal
     start = None if near is None else vector("--near", near, arm.names, joint_units(arm, "q"))
@@ -90,8 +87,7 @@ def ik(
     show_columns(output, columns)
     if output is not None or not found.success.all():
         say(str(found), err=output is None)
-    if not found.success.all():
-        raise typer.Exit(MISSED)
+    exit_unless(bool(found.success.all()))
 
 
 Rows = tuple[dict[str, "np.ndarray"], "np.ndarray", "np.ndarray", "np.ndarray"]

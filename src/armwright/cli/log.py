@@ -5,9 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import armwright as aw
 from armwright.cli.arguments import argument, as_options, option
+from armwright.cli.outcome import PICTURE, check_file, say_each
 from armwright.cli.tables import console_for_tables, number, table
 from armwright.errors import LogError
+from armwright.progress import progress
 from armwright.terminal import say
 
 if TYPE_CHECKING:
@@ -36,13 +39,10 @@ def log(
       armwright log motor.log.toml
       armwright log arm.log.toml --run fast --plot fast.png
     """
-    import armwright as aw
-    from armwright.cli.progress import progress
-    from armwright.identification.logs.plot import check_log_plot, plot_log
+    from armwright.identification.logs.plot import plot_log
     from armwright.identification.logs.preparation import choose_preparation
 
-    if picture is not None:
-        check_log_plot(picture)
+    check_file(picture, PICTURE)
     with progress(f"reading {file.name}") as tell:
         found = aw.identification.read_log(file, on_error="keep", progress=tell)
     with as_options("run"):
@@ -61,8 +61,7 @@ def log(
     with as_options("cutoff", "decimate"):
         preparation = choose_preparation(found, run, cutoff=cutoff, decimate=decimate)
     say(f"\nprepared for a fit ({found.run(run).name}):")
-    for reason in preparation.reasons:
-        say(f"  {reason}")
+    say_each("  ", preparation.reasons)
     if picture is not None:
         plot_log(found, picture, run, preparation)
         say(f"wrote {picture}")

@@ -6,7 +6,9 @@ from pathlib import Path
 
 import typer
 
+import armwright as aw
 from armwright.cli.arguments import argument, option
+from armwright.cli.outcome import say_each
 from armwright.terminal import say
 
 new = typer.Typer(name="new")
@@ -37,12 +39,9 @@ def robot(
       armwright new robot my-arm.toml --from arm.xml --command voltage
       armwright new robot my-arm.toml --joints 3
     """
-    import armwright as aw
-
     notes = aw.robotfiles.new_robot(
         target, source, joints=joints, command=command, **({} if drive is None else {"drive": drive})
     )
     say(f"wrote {target}")
-    for line in notes:
-        say(f"note: {line}")
+    say_each("note: ", notes)
     say(f"next: armwright check {target}")

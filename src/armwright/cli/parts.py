@@ -7,6 +7,8 @@ from pathlib import Path
 import typer
 
 from armwright.cli.arguments import argument, option, output_option
+from armwright.cli.outcome import say_each
+from armwright.progress import progress
 from armwright.terminal import say
 
 parts = typer.Typer(name="parts")
@@ -32,15 +34,12 @@ def build(
       armwright parts build my-arm.parts.toml -o my-arm.toml
       armwright parts build my-arm.parts.toml -o my-arm.toml --audit audit.html
     """
-    from armwright.cli.progress import progress
     from armwright.robotfiles.write_parts import write_parts
 
     with progress(f"weighing {file.name}"):
         built = write_parts(file, output, audit)
-    for line in built.overrides:
-        say(f"measured: {line}", err=True)
-    for warning in built.warnings:
-        say(f"warning: {warning}", err=True)
+    say_each("measured: ", built.overrides, err=True)
+    say_each("warning: ", built.warnings, err=True)
     arm = built.description
     links = f"{len(arm.links)} link{'s' * (len(arm.links) != 1)}"
     say(f"wrote {output}: {arm.name}, {links}, {arm.total_mass:.6g} kg")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import armwright as aw
 from armwright.cli.arguments import argument, option, output_option
 from armwright.errors import RunError
 from armwright.terminal import say
@@ -35,7 +36,6 @@ def plot(
       armwright plot run.nc -o run.html
       armwright plot before.nc after.nc --joints joint2,joint3 --quantities q,tau -o compared.html
     """
-    import armwright as aw
     from armwright.cli.tables import console_for_tables
     from armwright.pictures.terminal import show_runs
     from armwright.results.plot import check_plot
@@ -57,8 +57,6 @@ def _by_name(paths: list[Path]) -> dict[str, xr.Dataset]:
     Raises:
         RunError: a file that is no run, or is named twice.
     """
-    import armwright as aw
-
     alike = len({path.name for path in paths}) < len(paths)
     runs: dict[str, xr.Dataset] = {}
     for path in paths:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import typer
-
+import armwright as aw
 from armwright.cli.arguments import argument, output_option
+from armwright.cli.outcome import exit_unless
 from armwright.cli.tables import show
+from armwright.progress import progress
 from armwright.terminal import say
 
 
@@ -24,8 +25,6 @@ def reproduce(
     Example:
       armwright reproduce run.nc
     """
-    import armwright as aw
-    from armwright.cli.progress import progress
     from armwright.results.recording import check_recording
 
     if output is not None:
@@ -36,5 +35,4 @@ def reproduce(
         aw.save(done.run, output)
         say(f"wrote {output}")
     show(done)
-    if not done.same:
-        raise typer.Exit(1)
+    exit_unless(done.same)

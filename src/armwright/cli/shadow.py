@@ -5,15 +5,24 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import typer
-
-from armwright.cli.arguments import argument, as_options, complete_robot, flag, option, output_option
+import armwright as aw
+from armwright.cli.arguments import (
+    argument,
+    as_options,
+    complete_robot,
+    flag,
+    node_numbers,
+    numbers,
+    option,
+    output_option,
+    refuse,
+)
+from armwright.cli.outcome import PAGE, check_file, exit_unless, write
 from armwright.cli.tables import show
 from armwright.errors import ScenarioError
-from armwright.terminal import say
+from armwright.progress import progress
 
 INTERFACES = ("virtual", "socketcan", "udp_multicast")  # before the colon of a bus
-ALARMED = 1  # the exit code without the verdict "no alarm"
 
 
 def shadow(
@@ -56,28 +65,27 @@ def shadow(
       armwright shadow today.log.toml --robot lwa4p --deviation 2,2,2,2,1,1
       armwright shadow socketcan:can0 --robot arm.toml --duration 60 -o bus.mcap
     """
-    import armwright as aw
-    from armwright.cli.progress import progress
-    from armwright.results.page_parts import check_report
     from armwright.shadow.alarms import FACTOR
 
-    factor, deviations = FACTOR if factor is None else factor, None if deviation is None else _numbers(deviation)
+    factor = FACTOR if factor is None else factor
+    deviations: Any = numbers("--deviation", deviation, "numbers with commas between, one for each joint, or one")
+    if deviations is not None and len(deviations) == 1:
+        deviations = deviations[0]
     of_bus = {"output": output, "duration": duration, "nodes": nodes, "counts": counts, "period": period}
     if source.partition(":")[0] in INTERFACES:
         from armwright.cli.shadow_live import listen
 
-        _refuse({"run": run, "report": report, "live": live or None}, source, "a log")
+        of_log = {"run": run, "report": report, "live": live or None}
+        refuse(of_log, "does not go with it", expected="a log", file=source)
         if robot is None:
             raise ScenarioError("missing", place="--robot", expected="the arm whose drives are on the bus")
         with as_options("deviation", "factor", "counts", "period", "nodes"):
-            numbers = None if nodes is None else _whole(nodes)
-            clean = listen(robot, source, deviations, factor, duration, numbers, counts, period, output)
-        if not clean:
-            raise typer.Exit(ALARMED)
+            of_nodes = node_numbers(nodes, ScenarioError)
+            clean = listen(robot, source, deviations, factor, duration, of_nodes, counts, period, output)
+        exit_unless(clean)
         return
-    _refuse(of_bus, source, "a bus, such as socketcan:can0")
-    if report is not None:
-        check_report(report)
+    refuse(of_bus, "does not go with it", expected="a bus, such as socketcan:can0", file=source)
+    check_file(report, PAGE)
     log = Path(source)
     with progress(f"reading {log.name}"):
         read = aw.identification.read_log(log)
@@ -88,35 +96,5 @@ def shadow(
 
         replay(found)
     show(found)
-    if report is not None:
-        say(f"wrote {found.report(report)}")
-    if not found.verdict.clean:
-        raise typer.Exit(ALARMED)
-
-
-def _numbers(text: str) -> list[float] | float:
-    try:
-        numbers = [float(part) for part in text.split(",")]
-    except ValueError:
-        expected = "numbers with commas between, one for each joint, or one"
-        raise ScenarioError(place="--deviation", value=text, expected=expected) from None
-    return numbers[0] if len(numbers) == 1 else numbers
-
-
-def _whole(text: str) -> list[int]:
-    try:
-        return [int(part) for part in text.split(",")]
-    except ValueError:
-        expected = "whole numbers with commas between: 3,4,5"
-        raise ScenarioError(place="--nodes", value=text, expected=expected) from None
-
-
-def _refuse(options: dict[str, Any], source: str, expected: str) -> None:
-    """Refuses options that belong to the other kind of source.
-
-    Raises:
-        ScenarioError: names the first.
-    """
-    for name, value in options.items():
-        if value is not None:
-            raise ScenarioError("does not go with it", place=f"--{name}", expected=expected, file=source)
+    write(report, found.report)
+    exit_unless(found.verdict.clean)

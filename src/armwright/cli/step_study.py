@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import Any
 
+import armwright as aw
 from armwright.cli.arguments import (
     SCENARIO,
     Allow,
@@ -19,15 +20,13 @@ from armwright.cli.arguments import (
     Voltage,
     commands_of,
     naming_options,
+    numbers,
     option,
-    refuse_allow,
     refuse_options,
+    refuse_without_file,
     start_of,
 )
-from armwright.errors import ScenarioError
-
-if TYPE_CHECKING:
-    pass
+from armwright.progress import progress
 
 
 def step_study(
@@ -62,10 +61,9 @@ def step_study(
       armwright step-study puma560 --voltage 5 --duration 0.5 --integrator rk4 --accuracy 1e-6
       armwright step-study swing.scenario.toml
     """
-    import armwright as aw
-    from armwright.cli.progress import progress
     from armwright.cli.tables import show
 
+    accuracies: Any = numbers("--accuracy", accuracy, "numbers with commas between, such as 1e-3,1e-6")
     constants = {"voltage": voltage, "current": current, "torque": torque, "command": command}
     if robot.endswith(SCENARIO):
         options = {**constants, "schedule": schedule, "duration": duration, "step": step}
@@ -76,7 +74,7 @@ def step_study(
                 solver = aw.Solver(integrator, scenario.solver.step, scenario.solver.substeps)
             scenario = replace(scenario, solver=solver)
     else:
-        refuse_allow(allow)
+        refuse_without_file(allow)
         arm = aw.load(robot)
         with naming_options():
             scenario = aw.Scenario(
@@ -88,18 +86,5 @@ def step_study(
             )
     named = ("solver.integrator", "accuracies", "steps") if robot.endswith(SCENARIO) else ()
     with naming_options(*named), progress(f"trying steps for {scenario.arm.name}"):
-        study = aw.simulation.step_study(scenario, steps=steps, accuracies=_accuracies(accuracy))
+        study = aw.simulation.step_study(scenario, steps=steps, accuracies=accuracies)
     show(study)
-
-
-def _accuracies(text: str) -> list[float]:
-    """Numbers with commas between.
-
-    Raises:
-        ScenarioError: something that is no number.
-    """
-    try:
-        return [float(part) for part in text.split(",")]
-    except ValueError:
-        expected = "numbers with commas between, such as 1e-3,1e-6"
-        raise ScenarioError(place="--accuracy", value=text, expected=expected) from None

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
+import math
 from pathlib import Path
 from typing import Any
 
-import typer
-
+import armwright as aw
 from armwright.cli.arguments import SCENARIO, Allow, argument, flag, option, output_option
+from armwright.cli.outcome import PAGE, PICTURE, TOML, check_file, exit_unless, write
 from armwright.cli.tables import show
 from armwright.errors import ScenarioError
+from armwright.progress import progress
 from armwright.terminal import say
-
-SAME = 1  # the exit code where nothing better than the start was found
 
 
 def tune(
@@ -54,51 +55,29 @@ def tune(
       armwright tune arm.scenario.toml -o tuned.scenario.toml --start analytic --report tuned.html
       armwright tune arm.scenario.toml -o tuned.scenario.toml --gain position_kp=2:40 --gain speed_kp=5
     """
-    import contextlib
-    import math
-
-    import armwright as aw
-    from armwright.cli.progress import progress
-    from armwright.output import check_destination
-    from armwright.results.result import PICTURES
     from armwright.sweeps.cluster import connected
 
-    check_destination(out, (".toml",), read=(scenario,))
-    for path, endings in ((plot, PICTURES), (report, (".html",))):
-        if path is not None:
-            check_destination(path, endings, read=(scenario, out))
+    check_file(out, TOML, (scenario,))
+    check_file(plot, PICTURE, (scenario, out))
+    check_file(report, PAGE, (scenario, out))
     found = aw.read_scenario(scenario, allow=allow or ())
-    gains, objectives, limits = (
-        _pairs("--gain", gain, bounds=True),
-        _pairs("--objective", objective),
-        _pairs("--limit", limit),
-    )
+    margins = aw.tuning.MarginConstraint(gain_margin, phase_margin and math.radians(phase_margin))
+    over = "worst" if worst else None
+    gains, weights = _pairs("--gain", gain, bounds=True), _pairs("--objective", objective)
+    limits = _pairs("--limit", limit)
     cluster = contextlib.nullcontext() if scheduler is None else connected(None if scheduler == "local" else scheduler)
     with cluster as client, progress(f"tuning {scenario.name}") as shown:
+        search = aw.tuning.Search(method, generations, candidates, front, over, improve_each, seed, client)
         result = aw.tuning.tune(
-            found,
-            gains,
-            start=start,
-            objectives=objectives,
-            limits=limits,
-            lanes=lanes,
-            margins=aw.tuning.MarginConstraint(gain_margin, phase_margin and math.radians(phase_margin)),
-            search=aw.tuning.Search(
-                method, generations, candidates, front, "worst" if worst else None, improve_each, seed, client
-            ),
+            found, gains, start=start, objectives=weights, limits=limits, lanes=lanes, margins=margins, search=search,
             progress=shown,
-        )
-    if plot is not None:
-        result.plot(plot)
+        )  # fmt: skip
     if result.changed:
         result.save(out, allow=allow or ())
     show(result)
-    if plot is not None:
-        say(f"wrote {plot}")
-    if report is not None:
-        say(f"wrote {result.report(report)}")
-    if not result.changed:
-        raise typer.Exit(SAME)
+    write(plot, result.plot)
+    write(report, result.report)
+    exit_unless(result.changed)
     say(f"wrote {out}")
 
 

@@ -10,9 +10,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
-from armwright.cli.arguments import Allow, argument, as_options, flag, option
+import armwright as aw
+from armwright.cli.arguments import Allow, argument, as_options, flag, node_numbers, option
+from armwright.cli.outcome import exit_unless
 from armwright.cli.tables import console_for_tables, show, table
 from armwright.errors import BusError
 from armwright.terminal import result, say
@@ -94,7 +94,14 @@ def twin(
     _, found = _scenarios(scenario, allow, reference, None)
     with as_options("nodes", "serial", "bus", "bitrate", "speed"):
         found = reduced(found, speed)
-        made = Twin(found, bus, nodes=_numbers(nodes), serial=serial, faults=_faults(found, fault), bitrate=bitrate)
+        made = Twin(
+            found,
+            bus,
+            nodes=node_numbers(nodes, BusError),
+            serial=serial,
+            faults=_faults(found, fault),
+            bitrate=bitrate,
+        )
     if eds is not None:
         _write_sheets(made, eds)
         return
@@ -160,7 +167,7 @@ def run_controller(
 
     check_bus(bus)
     read, found = _scenarios(scenario, allow, reference, duration)
-    faults, numbers = _faults(found, fault), _numbers(nodes)
+    faults, numbers = _faults(found, fault), node_numbers(nodes, BusError)
     with as_options("speed", "torque", "nodes", "bitrate", "following_error", "missing"):
         rehearsal = rehearse(found, bitrate=bitrate, speed=speed, torque=torque, nodes=numbers)
         check_arguments(rehearsal, following_error=following_error, missing=missing)
@@ -205,15 +212,12 @@ def run_controller(
     if not is_virtual(bus):
         say(str(run.ending))
     if permission.reduced and not is_virtual(bus) and run.complete and not run.counts:
-        cycles = run.cycles
-        say(
-            f"this run is no rehearsal: {cycles.incomplete} of {cycles.cycles} cycles were incomplete, 0.1 % are allowed"
-        )
+        incomplete = f"{run.cycles.incomplete} of {run.cycles.cycles} cycles were incomplete"
+        say(f"this run is no rehearsal: {incomplete}, 0.1 % are allowed")
     if not run.complete:
         say(f"stopped after {len(run.time)} of {rehearsal.recording.ticks} cycles: the key was let go")
-        raise typer.Exit(1)
-    if is_virtual(bus) and not real_time and not run.equal:  # in lock-step nothing but the twin can differ
-        raise typer.Exit(1)
+    in_lock_step = is_virtual(bus) and not real_time  # where nothing but the twin can differ
+    exit_unless(run.complete and (run.equal or not in_lock_step))
 
 
 def _how_it_differs(run: BusRun, faults: Sequence[Fault]) -> str:
@@ -231,7 +235,6 @@ def _scenarios(
 
     Lanes, and what varies by lane, are left out.
     """
-    import armwright as aw
     from armwright.cli.simulate import following
 
     read = found = aw.read_scenario(path, allow=allow or ())
@@ -255,20 +258,6 @@ def _faults(scenario: Scenario, texts: Sequence[str] | None) -> list[Fault]:
 
     with as_options("fault"):
         return [read_fault(text, scenario.arm.names) for text in texts or ()]
-
-
-def _numbers(nodes: str | None) -> list[int] | None:
-    """Node numbers as they were typed.
-
-    Raises:
-        BusError: no whole numbers with commas between.
-    """
-    if nodes is None:
-        return None
-    try:
-        return [int(each) for each in nodes.split(",")]
-    except ValueError:
-        raise BusError(place="--nodes", value=nodes, expected="whole numbers with commas between: 3,4,5") from None
 
 
 def _write_sheets(made: Twin, folder: Path) -> None:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import typer
-
-from armwright.cli.arguments import SCENARIO, Allow, argument, as_options, flag, option, refuse_allow
+import armwright as aw
+from armwright.cli.arguments import SCENARIO, Allow, argument, as_options, flag, option, refuse_without_file
+from armwright.cli.outcome import PAGE, check_file, exit_unless, write
 from armwright.cli.tables import show
+from armwright.progress import progress
 from armwright.terminal import say
 
 FAILS = 1  # the exit code where the record does not keep its limits
@@ -43,17 +44,13 @@ def validate(
       armwright validate arm.toml arm.log.toml --limits limits.toml --report report.html
       armwright validate swing.scenario.toml arm.log.toml
     """
-    import armwright as aw
-    from armwright.cli.progress import progress
     from armwright.identification.validation.verdict import check_verdict, write_verdict
-    from armwright.results.page_parts import check_report
 
-    if report is not None:
-        check_report(report)
+    check_file(report, PAGE)
     if robot.endswith(SCENARIO):
         subject, record = aw.read_scenario(robot, allow=allow or ()), robot
     else:
-        refuse_allow(allow)
+        refuse_without_file(allow)
         subject, record = robot, None
     check_verdict(record or robot)
     with as_options("window", "run"), progress(f"comparing {robot} with {log.name}") as tell:
@@ -70,7 +67,5 @@ def validate(
     show(found)
     if found.record is not None:
         say(f"wrote {write_verdict(found)}")
-    if report is not None:
-        say(f"wrote {found.report(report)}")
-    if not found.passed:
-        raise typer.Exit(FAILS)
+    write(report, found.report)
+    exit_unless(found.passed)

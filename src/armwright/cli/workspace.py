@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import armwright as aw
 from armwright.cli.arguments import Robot, option, output_option
+from armwright.cli.outcome import check_file
+from armwright.progress import progress
 from armwright.terminal import result, say
 
 SHOWN = (1.0, 50.0, 99.0, 100.0)  # percentiles of the summary
@@ -31,13 +34,10 @@ def workspace(
       armwright workspace panda --aim position -o panda.html
       armwright workspace my-arm.urdf --samples 100000
     """
-    import armwright as aw
-    from armwright.cli.progress import progress
-    from armwright.output import check_destination, whole_file
+    from armwright.output import whole_file
     from armwright.pictures.workspace_maps import ENDINGS, draw_workspace
 
-    if output is not None:
-        check_destination(output, (*ENDINGS, ".nc"), read=(robot,))
+    check_file(output, (*ENDINGS, ".nc"), (robot,))
     arm = aw.load(robot, kinematics_only=True)
     with progress(f"workspace of {arm.name}"):
         found = aw.kinematics.workspace(arm, samples, frame=frame, aim=aim, length=length, seed=seed)
