@@ -4,20 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import armwright as aw
 from armwright.cli.arguments import argument, flag, option, output_option
 from armwright.cli.outcome import TOML, check_file, say_notes
-from armwright.cli.tables import number, table
+from armwright.cli.tables import console_for_tables, number, table
 from armwright.errors import ScenarioError
 from armwright.progress import progress
-from armwright.terminal import say
-
-if TYPE_CHECKING:
-    from armwright.modules.assembly import Assembly
-    from armwright.modules.library import ModuleLibrary
-    from armwright.results.result import Result
 
 ENDINGS = (".toml", ".csv")
 
@@ -49,7 +43,6 @@ def assemble(
       armwright assemble --all --modules improv --max-joints 4 --limit 100
       armwright assemble --all --modules improv --min-joints 6 --task pick.task.toml -o best.toml
     """
-
     if every == (assembly is not None):
         what = "--all and a file given" if every else "neither a file nor --all given"
         raise ScenarioError(what, place="assemble", expected="FILE.assembly.toml, or --all --modules FILE")
@@ -64,7 +57,6 @@ def assemble(
 
 
 def _one(source: str, output: Path | None, unused: dict[str, Any]) -> None:
-    from armwright.cli.tables import console_for_tables
     from armwright.description.writer import write_toml
     from armwright.kinematics.reach import reach
     from armwright.model import build_model
@@ -93,7 +85,7 @@ def _one(source: str, output: Path | None, unused: dict[str, Any]) -> None:
 
 
 def _all(modules: str, task: Path | None, rules: dict[str, int], output: Path | None, show: int) -> None:
-    from armwright.cli.tables import console_for_tables
+    from armwright.description.writer import write_toml
 
     library = aw.modules.read_modules(modules)
     wanted = None if task is None else aw.modules.read_task(task)
@@ -112,8 +104,10 @@ def _all(modules: str, task: Path | None, rules: dict[str, int], output: Path | 
             if output is not None and output.suffix == ".toml" and not result.ranked[0].feasible:
                 what = f"no arm does it; the best, {best.name}: {result.ranked[0].why_not}"
                 raise ScenarioError(what, place=wanted.name)
-        if output is not None:
-            _write(output, library, best, result)
+        if output is not None and output.suffix == ".toml":
+            write_toml(aw.modules.assemble(best, [library]), output)
+        elif output is not None:
+            result.save(output)
     console = console_for_tables()
     (found,) = result.tables()
     rows = found.cells
@@ -125,16 +119,6 @@ def _all(modules: str, task: Path | None, rules: dict[str, int], output: Path | 
     if len(rows) < open_:
         order = "others" if task is not None else "longer ones"
         console.print(f"{open_ - len(rows)} {order} were not computed (--limit {rules['limit']})")
-    for name, reason in result.left_out.items():
-        say(f"armwright: note: module {name} is left out: {reason}", err=True)
+    say_notes(f"module {name} is left out: {reason}" for name, reason in result.left_out.items())
     if output is not None:
         console.print(f"wrote {output}")
-
-
-def _write(output: Path, library: ModuleLibrary, best: Assembly, result: Result) -> None:
-    from armwright.description.writer import write_toml
-
-    if output.suffix == ".toml":
-        write_toml(aw.modules.assemble(best, [library]), output)
-        return
-    result.save(output)

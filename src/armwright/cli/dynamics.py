@@ -78,7 +78,6 @@ def forward_dynamics(robot: Robot, table: Table, output: Out = None) -> None:
 
 def _arm(robot: str, table: Path, output: Path | None) -> Model:
     """The arm, once its results can be written."""
-
     arm = aw.load(robot)
     check_file(output, read=(table, robot))
     return arm

@@ -129,7 +129,6 @@ def motor(
       armwright excite motor prbs -o prbs.csv --gain 12 --time-constant 0.05 --most 12
       armwright excite motor staircase -o static.csv --robot cmu-dd --joint joint1 --travel 1
     """
-
     check_file(output, (".csv",))
     check_file(plot, PICTURE)
     options = {

@@ -8,6 +8,7 @@ import armwright as aw
 from armwright.cli.arguments import Out, Robot, Table, flag, option, vector
 from armwright.cli.outcome import check_file, exit_unless
 from armwright.cli.tables import show_columns
+from armwright.errors import ModelError, ScheduleError
 from armwright.progress import progress
 from armwright.terminal import say
 
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
     from armwright.results.csv_tables import Numbers
 
 UNIT = 1e-3  # how far the length of a quaternion may be from 1
-MISSED = 1  # the exit code where a pose is not reached
 PLACE = ("x", "y", "z")
 COLUMNS: dict[tuple[str, ...], str] = {  # behind the position, with the aim that they are for
     (): "position",
@@ -108,8 +108,6 @@ def _every(found: PoseSolutions) -> Rows:
     """
     import numpy as np
 
-    from armwright.errors import ModelError
-
     branches = found.branches
     if branches is None:
         raise ModelError(place="--all", value=f"--method {found.method}", expected="the closed form")
@@ -128,7 +126,6 @@ def _targets(table: Path, aim: str | None) -> tuple[np.ndarray, Aim]:
     import numpy as np
     from scipy.spatial.transform import Rotation
 
-    from armwright.errors import ModelError
     from armwright.ik.targets import pose_towards
     from armwright.kinematics.aim import AXES, Aim
     from armwright.results.csv_tables import Column, parse_numbers, table_text
@@ -144,17 +141,13 @@ def _targets(table: Path, aim: str | None) -> tuple[np.ndarray, Aim]:
     if len(turn) == 1 or turn == ("ax", "ay", "az"):
         if (part.kind != turn[0] and len(turn) == 1) or part.kind not in ("axis", "pitch", "yaw") or part.base:
             raise ModelError(f"with columns {', '.join(turn)}", place="--aim", value=aim, expected=COLUMNS[turn])
+        angle = turned[:, 0]
         if turn == ("pitch",):
-            _check(
-                numbers,
-                np.abs(turned[:, 0]) > 0.5 * np.pi,
-                turned[:, 0],
-                "column pitch",
-                "an angle from -π/2 to π/2 rad",
-            )
-            turned = np.stack([np.cos(turned[:, 0]), 0.0 * turned[:, 0], -np.sin(turned[:, 0])], axis=1)
+            steep = np.abs(angle) > 0.5 * np.pi
+            _check(numbers, steep, angle, "column pitch", "an angle from -π/2 to π/2 rad")
+            turned = np.stack([np.cos(angle), 0.0 * angle, -np.sin(angle)], axis=1)
         elif turn == ("yaw",):
-            turned = np.stack([np.cos(turned[:, 0]), np.sin(turned[:, 0]), 0.0 * turned[:, 0]], axis=1)
+            turned = np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=1)
         length = np.linalg.norm(turned, axis=1)
         _check(numbers, length == 0.0, length, "columns ax, ay, az", "a direction, not 0 0 0")
         return pose_towards(place, turned, AXES[part.axis]), part
@@ -187,10 +180,6 @@ def _check(numbers: Numbers, wrong: np.ndarray, values: np.ndarray, place: str, 
     Raises:
         ScheduleError: names the first.
     """
-    from armwright.errors import ScheduleError
-
     for row in wrong.nonzero()[0][:1]:
-        file = f"{numbers.path}:{numbers.lines[row]}"
-        raise ScheduleError(
-            f"{'length ' if 's ' in place else ''}{values[row]:.6g}", place=place, expected=expected, file=file
-        )
+        what = f"{'length ' if 's ' in place else ''}{values[row]:.6g}"
+        raise ScheduleError(what, place=place, expected=expected, file=f"{numbers.path}:{numbers.lines[row]}")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import armwright as aw
 from armwright.cli.arguments import argument, as_options, option
-from armwright.cli.outcome import PICTURE, check_file, say_each
+from armwright.cli.outcome import PICTURE, check_file, say_each, write
 from armwright.cli.tables import console_for_tables, number, table
 from armwright.errors import LogError
 from armwright.progress import progress
@@ -62,9 +62,7 @@ def log(
         preparation = choose_preparation(found, run, cutoff=cutoff, decimate=decimate)
     say(f"\nprepared for a fit ({found.run(run).name}):")
     say_each("  ", preparation.reasons)
-    if picture is not None:
-        plot_log(found, picture, run, preparation)
-        say(f"wrote {picture}")
+    write(picture, lambda path: plot_log(found, path, run, preparation))
 
 
 def _runs(found: Log) -> object:
