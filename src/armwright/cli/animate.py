@@ -6,6 +6,7 @@ from pathlib import Path
 
 import armwright as aw
 from armwright.cli.arguments import argument, option, output_option
+from armwright.cli.outcome import check_file
 from armwright.terminal import say
 
 
@@ -30,10 +31,10 @@ def animate(
       armwright animate batch.nc --robot my-arm.toml --lane 3 -o lane3.html
     """
     from armwright.errors import RunError
-    from armwright.pictures.animate import check_animation
+    from armwright.pictures.animate import ENDINGS
     from armwright.scenarios.reproduce import kept_scenario
 
-    check_animation(output)
+    check_file(output, ENDINGS)
     loaded = aw.load_run(run)
     name = robot or str(loaded.attrs.get("robot", ""))
     if robot is not None or name in aw.builtin_names():

@@ -67,15 +67,6 @@ def animate(run: AnyRun, arm: AnyArm, path: str | os.PathLike[str], *, lane: int
         temporary.write_bytes(content)
 
 
-def check_animation(path: str | os.PathLike[str]) -> Path:
-    """The path, if an animation can be written there; to be called before a long simulation.
-
-    Raises:
-        OutputError: as `animate`.
-    """
-    return check_destination(path, ENDINGS)
-
-
 def one_lane(run: xr.Dataset, lane: int | None) -> xr.Dataset:
     """The single lane of a run; a run without lanes unchanged.
 
