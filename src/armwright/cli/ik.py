@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from armwright.ik.solutions import PoseSolutions
     from armwright.kinematics.aim import Aim
-    from armwright.results.csv_tables import Numbers
+    from armwright.results.csv_tables import CsvNumbers
 
 UNIT = 1e-3  # how far the length of a quaternion may be from 1
 PLACE = ("x", "y", "z")
@@ -128,13 +128,13 @@ def _targets(table: Path, aim: str | None) -> tuple[np.ndarray, Aim]:
 
     from armwright.ik.targets import pose_towards
     from armwright.kinematics.aim import AXES, Aim
-    from armwright.results.csv_tables import Column, parse_numbers, table_text
+    from armwright.results.csv_tables import CsvColumn, parse_numbers, table_text
 
     text = table_text(table)
     turn = _columns(next((line for line in text.splitlines() if line.strip()), ""))
     part = Aim.of(COLUMNS[turn] if aim is None else aim)
     numbers = parse_numbers(
-        text, str(table), [Column(name, (UNITS[name],) if name in UNITS else ()) for name in (*PLACE, *turn)]
+        text, str(table), [CsvColumn(name, (UNITS[name],) if name in UNITS else ()) for name in (*PLACE, *turn)]
     )
     values = numbers.values
     place, turned = values[:, :3], values[:, 3:]
@@ -174,7 +174,7 @@ def _columns(head: str) -> tuple[str, ...]:
     return {3: (), 7: ("qw", "qx", "qy", "qz")}.get(head.count(",") + 1, ("roll", "pitch", "yaw"))
 
 
-def _check(numbers: Numbers, wrong: np.ndarray, values: np.ndarray, place: str, expected: str) -> None:
+def _check(numbers: CsvNumbers, wrong: np.ndarray, values: np.ndarray, place: str, expected: str) -> None:
     """Refuses rows (k,) of a table.
 
     Raises:

@@ -17,7 +17,7 @@ from armwright.model import Model
 from armwright.model.joint_signals import joint_units
 from armwright.output import check_destination, whole_file
 from armwright.printable import printable
-from armwright.results.csv_tables import Column, joint_columns, parse_numbers, table_text, write_table
+from armwright.results.csv_tables import CsvColumn, joint_columns, parse_numbers, table_text, write_table
 from armwright.results.plot import check_plot, draw, write_plot
 from armwright.results.plot_curves import describe
 from armwright.results.recording import make_dataset
@@ -142,9 +142,9 @@ def parse_motion(text: str, place: str, arm: Model | None = None) -> PiecewisePo
     else:
         names = list(arm.names)
         units = {name: [(unit,) for unit in joint_units(arm, name)] for name in QUANTITIES}
-    columns = [Column("t", ("s",))]
+    columns = [CsvColumn("t", ("s",))]
     for quantity in QUANTITIES:
-        columns += [Column(f"{quantity}_{name}", unit) for name, unit in zip(names, units[quantity], strict=True)]
+        columns += [CsvColumn(f"{quantity}_{name}", unit) for name, unit in zip(names, units[quantity], strict=True)]
     table = parse_numbers(text, place, columns)
     t = table.values[:, 0]
     late = np.flatnonzero(np.diff(t) <= 0.0)
