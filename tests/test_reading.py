@@ -14,7 +14,7 @@ from armwright.description.urdf import read_urdf
 from armwright.errors import ArmwrightError, DescriptionError
 from armwright.parts.build import build_parts
 from armwright.reading import read_file
-from armwright.results.csv_tables import Column, read_numbers
+from armwright.results.csv_tables import CsvColumn, read_numbers
 from armwright.session.files import read_script
 
 READERS = {  # what reads a file that the user names
@@ -26,7 +26,7 @@ READERS = {  # what reads a file that the user names
     "modules.toml": aw.modules.read_modules,
     "task.toml": aw.modules.read_task,
     "scenario.toml": aw.read_scenario,
-    "csv": lambda path: read_numbers(path, [Column("t")]),
+    "csv": lambda path: read_numbers(path, [CsvColumn("t")]),
     "sim": lambda path: read_script(str(path)),
 }
 ENTRIES = {  # makes an odd entry at a path → what is said of it

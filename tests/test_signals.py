@@ -7,7 +7,7 @@ import pytest
 
 from armwright.errors import ShapeError
 from armwright.model.joint_signals import joint_signal, motion_layout
-from armwright.signals import Layout, Signal, Values
+from armwright.signals import Layout, Signal, SignalValues
 from physics.arms import arm
 from simulation.runs import mixed_arm
 
@@ -44,7 +44,7 @@ def test_what_does_not_fit_is_refused():
 
 
 def test_values_have_names():
-    values = Values({"force": 1.0})
+    values = SignalValues({"force": 1.0})
     assert values.force == values["force"] == 1.0
     assert dict(values) == {"force": 1.0}
     with pytest.raises(AttributeError, match="no signal 'forces'; did you mean force"):

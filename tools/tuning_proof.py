@@ -112,8 +112,9 @@ def main() -> None:
     asked = parser.parse_args()
     began = time.perf_counter()
     result = aw.tuning.tune(
-        scenario(), GAINS, start=asked.start, draws=DRAWS, objectives=OBJECTIVES, improve_each=True, lanes=asked.lanes,
-        generations=asked.generations, limits={"noise_gain": QUIETER * noise_gains(BY_HAND)},
+        scenario(), GAINS, start=asked.start, draws=DRAWS, objectives=OBJECTIVES, lanes=asked.lanes,
+        limits={"noise_gain": QUIETER * noise_gains(BY_HAND)},
+        search=aw.tuning.Search(generations=asked.generations, improve_each=True),
     )  # fmt: skip
     print(*result.sentences(), sep="\n")
     print(f"{time.perf_counter() - began:.0f} s")

@@ -114,7 +114,9 @@ def calls(folder: Path) -> dict[str, Callable[[], Any]]:
     scenario = found("scenarios.file.read_scenario")(folder / "a.scenario.toml")
     arm, log = found("model.load.load")("puma560"), found("identification.logs.read.read_log")(log_file(folder))
     pose = found("kernels.compiled.compile_arm")(arm).forward_kinematics(np.full(arm.n, 0.3))
-    options = {"lanes": 8, "generations": 2, "candidates": 8, "poses": 20, "progress": False}
+    options = {"lanes": 8, "progress": False}
+    options["margins"] = found("tuning.options.MarginConstraint")(poses=20)
+    options["search"] = found("tuning.options.Search")(generations=2, candidates=8)
     return {
         "simulate": lambda: found("simulation.simulation.simulate")(scenario),
         "identify_arm": lambda: found("identification.arm.identify.identify_arm")(log),

@@ -87,7 +87,8 @@ def tune(bench, arm, motion):
     duration = bench.loop.period * np.ceil(motion.duration / bench.loop.period)
     loop = replace(bench.loop, reference=motion)
     nominal = replace(bench, arm=arm, vary={}, loop=loop, start=motion(0.0)[0], duration=duration)
-    result = aw.tuning.tune(nominal, {"position_kp": 5, "speed_kp": 4}, draws={"record": True}, lanes=16, generations=5)
+    gains, search = {"position_kp": 5, "speed_kp": 4}, aw.tuning.Search(generations=5)
+    result = aw.tuning.tune(nominal, gains, draws={"record": True}, lanes=16, search=search)
     begun, tuned = result.objectives["rms_error"]
     share = f"rms error {tuned / begun:.0%} of the first gains' on arms not tuned on"
     say("tune", f"{share}, {result.simulations} runs, margins of 2 and 30° kept")

@@ -33,7 +33,7 @@ else:
 
 
 @dataclass(frozen=True)
-class Entry:
+class AcceptedKind:
     """One of the things that functions take.
 
     Attributes:
@@ -48,31 +48,31 @@ class Entry:
 
 
 ENTRIES = {
-    "arm": Entry(
+    "arm": AcceptedKind(
         "armwright.model.model.Model",
         "armwright.model.load.load",
         ModelError,
         "an arm: its name, its file, or what aw.load returns",
     ),
-    "scenario": Entry(
+    "scenario": AcceptedKind(
         "armwright.simulation.scenario.Scenario",
         "armwright.scenarios.file.read_scenario",
         ScenarioError,
         "a scenario: an aw.Scenario, or its file",
     ),
-    "log": Entry(
+    "log": AcceptedKind(
         "armwright.identification.logs.log.Log",
         "armwright.identification.logs.read.read_log",
         LogError,
         "a log: its file, or what aw.identification.read_log returns",
     ),
-    "run": Entry(
+    "run": AcceptedKind(
         "xarray.Dataset",
         "armwright.results.run_file.load_run",
         RunError,
         "a run: its file, or what aw.simulate and aw.load_run return",
     ),
-    "motion": Entry(
+    "motion": AcceptedKind(
         "armwright.trajectory.motion.Motion",
         "armwright.trajectory.motion_files.load_motion",
         ScheduleError,

@@ -86,7 +86,7 @@ class Signal:
         return " | ".join(dict.fromkeys(self.units))
 
 
-class Values(Mapping[str, Any]):
+class SignalValues(Mapping[str, Any]):
     """Values of signals by name, `values.force` or `values["force"]`."""
 
     def __init__(self, parts: Mapping[str, Any]):

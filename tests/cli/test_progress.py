@@ -5,8 +5,7 @@ import sys
 
 import pytest
 
-from armwright.cli.progress import PATIENCE, progress, rate
-from armwright.progress import automatic
+from armwright.progress import PATIENCE, automatic, progress, rate
 
 
 def test_silent_without_a_terminal(capfd):
@@ -20,7 +19,7 @@ def test_silent_without_a_terminal(capfd):
 @pytest.mark.parametrize(("seconds", "seen"), [(0.0, False), (1.4 * PATIENCE, True)])
 def test_on_a_terminal(seconds, seen):
     script = (
-        "import time\nfrom armwright.cli.progress import progress\n"
+        "import time\nfrom armwright.progress import progress\n"
         f"with progress('working', 'steps') as tell:\n    tell(1, 2)\n    time.sleep({seconds})"
     )
     assert (b"working" in on_terminal(script)) == seen

@@ -327,7 +327,8 @@ def errors_of_simulation(scenario, answer, folder):
 def tuned(scenario, folder):
     gain = "position_kp" if isinstance(scenario.controller, aw.Cascade) else "kp"
     scenario = in_lanes(scenario)
-    found = aw.tuning.tune(scenario, {gain: (10.0, 300.0)}, generations=1, candidates=4, poses=10, **SMALL)
+    margins, search = aw.tuning.MarginConstraint(poses=10), aw.tuning.Search(generations=1, candidates=4)
+    found = aw.tuning.tune(scenario, {gain: (10.0, 300.0)}, margins=margins, search=search, **SMALL)
     return Answer([*found.held_out.values(), found.history], "", found)
 
 

@@ -7,7 +7,7 @@ import pytest
 
 import armwright as aw
 from armwright.session import Session
-from armwright.session.listing import Line
+from armwright.session.listing import TextLine
 from simulation.plants import ELASTIC, LUGRE, MOTOR, SUPPLY, THERMAL, chain
 
 PID = "controller joint-pid kp=40 ki=80 kd=3"
@@ -153,7 +153,7 @@ def test_notes_on_limits_are_those_of_the_whole_run(robot):
 
 
 def texts(shown):
-    return [part.text for part in shown if isinstance(part, Line) and part.style == "note"]
+    return [part.text for part in shown if isinstance(part, TextLine) and part.style == "note"]
 
 
 def test_another_time_step_continues_drives_and_schedule(robot, tmp_path, monkeypatch):

@@ -14,7 +14,7 @@ from armwright.session import Session
 from armwright.session.commands import TABLE as COMMANDS
 from armwright.session.controllers import gain_names, laws
 from armwright.session.help import KEY, REPORT, SOURCES, SYMBOLS, gains
-from armwright.session.listing import Line, Sheet
+from armwright.session.listing import Sheet, TextLine
 from armwright.session.variables import TABLE as VARIABLES
 from session.walks import refused
 
@@ -25,7 +25,7 @@ HELPED = Session()
 
 
 def lines(topic):
-    return [part.text for part in HELPED.run(f"help {topic}") if isinstance(part, Line)]
+    return [part.text for part in HELPED.run(f"help {topic}") if isinstance(part, TextLine)]
 
 
 def sheets(topic):
@@ -50,7 +50,7 @@ def test_the_example_of_gravity_is_the_arms_own():
     assert "example   gravity = -9.80621" in lines("gravity")
     session = Session("puma560")
     session.run("gravity = 1.6")
-    said = [part.text for part in session.run("help gravity") if isinstance(part, Line)]
+    said = [part.text for part in session.run("help gravity") if isinstance(part, TextLine)]
     assert "example   gravity = 9.81" in said
 
 
@@ -59,7 +59,7 @@ def test_symbols_are_a_page_that_help_names():
     symbols = " ".join(row[0] for row in sheet.rows)
     assert {"M", "C", "g", "n", "Kt", "Ke", "R", "U", "J", "τ", "θ"} <= letters(symbols)
     assert all(unit and meaning for _, unit, meaning in sheet.rows)
-    assert "help symbols" in " ".join(part.text for part in HELPED.run("help") if isinstance(part, Line))
+    assert "help symbols" in " ".join(part.text for part in HELPED.run("help") if isinstance(part, TextLine))
     assert refused(HELPED, "help symbol").choices[0] == "symbols"
 
 
@@ -117,7 +117,7 @@ def toured():
     """(line, what it said) of the tour, with the words before each step."""
     told: list[tuple[str, str]] = []
     for part in Session().run("tour"):
-        if isinstance(part, Line) and part.text.startswith("sim> "):
+        if isinstance(part, TextLine) and part.text.startswith("sim> "):
             told.append((part.text.removeprefix("sim> "), ""))
         elif told:
             rows = [" ".join(row) for row in part.rows] if isinstance(part, Sheet) else [part.text]
@@ -153,7 +153,7 @@ def test_show_tells_of_gravity_to_the_side_and_of_the_payload():
     session = Session("two-link")
 
     def told():
-        return [part.text for part in session.run("show") if isinstance(part, Line)]
+        return [part.text for part in session.run("show") if isinstance(part, TextLine)]
 
     assert told() == ["this arm's gravity has other components too: (0, -9.81, 0) m/s² in base axes"]
     session.run('payload 2 com="0 0 5 cm" inertia="1e-3 1e-3 1e-3"')
@@ -162,4 +162,4 @@ def test_show_tells_of_gravity_to_the_side_and_of_the_payload():
     ]
     session.run("payload none")
     assert len(told()) == 1
-    assert [part for part in Session().run("show") if isinstance(part, Line)] == []
+    assert [part for part in Session().run("show") if isinstance(part, TextLine)] == []

@@ -6,12 +6,12 @@ import pytest
 
 from armwright.errors import SessionError
 from armwright.session import Session
-from armwright.session.listing import Line
+from armwright.session.listing import TextLine
 from armwright.session.workspace import UNSAVED
 
 
 def texts(shown):
-    return " ".join(part.text for part in shown if isinstance(part, Line))
+    return " ".join(part.text for part in shown if isinstance(part, TextLine))
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ import pytest
 
 from armwright.errors import ABSENT, SessionError
 from armwright.session import Session
-from armwright.session.listing import Line
+from armwright.session.listing import TextLine
 from session.terminal import SIM, Terminal, needs_pty
 from session.walks import refused
 
@@ -68,7 +68,7 @@ def test_a_question_comes_after_what_was_printed_and_before_the_answer(capsys, m
     asked = Session(ask=lambda argument, default: "")
     shown = asked.run("python print('first'); theta[0] = float(input('hm? ')); print('last')")
     assert capsys.readouterr().out == "first\nhm? "
-    assert next(part.text for part in shown if isinstance(part, Line)) == "last"
+    assert next(part.text for part in shown if isinstance(part, TextLine)) == "last"
     assert asked.state.q[0] == 0.5
 
 

@@ -16,7 +16,7 @@ from armwright.errors import RunError, ScenarioError
 from armwright.session import Session
 from armwright.session.arguments import same, words
 from armwright.session.commands import COMMANDS, TABLE as ALL_COMMANDS
-from armwright.session.listing import Drawing, Line, Sheet, significant
+from armwright.session.listing import Drawing, Sheet, TextLine, significant
 from armwright.session.simulation import at_dac_ticks
 from armwright.session.variables import TABLE as ALL_VARIABLES, VARIABLES
 from armwright.simulation.inputs.schedule import Schedule
@@ -46,7 +46,7 @@ def column(shown, head):
 
 
 def texts(shown):
-    return " ".join(part.text for part in shown if isinstance(part, Line))
+    return " ".join(part.text for part in shown if isinstance(part, TextLine))
 
 
 def test_the_inverse_arm_is_the_functions_to_the_last_digit(session):

@@ -123,4 +123,6 @@ def test_tuning_refuses_unstable_gains_with_their_oscillation():
     with pytest.raises(
         ScenarioError, match=f"the start gains are unstable: .*{SAID}: .* oscillates at .*armwright loops FILE"
     ):
-        aw.tuning.tune(wild, lanes=4, poses=20, generations=1)
+        aw.tuning.tune(
+            wild, lanes=4, margins=aw.tuning.MarginConstraint(poses=20), search=aw.tuning.Search(generations=1)
+        )

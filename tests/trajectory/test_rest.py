@@ -14,7 +14,7 @@ from armwright.cli.app import app
 from armwright.description.database import parse
 from armwright.model import build_model
 from armwright.session import Session
-from armwright.session.listing import Line
+from armwright.session.listing import TextLine
 from armwright.trajectory.limits_report import limits_report
 from armwright.trajectory.piecewise import PiecewisePolynomial
 from armwright.trajectory.rest import torques
@@ -130,6 +130,6 @@ def test_the_session_says_the_band(tmp_path):
         session = Session(str(tmp_path / "dry.toml"))
         for line in ("theta = 0.3 0.4", "omega = 1e-13 1", "alpha = 0 0"):
             session.run(line)
-        notes = [part.text for part in session.run("inverse-arm") if isinstance(part, Line)]
+        notes = [part.text for part in session.run("inverse-arm") if isinstance(part, TextLine)]
         assert any(note.startswith("shoulder stands: any torque of ") for note in notes)
         assert any("beyond its limit" in note for note in notes) == beyond

@@ -118,8 +118,8 @@ def test_the_front_is_drawn(tuned, tmp_path):
 
 def test_what_python_states_comes_before_the_file(tmp_path):
     found = aw.tuning.tune(
-        read(tmp_path, TABLE.format(generations=5)), start="scenario", generations=1, front=0, phase_margin=0.4,
-        draws={"mass": 0.1}, improve_each=False,
+        read(tmp_path, TABLE.format(generations=5)), start="scenario", draws={"mass": 0.1},
+        margins=aw.tuning.MarginConstraint(phase_margin=0.4), search=aw.tuning.Search(generations=1, front=0, improve_each=False),
     )  # fmt: skip
     assert found.begun == "scenario"
     assert found.asked == (2.0, 0.4)
@@ -160,7 +160,11 @@ def test_a_wrong_table_is_refused_when_the_file_is_read(tmp_path, table, words):
 
 
 def test_the_example_s_table_is_searched_over_its_lanes():
-    found = aw.tuning.tune(EXAMPLES / "robust.scenario.toml", generations=1, candidates=4, poses=20)
+    found = aw.tuning.tune(
+        EXAMPLES / "robust.scenario.toml",
+        margins=aw.tuning.MarginConstraint(poses=20),
+        search=aw.tuning.Search(generations=1, candidates=4),
+    )
     assert found.lanes == (32, 32)
     assert set(found.objectives) == {"rms_error", "peak_error", "noise_gain"}
     assert found.searched == ("position_kp", "speed_ki")
@@ -193,10 +197,11 @@ def test_a_cluster_gives_the_same_bits(tmp_path):
     scenario = read(tmp_path, "poses = 50\nlanes = 8\ngenerations = 2\ncandidates = 4")
     assert scenario.loop is not None
     noisy = replace(scenario, loop=replace(scenario.loop, sensors=aw.Sensors(position_noise=1e-4)))
-    few: dict[str, Any] = {"poses": 50, "lanes": 8, "generations": 1, "candidates": 4}
-    here = aw.tuning.tune(noisy, **few)
+    few: dict[str, Any] = {"lanes": 8, "margins": aw.tuning.MarginConstraint(poses=50)}
+    search = aw.tuning.Search(generations=1, candidates=4)
+    here = aw.tuning.tune(noisy, **few, search=search)
     with connected() as client:
-        there = aw.tuning.tune(noisy, **few, client=client)
+        there = aw.tuning.tune(noisy, **few, search=replace(search, client=client))
     assert np.array_equal(here.history, there.history)
     assert here.score == there.score
 
@@ -206,8 +211,9 @@ def test_margins_out_of_reach_say_which_delay_or_period_would_do():
     timing = aw.Timing(preset="one-tick", command_delay=2e-2)
     loop = aw.Loop(law, reference=[0.3, 0.2], period=2e-3, timing=timing)
     scenario = aw.Scenario(aw.load("two-link"), duration=0.2, loop=loop)
+    margins = aw.tuning.MarginConstraint(phase_margin=np.radians(35.0), poses=50)
     with pytest.raises(aw.ArmwrightError, match="no gains found") as caught:
-        aw.tuning.tune(scenario, {"kp": 1.01}, generations=1, lanes=4, poses=50, phase_margin=np.radians(35.0))
+        aw.tuning.tune(scenario, {"kp": 1.01}, lanes=4, margins=margins, search=aw.tuning.Search(generations=1))
     text = str(caught.value)
     assert "a delay of" in text
     delay = float(text.split("a delay of ")[1].split(" ms")[0]) * 1e-3
@@ -219,6 +225,12 @@ def test_margins_out_of_reach_say_which_delay_or_period_would_do():
         assert bool(late.keeps(late.slopes(q), 2.0, np.radians(35.0)).all()) is kept
 
 
+def test_options_of_another_type_are_refused(tmp_path):
+    options: Any = {"margins": 2.0}
+    with pytest.raises(aw.ArmwrightError, match=r"margins = 2\.0: expected aw\.tuning\.MarginConstraint"):
+        aw.tuning.tune(read(tmp_path, ""), **options)
+
+
 def test_a_start_that_fails_in_a_lane_is_named():
     law = aw.JointPID(kp=np.array([600.0, 120.0]), kd=np.array([60.0, 10.0]), gravity=True)
     loop = aw.Loop(law, reference=[0.3, 0.2], period=2e-3)
@@ -226,4 +238,4 @@ def test_a_start_that_fails_in_a_lane_is_named():
     light = {"forearm.mass_kg": aw.Batch([4.0, 4.0, 4.0, 4.0])}
     wild = replace(one, vary=light, start=aw.Start(qd=aw.Batch([[0.0, 0.0], [0.0, 0.0], [1e200, 0.0], [0.0, 0.0]])))
     with pytest.raises(aw.ArmwrightError, match=r"no finite rms_error in 1 of 2 lanes"):
-        aw.tuning.tune(wild, generations=1, poses=50)
+        aw.tuning.tune(wild, margins=aw.tuning.MarginConstraint(poses=50), search=aw.tuning.Search(generations=1))

@@ -19,7 +19,14 @@ def scenario(kp=(600.0, 120.0), kd=(60.0, 10.0), period=2e-3, **more):
 
 
 def quick(found, gains=None, *, lanes=16, generations=6, poses=100, **more):
-    return aw.tuning.tune(found, gains, lanes=lanes, generations=generations, poses=poses, **more)
+    margins = aw.tuning.MarginConstraint(more.pop("gain_margin", None), more.pop("phase_margin", None), poses)
+    asked = {
+        name: more.pop(name)
+        for name in ("over", "seed", "method", "candidates", "improve_each", "front")
+        if name in more
+    }
+    search = aw.tuning.Search(generations=generations, **asked)
+    return aw.tuning.tune(found, gains, lanes=lanes, margins=margins, search=search, **more)
 
 
 @pytest.fixture(scope="module")

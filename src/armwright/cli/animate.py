@@ -3,33 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
-import typer
-
-from armwright.cli.arguments import option
+import armwright as aw
+from armwright.cli.arguments import argument, option, output_option
+from armwright.cli.outcome import check_file
 from armwright.terminal import say
 
 
 def animate(
-    run: Annotated[Path, typer.Argument(metavar="RUN", help="Run saved as .nc.", show_default=False)],
-    output: Annotated[
-        Path,
-        option("--output -o", "FILE", "Where to: .html (a page that plays it) or .glb (animated glTF 2.0)."),
-    ],
-    robot: Annotated[
-        str | None,
-        option(
-            "--robot",
-            "ROBOT",
-            "The arm that moved: a built-in one, or path of its file; by default the built-in one that the run names, or "
-            "the one that the run of a scenario file keeps, drawn as a figure of its joints.",
-        ),
-    ] = None,
-    lane: Annotated[
-        int | None,
-        option("--lane", "K", "Which lane of a run that has several."),
-    ] = None,
+    run: Path = argument("RUN", "Run saved as .nc."),
+    output: Path = output_option("FILE", "Where to: .html (a page that plays it) or .glb (animated glTF 2.0).", ...),
+    robot: str | None = option(
+        "ROBOT",
+        "The arm that moved: a built-in one, or path of its file; by default the built-in one that the run names, or "
+        "the one that the run of a scenario file keeps, drawn as a figure of its joints.",
+    ),
+    lane: int | None = option("K", "Which lane of a run that has several."),
 ) -> None:
     """Write a run as a moving arm: a page with a player, or an animated glTF file.
 
@@ -41,12 +30,11 @@ def animate(
       armwright animate run.nc -o run.glb
       armwright animate batch.nc --robot my-arm.toml --lane 3 -o lane3.html
     """
-    import armwright as aw
     from armwright.errors import RunError
-    from armwright.pictures.animate import check_animation
+    from armwright.pictures.animate import ENDINGS
     from armwright.scenarios.reproduce import kept_scenario
 
-    check_animation(output)
+    check_file(output, ENDINGS)
     loaded = aw.load_run(run)
     name = robot or str(loaded.attrs.get("robot", ""))
     if robot is not None or name in aw.builtin_names():

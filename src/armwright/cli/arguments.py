@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from math import isfinite, nan, pi
@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+import armwright as aw
 from armwright.errors import ABSENT, ArmwrightError, DivergenceError, ScenarioError
 from armwright.terminal import say
 
@@ -25,9 +26,29 @@ SCENARIO = ".scenario.toml"
 MOTION = ".motion.toml"
 
 
-def option(names: str, metavar: str, text: str) -> Any:
-    """An option whose help does not show the default."""
-    return typer.Option(*names.split(), metavar=metavar, help=text, show_default=False)
+def option(metavar: str, text: str, default: Any = None, *, names: str = "", **more: Any) -> Any:
+    """An option, whose name is its parameter's and whose help does not show the default.
+
+    Args:
+        metavar, text: of its help.   default: of a required option, and in `Annotated`: `...`.
+        names: others than the parameter's.   more: as `typer.Option` has it.
+    """
+    return typer.Option(default, *names.split(), metavar=metavar, help=text, **{"show_default": False, **more})
+
+
+def output_option(metavar: str, text: str, default: Any = None) -> Any:
+    """The option --output, short -o."""
+    return option(metavar, text, default, names="--output -o")
+
+
+def flag(name: str, text: str, default: bool | None = False) -> Any:
+    """An option without a value."""
+    return typer.Option(default, name, help=text, show_default=False)
+
+
+def argument(metavar: str, text: str, default: Any = ..., **more: Any) -> Any:
+    """An argument, required by default."""
+    return typer.Argument(default, metavar=metavar, help=text, **{"show_default": False, **more})
 
 
 def complete_robot(incomplete: str) -> list[str]:
@@ -42,33 +63,39 @@ def complete_robot(incomplete: str) -> list[str]:
 
 Robot = Annotated[
     str,
-    typer.Argument(
-        metavar="ROBOT",
-        autocompletion=complete_robot,
-        help="Name of a built-in arm, or path of a robot's TOML, URDF or MJCF file.",
-        show_default=False,
+    argument(
+        "ROBOT", "Name of a built-in arm, or path of a robot's TOML, URDF or MJCF file.", autocompletion=complete_robot
     ),
 ]
-Table = Annotated[Path, typer.Argument(metavar="IN.csv", help="CSV file, one set of data a row.", show_default=False)]
-Out = Annotated[Path | None, option("--output -o", "OUT.csv", "CSV file for the results; without it they are printed.")]
+Table = Annotated[Path, argument("IN.csv", "CSV file, one set of data a row.")]
+Out = Annotated[Path | None, output_option("OUT.csv", "CSV file for the results; without it they are printed.", ...)]
 Schedule = Annotated[
-    Path | None, option("--schedule", "FILE", "CSV: t in s and one column a joint, held from row to row.")
+    Path | None, option("FILE", "CSV: t in s and one column a joint, held from row to row.", ..., names="--schedule")
 ]
-Voltage = Annotated[str | None, option("--voltage", "V1,V2,…", "Constant voltages in V.")]
-Current = Annotated[str | None, option("--current", "I1,I2,…", "Constant currents in A.")]
-Torque = Annotated[str | None, option("--torque", "T1,T2,…", "Constant motor torques at the joints in N m.")]
-Command = Annotated[str | None, option("--command", "U1,U2,…", "Constant commands, each in its own joint's unit.")]
+Voltage = Annotated[str | None, option("V1,V2,…", "Constant voltages in V.", ..., names="--voltage")]
+Current = Annotated[str | None, option("I1,I2,…", "Constant currents in A.", ..., names="--current")]
+Torque = Annotated[str | None, option("T1,T2,…", "Constant motor torques at the joints in N m.", ..., names="--torque")]
+Command = Annotated[
+    str | None, option("U1,U2,…", "Constant commands, each in its own joint's unit.", ..., names="--command")
+]
 Allow = Annotated[
     list[Path] | None,
-    option("--allow", "FOLDER", "Folder in which a scenario file may name files, beside its own; may be repeated."),
+    option(
+        "FOLDER",
+        "Folder in which a scenario file may name files, beside its own; may be repeated.",
+        ...,
+        names="--allow",
+    ),
 ]
 Duration = Annotated[
-    float | None, option("--duration", "S", "Duration in s; by default until the schedule's last row.")
+    float | None, option("S", "Duration in s; by default until the schedule's last row.", ..., names="--duration")
 ]
 Position = Annotated[
-    str | None, option("--q0", "Q1,Q2,…", "Initial positions in rad (or 30deg, pi/2) or m; default 0.")
+    str | None, option("Q1,Q2,…", "Initial positions in rad (or 30deg, pi/2) or m; default 0.", ..., names="--q0")
 ]
-Velocity = Annotated[str | None, option("--qd0", "W1,W2,…", "Initial velocities in rad/s or m/s; default 0.")]
+Velocity = Annotated[
+    str | None, option("W1,W2,…", "Initial velocities in rad/s or m/s; default 0.", ..., names="--qd0")
+]
 
 ANGLE = re.compile(r"^(?P<factor>[+-]?[\d.]*)\*?pi(?:/(?P<by>[\d.]+))?$")
 
@@ -121,7 +148,6 @@ def _number(place: str, text: str, unit: str) -> float:
 
 def start_of(arm: Model, q0: str | None, qd0: str | None) -> Start:
     """Initial positions and speeds from the options --q0 and --qd0."""
-    import armwright as aw
     from armwright.model.joint_signals import joint_units
 
     units = joint_units(arm, "q")
@@ -131,10 +157,8 @@ def start_of(arm: Model, q0: str | None, qd0: str | None) -> Start:
         for k in far[:1]:
             turns = f"radians? {q[k]:g} rad is {abs(q[k]) / (2.0 * pi):.1f} turns"
             say(f"armwright: note: --q0 of joint {arm.names[k]!r}: {turns}; degrees are written {q[k]:g}deg", err=True)
-    return aw.Start(
-        q,
-        None if qd0 is None else vector("--qd0", qd0, arm.names, joint_units(arm, "qd")),
-    )
+    qd = None if qd0 is None else vector("--qd0", qd0, arm.names, joint_units(arm, "qd"))
+    return aw.Start(q, qd)
 
 
 def commands_of(arm: Model, schedule: Path | None, constants: dict[str, str | None]) -> Any:
@@ -145,7 +169,6 @@ def commands_of(arm: Model, schedule: Path | None, constants: dict[str, str | No
     Raises:
         ScenarioError: none, or more than one, or one that the arm's drives do not take.
     """
-    import armwright as aw
     from armwright.model.joint_signals import joint_units
 
     units = joint_units(arm, "u")
@@ -166,29 +189,87 @@ def commands_of(arm: Model, schedule: Path | None, constants: dict[str, str | No
     return vector(f"--{name}", str(text), arm.names, units)
 
 
-def refuse_options(file: str, options: dict[str, Any]) -> None:
+def words(text: str) -> list[str]:
+    """Words of text with commas between, without empty ones."""
+    return [word.strip() for word in text.split(",") if word.strip()]
+
+
+def numbers(
+    place: str,
+    text: str | None,
+    expected: str,
+    *,
+    kind: type[float] = float,
+    count: int | None = None,
+    error: type[ArmwrightError] = ScenarioError,
+) -> list[Any] | None:
+    """Numbers of text with commas between; None of None.
+
+    Args:
+        place: name of the option.   text: that was typed.   expected: in words.   kind: float or int.   count: how many.
+        error: type of the error.
+    Raises:
+        ArmwrightError: something that is no number, or another count.
+    """
+    if text is None:
+        return None
+    try:
+        found = [kind(part) for part in text.split(",")]
+    except ValueError:
+        found = []
+    if not found or count not in (None, len(found)):
+        raise error(place=place, value=text, expected=expected)
+    return found
+
+
+def node_numbers(nodes: str | None, error: type[ArmwrightError]) -> list[int] | None:
+    """Node numbers of the drives on a bus, as they were typed.
+
+    Raises:
+        ArmwrightError: no whole numbers with commas between.
+    """
+    return numbers("--nodes", nodes, "whole numbers with commas between: 3,4,5", kind=int, error=error)
+
+
+def refuse(
+    options: Mapping[str, Any],
+    what: str,
+    *,
+    error: type[ArmwrightError] = ScenarioError,
+    with_value: bool = False,
+    **about: Any,
+) -> None:
+    """Refuses options that were given.
+
+    Args:
+        options: values by name without --, None of one that was not given.   what: is wrong with them.
+        error: its type.   with_value: whether it shows the value.   about: its further fields.
+    Raises:
+        ArmwrightError: names the first.
+    """
+    for name, value in options.items():
+        if value is not None:
+            shown = {"value": value} if with_value else {}
+            raise error(what, place=f"--{name}", **shown, **about)
+
+
+def refuse_options(file: str, options: Mapping[str, Any]) -> None:
     """Refuses options that a scenario file already decides.
 
     Raises:
         ScenarioError: one of them was given.
     """
-    for name, value in options.items():
-        if value is not None:
-            raise ScenarioError(
-                "the scenario file states this already", place=f"--{name}", expected="the option or the file", file=file
-            )
+    refuse(options, "the scenario file states this already", expected="the option or the file", file=file)
 
 
-def refuse_allow(folders: list[Path] | None) -> None:
-    """Refuses --allow without a scenario file: only a scenario file names other files.
+def refuse_without_file(folders: list[Path] | None, robot: str | None = None) -> None:
+    """Refuses --allow and --robot without a scenario file: only a scenario file names other files, and a robot to replace.
 
     Raises:
-        ScenarioError: it was given.
+        ScenarioError: one of them was given.
     """
-    if folders:
-        raise ScenarioError(
-            "goes with a scenario file", place="--allow", value=str(folders[0]), expected=f"FILE{SCENARIO}"
-        )
+    options = {"allow": str(folders[0]) if folders else None, "robot": robot}
+    refuse(options, "goes with a scenario file", with_value=True, expected=f"FILE{SCENARIO}")
 
 
 OPTION_OF = {  # field of a scenario, or argument of a function → the option that gives it

@@ -4,50 +4,31 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Any
 
-import typer
-
-from armwright.cli.arguments import option
-from armwright.cli.tables import number, table
+import armwright as aw
+from armwright.cli.arguments import argument, flag, option, output_option
+from armwright.cli.outcome import TOML, check_file, say_notes
+from armwright.cli.tables import console_for_tables, number, table
 from armwright.errors import ScenarioError
-from armwright.terminal import say
-
-if TYPE_CHECKING:
-    from armwright.modules.assembly import Assembly
-    from armwright.modules.library import ModuleLibrary
-    from armwright.results.result import Result
+from armwright.progress import progress
 
 ENDINGS = (".toml", ".csv")
 
 
 def assemble(
-    assembly: Annotated[
-        str | None,
-        typer.Argument(
-            metavar="[FILE.assembly.toml]",
-            help="An assembly's file, or the name of a built-in one.",
-            show_default=False,
-        ),
-    ] = None,
-    output: Annotated[
-        Path | None,
-        option("--output -o", "FILE", "ARM.toml, the arm; with --all a list as .csv, or the best arm as .toml."),
-    ] = None,
-    every: Annotated[bool, typer.Option("--all", help="List every arm that the connectors allow instead.")] = False,
-    modules: Annotated[
-        str | None, option("--modules", "FILE", "With --all: a module library's file, or the name of a built-in one.")
-    ] = None,
-    task: Annotated[
-        Path | None, option("--task", "FILE", "With --all: rank them by how well they do the task in this file.")
-    ] = None,
-    max_joints: Annotated[int, typer.Option("--max-joints", metavar="N", help="With --all: joints of an arm.")] = 6,
-    min_joints: Annotated[int, typer.Option("--min-joints", metavar="N", help="With --all: joints of an arm.")] = 1,
-    max_links: Annotated[
-        int, typer.Option("--max-links", metavar="N", help="With --all: how many modules without joints in a row.")
-    ] = 1,
-    limit: Annotated[int, typer.Option("--limit", metavar="N", help="With --all: how many are computed.")] = 1000,
-    show: Annotated[int, typer.Option("--show", metavar="N", help="With --all: how many are printed.")] = 20,
+    assembly: str | None = argument("[FILE.assembly.toml]", "An assembly's file, or the name of a built-in one.", None),
+    output: Path | None = output_option(
+        "FILE", "ARM.toml, the arm; with --all a list as .csv, or the best arm as .toml."
+    ),
+    every: bool = flag("--all", "List every arm that the connectors allow instead."),
+    modules: str | None = option("FILE", "With --all: a module library's file, or the name of a built-in one."),
+    task: Path | None = option("FILE", "With --all: rank them by how well they do the task in this file."),
+    max_joints: int = option("N", "With --all: joints of an arm.", 6, show_default=True),
+    min_joints: int = option("N", "With --all: joints of an arm.", 1, show_default=True),
+    max_links: int = option("N", "With --all: how many modules without joints in a row.", 1, show_default=True),
+    limit: int = option("N", "With --all: how many are computed.", 1000, show_default=True),
+    show: int = option("N", "With --all: how many are printed.", 20, show_default=True),
 ) -> None:
     """Put modules together, check that they fit, and write the resulting arm.
 
@@ -62,13 +43,10 @@ def assemble(
       armwright assemble --all --modules improv --max-joints 4 --limit 100
       armwright assemble --all --modules improv --min-joints 6 --task pick.task.toml -o best.toml
     """
-    from armwright.output import check_destination
-
     if every == (assembly is not None):
         what = "--all and a file given" if every else "neither a file nor --all given"
         raise ScenarioError(what, place="assemble", expected="FILE.assembly.toml, or --all --modules FILE")
-    if output is not None:
-        check_destination(output, ENDINGS if every else (".toml",))
+    check_file(output, ENDINGS if every else TOML)
     if assembly is not None:
         _one(assembly, output, unused={"--modules": modules, "--task": task})
     elif modules is None:
@@ -79,8 +57,6 @@ def assemble(
 
 
 def _one(source: str, output: Path | None, unused: dict[str, Any]) -> None:
-    import armwright as aw
-    from armwright.cli.tables import console_for_tables
     from armwright.description.writer import write_toml
     from armwright.kinematics.reach import reach
     from armwright.model import build_model
@@ -105,14 +81,11 @@ def _one(source: str, output: Path | None, unused: dict[str, Any]) -> None:
         console.print(shown)
     if output is not None:
         console.print(f"wrote {output}")
-    for warning in arm.warnings:
-        say(f"armwright: note: {warning}", err=True)
+    say_notes(arm.warnings)
 
 
 def _all(modules: str, task: Path | None, rules: dict[str, int], output: Path | None, show: int) -> None:
-    import armwright as aw
-    from armwright.cli.progress import progress
-    from armwright.cli.tables import console_for_tables
+    from armwright.description.writer import write_toml
 
     library = aw.modules.read_modules(modules)
     wanted = None if task is None else aw.modules.read_task(task)
@@ -131,8 +104,10 @@ def _all(modules: str, task: Path | None, rules: dict[str, int], output: Path | 
             if output is not None and output.suffix == ".toml" and not result.ranked[0].feasible:
                 what = f"no arm does it; the best, {best.name}: {result.ranked[0].why_not}"
                 raise ScenarioError(what, place=wanted.name)
-        if output is not None:
-            _write(output, library, best, result)
+        if output is not None and output.suffix == ".toml":
+            write_toml(aw.modules.assemble(best, [library]), output)
+        elif output is not None:
+            result.save(output)
     console = console_for_tables()
     (found,) = result.tables()
     rows = found.cells
@@ -144,17 +119,6 @@ def _all(modules: str, task: Path | None, rules: dict[str, int], output: Path | 
     if len(rows) < open_:
         order = "others" if task is not None else "longer ones"
         console.print(f"{open_ - len(rows)} {order} were not computed (--limit {rules['limit']})")
-    for name, reason in result.left_out.items():
-        say(f"armwright: note: module {name} is left out: {reason}", err=True)
+    say_notes(f"module {name} is left out: {reason}" for name, reason in result.left_out.items())
     if output is not None:
         console.print(f"wrote {output}")
-
-
-def _write(output: Path, library: ModuleLibrary, best: Assembly, result: Result) -> None:
-    import armwright as aw
-    from armwright.description.writer import write_toml
-
-    if output.suffix == ".toml":
-        write_toml(aw.modules.assemble(best, [library]), output)
-        return
-    result.save(output)

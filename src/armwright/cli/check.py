@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated
 
 import typer
 
-from armwright.cli.arguments import Robot
+import armwright as aw
+from armwright.cli.arguments import Robot, flag
 from armwright.cli.excerpts import excerpt
 from armwright.cli.tables import console_for_tables
 from armwright.errors import ArmwrightError, Problem
@@ -18,7 +18,7 @@ FOUND = 1  # the exit code where something was found
 
 def check(
     robot: Robot,
-    strict: Annotated[bool, typer.Option("--strict", help="Exit with 1 on warnings too, not only on errors.")] = False,
+    strict: bool = flag("--strict", "Exit with 1 on warnings too, not only on errors."),
 ) -> None:
     """Check a robot file: missing numbers, impossible inertias, implausible values, meshes.
 
@@ -31,8 +31,6 @@ def check(
       armwright check my-arm.toml
       armwright check my-arm.urdf --strict
     """
-    import armwright as aw
-
     try:
         report = aw.robotfiles.check(robot)
     except ArmwrightError as error:

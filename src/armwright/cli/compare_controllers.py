@@ -3,51 +3,35 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
-
-from armwright.cli.arguments import MOTION, SCENARIO, Allow, option
+import armwright as aw
+from armwright.cli.arguments import MOTION, SCENARIO, Allow, argument, option, output_option
+from armwright.cli.outcome import PICTURE, check_file, say_notes, write
 from armwright.cli.tables import console_for_tables
 from armwright.errors import ScenarioError
-from armwright.terminal import say
+from armwright.progress import progress
 
 if TYPE_CHECKING:
     from armwright.model import Model
 
 
 def compare_controllers(
-    scenarios: Annotated[
-        list[Path],
-        typer.Argument(
-            metavar="FILE.scenario.toml…", help="Scenarios of one arm, each with a controller.", show_default=False
-        ),
-    ],
-    motion: Annotated[
-        list[Path],
-        option(
-            "--motion -m",
-            "FILE",
-            "Motion to follow: .motion.toml with its payloads, or .csv or .nc of one that was saved; may be repeated.",
-        ),
-    ],
-    payload: Annotated[
-        list[str] | None,
-        option(
-            "--payload",
-            "KG",
-            "Point mass at the tip during all of every motion; 0: what the motion carries; may be repeated.",
-        ),
-    ] = None,
-    runs: Annotated[
-        int | None, option("--runs", "N", "Runs with different noise and draws; default: the files' lanes, or 8.")
-    ] = None,
-    band: Annotated[float, option("--band", "B", "Band of the settling time in rad or m; default 0.001.")] = 1e-3,
-    settle: Annotated[float, option("--settle", "S", "Time to watch after each motion's end, s; default 1.")] = 1.0,
-    output: Annotated[
-        Path | None, option("--output -o", "FILE", "Write every measure: .csv by case and joint, or .nc.")
-    ] = None,
-    plot: Annotated[Path | None, option("--plot", "FILE", "Draw the errors: .png, .svg or .pdf.")] = None,
+    scenarios: list[Path] = argument("FILE.scenario.toml…", "Scenarios of one arm, each with a controller."),
+    motion: list[Path] = option(
+        "FILE",
+        "Motion to follow: .motion.toml with its payloads, or .csv or .nc of one that was saved; may be repeated.",
+        ...,
+        names="--motion -m",
+    ),
+    payload: list[str] | None = option(
+        "KG", "Point mass at the tip during all of every motion; 0: what the motion carries; may be repeated."
+    ),
+    runs: int | None = option("N", "Runs with different noise and draws; default: the files' lanes, or 8."),
+    band: float = option("B", "Band of the settling time in rad or m; default 0.001.", 1e-3),
+    settle: float = option("S", "Time to watch after each motion's end, s; default 1.", 1.0),
+    output: Path | None = output_option("FILE", "Write every measure: .csv by case and joint, or .nc."),
+    plot: Path | None = option("FILE", "Draw the errors: .png, .svg or .pdf."),
     allow: Allow = None,
 ) -> None:
     """Compare controllers on the same motions: errors, path accuracy (ISO 9283), settling, effort.
@@ -59,15 +43,10 @@ def compare_controllers(
       armwright compare-controllers pid.scenario.toml cascade.scenario.toml --motion pick.motion.toml
       armwright compare-controllers a.scenario.toml --motion a.csv --payload 0 --payload 2 -o errors.csv --plot errors.png
     """
-    import armwright as aw
-    from armwright.cli.progress import progress
     from armwright.control.comparison.compare import ENDINGS
-    from armwright.output import check_destination
-    from armwright.results.result import PICTURES
 
-    for path, endings in ((plot, PICTURES), (output, ENDINGS)):
-        if path is not None:
-            check_destination(path, endings, read=(*scenarios, *motion))
+    for path, endings in ((plot, PICTURE), (output, ENDINGS)):
+        check_file(path, endings, (*scenarios, *motion))
     names = _names(scenarios, SCENARIO)
     found = {name: aw.read_scenario(path, allow=allow or ()) for name, path in names.items()}
     first = next(iter(found.values()))
@@ -78,14 +57,9 @@ def compare_controllers(
         )
     for each in comparison.tables():
         console_for_tables().print(each)
-    for note in comparison.notes:
-        say(f"armwright: note: {note}", err=True)
-    if output is not None:
-        comparison.save(output)
-        say(f"wrote {output}")
-    if plot is not None:
-        comparison.plot(plot)
-        say(f"wrote {plot}")
+    say_notes(comparison.notes)
+    write(output, comparison.save)
+    write(plot, comparison.plot)
 
 
 def _names(paths: list[Path], ending: str | None) -> dict[str, Path]:
@@ -101,8 +75,6 @@ def _names(paths: list[Path], ending: str | None) -> dict[str, Path]:
 
 def _motion(path: Path, arm: Model, allow: list[Path] | None) -> Any:
     """The motion in a file, with what it carries."""
-    import armwright as aw
-
     if path.suffix.lower() in (".csv", ".nc"):
         return aw.trajectories.load_motion(path, arm)
     plan = aw.trajectories.plan(path, allow=allow or ())
@@ -116,8 +88,6 @@ def _motion(path: Path, arm: Model, allow: list[Path] | None) -> Any:
 def _payloads(texts: list[str] | None) -> dict[str, Any] | tuple[None]:
     """Point masses at the tip by their names."""
     import numpy as np
-
-    import armwright as aw
 
     if not texts:
         return (None,)

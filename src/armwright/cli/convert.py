@@ -3,30 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
 
-import typer
-
-from armwright.terminal import say
-
-
-def _file(metavar: str, help_text: str) -> Any:
-    return typer.Argument(metavar=metavar, help=help_text, show_default=False)
+import armwright as aw
+from armwright.cli.arguments import argument, option
+from armwright.cli.outcome import say_each
 
 
 def convert(
-    source: Annotated[
-        str, _file("IN", "A robot's TOML, URDF or MJCF file, the name of a built-in arm, or a run: .nc.")
-    ],
-    target: Annotated[Path, _file("OUT", "The file to write, replaced where it exists.")],
-    smoothing: Annotated[
-        float | None,
-        typer.Option(
-            "--smoothing",
-            metavar="V",
-            help="For URDF and MJCF: speed over which Coulomb friction changes its sign; by default it sticks in simulation.",
-        ),
-    ] = None,
+    source: str = argument("IN", "A robot's TOML, URDF or MJCF file, the name of a built-in arm, or a run: .nc."),
+    target: Path = argument("OUT", "The file to write, replaced where it exists."),
+    smoothing: float | None = option(
+        "V",
+        "For URDF and MJCF: speed over which Coulomb friction changes its sign; by default it sticks in simulation.",
+    ),
 ) -> None:
     """Convert a robot file or a run to another format, and list what is lost.
 
@@ -43,12 +32,7 @@ def convert(
       armwright convert my-arm.toml my-arm.xml
       armwright convert run.nc run.mcap
     """
-    import armwright as aw
-
     done = aw.robotfiles.convert(source, target, **({} if smoothing is None else {"smoothing": smoothing}))
-    for path in done.written:
-        say(f"wrote {path}")
-    for line in done.lost:
-        say(f"lost: {line}")
-    for line in done.notes:
-        say(f"note: {line}")
+    say_each("wrote ", done.written)
+    say_each("lost: ", done.lost)
+    say_each("note: ", done.notes)

@@ -3,65 +3,52 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-import typer
-
-from armwright.cli.arguments import SCENARIO, Allow, complete_robot, option, refuse_allow
+import armwright as aw
+from armwright.cli.arguments import (
+    SCENARIO,
+    Allow,
+    argument,
+    complete_robot,
+    option,
+    output_option,
+    refuse,
+    refuse_without_file,
+    vector,
+)
+from armwright.cli.outcome import TOML, check_file, exit_unless, say_each
 from armwright.cli.tables import show
 from armwright.errors import ScenarioError
-from armwright.terminal import say
+from armwright.progress import progress
 
-FAILS = 1  # the exit code where the gains do not keep the margins
 CONTROLLERS = ("cascade", "joint_pid", "computed_torque")
-FOR_ROBOTS = ("period", "controller", "timing", "duration")
 
 
 def design(
-    scenario: Annotated[
-        str,
-        typer.Argument(
-            metavar="FILE.scenario.toml|ROBOT",
-            autocompletion=complete_robot,
-            help="A scenario with a controller; or an arm, with --period.",
-            show_default=False,
-        ),
-    ],
-    out: Annotated[Path, option("--output -o", f"DESIGNED{SCENARIO}", "The scenario with the designed gains.")],
-    method: Annotated[
-        str | None,
-        option(
-            "--method", "NAME", "pole-placement, symmetric-optimum, loop-shaping or lqr; default by the controller."
-        ),
-    ] = None,
-    bandwidth: Annotated[
-        str | None,
-        option("--bandwidth", "W1,W2,…", "Of the joints in rad/s; default the stiffest that keeps the margins."),
-    ] = None,
-    damping: Annotated[float, option("--damping", "Z", "Of the closed loops; default 1.")] = 1.0,
-    gain_margin: Annotated[float, option("--gain-margin", "G", "Factor of a command to bear; default 2.")] = 2.0,
-    phase_margin: Annotated[float, option("--phase-margin", "DEG", "Phase lag to bear, degrees; default 30.")] = 30.0,
-    poses: Annotated[int, option("--poses", "N", "Poses to draw within the position limits; default 2000.")] = 2000,
-    seed: Annotated[int, option("--seed", "N", "Of the poses; default 0.")] = 0,
-    reference: Annotated[
-        Path | None,
-        option(
-            "--reference",
-            "FILE",
-            "Motion to follow from its start to its end: .motion.toml or .csv of `excite`, `plan`.",
-        ),
-    ] = None,
-    robot: Annotated[
-        str | None, option("--robot", "ROBOT", "In place of a scenario's, such as the identified one; its [values] go.")
-    ] = None,
-    period: Annotated[float | None, option("--period", "S", "Of an arm: sample period in s.")] = None,
-    controller: Annotated[
-        str | None, option("--controller", "KIND", "Of an arm: cascade, the default, joint_pid or computed_torque.")
-    ] = None,
-    timing: Annotated[
-        str | None, option("--timing", "PRESET", "Of an arm: ideal, one-tick, the default, or sync.")
-    ] = None,
-    duration: Annotated[float | None, option("--duration", "S", "Of an arm: of its scenario in s; default 1.")] = None,
+    scenario: str = argument(
+        "FILE.scenario.toml|ROBOT",
+        "A scenario with a controller; or an arm, with --period.",
+        autocompletion=complete_robot,
+    ),
+    out: Path = output_option(f"DESIGNED{SCENARIO}", "The scenario with the designed gains.", ...),
+    method: str | None = option(
+        "NAME", "pole-placement, symmetric-optimum, loop-shaping or lqr; default by the controller."
+    ),
+    bandwidth: str | None = option("W1,W2,…", "Of the joints in rad/s; default the stiffest that keeps the margins."),
+    damping: float = option("Z", "Of the closed loops; default 1.", 1.0),
+    gain_margin: float = option("G", "Factor of a command to bear; default 2.", 2.0),
+    phase_margin: float = option("DEG", "Phase lag to bear, degrees; default 30.", 30.0),
+    poses: int = option("N", "Poses to draw within the position limits; default 2000.", 2000),
+    seed: int = option("N", "Of the poses; default 0.", 0),
+    reference: Path | None = option(
+        "FILE", "Motion to follow from its start to its end: .motion.toml or .csv of `excite`, `plan`."
+    ),
+    robot: str | None = option("ROBOT", "In place of a scenario's, such as the identified one; its [values] go."),
+    period: float | None = option("S", "Of an arm: sample period in s."),
+    controller: str | None = option("KIND", "Of an arm: cascade, the default, joint_pid or computed_torque."),
+    timing: str | None = option("PRESET", "Of an arm: ideal, one-tick, the default, or sync."),
+    duration: float | None = option("S", "Of an arm: of its scenario in s; default 1."),
     allow: Allow = None,
 ) -> None:
     """Design a controller's gains for a scenario's period, delay and sensors, and say what limits every joint.
@@ -81,27 +68,23 @@ def design(
     import math
     from dataclasses import replace
 
-    import armwright as aw
-    from armwright.cli.progress import progress
     from armwright.cli.simulate import following
     from armwright.control.design.design_gains import with_gains
-    from armwright.output import check_destination
 
+    check_file(out, TOML, (scenario,))
     options = {"period": period, "controller": controller, "timing": timing, "duration": duration}
     if scenario.endswith(SCENARIO):
-        _refuse(options)
-        check_destination(out, (".toml",), read=(scenario,))
+        refuse(options, "the scenario file states this already", with_value=True, expected="none")
         found = aw.read_scenario(scenario, allow=allow or ())
         if robot is not None:
             found = replace(found, arm=aw.load(robot), vary={})
     else:
-        refuse_allow(allow)
-        _refuse_robot(robot)
-        check_destination(out, (".toml",), read=(scenario,))
+        refuse_without_file(allow, robot)
         found = _of_robot(scenario, **options)
     if reference is not None:
         found = _from_its_start(following(found, reference, scenario))
-    wanted = None if bandwidth is None else _numbers(bandwidth, found.arm)
+    names = found.arm.names
+    wanted = None if bandwidth is None else vector("--bandwidth", bandwidth, names, ["1/s"] * len(names))
     with progress(f"gains of {Path(scenario).name}"):
         designed = aw.loops.design_gains(
             found, method, bandwidth=wanted, damping=damping, gain_margin=gain_margin,
@@ -110,41 +93,13 @@ def design(
         limits = designed.limits
     assert found.loop is not None
     control = with_gains(found.controller, designed.gains)
-    lines = [*designed.sentences(), *map(str, limits)]
-    comments = [f"armwright design: {line}" for line in lines]
-    written = aw.write_scenario(
-        replace(found, loop=replace(found.loop, controller=control)), out, allow=allow or (), comments=comments
-    )
+    comments = [f"armwright design: {line}" for line in (*designed.sentences(), *limits)]
+    found = replace(found, loop=replace(found.loop, controller=control))
+    written = aw.write_scenario(found, out, allow=allow or (), comments=comments)
     show(designed)
-    for line in limits:
-        say(line)
-    for path in written:
-        say(f"wrote {path}")
-    if not designed.keeps:
-        raise typer.Exit(FAILS)
-
-
-def _refuse(options: dict[str, Any]) -> None:
-    """Refuses options of an arm beside a scenario, which states them.
-
-    Raises:
-        ScenarioError: one of them was given.
-    """
-    for name, value in options.items():
-        if value is not None:
-            raise ScenarioError(
-                "the scenario file states this already", place=f"--{name}", value=value, expected="none"
-            )
-
-
-def _refuse_robot(robot: str | None) -> None:
-    """Refuses --robot beside an arm.
-
-    Raises:
-        ScenarioError: it was given.
-    """
-    if robot is not None:
-        raise ScenarioError("goes with a scenario file", place="--robot", value=robot, expected=f"FILE{SCENARIO}")
+    say_each("", limits)
+    say_each("wrote ", written)
+    exit_unless(designed.keeps)
 
 
 def _from_its_start(scenario: Any) -> Any:
@@ -165,8 +120,6 @@ def _of_robot(
     Raises:
         ScenarioError: no period, or no such controller.
     """
-    import armwright as aw
-
     if period is None:
         expected = f"the sample period [s] of an arm's controller, or FILE{SCENARIO}"
         raise ScenarioError("missing", place="--period", expected=expected)
@@ -181,9 +134,3 @@ def _of_robot(
     loop = aw.Loop(ones[kind](), period=period, timing=aw.Timing(timing or "one-tick"))
     whole = max(round(1.0 / period), 1) * period if period > 0.0 else 1.0  # a second, in whole periods
     return aw.Scenario(aw.load(robot), whole if duration is None else duration, loop=loop)
-
-
-def _numbers(text: str, arm: Any) -> Any:
-    from armwright.cli.arguments import vector
-
-    return vector("--bandwidth", text, arm.names, ["1/s"] * arm.n)

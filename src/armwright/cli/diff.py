@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
-
-import typer
-
+import armwright as aw
+from armwright.cli.arguments import argument
 from armwright.cli.tables import show
 
-
-def _arm(which: str) -> Any:
-    help_text = f"The {which}: name of a built-in arm, or path of a robot's TOML, URDF or MJCF file."
-    return typer.Argument(metavar="A" if which == "first" else "B", help=help_text, show_default=False)
+ARM = "The {}: name of a built-in arm, or path of a robot's TOML, URDF or MJCF file."
 
 
-def diff(a: Annotated[str, _arm("first")], b: Annotated[str, _arm("second")]) -> None:
+def diff(a: str = argument("A", ARM.format("first")), b: str = argument("B", ARM.format("second"))) -> None:
     """Compare two arms number by number, with the effect on the dynamics.
 
     The effect is shown as total mass, and the largest changes of gravity torques and inertias (of the mass matrix's
@@ -25,6 +20,4 @@ def diff(a: Annotated[str, _arm("first")], b: Annotated[str, _arm("second")]) ->
       armwright diff old-arm.toml new-arm.toml
       armwright diff puma560 my-puma.urdf
     """
-    import armwright as aw
-
     show(aw.robotfiles.diff(a, b))

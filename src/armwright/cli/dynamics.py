@@ -5,8 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import armwright as aw
 from armwright.cli.arguments import Out, Robot, Table
+from armwright.cli.outcome import check_file, say_each
 from armwright.cli.tables import show_columns
+from armwright.progress import progress
 
 if TYPE_CHECKING:
     import numpy as np
@@ -30,12 +33,9 @@ def inverse_dynamics(robot: Robot, table: Table, output: Out = None) -> None:
     """
     import numpy as np
 
-    import armwright as aw
     from armwright.actuators import demanded_drive
-    from armwright.cli.progress import progress
     from armwright.model.joint_signals import joint_units
     from armwright.results.csv_tables import joint_columns
-    from armwright.terminal import say
     from armwright.trajectory.rest import torques
 
     arm = _arm(robot, table, output)
@@ -51,8 +51,7 @@ def inverse_dynamics(robot: Robot, table: Table, output: Out = None) -> None:
             if not np.isnan(values).any():
                 break  # with the voltages of all motors, currents say nothing new
         show_columns(output, columns)
-        for line in found.notes(arm.names, units):
-            say(f"note: {line}", err=True)
+        say_each("note: ", found.notes(arm.names, units), err=True)
 
 
 def forward_dynamics(robot: Robot, table: Table, output: Out = None) -> None:
@@ -67,8 +66,6 @@ def forward_dynamics(robot: Robot, table: Table, output: Out = None) -> None:
       armwright forward-dynamics cmu-dd states.csv -o accelerations.csv
       armwright forward-dynamics my-arm.toml states.csv | head
     """
-    import armwright as aw
-    from armwright.cli.progress import progress
     from armwright.model.joint_signals import joint_units
     from armwright.results.csv_tables import joint_columns
 
@@ -81,12 +78,8 @@ def forward_dynamics(robot: Robot, table: Table, output: Out = None) -> None:
 
 def _arm(robot: str, table: Path, output: Path | None) -> Model:
     """The arm, once its results can be written."""
-    import armwright as aw
-    from armwright.output import check_destination
-
     arm = aw.load(robot)
-    if output is not None:
-        check_destination(output, read=(table, robot))
+    check_file(output, read=(table, robot))
     return arm
 
 

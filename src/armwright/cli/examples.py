@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
+from armwright.cli.arguments import argument
 from armwright.terminal import say
 
 examples = typer.Typer(name="examples")
-
-Folder = Annotated[
-    Path, typer.Argument(metavar="DIR", help="Where the copies go; made if it is not there.", show_default=False)
-]
 
 
 @examples.callback()
@@ -42,7 +38,7 @@ def list_examples() -> None:
 
 
 @examples.command("copy")
-def copy(folder: Folder) -> None:
+def copy(folder: Path = argument("DIR", "Where the copies go; made if it is not there.")) -> None:
     """Copy all examples into a folder, to run and change. Existing files are not overwritten.
 
     \b

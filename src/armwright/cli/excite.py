@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from typer.core import TyperGroup
 
-from armwright.cli.arguments import Robot, as_options, option
+import armwright as aw
+from armwright.cli.arguments import Robot, argument, as_options, flag, option, output_option, vector
+from armwright.cli.outcome import PICTURE, check_file, write
 from armwright.errors import ScenarioError
+from armwright.progress import progress
 from armwright.terminal import say
 
 if TYPE_CHECKING:
@@ -29,8 +33,8 @@ class ArmByDefault(TyperGroup):
 
 excite = typer.Typer(name="excite", cls=ArmByDefault)
 
-Picture = Annotated[Path | None, option("--plot", "FILE", "Draw it: .png, .svg or .pdf.")]
-Seed = Annotated[int, option("--seed", "N", "Of random numbers, 0 by default.")]
+Picture = Annotated[Path | None, option("FILE", "Draw it: .png, .svg or .pdf.", ..., names="--plot")]
+Seed = Annotated[int, option("N", "Of random numbers, 0 by default.", ..., names="--seed")]
 
 
 @excite.callback()
@@ -45,28 +49,17 @@ def _about() -> None:
 @excite.command()
 def arm(
     robot: Robot,
-    output: Annotated[
-        Path,
-        typer.Option(
-            "--output", "-o", metavar="MOTION.csv", help="The motion to write: t, q, qd and qdd of all joints."
-        ),
-    ],
-    period: Annotated[float, option("--period", "S", "Period in s, 10 by default.")] = 10.0,
-    harmonics: Annotated[int, option("--harmonics", "N", "Of each joint's Fourier series, 5 by default.")] = 5,
-    starts: Annotated[int, option("--starts", "N", "Random starts of the optimisation, 4 by default.")] = 4,
-    criterion: Annotated[
-        str, option("--criterion", "WHAT", "condition (default) or logdet: of the base regressor.")
-    ] = "condition",
-    velocity: Annotated[str | None, option("--velocity", "V1,V2,…", "Largest speeds; by default the record's.")] = None,
-    acceleration: Annotated[
-        str | None, option("--acceleration", "A1,A2,…", "Largest accelerations; by default the record's.")
-    ] = None,
-    torque: Annotated[str | None, option("--torque", "T1,T2,…", "Largest torques; by default the record's.")] = None,
-    floor: Annotated[float | None, option("--floor", "Z", "Lowest height of the tip in base axes, in m.")] = None,
-    rate: Annotated[float, option("--rate", "HZ", "Rows in a second, 500 by default.")] = 500.0,
-    kinematics_only: Annotated[
-        bool, typer.Option("--kinematics-only", help="Links of a TOML file may lack mass properties.")
-    ] = False,
+    output: Path = output_option("MOTION.csv", "The motion to write: t, q, qd and qdd of all joints.", ...),
+    period: float = option("S", "Period in s, 10 by default.", 10.0),
+    harmonics: int = option("N", "Of each joint's Fourier series, 5 by default.", 5),
+    starts: int = option("N", "Random starts of the optimisation, 4 by default.", 4),
+    criterion: str = option("WHAT", "condition (default) or logdet: of the base regressor.", "condition"),
+    velocity: str | None = option("V1,V2,…", "Largest speeds; by default the record's."),
+    acceleration: str | None = option("A1,A2,…", "Largest accelerations; by default the record's."),
+    torque: str | None = option("T1,T2,…", "Largest torques; by default the record's."),
+    floor: float | None = option("Z", "Lowest height of the tip in base axes, in m."),
+    rate: float = option("HZ", "Rows in a second, 500 by default.", 500.0),
+    kinematics_only: bool = flag("--kinematics-only", "Links of a TOML file may lack mass properties."),
     plot: Picture = None,
     seed: Seed = 0,
 ) -> None:
@@ -80,18 +73,12 @@ def arm(
       armwright excite lwa4p -o motion.csv --plot motion.png
       armwright excite arm.urdf -o motion.csv --velocity 1 --period 20 --floor 0.1
     """
-    import armwright as aw
-    from armwright.cli.arguments import vector
-    from armwright.cli.progress import progress
-    from armwright.identification.experiments.plot import check_experiment_plot
     from armwright.model.joint_signals import joint_units
-    from armwright.output import check_destination
 
-    check_destination(output, (".csv",))
+    check_file(output, (".csv",))
     if not 0.1 <= rate <= 1e6:
         raise ScenarioError(place="--rate", value=rate, expected="0.1 … 1e6 Hz")
-    if plot is not None:
-        check_experiment_plot(plot)
+    check_file(plot, PICTURE)
     model = aw.load(robot, kinematics_only=kinematics_only)
     given = {"velocity": ("qd", velocity), "acceleration": ("qdd", acceleration), "torque": ("tau", torque)}
     limits: dict[str, Any] = {
@@ -104,10 +91,8 @@ def arm(
 
     def shown(done: int, total: int) -> None:  # by the search, once its arguments are right
         if done == 0 and not sys.stderr.isatty():  # a bar would not be seen, and this may take minutes
-            say(
-                f"designing a motion of {model.name} by {total} start{'s' * (total != 1)}, each of some seconds",
-                err=True,
-            )
+            count = f"{total} start{'s' * (total != 1)}"
+            say(f"designing a motion of {model.name} by {count}, each of some seconds", err=True)
         tell(done, total)
 
     with as_options(*options), progress(f"designing a motion of {model.name}") as tell:
@@ -116,31 +101,24 @@ def arm(
             box=box, seed=seed, progress=shown, **limits,
         )  # fmt: skip
     say(found)
-    found.save(output, rate)
-    say(f"wrote {output}")
-    if plot is not None:
-        aw.identification.plot_experiment(found, plot)
-        say(f"wrote {plot}")
+    write(output, lambda path: found.save(path, rate))
+    write(plot, lambda path: aw.identification.plot_experiment(found, path))
 
 
 @excite.command()
 def motor(
-    kind: Annotated[
-        str, typer.Argument(metavar="KIND", help="step, staircase, prbs, multisine or chirp.", show_default=False)
-    ],
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="COMMAND.csv", help="The command to write.")],
-    robot: Annotated[str | None, option("--robot", "ROBOT", "Take the guess from this record.")] = None,
-    joint: Annotated[str | None, option("--joint", "NAME", "Of the robot; by default the first.")] = None,
-    gain: Annotated[float | None, option("--gain", "G", "Steady speed for a command, in rad/s per unit of it.")] = None,
-    time_constant: Annotated[float | None, option("--time-constant", "S", "In s.")] = None,
-    most: Annotated[float | None, option("--most", "U", "Largest command.")] = None,
-    dead_zone: Annotated[
-        float | None, option("--dead-zone", "U", "Command below which nothing moves; 0 by default.")
-    ] = None,
-    speed: Annotated[float | None, option("--speed", "W", "Largest speed in rad/s.")] = None,
-    travel: Annotated[float | None, option("--travel", "Q", "How far it may move to either side, in rad.")] = None,
-    sample: Annotated[float, option("--sample", "S", "Sample period of whoever plays it, 0.001 s by default.")] = 1e-3,
-    unit: Annotated[str | None, option("--unit", "UNIT", "Of the command, V by default.")] = None,
+    kind: str = argument("KIND", "step, staircase, prbs, multisine or chirp."),
+    output: Path = output_option("COMMAND.csv", "The command to write.", ...),
+    robot: str | None = option("ROBOT", "Take the guess from this record."),
+    joint: str | None = option("NAME", "Of the robot; by default the first."),
+    gain: float | None = option("G", "Steady speed for a command, in rad/s per unit of it."),
+    time_constant: float | None = option("S", "In s."),
+    most: float | None = option("U", "Largest command."),
+    dead_zone: float | None = option("U", "Command below which nothing moves; 0 by default."),
+    speed: float | None = option("W", "Largest speed in rad/s."),
+    travel: float | None = option("Q", "How far it may move to either side, in rad."),
+    sample: float = option("S", "Sample period of whoever plays it, 0.001 s by default.", 1e-3),
+    unit: str | None = option("UNIT", "Of the command, V by default."),
     plot: Picture = None,
     seed: Seed = 0,
 ) -> None:
@@ -151,13 +129,8 @@ def motor(
       armwright excite motor prbs -o prbs.csv --gain 12 --time-constant 0.05 --most 12
       armwright excite motor staircase -o static.csv --robot cmu-dd --joint joint1 --travel 1
     """
-    import armwright as aw
-    from armwright.identification.experiments.plot import check_experiment_plot
-    from armwright.output import check_destination
-
-    check_destination(output, (".csv",))
-    if plot is not None:
-        check_experiment_plot(plot)
+    check_file(output, (".csv",))
+    check_file(plot, PICTURE)
     options = {
         "gain": gain, "time_constant": time_constant, "most": most, "dead_zone": dead_zone, "speed": speed, "travel": travel,
         "unit": unit,
@@ -167,28 +140,20 @@ def motor(
     with as_options("seed", period="--sample"):
         found = aw.identification.motor_experiment(kind, guess, period=sample, seed=seed)
     say(found)
-    found.save(output)
-    say(f"wrote {output}")
-    if plot is not None:
-        aw.identification.plot_experiment(found, plot)
-        say(f"wrote {plot}")
+    write(output, found.save)
+    write(plot, lambda path: aw.identification.plot_experiment(found, path))
 
 
 def _guess(robot: str | None, joint: str | None, given: dict[str, Any]) -> MotorGuess:
     """The guess of a record with the options' values in place of its own, or of options alone."""
-    from dataclasses import replace
-
-    import armwright as aw
-
     try:
         if robot is not None:
             return replace(aw.identification.MotorGuess.of(aw.load(robot), joint, most=given.get("most")), **given)
         needed = [name for name in ("gain", "time_constant", "most") if name not in given]
         if needed:
             options = ", ".join(f"--{name.replace('_', '-')}" for name in needed)
-            raise ScenarioError(
-                f"no {options}", place="motor", expected="them, or --robot with motor constants in its record"
-            )
+            expected = "them, or --robot with motor constants in its record"
+            raise ScenarioError(f"no {options}", place="motor", expected=expected)
         if joint is not None:
             given["joint"] = joint
         return aw.identification.MotorGuess(**given)

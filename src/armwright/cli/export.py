@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
-from armwright.cli.arguments import SCENARIO, Allow, Robot, as_options
-from armwright.errors import ScenarioError
+import armwright as aw
+from armwright.cli.arguments import SCENARIO, Allow, Robot, argument, as_options, flag, option, output_option, words
+from armwright.cli.outcome import check_file, naming_file, say_each, say_notes
+from armwright.progress import progress
 from armwright.terminal import result, say
 
 export = typer.Typer(name="export")
@@ -22,18 +23,11 @@ def _formats() -> None:
 @export.command()
 def c(
     robot: Robot,
-    functions: Annotated[
-        str,
-        typer.Option(
-            "--functions",
-            metavar="F1,F2,…",
-            help="Which functions: inverse_dynamics, inverse_dynamics+wrench, jacobian:frame=tool, …",
-        ),
-    ],
-    output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for the files; made where there is none.")
-    ],
-    single: Annotated[bool, typer.Option("--float", help="Compute in float instead of double.")] = False,
+    functions: str = option(
+        "F1,F2,…", "Which functions: inverse_dynamics, inverse_dynamics+wrench, jacobian:frame=tool, …", ...
+    ),
+    output: Path = output_option("DIR", "Folder for the files; made where there is none.", ...),
+    single: bool = flag("--float", "Compute in float instead of double."),
 ) -> None:
     """Write an arm's functions as a C99 library for a microcontroller: a header, a C file and a self-test.
 
@@ -46,39 +40,26 @@ def c(
       armwright export c puma560 --functions inverse_dynamics+wrench,forward_kinematics:frame=link3 -o firmware
       armwright export c my-arm.toml --functions inverse_dynamics --float -o firmware
     """
-    import armwright as aw
-    from armwright.cli.progress import progress
     from armwright.export.c import write_c
 
     arm = aw.load(robot)
-    names = [name.strip() for name in functions.split(",") if name.strip()]
     with progress(f"exporting {arm.name}"):
-        paths = write_c(arm, names, output, "float" if single else "double")
-    for path in paths:
-        say(f"wrote {path}")
+        paths = write_c(arm, words(functions), output, "float" if single else "double")
+    say_each("wrote ", paths)
 
 
 @export.command()
 def controller(
-    scenario: Annotated[str, typer.Argument(metavar="SCENARIO", help="A scenario file with a loop and a controller.")],
-    output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for the files; made where there is none.")
-    ],
-    name: Annotated[
-        str | None, typer.Option("--name", metavar="NAME", help="What names in C begin with; default: ARM_controller.")
-    ] = None,
-    gains: Annotated[
-        str,
-        typer.Option("--gains", metavar="G1,G2,…", help="Fields of the controller that become parameters of the code."),
-    ] = "",
-    single: Annotated[bool, typer.Option("--float", help="Compute in float instead of double.")] = False,
-    counts: Annotated[
-        bool, typer.Option("--counts", help="Take positions in counts of the scenario's encoders.")
-    ] = False,
-    ram: Annotated[
-        int | None, typer.Option("--ram", metavar="BYTES", help="RAM that the target has for it.", min=0)
-    ] = None,
-    flash: Annotated[int | None, typer.Option("--flash", metavar="BYTES", help="Flash that it has.", min=0)] = None,
+    scenario: str = argument("SCENARIO", "A scenario file with a loop and a controller."),
+    output: Path = output_option("DIR", "Folder for the files; made where there is none.", ...),
+    name: str | None = option("NAME", "What names in C begin with; default: ARM_controller."),
+    gains: str = option(
+        "G1,G2,…", "Fields of the controller that become parameters of the code.", "", show_default=True
+    ),
+    single: bool = flag("--float", "Compute in float instead of double."),
+    counts: bool = flag("--counts", "Take positions in counts of the scenario's encoders."),
+    ram: int | None = option("BYTES", "RAM that the target has for it.", min=0),
+    flash: int | None = option("BYTES", "Flash that it has.", min=0),
     allow: Allow = None,
 ) -> None:
     """Write the controller of a scenario as C99 for a microcontroller, and compare it with the simulation.
@@ -93,22 +74,12 @@ def controller(
       armwright export controller swing.scenario.toml --gains position_kp,speed_kp -o firmware
       armwright export controller swing.scenario.toml --ram 16384 --flash 65536 -o firmware
     """
-    import armwright as aw
-    from armwright.cli.progress import progress
-    from armwright.scenarios.mistakes import key_in_file, keys_in_text
-
     read = aw.read_scenario(scenario, allow=allow or ())
-    fields = [gain.strip() for gain in gains.split(",") if gain.strip()]
-    with progress(f"exporting the controller of {read.arm.name}"):
-        try:
-            real = "float" if single else "double"
-            options = {"real": real, "counts": counts, "ram": ram, "flash": flash}
-            with as_options("name", "gains", "counts", "ram", "flash"):
-                exported = aw.export.export_controller(read, output, name=name, gains=fields, **options)
-        except ScenarioError as error:  # which does not know the file
-            raise error.renamed(key_in_file, keys_in_text).within(file=scenario) from None
-    for path in exported.paths:
-        say(f"wrote {path}")
+    options = {"real": "float" if single else "double", "counts": counts, "ram": ram, "flash": flash}
+    as_typed = as_options("name", "gains", "counts", "ram", "flash")
+    with progress(f"exporting the controller of {read.arm.name}"), naming_file(scenario), as_typed:
+        exported = aw.export.export_controller(read, output, name=name, gains=words(gains), **options)
+    say_each("wrote ", exported.paths)
     if exported.footprint is not None:
         say(f"takes {exported.footprint}")
     if exported.comparison is not None:
@@ -117,24 +88,18 @@ def controller(
         equal = "every command has the bits of the simulation"
         near = f"commands in float are within {compared.error:.2g} of their range of the simulation's, on its inputs"
         say(f"{compared.ticks} steps: {near if single else equal}; {took}")
-    for note in exported.notes:
-        say(f"armwright: note: {note}", err=True)
+    say_notes(exported.notes)
 
 
 @export.command()
 def ros2(
     robot: Robot,
-    output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for the files; made where there is none.")
-    ],
-    command: Annotated[
-        str,
-        typer.Option("--command", metavar="KIND", help="What the controllers command: position, velocity or effort."),
-    ] = "position",
-    rate: Annotated[int, typer.Option("--rate", metavar="HZ", help="Update rate of the controller manager.")] = 100,
-    hardware: Annotated[
-        str, typer.Option("--hardware", metavar="PLUGIN", help="Plugin of the arm's driver.")
-    ] = "mock_components/GenericSystem",
+    output: Path = output_option("DIR", "Folder for the files; made where there is none.", ...),
+    command: str = option(
+        "KIND", "What the controllers command: position, velocity or effort.", "position", show_default=True
+    ),
+    rate: int = option("HZ", "Update rate of the controller manager.", 100, show_default=True),
+    hardware: str = option("PLUGIN", "Plugin of the arm's driver.", "mock_components/GenericSystem", show_default=True),
 ) -> None:
     """Write an arm for ROS 2: a URDF with ros2_control tags, its limits and its controllers.
 
@@ -146,40 +111,23 @@ def ros2(
       armwright export ros2 lwa4p -o lwa4p_description
       armwright export ros2 my-arm.toml --command effort --rate 500 -o my_arm_description
     """
-    import armwright as aw
-
     with as_options("command", "rate", "hardware"):
         exported = aw.export.export_ros2(aw.load(robot), output, command=command, rate=rate, hardware=hardware)
-    for path in exported.paths:
-        say(f"wrote {path}")
-    for line in exported.lost:
-        say(f"lost: {line}")
+    say_each("wrote ", exported.paths)
+    say_each("lost: ", exported.lost)
 
 
 @export.command()
 def fmu(
-    source: Annotated[
-        str, typer.Argument(metavar="ROBOT|SCENARIO", help="A robot, as of other commands, or a scenario file (.toml).")
-    ],
-    output: Annotated[Path, typer.Option("--output", "-o", metavar="X.fmu", help="The file.")],
-    part: Annotated[
-        str, typer.Option("--part", metavar="PART", help="plant, controller or both; the last two need a scenario.")
-    ] = "plant",
-    version: Annotated[str, typer.Option("--fmi", metavar="VERSION", help="3.0 or 2.0.")] = "3.0",
-    interface: Annotated[
-        str, typer.Option("--interface", metavar="INTERFACE", help="co-simulation or model-exchange.")
-    ] = "co-simulation",
-    name: Annotated[
-        str | None, typer.Option("--name", metavar="NAME", help="Model identifier; default: from the file's name.")
-    ] = None,
-    platforms: Annotated[
-        str | None,
-        typer.Option(
-            "--platforms",
-            metavar="P1,P2,…",
-            help="Binaries, such as x86_64-windows or host; default: all that can be built.",
-        ),
-    ] = None,
+    source: str = argument("ROBOT|SCENARIO", "A robot, as of other commands, or a scenario file (.toml)."),
+    output: Path = output_option("X.fmu", "The file.", ...),
+    part: str = option("PART", "plant, controller or both; the last two need a scenario.", "plant", show_default=True),
+    version: str = option("VERSION", "3.0 or 2.0.", "3.0", names="--fmi", show_default=True),
+    interface: str = option("INTERFACE", "co-simulation or model-exchange.", "co-simulation", show_default=True),
+    name: str | None = option("NAME", "Model identifier; default: from the file's name."),
+    platforms: str | None = option(
+        "P1,P2,…", "Binaries, such as x86_64-windows or host; default: all that can be built."
+    ),
     allow: Allow = None,
 ) -> None:
     """Write an arm, its controller or both as an FMU, for Simulink, Modelica tools, FMPy and others.
@@ -194,26 +142,17 @@ def fmu(
       armwright export fmu swing.scenario.toml --part controller -o swing_controller.fmu
       armwright export fmu puma560 --interface model-exchange --fmi 2.0 -o puma560_me.fmu
     """
-    import armwright as aw
-    from armwright.cli.progress import progress
-    from armwright.output import check_destination
-    from armwright.scenarios.mistakes import key_in_file, keys_in_text
-
-    check_destination(output, (".fmu",), read=[source])
+    check_file(output, (".fmu",), [source])
     given = aw.read_scenario(source, allow=allow or ()) if source.endswith(SCENARIO) else aw.load(source)
-    asked = None if platforms is None else [each.strip() for each in platforms.split(",") if each.strip()]
-    with progress("exporting the FMU"):
-        try:
-            with as_options("part", "interface", "name", "platforms", version="--fmi"):
-                exported = aw.export.export_fmu(
-                    given, output, part=part, version=version, interface=interface, name=name, platforms=asked
-                )
-        except ScenarioError as error:  # which does not know the file
-            raise error.renamed(key_in_file, keys_in_text).within(file=source) from None
+    as_typed = as_options("part", "interface", "name", "platforms", version="--fmi")
+    with progress("exporting the FMU"), naming_file(source), as_typed:
+        binaries = None if platforms is None else words(platforms)
+        exported = aw.export.export_fmu(
+            given, output, part=part, version=version, interface=interface, name=name, platforms=binaries
+        )
     result(exported)
     counts = f"{len(exported.inputs)} inputs, {len(exported.outputs)} outputs, {len(exported.parameters)} parameters"
     say(f"wrote {exported.path}: FMI {exported.version}, {exported.interface}, {exported.part}; {counts}")
     sizes = ", ".join(f"{each} {size / 1024:.0f} kB" for each, size in exported.platforms.items())
     say(f"sources, and binaries for {sizes}" if sizes else "sources alone")
-    for note in exported.notes:
-        say(f"armwright: note: {note}", err=True)
+    say_notes(exported.notes)

@@ -3,74 +3,41 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
 
-import typer
-
-from armwright.cli.arguments import option
+import armwright as aw
+from armwright.cli.arguments import argument, flag, option, output_option, words
+from armwright.cli.outcome import PAGE, TOML, check_file, exit_unless, write
 from armwright.cli.tables import show
-from armwright.terminal import say
-
-if TYPE_CHECKING:
-    pass
-
-NOT_IDENTIFIED = 1  # exit code
-HEADS = ("base parameter", "value", "± std", "±", "unit")
-JOINTS = ("joint", "R² of the fit", "RMS of its residual", "of the torque's", "held-out parts", "unit")
-HELD_OUT = ("joint", "quantity", "R²", "RMS", "R² before", "RMS before", "unit", "")
+from armwright.errors import IdentificationError
+from armwright.progress import progress
 
 
 def arm(
-    file: Annotated[Path, typer.Argument(metavar="LOG.log.toml", help="Positions and torques.", show_default=False)],
-    robot: Annotated[str | None, option("--robot", "ROBOT", "The arm; by default the one that the log names.")] = None,
-    kinematics_only: Annotated[
-        bool, typer.Option("--kinematics-only", help="The robot's links may lack masses.", show_default=False)
-    ] = False,
-    method: Annotated[
-        str,
-        option(
-            "--method", "NAME", "ols, wls (default), irls, tukey, essential, recursive; of the loop iv, didim or cloe."
-        ),
-    ] = "wls",
-    feedback: Annotated[
-        str,
-        option(
-            "--feedback",
-            "KP1,…;KD1,…;S",
-            "Controller for iv, didim, cloe: gains at the joints [N m/rad] and [N m s/rad], period [s].",
-        ),
-    ] = "",
-    forgetting: Annotated[
-        float, option("--forgetting", "SHARE", "What a row still counts one row later, of recursive.")
-    ] = 1.0,
-    friction: Annotated[
-        str, option("--friction", "A,B,…", "Of viscous, coulomb, offset, asymmetric, stribeck.")
-    ] = "viscous,coulomb,offset",
-    stribeck_speed: Annotated[
-        float | None, option("--stribeck-speed", "W", "Of stribeck, in rad/s or m/s at the joint.")
-    ] = None,
-    springs: Annotated[
-        str, option("--springs", "J1,J2,…", "Joints that get a spring and a counterbalance as candidates.")
-    ] = "",
-    fit_efficiency: Annotated[
-        str,
-        option(
-            "--fit-efficiency",
-            "J1,J2,…|all",
-            "Joints whose gear efficiency is fitted; other joints have the record's.",
-        ),
-    ] = "",
-    lacks: Annotated[
-        str | None,
-        option("--lacks", "A,B,…", "What the torque is without: gravity, springs, rotors, viscous, coulomb, offset."),
-    ] = None,
-    cutoff: Annotated[float | None, option("--cutoff", "HZ", "Cut-off of the low-pass; by default chosen.")] = None,
-    decimate: Annotated[int | None, option("--decimate", "K", "Keep every k-th row; by default chosen.")] = None,
-    output: Annotated[Path | None, option("--output -o", "ARM.toml", "Write the arm with the fitted numbers.")] = None,
-    report: Annotated[
-        Path | None,
-        option("--report", "FILE.html", "Write a page; with -o it also compares the written arm with the log."),
-    ] = None,
+    file: Path = argument("LOG.log.toml", "Positions and torques."),
+    robot: str | None = option("ROBOT", "The arm; by default the one that the log names."),
+    kinematics_only: bool = flag("--kinematics-only", "The robot's links may lack masses."),
+    method: str = option(
+        "NAME", "ols, wls (default), irls, tukey, essential, recursive; of the loop iv, didim or cloe.", "wls"
+    ),
+    feedback: str = option(
+        "KP1,…;KD1,…;S",
+        "Controller for iv, didim, cloe: gains at the joints [N m/rad] and [N m s/rad], period [s].",
+        "",
+    ),
+    forgetting: float = option("SHARE", "What a row still counts one row later, of recursive.", 1.0),
+    friction: str = option("A,B,…", "Of viscous, coulomb, offset, asymmetric, stribeck.", "viscous,coulomb,offset"),
+    stribeck_speed: float | None = option("W", "Of stribeck, in rad/s or m/s at the joint."),
+    springs: str = option("J1,J2,…", "Joints that get a spring and a counterbalance as candidates.", ""),
+    fit_efficiency: str = option(
+        "J1,J2,…|all", "Joints whose gear efficiency is fitted; other joints have the record's.", ""
+    ),
+    lacks: str | None = option(
+        "A,B,…", "What the torque is without: gravity, springs, rotors, viscous, coulomb, offset."
+    ),
+    cutoff: float | None = option("HZ", "Cut-off of the low-pass; by default chosen."),
+    decimate: int | None = option("K", "Keep every k-th row; by default chosen."),
+    output: Path | None = output_option("ARM.toml", "Write the arm with the fitted numbers."),
+    report: Path | None = option("FILE.html", "Write a page; with -o it also compares the written arm with the log."),
 ) -> None:
     """Identify an arm: base parameters, rotors and friction, with standard deviations.
 
@@ -85,39 +52,28 @@ def arm(
       armwright identify arm arm.log.toml --robot arm.toml --fit-efficiency shoulder,elbow -o arm_identified.toml
       armwright identify arm arm.log.toml --robot two-link --method iv --feedback "900,300;120,40;0.005"
     """
-    import armwright as aw
-    from armwright.cli.progress import progress
-    from armwright.output import check_destination
 
-    if output is not None:
-        check_destination(output, (".toml",), read=(file, robot))
-    if report is not None:
-        check_destination(report, (".html",))
+    check_file(output, TOML, (file, robot))
+    check_file(report, PAGE)
     model = None if robot is None else aw.load(robot, kinematics_only=kinematics_only)
     with progress(f"reading {file.name}") as tell:
         log = aw.identification.read_log(file, progress=tell)
     found = aw.identification.identify_arm(
-        log, model, method=method, friction=_words(friction), springs=_words(springs), stribeck_speed=stribeck_speed,
-        lacks=None if lacks is None else _words(lacks), cutoff=cutoff, decimate=decimate,
+        log, model, method=method, friction=words(friction), springs=words(springs), stribeck_speed=stribeck_speed,
+        lacks=None if lacks is None else words(lacks), cutoff=cutoff, decimate=decimate,
         feedback=_feedback(feedback), forgetting=forgetting,
-        fit_efficiency="all" if fit_efficiency == "all" else _words(fit_efficiency),
+        fit_efficiency="all" if fit_efficiency == "all" else words(fit_efficiency),
     )  # fmt: skip
     show(found)
-    if output is not None:
-        found.write(output)
-        say(f"wrote {output}")
+    write(output, found.write)
     if report is not None:
         compared = None if output is None else aw.identification.validate(output, log, simulation=False)
-        found.report(report, compared)
-        say(f"wrote {report}")
-    if found.verdict != "identified":
-        raise typer.Exit(NOT_IDENTIFIED)
+        write(report, lambda path: found.report(path, compared))
+    exit_unless(found.verdict == "identified")
 
 
 def _feedback(text: str) -> tuple[list[float], list[float], float] | None:
     """Gains and period of "900,300;120,40;0.005"; None of an empty text."""
-    from armwright.errors import IdentificationError
-
     if not text:
         return None
     try:
@@ -126,7 +82,3 @@ def _feedback(text: str) -> tuple[list[float], list[float], float] | None:
         expected = "KP1,KP2,…;KD1,KD2,…;PERIOD, gains for each joint and a period in s"
         raise IdentificationError(place="--feedback", value=text, expected=expected) from None
     return kp, kd, period
-
-
-def _words(text: str) -> tuple[str, ...]:
-    return tuple(word.strip() for word in text.split(",") if word.strip())

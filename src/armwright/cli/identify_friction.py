@@ -3,40 +3,26 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
-import typer
-
-from armwright.cli.arguments import option
+import armwright as aw
+from armwright.cli.arguments import argument, flag, option, output_option
+from armwright.cli.outcome import PAGE, TOML, check_file, exit_unless, write
 from armwright.cli.tables import show
-from armwright.terminal import say
+from armwright.errors import IdentificationError
 
-NOT_IDENTIFIED = 1  # exit code
 HEADS = ("joint", "speed [rad/s | m/s]", "friction [N m | N]", "± std", "rows")
 
 
 def friction(
-    file: Annotated[
-        Path,
-        typer.Argument(metavar="LOG.log.toml", help="The arm in motion, each joint both ways.", show_default=False),
-    ],
-    robot: Annotated[str, option("--robot", "ROBOT", "The arm, known or identified; its own friction does not count.")],
-    cutoff: Annotated[float | None, option("--cutoff", "HZ", "Cut-off of the low-pass; by default chosen.")] = None,
-    warming: Annotated[
-        str,
-        option(
-            "--warming",
-            "RUN=K,…",
-            "Gears above the reference temperature, in kelvin, by run, instead of the log's temperatures.",
-        ),
-    ] = "",
-    table: Annotated[bool, typer.Option("--table", help="Show friction over speed as well.")] = False,
-    output: Annotated[
-        Path | None, option("--output -o", "ARM.toml", "Write the arm with this friction, its numbers with deviations.")
-    ] = None,
-    report: Annotated[
-        Path | None, option("--report", "FILE.html", "Write a page: verdict, remarks, parameters, fits.")
-    ] = None,
+    file: Path = argument("LOG.log.toml", "The arm in motion, each joint both ways."),
+    robot: str = option("ROBOT", "The arm, known or identified; its own friction does not count.", ...),
+    cutoff: float | None = option("HZ", "Cut-off of the low-pass; by default chosen."),
+    warming: str = option(
+        "RUN=K,…", "Gears above the reference temperature, in kelvin, by run, instead of the log's temperatures.", ""
+    ),
+    table: bool = flag("--table", "Show friction over speed as well."),
+    output: Path | None = output_option("ARM.toml", "Write the arm with this friction, its numbers with deviations."),
+    report: Path | None = option("FILE.html", "Write a page: verdict, remarks, parameters, fits."),
 ) -> None:
     """Identify joint friction: viscous, Coulomb, and further terms that held-out data support.
 
@@ -49,15 +35,11 @@ def friction(
       armwright identify friction arm.log.toml --robot lwa4p --table
       armwright identify friction arm.log.toml --robot arm.toml -o arm_with_friction.toml
     """
-    import armwright as aw
     from armwright.cli.tables import console_for_tables, number, table as shown_table
     from armwright.identification.arm.friction import friction_over_speed, friction_rows, with_identified_friction
-    from armwright.output import check_destination
 
-    if output is not None:
-        check_destination(output, (".toml",), read=(file, robot))
-    if report is not None:
-        check_destination(report, (".html",))
+    check_file(output, TOML, (file, robot))
+    check_file(report, PAGE)
     arm, log = aw.load(robot), aw.identification.read_log(file)
     preparation = None if cutoff is None else aw.identification.choose_preparation(log, cutoff=cutoff)
     warm = _warming(warming, [run.name for run in log.runs])
@@ -70,20 +52,16 @@ def friction(
         ]
         console_for_tables().print(shown_table("Friction over speed", HEADS, rows, HEADS[:1]))
     show(found)
-    if output is not None:
-        aw.identification.write_into(with_identified_friction(arm, found), found, output, key="friction")
-        say(f"wrote {output}")
-    if report is not None:
-        found.report(report, f"{log.title}: friction")
-        say(f"wrote {report}")
-    if found.verdict != "identified":
-        raise typer.Exit(NOT_IDENTIFIED)
+    write(
+        output,
+        lambda path: aw.identification.write_into(with_identified_friction(arm, found), found, path, key="friction"),
+    )
+    write(report, lambda path: found.report(path, f"{log.title}: friction"))
+    exit_unless(found.verdict == "identified")
 
 
 def _warming(text: str, runs: list[str]) -> dict[str, float] | None:
     """Kelvin by run of "cold=0,warm=25"; None of an empty text."""
-    from armwright.errors import IdentificationError
-
     found = {}
     for each in filter(None, (part.strip() for part in text.split(","))):
         run, _, kelvin = each.partition("=")

@@ -3,45 +3,31 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
-import typer
-
-from armwright.cli.arguments import option
+import armwright as aw
+from armwright.cli.arguments import argument, flag, numbers, option, output_option
+from armwright.cli.outcome import PAGE, TOML, check_file, exit_unless, write
 from armwright.cli.tables import show
-from armwright.terminal import say
+from armwright.errors import IdentificationError
 
-NOT_IDENTIFIED = 1  # exit code
 TENSOR = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 
 
 def gains(
-    file: Annotated[
-        Path, typer.Argument(metavar="LOG.log.toml", help="The arm without the payload in motion.", show_default=False)
-    ],
-    robot: Annotated[str, option("--robot", "ROBOT", "The arm; its masses and torque constants do not count.")],
-    loaded: Annotated[Path, option("--loaded-log", "LOG", "The arm with the payload in motion.")],
-    mass: Annotated[float, option("--mass", "KG", "Of the payload, weighed.")],
-    mass_std: Annotated[float, option("--mass-std", "KG", "Deviation of the mass, which counts for every gain.")] = 0.0,
-    com: Annotated[
-        str | None, option("--com", "X,Y,Z", "Centre of the payload [m] in the frame; by default found with the gains.")
-    ] = None,
-    inertia: Annotated[
-        str | None,
-        option("--inertia", "XX,XY,XZ,YY,YZ,ZZ", "About the centre [kg m²]; with --com; by default found as well."),
-    ] = None,
-    frame: Annotated[str | None, option("--frame", "NAME", "Frame that carries it; by default the tip.")] = None,
-    kinematics_only: Annotated[
-        bool, typer.Option("--kinematics-only", help="The robot's links may lack masses.", show_default=False)
-    ] = False,
-    cutoff: Annotated[float | None, option("--cutoff", "HZ", "Cut-off of the low-pass; by default chosen.")] = None,
-    output: Annotated[
-        Path | None,
-        option("--output -o", "ARM.toml", "Write the arm with these torque constants and their deviations."),
-    ] = None,
-    report: Annotated[
-        Path | None, option("--report", "FILE.html", "Write a page: verdict, remarks, parameters, fits.")
-    ] = None,
+    file: Path = argument("LOG.log.toml", "The arm without the payload in motion."),
+    robot: str = option("ROBOT", "The arm; its masses and torque constants do not count.", ...),
+    loaded: Path = option("LOG", "The arm with the payload in motion.", ..., names="--loaded-log"),
+    mass: float = option("KG", "Of the payload, weighed.", ...),
+    mass_std: float = option("KG", "Deviation of the mass, which counts for every gain.", 0.0),
+    com: str | None = option("X,Y,Z", "Centre of the payload [m] in the frame; by default found with the gains."),
+    inertia: str | None = option(
+        "XX,XY,XZ,YY,YZ,ZZ", "About the centre [kg m²]; with --com; by default found as well."
+    ),
+    frame: str | None = option("NAME", "Frame that carries it; by default the tip."),
+    kinematics_only: bool = flag("--kinematics-only", "The robot's links may lack masses."),
+    cutoff: float | None = option("HZ", "Cut-off of the low-pass; by default chosen."),
+    output: Path | None = output_option("ARM.toml", "Write the arm with these torque constants and their deviations."),
+    report: Path | None = option("FILE.html", "Write a page: verdict, remarks, parameters, fits."),
 ) -> None:
     """Identify drive gains: torque constants of all motors by a payload of known mass, with standard deviations.
 
@@ -56,14 +42,9 @@ def gains(
     """
     import numpy as np
 
-    import armwright as aw
-    from armwright.output import check_destination
-
-    if output is not None:
-        check_destination(output, (".toml",), read=(file, loaded, robot))
-    if report is not None:
-        check_destination(report, (".html",))
-    centre, moments = _numbers("--com", com, 3), _numbers("--inertia", inertia, len(TENSOR))
+    check_file(output, TOML, (file, loaded, robot))
+    check_file(report, PAGE)
+    centre, moments = _of_payload("--com", com, 3), _of_payload("--inertia", inertia, len(TENSOR))
     tensor = None
     if moments is not None:
         tensor = np.zeros((3, 3))
@@ -71,33 +52,18 @@ def gains(
             tensor[i, j] = tensor[j, i] = value
     arm = aw.load(robot, kinematics_only=kinematics_only)
     logs = [aw.identification.read_log(each) for each in (file, loaded)]
-    preparation = (
-        None if cutoff is None else [aw.identification.choose_preparation(each, cutoff=cutoff) for each in logs]
-    )
+    choose = aw.identification.choose_preparation
+    preparation = None if cutoff is None else [choose(each, cutoff=cutoff) for each in logs]
     found = aw.identification.identify_drive_gains(
         logs[0], logs[1], arm, mass, centre, tensor, mass_std=mass_std, frame=frame, preparation=preparation
     )
     show(found)
-    if report is not None:
-        found.report(report, f"{logs[1].title}: drive gains")
-        say(f"wrote {report}")
-    if output is not None and np.asarray(found.identifiable).any():
-        aw.identification.write_into(arm, found, output, key="gains")
-        say(f"wrote {output}")
-    if found.verdict != "identified":
-        raise typer.Exit(NOT_IDENTIFIED)
+    write(report, lambda path: found.report(path, f"{logs[1].title}: drive gains"))
+    if np.asarray(found.identifiable).any():
+        write(output, lambda path: aw.identification.write_into(arm, found, path, key="gains"))
+    exit_unless(found.verdict == "identified")
 
 
-def _numbers(place: str, text: str | None, count: int) -> list[float] | None:
+def _of_payload(place: str, text: str | None, count: int) -> list[float] | None:
     """Numbers of "0.1,0,0.2"; None of no text."""
-    from armwright.errors import IdentificationError
-
-    if text is None:
-        return None
-    try:
-        values = [float(word) for word in text.split(",")]
-    except ValueError:
-        values = []
-    if len(values) != count:
-        raise IdentificationError(place=place, value=text, expected=f"{count} numbers with commas between")
-    return values
+    return numbers(place, text, f"{count} numbers with commas between", count=count, error=IdentificationError)

@@ -3,37 +3,28 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Any
 
-import typer
-
-from armwright.cli.arguments import option
+import armwright as aw
+from armwright.cli.arguments import argument, option
+from armwright.cli.outcome import PAGE, PICTURE, check_file, exit_unless, write
+from armwright.errors import LogError
 from armwright.terminal import say
-
-if TYPE_CHECKING:
-    pass
-
-NOT_IDENTIFIED = 1  # exit code
 
 
 def linear(
-    file: Annotated[
-        Path, typer.Argument(metavar="LOG.log.toml", help="Runs to fit and to hold out.", show_default=False)
-    ],
-    model: Annotated[str, option("--model", "KIND", "arx, oe, armax, n4sid or frequency.")] = "oe",
-    order: Annotated[str, option("--order", "N", "Number of poles; auto: chosen.")] = "auto",
-    delay: Annotated[str, option("--delay", "K", "Samples from input to output; auto: chosen.")] = "auto",
-    select: Annotated[str, option("--select", "CRITERION", "What chooses: cv, aic, bic, fpe or mdl.")] = "cv",
-    input: Annotated[str | None, option("--input", "SIGNAL", "By default the voltage, current or torque.")] = None,
-    output: Annotated[str | None, option("--output", "SIGNAL", "By default the speed or the position.")] = None,
-    joint: Annotated[str | None, option("--joint", "NAME", "Needed where the log has several.")] = None,
-    picture: Annotated[
-        Path | None,
-        option("--plot", "FILE", "Draw runs and frequency response, measured and of the model: .png, .svg or .pdf."),
-    ] = None,
-    report: Annotated[
-        Path | None, option("--report", "FILE.html", "Write a page: verdict, remarks, gain, time constants, fits.")
-    ] = None,
+    file: Path = argument("LOG.log.toml", "Runs to fit and to hold out."),
+    model: str = option("KIND", "arx, oe, armax, n4sid or frequency.", "oe"),
+    order: str = option("N", "Number of poles; auto: chosen.", "auto"),
+    delay: str = option("K", "Samples from input to output; auto: chosen.", "auto"),
+    select: str = option("CRITERION", "What chooses: cv, aic, bic, fpe or mdl.", "cv"),
+    input: str | None = option("SIGNAL", "By default the voltage, current or torque."),
+    output: str | None = option("SIGNAL", "By default the speed or the position."),
+    joint: str | None = option("NAME", "Needed where the log has several."),
+    picture: Path | None = option(
+        "FILE", "Draw runs and frequency response, measured and of the model: .png, .svg or .pdf.", names="--plot"
+    ),
+    report: Path | None = option("FILE.html", "Write a page: verdict, remarks, gain, time constants, fits."),
 ) -> None:
     """Fit a black-box model (ARX, OE, ARMAX or state space) from an input of a log to an output.
 
@@ -56,43 +47,32 @@ def show_linear(
     file: Path,
     model: str,
     *,
-    order: str = "auto",
-    delay: str = "auto",
-    select: str = "cv",
-    input: str | None = None,
-    output: str | None = None,
     joint: str | None = None,
     picture: Path | None = None,
     report: Path | None = None,
+    **options: Any,
 ) -> None:
     """Fits a black-box model and shows it; shared by all commands with that option.
 
+    Args:
+        file: the log.   model: its kind.   joint: needed where there are several.   picture, report: files to write.
+        options: of `fit_linear`.
     Raises:
         LogError: no such model, or a report of a frequency response, which has no parameters.
     """
-    import armwright as aw
-    from armwright.errors import LogError
     from armwright.identification.linear.choice import check_model, fit_linear
-    from armwright.identification.linear.plot import check_linear_plot, plot_linear
-    from armwright.output import check_destination
+    from armwright.identification.linear.plot import plot_linear
 
     check_model(model)
-    if report is not None:
-        if model == "frequency":
-            raise LogError(
-                "a frequency response has no parameters", place="--report", expected="another --model, or --plot"
-            )
-        check_destination(report, (".html",))
-    if picture is not None:
-        check_linear_plot(picture)
+    if report is not None and model == "frequency":
+        what = "a frequency response has no parameters"
+        raise LogError(what, place="--report", expected="another --model, or --plot")
+    check_file(report, PAGE)
+    check_file(picture, PICTURE)
     log = aw.identification.read_log(file)
-    found = fit_linear(log, model, order=order, delay=delay, select=select, input=input, output=output, joint=joint)
+    found = fit_linear(log, model, joint=joint, **options)
     say(found)
-    if picture is not None:
-        plot_linear(log, found, picture, joint)
-        say(f"wrote {picture}")
-    if report is not None and isinstance(found, aw.identification.LinearModel):
-        found.report(report)
-        say(f"wrote {report}")
-    if isinstance(found, aw.identification.LinearModel) and found.verdict != "identified":
-        raise typer.Exit(NOT_IDENTIFIED)
+    write(picture, lambda path: plot_linear(log, found, path, joint))
+    if isinstance(found, aw.identification.LinearModel):
+        write(report, found.report)
+        exit_unless(found.verdict == "identified")

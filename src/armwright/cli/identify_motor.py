@@ -3,79 +3,43 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Literal
 
-import typer
-
-from armwright.cli.arguments import option
+import armwright as aw
+from armwright.cli.arguments import argument, flag, option, output_option, refuse
 from armwright.cli.identify_linear import show_linear
+from armwright.cli.outcome import PAGE, TOML, check_file, exit_unless, write
 from armwright.cli.tables import show
-from armwright.terminal import say
-
-NOT_IDENTIFIED = 1  # exit code
+from armwright.errors import LogError, ModelError
+from armwright.progress import progress
 
 
 def motor(
-    file: Annotated[
-        Path, typer.Argument(metavar="LOG.log.toml", help="Voltage or current, and motion.", show_default=False)
-    ],
-    model: Annotated[
-        str, option("--model", "KIND", "dc, or a black box: arx, oe, armax, n4sid, frequency (see `identify linear`).")
-    ] = "dc",
-    order: Annotated[str, option("--order", "N", "Number of poles of a black box; auto: chosen.")] = "auto",
-    delay: Annotated[str, option("--delay", "K", "Samples of delay of a black box; auto: chosen.")] = "auto",
-    robot: Annotated[
-        str | None, option("--robot", "ROBOT", "The arm; by default the log's, or one motor on a bench.")
-    ] = None,
-    joint: Annotated[
-        str | None, option("--joint", "NAME", "One motor by itself; of a robot's joint beside --load or --locked.")
-    ] = None,
-    load: Annotated[
-        list[str] | None,
-        option(
-            "--load",
-            "INERTIA | JOINT=INERTIA,…",
-            "Motors of the robot moved by themselves, each turning this inertia behind its gear, in kg m²; 0: none.",
-        ),
-    ] = None,
-    locked: Annotated[
-        bool, typer.Option("--locked", help="The rotor was held: the current tells R and L.", show_default=False)
-    ] = False,
-    free: Annotated[
-        list[str] | None,
-        option(
-            "--free",
-            "NAME,…",
-            "Fitted: R L Kt Ke J viscous coulomb coulomb_positive coulomb_negative stribeck friction_offset efficiency "
-            "dead_zone delay offset, or keys of the joint; by default all that the record has, and the delay.",
-        ),
-    ] = None,
-    fix: Annotated[
-        list[str] | None, option("--fix", "NAME=VALUE,…", "Known, in the record's unit: R=1.3, limits.voltage_v=24.")
-    ] = None,
-    per_run: Annotated[list[str] | None, option("--per-run", "NAME,…", "Fitted for every run by itself.")] = None,
-    runs: Annotated[
-        list[str] | None, option("--run", "NAME,…", "Runs to fit; by default those that the log says.")
-    ] = None,
-    static: Annotated[
-        Path | None, option("--static", "LOG.log.toml", "Steady states, a row each, as additional data.")
-    ] = None,
-    pwm: Annotated[
-        str | None, option("--pwm", "brake|coast|compare", "What the bridge does while off; compare: by the fit.")
-    ] = None,
-    priors: Annotated[
-        bool,
-        typer.Option(
-            "--priors", help="The record's own standard deviations count as measurements.", show_default=False
-        ),
-    ] = False,
-    starts: Annotated[int, option("--starts", "N", "First guesses; 16 by default.")] = 16,
-    output: Annotated[
-        Path | None, option("--output -o", "ARM.toml", "Write the record with the fitted numbers and their deviations.")
-    ] = None,
-    report: Annotated[
-        Path | None, option("--report", "FILE.html", "Write a page with the numbers and with plots of every run.")
-    ] = None,
+    file: Path = argument("LOG.log.toml", "Voltage or current, and motion."),
+    model: str = option("KIND", "dc, or a black box: arx, oe, armax, n4sid, frequency (see `identify linear`).", "dc"),
+    order: str = option("N", "Number of poles of a black box; auto: chosen.", "auto"),
+    delay: str = option("K", "Samples of delay of a black box; auto: chosen.", "auto"),
+    robot: str | None = option("ROBOT", "The arm; by default the log's, or one motor on a bench."),
+    joint: str | None = option("NAME", "One motor by itself; of a robot's joint beside --load or --locked."),
+    load: list[str] | None = option(
+        "INERTIA | JOINT=INERTIA,…",
+        "Motors of the robot moved by themselves, each turning this inertia behind its gear, in kg m²; 0: none.",
+    ),
+    locked: bool = flag("--locked", "The rotor was held: the current tells R and L."),
+    free: list[str] | None = option(
+        "NAME,…",
+        "Fitted: R L Kt Ke J viscous coulomb coulomb_positive coulomb_negative stribeck friction_offset efficiency "
+        "dead_zone delay offset, or keys of the joint; by default all that the record has, and the delay.",
+    ),
+    fix: list[str] | None = option("NAME=VALUE,…", "Known, in the record's unit: R=1.3, limits.voltage_v=24."),
+    per_run: list[str] | None = option("NAME,…", "Fitted for every run by itself."),
+    runs: list[str] | None = option("NAME,…", "Runs to fit; by default those that the log says.", names="--run"),
+    static: Path | None = option("LOG.log.toml", "Steady states, a row each, as additional data."),
+    pwm: str | None = option("brake|coast|compare", "What the bridge does while off; compare: by the fit."),
+    priors: bool = flag("--priors", "The record's own standard deviations count as measurements."),
+    starts: int = option("N", "First guesses; 16 by default.", 16),
+    output: Path | None = output_option("ARM.toml", "Write the record with the fitted numbers and their deviations."),
+    report: Path | None = option("FILE.html", "Write a page with the numbers and with plots of every run."),
 ) -> None:
     """Identify motors: resistance, torque constant, inertia, friction, delay, with standard deviations.
 
@@ -92,18 +56,14 @@ def motor(
       armwright identify motor elbow.log.toml --robot arm.toml --joint elbow --load 0 -o arm_identified.toml
     """
     if model != "dc":
-        beside = {"--robot": robot, "--free": free, "--fix": fix, "--per-run": per_run, "--output": output}
-        beside |= {"--report": report, "--load": load, "--locked": locked, "--priors": priors}
-        _refuse_beside(model, beside)
+        beside = {"robot": robot, "free": free, "fix": fix, "per-run": per_run, "output": output, "report": report}
+        beside |= {"load": load, "locked": locked or None, "priors": priors or None}
+        what = f"belongs to --model dc, not to a black box: {model}"
+        refuse(beside, what, error=LogError, expected="one of the two")
         return show_linear(file, model, order=order, delay=delay, joint=joint)
-    import armwright as aw
-    from armwright.cli.progress import progress
-    from armwright.output import check_destination
 
-    if output is not None:
-        check_destination(output, (".toml",), read=(file, robot, static))
-    if report is not None:
-        check_destination(report, (".html",), read=(file, robot, static))
+    check_file(output, TOML, (file, robot, static))
+    check_file(report, PAGE, (file, robot, static))
     with progress("fitting") as tell:
         found = aw.identification.identify_motor(
             file,
@@ -122,26 +82,9 @@ def motor(
             progress=tell,
         )
     show(found)
-    if output is not None:
-        found.write(output)
-        say(f"wrote {output}")
-    if report is not None:
-        say(f"wrote {found.report(report)}")
-    if found.estimate.verdict != "identified":
-        raise typer.Exit(NOT_IDENTIFIED)
-
-
-def _refuse_beside(model: str, options: dict[str, object]) -> None:
-    """Refuses options of a motor's record beside a black box, which has none.
-
-    Raises:
-        LogError: names the first.
-    """
-    from armwright.errors import LogError
-
-    for name, value in options.items():
-        if value:
-            raise LogError(f"belongs to --model dc, not to a black box: {model}", place=name, expected="one of the two")
+    write(output, found.write)
+    write(report, found.report)
+    exit_unless(found.estimate.verdict == "identified")
 
 
 def _names(words: list[str] | None) -> list[str] | None:
@@ -151,8 +94,6 @@ def _names(words: list[str] | None) -> list[str] | None:
 
 def _values(words: list[str] | None, place: str = "--fix", example: str = "R=1.3") -> dict[str, float]:
     """Names and numbers from words such as "R=1.3"."""
-    from armwright.errors import ModelError
-
     found = {}
     for word in _names(words) or []:
         name, _, text = word.partition("=")
@@ -165,8 +106,6 @@ def _values(words: list[str] | None, place: str = "--fix", example: str = "R=1.3
 
 def _load(words: list[str] | None) -> float | dict[str, float] | None:
     """One inertia, or inertias by joint."""
-    from armwright.errors import ModelError
-
     if words is None or any("=" in word for word in words):
         return None if words is None else _values(words, "--load", "elbow=0.02")
     try:
@@ -176,8 +115,6 @@ def _load(words: list[str] | None) -> float | dict[str, float] | None:
 
 
 def _pwm(word: str | None) -> Literal["brake", "coast", "compare"] | None:
-    from armwright.errors import ModelError
-
     if word in (None, "brake", "coast", "compare"):
         return word  # type: ignore[return-value]
     raise ModelError(place="--pwm", value=word, choices=("brake", "coast", "compare"))

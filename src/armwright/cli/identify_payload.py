@@ -3,37 +3,27 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
-import typer
-
-from armwright.cli.arguments import option
+import armwright as aw
+from armwright.cli.arguments import argument, option, output_option
+from armwright.cli.outcome import PAGE, TOML, check_file, exit_unless, write
 from armwright.cli.tables import show
-from armwright.terminal import say
-
-NOT_IDENTIFIED = 1  # exit code
 
 
 def payload(
-    file: Annotated[
-        Path, typer.Argument(metavar="LOG.log.toml", help="The arm with its payload in motion.", show_default=False)
-    ],
-    robot: Annotated[str, option("--robot", "ROBOT", "The arm without the payload.")],
-    loaded: Annotated[
-        Path | None,
-        option(
-            "--loaded-log", "LOG", "The arm with the payload; LOG.log.toml is then without, and only kinematics count."
-        ),
-    ] = None,
-    frame: Annotated[str | None, option("--frame", "NAME", "Frame that carries it; by default the tip.")] = None,
-    cutoff: Annotated[float | None, option("--cutoff", "HZ", "Cut-off of the low-pass; by default chosen.")] = None,
-    output: Annotated[
-        Path | None,
-        option("--output -o", "ARM.toml", "Write the arm with the payload, its numbers with their deviations."),
-    ] = None,
-    report: Annotated[
-        Path | None, option("--report", "FILE.html", "Write a page: verdict, remarks, parameters, fits.")
-    ] = None,
+    file: Path = argument("LOG.log.toml", "The arm with its payload in motion."),
+    robot: str = option("ROBOT", "The arm without the payload.", ...),
+    loaded: Path | None = option(
+        "LOG",
+        "The arm with the payload; LOG.log.toml is then without, and only kinematics count.",
+        names="--loaded-log",
+    ),
+    frame: str | None = option("NAME", "Frame that carries it; by default the tip."),
+    cutoff: float | None = option("HZ", "Cut-off of the low-pass; by default chosen."),
+    output: Path | None = output_option(
+        "ARM.toml", "Write the arm with the payload, its numbers with their deviations."
+    ),
+    report: Path | None = option("FILE.html", "Write a page: verdict, remarks, parameters, fits."),
 ) -> None:
     """Identify a payload: mass, centre of mass and inertia, with standard deviations.
 
@@ -45,14 +35,10 @@ def payload(
       armwright identify payload loaded.log.toml --robot lwa4p
       armwright identify payload empty.log.toml --robot lwa4p --loaded-log loaded.log.toml -o carrying.toml
     """
-    import armwright as aw
     from armwright.identification.arm.payload import with_identified_payload
-    from armwright.output import check_destination
 
-    if output is not None:
-        check_destination(output, (".toml",), read=(file, loaded, robot))
-    if report is not None:
-        check_destination(report, (".html",))
+    check_file(output, TOML, (file, loaded, robot))
+    check_file(report, PAGE)
     arm = aw.load(robot)
     logs = [aw.identification.read_log(each) for each in (file, loaded) if each is not None]
     preparation = None if cutoff is None else aw.identification.choose_preparation(logs[0], cutoff=cutoff)
@@ -60,11 +46,11 @@ def payload(
         logs[0], arm, loaded_log=logs[1] if len(logs) > 1 else None, frame=frame, preparation=preparation
     )
     show(found)
-    if report is not None:
-        found.report(report, f"{logs[0].title}: payload")
-        say(f"wrote {report}")
-    if found.verdict != "identified":
-        raise typer.Exit(NOT_IDENTIFIED)
-    if output is not None:
-        aw.identification.write_into(with_identified_payload(arm, found, frame), found, output, key="payload")
-        say(f"wrote {output}")
+    write(report, lambda path: found.report(path, f"{logs[0].title}: payload"))
+    exit_unless(found.verdict == "identified")
+    write(
+        output,
+        lambda path: aw.identification.write_into(
+            with_identified_payload(arm, found, frame), found, path, key="payload"
+        ),
+    )

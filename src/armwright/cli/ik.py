@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
-
-from armwright.cli.arguments import Out, Robot, Table, option, vector
+import armwright as aw
+from armwright.cli.arguments import Out, Robot, Table, flag, option, vector
+from armwright.cli.outcome import check_file, exit_unless
 from armwright.cli.tables import show_columns
+from armwright.errors import ModelError, ScheduleError
+from armwright.progress import progress
 from armwright.terminal import say
 
 if TYPE_CHECKING:
@@ -17,10 +19,9 @@ if TYPE_CHECKING:
 
     from armwright.ik.solutions import PoseSolutions
     from armwright.kinematics.aim import Aim
-    from armwright.results.csv_tables import Numbers
+    from armwright.results.csv_tables import CsvNumbers
 
 UNIT = 1e-3  # how far the length of a quaternion may be from 1
-MISSED = 1  # the exit code where a pose is not reached
 PLACE = ("x", "y", "z")
 COLUMNS: dict[tuple[str, ...], str] = {  # behind the position, with the aim that they are for
     (): "position",
@@ -37,32 +38,19 @@ def ik(
     robot: Robot,
     table: Table,
     output: Out = None,
-    frame: Annotated[str | None, option("--frame", "NAME", "The frame to bring there; by default the tip.")] = None,
-    near: Annotated[
-        str | None, option("--near", "Q1,Q2,…", "Joint positions to begin with, in rad (m for sliding joints).")
-    ] = None,
-    aim: Annotated[
-        str | None,
-        option(
-            "--aim",
-            "WORD",
-            "What counts: pose, position, axis, pitch, yaw ('axis x': of another axis), 'base xy', 'tool z'; "
-            "by default what the columns say.",
-        ),
-    ] = None,
-    goal: Annotated[
-        str | None,
-        option(
-            "--goal",
-            "WORD",
-            "Best solution by it: nearest (to --near), limits (far from them) or manipulability.",
-        ),
-    ] = None,
-    tolerance: Annotated[float, option("--tolerance", "T", "On distance in m and angle in rad.")] = 1e-8,
-    method: Annotated[
-        str, option("--method", "NAME", "closed-form, numeric, or auto: closed form where the arm has one.")
-    ] = "auto",
-    every: Annotated[bool, typer.Option("--all", help="All solutions of the closed form, a row each.")] = False,
+    frame: str | None = option("NAME", "The frame to bring there; by default the tip."),
+    near: str | None = option("Q1,Q2,…", "Joint positions to begin with, in rad (m for sliding joints)."),
+    aim: str | None = option(
+        "WORD",
+        "What counts: pose, position, axis, pitch, yaw ('axis x': of another axis), 'base xy', 'tool z'; "
+        "by default what the columns say.",
+    ),
+    goal: str | None = option(
+        "WORD", "Best solution by it: nearest (to --near), limits (far from them) or manipulability."
+    ),
+    tolerance: float = option("T", "On distance in m and angle in rad.", 1e-8),
+    method: str = option("NAME", "closed-form, numeric, or auto: closed form where the arm has one.", "auto"),
+    every: bool = flag("--all", "All solutions of the closed form, a row each."),
 ) -> None:
     """Inverse kinematics of a table: joint positions for the pose in each row.
 
@@ -80,15 +68,11 @@ def ik(
       armwright ik puma560 poses.csv --all
       armwright ik my-arm.toml poses.csv --aim pitch
     """
-    import armwright as aw
-    from armwright.cli.progress import progress
     from armwright.model.joint_signals import joint_units
-    from armwright.output import check_destination
     from armwright.results.csv_tables import joint_columns
 
     arm = aw.load(robot)
-    if output is not None:
-        check_destination(output, read=(table, robot))
+    check_file(output, read=(table, robot))
     targets, part = _targets(table, aim)
     wish: Any = goal
     start = None if near is None else vector("--near", near, arm.names, joint_units(arm, "q"))
@@ -103,8 +87,7 @@ def ik(
     show_columns(output, columns)
     if output is not None or not found.success.all():
         say(str(found), err=output is None)
-    if not found.success.all():
-        raise typer.Exit(MISSED)
+    exit_unless(bool(found.success.all()))
 
 
 Rows = tuple[dict[str, "np.ndarray"], "np.ndarray", "np.ndarray", "np.ndarray"]
@@ -125,8 +108,6 @@ def _every(found: PoseSolutions) -> Rows:
     """
     import numpy as np
 
-    from armwright.errors import ModelError
-
     branches = found.branches
     if branches is None:
         raise ModelError(place="--all", value=f"--method {found.method}", expected="the closed form")
@@ -145,33 +126,28 @@ def _targets(table: Path, aim: str | None) -> tuple[np.ndarray, Aim]:
     import numpy as np
     from scipy.spatial.transform import Rotation
 
-    from armwright.errors import ModelError
     from armwright.ik.targets import pose_towards
     from armwright.kinematics.aim import AXES, Aim
-    from armwright.results.csv_tables import Column, parse_numbers, table_text
+    from armwright.results.csv_tables import CsvColumn, parse_numbers, table_text
 
     text = table_text(table)
     turn = _columns(next((line for line in text.splitlines() if line.strip()), ""))
     part = Aim.of(COLUMNS[turn] if aim is None else aim)
     numbers = parse_numbers(
-        text, str(table), [Column(name, (UNITS[name],) if name in UNITS else ()) for name in (*PLACE, *turn)]
+        text, str(table), [CsvColumn(name, (UNITS[name],) if name in UNITS else ()) for name in (*PLACE, *turn)]
     )
     values = numbers.values
     place, turned = values[:, :3], values[:, 3:]
     if len(turn) == 1 or turn == ("ax", "ay", "az"):
         if (part.kind != turn[0] and len(turn) == 1) or part.kind not in ("axis", "pitch", "yaw") or part.base:
             raise ModelError(f"with columns {', '.join(turn)}", place="--aim", value=aim, expected=COLUMNS[turn])
+        angle = turned[:, 0]
         if turn == ("pitch",):
-            _check(
-                numbers,
-                np.abs(turned[:, 0]) > 0.5 * np.pi,
-                turned[:, 0],
-                "column pitch",
-                "an angle from -π/2 to π/2 rad",
-            )
-            turned = np.stack([np.cos(turned[:, 0]), 0.0 * turned[:, 0], -np.sin(turned[:, 0])], axis=1)
+            steep = np.abs(angle) > 0.5 * np.pi
+            _check(numbers, steep, angle, "column pitch", "an angle from -π/2 to π/2 rad")
+            turned = np.stack([np.cos(angle), 0.0 * angle, -np.sin(angle)], axis=1)
         elif turn == ("yaw",):
-            turned = np.stack([np.cos(turned[:, 0]), np.sin(turned[:, 0]), 0.0 * turned[:, 0]], axis=1)
+            turned = np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=1)
         length = np.linalg.norm(turned, axis=1)
         _check(numbers, length == 0.0, length, "columns ax, ay, az", "a direction, not 0 0 0")
         return pose_towards(place, turned, AXES[part.axis]), part
@@ -198,16 +174,12 @@ def _columns(head: str) -> tuple[str, ...]:
     return {3: (), 7: ("qw", "qx", "qy", "qz")}.get(head.count(",") + 1, ("roll", "pitch", "yaw"))
 
 
-def _check(numbers: Numbers, wrong: np.ndarray, values: np.ndarray, place: str, expected: str) -> None:
+def _check(numbers: CsvNumbers, wrong: np.ndarray, values: np.ndarray, place: str, expected: str) -> None:
     """Refuses rows (k,) of a table.
 
     Raises:
         ScheduleError: names the first.
     """
-    from armwright.errors import ScheduleError
-
     for row in wrong.nonzero()[0][:1]:
-        file = f"{numbers.path}:{numbers.lines[row]}"
-        raise ScheduleError(
-            f"{'length ' if 's ' in place else ''}{values[row]:.6g}", place=place, expected=expected, file=file
-        )
+        what = f"{'length ' if 's ' in place else ''}{values[row]:.6g}"
+        raise ScheduleError(what, place=place, expected=expected, file=f"{numbers.path}:{numbers.lines[row]}")

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections import Counter
-from typing import TYPE_CHECKING, Annotated, Any
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
 
-import typer
-
-from armwright.cli.arguments import Robot
+import armwright as aw
+from armwright.cli.arguments import Robot, flag
 from armwright.cli.tables import number, table
 
 if TYPE_CHECKING:
@@ -17,16 +17,13 @@ if TYPE_CHECKING:
     from armwright.model import Model
 
 DEGREES = 57.29577951308232  # in a radian
-
-
 PRODUCTS, SUMS = ("MUL", "SQ"), ("ADD", "SUB", "TWICE")
 
-Operations = Annotated[
-    bool, typer.Option("--operations", help="Count the operations of every kernel instead, step by step.")
-]
 
-
-def info(robot: Robot, operations: Operations = False) -> None:
+def info(
+    robot: Robot,
+    operations: bool = flag("--operations", "Count the operations of every kernel instead, step by step."),
+) -> None:
     """Show an arm: frames, masses, motors, friction, limits, sources of all numbers, warnings.
 
     \b
@@ -35,7 +32,6 @@ def info(robot: Robot, operations: Operations = False) -> None:
       armwright info my-arm.toml
       armwright info puma560 --operations
     """
-    import armwright as aw
     from armwright.cli.tables import console_for_tables
 
     arm = aw.load(robot, on_impossible="warn")
@@ -100,22 +96,27 @@ def _geometry(record: RobotDescription) -> list[Table | None]:
     """One table for each way in which the file places joints: classic DH, modified DH, explicit frames."""
     parts = []
     for way, title in (("dh", "Denavit-Hartenberg, classic"), ("modified_dh", "Denavit-Hartenberg, modified (Craig)")):
-        joints = [joint for joint in record.joints if getattr(joint, way, None) is not None]
-        rows = [[j.name, j.type, j.parent, j.child, *_dh(getattr(j, way), j.kind)] for j in joints]
+        rows = [[j.name, j.type, j.parent, j.child, *_dh(row, j.kind)] for j, row in _parts(record, way)]
         heads = ("joint", "type", "parent", "child", "α [°]", "a [m]", "r [m]", "θ [°]")
         parts.append(table(title, heads, rows, left=("type", "parent", "child", "r [m]", "θ [°]")))
     rows = []
-    for joint in record.joints:
-        if joint.frame is not None:
-            turned = [DEGREES * angle for angle in _values(joint.frame.rpy_rad)]
-            axis = getattr(joint, "axis", None)
-            turns_about = map(number, _values(axis)) if axis is not None else ("",) * 3
-            place = (*map(number, _values(joint.frame.xyz_m)), *map(number, turned), *turns_about)
-            rows.append([joint.name, joint.type, joint.parent, joint.child, *place])
+    for joint, frame in _parts(record, "frame"):
+        turned = [DEGREES * angle for angle in frame.rpy_rad.value]
+        axis = getattr(joint, "axis", None)
+        turns_about = map(number, axis.value) if axis is not None else ("",) * 3
+        place = (*map(number, frame.xyz_m.value), *map(number, turned), *turns_about)
+        rows.append([joint.name, joint.type, joint.parent, joint.child, *place])
     heads = ("joint", "type", "parent", "child", "x", "y", "z", "roll", "pitch", "yaw", "axis x", "axis y", "axis z")
     title = "Joint frames in the parent link: x y z [m], fixed-axis angles [°], axis"
     parts.append(table(title, heads, rows, left=("type", "parent", "child")))
     return parts
+
+
+def _parts(record: RobotDescription, name: str) -> list[tuple[Any, Any]]:
+    """Each joint that has a part of this name, or whose motor has it, with the part."""
+    holders = ((joint, holder) for joint in record.joints for holder in (joint, getattr(joint, "motor", None)))
+    found = ((joint, getattr(holder, name, None)) for joint, holder in holders)
+    return [(joint, part) for joint, part in found if part is not None]
 
 
 def _dh(row: Any, kind: JointKind) -> list[str]:
@@ -135,12 +136,11 @@ def _moving(offset: float) -> str:
     return f"q {'+' if offset > 0 else '−'} {number(abs(offset))}"
 
 
-def _values(quantity: Any) -> tuple[float, ...]:
-    return quantity.value
-
-
 def _masses(record: RobotDescription) -> Table | None:
-    rows = [[link.name, *map(number, (link.mass_kg, *_values(link.com_m)))] for link in record.links]
+    rows = []
+    for link in record.links:
+        com: Any = link.com_m.value
+        rows.append([link.name, *map(number, (link.mass_kg, *com))])
     return table("Links: mass [kg], centre of mass [m] in the link's frame", ("link", "mass", "x", "y", "z"), rows)
 
 
@@ -154,7 +154,7 @@ def _inertias(record: RobotDescription) -> Table | None:
 
 
 def _drives(arm: Model, record: RobotDescription) -> Table | None:
-    with_motor = {joint.name for joint in record.joints if getattr(joint, "motor", None) is not None}
+    with_motor = {joint.name for joint, _ in _parts(record, "motor")}
     rows = []
     for body in arm.coordinates:
         drive = body.drive
@@ -183,11 +183,7 @@ def _drives(arm: Model, record: RobotDescription) -> Table | None:
 def _efficiencies(record: RobotDescription) -> Table | None:
     """Tables of gear efficiency, a line for each speed."""
     rows = []
-    for joint in record.joints:
-        motor = getattr(joint, "motor", None)
-        efficiency = None if motor is None else motor.gear_efficiency_table
-        if efficiency is None:
-            continue
+    for joint, efficiency in _parts(record, "gear_efficiency_table"):
         for row in efficiency.rows:
             torques = _one_or_many(getattr(efficiency, efficiency.torque_key))
             speed = getattr(row, efficiency.speed_key)
@@ -201,49 +197,40 @@ def _efficiencies(record: RobotDescription) -> Table | None:
 def _couplings(record: RobotDescription) -> Table | None:
     """Motors that other joints turn too, as in a wrist."""
     rows = []
-    for joint in record.joints:
-        motor = getattr(joint, "motor", None)
-        turns = [] if motor is None else [f"{number(each.ratio)} · {each.joint}" for each in motor.coupling]
-        if motor is not None and turns:
+    for joint, motor in _parts(record, "motor"):
+        turns = [f"{number(each.ratio)} · {each.joint}" for each in motor.coupling]
+        if turns:
             rows.append([joint.name, " + ".join([f"{number(motor.gear_ratio)} · {joint.name}", *turns])])
     heads = ("motor of", "turns by [rad for each rad | m]")
     return table("Coupled motors: other joints turn them too", heads, rows, left=heads[1:])
 
 
 def _mimics(record: RobotDescription) -> Table | None:
-    rows = []
-    for joint in record.joints:
-        mimic = getattr(joint, "mimic", None)
-        if mimic is not None:
-            where = f"{number(mimic.offset)} {mimic.units.position}"
-            rows.append([joint.name, mimic.joint, number(mimic.multiplier), where])
+    rows = [
+        [joint.name, mimic.joint, number(mimic.multiplier), f"{number(mimic.offset)} {mimic.units.position}"]
+        for joint, mimic in _parts(record, "mimic")
+    ]
     heads = ("joint", "master", "multiplier", "offset")
     return table("Joints that mimic others: q = multiplier · q_master + offset", heads, rows, left=("master",))
 
 
 def _friction(record: RobotDescription) -> Table | None:
     """As the file gives it: keys with their units, so that either law, side and kind of joint fits one table."""
-    rows = []
-    for joint in record.joints:
-        friction = getattr(joint, "friction", None)
-        if friction is None:
-            continue
-        rows.append([joint.name, friction.law, friction.side, _numbers(friction, "side", "law")])
+    rows = [
+        [joint.name, friction.law, friction.side, _numbers(friction, "side", "law")]
+        for joint, friction in _parts(record, "friction")
+    ]
     return table("Friction", ("joint", "law", "side", "numbers"), rows, left=("law", "side", "numbers"))
 
 
 def _springs(record: RobotDescription) -> Table | None:
     """As the file gives them."""
     rows = []
-    for joint in record.joints:
-        spring = getattr(joint, "spring", None)
-        if spring is not None:
-            values = {
-                key: getattr(spring, key) for key in type(spring).model_fields if key not in ("source", "outside")
-            }
-            texts = [f"{key} {_one_or_many(value)}" for key, value in values.items() if value is not None]
-            texts += [] if spring.outside is None else [f"outside {spring.outside}"]
-            rows.append([joint.name, ", ".join(texts)])
+    for joint, spring in _parts(record, "spring"):
+        keys = [key for key in type(spring).model_fields if key not in ("source", "outside")]
+        texts = [f"{key} {_one_or_many(getattr(spring, key))}" for key in keys if getattr(spring, key) is not None]
+        texts += [] if spring.outside is None else [f"outside {spring.outside}"]
+        rows.append([joint.name, ", ".join(texts)])
     return table("Springs at joints", ("joint", "numbers"), rows, left=("numbers",))
 
 
@@ -255,24 +242,21 @@ def _effects(record: RobotDescription) -> Table | None:
         parts = {name: getattr(joint, name, None) for name in ("elasticity", "stops", "brake")}
         parts |= {name: getattr(motor, name, None) for name in ("thermal", "cogging")}
         rows += [[joint.name, name, _numbers(part)] for name, part in parts.items() if part is not None]
-        keys = {name: getattr(motor, name, None) for name in ("current_loop_hz", "pwm", "dead_zone_v")}
-        texts = [
-            f"{name} {value if isinstance(value, str) else number(value)}"
-            for name, value in keys.items()
-            if value is not None
-        ]
-        rows += [[joint.name, "motor", ", ".join(texts)]] if texts else []
+        texts = _named(motor, ("current_loop_hz", "pwm", "dead_zone_v"))
+        rows += [[joint.name, "motor", texts]] if texts else []
     rows += [] if record.supply is None else [["all", "supply", _numbers(record.supply)]]
-    return table(
-        "Further effects of gears, motors and supply", ("joint", "effect", "numbers"), rows, left=("effect", "numbers")
-    )
+    heads = ("joint", "effect", "numbers")
+    return table("Further effects of gears, motors and supply", heads, rows, left=heads[1:])
 
 
 def _numbers(part: Any, *without: str) -> str:
     """The numbers of a table of a record, with their keys but for some."""
-    left_out = ("source", *without)
-    names = [name for name in type(part).model_fields if name not in left_out and getattr(part, name) is not None]
-    values = {name: getattr(part, name) for name in names}
+    return _named(part, [name for name in type(part).model_fields if name not in ("source", *without)])
+
+
+def _named(part: Any, names: Iterable[str]) -> str:
+    """Values of a table of a record that it has, with their keys."""
+    values = {name: value for name in names if (value := getattr(part, name, None)) is not None}
     return ", ".join(f"{name} {value if isinstance(value, str) else number(value)}" for name, value in values.items())
 
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
-
-from armwright.cli.arguments import as_options, option
+import armwright as aw
+from armwright.cli.arguments import argument, as_options, option
+from armwright.cli.outcome import PICTURE, check_file, say_each, write
 from armwright.cli.tables import console_for_tables, number, table
 from armwright.errors import LogError
+from armwright.progress import progress
 from armwright.terminal import say
 
 if TYPE_CHECKING:
@@ -19,16 +20,13 @@ HEADS = ("run", "use", "rows", "duration [s]", "rate [Hz]", "jitter", "gaps", "s
 
 
 def log(
-    file: Annotated[
-        Path, typer.Argument(metavar="FILE.log.toml", help="Which columns of which files are what.", show_default=False)
-    ],
-    run: Annotated[str | None, option("--run", "NAME", "The run to prepare and to draw; by default the first.")] = None,
-    picture: Annotated[
-        Path | None,
-        option("--plot", "FILE", "Draw the run and its spectra, as logged and as prepared: .png, .svg or .pdf."),
-    ] = None,
-    cutoff: Annotated[float | None, option("--cutoff", "HZ", "Cut-off of the low-pass; by default chosen.")] = None,
-    decimate: Annotated[int | None, option("--decimate", "K", "Keep every k-th row; by default chosen.")] = None,
+    file: Path = argument("FILE.log.toml", "Which columns of which files are what."),
+    run: str | None = option("NAME", "The run to prepare and to draw; by default the first."),
+    picture: Path | None = option(
+        "FILE", "Draw the run and its spectra, as logged and as prepared: .png, .svg or .pdf.", names="--plot"
+    ),
+    cutoff: float | None = option("HZ", "Cut-off of the low-pass; by default chosen."),
+    decimate: int | None = option("K", "Keep every k-th row; by default chosen."),
 ) -> None:
     """Read a log of measurements, check it, and show how it would be filtered for a fit.
 
@@ -41,13 +39,10 @@ def log(
       armwright log motor.log.toml
       armwright log arm.log.toml --run fast --plot fast.png
     """
-    import armwright as aw
-    from armwright.cli.progress import progress
-    from armwright.identification.logs.plot import check_log_plot, plot_log
+    from armwright.identification.logs.plot import plot_log
     from armwright.identification.logs.preparation import choose_preparation
 
-    if picture is not None:
-        check_log_plot(picture)
+    check_file(picture, PICTURE)
     with progress(f"reading {file.name}") as tell:
         found = aw.identification.read_log(file, on_error="keep", progress=tell)
     with as_options("run"):
@@ -66,11 +61,8 @@ def log(
     with as_options("cutoff", "decimate"):
         preparation = choose_preparation(found, run, cutoff=cutoff, decimate=decimate)
     say(f"\nprepared for a fit ({found.run(run).name}):")
-    for reason in preparation.reasons:
-        say(f"  {reason}")
-    if picture is not None:
-        plot_log(found, picture, run, preparation)
-        say(f"wrote {picture}")
+    say_each("  ", preparation.reasons)
+    write(picture, lambda path: plot_log(found, path, run, preparation))
 
 
 def _runs(found: Log) -> object:

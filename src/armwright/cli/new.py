@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
-from armwright.cli.arguments import option
+import armwright as aw
+from armwright.cli.arguments import argument, option
+from armwright.cli.outcome import say_each
 from armwright.terminal import say
 
 new = typer.Typer(name="new")
@@ -20,16 +21,13 @@ def _new() -> None:
 
 @new.command()
 def robot(
-    target: Annotated[Path, typer.Argument(metavar="ARM.toml", help="The robot file to write.", show_default=False)],
-    source: Annotated[
-        str | None,
-        option("--from", "FILE", "Take links and joints of a robot's file (URDF, MJCF, TOML) or a built-in arm."),
-    ] = None,
-    joints: Annotated[int | None, option("--joints", "N", "Number of joints, without --from.")] = None,
-    command: Annotated[
-        str, option("--command", "WORD", "What the drives are told: voltage, current or torque.")
-    ] = "current",
-    drive: Annotated[Path | None, option("--drive", "FILE", "Its drive file; by default the one beside it.")] = None,
+    target: Path = argument("ARM.toml", "The robot file to write."),
+    source: str | None = option(
+        "FILE", "Take links and joints of a robot's file (URDF, MJCF, TOML) or a built-in arm.", names="--from"
+    ),
+    joints: int | None = option("N", "Number of joints, without --from."),
+    command: str = option("WORD", "What the drives are told: voltage, current or torque.", "current"),
+    drive: Path | None = option("FILE", "Its drive file; by default the one beside it."),
 ) -> None:
     """Write a robot file to fill in; every number that the drives need and that is unknown is marked TODO.
 
@@ -41,12 +39,9 @@ def robot(
       armwright new robot my-arm.toml --from arm.xml --command voltage
       armwright new robot my-arm.toml --joints 3
     """
-    import armwright as aw
-
     notes = aw.robotfiles.new_robot(
         target, source, joints=joints, command=command, **({} if drive is None else {"drive": drive})
     )
     say(f"wrote {target}")
-    for line in notes:
-        say(f"note: {line}")
+    say_each("note: ", notes)
     say(f"next: armwright check {target}")

@@ -3,24 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
+from armwright.cli.arguments import argument, option, output_option
+from armwright.cli.outcome import say_each
+from armwright.progress import progress
 from armwright.terminal import say
 
 parts = typer.Typer(name="parts")
-
-File = Annotated[Path, typer.Argument(metavar="FILE.parts.toml", help="The parts database.", show_default=False)]
-Arm = Annotated[
-    Path, typer.Option("--output", "-o", metavar="ARM.toml", help="The arm's file to write; replaced where it exists.")
-]
-Audit = Annotated[
-    Path | None,
-    typer.Option(
-        "--audit", metavar="AUDIT.html", help="Also write how every link's numbers come about, as a web page."
-    ),
-]
 
 
 @parts.callback()
@@ -29,7 +20,11 @@ def _about() -> None:
 
 
 @parts.command()
-def build(file: File, output: Arm, audit: Audit = None) -> None:
+def build(
+    file: Path = argument("FILE.parts.toml", "The parts database."),
+    output: Path = output_option("ARM.toml", "The arm's file to write; replaced where it exists.", ...),
+    audit: Path | None = option("AUDIT.html", "Also write how every link's numbers come about, as a web page."),
+) -> None:
     """Write the arm that a parts database describes, with every link's mass, centre of mass and inertia computed.
 
     Run it again when the construction changes: loading an arm's file that is older than its parts gives a warning.
@@ -39,15 +34,12 @@ def build(file: File, output: Arm, audit: Audit = None) -> None:
       armwright parts build my-arm.parts.toml -o my-arm.toml
       armwright parts build my-arm.parts.toml -o my-arm.toml --audit audit.html
     """
-    from armwright.cli.progress import progress
     from armwright.robotfiles.write_parts import write_parts
 
     with progress(f"weighing {file.name}"):
         built = write_parts(file, output, audit)
-    for line in built.overrides:
-        say(f"measured: {line}", err=True)
-    for warning in built.warnings:
-        say(f"warning: {warning}", err=True)
+    say_each("measured: ", built.overrides, err=True)
+    say_each("warning: ", built.warnings, err=True)
     arm = built.description
     links = f"{len(arm.links)} link{'s' * (len(arm.links) != 1)}"
     say(f"wrote {output}: {arm.name}, {links}, {arm.total_mass:.6g} kg")

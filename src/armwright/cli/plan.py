@@ -3,28 +3,23 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
-import typer
-
-from armwright.cli.arguments import Allow, option
+import armwright as aw
+from armwright.cli.arguments import Allow, argument, option, output_option
+from armwright.cli.outcome import check_file, exit_unless, write
 from armwright.errors import ScenarioError
 from armwright.terminal import say
 
-EXCEEDED = 1  # the exit code where a limit is exceeded
 ENDINGS = (".csv", ".nc")
 
 
 def plan(
-    file: Annotated[Path, typer.Argument(metavar="FILE.motion.toml", help="Motion file.", show_default=False)],
-    output: Annotated[
-        Path | None,
-        option("--output -o", "FILE", "Where the motion goes: .csv (t, q, qd, qdd of every joint) or .nc (NetCDF)."),
-    ] = None,
-    plot: Annotated[
-        Path | None, option("--plot", "FILE", "Where its plot goes: .png, .svg, .pdf, or .html to zoom into.")
-    ] = None,
-    rate: Annotated[float, option("--rate", "HZ", "Rows in a second, 500 by default.")] = 500.0,
+    file: Path = argument("FILE.motion.toml", "Motion file."),
+    output: Path | None = output_option(
+        "FILE", "Where the motion goes: .csv (t, q, qd, qdd of every joint) or .nc (NetCDF)."
+    ),
+    plot: Path | None = option("FILE", "Where its plot goes: .png, .svg, .pdf, or .html to zoom into."),
+    rate: float = option("HZ", "Rows in a second, 500 by default.", 500.0),
     allow: Allow = None,
 ) -> None:
     """Plan the motion of a motion file, within its limits or those of the robot file.
@@ -38,23 +33,14 @@ def plan(
       armwright plan pick.motion.toml
       armwright plan pick.motion.toml -o motion.csv --plot motion.html
     """
-    import armwright as aw
-    from armwright.output import check_destination
     from armwright.results.plot import ENDINGS as PICTURES
 
-    if output is not None:
-        check_destination(output, ENDINGS, read=(file,))
-    if plot is not None:
-        check_destination(plot, PICTURES, read=(file,))
+    check_file(output, ENDINGS, (file,))
+    check_file(plot, PICTURES, (file,))
     if not 0.1 <= rate <= 1e6:
         raise ScenarioError(place="--rate", value=rate, expected="0.1 … 1e6 Hz")
     found = aw.trajectories.plan(file, allow=allow or ())
     say(found)
-    if output is not None:
-        found.save(output, rate)
-        say(f"wrote {output}")
-    if plot is not None:
-        found.plot(plot)
-        say(f"wrote {plot}")
-    if not found.kept:
-        raise typer.Exit(EXCEEDED)
+    write(output, lambda path: found.save(path, rate))
+    write(plot, found.plot)
+    exit_unless(found.kept)

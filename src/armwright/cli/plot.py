@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
-
-from armwright.cli.arguments import option
+import armwright as aw
+from armwright.cli.arguments import argument, option, output_option
 from armwright.errors import RunError
 from armwright.terminal import say
 
@@ -16,28 +15,16 @@ if TYPE_CHECKING:
 
 
 def plot(
-    runs: Annotated[list[Path], typer.Argument(metavar="RUN…", help="Runs saved as .nc.", show_default=False)],
-    joints: Annotated[
-        str | None,
-        option("--joints", "NAME,…", "Joints to draw, by name or number; default all."),
-    ] = None,
-    quantities: Annotated[
-        str | None,
-        option(
-            "--quantities",
-            "NAME,…",
-            "What to draw, such as q,qd,tau or theta,omega,torque; by default positions, velocities, "
-            "torques and what the drives were given.",
-        ),
-    ] = None,
-    output: Annotated[
-        Path | None,
-        option(
-            "--output -o",
-            "FILE",
-            "Where to: .html (zoom, read off values), .png, .svg or .pdf; without it, the terminal.",
-        ),
-    ] = None,
+    runs: list[Path] = argument("RUN…", "Runs saved as .nc."),
+    joints: str | None = option("NAME,…", "Joints to draw, by name or number; default all."),
+    quantities: str | None = option(
+        "NAME,…",
+        "What to draw, such as q,qd,tau or theta,omega,torque; by default positions, velocities, "
+        "torques and what the drives were given.",
+    ),
+    output: Path | None = output_option(
+        "FILE", "Where to: .html (zoom, read off values), .png, .svg or .pdf; without it, the terminal."
+    ),
 ) -> None:
     """Draw runs: in the terminal, as a picture, or as an offline page with zoom.
 
@@ -49,7 +36,6 @@ def plot(
       armwright plot run.nc -o run.html
       armwright plot before.nc after.nc --joints joint2,joint3 --quantities q,tau -o compared.html
     """
-    import armwright as aw
     from armwright.cli.tables import console_for_tables
     from armwright.pictures.terminal import show_runs
     from armwright.results.plot import check_plot
@@ -71,8 +57,6 @@ def _by_name(paths: list[Path]) -> dict[str, xr.Dataset]:
     Raises:
         RunError: a file that is no run, or is named twice.
     """
-    import armwright as aw
-
     alike = len({path.name for path in paths}) < len(paths)
     runs: dict[str, xr.Dataset] = {}
     for path in paths:

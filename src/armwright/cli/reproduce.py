@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
-import typer
-
-from armwright.cli.arguments import option
+import armwright as aw
+from armwright.cli.arguments import argument, output_option
+from armwright.cli.outcome import exit_unless
 from armwright.cli.tables import show
+from armwright.progress import progress
 from armwright.terminal import say
 
 
 def reproduce(
-    run: Annotated[Path, typer.Argument(metavar="RUN.nc", help="A run of a scenario file.", show_default=False)],
-    output: Annotated[
-        Path | None,
-        option("--output -o", "FILE", "Where the new run goes: .nc, .csv, .parquet, .mcap or .mat."),
-    ] = None,
+    run: Path = argument("RUN.nc", "A run of a scenario file."),
+    output: Path | None = output_option("FILE", "Where the new run goes: .nc, .csv, .parquet, .mcap or .mat."),
 ) -> None:
     """Compute a saved run again from the scenario stored in it, and compare all bits.
 
@@ -28,8 +25,6 @@ def reproduce(
     Example:
       armwright reproduce run.nc
     """
-    import armwright as aw
-    from armwright.cli.progress import progress
     from armwright.results.recording import check_recording
 
     if output is not None:
@@ -40,5 +35,4 @@ def reproduce(
         aw.save(done.run, output)
         say(f"wrote {output}")
     show(done)
-    if not done.same:
-        raise typer.Exit(1)
+    exit_unless(done.same)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import armwright as aw
+
 
 def robots() -> None:
     """List the built-in arms.
 
     Each is a TOML file that can be copied and changed; a path to such a file goes wherever a robot's name does.
     """
-    import armwright as aw
     from armwright.cli.tables import console_for_tables, number, table
 
     rows = []

@@ -3,64 +3,51 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-import typer
-
-from armwright.cli.arguments import as_options, complete_robot, option
+import armwright as aw
+from armwright.cli.arguments import (
+    argument,
+    as_options,
+    complete_robot,
+    flag,
+    node_numbers,
+    numbers,
+    option,
+    output_option,
+    refuse,
+)
+from armwright.cli.outcome import PAGE, check_file, exit_unless, write
 from armwright.cli.tables import show
 from armwright.errors import ScenarioError
-from armwright.terminal import say
+from armwright.progress import progress
 
 INTERFACES = ("virtual", "socketcan", "udp_multicast")  # before the colon of a bus
-ALARMED = 1  # the exit code without the verdict "no alarm"
 
 
 def shadow(
-    source: Annotated[
-        str,
-        typer.Argument(
-            metavar="LOG|BUS",
-            help="The arm's log, FILE.log.toml; or the bus of its drives, such as socketcan:can0.",
-            show_default=False,
-        ),
-    ],
-    robot: Annotated[
-        str | None,
-        typer.Option(
-            "--robot",
-            metavar="ARM",
-            autocompletion=complete_robot,
-            help="Path of the arm's record, or name of a built-in arm; by default the robot that the log names.",
-            show_default=False,
-        ),
-    ] = None,
-    run: Annotated[list[str] | None, option("--run", "NAME", "A run, may be repeated; by default all.")] = None,
-    deviation: Annotated[
-        str | None,
-        option("--deviation", "D1,D2,…", "Standard deviations of the residual torques; by default of the verdict."),
-    ] = None,
-    factor: Annotated[float | None, option("--factor", "K", "Deviations that a residual may reach; default 8.")] = None,
-    report: Annotated[
-        Path | None, option("--report", "FILE.html", "Write a page with plots, which needs no network.")
-    ] = None,
-    live: Annotated[
-        bool, typer.Option("--live", help="Show the residuals as they come, at the pace of the log.")
-    ] = False,
-    duration: Annotated[
-        float | None, option("--duration", "S", "How long to listen to a bus; by default until it is silent.")
-    ] = None,
-    output: Annotated[
-        Path | None,
-        option("--output -o", "FILE", "Where rows and residuals of a bus go: .nc, .csv, .parquet, .mcap or .mat."),
-    ] = None,
-    nodes: Annotated[str | None, option("--nodes", "N1,N2,…", "Nodes of a bus, by joint; default from 3.")] = None,
-    counts: Annotated[
-        float | None, option("--counts", "N", "Counts in a turn of a joint on a bus; default 360,000.")
-    ] = None,
-    period: Annotated[
-        float | None, option("--period", "S", "Time from SYNC to SYNC of a bus; by default by the clock.")
-    ] = None,
+    source: str = argument(
+        "LOG|BUS", "The arm's log, FILE.log.toml; or the bus of its drives, such as socketcan:can0."
+    ),
+    robot: str | None = option(
+        "ARM",
+        "Path of the arm's record, or name of a built-in arm; by default the robot that the log names.",
+        autocompletion=complete_robot,
+    ),
+    run: list[str] | None = option("NAME", "A run, may be repeated; by default all."),
+    deviation: str | None = option(
+        "D1,D2,…", "Standard deviations of the residual torques; by default of the verdict."
+    ),
+    factor: float | None = option("K", "Deviations that a residual may reach; default 8."),
+    report: Path | None = option("FILE.html", "Write a page with plots, which needs no network."),
+    live: bool = flag("--live", "Show the residuals as they come, at the pace of the log."),
+    duration: float | None = option("S", "How long to listen to a bus; by default until it is silent."),
+    output: Path | None = output_option(
+        "FILE", "Where rows and residuals of a bus go: .nc, .csv, .parquet, .mcap or .mat."
+    ),
+    nodes: str | None = option("N1,N2,…", "Nodes of a bus, by joint; default from 3."),
+    counts: float | None = option("N", "Counts in a turn of a joint on a bus; default 360,000."),
+    period: float | None = option("S", "Time from SYNC to SYNC of a bus; by default by the clock."),
 ) -> None:
     """Run a model beside its arm, with alarms for contacts and wrong payloads.
 
@@ -78,28 +65,27 @@ def shadow(
       armwright shadow today.log.toml --robot lwa4p --deviation 2,2,2,2,1,1
       armwright shadow socketcan:can0 --robot arm.toml --duration 60 -o bus.mcap
     """
-    import armwright as aw
-    from armwright.cli.progress import progress
-    from armwright.results.page_parts import check_report
     from armwright.shadow.alarms import FACTOR
 
-    factor, deviations = FACTOR if factor is None else factor, None if deviation is None else _numbers(deviation)
+    factor = FACTOR if factor is None else factor
+    deviations: Any = numbers("--deviation", deviation, "numbers with commas between, one for each joint, or one")
+    if deviations is not None and len(deviations) == 1:
+        deviations = deviations[0]
     of_bus = {"output": output, "duration": duration, "nodes": nodes, "counts": counts, "period": period}
     if source.partition(":")[0] in INTERFACES:
         from armwright.cli.shadow_live import listen
 
-        _refuse({"run": run, "report": report, "live": live or None}, source, "a log")
+        of_log = {"run": run, "report": report, "live": live or None}
+        refuse(of_log, "does not go with it", expected="a log", file=source)
         if robot is None:
             raise ScenarioError("missing", place="--robot", expected="the arm whose drives are on the bus")
         with as_options("deviation", "factor", "counts", "period", "nodes"):
-            numbers = None if nodes is None else _whole(nodes)
-            clean = listen(robot, source, deviations, factor, duration, numbers, counts, period, output)
-        if not clean:
-            raise typer.Exit(ALARMED)
+            of_nodes = node_numbers(nodes, ScenarioError)
+            clean = listen(robot, source, deviations, factor, duration, of_nodes, counts, period, output)
+        exit_unless(clean)
         return
-    _refuse(of_bus, source, "a bus, such as socketcan:can0")
-    if report is not None:
-        check_report(report)
+    refuse(of_bus, "does not go with it", expected="a bus, such as socketcan:can0", file=source)
+    check_file(report, PAGE)
     log = Path(source)
     with progress(f"reading {log.name}"):
         read = aw.identification.read_log(log)
@@ -110,35 +96,5 @@ def shadow(
 
         replay(found)
     show(found)
-    if report is not None:
-        say(f"wrote {found.report(report)}")
-    if not found.verdict.clean:
-        raise typer.Exit(ALARMED)
-
-
-def _numbers(text: str) -> list[float] | float:
-    try:
-        numbers = [float(part) for part in text.split(",")]
-    except ValueError:
-        expected = "numbers with commas between, one for each joint, or one"
-        raise ScenarioError(place="--deviation", value=text, expected=expected) from None
-    return numbers[0] if len(numbers) == 1 else numbers
-
-
-def _whole(text: str) -> list[int]:
-    try:
-        return [int(part) for part in text.split(",")]
-    except ValueError:
-        expected = "whole numbers with commas between: 3,4,5"
-        raise ScenarioError(place="--nodes", value=text, expected=expected) from None
-
-
-def _refuse(options: dict[str, Any], source: str, expected: str) -> None:
-    """Refuses options that belong to the other kind of source.
-
-    Raises:
-        ScenarioError: names the first.
-    """
-    for name, value in options.items():
-        if value is not None:
-            raise ScenarioError("does not go with it", place=f"--{name}", expected=expected, file=source)
+    write(report, found.report)
+    exit_unless(found.verdict.clean)

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
-
-from armwright.cli.arguments import Robot, as_options, option, vector
-from armwright.errors import OutputError, Problem
+import armwright as aw
+from armwright.cli.arguments import Robot, as_options, flag, option, output_option, refuse, vector
+from armwright.cli.outcome import say_each
+from armwright.errors import OutputError
+from armwright.progress import progress
 from armwright.terminal import say
 
 if TYPE_CHECKING:
@@ -20,26 +20,12 @@ if TYPE_CHECKING:
 
 def show(
     robot: Robot,
-    output: Annotated[
-        Path | None,
-        option("--output -o", "FILE", "The picture: .png, .html or .glb; replaced where it exists."),
-    ] = None,
-    size: Annotated[
-        int | None,
-        option("--size", "N", "Pixels of a PNG's longer side; default 900."),
-    ] = None,
-    q: Annotated[
-        str | None,
-        option("--q", "Q1,Q2,…", "The pose, in rad (or 30deg, pi/2) or m; default 0."),
-    ] = None,
-    live: Annotated[
-        bool, typer.Option("--live", help="Serve the page to this machine's browsers until Ctrl-C.")
-    ] = False,
-    port: Annotated[
-        int | None,
-        option("--port", "N", "Port of the live page on 127.0.0.1; by default one that is free."),
-    ] = None,
-    browser: Annotated[bool, typer.Option("--open", help="Open the live page in the browser.")] = False,
+    output: Path | None = output_option("FILE", "The picture: .png, .html or .glb; replaced where it exists."),
+    size: int | None = option("N", "Pixels of a PNG's longer side; default 900."),
+    q: str | None = option("Q1,Q2,…", "The pose, in rad (or 30deg, pi/2) or m; default 0."),
+    live: bool = flag("--live", "Serve the page to this machine's browsers until Ctrl-C."),
+    port: int | None = option("N", "Port of the live page on 127.0.0.1; by default one that is free."),
+    browser: bool = flag("--open", "Open the live page in the browser."),
 ) -> None:
     """Draw an arm in one pose, or serve a live page of it.
 
@@ -55,37 +41,29 @@ def show(
       armwright show my-arm.urdf -o arm.glb
       armwright show panda --live --open
     """
-    import armwright as aw
-    from armwright.cli.progress import progress
     from armwright.model.joint_signals import joint_units
 
-    strangers = (
-        {"--output": output and str(output), "--size": size} if live else {"--port": port, "--open": browser or None}
-    )
-    for name, value in strangers.items():
-        if value is not None:
-            what = "does not go with --live" if live else "only --live has it"
-            raise OutputError(what, place=name, value=value)
+    if live:
+        of_file = {"output": output and str(output), "size": size}
+        refuse(of_file, "does not go with --live", error=OutputError, with_value=True)
+    else:
+        of_page = {"port": port, "open": browser or None}
+        refuse(of_page, "only --live has it", error=OutputError, with_value=True)
     arm = aw.load(robot, on_impossible="warn")
     pose = None if q is None else vector("--q", q, arm.names, joint_units(arm, "q"))
     drawing = progress(f"drawing {arm.name}")
     if output is not None:
         with drawing:
             shown = aw.show(arm, output, pose, size=size)
-        _say_notes(shown.notes)
+        say_each("note: ", shown.notes, err=True)
         say(f"wrote {shown.path}")
     elif live:
         with drawing, as_options("port"):
             page = aw.show(arm, q=pose, live=True, port=port or 0)
-        _say_notes(page.notes)
+        say_each("note: ", page.notes, err=True)
         _serve(page, browser)
     else:
         raise OutputError("missing", place="--output", expected=".png, .html or .glb, or --live in its place")
-
-
-def _say_notes(notes: Iterable[Problem]) -> None:
-    for note in notes:
-        say(f"note: {note}", err=True)
 
 
 def _serve(page: LiveArm, browser: bool) -> None:

@@ -5,25 +5,17 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated
 
-import typer
-
-from armwright.cli.arguments import option
+from armwright.cli.arguments import argument, flag, option
 from armwright.errors import SessionError
 
 PIPE = "standard input"
 
 
 def sim(
-    robot: Annotated[
-        str, typer.Argument(metavar="ROBOT", help="Name of a built-in arm, or path of a robot's file.")
-    ] = "cmu-dd",
-    script: Annotated[
-        Path | None,
-        option("--script", "FILE", "Do the lines of a file, in place of asking."),
-    ] = None,
-    echo: Annotated[bool, typer.Option("--echo", help="Show each line of a script before what it does.")] = False,
+    robot: str = argument("ROBOT", "Name of a built-in arm, or path of a robot's file.", "cmu-dd", show_default=True),
+    script: Path | None = option("FILE", "Do the lines of a file, in place of asking."),
+    echo: bool = flag("--echo", "Show each line of a script before what it does."),
 ) -> None:
     """Start an interactive session: set variables, compute dynamics, simulate, plot.
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
+import armwright as aw
 from armwright.cli.arguments import (
     MOTION,
     SCENARIO,
@@ -22,14 +24,18 @@ from armwright.cli.arguments import (
     Velocity,
     Voltage,
     commands_of,
+    flag,
     naming_options,
     option,
-    refuse_allow,
+    output_option,
     refuse_options,
+    refuse_without_file,
     start_of,
 )
-from armwright.errors import DivergenceError, Interrupted, ScenarioError
-from armwright.terminal import console, gathering, say
+from armwright.cli.outcome import TOML, check_file, naming_file, say_notes
+from armwright.errors import Interrupted, ScenarioError
+from armwright.progress import progress
+from armwright.terminal import console, gathering
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -45,50 +51,23 @@ def simulate(
     torque: Torque = None,
     command: Command = None,
     duration: Duration = None,
-    accuracy: Annotated[
-        float | None, option("--accuracy", "E", "How wrong the motion may be, in parts of its range; default 1e-3.")
-    ] = None,
-    step: Annotated[
-        float | None, option("--step", "S", "A fixed step in s; by default steps are as long as the accuracy allows.")
-    ] = None,
-    integrator: Annotated[
-        str | None,
-        option(
-            "--integrator",
-            "NAME",
-            "auto (by default), rk3 (with a step), rk4, semi_implicit_euler, rk45, rodas3 or cvodes.",
-        ),
-    ] = None,
+    accuracy: float | None = option("E", "How wrong the motion may be, in parts of its range; default 1e-3."),
+    step: float | None = option("S", "A fixed step in s; by default steps are as long as the accuracy allows."),
+    integrator: str | None = option(
+        "NAME", "auto (by default), rk3 (with a step), rk4, semi_implicit_euler, rk45, rodas3 or cvodes."
+    ),
     q0: Position = None,
     qd0: Velocity = None,
     allow: Allow = None,
-    reference: Annotated[
-        Path | None,
-        option(
-            "--reference",
-            "FILE",
-            "Motion that a scenario's loop follows: .motion.toml, or .csv or .nc of `armwright plan`.",
-        ),
-    ] = None,
-    record_every: Annotated[
-        int | None,
-        option("--record-every", "K", "Record every K-th step, default 1; 0: only start and end."),
-    ] = None,
-    record_period: Annotated[
-        float | None, option("--record-period", "S", "Time in s from row to row; default 1e-3 without a step.")
-    ] = None,
-    output: Annotated[
-        Path | None, option("--output -o", "FILE", "Where the run goes: .nc (NetCDF), .csv, .parquet, .mcap or .mat.")
-    ] = None,
-    plot: Annotated[
-        Path | None, option("--plot", "FILE", "Where its plot goes: .png, .svg, .pdf, or .html to zoom into.")
-    ] = None,
-    log: Annotated[
-        Path | None, option("--log", "FILE.log.toml", "Describe the run of -o as a log for identify, or add it to one.")
-    ] = None,
-    hold_out: Annotated[
-        bool, typer.Option("--hold-out", help="Of --log: the run is for the verdict, not for a fit.")
-    ] = False,
+    reference: Path | None = option(
+        "FILE", "Motion that a scenario's loop follows: .motion.toml, or .csv or .nc of `armwright plan`."
+    ),
+    record_every: int | None = option("K", "Record every K-th step, default 1; 0: only start and end."),
+    record_period: float | None = option("S", "Time in s from row to row; default 1e-3 without a step."),
+    output: Path | None = output_option("FILE", "Where the run goes: .nc (NetCDF), .csv, .parquet, .mcap or .mat."),
+    plot: Path | None = option("FILE", "Where its plot goes: .png, .svg, .pdf, or .html to zoom into."),
+    log: Path | None = option("FILE.log.toml", "Describe the run of -o as a log for identify, or add it to one."),
+    hold_out: bool = flag("--hold-out", "Of --log: the run is for the verdict, not for a fit."),
 ) -> None:
     """Simulate an arm: drive commands in, motion out; or run a scenario file.
 
@@ -111,7 +90,6 @@ def simulate(
       armwright simulate arm.scenario.toml --reference pick.motion.toml --plot run.png
       armwright simulate excited.scenario.toml -o excited.csv --log arm.log.toml
     """
-    import armwright as aw
     from armwright.results.plot import check_plot
     from armwright.results.recording import check_recording
 
@@ -122,33 +100,26 @@ def simulate(
     _check_log(log, output, hold_out)
     constants = {"voltage": voltage, "current": current, "torque": torque, "command": command}
     if robot.endswith(SCENARIO):
-        from armwright.scenarios.mistakes import key_in_file, keys_in_text
-
-        options = {**constants, "schedule": schedule, "duration": duration, "integrator": integrator}
-        refuse_options(
-            robot,
-            {
-                **options,
-                "q0": q0,
-                "qd0": qd0,
-                "step": step,
-                "record-every": record_every,
-                "record-period": record_period,
-                "accuracy": accuracy,
-            },
-        )
+        options = {
+            **constants,
+            "schedule": schedule,
+            "duration": duration,
+            "integrator": integrator,
+            "q0": q0,
+            "qd0": qd0,
+        }
+        recorded = {"record-every": record_every, "record-period": record_period}
+        refuse_options(robot, {**options, "step": step, **recorded, "accuracy": accuracy})
         scenario = aw.read_scenario(robot, allow=allow or ())
         if reference is not None:
             scenario = following(scenario, reference, robot)
         if plot is not None and scenario.recording.what == "none":
             expected = "'all' or 'state', or no --plot, which draws rows"
             raise ScenarioError(place="recording.what", value="none", expected=expected, file=robot)
-        try:
+        with naming_file(robot):
             _run(scenario, output, plot, log, hold_out)
-        except (ScenarioError, DivergenceError) as error:  # of the run, which does not know the file
-            raise error.renamed(key_in_file, keys_in_text).within(file=robot) from None
         return
-    refuse_allow(allow)
+    refuse_without_file(allow)
     if reference is not None:
         expected = "a scenario file, whose controller follows it"
         raise ScenarioError("without a controller", place="--reference", value=str(reference), expected=expected)
@@ -172,32 +143,26 @@ def _check_log(log: Path | None, output: Path | None, hold_out: bool) -> None:
         ScenarioError: names the option.
     """
     from armwright.identification.logs.write import ROWS
-    from armwright.output import check_destination
 
     if hold_out and log is None:
         raise ScenarioError("goes with --log", place="--hold-out", expected="both")
     if log is None:
         return
-    check_destination(log, (".toml",))
+    check_file(log, TOML)
     if output is None or output.suffix.lower() not in ROWS:
         raise ScenarioError(place="--log", value=str(log), expected=f"-o FILE beside it, one of {', '.join(ROWS)}")
 
 
 def following(scenario: Scenario, reference: Path, file: str) -> Scenario:
     """The scenario with a motion as the reference of its loop."""
-    from dataclasses import replace
-
-    import armwright as aw
-
     if scenario.loop is None:
         raise ScenarioError("without a loop", place="--reference", value=str(reference), expected="[loop]", file=file)
     if reference.name.endswith(MOTION):
         plan = aw.trajectories.plan(reference)
         if (plan.arm.name, *plan.arm.names) != (scenario.arm.name, *scenario.arm.names):
             expected = f"a motion of {scenario.arm.name}"
-            raise ScenarioError(
-                f"is one of {plan.arm.name}", place="--reference", value=str(reference), expected=expected
-            )
+            what = f"is one of {plan.arm.name}"
+            raise ScenarioError(what, place="--reference", value=str(reference), expected=expected)
         motion = plan.motion
     else:
         motion = aw.trajectories.load_motion(reference, scenario.arm)
@@ -207,8 +172,6 @@ def following(scenario: Scenario, reference: Path, file: str) -> Scenario:
 def _run(
     scenario: Scenario, output: Path | None, plot: Path | None, log: Path | None = None, hold_out: bool = False
 ) -> None:
-    import armwright as aw
-    from armwright.cli.progress import progress
 
     stopped = False
     with progress(f"simulating {scenario.arm.name}", "steps") as tell:
@@ -246,5 +209,4 @@ def _show(scenario: Scenario, run: xr.Dataset, spent: float, written: list[Path]
         screen.print(f"wrote {path}")
     if not written or gathering() is not None:
         screen.print(end_state(run) or "")
-    for note in str(run.attrs.get("notes", "")).splitlines():
-        say(f"armwright: note: {note}", err=True)
+    say_notes(str(run.attrs.get("notes", "")).splitlines())

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Annotated
+from typing import Any
 
-import typer
-
+import armwright as aw
 from armwright.cli.arguments import (
     SCENARIO,
     Allow,
@@ -21,15 +20,13 @@ from armwright.cli.arguments import (
     Voltage,
     commands_of,
     naming_options,
+    numbers,
     option,
-    refuse_allow,
     refuse_options,
+    refuse_without_file,
     start_of,
 )
-from armwright.errors import ScenarioError
-
-if TYPE_CHECKING:
-    pass
+from armwright.progress import progress
 
 
 def step_study(
@@ -40,20 +37,14 @@ def step_study(
     torque: Torque = None,
     command: Command = None,
     duration: Duration = None,
-    step: Annotated[
-        float | None,
-        option("--step", "S", "The step in s around which steps are tried, from 4 times it down; by default 0.001."),
-    ] = None,
-    steps: Annotated[
-        int, typer.Option("--steps", metavar="K", help="How many steps are tried, each half of the last.")
-    ] = 8,
-    integrator: Annotated[
-        str | None, option("--integrator", "NAME", "rk3 (by default), rk4 or semi_implicit_euler.")
-    ] = None,
-    accuracy: Annotated[
-        str,
-        typer.Option("--accuracy", metavar="E1,E2,…", help="Errors to recommend for, in rad and rad/s (m and m/s)."),
-    ] = "1e-3,1e-6,1e-9",
+    step: float | None = option(
+        "S", "The step in s around which steps are tried, from 4 times it down; by default 0.001."
+    ),
+    steps: int = option("K", "How many steps are tried, each half of the last.", 8, show_default=True),
+    integrator: str | None = option("NAME", "rk3 (by default), rk4 or semi_implicit_euler."),
+    accuracy: str = option(
+        "E1,E2,…", "Errors to recommend for, in rad and rad/s (m and m/s).", "1e-3,1e-6,1e-9", show_default=True
+    ),
     q0: Position = None,
     qd0: Velocity = None,
     allow: Allow = None,
@@ -70,10 +61,9 @@ def step_study(
       armwright step-study puma560 --voltage 5 --duration 0.5 --integrator rk4 --accuracy 1e-6
       armwright step-study swing.scenario.toml
     """
-    import armwright as aw
-    from armwright.cli.progress import progress
     from armwright.cli.tables import show
 
+    accuracies: Any = numbers("--accuracy", accuracy, "numbers with commas between, such as 1e-3,1e-6")
     constants = {"voltage": voltage, "current": current, "torque": torque, "command": command}
     if robot.endswith(SCENARIO):
         options = {**constants, "schedule": schedule, "duration": duration, "step": step}
@@ -84,7 +74,7 @@ def step_study(
                 solver = aw.Solver(integrator, scenario.solver.step, scenario.solver.substeps)
             scenario = replace(scenario, solver=solver)
     else:
-        refuse_allow(allow)
+        refuse_without_file(allow)
         arm = aw.load(robot)
         with naming_options():
             scenario = aw.Scenario(
@@ -96,18 +86,5 @@ def step_study(
             )
     named = ("solver.integrator", "accuracies", "steps") if robot.endswith(SCENARIO) else ()
     with naming_options(*named), progress(f"trying steps for {scenario.arm.name}"):
-        study = aw.simulation.step_study(scenario, steps=steps, accuracies=_accuracies(accuracy))
+        study = aw.simulation.step_study(scenario, steps=steps, accuracies=accuracies)
     show(study)
-
-
-def _accuracies(text: str) -> list[float]:
-    """Numbers with commas between.
-
-    Raises:
-        ScenarioError: something that is no number.
-    """
-    try:
-        return [float(part) for part in text.split(",")]
-    except ValueError:
-        expected = "numbers with commas between, such as 1e-3,1e-6"
-        raise ScenarioError(place="--accuracy", value=text, expected=expected) from None

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
-from armwright.cli.arguments import SCENARIO, Allow, as_options, option
+import armwright as aw
+from armwright.cli.arguments import SCENARIO, Allow, argument, as_options, flag, option, output_option
+from armwright.cli.outcome import exit_unless, say_each
 from armwright.errors import ScenarioError
+from armwright.progress import progress, rate
 from armwright.terminal import console, result, say
 
 if TYPE_CHECKING:
@@ -16,21 +19,14 @@ if TYPE_CHECKING:
 
 
 def sweep(
-    scenario: Annotated[Path, typer.Argument(metavar="SCENARIO", help="A .scenario.toml, whose lanes are drawn.")],
-    lanes: Annotated[float, option("--lanes", "N", "How many lanes, such as 1e7.")],
-    output: Annotated[Path, option("--output -o", "STORE", "Where results go: a folder that ends in .zarr.")],
-    scheduler: Annotated[
-        str | None, option("--scheduler", "ADDRESS", "A Dask scheduler, tcp://host:8786; default: this machine alone.")
-    ] = None,
-    chunk: Annotated[
-        int | None, option("--chunk", "K", "Lanes in a task, by default so many that it takes seconds.")
-    ] = None,
-    retries: Annotated[int, option("--retries", "K", "How often a chunk is tried again after an error.")] = 2,
-    rows: Annotated[bool, typer.Option("--rows", help="Store recorded rows too, not only what is reduced.")] = False,
-    verify: Annotated[
-        bool,
-        typer.Option("--verify", help="Simulate nothing: read the whole store, and compare it with its checksums."),
-    ] = False,
+    scenario: Path = argument("SCENARIO", "A .scenario.toml, whose lanes are drawn."),
+    lanes: float = option("N", "How many lanes, such as 1e7.", ...),
+    output: Path = output_option("STORE", "Where results go: a folder that ends in .zarr.", ...),
+    scheduler: str | None = option("ADDRESS", "A Dask scheduler, tcp://host:8786; default: this machine alone."),
+    chunk: int | None = option("K", "Lanes in a task, by default so many that it takes seconds."),
+    retries: int = option("K", "How often a chunk is tried again after an error.", 2),
+    rows: bool = flag("--rows", "Store recorded rows too, not only what is reduced."),
+    verify: bool = flag("--verify", "Simulate nothing: read the whole store, and compare it with its checksums."),
     allow: Allow = None,
 ) -> None:
     """Simulate millions of lanes of a scenario in chunks, and store a few results of each.
@@ -45,26 +41,20 @@ def sweep(
       armwright sweep robust.scenario.toml --lanes 1e6 -o runs.zarr
       armwright sweep robust.scenario.toml --lanes 1e7 -o runs.zarr --scheduler tcp://node1:8786
     """
-    import armwright as aw
-    from armwright.cli.progress import progress
     from armwright.scenarios.mistakes import key_in_file, keys_in_text
 
     if not scenario.name.endswith(SCENARIO):
         raise ScenarioError(place="SCENARIO", value=str(scenario), expected=f"a file that ends in {SCENARIO}")
     if verify:
         stored = aw.sweeps.load_sweep(output, verify=True).attrs
-        console(soft_wrap=True).print(
-            f"{output}: {stored['lanes_finished']:,} of {stored['lanes']:,} lanes are as written"
-        )
-        for line in stored.get("failed_chunks", "").splitlines()[:3]:
-            say(f"armwright: chunk {line}", err=True)
-        raise typer.Exit(int(stored["lanes_finished"] < stored["lanes"]))
+        finished, every = stored["lanes_finished"], stored["lanes"]
+        console(soft_wrap=True).print(f"{output}: {finished:,} of {every:,} lanes are as written")
+        say_each("armwright: chunk ", stored.get("failed_chunks", "").splitlines()[:3], err=True)
+        return exit_unless(finished == every)
     made = aw.read_scenario(scenario, allow=allow or ())
+    as_typed = as_options("lanes", "chunk", "retries", "scheduler")
     try:
-        with (
-            as_options("lanes", "chunk", "retries", "scheduler"),
-            progress(f"sweeping {made.arm.name}", "lanes") as tell,
-        ):
+        with as_typed, progress(f"sweeping {made.arm.name}", "lanes") as tell:
             done = aw.sweeps.sweep(
                 made, output, lanes=lanes, client=scheduler, chunk=chunk, rows=rows, retries=retries, progress=tell
             )
@@ -76,20 +66,16 @@ def sweep(
         say("armwright: stopped; finished chunks are kept, and the same command goes on", err=True)
         raise typer.Exit(130) from None
     _show(done)
-    if done.failed:
-        raise typer.Exit(1)
+    exit_unless(not done.failed)
 
 
 def _show(done: Sweep) -> None:
-    from armwright.cli.progress import rate
-
     kept = f", {done.kept:,} were there" if done.kept else ""
     speed = rate(done.done / max(done.seconds, 1e-9), "lanes") if done.done else "nothing to do"
-    console(soft_wrap=True).print(
-        f"{done.path}: {done.done:,} of {done.lanes:,} lanes{kept}; {done.seconds:.1f} s, {speed}"
-    )
+    lanes = f"{done.done:,} of {done.lanes:,} lanes{kept}"
+    console(soft_wrap=True).print(f"{done.path}: {lanes}; {done.seconds:.1f} s, {speed}")
     result(done)
-    for which, reason in list(done.failed.items())[:3]:
-        say(f"armwright: chunk {which} failed: {reason}", err=True)
+    failed = (f"{which} failed: {reason}" for which, reason in list(done.failed.items())[:3])
+    say_each("armwright: chunk ", failed, err=True)
     if len(done.failed) > 3:
         say(f"armwright: and {len(done.failed) - 3} chunks more, see attribute failed_chunks", err=True)

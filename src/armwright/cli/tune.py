@@ -2,71 +2,44 @@
 
 from __future__ import annotations
 
+import contextlib
+import math
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-import typer
-
-from armwright.cli.arguments import SCENARIO, Allow, option
+import armwright as aw
+from armwright.cli.arguments import SCENARIO, Allow, argument, flag, option, output_option
+from armwright.cli.outcome import PAGE, PICTURE, TOML, check_file, exit_unless, write
 from armwright.cli.tables import show
 from armwright.errors import ScenarioError
+from armwright.progress import progress
 from armwright.terminal import say
-
-SAME = 1  # the exit code where nothing better than the start was found
 
 
 def tune(
-    scenario: Annotated[
-        Path, typer.Argument(metavar="FILE.scenario.toml", help="A scenario with a controller.", show_default=False)
-    ],
-    out: Annotated[Path, option("--output -o", f"TUNED{SCENARIO}", "The scenario with the tuned gains.")],
-    start: Annotated[
-        str | None, option("--start", "METHOD", "scenario (its own gains), analytic, or a method of design.")
-    ] = None,
-    gain: Annotated[
-        list[str] | None,
-        option("--gain", "NAME=F|LOW:HIGH", "A gain to tune, within a factor or bounds; default: all, within 10."),
-    ] = None,
-    objective: Annotated[
-        list[str] | None,
-        option(
-            "--objective",
-            "NAME=WEIGHT",
-            "What counts: a reducer, noise_gain or sensitivity; default rms_error=1 and saturation=1.",
-        ),
-    ] = None,
-    limit: Annotated[
-        list[str] | None, option("--limit", "NAME=VALUE", "What no run should go beyond, such as peak_torque=40.")
-    ] = None,
-    improve_each: Annotated[
-        bool | None, typer.Option("--improve-each", help="No objective may get worse.", show_default=False)
-    ] = None,
-    worst: Annotated[
-        bool | None, typer.Option("--worst", help="The worst lane counts, not the mean.", show_default=False)
-    ] = None,
-    lanes: Annotated[
-        int | None, option("--lanes", "N", "Of a scenario that has one; half judge the result; default 64.")
-    ] = None,
-    method: Annotated[str | None, option("--method", "NAME", "cma, the default, or differential-evolution.")] = None,
-    generations: Annotated[int | None, option("--generations", "N", "Of the search; default 30.")] = None,
-    candidates: Annotated[int | None, option("--candidates", "N", "In each; default 4 + 3 ln of the gains.")] = None,
-    front: Annotated[
-        int | None, option("--front", "N", "Further searches for the Pareto front of two objectives; default 0.")
-    ] = None,
-    gain_margin: Annotated[
-        float | None, option("--gain-margin", "G", "Factor of a command to bear; default 2.")
-    ] = None,
-    phase_margin: Annotated[
-        float | None, option("--phase-margin", "DEG", "Phase lag to bear, degrees; default 30.")
-    ] = None,
-    plot: Annotated[
-        Path | None, option("--plot", "FILE", "Draw the Pareto front, or the search: .png, .svg or .pdf.")
-    ] = None,
-    report: Annotated[Path | None, option("--report", "FILE.html", "Write all of it as a page.")] = None,
-    scheduler: Annotated[
-        str | None, option("--scheduler", "ADDRESS", "Dask scheduler whose workers simulate; local: on this machine.")
-    ] = None,
-    seed: Annotated[int | None, option("--seed", "N", "Of search, poses and draws; default 0.")] = None,
+    scenario: Path = argument("FILE.scenario.toml", "A scenario with a controller."),
+    out: Path = output_option(f"TUNED{SCENARIO}", "The scenario with the tuned gains.", ...),
+    start: str | None = option("METHOD", "scenario (its own gains), analytic, or a method of design."),
+    gain: list[str] | None = option(
+        "NAME=F|LOW:HIGH", "A gain to tune, within a factor or bounds; default: all, within 10."
+    ),
+    objective: list[str] | None = option(
+        "NAME=WEIGHT", "What counts: a reducer, noise_gain or sensitivity; default rms_error=1 and saturation=1."
+    ),
+    limit: list[str] | None = option("NAME=VALUE", "What no run should go beyond, such as peak_torque=40."),
+    improve_each: bool | None = flag("--improve-each", "No objective may get worse.", None),
+    worst: bool | None = flag("--worst", "The worst lane counts, not the mean.", None),
+    lanes: int | None = option("N", "Of a scenario that has one; half judge the result; default 64."),
+    method: str | None = option("NAME", "cma, the default, or differential-evolution."),
+    generations: int | None = option("N", "Of the search; default 30."),
+    candidates: int | None = option("N", "In each; default 4 + 3 ln of the gains."),
+    front: int | None = option("N", "Further searches for the Pareto front of two objectives; default 0."),
+    gain_margin: float | None = option("G", "Factor of a command to bear; default 2."),
+    phase_margin: float | None = option("DEG", "Phase lag to bear, degrees; default 30."),
+    plot: Path | None = option("FILE", "Draw the Pareto front, or the search: .png, .svg or .pdf."),
+    report: Path | None = option("FILE.html", "Write all of it as a page."),
+    scheduler: str | None = option("ADDRESS", "Dask scheduler whose workers simulate; local: on this machine."),
+    seed: int | None = option("N", "Of search, poses and draws; default 0."),
     allow: Allow = None,
 ) -> None:
     """Tune a controller's gains over uncertain arms by simulation, under a margin constraint.
@@ -82,57 +55,29 @@ def tune(
       armwright tune arm.scenario.toml -o tuned.scenario.toml --start analytic --report tuned.html
       armwright tune arm.scenario.toml -o tuned.scenario.toml --gain position_kp=2:40 --gain speed_kp=5
     """
-    import contextlib
-    import math
-
-    import armwright as aw
-    from armwright.cli.progress import progress
-    from armwright.output import check_destination
-    from armwright.results.result import PICTURES
     from armwright.sweeps.cluster import connected
 
-    check_destination(out, (".toml",), read=(scenario,))
-    for path, endings in ((plot, PICTURES), (report, (".html",))):
-        if path is not None:
-            check_destination(path, endings, read=(scenario, out))
+    check_file(out, TOML, (scenario,))
+    check_file(plot, PICTURE, (scenario, out))
+    check_file(report, PAGE, (scenario, out))
     found = aw.read_scenario(scenario, allow=allow or ())
-    gains, objectives, limits = (
-        _pairs("--gain", gain, bounds=True),
-        _pairs("--objective", objective),
-        _pairs("--limit", limit),
-    )
+    margins = aw.tuning.MarginConstraint(gain_margin, phase_margin and math.radians(phase_margin))
+    over = "worst" if worst else None
+    gains, weights = _pairs("--gain", gain, bounds=True), _pairs("--objective", objective)
+    limits = _pairs("--limit", limit)
     cluster = contextlib.nullcontext() if scheduler is None else connected(None if scheduler == "local" else scheduler)
     with cluster as client, progress(f"tuning {scenario.name}") as shown:
+        search = aw.tuning.Search(method, generations, candidates, front, over, improve_each, seed, client)
         result = aw.tuning.tune(
-            found,
-            gains,
-            start=start,
-            objectives=objectives,
-            limits=limits,
-            improve_each=improve_each,
-            over="worst" if worst else None,
-            lanes=lanes,
-            method=method,
-            generations=generations,
-            candidates=candidates,
-            front=front,
-            gain_margin=gain_margin,
-            phase_margin=None if phase_margin is None else math.radians(phase_margin),
-            seed=seed,
-            client=client,
+            found, gains, start=start, objectives=weights, limits=limits, lanes=lanes, margins=margins, search=search,
             progress=shown,
-        )
-    if plot is not None:
-        result.plot(plot)
+        )  # fmt: skip
     if result.changed:
         result.save(out, allow=allow or ())
     show(result)
-    if plot is not None:
-        say(f"wrote {plot}")
-    if report is not None:
-        say(f"wrote {result.report(report)}")
-    if not result.changed:
-        raise typer.Exit(SAME)
+    write(plot, result.plot)
+    write(report, result.report)
+    exit_unless(result.changed)
     say(f"wrote {out}")
 
 

@@ -10,9 +10,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
-from armwright.cli.arguments import Allow, as_options, option
+import armwright as aw
+from armwright.cli.arguments import Allow, argument, as_options, flag, node_numbers, option
+from armwright.cli.outcome import exit_unless
 from armwright.cli.tables import console_for_tables, show, table
 from armwright.errors import BusError
 from armwright.terminal import result, say
@@ -31,25 +31,34 @@ ALONE = (
 )
 Bus = Annotated[
     str,
-    option("--bus", "BUS", "virtual (default), socketcan:CHANNEL such as socketcan:can0, or udp_multicast:ADDRESS."),
+    option(
+        "BUS",
+        "virtual (default), socketcan:CHANNEL such as socketcan:can0, or udp_multicast:ADDRESS.",
+        ...,
+        names="--bus",
+    ),
 ]
-Bitrate = Annotated[int, option("--bitrate", "BIT/S", "Of the bus, for the time that frames take; default 500000.")]
-Nodes = Annotated[str | None, option("--nodes", "N1,N2,…", "Node numbers of the joints; default from 3.")]
+Bitrate = Annotated[
+    int, option("BIT/S", "Of the bus, for the time that frames take; default 500000.", ..., names="--bitrate")
+]
+Nodes = Annotated[str | None, option("N1,N2,…", "Node numbers of the joints; default from 3.", ..., names="--nodes")]
 Faults = Annotated[
     list[str] | None,
     option(
-        "--fault",
         "KIND[:JOINT][=AMOUNT][@S]",
         "Inject a fault into the twin: lost-frames, late-sync, stuck-encoder, over-temperature, supply-sag; may be repeated.",
+        ...,
+        names="--fault",
     ),
 ]
-File = Annotated[
-    Path, typer.Argument(metavar="FILE.scenario.toml", help="A scenario with a controller.", show_default=False)
-]
+File = Annotated[Path, argument("FILE.scenario.toml", "A scenario with a controller.")]
 Reference = Annotated[
-    Path | None, option("--reference", "FILE", "Motion that the controller follows: .motion.toml, .csv or .nc.")
+    Path | None,
+    option("FILE", "Motion that the controller follows: .motion.toml, .csv or .nc.", ..., names="--reference"),
 ]
-Seconds = Annotated[float | None, option("--duration", "S", "How long the controller runs; default: the scenario's.")]
+Seconds = Annotated[
+    float | None, option("S", "How long the controller runs; default: the scenario's.", ..., names="--duration")
+]
 
 
 def twin(
@@ -57,19 +66,14 @@ def twin(
     bus: Bus = "virtual",
     nodes: Nodes = None,
     bitrate: Bitrate = 500_000,
-    serial: Annotated[int, option("--serial", "N", "Serial number in object 1018 of every node; default 1.")] = 1,
+    serial: int = option("N", "Serial number in object 1018 of every node; default 1.", 1),
     fault: Faults = None,
-    duration: Annotated[
-        float | None, option("--duration", "S", "How long the twin is on the bus; by default until Ctrl-C.")
-    ] = None,
-    eds: Annotated[
-        Path | None, option("--eds", "FOLDER", "Write the nodes' electronic data sheets, and do no more.")
-    ] = None,
+    duration: float | None = option("S", "How long the twin is on the bus; by default until Ctrl-C."),
+    eds: Path | None = option("FOLDER", "Write the nodes' electronic data sheets, and do no more."),
     reference: Reference = None,
-    speed: Annotated[
-        float,
-        option("--speed", "V", "That of the run: what the hand takes up, and forces, come as much later; default 1."),
-    ] = 1.0,
+    speed: float = option(
+        "V", "That of the run: what the hand takes up, and forces, come as much later; default 1.", 1.0
+    ),
     allow: Allow = None,
 ) -> None:
     """Put the simulated arm of a scenario on a CAN bus, as CiA 402 drives, one node for each joint.
@@ -90,7 +94,14 @@ def twin(
     _, found = _scenarios(scenario, allow, reference, None)
     with as_options("nodes", "serial", "bus", "bitrate", "speed"):
         found = reduced(found, speed)
-        made = Twin(found, bus, nodes=_numbers(nodes), serial=serial, faults=_faults(found, fault), bitrate=bitrate)
+        made = Twin(
+            found,
+            bus,
+            nodes=node_numbers(nodes, BusError),
+            serial=serial,
+            faults=_faults(found, fault),
+            bitrate=bitrate,
+        )
     if eds is not None:
         _write_sheets(made, eds)
         return
@@ -111,37 +122,21 @@ def twin(
 def run_controller(
     scenario: File,
     bus: Bus = "virtual",
-    go: Annotated[
-        bool, typer.Option("--go", help="Run. Without it nothing is sent, and the run is only simulated.")
-    ] = False,
+    go: bool = flag("--go", "Run. Without it nothing is sent, and the run is only simulated."),
     nodes: Nodes = None,
-    eds: Annotated[
-        list[Path] | None,
-        option("--eds", "FILE", "Data sheet of the nodes, or one for each; by default that of the twin."),
-    ] = None,
-    real_time: Annotated[
-        bool,
-        typer.Option("--real-time", help="A SYNC every period by the clock; on a virtual bus SYNC waits by default."),
-    ] = False,
-    speed: Annotated[float, option("--speed", "V", "Speed of the reference, in parts of it; default 1.")] = 1.0,
-    torque: Annotated[float, option("--torque", "F", "Largest torque, in parts of the rated one; default 1.")] = 1.0,
-    following_error: Annotated[
-        float | None,
-        option("--following-error", "E", "In rad or m, ends the run; by default twice that of the simulated run."),
-    ] = None,
-    missing: Annotated[
-        int, option("--missing", "N", "Answers that a node misses in a row before the run ends; default 2.")
-    ] = 2,
+    eds: list[Path] | None = option("FILE", "Data sheet of the nodes, or one for each; by default that of the twin."),
+    real_time: bool = flag("--real-time", "A SYNC every period by the clock; on a virtual bus SYNC waits by default."),
+    speed: float = option("V", "Speed of the reference, in parts of it; default 1.", 1.0),
+    torque: float = option("F", "Largest torque, in parts of the rated one; default 1.", 1.0),
+    following_error: float | None = option(
+        "E", "In rad or m, ends the run; by default twice that of the simulated run."
+    ),
+    missing: int = option("N", "Answers that a node misses in a row before the run ends; default 2.", 2),
     bitrate: Bitrate = 500_000,
-    release: Annotated[
-        bool,
-        typer.Option(
-            "--release", help="Disable drives that hold the arm after a run; where nothing else does, it falls."
-        ),
-    ] = False,
-    arm: Annotated[
-        int | None, option("--arm", "SERIAL", "Serial number of the arm, on a bus that is not virtual.")
-    ] = None,
+    release: bool = flag(
+        "--release", "Disable drives that hold the arm after a run; where nothing else does, it falls."
+    ),
+    arm: int | None = option("SERIAL", "Serial number of the arm, on a bus that is not virtual."),
     fault: Faults = None,
     reference: Reference = None,
     duration: Seconds = None,
@@ -172,7 +167,7 @@ def run_controller(
 
     check_bus(bus)
     read, found = _scenarios(scenario, allow, reference, duration)
-    faults, numbers = _faults(found, fault), _numbers(nodes)
+    faults, numbers = _faults(found, fault), node_numbers(nodes, BusError)
     with as_options("speed", "torque", "nodes", "bitrate", "following_error", "missing"):
         rehearsal = rehearse(found, bitrate=bitrate, speed=speed, torque=torque, nodes=numbers)
         check_arguments(rehearsal, following_error=following_error, missing=missing)
@@ -217,15 +212,12 @@ def run_controller(
     if not is_virtual(bus):
         say(str(run.ending))
     if permission.reduced and not is_virtual(bus) and run.complete and not run.counts:
-        cycles = run.cycles
-        say(
-            f"this run is no rehearsal: {cycles.incomplete} of {cycles.cycles} cycles were incomplete, 0.1 % are allowed"
-        )
+        incomplete = f"{run.cycles.incomplete} of {run.cycles.cycles} cycles were incomplete"
+        say(f"this run is no rehearsal: {incomplete}, 0.1 % are allowed")
     if not run.complete:
         say(f"stopped after {len(run.time)} of {rehearsal.recording.ticks} cycles: the key was let go")
-        raise typer.Exit(1)
-    if is_virtual(bus) and not real_time and not run.equal:  # in lock-step nothing but the twin can differ
-        raise typer.Exit(1)
+    in_lock_step = is_virtual(bus) and not real_time  # where nothing but the twin can differ
+    exit_unless(run.complete and (run.equal or not in_lock_step))
 
 
 def _how_it_differs(run: BusRun, faults: Sequence[Fault]) -> str:
@@ -243,7 +235,6 @@ def _scenarios(
 
     Lanes, and what varies by lane, are left out.
     """
-    import armwright as aw
     from armwright.cli.simulate import following
 
     read = found = aw.read_scenario(path, allow=allow or ())
@@ -267,20 +258,6 @@ def _faults(scenario: Scenario, texts: Sequence[str] | None) -> list[Fault]:
 
     with as_options("fault"):
         return [read_fault(text, scenario.arm.names) for text in texts or ()]
-
-
-def _numbers(nodes: str | None) -> list[int] | None:
-    """Node numbers as they were typed.
-
-    Raises:
-        BusError: no whole numbers with commas between.
-    """
-    if nodes is None:
-        return None
-    try:
-        return [int(each) for each in nodes.split(",")]
-    except ValueError:
-        raise BusError(place="--nodes", value=nodes, expected="whole numbers with commas between: 3,4,5") from None
 
 
 def _write_sheets(made: Twin, folder: Path) -> None:

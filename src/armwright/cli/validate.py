@@ -3,43 +3,33 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
-import typer
-
-from armwright.cli.arguments import SCENARIO, Allow, as_options, option, refuse_allow
+import armwright as aw
+from armwright.cli.arguments import SCENARIO, Allow, argument, as_options, flag, option, refuse_without_file
+from armwright.cli.outcome import PAGE, check_file, exit_unless, write
 from armwright.cli.tables import show
+from armwright.progress import progress
 from armwright.terminal import say
 
 FAILS = 1  # the exit code where the record does not keep its limits
 
 
 def validate(
-    robot: Annotated[
-        str,
-        typer.Argument(
-            metavar="SCENARIO|ARM",
-            help="Path of a robot's file, name of a built-in arm, or path of a .scenario.toml.",
-            show_default=False,
-        ),
-    ],
-    log: Annotated[Path, typer.Argument(metavar="FILE.log.toml", help="The log to compare with.", show_default=False)],
-    limits: Annotated[
-        Path | None,
-        option("--limits", "LIMITS.toml", "What has to be reached; by default R² ≥ 0.9 of torques, or a fit of 70 %."),
-    ] = None,
-    run: Annotated[
-        list[str] | None,
-        option("--run", "NAME", "A run to judge, may be repeated; by default those marked hold-out, else all."),
-    ] = None,
-    window: Annotated[
-        float | None,
-        option("--window", "S", "Time in s after which a free simulation starts again from the log; default 0.5."),
-    ] = None,
-    no_simulation: Annotated[bool, typer.Option("--no-simulation", help="Predict torques only.")] = False,
-    report: Annotated[
-        Path | None, option("--report", "FILE.html", "Write a page with plots, which needs no network.")
-    ] = None,
+    robot: str = argument(
+        "SCENARIO|ARM", "Path of a robot's file, name of a built-in arm, or path of a .scenario.toml."
+    ),
+    log: Path = argument("FILE.log.toml", "The log to compare with."),
+    limits: Path | None = option(
+        "LIMITS.toml", "What has to be reached; by default R² ≥ 0.9 of torques, or a fit of 70 %."
+    ),
+    run: list[str] | None = option(
+        "NAME", "A run to judge, may be repeated; by default those marked hold-out, else all."
+    ),
+    window: float | None = option(
+        "S", "Time in s after which a free simulation starts again from the log; default 0.5."
+    ),
+    no_simulation: bool = flag("--no-simulation", "Predict torques only."),
+    report: Path | None = option("FILE.html", "Write a page with plots, which needs no network."),
     allow: Allow = None,
 ) -> None:
     """Compare a robot file with a log: torque prediction, free simulation, and a verdict.
@@ -54,17 +44,13 @@ def validate(
       armwright validate arm.toml arm.log.toml --limits limits.toml --report report.html
       armwright validate swing.scenario.toml arm.log.toml
     """
-    import armwright as aw
-    from armwright.cli.progress import progress
     from armwright.identification.validation.verdict import check_verdict, write_verdict
-    from armwright.results.page_parts import check_report
 
-    if report is not None:
-        check_report(report)
+    check_file(report, PAGE)
     if robot.endswith(SCENARIO):
         subject, record = aw.read_scenario(robot, allow=allow or ()), robot
     else:
-        refuse_allow(allow)
+        refuse_without_file(allow)
         subject, record = robot, None
     check_verdict(record or robot)
     with as_options("window", "run"), progress(f"comparing {robot} with {log.name}") as tell:
@@ -81,7 +67,5 @@ def validate(
     show(found)
     if found.record is not None:
         say(f"wrote {write_verdict(found)}")
-    if report is not None:
-        say(f"wrote {found.report(report)}")
-    if not found.passed:
-        raise typer.Exit(FAILS)
+    write(report, found.report)
+    exit_unless(found.passed)

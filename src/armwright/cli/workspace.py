@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
-from armwright.cli.arguments import Robot, option
+import armwright as aw
+from armwright.cli.arguments import Robot, option, output_option
+from armwright.cli.outcome import check_file
+from armwright.progress import progress
 from armwright.terminal import result, say
 
 SHOWN = (1.0, 50.0, 99.0, 100.0)  # percentiles of the summary
@@ -13,20 +15,16 @@ SHOWN = (1.0, 50.0, 99.0, 100.0)  # percentiles of the summary
 
 def workspace(
     robot: Robot,
-    output: Annotated[
-        Path | None,
-        option(
-            "--output -o", "FILE", "The picture: .png, .svg, .pdf, .html (a cloud to turn), or .nc for the numbers."
-        ),
-    ] = None,
-    samples: Annotated[int, option("--samples", "N", "Joint positions to draw; default 1000000.")] = 1_000_000,
-    frame: Annotated[str | None, option("--frame", "NAME", "The frame that moves; by default the tip.")] = None,
-    aim: Annotated[
-        str,
-        option("--aim", "WORD", "What manipulability counts: rotation, pose, position, axis, pitch, …; default pose."),
-    ] = "pose",
-    length: Annotated[float, option("--length", "L", "Metres that a turn by 1 rad counts as; default 1.")] = 1.0,
-    seed: Annotated[int, option("--seed", "N", "Of the samples; default 0.")] = 0,
+    output: Path | None = output_option(
+        "FILE", "The picture: .png, .svg, .pdf, .html (a cloud to turn), or .nc for the numbers."
+    ),
+    samples: int = option("N", "Joint positions to draw; default 1000000.", 1_000_000),
+    frame: str | None = option("NAME", "The frame that moves; by default the tip."),
+    aim: str = option(
+        "WORD", "What manipulability counts: rotation, pose, position, axis, pitch, …; default pose.", "pose"
+    ),
+    length: float = option("L", "Metres that a turn by 1 rad counts as; default 1.", 1.0),
+    seed: int = option("N", "Of the samples; default 0.", 0),
 ) -> None:
     """Draw the workspace of an arm: reachable positions, and manipulability there.
 
@@ -36,13 +34,10 @@ def workspace(
       armwright workspace panda --aim position -o panda.html
       armwright workspace my-arm.urdf --samples 100000
     """
-    import armwright as aw
-    from armwright.cli.progress import progress
-    from armwright.output import check_destination, whole_file
+    from armwright.output import whole_file
     from armwright.pictures.workspace_maps import ENDINGS, draw_workspace
 
-    if output is not None:
-        check_destination(output, (*ENDINGS, ".nc"), read=(robot,))
+    check_file(output, (*ENDINGS, ".nc"), (robot,))
     arm = aw.load(robot, kinematics_only=True)
     with progress(f"workspace of {arm.name}"):
         found = aw.kinematics.workspace(arm, samples, frame=frame, aim=aim, length=length, seed=seed)

@@ -22,7 +22,7 @@ from armwright.pictures.arm_glb import animated_arm
 from armwright.results.aliases import PARTIAL
 from armwright.results.notes import UNREAL
 from armwright.results.plot_curves import describe
-from armwright.results.plot_page import PAGES as PLOT_PAGES, Numbers, embedded, packed, page, plot_data
+from armwright.results.plot_page import PAGES as PLOT_PAGES, PageNumbers, embedded, packed, page, plot_data
 from armwright.results.recording import in_order
 
 if TYPE_CHECKING:
@@ -65,15 +65,6 @@ def animate(run: AnyRun, arm: AnyArm, path: str | os.PathLike[str], *, lane: int
     content = _player(run, arm, t, glb, lane).encode("utf-8") if html else glb
     with whole_file(path, ENDINGS) as temporary:
         temporary.write_bytes(content)
-
-
-def check_animation(path: str | os.PathLike[str]) -> Path:
-    """The path, if an animation can be written there; to be called before a long simulation.
-
-    Raises:
-        OutputError: as `animate`.
-    """
-    return check_destination(path, ENDINGS)
 
 
 def one_lane(run: xr.Dataset, lane: int | None) -> xr.Dataset:
@@ -150,7 +141,7 @@ def _check_drawable(arm: Model, q: np.ndarray) -> None:
 
 
 def _player(run: xr.Dataset, arm: Model, t: np.ndarray, glb: bytes, lane: int | None) -> str:
-    plot, numbers = describe(run), Numbers()
+    plot, numbers = describe(run), PageNumbers()
     about: dict[str, Any] = {**plot_data(plot, numbers), "start": float(t[0]), "duration": float(t[-1] - t[0])}
     title = "" if arm.description is None or not arm.description.title else arm.description.title
     subtitle = " · ".join(filter(None, (title, "" if lane is None else f"lane {lane}", plot.note)))

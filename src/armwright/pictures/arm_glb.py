@@ -21,7 +21,7 @@ from armwright.model import BASE, Body, Model
 from armwright.pictures.body_shapes import Shape, body_shapes, rod_shape
 from armwright.pictures.glb_container import Arrays, container
 from armwright.pictures.keyframes import keyframes
-from armwright.pictures.moving_cylinders import Part, cylinder_parts, part_keyframes
+from armwright.pictures.moving_cylinders import CylinderPart, cylinder_parts, part_keyframes
 from armwright.pictures.posed_arm import upright
 from armwright.spatial import rotation_quaternion
 
@@ -83,7 +83,7 @@ def arm_glb(
         name = "base" if body == BASE else arm.bodies[body].link
         meshes.append({"name": name, "primitives": [_primitive(shape, arrays, materials) for shape in parts]})
     _add_tip(arm, nodes)
-    cylinders: dict[int, tuple[int, Part]] = {}
+    cylinders: dict[int, tuple[int, CylinderPart]] = {}
     if motions is not None:
         for number, part in cylinder_parts(arm, np.vstack(list(motions.values()))):
             nodes[1]["children"].append(len(nodes))
@@ -139,14 +139,19 @@ def _linear(value: float) -> float:
     return round(value / 12.92 if value <= 0.04045 else ((value + 0.055) / 1.055) ** 2.4, 6)
 
 
-def _posed(arm: Model, number: int, part: Part, q: np.ndarray) -> dict[str, Any]:
+def _posed(arm: Model, number: int, part: CylinderPart, q: np.ndarray) -> dict[str, Any]:
     """Place of a cylinder's piece in one pose q (bodies,)."""
     _, places, turns = part_keyframes(arm, number, part, np.zeros(1), q[None])
     return {"rotation": turns[0].tolist(), "translation": places[0].tolist()}
 
 
 def _animation(
-    arm: Model, name: str, t: np.ndarray, q: np.ndarray, arrays: Arrays, cylinders: Mapping[int, tuple[int, Part]]
+    arm: Model,
+    name: str,
+    t: np.ndarray,
+    q: np.ndarray,
+    arrays: Arrays,
+    cylinders: Mapping[int, tuple[int, CylinderPart]],
 ) -> dict[str, Any]:
     channels: list[dict[str, Any]] = []
     samplers: list[dict[str, Any]] = []

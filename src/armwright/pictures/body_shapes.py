@@ -14,7 +14,7 @@ from armwright.description.robot import Link
 from armwright.errors import DescriptionError, Problem, RunError
 from armwright.model import Model
 from armwright.pictures.joint_figure import CYLINDER, GREY, Piece, joint_figure
-from armwright.pictures.moving_cylinders import Part
+from armwright.pictures.moving_cylinders import CylinderPart
 from armwright.solids.manifold import manifold
 from armwright.solids.surface import AROUND, surface
 from armwright.solids.visual import Visual
@@ -69,7 +69,7 @@ def body_shapes(
     return shapes, tuple(notes)
 
 
-def rod_shape(part: Part) -> Shape:
+def rod_shape(part: CylinderPart) -> Shape:
     """A cylinder's piece, along z from its end."""
     from trimesh.creation import cylinder
 

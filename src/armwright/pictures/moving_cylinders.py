@@ -18,7 +18,7 @@ OVERLAP = 0.02  # of the greatest length: the rod still stands in the barrel the
 
 
 @dataclass(frozen=True)
-class Part:
+class CylinderPart:
     """One of the two pieces of a cylinder, drawn along z from its own end of the cylinder.
 
     Attributes:
@@ -31,17 +31,17 @@ class Part:
     length: float
 
 
-def cylinder_parts(arm: Model, q: np.ndarray) -> Iterator[tuple[int, Part]]:
+def cylinder_parts(arm: Model, q: np.ndarray) -> Iterator[tuple[int, CylinderPart]]:
     """Number of each cylinder and its two pieces, long enough for all positions q (k, bodies)."""
     size = bone_size(arm)
     for number, cylinder in enumerate(arm.cylinders):
         longest = float(np.linalg.norm(np.subtract(*cylinder_ends(arm, number, q)), axis=1).max())
-        yield number, Part(f"{cylinder.name} barrel", 0, BARREL * size, 0.5 * longest)
-        yield number, Part(f"{cylinder.name} rod", 1, ROD * size, (0.5 + OVERLAP) * longest)
+        yield number, CylinderPart(f"{cylinder.name} barrel", 0, BARREL * size, 0.5 * longest)
+        yield number, CylinderPart(f"{cylinder.name} rod", 1, ROD * size, (0.5 + OVERLAP) * longest)
 
 
 def part_keyframes(
-    arm: Model, number: int, part: Part, t: np.ndarray, q: np.ndarray
+    arm: Model, number: int, part: CylinderPart, t: np.ndarray, q: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Times (m,), translations (m, 3) [m] and quaternions x, y, z, w (m, 4) of a piece in the base's frame.
 

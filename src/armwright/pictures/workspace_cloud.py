@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from armwright.pictures.png import spacing
-from armwright.pictures.workspace_maps import flat_axes, readable_unit
 from armwright.results.plot_page import embedded
 
 if TYPE_CHECKING:
@@ -25,10 +24,13 @@ SQUARES = 24  # of the page's grid along each side
 PAGE = Path(__file__).parent / "pages" / "cloud.html"
 
 
-def cloud_page(dataset: xr.Dataset) -> str:
+def cloud_page(dataset: xr.Dataset, unit: str, flat: bool) -> str:
     """HTML page of 60,000 samples, with three.js (MIT licence).
 
     Those in the quarter x > 0, y < 0 are left out, so that the inside shows, unless the cloud is flat.
+
+    Args:
+        dataset: what `workspace` returned.   unit: of the manipulability, to be read.   flat: True for tips in a plane.
     """
     import trimesh
     from matplotlib import colormaps
@@ -37,7 +39,7 @@ def cloud_page(dataset: xr.Dataset) -> str:
 
     points, w = dataset.position.values, dataset.manipulability.values
     cut = (points[:, 0] > 0.0) & (points[:, 1] < 0.0)  # the quarter before the camera
-    if cut.all() or flat_axes(points):  # an arm that moves in this quarter alone, or in a plane
+    if cut.all() or flat:  # an arm that moves in this quarter alone, or in a plane
         cut = np.zeros(len(points), dtype=bool)
     kept = np.flatnonzero(~cut)[:POINTS]
     points, w = points[kept], w[kept]
@@ -47,7 +49,7 @@ def cloud_page(dataset: xr.Dataset) -> str:
     scene = trimesh.Scene()
     scene.add_geometry(trimesh.PointCloud(points @ Y_UP[:3, :3].T, colours))
     size = float(np.linalg.norm(np.ptp(points, axis=0)))
-    a, unit = dataset.attrs, readable_unit(dataset)
+    a = dataset.attrs
     without = ", the quarter x > 0, y < 0 left out" if cut.any() else ""
     words = f"{len(points):,} of {a['samples']:,} joint positions{without}, {a['aim']} of {a['frame']}"
     settings = {

@@ -9,14 +9,14 @@ import numpy as np
 
 from armwright.entry import AnyRun, as_run
 from armwright.output import check_destination, whole_file
-from armwright.results.plot import EDGE, GRID, TEXT, save_figure
+from armwright.pictures.workspace_cloud import cloud_page
+from armwright.results.plot import ENDINGS, TEXT, frame, write_figure
 
 if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-ENDINGS = (".png", ".svg", ".pdf", ".html")
 CELLS, FEWEST, EACH = 110, 20, 20  # of a map along its longer side, at most and at least; samples of a cell on average
 FLAT = 1e-3  # of the largest extent: a smaller one is none
 SUPERSCRIPTS = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -35,14 +35,11 @@ def draw_workspace(dataset: AnyRun, path: str | os.PathLike[str]) -> None:
     """
     dataset = as_run(dataset, "dataset")
     path = check_destination(path, ENDINGS)
+    if path.suffix.lower() != ".html":
+        return write_figure(draw(dataset), path)
+    flat = bool(flat_axes(dataset.position.values))
     with whole_file(path, ENDINGS) as temporary:
-        ending = path.suffix[1:].lower()
-        if ending == "html":
-            from armwright.pictures.workspace_cloud import cloud_page
-
-            temporary.write_text(cloud_page(dataset), encoding="utf-8")
-        else:
-            save_figure(draw(dataset), temporary, ending)
+        temporary.write_text(cloud_page(dataset, readable_unit(dataset), flat), encoding="utf-8")
 
 
 def draw(dataset: xr.Dataset) -> Figure:
@@ -148,9 +145,4 @@ def _histogram(axis: Axes, dataset: xr.Dataset, name: str, label: str, title: st
 def _style(axis: Axes, x: str, y: str, title: str) -> None:
     axis.set_xlabel(x, color=TEXT)
     axis.set_ylabel(y, color=TEXT)
-    axis.set_title(title, loc="left", fontsize=10.5, color=TEXT, fontweight="bold")
-    axis.set_axisbelow(True)
-    axis.grid(color=GRID, linewidth=0.6)
-    axis.spines[["top", "right"]].set_visible(False)
-    axis.spines[["left", "bottom"]].set_color(EDGE)
-    axis.tick_params(color=EDGE, labelcolor=TEXT, labelsize=9)
+    frame(axis, title)

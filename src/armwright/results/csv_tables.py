@@ -26,7 +26,7 @@ ROWS_AT_ONCE = 4096  # rows turned into text together, so that a long table neve
 
 
 @dataclass(frozen=True)
-class Column:
+class CsvColumn:
     """A column that a table must have: its name, and the units that its header may state."""
 
     name: str
@@ -34,16 +34,16 @@ class Column:
 
 
 @dataclass(frozen=True, eq=False)
-class Numbers:
+class CsvNumbers:
     """Numbers of a CSV file: `values` (rows, columns) in the order of `columns`, `lines` (rows,) of the file."""
 
     path: str
-    columns: tuple[Column, ...]
+    columns: tuple[CsvColumn, ...]
     values: np.ndarray
     lines: tuple[int, ...]
 
 
-def read_numbers(path: str | os.PathLike[str], columns: Sequence[Column]) -> Numbers:
+def read_numbers(path: str | os.PathLike[str], columns: Sequence[CsvColumn]) -> CsvNumbers:
     """The finite numbers of a CSV file, its columns found by name, or by order where there is no header row.
 
     Args:
@@ -59,7 +59,7 @@ def read_numbers(path: str | os.PathLike[str], columns: Sequence[Column]) -> Num
     return parse_numbers(table_text(place), place, columns)
 
 
-def parse_numbers(text: str, place: str, columns: Sequence[Column]) -> Numbers:
+def parse_numbers(text: str, place: str, columns: Sequence[CsvColumn]) -> CsvNumbers:
     """The finite numbers in the text of a CSV file; `place` is what errors call it. See `read_numbers`."""
     columns = tuple(columns)
     expected = f"{len(columns)} columns: {', '.join(column.name for column in columns)}"
@@ -85,7 +85,7 @@ def parse_numbers(text: str, place: str, columns: Sequence[Column]) -> Numbers:
     if not values:
         what = "empty" if order is None else "a header without rows"
         raise ScheduleError(what, file=place, expected=f"at least one row of {expected}")
-    return Numbers(place, columns, np.array(values, dtype=float), tuple(lines))
+    return CsvNumbers(place, columns, np.array(values, dtype=float), tuple(lines))
 
 
 def read_table(
@@ -108,7 +108,7 @@ def read_table(
     for quantity, names in columns.items():
         stated = units[quantity] if units and quantity in units else [""] * len(names)
         wanted += [
-            Column(f"{quantity}_{name}", (unit,) if unit else ()) for name, unit in zip(names, stated, strict=True)
+            CsvColumn(f"{quantity}_{name}", (unit,) if unit else ()) for name, unit in zip(names, stated, strict=True)
         ]
     values = read_numbers(path, wanted).values
     ends = np.cumsum([len(names) for names in columns.values()])
@@ -176,7 +176,7 @@ def _rows(place: str, text: str) -> Iterator[tuple[int, list[str]]]:
         raise ScheduleError(f"not CSV: {error}", file=f"{place}:{reader.line_num}") from None
 
 
-def _is_header(cells: list[str], columns: Sequence[Column]) -> bool:
+def _is_header(cells: list[str], columns: Sequence[CsvColumn]) -> bool:
     """True if a first row holds names: one that is expected, or nothing that could be a number."""
     names = {column.name for column in columns}
     return any(_name_and_unit(cell)[0] in names for cell in cells) or all(_number(cell) is None for cell in cells)
@@ -198,7 +198,7 @@ def _name_and_unit(cell: str) -> tuple[str, str | None]:
     return (match["name"], match["unit"].strip()) if match else (cell, None)
 
 
-def _order(file: str, cells: list[str], columns: Sequence[Column], expected: str) -> list[int]:
+def _order(file: str, cells: list[str], columns: Sequence[CsvColumn], expected: str) -> list[int]:
     """Position in the file of each of the expected columns."""
     positions: dict[str, int] = {}
     known = {column.name: column for column in columns}

@@ -16,15 +16,6 @@ ENDINGS = (".html",)
 NAME = re.compile(r"\w*[\d_]")  # at the beginning of a remark: of a joint or a parameter
 
 
-def check_report(path: str | os.PathLike[str]) -> Path:
-    """The path, if a page can be written there; to be called before long work.
-
-    Raises:
-        OutputError: another ending than .html, a missing folder, no permission.
-    """
-    return check_destination(path, ENDINGS)
-
-
 def write_page(path: str | os.PathLike[str], title: str, body: Iterable[str], subtitle: str = "") -> Path:
     """Writes a page of sections as one file that needs no network; light or dark as the reader's system is.
 
@@ -35,7 +26,7 @@ def write_page(path: str | os.PathLike[str], title: str, body: Iterable[str], su
     Raises:
         OutputError: the file cannot be written.
     """
-    path = check_report(path)
+    path = check_destination(path, ENDINGS)
     html = report_html(title, body, subtitle)
     with whole_file(path, ENDINGS) as temporary:
         temporary.write_text(html, encoding="utf-8", newline="\n")

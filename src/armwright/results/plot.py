@@ -25,7 +25,8 @@ if TYPE_CHECKING:
     Runs = AnyRun | Mapping[str, AnyRun] | Sequence[AnyRun]
     Names = str | Sequence[str] | None
 
-ENDINGS = (".png", ".svg", ".pdf", ".html")
+PICTURES = (".png", ".svg", ".pdf")
+ENDINGS = (*PICTURES, ".html")
 TEXT, GRID, EDGE = "#222222", "#D9D9D9", "#888888"
 LEVEL = 1e-9  # relative: curves that differ by less are level, and their rounding is not blown up to the panel's height
 UNDATED = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {"Software": None}}  # equal runs: equal bytes
@@ -85,19 +86,24 @@ def write_plot(described: Plot, path: Path) -> None:
     Raises:
         OutputError: as `plot`.
     """
+    if path.suffix.lower() != ".html":
+        return write_figure(draw(described), path)
     with whole_file(path, ENDINGS) as temporary:
-        if path.suffix.lower() == ".html":
-            temporary.write_text(plot_page(described), encoding="utf-8")
-        else:
-            save_figure(draw(described), temporary, path.suffix[1:].lower())
+        temporary.write_text(plot_page(described), encoding="utf-8")
 
 
-def save_figure(figure: Figure, path: Path, ending: str) -> None:
-    """Writes a still picture without the time of writing, and with names of its parts that depend on the drawing alone."""
+def write_figure(figure: Figure, path: Path) -> None:
+    """Writes a still picture, whole or not at all; without the time of writing, and with names of its parts that depend on the
+    drawing alone.
+
+    Raises:
+        OutputError: an unknown ending, a folder that is missing, no permission, a full disk.
+    """
     import matplotlib
 
-    with matplotlib.rc_context({"svg.hashsalt": "armwright"}):
-        figure.savefig(path, format=ending, metadata=UNDATED[ending])
+    ending = path.suffix[1:].lower()
+    with whole_file(path, PICTURES) as temporary, matplotlib.rc_context({"svg.hashsalt": "armwright"}):
+        figure.savefig(temporary, format=ending, metadata=UNDATED[ending])
 
 
 def check_plot(path: str | os.PathLike[str]) -> Path:
@@ -147,6 +153,21 @@ def draw(plot: Plot) -> Figure:
     return figure
 
 
+def open_axes(axis: Axes) -> None:
+    """Draws a grid, and no lines above and to the right."""
+    axis.grid(color=GRID, linewidth=0.6)
+    axis.spines[["top", "right"]].set_visible(False)
+
+
+def frame(axis: Axes, title: str) -> None:
+    """Draws the frame of a panel: a title on the left, a grid below the curves, grey axes."""
+    axis.set_title(title, loc="left", fontsize=10.5, color=TEXT, fontweight="bold")
+    axis.set_axisbelow(True)
+    open_axes(axis)
+    axis.spines[["left", "bottom"]].set_color(EDGE)
+    axis.tick_params(color=EDGE, labelcolor=TEXT, labelsize=9)
+
+
 def _look(style: Style) -> dict[str, Any]:
     """Matplotlib's words for a style."""
     line = (0, style.dash) if style.dash else "-"
@@ -156,13 +177,8 @@ def _look(style: Style) -> dict[str, Any]:
 def _draw_panel(panel: Panel, plot: Plot, axis: Axes) -> None:
     for curve in panel.curves:
         _draw_curve(curve, plot, panel.stepped, axis)
-    axis.set_title(panel.title, loc="left", fontsize=10.5, color=TEXT, fontweight="bold")
     axis.set_ylabel(f"{panel.symbol} [{panel.unit}]", color=TEXT)
-    axis.set_axisbelow(True)
-    axis.grid(color=GRID, linewidth=0.6)
-    axis.spines[["top", "right"]].set_visible(False)
-    axis.spines[["left", "bottom"]].set_color(EDGE)
-    axis.tick_params(color=EDGE, labelcolor=TEXT, labelsize=9)
+    frame(axis, panel.title)
     axis.margins(y=0.08)
     begin, end = min(t[0] for t in plot.times), max(t[-1] for t in plot.times)
     if end > begin:

@@ -21,14 +21,14 @@ EVEN = 1e-9  # of a step: times this near to even ones are stored as start and s
 
 def plot_page(plot: Plot) -> str:
     """HTML page of a plot: zoom into times, read values under the pointer, hide curves."""
-    numbers = Numbers()
+    numbers = PageNumbers()
     words = {"title": plot.title, "heading": plot.title, "subtitle": plot.note}
     data = {"plot": embedded(plot_data(plot, numbers)), "numbers": numbers.text()}
     scripts = [PAGES / "unpack.js", PAGES / "charts.js"]
     return page(PAGES / "plot.html", scripts, [PAGES / "page.css"], words, **data)
 
 
-def plot_data(plot: Plot, numbers: Numbers) -> dict[str, Any]:
+def plot_data(plot: Plot, numbers: PageNumbers) -> dict[str, Any]:
     """Description that `Charts` of pages/charts.js draws; its arrays are added to the numbers."""
 
     def look(style: Style) -> dict[str, Any]:
@@ -58,7 +58,7 @@ def plot_data(plot: Plot, numbers: Numbers) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _time(t: np.ndarray, numbers: Numbers) -> dict[str, Any]:
+def _time(t: np.ndarray, numbers: PageNumbers) -> dict[str, Any]:
     """Even times as start, step and count; others as sums of two single-precision numbers, as one has too few digits."""
     if len(t) > 1:
         step = (t[-1] - t[0]) / (len(t) - 1)
@@ -68,7 +68,7 @@ def _time(t: np.ndarray, numbers: Numbers) -> dict[str, Any]:
     return {"high": numbers.add(high), "low": numbers.add(t - high)}
 
 
-class Numbers:
+class PageNumbers:
     """Arrays of a page in single precision, one after the other; each is known by its place."""
 
     def __init__(self) -> None:

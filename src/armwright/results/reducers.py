@@ -31,7 +31,7 @@ BAND = 0.02  # of the step, if a settling time says nothing else
 
 
 @dataclass(frozen=True, eq=False)
-class Row:
+class RunRow:
     """A recorded row for a reducer: arrays (n,); `first` is the initial position, `final` the last reference."""
 
     tick: Scalar
@@ -69,11 +69,11 @@ class Reducer:
     unit: str
     needs: str | None
     begin: tuple[float, ...]
-    follow: Callable[[Array, Row], Sequence[Array]]
+    follow: Callable[[Array, RunRow], Sequence[Array]]
     end: Callable[[np.ndarray, Ends], np.ndarray]
 
 
-def _peak(about: str, unit: str, needs: str | None, value: Callable[[Row], Array], least: float = 0.0) -> Reducer:
+def _peak(about: str, unit: str, needs: str | None, value: Callable[[RunRow], Array], least: float = 0.0) -> Reducer:
     return Reducer(
         about, unit, needs, (least,),
         lambda memory, row: [scalar.maximum(memory[0], value(row))], lambda memory, ends: memory[:, 0],
@@ -84,18 +84,18 @@ def _peak_output(name: str, about: str, unit: str) -> Reducer:
     return _peak(about, unit, name, lambda row: scalar.abs(row.outputs[name]))
 
 
-def _power(row: Row) -> Array:
+def _power(row: RunRow) -> Array:
     known = row.outputs
     return known["electrical_power"] if "electrical_power" in known else known["voltage"] * known["current"]
 
 
-def _clipped(row: Row) -> Array:
+def _clipped(row: RunRow) -> Array:
     least = CLIPPED * scalar.maximum(scalar.abs(row.applied), scalar.abs(row.u))
     return scalar.less(least, scalar.abs(row.applied - row.u))
 
 
 def _settling(band: float) -> Reducer:
-    def follow(memory: Array, row: Row) -> Sequence[Array]:
+    def follow(memory: Array, row: RunRow) -> Sequence[Array]:
         outside = scalar.less(band * scalar.abs(row.final - row.first), scalar.abs(row.q - row.final))
         return [scalar.where(outside, row.tick, memory[0])]
 
@@ -107,7 +107,7 @@ def _settling(band: float) -> Reducer:
     return Reducer(about, "s", None, (-1.0,), follow, end)
 
 
-def _past(row: Row) -> Array:
+def _past(row: RunRow) -> Array:
     return (row.q - row.final) * scalar.sign(row.final - row.first)
 
 
@@ -217,7 +217,9 @@ class Reduction:
             values = dict(zip(config.plant_blocks, rest, strict=True))
             plant = config.plant(values)
             outputs = plant.outputs(x, config.plant_inputs(u, values))
-            row = Row(tick[0], plant.part(x, "q"), layout.part(r, "q"), u, first, final, outputs, plant.applied(x, u))
+            row = RunRow(
+                tick[0], plant.part(x, "q"), layout.part(r, "q"), u, first, final, outputs, plant.applied(x, u)
+            )
             values, start = [], 0
             for each in self.reducers.values():
                 stop = start + n * len(each.begin)

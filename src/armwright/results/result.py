@@ -21,14 +21,13 @@ from armwright.errors import ArmwrightError
 from armwright.output import check_destination, whole_file
 from armwright.results.csv_tables import write_table
 from armwright.results.page_parts import plotted, said, section, shown_table, write_page
-from armwright.results.plot import save_figure
+from armwright.results.plot import PICTURES, write_figure
 from armwright.results.svg import INK, QUIET, page_svg
 from armwright.results.table import Table, number
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-PICTURES = (".png", ".svg", ".pdf")
 ENDINGS = (".csv", ".json")
 ON_PAPER = ("#222222", "#777777")  # words and points of a picture in a file
 BLUE = "#2a7fc9"  # seen on white and on black
@@ -97,9 +96,7 @@ class Result:
         self.draw(figure, *ON_PAPER)
         if target is None:
             return figure
-        with whole_file(target, PICTURES) as temporary:
-            save_figure(figure, temporary, target.suffix[1:].lower())
-        return None
+        return write_figure(figure, target)
 
     def report(self, path: str | os.PathLike[str]) -> Path:
         """Writes a page: verdict, tables, picture; one file that needs no network.

@@ -6,8 +6,8 @@ from dataclasses import replace
 from typing import Any
 
 from armwright.errors import SessionError
-from armwright.session.listing import Line, Output
-from armwright.session.state import Payload, initial_state, load_arm
+from armwright.session.listing import Output, TextLine
+from armwright.session.state import HandLoad, initial_state, load_arm
 from armwright.session.values import number, split
 from armwright.session.variables import payload_text
 from armwright.session.workspace import Workspace
@@ -26,8 +26,8 @@ def database_read(session: Workspace, arguments: dict[str, Any]) -> list[Output]
     )
     arm = loaded.arm
     drives = ", ".join(dict.fromkeys(body.drive.command for body in arm.coordinates))
-    line = Line(f"{arm.name}: {arm.n} joints {', '.join(arm.names)}; driven by {drives}", "good")
-    return [line, *(Line(str(warning), "note") for warning in arm.warnings)]
+    line = TextLine(f"{arm.name}: {arm.n} joints {', '.join(arm.names)}; driven by {drives}", "good")
+    return [line, *(TextLine(str(warning), "note") for warning in arm.warnings)]
 
 
 def payload(session: Workspace, arguments: dict[str, Any]) -> list[Output]:
@@ -38,10 +38,10 @@ def payload(session: Workspace, arguments: dict[str, Any]) -> list[Output]:
             if arguments[name] is not None:
                 raise SessionError("missing", place="payload mass", expected=f"mass=… beside {name}")
         present = state.loaded.payload
-        return [Line("the hand is empty" if present is None else payload_text(state, present))]
+        return [TextLine("the hand is empty" if present is None else payload_text(state, present))]
     if arguments["mass"] == NONE:
         session.state = state.replace(loaded=replace(state.loaded, payload=None))
-        return [Line("the hand is empty", "good")]
+        return [TextLine("the hand is empty", "good")]
     mass = number("payload mass", arguments["mass"], "kg")
     if mass < 0.0:
         raise SessionError(place="payload mass", value=mass, expected="0 kg or more")
@@ -52,10 +52,10 @@ def payload(session: Workspace, arguments: dict[str, Any]) -> list[Output]:
             "no body has these principal moments", place="payload inertia", value=arguments["inertia"],
             expected="none below 0, and none above the sum of the two others",
         )  # fmt: skip
-    load = Payload(mass, com, inertia, arguments["frame"])
+    load = HandLoad(mass, com, inertia, arguments["frame"])
     session.state = state.replace(loaded=replace(state.loaded, payload=load))
     _ = session.state.arm  # refuses now a load that no arm could carry
-    return [Line(payload_text(session.state, load), "good")]
+    return [TextLine(payload_text(session.state, load), "good")]
 
 
 def _three(place: str, text: str, unit: str) -> tuple[float, float, float]:

@@ -15,14 +15,14 @@ from armwright.session import (
     watch,
 )
 from armwright.session.arguments import YES_NO, Argument, same
-from armwright.session.listing import Line
-from armwright.session.workspace import Command
+from armwright.session.listing import TextLine
+from armwright.session.workspace import SessionCommand
 
 FRAME = Argument("frame", "frame", "name of a frame of the arm; by default its tip", default="")
 PICTURES = ".png, .svg, .pdf or .html"
 
 TABLE = (
-    Command(
+    SessionCommand(
         "inverse-arm",
         "Inverse Arm: theta, omega, alpha → torque and voltage; of many sets where a table is named",
         dynamics.inverse_arm,
@@ -31,7 +31,7 @@ TABLE = (
         "CMU report, eqs (1)-(11); recursive Newton-Euler [LuhWalkerPaul1980]",
         "inverse-arm", True,
     ),
-    Command(
+    SessionCommand(
         "forward-arm",
         "Forward Arm: theta, omega, voltage → alpha; nothing is integrated",
         dynamics.forward_arm, (),
@@ -39,7 +39,7 @@ TABLE = (
         "CMU report, eqs (12)-(26); composite rigid bodies [WalkerOrin1982]",
         "forward-arm", True,
     ),
-    Command(
+    SessionCommand(
         "simulate",
         "move the arm: from theta and omega, or on from where the last simulation ended",
         simulation.simulate,
@@ -60,7 +60,7 @@ TABLE = (
         "CMU report, Integration; [Kutta1901]",
         "simulate new zero=yes steps=1000", True, check=simulation.check_continue,
     ),
-    Command(
+    SessionCommand(
         "plot-simulation", "draw the simulation into a file, or on the screen", printing.plot_simulation,
         (
             Argument("file", "file", f"picture to write, {PICTURES}, which is a page to zoom into; without it on the screen",
@@ -72,7 +72,7 @@ TABLE = (
         example="plot-simulation run.png what=theta,voltage joints=2,3", report=True,
         check=simulation.needs_run("plot-simulation"),
     ),
-    Command(
+    SessionCommand(
         "print-simulation", "print the simulation on the screen, or into the open output file", printing.print_simulation,
         (
             Argument("start", "time", "first time [s]", prompt="Start [s]", enter="the first row", default=""),
@@ -84,30 +84,30 @@ TABLE = (
         example="print-simulation 0 1 0.1 what=theta,voltage", report=True,
         check=simulation.needs_run("print-simulation"),
     ),
-    Command(
+    SessionCommand(
         "write-graphic-file", "write the simulation for a display that shows the arm move", simulation.write_graphic_file,
         (Argument("file", "file", "file to write, .glb or .html", prompt="Name of the graphic file (.glb or .html)"),),
         example="write-graphic-file run.html", report=True, check=simulation.needs_run("write-graphic-file"),
     ),
-    Command(
+    SessionCommand(
         "save-simulation", "save the simulation with everything in it: .nc, .csv, .parquet, .mcap or .mat", simulation.save_run,
         (Argument("file", "file", "file to write", prompt="Name of the file (.nc, .csv, .parquet, .mcap or .mat)"),),
         example="save-simulation run.nc", check=simulation.needs_run("save-simulation"),
     ),
-    Command(
+    SessionCommand(
         "open-output-file", "send what is printed to a file: aligned text, or CSV where its name ends in .csv",
         printing.open_output_file,
         (Argument("file", "file", "file to write; replaced where it exists", prompt="Name of the output file"),),
         example="open-output-file run.csv", report=True,
     ),
-    Command("close-output-file", "send what is printed to the screen again", printing.close_output_file, report=True,
+    SessionCommand("close-output-file", "send what is printed to the screen again", printing.close_output_file, report=True,
             example="close-output-file"),
-    Command(
+    SessionCommand(
         "database-read", "load another arm; its vectors begin at zero", arms.database_read,
         (Argument("robot", "robot", "built-in name, or path of a robot's file", prompt="Name of the arm, or its file"),),
         example="database-read two-link", report=True,
     ),
-    Command(
+    SessionCommand(
         "controller", "what DACOut's reference input is wired to; sampled every DACSampTimePeriod", controllers.controller,
         (
             Argument("kind", "text", "a control law, or none; without it what there is", default=""),
@@ -117,7 +117,7 @@ TABLE = (
         "armwright.control; design of sampled loops [AstromHagglund2006]",
         "controller joint-pid kp=900 kd=60 scale=\"10 deg\"", pairs=True,
     ),
-    Command(
+    SessionCommand(
         "payload", "put something into the hand, or take it out; alone: what it holds", arms.payload,
         (
             Argument("mass", "text", "mass [kg], or none; without it what there is", default=""),
@@ -130,13 +130,13 @@ TABLE = (
         ),
         "one more rigid body, added by parallel axes", "[Symon1971]", "payload 2 com=\"0 0 0.05\"",
     ),
-    Command("energy", "kinetic and potential energy, and their sum", dynamics.energy, (),
+    SessionCommand("energy", "kinetic and potential energy, and their sum", dynamics.energy, (),
             "T = ½ θ̇ᵀ M(θ) θ̇,  U = − Σ m gᵀ c", "[Featherstone2008]", "energy"),
-    Command("pose", "where the hand is: position and orientation in the base", dynamics.pose, (FRAME,),
+    SessionCommand("pose", "where the hand is: position and orientation in the base", dynamics.pose, (FRAME,),
             "T = A₁ A₂ … A_N", "[DenavitHartenberg1955]", "pose"),
-    Command("jacobian", "speeds of the hand for a unit of each joint's speed", dynamics.jacobian, (FRAME,),
+    SessionCommand("jacobian", "speeds of the hand for a unit of each joint's speed", dynamics.jacobian, (FRAME,),
             "[v; ω] = J(θ) θ̇", "[Whitney1972]", "jacobian"),
-    Command(
+    SessionCommand(
         "watch", "show the arm in a page of this machine's browser, which follows theta and plays each simulation",
         watch.watch,
         (
@@ -146,42 +146,43 @@ TABLE = (
         ),
         recorded=False, example="watch on",
     ),
-    Command("show", "all variables, or one", variables.show,
+    SessionCommand("show", "all variables, or one", variables.show,
             (Argument("name", "text", "a variable; by default all", default=""),), recorded=False, example="show"),
-    Command("undo", "take the last changes back; files stay as they are",
+    SessionCommand("undo", "take the last changes back; files stay as they are",
             lambda session, arguments: session.undo(arguments["steps"] or 1),
             (Argument("steps", "count", "how many", default=""),), recorded=False, example="undo"),
-    Command("history", "all that was done, as a script",
-            lambda session, arguments: [Line(line) for line in session.state.lines], recorded=False, example="history"),
-    Command(
+    SessionCommand("history", "all that was done, as a script",
+            lambda session, arguments: [TextLine(line) for line in session.state.lines], recorded=False, example="history"),
+    SessionCommand(
         "save", "save the whole state: variables, arm, payload, controller and simulation", files.save,
         (Argument("file", "file", "file to write, .nc", prompt="Name of the file (.nc)"),), example="save here.nc",
     ),
-    Command(
+    SessionCommand(
         "restore", "go back to a state that was saved", files.restore,
         (Argument("file", "file", "file that save wrote", prompt="Name of the file (.nc)"),), recorded=False,
         example="restore here.nc",
     ),
-    Command(
+    SessionCommand(
         "run-script", "do the lines of a file, up to the first that fails", files.run_script,
         (Argument("file", "file", "the script", prompt="Name of the script"),), recorded=False, example="run-script my.sim",
     ),
-    Command(
+    SessionCommand(
         "record", "keep all that is done, from the beginning, as a script that replays to the same numbers", files.record,
         (Argument("file", "file", "script to write, or off", prompt="Name of the script to write, or off"),), recorded=False,
         example="record my.sim",
     ),
-    Command(
+    SessionCommand(
         "python", "a Python prompt with the same names, or one line of it", python_prompt.python,
         (Argument("code", "rest", "a statement; without it a prompt", default=""),), recorded=False,
         example="python theta = np.linspace(0, 1, arm.n)",
     ),
-    Command(
+    SessionCommand(
         "help", "all commands and variables, or everything about one", help.help_page,
         (Argument("topic", "text", "a command or variable", default=""),), recorded=False, example="help simulate",
     ),
-    Command("tour", "a first lesson in robot dynamics, in a session of its own", help.tour, recorded=False, example="tour"),
-    Command("quit", "leave", lambda session, arguments: session.quit(), recorded=False, example="quit"),
+    SessionCommand("tour", "a first lesson in robot dynamics, in a session of its own", help.tour, recorded=False,
+                   example="tour"),
+    SessionCommand("quit", "leave", lambda session, arguments: session.quit(), recorded=False, example="quit"),
 )  # fmt: skip
 
 COMMANDS = {same(command.name): command for command in TABLE}

@@ -11,8 +11,8 @@ import numpy as np
 from armwright.errors import SessionError
 from armwright.model.joint_signals import joint_units
 from armwright.session.arguments import same
-from armwright.session.listing import Line, Output, Sheet, significant
-from armwright.session.state import ControllerSettings, State
+from armwright.session.listing import Output, Sheet, TextLine, significant
+from armwright.session.state import ControllerSettings, SessionState
 from armwright.session.values import number, split, vector
 from armwright.session.variables import lookup
 from armwright.session.workspace import Workspace
@@ -28,19 +28,19 @@ def controller(session: Workspace, arguments: dict[str, Any]) -> list[Output]:
         if arguments["pairs"] or arguments["scale"]:
             raise SessionError("takes no gains", place="controller none")
         session.state = state.replace(controller=None, dac=np.zeros(state.arm.n))
-        return [Line("DACOut is wired to the motors", "good")]
+        return [TextLine("DACOut is wired to the motors", "good")]
     if kind is not None:
         settings = _settings(state, kind, arguments["scale"], arguments["pairs"])
         session.state = state.replace(controller=settings, dac=np.zeros(state.arm.n))
     return _output(session.state)
 
 
-def _output(state: State) -> list[Output]:
+def _output(state: SessionState) -> list[Output]:
     """The present controller, or a list of all controllers."""
     settings = state.controller
     if settings is None:
         rows = tuple((name, " ".join(gain_names(kind))) for name, kind in laws().items())
-        none = Line("DACOut is wired to the motors; there is no controller")
+        none = TextLine("DACOut is wired to the motors; there is no controller")
         return [none, Sheet("controllers", ("kind", "gains"), rows, words=2)]
     built_controller(state, settings)
     gains = ", ".join(f"{name} = {text}" for name, text in settings.gains.items())
@@ -48,7 +48,7 @@ def _output(state: State) -> list[Output]:
     scale = ", ".join(
         f"{significant(s)} {unit}/V" for s, unit in dict.fromkeys(zip(settings.scale, units, strict=True))
     )
-    return [Line(f"DACOut asks {settings.kind} for positions, {scale}; {gains}", "good")]
+    return [TextLine(f"DACOut asks {settings.kind} for positions, {scale}; {gains}", "good")]
 
 
 def laws() -> dict[str, type]:
@@ -68,7 +68,7 @@ def gain_names(kind: type) -> list[str]:
     return [field.name for field in dataclasses.fields(kind) if field.name not in BY_THE_LOOP]  # type: ignore[arg-type]
 
 
-def _settings(state: State, kind: str, scale: str | None, gains: dict[str, str]) -> ControllerSettings:
+def _settings(state: SessionState, kind: str, scale: str | None, gains: dict[str, str]) -> ControllerSettings:
     """Settings that were checked by building the controller.
 
     Args:
@@ -91,7 +91,7 @@ def _settings(state: State, kind: str, scale: str | None, gains: dict[str, str])
     return settings
 
 
-def built_controller(state: State, settings: ControllerSettings) -> Any:
+def built_controller(state: SessionState, settings: ControllerSettings) -> Any:
     """The controller of these settings.
 
     Raises:
@@ -116,7 +116,7 @@ def built_controller(state: State, settings: ControllerSettings) -> Any:
     return law
 
 
-def _value(state: State, place: str, kind: str, text: str) -> Any:
+def _value(state: SessionState, place: str, kind: str, text: str) -> Any:
     """A gain as the type of its field asks for."""
     if kind.startswith("str"):
         return text

@@ -13,7 +13,7 @@ from armwright.model import Model
 from armwright.model.joint_signals import joint_units
 from armwright.results.csv_tables import joint_columns, read_table
 from armwright.session import motor_quantities
-from armwright.session.listing import Line, Listing, Output, Sheet, by_joint, by_row, significant
+from armwright.session.listing import Listing, Output, Sheet, TextLine, by_joint, by_row, significant
 from armwright.session.workspace import Workspace
 from armwright.spatial import roll_pitch_yaw
 
@@ -41,7 +41,7 @@ def inverse_arm(session: Workspace, arguments: dict[str, Any]) -> list[Output]:
     )]  # fmt: skip
     drives = {"voltage": motor_quantities.voltage(state), "current": motor_quantities.current(state)}
     columns += [(name, joint_units(arm, name), values) for name, values in drives.items() if not np.isnan(values).all()]
-    stands = [Line(text, "note") for text in found.notes(arm.names, joint_units(arm, "tau"), "")]
+    stands = [TextLine(text, "note") for text in found.notes(arm.names, joint_units(arm, "tau"), "")]
     return [by_joint("Inverse Arm", arm.names, columns), *_beyond(arm, columns, found), *stands]
 
 
@@ -64,7 +64,7 @@ def _beyond(arm: Model, columns: list[tuple[str, list[str], np.ndarray]], found:
                 limit = getattr(body.limits, name)
                 if abs(value) > limit:
                     text = f"{name} {significant(value)} {unit} is beyond its limit of {significant(limit)} {unit}"
-                    notes.append(Line(f"{body.joint}: {text}", "note"))
+                    notes.append(TextLine(f"{body.joint}: {text}", "note"))
     return notes
 
 
@@ -87,7 +87,7 @@ def _inverse_of_sets(session: Workspace, file: str) -> tuple[Listing, list[Outpu
         name = {"tau": "torque"}.get(quantity, quantity)
         title = f"{name} of {len(values)} sets"
         sheets.append(by_row(title, "set", [str(k + 1) for k in range(len(values))], arm.names, units, values))
-    notes: list[Output] = [Line(text, "note") for text in found.notes(arm.names, joint_units(arm, "tau"), "set {}")]
+    notes: list[Output] = [TextLine(text, "note") for text in found.notes(arm.names, joint_units(arm, "tau"), "set {}")]
     return Listing(tuple(sheets), columns), notes
 
 

@@ -19,15 +19,15 @@ from armwright.output import check_destination
 from armwright.reading import read_file
 from armwright.results.aliases import SESSION
 from armwright.session.controllers import built_controller
-from armwright.session.listing import Line, Output
-from armwright.session.state import ControllerSettings, LoadedArm, Payload, State, initial_state
+from armwright.session.listing import Output, TextLine
+from armwright.session.state import ControllerSettings, HandLoad, LoadedArm, SessionState, initial_state
 from armwright.session.workspace import Workspace
 from armwright.validation import validated
 
 OFF = "off"
 LONGEST = 1_000_000  # characters of a script
 FORM = 2  # of the attribute's JSON
-# In the order of `State`:
+# In the order of `SessionState`:
 VECTORS = ("q", "qd", "qdd", "u", "dac")
 TIMES = ("dac_period", "step")
 
@@ -66,10 +66,10 @@ def record(session: Workspace, arguments: dict[str, Any]) -> list[Output]:
         if session.recording is None:
             raise SessionError("nothing is being recorded", place="record off")
         path, session.recording = session.recording, None
-        return [Line(f"recorded in {path}", "good")]
+        return [TextLine(f"recorded in {path}", "good")]
     session.recording = check_destination(arguments["file"])
     session.write_recording()
-    return [Line(f"recording into {session.recording}, from the session's first line", "good")]
+    return [TextLine(f"recording into {session.recording}, from the session's first line", "good")]
 
 
 def save(session: Workspace, arguments: dict[str, Any]) -> list[Output]:
@@ -83,10 +83,10 @@ def save(session: Workspace, arguments: dict[str, Any]) -> list[Output]:
     run.attrs = {**run.attrs, SESSION: json.dumps(_saved_state(state))}
     aw.save(run, file)
     session.saved = state.run
-    return [Line(f"wrote {file}", "good")]
+    return [TextLine(f"wrote {file}", "good")]
 
 
-def _saved_state(state: State) -> dict[str, Any]:
+def _saved_state(state: SessionState) -> dict[str, Any]:
     loaded, controller = state.loaded, state.controller
     wiring = None
     if controller is not None:
@@ -129,10 +129,10 @@ def restore(session: Workspace, arguments: dict[str, Any]) -> list[Output]:
         built_controller(state, controller)
     session.change(state)
     session.saved = last_run
-    output: list[Output] = [Line(f"restored {loaded.robot} from {file}", "good")]
+    output: list[Output] = [TextLine(f"restored {loaded.robot} from {file}", "good")]
     if loaded.robot in aw.builtin_names() and robot_text(aw.load(loaded.robot).record) != record["record"]["text"]:
         output.append(
-            Line(f"the built-in {loaded.robot} has changed since; this session keeps its own numbers", "note")
+            TextLine(f"the built-in {loaded.robot} has changed since; this session keeps its own numbers", "note")
         )
     return output
 
@@ -145,7 +145,7 @@ def _loaded(record: dict[str, Any], file: str) -> LoadedArm:
     if robot in aw.builtin_names() and robot_text(aw.load(robot).record) == text:
         base = aw.load(robot)  # with its looks
     if payload is not None:
-        payload = Payload(float(payload["mass"]), tuple(payload["com"]), tuple(payload["inertia"]), payload["frame"])
+        payload = HandLoad(float(payload["mass"]), tuple(payload["com"]), tuple(payload["inertia"]), payload["frame"])
     gravity = None if record["gravity"] is None else float(record["gravity"])
     loaded = LoadedArm(robot, base, gravity, payload)
     _ = loaded.arm

@@ -11,9 +11,9 @@ from typing import Any
 
 from armwright.session.arguments import Argument, same, unknown
 from armwright.session.controllers import gain_names, laws
-from armwright.session.listing import Line, Output, Sheet, significant
-from armwright.session.variables import TABLE, VARIABLES, Variable
-from armwright.session.workspace import Command, Workspace
+from armwright.session.listing import Output, Sheet, TextLine, significant
+from armwright.session.variables import TABLE, VARIABLES, SessionVariable
+from armwright.session.workspace import SessionCommand, Workspace
 
 VALUES = "NAME = VALUES sets a variable: one value a joint, or one for all; 30 deg, pi/2, 2*theta; NAME[JOINT] = VALUE one joint"
 
@@ -92,21 +92,21 @@ def help_page(session: Workspace, arguments: dict[str, Any]) -> list[Output]:
     raise unknown("no such command or variable", topic, known, "help topic")
 
 
-def _contents(commands: Mapping[str, Command]) -> list[Output]:
+def _contents(commands: Mapping[str, SessionCommand]) -> list[Output]:
     every = list(dict.fromkeys(commands.values()))
     variables = tuple((v.name, v.unit or "by joint", v.meaning) for v in TABLE)
     report = tuple((c.name, c.summary) for c in every if c.report)
     others = tuple((c.name, c.summary) for c in every if not c.report)
     return [
         Sheet("Variables", ("name", "unit", "meaning"), variables, words=3),
-        Line(VALUES, "dim"),
+        TextLine(VALUES, "dim"),
         Sheet("Commands of the 1982 report", ("command", "what it does"), report, words=2),
         Sheet("More commands", ("command", "what it does"), others, words=2),
-        Line(SPELLING),
+        TextLine(SPELLING),
     ]
 
 
-def usage(command: Command) -> str:
+def usage(command: SessionCommand) -> str:
     """Form of a command with its arguments: `payload MASS`."""
     parts = [command.name]
     for argument in command.arguments:
@@ -115,30 +115,30 @@ def usage(command: Command) -> str:
     return " ".join(parts) + (" [NAME=VALUE …]" if command.pairs else "")
 
 
-def _of_command(command: Command) -> list[Output]:
-    output: list[Output] = [Line(usage(command), "head"), Line(command.summary)]
+def _of_command(command: SessionCommand) -> list[Output]:
+    output: list[Output] = [TextLine(usage(command), "head"), TextLine(command.summary)]
     rows = tuple((a.name, a.help, "must be given" if a.default is None else a.default) for a in command.arguments)
     if rows:
         output.append(Sheet("", ("argument", "what it is", "default"), rows, words=3))
     if command.name == "controller":
         note = "U is the unit of a joint's command: V, A, N m or N; help joint-pid tells all of that law"
-        output += [_gains_of_laws(), Line(note, "dim")]
+        output += [_gains_of_laws(), TextLine(note, "dim")]
     output += _sources(command.equation, command.source)
     if command.example:
-        output.append(Line(f"example   {command.example}"))
+        output.append(TextLine(f"example   {command.example}"))
     return output
 
 
-def _of_variable(session: Workspace, variable: Variable) -> list[Output]:
+def _of_variable(session: Workspace, variable: SessionVariable) -> list[Output]:
     unit = " | ".join(dict.fromkeys(variable.units(session.state.arm)))
     form = "one number" if variable.quantity is None else "one number a joint"
     own = 0.0 - float(session.state.loaded.base.gravity[2])
     example = {"m/s²": significant(own), "s": "1 ms"}.get(variable.unit, "0")
     return [
-        Line(f"{variable.name} [{unit}]", "head"),
-        Line(f"{variable.meaning}; {form}"),
+        TextLine(f"{variable.name} [{unit}]", "head"),
+        TextLine(f"{variable.meaning}; {form}"),
         *_sources(variable.equation, variable.source),
-        Line(f"example   {variable.name} = {example}"),
+        TextLine(f"example   {variable.name} = {example}"),
     ]
 
 
@@ -148,7 +148,7 @@ def _sources(equation: str, source: str) -> list[Output]:
     lines += [f"          {work}" for work in cited(source)]
     if equation:
         lines.append("letters   help symbols")
-    return [Line(text) for text in lines]
+    return [TextLine(text) for text in lines]
 
 
 def gains(law: type) -> dict[str, str]:
@@ -178,11 +178,11 @@ def _of_law(kind: str, law: type) -> list[Output]:
     equation = (inspect.getdoc(law) or "").partition("Args:\n")[0].strip()
     source = " ".join(f"[{key}]" for key in KEY.findall(sys.modules[law.__module__].__doc__ or ""))
     return [
-        Line(kind, "head"),
-        *(Line(line) for line in equation.splitlines()),
+        TextLine(kind, "head"),
+        *(TextLine(line) for line in equation.splitlines()),
         Sheet("", ("gain", "what it is"), tuple(gains(law).items()), words=2),
         *_sources("", source),
-        Line(f'example   controller {kind} {"=… ".join(needed(law))}=… scale="10 deg"'),
+        TextLine(f'example   controller {kind} {"=… ".join(needed(law))}=… scale="10 deg"'),
     ]
 
 
@@ -229,9 +229,9 @@ def tour(session: Workspace, arguments: dict[str, Any]) -> list[Output]:
     output: list[Output] = []
     show = session.show or output.append
     for k, (text, lines) in enumerate(STEPS, 1):
-        show(Line(f"\n{k} of {len(STEPS)}. {text}", "head"))
+        show(TextLine(f"\n{k} of {len(STEPS)}. {text}", "head"))
         for line in lines:
-            show(Line(f"sim> {line}", "good"))
+            show(TextLine(f"sim> {line}", "good"))
             for part in lesson.run(line):
                 show(part)
         ask = session.ask

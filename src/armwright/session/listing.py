@@ -28,7 +28,7 @@ NOTHING = 1e-12  # of any unit: less is rounding, and shown as 0
 
 
 @dataclass(frozen=True)
-class Line:
+class TextLine:
     """A sentence; `style` is "plain", "good", "note", "dim" or "head"."""
 
     text: str
@@ -58,7 +58,7 @@ class Drawing:
     quantities: Sequence[str] | None = None
 
 
-Output = Line | Sheet | Drawing
+Output = TextLine | Sheet | Drawing
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,7 +199,7 @@ class Screen:
 
     def __call__(self, output: Output) -> None:
         """Shows one line, table or drawing."""
-        if isinstance(output, Line):
+        if isinstance(output, TextLine):
             from rich.text import Text
 
             self.console.print(Text(output.text, STYLES[output.style]), soft_wrap=not self.console.is_terminal)
@@ -215,7 +215,7 @@ class Screen:
 
     def error(self, message: object) -> None:
         """Shows an error in one line."""
-        self(Line(f"error: {' '.join(str(message).split())}", "bad"))
+        self(TextLine(f"error: {' '.join(str(message).split())}", "bad"))
 
 
 def _table(sheet: Sheet, width: int) -> Table:

@@ -14,10 +14,10 @@ from armwright.actuators.coupling import shares_of, to_motors
 from armwright.actuators.motor import joint_constant, joint_torque, joint_voltage
 from armwright.errors import SessionError
 from armwright.model import Body
-from armwright.session.state import State
+from armwright.session.state import SessionState
 
 
-def torque(state: State) -> np.ndarray:
+def torque(state: SessionState) -> np.ndarray:
     """(n,) [N m | N] motor torques at the present speed, eq. (12).
 
     Raises:
@@ -26,30 +26,30 @@ def torque(state: State) -> np.ndarray:
     return np.asarray(drive_torque(state.arm, state.qd, state.u), dtype=float)
 
 
-def voltage(state: State) -> np.ndarray:
+def voltage(state: SessionState) -> np.ndarray:
     """(n,) [V] motor voltages, eq. (11); NaN where the robot file lacks the constants for them."""
     return _command_or_demand(state, "voltage")
 
 
-def current(state: State) -> np.ndarray:
+def current(state: SessionState) -> np.ndarray:
     """(n,) [A] motor currents, tau / (n Kt); NaN where the robot file has no torque constant."""
     return _command_or_demand(state, "current")
 
 
-def _command_or_demand(state: State, quantity: str) -> np.ndarray:
+def _command_or_demand(state: SessionState, quantity: str) -> np.ndarray:
     """The command where the drives take this quantity, else what the torque demands."""
     is_command = np.array([body.drive.command == quantity for body in state.arm.coordinates])
     demand = demanded_drive(state.arm, state.qd, torque(state))
     return np.where(is_command, state.u, np.asarray(getattr(demand, quantity), dtype=float))
 
 
-def with_torque(state: State, values: np.ndarray) -> State:
+def with_torque(state: SessionState, values: np.ndarray) -> SessionState:
     """The state with the commands that give these torques (n,) [N m | N] at the present speed."""
     joints = zip(state.arm.coordinates, to_motors(shares_of(state.arm), state.qd), values, strict=True)
     return state.replace(u=np.array([_command(body, speed, value) for body, speed, value in joints]))
 
 
-def with_voltage(state: State, values: np.ndarray) -> State:
+def with_voltage(state: SessionState, values: np.ndarray) -> SessionState:
     """The state with these motor voltages (n,) [V]; NaN leaves a joint as it is.
 
     Raises:
@@ -59,7 +59,7 @@ def with_voltage(state: State, values: np.ndarray) -> State:
     return _with(state, values, "voltage", constants, lambda body, qd, volts: joint_torque(body.drive, qd, volts))
 
 
-def with_current(state: State, values: np.ndarray) -> State:
+def with_current(state: SessionState, values: np.ndarray) -> SessionState:
     """The state with these motor currents (n,) [A]; NaN leaves a joint as it is.
 
     Raises:
@@ -71,8 +71,8 @@ def with_current(state: State, values: np.ndarray) -> State:
 
 
 def _with(
-    state: State, values: np.ndarray, quantity: str, constants: tuple[str, ...], torque_of: Callable[..., float]
-) -> State:
+    state: SessionState, values: np.ndarray, quantity: str, constants: tuple[str, ...], torque_of: Callable[..., float]
+) -> SessionState:
     """The state with these values of a quantity, which (body, speed, value) → torque [N m | N] turns into torques."""
     commands = []
     speeds = to_motors(shares_of(state.arm), state.qd)

@@ -13,7 +13,7 @@ from armwright.results.aliases import PARTIAL, QUANTITIES
 from armwright.results.csv_tables import joint_columns
 from armwright.results.recording import in_order, run_units
 from armwright.session.arguments import same
-from armwright.session.listing import Drawing, Line, Listing, Output, OutputFile, by_row, shortest
+from armwright.session.listing import Drawing, Listing, Output, OutputFile, TextLine, by_row, shortest
 from armwright.session.simulation import last_run
 from armwright.session.variables import joint_number
 from armwright.session.workspace import Workspace
@@ -42,7 +42,7 @@ def plot_simulation(session: Workspace, arguments: dict[str, Any]) -> list[Outpu
     if arguments["file"] is None:
         return [Drawing(run, joints, quantities)]
     aw.plot(run, arguments["file"], joints=joints, quantities=quantities)
-    return [Line(f"wrote {arguments['file']}", "good")]
+    return [TextLine(f"wrote {arguments['file']}", "good")]
 
 
 def _joints(session: Workspace, text: str) -> list[str]:
@@ -146,7 +146,7 @@ def open_output_file(session: Workspace, arguments: dict[str, Any]) -> list[Outp
     file = OutputFile(check_destination(arguments["file"]))
     session.state = state.replace(output_file=file)
     kind = "CSV" if file.is_csv else "text"
-    return [Line(f"results go to {file.path} as {kind}, written whole with each of them", "good")]
+    return [TextLine(f"results go to {file.path} as {kind}, written whole with each of them", "good")]
 
 
 def close_output_file(session: Workspace, arguments: dict[str, Any]) -> list[Output]:
@@ -155,4 +155,6 @@ def close_output_file(session: Workspace, arguments: dict[str, Any]) -> list[Out
     if file is None:
         raise SessionError("no output file is open", place="close-output-file")
     session.state = session.state.replace(output_file=None)
-    return [Line(f"closed {file.path}{'' if file.text else '; nothing was printed, so there is no such file'}", "good")]
+    return [
+        TextLine(f"closed {file.path}{'' if file.text else '; nothing was printed, so there is no such file'}", "good")
+    ]

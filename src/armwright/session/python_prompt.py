@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from armwright.errors import ArmwrightError, SessionError
-from armwright.session.listing import Line, Output
-from armwright.session.variables import TABLE, Variable, value_or_nan
+from armwright.session.listing import Output, TextLine
+from armwright.session.variables import TABLE, SessionVariable, value_or_nan
 from armwright.session.workspace import Workspace
 
 COMMANDS = ("torque", "voltage", "current", "DACOut")  # each of these decides the others
@@ -96,7 +96,7 @@ def _one_line(session: Workspace, names: dict[str, Any], text: str) -> list[Outp
         raise SessionError(interpreter.failure, place="python")
     if unfinished:
         raise SessionError("the statement is not finished", place="python", expected="it in one line")
-    return [Line(line) for line in printed.getvalue().splitlines()]
+    return [TextLine(line) for line in printed.getvalue().splitlines()]
 
 
 def names_of(session: Workspace) -> dict[str, Any]:
@@ -137,7 +137,7 @@ def _read_back(session: Workspace, before: dict[str, Any], names: dict[str, Any]
         session.state, session.undo_stack = state, undo_stack
         session.write_recording()
         raise
-    return [Line(line, "dim") for line in lines]
+    return [TextLine(line, "dim") for line in lines]
 
 
 def _alike(value: Any, before: Any) -> bool:
@@ -147,7 +147,7 @@ def _alike(value: Any, before: Any) -> bool:
         return False
 
 
-def _lines(session: Workspace, variable: Variable, value: Any, before: Any) -> list[str]:
+def _lines(session: Workspace, variable: SessionVariable, value: Any, before: Any) -> list[str]:
     """The lines that set a variable, in digits that read back to the same numbers."""
     arm, name, single = session.state.arm, variable.name, variable.quantity is None
     place = f"python {name}"

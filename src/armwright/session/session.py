@@ -12,9 +12,9 @@ import numpy as np
 from armwright.errors import ArmwrightError, SessionError
 from armwright.session.arguments import Argument, quoted, read_words, same, uncommented, unknown, words
 from armwright.session.commands import COMMANDS
-from armwright.session.listing import Line, Output
+from armwright.session.listing import Output, TextLine
 from armwright.session.variables import VARIABLES, assigned, joint_number, remarks, variable_output
-from armwright.session.workspace import Ask, Command, Workspace
+from armwright.session.workspace import Ask, SessionCommand, Workspace
 
 ASSIGNMENT = re.compile(r"^(?P<name>[A-Za-z][\w-]*)\s*(?:\[(?P<index>[^\]]*)\])?\s*=(?!=)(?P<value>.*)$", re.DOTALL)
 NAME = re.compile(r"^(?P<name>[A-Za-z][\w-]*)\s*(?:\[(?P<index>[^\]]*)\])?$")
@@ -82,7 +82,7 @@ class Session(Workspace):
         try:
             for k, line in enumerate(lines, 1):
                 if echo and line.strip():
-                    show(Line(f"sim> {line.strip()}", "dim"))
+                    show(TextLine(f"sim> {line.strip()}", "dim"))
                 try:
                     for output in self.run(line):
                         show(output)
@@ -94,7 +94,7 @@ class Session(Workspace):
             self.ask = ask
             self.depth -= 1
 
-    def _command(self, name: str) -> Command:
+    def _command(self, name: str) -> SessionCommand:
         if same(name) in COMMANDS:
             return COMMANDS[same(name)]
         if same(name) in VARIABLES:
@@ -116,8 +116,8 @@ class Session(Workspace):
         variable.check_index(index)
         return variable_output(self.state, variable, joint_number(self.state.arm, variable.name, index.strip()))
 
-    def _do(self, command: Command, rest_of_line: str, line_words: list[str]) -> list[Output]:
-        values, self.recorded_line = self._arguments(command, rest_of_line, line_words)
+    def _do(self, command: SessionCommand, behind: str, line_words: list[str]) -> list[Output]:
+        values, self.recorded_line = self._arguments(command, behind, line_words)
         if not command.recorded:
             return command.run(self, values)
         before, undo_stack = self.state, self.undo_stack
@@ -135,10 +135,10 @@ class Session(Workspace):
             raise
         return output
 
-    def _arguments(self, command: Command, rest_of_line: str, line_words: list[str]) -> tuple[dict[str, Any], str]:
+    def _arguments(self, command: SessionCommand, behind: str, line_words: list[str]) -> tuple[dict[str, Any], str]:
         """Values of a command's arguments, with prompts if possible, and the line with all of them."""
         if command.arguments and command.arguments[0].kind == "rest":
-            return {command.arguments[0].name: rest_of_line}, f"{command.name} {rest_of_line}".strip()
+            return {command.arguments[0].name: behind}, f"{command.name} {behind}".strip()
         texts = read_words(command.name, command.arguments, line_words, pairs=command.pairs)
         pairs = {name: texts.pop(name) for name in list(texts) if name not in {a.name for a in command.arguments}}
         values: dict[str, Any] = {"pairs": pairs} if command.pairs else {}
@@ -161,7 +161,13 @@ class Session(Workspace):
         )
 
     def _one(
-        self, command: Command, argument: Argument, text: str | None, values: dict[str, Any], *, asked: bool
+        self,
+        command: SessionCommand,
+        argument: Argument,
+        text: str | None,
+        values: dict[str, Any],
+        *,
+        asked: bool,
     ) -> tuple[str, Any]:
         """Text and value of one argument."""
         default = argument.default_for(values)
@@ -174,7 +180,7 @@ class Session(Workspace):
             raise SessionError("missing", place=f"{command.name} {argument.name}", expected=expected)
         return text, argument.read(command.name, text) if text else None
 
-    def _answer(self, ask: Ask, command: Command, argument: Argument, default: str | None) -> tuple[str, Any]:
+    def _answer(self, ask: Ask, command: SessionCommand, argument: Argument, default: str | None) -> tuple[str, Any]:
         """The answer to a prompt; repeated until valid."""
         while True:
             try:
@@ -191,7 +197,7 @@ class Session(Workspace):
                 return text, argument.read(command.name, text) if text else None
             except SessionError as error:
                 if self.show is not None:
-                    self.show(Line(str(error), "bad"))
+                    self.show(TextLine(str(error), "bad"))
 
 
 def _in_script(error: ArmwrightError, place: str) -> ArmwrightError:

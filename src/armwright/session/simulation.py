@@ -16,8 +16,8 @@ from armwright.results.aliases import LOOP_END, LOOP_STATE, PARTIAL
 from armwright.results.notes import limit_notes_of, notes_of
 from armwright.session.arguments import quoted
 from armwright.session.controllers import built_controller
-from armwright.session.listing import Line, Output, by_joint
-from armwright.session.state import State
+from armwright.session.listing import Output, TextLine, by_joint
+from armwright.session.state import SessionState
 from armwright.session.workspace import Workspace
 from armwright.simulation.inputs.schedule import Schedule
 
@@ -47,15 +47,15 @@ def simulate(session: Workspace, arguments: dict[str, Any]) -> list[Output]:
     last = {name: np.array(run[name].values[-1], dtype=float) for name in ("q", "qd", "qdd", "u") if name in run}
     session.state = state = state.replace(**last, run=joined)
     word = f"partial: {joined.attrs[PARTIAL]}; " if PARTIAL in joined.attrs else ""
-    line = Line(f"{word}{steps} steps of {state.step * 1e3:g} ms, t = {float(joined['time'][-1]):g} s", "good")
+    line = TextLine(f"{word}{steps} steps of {state.step * 1e3:g} ms, t = {float(joined['time'][-1]):g} s", "good")
     vectors = (("theta", "q", state.q), ("omega", "qd", state.qd), ("alpha", "qdd", state.qdd))
     table = by_joint("", state.arm.names, [(name, joint_units(state.arm, q), values) for name, q, values in vectors])
     known = [] if before is None else notes_of(before)
-    return [line, table, *(Line(note, "note") for note in notes_of(joined) if note not in known)]
+    return [line, table, *(TextLine(note, "note") for note in notes_of(joined) if note not in known)]
 
 
 def scenario_of(
-    state: State,
+    state: SessionState,
     schedule: str | Path | None,
     steps: int | None,
     every: int | None = None,
@@ -123,7 +123,7 @@ def at_dac_ticks(rows: Schedule, period: float) -> Schedule:
     return Schedule(ticks[last] * period, rows.commands[last], rows.names)
 
 
-def _last_row(state: State, rows: Schedule) -> float:
+def _last_row(state: SessionState, rows: Schedule) -> float:
     """[s] until the schedule's last row, a whole number of steps, or of samples of a controller."""
     tick = state.step if state.controller is None else state.dac_period
     end = float(rows.times[-1])
@@ -133,7 +133,7 @@ def _last_row(state: State, rows: Schedule) -> float:
     return float(np.ceil(end / tick - WHOLE)) * tick
 
 
-def _substeps(state: State) -> int:
+def _substeps(state: SessionState) -> int:
     """Time steps in a DACSampTimePeriod."""
     ratio = state.dac_period / state.step
     if round(ratio) < 1 or abs(ratio - round(ratio)) > WHOLE * ratio:
@@ -142,7 +142,7 @@ def _substeps(state: State) -> int:
     return round(ratio)
 
 
-def _whole_samples(state: State, steps: int, name: str) -> int:
+def _whole_samples(state: SessionState, steps: int, name: str) -> int:
     substeps = _substeps(state)
     if steps % substeps:
         expected = f"a multiple of {substeps}, the steps of the controller's sample"
@@ -152,7 +152,7 @@ def _whole_samples(state: State, steps: int, name: str) -> int:
 
 def _run(
     session: Workspace,
-    state: State,
+    state: SessionState,
     scenario: aw.Scenario,
     arguments: dict[str, Any],
     steps: int,
@@ -181,7 +181,7 @@ def _run(
             raise
     if session.show is not None:
         text = f"interrupted after {part} of {steps} steps; these are kept (Ctrl-C again: they are not)"
-        session.show(Line(text, "note"))
+        session.show(TextLine(text, "note"))
     scenario = scenario_of(state, arguments["schedule"], part, arguments["every"], before)
     run = _in_terms_of_the_session(aw.simulate(scenario), state)
     run.attrs[PARTIAL] = f"interrupted after {part} of {steps} steps"
@@ -192,7 +192,7 @@ def _run(
     return run, part
 
 
-def _in_terms_of_the_session(run: xr.Dataset, state: State) -> xr.Dataset:
+def _in_terms_of_the_session(run: xr.Dataset, state: SessionState) -> xr.Dataset:
     """The run with notes that name TimeStep, which the session always has, in place of a scenario's steps."""
     from armwright.simulation.fixed_steps import COARSE, OR_NONE
     from armwright.simulation.plant.recommended_step import written_step
@@ -249,7 +249,7 @@ def write_graphic_file(session: Workspace, arguments: dict[str, Any]) -> list[Ou
     """`write-graphic-file FILE`: the arm in motion, as a file that shows it."""
     run = last_run(session, "write-graphic-file")
     aw.animate(run, session.state.arm, arguments["file"])
-    return [Line(f"wrote {arguments['file']}", "good")]
+    return [TextLine(f"wrote {arguments['file']}", "good")]
 
 
 def save_run(session: Workspace, arguments: dict[str, Any]) -> list[Output]:
@@ -257,10 +257,10 @@ def save_run(session: Workspace, arguments: dict[str, Any]) -> list[Output]:
     run = last_run(session, "save-simulation")
     aw.save(run, arguments["file"])
     session.saved = run
-    return [Line(f"wrote {arguments['file']}", "good")]
+    return [TextLine(f"wrote {arguments['file']}", "good")]
 
 
-def start_of(state: State, before: xr.Dataset | None, period: float) -> aw.Start | aw.simulation.LoopState:
+def start_of(state: SessionState, before: xr.Dataset | None, period: float) -> aw.Start | aw.simulation.LoopState:
     """Initial state of the scenario: theta and omega, or the end of the previous run.
 
     With another controller or another period only the plant and its commands continue.
@@ -280,14 +280,14 @@ def start_of(state: State, before: xr.Dataset | None, period: float) -> aw.Start
     return aw.simulation.LoopState(tick, period, end.single, end.entries, plant)
 
 
-def _end_of(state: State, before: xr.Dataset | None) -> aw.simulation.LoopState | None:
+def _end_of(state: SessionState, before: xr.Dataset | None) -> aw.simulation.LoopState | None:
     """State of the loop at the end of a run; None if theta or omega was set since, or the run does not have it."""
     if before is None or not np.array_equal((before["q"].values[-1], before["qd"].values[-1]), (state.q, state.qd)):
         return None
     return aw.simulation.LoopState.of_run(before)
 
 
-def _attributes(state: State) -> dict[str, str]:
+def _attributes(state: SessionState) -> dict[str, str]:
     """Attributes that distinguish a run's parts: controller ("" without one), gravity and payload."""
     controller, payload = "", state.loaded.payload
     if state.controller is not None:
@@ -300,7 +300,7 @@ def _attributes(state: State) -> dict[str, str]:
     return {CONTROLLER: controller, **dict(zip(WORLD, (gravity, load), strict=True))}
 
 
-def joined_runs(state: State, before: xr.Dataset, run: xr.Dataset) -> xr.Dataset:
+def joined_runs(state: SessionState, before: xr.Dataset, run: xr.Dataset) -> xr.Dataset:
     """A run and its continuation as one; at the common time the later run's row is used, with the commands that follow.
 
     Args:
@@ -337,7 +337,7 @@ def joined_runs(state: State, before: xr.Dataset, run: xr.Dataset) -> xr.Dataset
     return whole
 
 
-def _begun_anew(state: State, before: xr.Dataset) -> list[str]:
+def _begun_anew(state: SessionState, before: xr.Dataset) -> list[str]:
     """States that do not continue, in words."""
     from armwright.simulation.plant.plant import Plant
 

@@ -22,7 +22,7 @@ STEP = 1e-3  # [s] initial TimeStep and DACSampTimePeriod, those of the report
 
 
 @dataclass(frozen=True)
-class Payload:
+class HandLoad:
     """Load in the hand: mass [kg], centre of mass [m] and principal moments about it [kg m²], in a frame's axes."""
 
     mass: float
@@ -52,7 +52,7 @@ class LoadedArm:
     robot: str
     base: Model
     gravity: float | None = None  # [m/s²] along z of the base; None: the file's
-    payload: Payload | None = None
+    payload: HandLoad | None = None
 
     @cached_property
     def arm(self) -> Model:
@@ -72,7 +72,7 @@ class LoadedArm:
 
 
 @dataclass(frozen=True, eq=False)
-class State:
+class SessionState:
     """All variables and settings of a session.
 
     Attributes:
@@ -103,7 +103,7 @@ class State:
         """The arm with the session's gravity and payload."""
         return self.loaded.arm
 
-    def replace(self, **changes: Any) -> State:
+    def replace(self, **changes: Any) -> SessionState:
         """The state with other values; arrays are copied and frozen."""
         return replace(self, **{name: _frozen(value) for name, value in changes.items()})
 
@@ -124,7 +124,7 @@ def load_arm(robot: str) -> LoadedArm:
     return LoadedArm(robot, aw.load(robot))
 
 
-def initial_state(loaded: LoadedArm) -> State:
+def initial_state(loaded: LoadedArm) -> SessionState:
     """Initial state of a session with that arm: everything at zero."""
     zero = _frozen(np.zeros(loaded.base.n))
-    return State(loaded, zero, zero, zero, zero, zero)
+    return SessionState(loaded, zero, zero, zero, zero, zero)

@@ -19,9 +19,9 @@ from armwright.errors import ArmwrightError, SessionError
 from armwright.session.arguments import Argument, read_words, same
 from armwright.session.controllers import gain_names, laws
 from armwright.session.formulas import ACCEPTED
-from armwright.session.listing import Line, Output, Screen
+from armwright.session.listing import Output, Screen, TextLine
 from armwright.session.variables import TABLE as VARIABLE_TABLE, VARIABLES
-from armwright.session.workspace import Ask, Command, Workspace
+from armwright.session.workspace import Ask, SessionCommand, Workspace
 
 HISTORY = "sim.history"  # file of earlier lines
 INDEX = re.compile(r"(?P<name>[A-Za-z][\w-]*)\[(?P<typed>[^\]\s]*)$")
@@ -42,8 +42,8 @@ def interact(session: Workspace, screen: Screen, **options: Any) -> None:
     session.ask = _asking(session, options)
     session.show = screen
     arm = session.state.arm
-    screen(Line(f"{arm.name}: {arm.n} joints {', '.join(arm.names)}", "head"))
-    screen(Line(WELCOME, "dim"))
+    screen(TextLine(f"{arm.name}: {arm.n} joints {', '.join(arm.names)}", "head"))
+    screen(TextLine(WELCOME, "dim"))
     while not session.ended:
         try:
             line = prompt.prompt("sim> ")
@@ -64,7 +64,7 @@ def _reporting(screen: Screen) -> Iterator[None]:
     except ArmwrightError as error:
         screen.error(error)
     except KeyboardInterrupt:
-        screen(Line("interrupted; nothing has changed", "note"))
+        screen(TextLine("interrupted; nothing has changed", "note"))
     except MemoryError:
         screen.error("not enough memory")
 
@@ -148,7 +148,7 @@ class SessionCompleter(Completer):
         yield from _matching([u for unit in units for u in ACCEPTED.get(unit, {}) if u.isascii()], typed, "unit")
         yield from _matching([*(variable.name for variable in VARIABLE_TABLE), "pi"], typed, "variable")
 
-    def _arguments(self, command: Command, behind: str, event: CompleteEvent) -> Iterator[Completion]:
+    def _arguments(self, command: SessionCommand, behind: str, event: CompleteEvent) -> Iterator[Completion]:
         typed = behind.rsplit(" ", 1)[-1]
         before = behind.split()[: len(behind.split()) - (1 if typed else 0)]
         head, sign, value = typed.partition("=")
@@ -171,7 +171,7 @@ class SessionCompleter(Completer):
             names += [name for name in self._pairs(command, before) if same(name) not in typed_names]
             yield from _matching([f"{name}=" for name in names], typed, "argument")
 
-    def _pairs(self, command: Command, before: list[str]) -> list[str]:
+    def _pairs(self, command: SessionCommand, before: list[str]) -> list[str]:
         """Further names that a command takes: the gains of a controller."""
         kinds = {same(name): kind for name, kind in laws().items()} if command.pairs else {}
         return next((gain_names(kinds[same(word)]) for word in before if same(word) in kinds), [])

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import armwright as aw
-from armwright.session.listing import Line, Output
+from armwright.session.listing import Output, TextLine
 from armwright.session.workspace import Workspace
 
 NO_BROWSER = "no browser was found; open the address in one"
@@ -16,11 +16,11 @@ def watch(session: Workspace, arguments: dict[str, Any]) -> list[Output]:
     if arguments["state"] == "off":
         closed = session.live is not None
         session.stop_watching()
-        return [Line("the page is closed" if closed else "no page is open", "good" if closed else "plain")]
+        return [TextLine("the page is closed" if closed else "no page is open", "good" if closed else "plain")]
     if session.live is None:
         session.live = aw.show(session.state.arm, q=session.state.q, live=True)
-    lines: list[Output] = [Line(f"{session.state.arm.name} is at {session.live.url}", "good")]
-    lines += [Line(str(note), "note") for note in session.live.notes]
+    lines: list[Output] = [TextLine(f"{session.state.arm.name} is at {session.live.url}", "good")]
+    lines += [TextLine(str(note), "note") for note in session.live.notes]
     if arguments["open"] == "yes" and not session.live.open():
-        lines.append(Line(NO_BROWSER, "note"))
+        lines.append(TextLine(NO_BROWSER, "note"))
     return lines

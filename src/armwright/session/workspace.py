@@ -13,8 +13,8 @@ import numpy as np
 from armwright.errors import SessionError
 from armwright.output import whole_file
 from armwright.session.arguments import YES_NO, Argument, quoted
-from armwright.session.listing import Line, Listing, Output
-from armwright.session.state import State, initial_state, load_arm
+from armwright.session.listing import Listing, Output, TextLine
+from armwright.session.state import SessionState, initial_state, load_arm
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -43,14 +43,14 @@ class Workspace(ABC):
         inner_scripts: how many scripts that `run-script` began are being done, whose `quit` ends only them.
     """
 
-    def __init__(self, robot: str, commands: Mapping[str, Command], ask: Ask | None):
+    def __init__(self, robot: str, commands: Mapping[str, SessionCommand], ask: Ask | None):
         """Starts with an arm, everything at zero.
 
         Raises:
             ArmwrightError: no such robot, or a file that cannot be believed.
         """
         self.state = initial_state(load_arm(robot)).replace(lines=(f"database-read robot={quoted(robot)}",))
-        self.undo_stack: list[State] = []
+        self.undo_stack: list[SessionState] = []
         self.recording: Path | None = None
         self.commands = commands
         self.ask = ask
@@ -70,7 +70,7 @@ class Workspace(ABC):
     def run_lines(self, lines: Iterable[str], file: str, show: Callable[[Output], None], *, echo: bool = False) -> None:
         """Executes the lines of a script, until one fails or `quit` is reached."""
 
-    def change(self, state: State) -> None:
+    def change(self, state: SessionState) -> None:
         """Replaces the state and pushes the old one onto the undo stack."""
         self.undo_stack = [*self.undo_stack[-MAX_UNDO + 1 :], self.state]
         self.state = state
@@ -92,7 +92,7 @@ class Workspace(ABC):
         self.state, self.undo_stack = before, self.undo_stack[:-count]
         self.write_recording()
         self.follow()
-        return [Line(f"undone: {'; '.join(undone)}" if undone else "undone", "good")]
+        return [TextLine(f"undone: {'; '.join(undone)}" if undone else "undone", "good")]
 
     def quit(self) -> list[Output]:
         """Ends the session after this line; for an unsaved simulation it asks first, or warns in a script."""
@@ -103,10 +103,10 @@ class Workspace(ABC):
             except EOFError:  # Ctrl-D at the question
                 answer = "yes"
             if LEAVE.read("quit", answer or "") == "no":
-                return [Line(UNSAVED, "note")]
+                return [TextLine(UNSAVED, "note")]
             unsaved = False
         self.ended = True
-        return [Line(UNSAVED, "note")] if unsaved else []
+        return [TextLine(UNSAVED, "note")] if unsaved else []
 
     def follow(self) -> None:
         """Shows the arm at theta in the page of `watch`, unless a simulation just played there."""
@@ -132,7 +132,7 @@ class Workspace(ABC):
             return list(listing.sheets)
         self.state = self.state.replace(output_file=file.printed(listing))
         rows = max((len(values) for values in listing.columns.values()), default=0)
-        return [Line(f"printed {rows} row{'s' * (rows != 1)} into {file.path}", "good")]
+        return [TextLine(f"printed {rows} row{'s' * (rows != 1)} into {file.path}", "good")]
 
     def write_recording(self) -> None:
         """Writes all lines so far into the file that `record` named, whole or not at all."""
@@ -143,7 +143,7 @@ class Workspace(ABC):
 
 
 @dataclass(frozen=True)
-class Command:
+class SessionCommand:
     """A command of the session.
 
     Attributes:

@@ -18,7 +18,7 @@ from armwright.interfaces import JointReference, Measurement
 from armwright.kernels.loop import ENDLESS, Lanes
 from armwright.progress import Shown, automatic
 from armwright.results.provenance import provenance
-from armwright.signals import Values
+from armwright.signals import SignalValues
 from armwright.simulation.batch_runner import Work, handed_out, run_groups
 from armwright.simulation.checks import check_whole
 from armwright.simulation.companion import FINER, GlobalError, lanes_again
@@ -317,7 +317,7 @@ class Simulation(LoopRunner):
         return measurement_of(self.controller.y, self._one(lanes.get("y")))
 
     @property
-    def reference_now(self) -> JointReference | Values:
+    def reference_now(self) -> JointReference | SignalValues:
         """Reference of the tick that `measurement` belongs to."""
         lanes = self._sampled("reference_now")
         return reference_of(self.controller.r, self._one(lanes.get("r")))
@@ -332,10 +332,10 @@ class Simulation(LoopRunner):
         return lanes
 
     @property
-    def plant_state(self) -> Values:
+    def plant_state(self) -> SignalValues:
         """State of the plant by name: q, qd and what else the drives have, (n,) or (lanes, n) each."""
         x = self._stepped().get("x")
-        return Values(self.plant.layout.parts(self._one(x)))
+        return SignalValues(self.plant.layout.parts(self._one(x)))
 
     def _one(self, rows: np.ndarray) -> np.ndarray:
         return rows[0].copy() if self.scenario.lane_count is None else rows.copy()

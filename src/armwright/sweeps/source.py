@@ -23,7 +23,7 @@ from armwright.scenarios.files import Document, KeptFiles
 from armwright.simulation.scenario import WITH_LANES, Scenario
 
 
-class Source(ABC):
+class LaneSource(ABC):
     """Lanes of a scenario.
 
     Attributes:
@@ -45,13 +45,13 @@ class Source(ABC):
             ScenarioError: lanes that the scenario does not have.
         """
 
-    def sent(self, lanes: range) -> Source:
+    def sent(self, lanes: range) -> LaneSource:
         """The source to send to a worker for some lanes, without the values of other lanes."""
         return self
 
 
 @dataclass(frozen=True, eq=False)
-class FileSource(Source):
+class FileSource(LaneSource):
     """Lanes of a scenario file, from its document alone.
 
     Args:
@@ -74,7 +74,7 @@ class FileSource(Source):
 
 
 @dataclass(frozen=True, eq=False)
-class PythonSource(Source):
+class PythonSource(LaneSource):
     """Lanes of a scenario made in Python.
 
     Args:
@@ -95,7 +95,7 @@ class PythonSource(Source):
             return self.scenario
         return replace(self.scenario, lanes=lanes)
 
-    def sent(self, lanes: range) -> Source:
+    def sent(self, lanes: range) -> LaneSource:
         """The scenario to send to a worker; with batches, the resolved scenario of these lanes alone."""
         parts = (getattr(self.scenario, name) for name in WITH_LANES)
         batched = any(True for part in parts for _ in batches(part, ""))
@@ -110,7 +110,7 @@ def _unpickled(values: dict[str, Any]) -> PythonSource:
     return PythonSource(Scenario(**values))
 
 
-def source_of(scenario: Scenario | str | os.PathLike[str]) -> Source:
+def source_of(scenario: Scenario | str | os.PathLike[str]) -> LaneSource:
     """The source of a scenario's lanes.
 
     Args:

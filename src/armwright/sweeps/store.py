@@ -191,7 +191,7 @@ class SweepStore:
         """A new store, created completely or not at all.
 
         Args:
-            path: of the folder, where there is nothing.   about: what it is made from.   document: as of `Source`.
+            path: of the folder, where there is nothing.   about: what it is made from.   document: as of `LaneSource`.
             first: the run of the first lane, which says which results there are.
         Raises:
             OutputError: it cannot be written.

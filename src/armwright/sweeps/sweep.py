@@ -25,7 +25,7 @@ from armwright.simulation.checks import check_whole
 from armwright.simulation.scenario import Scenario
 from armwright.simulation.simulation import SUPPORT as SIMULATED, simulate
 from armwright.sweeps.cluster import connected
-from armwright.sweeps.source import Source, source_of
+from armwright.sweeps.source import LaneSource, source_of
 from armwright.sweeps.store import About, SweepStore, by_lane, difference, import_zarr
 
 if TYPE_CHECKING:
@@ -155,7 +155,7 @@ def _threads(cluster: Any) -> int:
     return max(1, sum(cluster.nthreads().values()))
 
 
-def _part(source: Source, lanes: range, rows: bool) -> Scenario:
+def _part(source: LaneSource, lanes: range, rows: bool) -> Scenario:
     """The scenario of some lanes, which records its reduced results, and rows where they are wanted."""
     scenario = source.part(lanes)
     if rows or not scenario.recording.reduce:
@@ -180,7 +180,7 @@ def _begun(path: Path, about: About) -> SweepStore | None:
 
 
 @lru_cache(maxsize=2)
-def _unpickled(data: bytes) -> Source:
+def _unpickled(data: bytes) -> LaneSource:
     """The source that a worker was sent; the same one for all its chunks."""
     import cloudpickle
 
@@ -198,7 +198,7 @@ def simulate_chunk(data: bytes, lanes: range, rows: bool) -> Outcome:
 
 
 def _results(
-    cluster: Any, source: Source, about: About, chunks: list[int], retries: int
+    cluster: Any, source: LaneSource, about: About, chunks: list[int], retries: int
 ) -> Iterator[tuple[int, dict[str, np.ndarray] | str]]:
     """Results of the chunks as they finish, or the reason why a chunk failed; few are under way at a time.
 

@@ -13,7 +13,7 @@ import numpy as np
 from armwright.errors import RunError, ScenarioError, ScheduleError
 from armwright.model import Model
 from armwright.model.joint_signals import joint_units
-from armwright.results.csv_tables import Column, parse_numbers, table_text
+from armwright.results.csv_tables import CsvColumn, parse_numbers, table_text
 from armwright.results.run_file import load_run
 from armwright.trajectory.motion_rows import QUANTITIES
 from armwright.trajectory.piecewise import PiecewisePolynomial
@@ -52,9 +52,9 @@ def parse_motion(text: str, place: str, arm: Model | None = None) -> PiecewisePo
     else:
         names = list(arm.names)
         units = {name: [(unit,) for unit in joint_units(arm, name)] for name in QUANTITIES}
-    columns = [Column("t", ("s",))]
+    columns = [CsvColumn("t", ("s",))]
     for quantity in QUANTITIES:
-        columns += [Column(f"{quantity}_{name}", unit) for name, unit in zip(names, units[quantity], strict=True)]
+        columns += [CsvColumn(f"{quantity}_{name}", unit) for name, unit in zip(names, units[quantity], strict=True)]
     table = parse_numbers(text, place, columns)
     t = table.values[:, 0]
     late = np.flatnonzero(np.diff(t) <= 0.0)

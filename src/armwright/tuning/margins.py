@@ -18,7 +18,7 @@ from armwright.tuning.space import GainSpace
 WATCHED = 6  # poses that all candidates are judged at; each that a best one fails at joins them
 
 
-class MarginConstraint:
+class MarginTest:
     """Test of gains against margins at all poses.
 
     Attributes:

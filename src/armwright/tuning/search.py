@@ -11,7 +11,7 @@ import numpy as np
 
 from armwright.errors import ScenarioError
 from armwright.progress import Progress
-from armwright.tuning.margins import MarginConstraint
+from armwright.tuning.margins import MarginTest
 from armwright.tuning.objective import Objective
 from armwright.tuning.space import rounded
 
@@ -54,12 +54,10 @@ class Tried:
         return np.array(found, dtype=int)
 
 
-class Search:
+class GainSearch:
     """Best gains so far, which keep the margins at all poses, their score, and the best score of each generation."""
 
-    def __init__(
-        self, objective: Objective, margins: MarginConstraint, scales: Any, lanes: np.ndarray, first: float
-    ) -> None:
+    def __init__(self, objective: Objective, margins: MarginTest, scales: Any, lanes: np.ndarray, first: float) -> None:
         self.objective, self.margins, self.scales, self.lanes = objective, margins, scales, lanes
         self.start_keeps = np.isfinite(first)
         self.best: np.ndarray | None = objective.space.start if self.start_keeps else None

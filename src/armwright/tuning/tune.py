@@ -21,10 +21,11 @@ from armwright.simulation.checks import check_choice, check_whole
 from armwright.simulation.scenario import Scenario
 from armwright.simulation.simulation import SUPPORT as SIMULATED
 from armwright.tuning.lanes import scenario_lanes, taken
-from armwright.tuning.margins import MarginConstraint
+from armwright.tuning.margins import MarginTest
 from armwright.tuning.objective import Objective, checked_limits, checked_weights
+from armwright.tuning.options import MarginConstraint, Search, stated
 from armwright.tuning.result import TuningResult
-from armwright.tuning.search import Search, Tried
+from armwright.tuning.search import GainSearch, Tried
 from armwright.tuning.space import GainSpace, rounded
 from armwright.tuning.uncertainty import USUAL, Uncertainty
 from armwright.validation import validated
@@ -44,18 +45,9 @@ def tune(
     draws: Mapping[str, Any] | None = None,
     objectives: Mapping[str, float] | None = None,
     limits: Mapping[str, Any] | None = None,
-    improve_each: bool | None = None,
-    over: str | None = None,
     lanes: int | None = None,
-    method: str | None = None,
-    generations: int | None = None,
-    candidates: int | None = None,
-    front: int | None = None,
-    gain_margin: float | None = None,
-    phase_margin: float | None = None,
-    poses: int | None = None,
-    seed: int | None = None,
-    client: Any = None,
+    margins: MarginConstraint | None = None,
+    search: Search | None = None,
     progress: Shown = None,
 ) -> TuningResult:
     """Gains that track better than the start over uncertain arms and keep the margins.
@@ -76,15 +68,8 @@ def tune(
         objectives: weights of reducers, of "noise_gain" and of "sensitivity" (their peak over poses, of the linear loop);
             default: rms_error 1, relative to the start's, and saturation 1.
         limits: of these, such as {"peak_torque": 40.0}, what no run should go beyond [the reducer's unit].
-        improve_each: whether no objective may get worse than at the start; default False.
-        over: "mean" or "worst" of the lanes.   lanes: how many of a scenario that has one, default 64; half of them judge.
-        method: "cma", the default, or "differential-evolution".   generations: of the search, default 30.
-        candidates: in each; default: 4 + 3 ln k for k gains, and 8 at least.
-        front: further searches with other weights of the first two objectives, for the Pareto front; default 0.
-        gain_margin: factor either way that any one command bears, default 2.   phase_margin: [rad], default 30°.
-        poses: drawn within the position limits, default 2000; the margins are kept where an inertia or slope is extreme among
-            them, with the record's own numbers and the longest delay of the lanes.
-        seed: of the search, the poses and draws, default 0.   client: a `distributed.Client` whose workers simulate.
+        lanes: how many of a scenario that has one, default 64; half of them judge.
+        margins: to keep, by default a gain margin of 2 and a phase margin of 30°.   search: its method, budget and seed.
         progress: True or None: a bar where it is seen; False: none; a function is called with (done, total) generations.
     Returns:
         result: gains, scenario, and scores on held-out lanes.
@@ -94,17 +79,15 @@ def tune(
     """
     scenario = as_scenario(scenario)
     arguments = {
-        "start": start, "gains": gains, "draws": draws, "objectives": objectives, "limits": limits, "over": over,
-        "improve_each": improve_each, "lanes": lanes, "method": method, "generations": generations,
-        "candidates": candidates, "front": front, "gain_margin": gain_margin, "phase_margin": phase_margin,
-        "poses": poses, "seed": seed,
+        "start": start, "gains": gains, "draws": draws, "objectives": objectives, "limits": limits, "lanes": lanes,
     }  # fmt: skip
+    arguments |= stated("margins", margins, MarginConstraint) | stated("search", search, Search)
     with automatic(progress, f"tuning {scenario.arm.name}") as tell:
-        return _tuned(scenario, arguments, client, tell)
+        return _tuned(scenario, arguments, tell)
 
 
-def _tuned(scenario: Scenario, arguments: Mapping[str, Any], client: Any, progress: Progress) -> TuningResult:
-    """What `tune` returns; `arguments` are its own, None where nothing was asked."""
+def _tuned(scenario: Scenario, arguments: Mapping[str, Any], progress: Progress) -> TuningResult:
+    """Result of `tune`, whose arguments are None where nothing was asked."""
     asked = {name.removesuffix("_rad"): value for name, value in TuningTable().model_dump().items()}
     asked |= in_file(scenario) | {name: value for name, value in arguments.items() if value is not None}
     _check(asked)
@@ -119,10 +102,10 @@ def _tuned(scenario: Scenario, arguments: Mapping[str, Any], client: Any, progre
     space = GainSpace.of(scenario, asked["gains"])
     count = every.lane_count or 0
     tuned_in, judged_in = np.arange(0, count, 2), np.arange(1, count, 2)
-    constraint = MarginConstraint(_slowest(every), space, asked["poses"], number, margins)
+    constraint = MarginTest(_slowest(every), space, asked["poses"], number, margins)
     constraint.check_start()
     worst = asked["over"] == "worst"
-    objective = Objective(every, space, weights, bounds, worst, constraint.measured, client=client)
+    objective = Objective(every, space, weights, bounds, worst, constraint.measured, client=asked.get("client"))
     values = objective.values(space.start[None], tuned_in)
     scales = objective.scales(values)
     first, means = float(objective.score(values, scales)[0]), objective.means(values, scales)
@@ -130,7 +113,7 @@ def _tuned(scenario: Scenario, arguments: Mapping[str, Any], client: Any, progre
     if asked["improve_each"]:
         objective = replace(objective, levels={name: float(each[0]) for name, each in means.items()})
     budget = (asked["method"], asked["generations"], asked["candidates"], number)
-    search = Search(objective, constraint, scales, tuned_in, first if constraint.keeps(space.start) else np.inf)
+    search = GainSearch(objective, constraint, scales, tuned_in, first if constraint.keeps(space.start) else np.inf)
     total = asked["generations"] * (1 + asked["front"])
     search.run(*budget, _further(progress, 0, total))
     if search.best is None:
@@ -142,7 +125,7 @@ def _tuned(scenario: Scenario, arguments: Mapping[str, Any], client: Any, progre
     return _judged(own, scenario, search, judged_in, fixed, tried, asked["start"], uncertainty.words(own.arm))
 
 
-def _tried(search: Search, first: Mapping[str, np.ndarray]) -> Tried:
+def _tried(search: GainSearch, first: Mapping[str, np.ndarray]) -> Tried:
     """The gains that were tried, less those on the front that lack the margins at a pose that was not watched."""
     start, begun = search.objective.space.start, np.array([float(each[0]) for each in first.values()])
     own = [(start, begun)] if search.margins.keeps(start) else []  # the start is one of those that were tried
@@ -250,7 +233,9 @@ def _check_first(first: float, start: Mapping[str, np.ndarray], weights: Mapping
         raise ScenarioError(what, place="loop.reference", expected="a reference that moves, or starts away from it")
 
 
-def _along_the_front(search: Search, count: int, budget: tuple[str, int, int | None, int], progress: Progress) -> None:
+def _along_the_front(
+    search: GainSearch, count: int, budget: tuple[str, int, int | None, int], progress: Progress
+) -> None:
     """Searches with other weights of the first two objectives, whose candidates join those that were tried."""
     objective, (method, generations, candidates, seed) = search.objective, budget
     names = [name for name, weight in objective.weights.items() if weight > 0.0][:2]
@@ -258,7 +243,7 @@ def _along_the_front(search: Search, count: int, budget: tuple[str, int, int | N
         raise ScenarioError("a single objective", place="front", value=count, expected="two objectives, or front = 0")
     for k, share in enumerate(np.linspace(0.0, 1.0, count + 2)[1:-1] if count else ()):
         weights = {**objective.weights, names[0]: 2.0 * share, names[1]: 2.0 * (1.0 - share)}
-        other = Search(replace(objective, weights=weights), search.margins, search.scales, search.lanes, np.inf)
+        other = GainSearch(replace(objective, weights=weights), search.margins, search.scales, search.lanes, np.inf)
         other.begun = search.best
         further = _further(progress, generations * (k + 1), generations * (1 + count))
         other.run(method, generations, candidates, seed + k + 1, further)
@@ -274,7 +259,7 @@ def _further(progress: Progress, before: int, total: int) -> Progress:
 def _judged(
     own: Scenario,
     started: Scenario,
-    search: Search,
+    search: GainSearch,
     lanes: np.ndarray,
     fixed: dict[str, np.ndarray],
     tried: Tried,

@@ -3,30 +3,18 @@
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from armwright.identification.experiments.excitation import Excitation
 from armwright.identification.experiments.motor import MotorExperiment
-from armwright.output import check_destination, whole_file
-from armwright.results.plot import GRID, TEXT, save_figure
+from armwright.output import check_destination
+from armwright.results.plot import PICTURES, TEXT, open_axes, write_figure
 from armwright.results.plot_curves import COLOURS
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-ENDINGS = (".png", ".svg", ".pdf")
-
-
-def check_experiment_plot(path: str | os.PathLike[str]) -> None:
-    """Refuses a path to which `plot_experiment` cannot write.
-
-    Raises:
-        OutputError: an unknown ending, a missing folder, no permission.
-    """
-    check_destination(path, ENDINGS)
 
 
 def plot_experiment(experiment: Excitation | MotorExperiment, path: str | os.PathLike[str]) -> None:
@@ -37,10 +25,9 @@ def plot_experiment(experiment: Excitation | MotorExperiment, path: str | os.Pat
     Raises:
         OutputError: the file cannot be written.
     """
-    check_experiment_plot(path)
+    target = check_destination(path, PICTURES)
     figure = draw_motion(experiment) if isinstance(experiment, Excitation) else draw_command(experiment)
-    with whole_file(path, ENDINGS) as temporary:
-        save_figure(figure, temporary, temporary.suffix[1:].lower())
+    write_figure(figure, target)
 
 
 def draw_motion(excitation: Excitation) -> Figure:
@@ -67,7 +54,7 @@ def draw_motion(excitation: Excitation) -> Figure:
             axis.axhline(edge, color=TEXT, linestyle="--", linewidth=0.8)
         axis.set_ylabel(f"{name} / limit", color=TEXT)
         axis.set_ylim(-1.12, 1.12)
-        _plain(axis)
+        open_axes(axis)
     axes[-1].set_xlabel("time [s]", color=TEXT)
     lines = [Line2D([], [], color=COLOURS[k % len(COLOURS)]) for k in range(arm.n)]
     figure.legend(lines, arm.names, loc="outside right upper", frameon=False, labelcolor=TEXT)
@@ -98,11 +85,6 @@ def draw_command(experiment: MotorExperiment) -> Figure:
     spectrum.set_ylabel(f"amplitude [{experiment.guess.unit}]", color=TEXT)
     spectrum.set_xlabel("frequency [Hz]", color=TEXT)
     for axis in (over_time, spectrum):
-        _plain(axis)
+        open_axes(axis)
     figure.suptitle(f"{experiment.kind}: crest {experiment.crest:.3g}", x=0.012, ha="left", color=TEXT)
     return figure
-
-
-def _plain(axis: Axes | Any) -> None:
-    axis.grid(color=GRID, linewidth=0.6)
-    axis.spines[["top", "right"]].set_visible(False)

@@ -12,27 +12,17 @@ from armwright.identification.linear.frequency import FrequencyResponse, frequen
 from armwright.identification.linear.model import LinearModel
 from armwright.identification.linear.records import Records, records_of
 from armwright.identification.logs.log import Log
-from armwright.output import check_destination, whole_file
-from armwright.results.plot import GRID, TEXT, save_figure
+from armwright.output import check_destination
+from armwright.results.plot import PICTURES, TEXT, open_axes, write_figure
 from armwright.results.plot_curves import COLOURS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-ENDINGS = (".png", ".svg", ".pdf")
 POINTS = 20_000  # of a curve: more do not show
 MOST_RUNS = 8  # that are drawn
 MEASURED, MODEL = COLOURS[0], COLOURS[1]
-
-
-def check_linear_plot(path: str | os.PathLike[str]) -> None:
-    """Refuses a path to which `plot_linear` cannot write.
-
-    Raises:
-        OutputError: an unknown ending, a missing folder, no permission.
-    """
-    check_destination(path, ENDINGS)
 
 
 def plot_linear(
@@ -46,10 +36,9 @@ def plot_linear(
     Raises:
         LogError: signals of the model that the log does not have.   OutputError: the file cannot be written.
     """
-    check_linear_plot(path)
+    target = check_destination(path, PICTURES)
     figure = draw_linear(log, found, joint)
-    with whole_file(path, ENDINGS) as temporary:
-        save_figure(figure, temporary, temporary.suffix[1:].lower())
+    write_figure(figure, target)
 
 
 def draw_linear(log: Log, found: LinearModel | FrequencyResponse, joint: str | None = None) -> Figure:
@@ -101,7 +90,7 @@ def _runs(axes: list[Axes], records: Records, model: LinearModel, stretches: lis
             axis.set_title(
                 f"{each.run}, {'hold-out' if id(each) in held else 'fit'}", loc="left", fontsize=9, color=TEXT
             )
-            _tidy(axis)
+            open_axes(axis)
     axes[-1].set_xlabel("time [s]", color=TEXT)
     axes[0].legend(frameon=False, labelcolor=TEXT, loc="upper right", ncols=2)
 
@@ -127,10 +116,5 @@ def _bode(axes: list[Axes], measured: FrequencyResponse | None, model: LinearMod
     coherence.set(ylim=(0, 1.02))
     for axis, name in ((size, "|H|"), (phase, "phase [deg]"), (coherence, "coherence")):
         axis.set_ylabel(name, color=TEXT)
-        _tidy(axis)
+        open_axes(axis)
     coherence.set_xlabel("frequency [Hz]", color=TEXT)
-
-
-def _tidy(axis: Axes) -> None:
-    axis.grid(color=GRID, linewidth=0.6)
-    axis.spines[["top", "right"]].set_visible(False)

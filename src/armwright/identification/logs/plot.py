@@ -12,27 +12,17 @@ from armwright.identification.logs.log import Log
 from armwright.identification.logs.preparation import Preparation, choose_preparation
 from armwright.identification.logs.prepared import prepare_log
 from armwright.identification.logs.spectrum import longest_finite, spectrum
-from armwright.output import check_destination, whole_file
-from armwright.results.plot import GRID, TEXT, save_figure
+from armwright.output import check_destination
+from armwright.results.plot import PICTURES, TEXT, open_axes, write_figure
 from armwright.results.plot_curves import COLOURS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-ENDINGS = (".png", ".svg", ".pdf")
 POINTS = 20_000  # of a curve: more do not show
 ROUNDING = 1e-12  # of the largest value: what filters leave of a constant
 FAINT = 0.35  # opacity of what was logged, behind what was prepared
-
-
-def check_log_plot(path: str | os.PathLike[str]) -> None:
-    """Refuses a path to which `plot_log` cannot write.
-
-    Raises:
-        OutputError: an unknown ending, a missing folder, no permission.
-    """
-    check_destination(path, ENDINGS)
 
 
 def plot_log(
@@ -49,10 +39,9 @@ def plot_log(
         LogError: no such run, or no stretch that is long enough.   OutputError: the file cannot be written.
     """
     log = as_log(log)
-    check_log_plot(path)
+    target = check_destination(path, PICTURES)
     figure = draw_log(log, run, preparation)
-    with whole_file(path, ENDINGS) as temporary:
-        save_figure(figure, temporary, temporary.suffix[1:].lower())
+    write_figure(figure, target)
 
 
 def draw_log(log: Log, run: str | None = None, preparation: Preparation | None = None) -> Figure:
@@ -83,8 +72,7 @@ def draw_log(log: Log, run: str | None = None, preparation: Preparation | None =
             right.set(yticks=[])
         right.axvline(preparation.cutoff, color=TEXT, linestyle="--", linewidth=0.8)
         for axis in (left, right):
-            axis.grid(color=GRID, linewidth=0.6)
-            axis.spines[["top", "right"]].set_visible(False)
+            open_axes(axis)
         right.set(xscale="log", yscale="log" if drawn else "linear")
     axes[-1][0].set_xlabel("time [s]", color=TEXT)
     axes[-1][1].set_xlabel("frequency [Hz]", color=TEXT)

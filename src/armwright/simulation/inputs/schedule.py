@@ -10,7 +10,7 @@ import numpy as np
 
 from armwright import scalar
 from armwright.errors import Problem, ScheduleError
-from armwright.results.csv_tables import Column, parse_numbers, table_text
+from armwright.results.csv_tables import CsvColumn, parse_numbers, table_text
 
 COMMAND_UNITS = ("V", "A", "N m", "N")
 
@@ -123,7 +123,7 @@ def parse_schedule(text: str, place: str, names: Sequence[str], units: Sequence[
     if units is not None and len(units) != len(names):
         raise ScheduleError(place="units", value=list(units), expected=f"one for each of {len(names)} joints")
     stated = [COMMAND_UNITS] * len(names) if units is None else [(unit,) for unit in units]
-    columns = [Column("t", ("s",)), *(Column(name, unit) for name, unit in zip(names, stated, strict=True))]
+    columns = [CsvColumn("t", ("s",)), *(CsvColumn(name, unit) for name, unit in zip(names, stated, strict=True))]
     table = parse_numbers(text, place, columns)
     times = table.values[:, 0]
     row = out_of_order(times)

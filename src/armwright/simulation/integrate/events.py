@@ -19,7 +19,7 @@ from armwright.interfaces import UNTRACEABLE, why
 from armwright.kernels.stages import NEXT
 from armwright.program import Program, trace
 from armwright.scalar import Array, Scalar
-from armwright.signals import Layout, Values
+from armwright.signals import Layout, SignalValues
 from armwright.simulation.integrate.dormand_prince import along
 
 EventFunction = Callable[[Any, Any], Any]  # (t, x) → g, with x.q, x.qd and what else the plant's state has
@@ -53,7 +53,7 @@ def event_values(events: Mapping[str, EventFunction], layout: Layout, t: Scalar,
     Raises:
         ScenarioError: names an event whose function gives no number, or cannot be traced.
     """
-    state, values = Values(layout.parts(x)), []
+    state, values = SignalValues(layout.parts(x)), []
     for name, function in events.items():
         try:
             value = scalar.array(function(t, state))

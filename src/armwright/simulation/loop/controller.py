@@ -16,7 +16,7 @@ from armwright.model import Model
 from armwright.parameters import LaneFields
 from armwright.program import Program, trace
 from armwright.scalar import Array
-from armwright.signals import Layout, Values
+from armwright.signals import Layout, SignalValues
 from armwright.simulation.loop.sensor_set import measurement_of
 
 ControlLaw = Any  # a Controller, or a plain function (t, r, y) → u
@@ -228,7 +228,7 @@ def counters_of(law: Program) -> list[int]:
     return sorted(entries)
 
 
-def reference_of(layout: Layout, r: Array) -> JointReference | Values:
+def reference_of(layout: Layout, r: Array) -> JointReference | SignalValues:
     """A reference from vectors r (…, size): of the joints, or whatever the trajectory's own signals are."""
     parts = layout.parts(r)
-    return JointReference(**parts) if layout.names == ("q", "qd", "qdd") else Values(parts)
+    return JointReference(**parts) if layout.names == ("q", "qd", "qdd") else SignalValues(parts)

@@ -1,0 +1,68 @@
+"""Outcome of a command: the files that it writes, its notes, and its exit code."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import typer
+
+from armwright.errors import DivergenceError, ScenarioError
+from armwright.output import check_destination
+from armwright.terminal import say
+
+PAGE, PICTURE, TOML = (".html",), (".png", ".svg", ".pdf"), (".toml",)  # endings
+
+
+def check_file(
+    path: Path | None, endings: Sequence[str] = (), read: Sequence[str | os.PathLike[str] | None] = ()
+) -> None:
+    """Refuses a file that was asked for and cannot be written; to be called before long work.
+
+    Raises:
+        OutputError: as `check_destination`.
+    """
+    if path is not None:
+        check_destination(path, endings, read=read)
+
+
+def write(path: Path | None, write_to: Callable[[Path], Any]) -> None:
+    """Writes a file that was asked for, and says so."""
+    if path is not None:
+        write_to(path)
+        say(f"wrote {path}")
+
+
+def say_each(words: str, items: Iterable[Any], *, err: bool = False) -> None:
+    """Says items, one in a line, each behind the same words."""
+    for each in items:
+        say(f"{words}{each}", err=err)
+
+
+def say_notes(notes: Iterable[Any]) -> None:
+    """Says notes on standard error."""
+    say_each("armwright: note: ", notes, err=True)
+
+
+def exit_unless(good: bool) -> None:
+    """Ends the command with exit code 1, unless its verdict is good."""
+    if not good:
+        raise typer.Exit(1)
+
+
+@contextmanager
+def naming_file(file: str | os.PathLike[str]) -> Iterator[None]:
+    """Errors of a run, which does not know the file of its scenario, name the file and its keys.
+
+    Raises:
+        ArmwrightError: as it was raised, with the file.
+    """
+    from armwright.scenarios.mistakes import key_in_file, keys_in_text
+
+    try:
+        yield
+    except (ScenarioError, DivergenceError) as error:
+        raise error.renamed(key_in_file, keys_in_text).within(file=file) from None
