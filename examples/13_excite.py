@@ -9,7 +9,11 @@ import armwright as aw
 
 arm = aw.load("two-link")
 designed = aw.identification.design_excitation(
-    arm, period=5.0, harmonics=4, starts=2, velocity=[2.0, 3.0], torque=[60.0, 30.0]
+    arm,
+    limits=aw.trajectories.MotionLimits.of(arm, velocity=[2.0, 3.0], torque=[60.0, 30.0]),
+    cycle=5.0,
+    harmonics=4,
+    starts=2,
 )
 print(f"condition number {designed.condition:.3g}, torques up to {designed.used['torque'].max():.1%} of their limits")
 draw = np.random.default_rng(0)

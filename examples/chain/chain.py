@@ -34,7 +34,8 @@ def assemble(folder):
 def measure(folder, arm):
     """The scenario of the bench, and logs of two motions: a designed one to fit, and another one to judge."""
     bench = aw.read_scenario(folder / "bench.scenario.toml")  # its [values] are the arm's secret
-    designed = aw.identification.design_excitation(arm, period=12.0, harmonics=3, starts=1, velocity=0.8, torque=np.inf)
+    limits = aw.trajectories.MotionLimits.of(arm, velocity=0.8, torque=np.inf)
+    designed = aw.identification.design_excitation(arm, limits=limits, cycle=12.0, harmonics=3, starts=1)
     centre, sine, cosine = (np.round(getattr(designed.trajectory, name), 4) for name in ("centre", "sine", "cosine"))
     excited = aw.trajectories.Fourier.at_rest(centre, sine, cosine, cycle=12.0, cycles=1)
     other = aw.trajectories.Fourier.at_rest(centre, -0.7 * sine, 0.7 * cosine, cycle=10.0, cycles=1)

@@ -477,7 +477,7 @@ def constants_of_the_motors(arm, answer, folder):
 
 
 def excited(arm, folder):
-    found = aw.identification.design_excitation(arm, period=4.0, harmonics=2, starts=1, **SMALL)
+    found = aw.identification.design_excitation(arm, cycle=4.0, harmonics=2, starts=1, **SMALL)
     return Answer([*found.used.values(), found.states(20.0)[1]], "\n".join(found.notes), found)
 
 

@@ -75,7 +75,9 @@ def from_fields(home: str, place: str, fields: Mapping[str, Any], arm: Model) ->
             values["limits"] = MotionLimits.of(arm, **overrides)
         return kinds[kind](**values)
     except TypeError as error:
-        missing = [FILE_KEYS.get(each.name, each.name) for each in accepted if _is_needed(each) and each.name not in values]
+        missing = [
+            FILE_KEYS.get(each.name, each.name) for each in accepted if _is_needed(each) and each.name not in values
+        ]
         what = f"{kind} needs {', '.join(missing)}" if missing else str(error)
         raise ScenarioError(what, place=place) from None
     except ScenarioError as error:  # which names the class: Step.time
