@@ -11,7 +11,7 @@ from armwright.cli.arguments import option
 from armwright.terminal import say
 
 if TYPE_CHECKING:
-    pass
+    from armwright.identification import LogSignals
 
 NOT_IDENTIFIED = 1  # exit code
 
@@ -46,22 +46,20 @@ def linear(
       armwright identify linear motor.log.toml --model n4sid --order 2 --plot motor.png
       armwright identify linear arm.log.toml --joint elbow --input tau --output qd --model frequency
     """
-    show_linear(
-        file, model, order=order, delay=delay, select=select, input=input, output=output, joint=joint, picture=picture,
-        report=report,
-    )  # fmt: skip
+    import armwright as aw
+
+    signals = aw.identification.LogSignals(input, output, joint)
+    show_linear(file, model, signals, order=order, delay=delay, select=select, picture=picture, report=report)
 
 
 def show_linear(
     file: Path,
     model: str,
+    signals: LogSignals,
     *,
     order: str = "auto",
     delay: str = "auto",
     select: str = "cv",
-    input: str | None = None,
-    output: str | None = None,
-    joint: str | None = None,
     picture: Path | None = None,
     report: Path | None = None,
 ) -> None:
@@ -86,10 +84,10 @@ def show_linear(
     if picture is not None:
         check_linear_plot(picture)
     log = aw.identification.read_log(file)
-    found = fit_linear(log, model, order=order, delay=delay, select=select, input=input, output=output, joint=joint)
+    found = fit_linear(log, model, signals, order=order, delay=delay, select=select)
     say(found)
     if picture is not None:
-        plot_linear(log, found, picture, joint)
+        plot_linear(log, found, picture, signals.joint)
         say(f"wrote {picture}")
     if report is not None and isinstance(found, aw.identification.LinearModel):
         found.report(report)

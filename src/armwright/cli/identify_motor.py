@@ -91,12 +91,13 @@ def motor(
       armwright identify motor arm.log.toml --robot arm.toml -o arm_identified.toml
       armwright identify motor elbow.log.toml --robot arm.toml --joint elbow --load 0 -o arm_identified.toml
     """
+    import armwright as aw
+
     if model != "dc":
         beside = {"--robot": robot, "--free": free, "--fix": fix, "--per-run": per_run, "--output": output}
         beside |= {"--report": report, "--load": load, "--locked": locked, "--priors": priors}
         _refuse_beside(model, beside)
-        return show_linear(file, model, order=order, delay=delay, joint=joint)
-    import armwright as aw
+        return show_linear(file, model, aw.identification.LogSignals(joint=joint), order=order, delay=delay)
     from armwright.cli.progress import progress
     from armwright.output import check_destination
 

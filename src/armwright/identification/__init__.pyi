@@ -23,7 +23,9 @@ from armwright.identification.linear.frequency import (
     frequency_response as frequency_response,
 )
 from armwright.identification.linear.model import LinearModel as LinearModel
-from armwright.identification.linear.n4sid import fit_n4sid as fit_n4sid
+from armwright.identification.linear.n4sid import SubspaceMethod as SubspaceMethod, fit_n4sid as fit_n4sid
+from armwright.identification.linear.records import LogSignals as LogSignals
+from armwright.identification.linear.selection import OrderSearch as OrderSearch
 from armwright.identification.linear.state_space import FilteredSensor as FilteredSensor, StateSpace as StateSpace
 from armwright.identification.logs.blocks import Block as Block
 from armwright.identification.logs.log import Log as Log, LogRun as LogRun

@@ -67,7 +67,7 @@ def from_fields(home: str, place: str, fields: Mapping[str, Any], arm: Model) ->
         raise ScenarioError.of(
             *(Problem(what, place, name, expected=_around(name, kind, kinds), choices=choices) for name in unknown)
         )
-    values = {name: arm for name in ("arm", "model") if name in names}
+    values: dict[str, Any] = {name: arm for name in ("arm", "model") if name in names}
     values |= {fields_of.get(name, name): value for name, value in given.items()}
     overrides = {name: values.pop(name) for name in limited if name in values}
     try:

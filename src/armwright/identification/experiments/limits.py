@@ -101,7 +101,7 @@ def excitation_limits(arm: Model, limits: MotionLimits | None = None, box: Any =
     limits = record if limits is None else limits
     expect(limits, MotionLimits, "limits", "MotionLimits.of(arm, velocity=…)", ScenarioError)
     reasons = ["jerk limits are not honoured"] * bool(np.isfinite(limits.jerk).any())
-    position = _positions(arm, limits, reasons)
+    low, high = _positions(arm, limits, reasons).T
     most = {name: getattr(limits, name) for name in ("velocity", "acceleration", "torque", "voltage")}
     _drop_unknown(arm, most, record, reasons)
     free = [name for k, name in enumerate(arm.names) if not any(np.isfinite(each[k]) for each in most.values())]
@@ -110,7 +110,7 @@ def excitation_limits(arm: Model, limits: MotionLimits | None = None, box: Any =
             f"nothing bounds the speed of {', '.join(map(repr, free))}", place=arm.name,
             expected="a velocity, acceleration, torque or voltage limit, in the record or as an argument",
         )  # fmt: skip
-    return ExcitationLimits(arm, *position.T, most, _box(box), tuple(reasons))
+    return ExcitationLimits(arm, low, high, most, _box(box), tuple(reasons))
 
 
 def _positions(arm: Model, limits: MotionLimits, reasons: list[str]) -> np.ndarray:
