@@ -44,7 +44,9 @@ CALLS = {  # a short call of each, by its name
     "enumerate_assemblies": lambda folder, shown: aw.modules.enumerate_assemblies(
         aw.modules.read_modules("improv"), max_joints=2, limit=1, progress=shown
     ),
-    "identify_motor": lambda folder, shown: aw.identification.identify_motor(log(), starts=1, progress=shown),
+    "identify_motor": lambda folder, shown: aw.identification.identify_motor(
+        log(), search=aw.identification.MotorSearch(starts=1), progress=shown
+    ),
     "rank_assemblies": lambda folder, shown: aw.modules.rank_assemblies(
         aw.modules.read_modules("improv"), aw.modules.read_task(SEEDS / "pick.task.toml"), max_joints=3, limit=1, progress=shown
     ),

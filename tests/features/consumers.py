@@ -467,7 +467,14 @@ def motors_found(arm, folder, moved=None):
     command = made.coordinates[0].drive.command
     log = written_log(folder, "log", made.names, run.time.values, run.q.values, run.u.values, command)
     others = {f"{name}.motor.torque_constant_n_m_per_a": 0.066 for name in arm.names}
-    found = aw.identification.identify_motor(log, arm.with_values(others), free=["Kt"], delay=0.0, starts=1, **SMALL)
+    found = aw.identification.identify_motor(
+        log,
+        arm.with_values(others),
+        free=["Kt"],
+        fixed={"delay": 0.0},
+        search=aw.identification.MotorSearch(starts=1),
+        **SMALL,
+    )
     return Answer([found.estimate.values], "\n".join(found.estimate.remarks), found)
 
 

@@ -114,12 +114,10 @@ def motor(
             locked=locked,
             free=_names(free),
             fixed=_values(fix),
-            per_run=_names(per_run) or (),
-            runs=_names(runs),
-            static=static,
-            pwm=_pwm(pwm),
-            priors=priors,
-            starts=starts,
+            reading=aw.identification.MotorReading(runs=_names(runs), static=static),
+            search=aw.identification.MotorSearch(
+                per_run=_names(per_run) or (), pwm=_pwm(pwm), priors=priors, starts=starts
+            ),
             progress=tell,
         )
     show(found)

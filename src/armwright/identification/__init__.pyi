@@ -37,7 +37,10 @@ from armwright.identification.logs.preparation import (
 from armwright.identification.logs.prepared import prepare_log as prepare_log
 from armwright.identification.logs.read import read_log as read_log
 from armwright.identification.logs.write import write_log as write_log
-from armwright.identification.motor.identify import MotorFit as MotorFit, identify_motor as identify_motor
+from armwright.identification.motor.identify import identify_motor as identify_motor
+from armwright.identification.motor.measured import MotorReading as MotorReading
+from armwright.identification.motor.problem import MotorSearch as MotorSearch
+from armwright.identification.motor.report import MotorFit as MotorFit
 from armwright.identification.validation.joint_measures import JointMeasures as JointMeasures
 from armwright.identification.validation.limits import Limits as Limits
 from armwright.identification.validation.report import write_report as write_report

@@ -55,7 +55,7 @@ class Polynomials:
 
 @dataclass(frozen=True)
 class Orders:
-    """Numbers of coefficients: na poles, nb zeros and one more, nc of the noise, of "armax"; delay [samples]; constant: 0 or 1."""
+    """Numbers of coefficients: na poles, nb zeros and one more, nc of the noise ("armax"); delay [samples]; constant: 0 or 1"""
 
     structure: Structure
     na: int
