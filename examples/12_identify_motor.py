@@ -34,7 +34,7 @@ signals = [
     { quantity = "position", columns = "c", unit = "counts", counts_per_turn = 4096, side = "joint" },
 ]
 """)
-fit = aw.identification.identify_motor(folder / "bench.log.toml", starts=4)
+fit = aw.identification.identify_motor(folder / "bench.log.toml", search=aw.identification.MotorSearch(starts=4))
 print(fit.estimate.tables()[0])
 low, high = fit.estimate.interval("motor.motor.resistance_ohm")
 print(f"R between {low:.4f} and {high:.4f} Ω (true: 1.3), delay {fit.estimate['delay_s'] / period:.3f} samples")

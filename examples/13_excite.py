@@ -9,14 +9,18 @@ import armwright as aw
 
 arm = aw.load("two-link")
 designed = aw.identification.design_excitation(
-    arm, period=5.0, harmonics=4, starts=2, velocity=[2.0, 3.0], torque=[60.0, 30.0]
+    arm,
+    limits=aw.trajectories.MotionLimits.of(arm, velocity=[2.0, 3.0], torque=[60.0, 30.0]),
+    cycle=5.0,
+    harmonics=4,
+    starts=2,
 )
 print(f"condition number {designed.condition:.3g}, torques up to {designed.used['torque'].max():.1%} of their limits")
 draw = np.random.default_rng(0)
 sine, cosine = 0.1 * draw.normal(size=(2, 2, 4))
-random = aw.trajectories.Fourier.at_rest([0.5, 0.5], sine, cosine, period=5.0, periods=1)
+random = aw.trajectories.Fourier.at_rest([0.5, 0.5], sine, cosine, cycle=5.0, cycles=1)
 elbow_rests = aw.trajectories.Fourier.at_rest(
-    [0.5, 0.5], sine * [[1.0], [0.0]], cosine * [[1.0], [0.0]], period=5.0, periods=1
+    [0.5, 0.5], sine * [[1.0], [0.0]], cosine * [[1.0], [0.0]], cycle=5.0, cycles=1
 )
 candidates = {"designed": designed, "random": random, "elbow rests": elbow_rests}
 told = aw.identification.compare_experiments(candidates, arm=arm, noise=0.5)  # print(told) shows the table

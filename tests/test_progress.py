@@ -38,12 +38,15 @@ def sweep(folder, shown):
 CALLS = {  # a short call of each, by its name
     "Simulation.run": lambda folder, shown: aw.simulation.Simulation(scenario()).run(progress=shown),
     "design_excitation": lambda folder, shown: aw.identification.design_excitation(
-        aw.load("two-link"), period=5.0, harmonics=2, starts=1, velocity=2.0, acceleration=5.0, position=1.0, progress=shown
+        aw.load("two-link"), cycle=5.0, harmonics=2, starts=1, progress=shown,
+        limits=aw.trajectories.MotionLimits.of(aw.load("two-link"), velocity=2.0, acceleration=5.0, position=1.0),
     ),
     "enumerate_assemblies": lambda folder, shown: aw.modules.enumerate_assemblies(
         aw.modules.read_modules("improv"), max_joints=2, limit=1, progress=shown
     ),
-    "identify_motor": lambda folder, shown: aw.identification.identify_motor(log(), starts=1, progress=shown),
+    "identify_motor": lambda folder, shown: aw.identification.identify_motor(
+        log(), search=aw.identification.MotorSearch(starts=1), progress=shown
+    ),
     "rank_assemblies": lambda folder, shown: aw.modules.rank_assemblies(
         aw.modules.read_modules("improv"), aw.modules.read_task(SEEDS / "pick.task.toml"), max_joints=3, limit=1, progress=shown
     ),

@@ -62,7 +62,7 @@ def main() -> None:
 def measures(name: str, select: str, truth: Truth, noise: float) -> list[float]:
     """Numbers of the columns for one system."""
     begin = time.perf_counter()
-    model = FITS[name](truth.u, truth.y, 1.0, select=select)
+    model = FITS[name](truth.u, truth.y, 1.0, search=aw.identification.OrderSearch(select))
     seconds = time.perf_counter() - begin
     oracle = aw.identification.fit_oe(
         truth.u, truth.y, 1.0, order=(truth.order, len(truth.b) - truth.delay), delay=truth.delay

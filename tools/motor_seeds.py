@@ -32,7 +32,9 @@ def main(seeds: int, most_seconds: float) -> None:
             if time.monotonic() - begin > most_seconds:
                 break
             done += 1
-            estimate = aw.identification.identify_motor(write_log(Path(folder), seed), starts=4).estimate
+            estimate = aw.identification.identify_motor(
+                write_log(Path(folder), seed), search=aw.identification.MotorSearch(starts=4)
+            ).estimate
             for name in errors:
                 path, truth = ("delay_s", DELAY * PERIOD) if name == "delay" else (PATHS[name], TRUE[name])
                 std = estimate.std[estimate.number(path)]

@@ -34,13 +34,14 @@ def assemble(folder):
 def measure(folder, arm):
     """The scenario of the bench, and logs of two motions: a designed one to fit, and another one to judge."""
     bench = aw.read_scenario(folder / "bench.scenario.toml")  # its [values] are the arm's secret
-    designed = aw.identification.design_excitation(arm, period=12.0, harmonics=3, starts=1, velocity=0.8, torque=np.inf)
+    limits = aw.trajectories.MotionLimits.of(arm, velocity=0.8, torque=np.inf)
+    designed = aw.identification.design_excitation(arm, limits=limits, cycle=12.0, harmonics=3, starts=1)
     centre, sine, cosine = (np.round(getattr(designed.trajectory, name), 4) for name in ("centre", "sine", "cosine"))
-    excited = aw.trajectories.Fourier.at_rest(centre, sine, cosine, period=12.0, periods=1)
-    other = aw.trajectories.Fourier.at_rest(centre, -0.7 * sine, 0.7 * cosine, period=10.0, periods=1)
+    excited = aw.trajectories.Fourier.at_rest(centre, sine, cosine, cycle=12.0, cycles=1)
+    other = aw.trajectories.Fourier.at_rest(centre, -0.7 * sine, 0.7 * cosine, cycle=10.0, cycles=1)
     for name, motion in (("excited", excited), ("other", other)):
         loop = replace(bench.loop, reference=motion)
-        run = aw.simulate(replace(bench, loop=loop, start=motion(0.0)[0], duration=motion.period))
+        run = aw.simulate(replace(bench, loop=loop, start=motion(0.0)[0], duration=motion.cycle))
         counts = np.rint(run.q_measured.values * COUNTS / (2 * np.pi))
         amperes = np.rint(run.current_measured.values / AMPERES) * AMPERES
         header = ",".join(["t", *(f"{column}{k + 1}" for column in "ci" for k in range(arm.n))])

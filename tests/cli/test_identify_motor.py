@@ -63,7 +63,9 @@ def test_the_log_is_not_replaced_by_the_record(tmp_path):
 def test_deviations_count_what_nobody_knows(tmp_path):
     """Volts and speed tell three of Kt, J, viscous and Coulomb friction: with viscous friction held at 0 the others are off."""
     log = write_log(tmp_path, 0, ("qd",), rows=1000)
-    found = aw.identification.identify_motor(log, fixed={"R": TRUE["R"]}, starts=2).estimate
+    found = aw.identification.identify_motor(
+        log, fixed={"R": TRUE["R"]}, search=aw.identification.MotorSearch(starts=2)
+    ).estimate
     number = found.number(PATHS["Kt"])
     assert not found.identifiable[found.number(PATHS["viscous"])]
     assert abs(found.values[number] - TRUE["Kt"]) < 3.0 * found.std[number]

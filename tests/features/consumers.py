@@ -468,7 +468,14 @@ def motors_found(arm, folder, moved=None):
     command = made.coordinates[0].drive.command
     log = written_log(folder, "log", made.names, run.time.values, run.q.values, run.u.values, command)
     others = {f"{name}.motor.torque_constant_n_m_per_a": 0.066 for name in arm.names}
-    found = aw.identification.identify_motor(log, arm.with_values(others), free=["Kt"], delay=0.0, starts=1, **SMALL)
+    found = aw.identification.identify_motor(
+        log,
+        arm.with_values(others),
+        free=["Kt"],
+        fixed={"delay": 0.0},
+        search=aw.identification.MotorSearch(starts=1),
+        **SMALL,
+    )
     return Answer([found.estimate.values], "\n".join(found.estimate.remarks), found)
 
 
@@ -478,7 +485,7 @@ def constants_of_the_motors(arm, answer, folder):
 
 
 def excited(arm, folder):
-    found = aw.identification.design_excitation(arm, period=4.0, harmonics=2, starts=1, **SMALL)
+    found = aw.identification.design_excitation(arm, cycle=4.0, harmonics=2, starts=1, **SMALL)
     return Answer([*found.used.values(), found.states(20.0)[1]], "\n".join(found.notes), found)
 
 

@@ -76,7 +76,10 @@ def test_the_pipeline_and_a_motor_take_no_longer_than_eleven_loops(yardstick, tm
 
     pipeline()  # compiles
     limit = 11 * loop_seconds(yardstick)
-    assert seconds(lambda: aw.identification.identify_motor(motor, starts=16)) < limit
+    assert (
+        seconds(lambda: aw.identification.identify_motor(motor, search=aw.identification.MotorSearch(starts=16)))
+        < limit
+    )
     assert seconds(pipeline) < limit
 
 

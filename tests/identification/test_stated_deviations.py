@@ -25,8 +25,8 @@ from armwright.identification.arm.samples import Samples
 from armwright.identification.arm.torque_model import TorqueModel, torque_model
 from armwright.identification.linear.fit import fit_armax, fit_arx, fit_oe
 from armwright.identification.logs.read import read_log
+from armwright.identification.motor.conclusion import covariance
 from armwright.identification.motor.identify import identify_motor
-from armwright.identification.motor.report import covariance
 from fitting.noise import RHOS, ar1, ratios
 from identification.arm.moved_arm import multisine
 from identification.motor_truth import COLUMNS, LOG, PATHS, PERIOD, SIGNALS, TRUE, commands, exact, true_record
@@ -107,13 +107,13 @@ def motor_problem():
     found = []
     with TemporaryDirectory() as folder, pytest.MonkeyPatch.context() as patch:
         patch.setattr(
-            "armwright.identification.motor.report.covariance",
+            "armwright.identification.motor.conclusion.covariance",
             lambda problem, residuals, jacobian: (
                 found.append((problem, jacobian)) or covariance(problem, residuals, jacobian)
             ),
         )
         path = motor_log(Path(folder), 2000, noise=0.01)
-        identify_motor(path, true_record(Path(folder)), starts=1, progress=False)
+        identify_motor(path, true_record(Path(folder)), search=aw.identification.MotorSearch(starts=1), progress=False)
     return found[0]
 
 
@@ -134,7 +134,9 @@ def motor(rho: float, seed: int) -> tuple[np.ndarray, np.ndarray]:
     """Numbers of a motor, from a log."""
     with TemporaryDirectory() as folder:
         path = motor_log(Path(folder), 2000, rho, seed, 0.02)
-        found = identify_motor(read_log(path), true_record(Path(folder)), starts=1, progress=False).estimate
+        found = identify_motor(
+            read_log(path), true_record(Path(folder)), search=aw.identification.MotorSearch(starts=1), progress=False
+        ).estimate
     places = [found.number(name) for name in PATHS.values()]
     return found.values[places], found.std[places]
 

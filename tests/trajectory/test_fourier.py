@@ -29,7 +29,7 @@ def test_values_are_those_of_the_series():
 def test_a_motion_at_rest_begins_and_ends_at_rest(harmonics, seed, period):
     draw = np.random.default_rng(seed)
     series = Fourier.at_rest(
-        CENTRE, draw.normal(size=(2, harmonics)), draw.normal(size=(2, harmonics)), period, periods=2
+        CENTRE, draw.normal(size=(2, harmonics)), draw.normal(size=(2, harmonics)), period, cycles=2
     )
     w = 2 * np.pi * harmonics / period
     for t in (0.0, period, 2 * period):
@@ -40,7 +40,7 @@ def test_a_motion_at_rest_begins_and_ends_at_rest(harmonics, seed, period):
 
 
 def test_times_of_an_array_and_one_after_another_agree():
-    series = Fourier(CENTRE, SINE, COSINE, PERIOD, time=0.5, periods=2)
+    series = Fourier(CENTRE, SINE, COSINE, PERIOD, time=0.5, cycles=2)
     times = np.array([-1.0, 0.2, 0.5, 1.3, 3.9, 4.5, 4.6, 9.0])
     for at, each in zip(zip(*series.at(times), strict=True), [series(t) for t in times], strict=True):
         for a, b in zip(at, each, strict=True):
@@ -83,6 +83,20 @@ def test_a_scenario_file_takes_it(tmp_path):
     run = aw.simulate(aw.read_scenario(path))
     wanted = Fourier(CENTRE, [[0.3, -0.1], [0.2, 0.1]], [[0.1, 0.2], [-0.2, 0.05]], 2.0).at(run.time.values)[0]
     np.testing.assert_allclose(run.q_reference.values, wanted, atol=1e-12)
+
+
+def test_a_scenario_file_calls_the_cycle_a_period(tmp_path):
+    path = tmp_path / "a.scenario.toml"
+    text = FILE.format(sine="[[0.3, -0.1], [0.2, 0.1]]") + "periods = 3\n"
+    path.write_text(text)
+    scenario = aw.read_scenario(path)
+    assert scenario.loop.reference.cycles == 3
+    aw.write_scenario(scenario, tmp_path / "b.scenario.toml")
+    assert {"period = 2.0", "periods = 3"} <= set((tmp_path / "b.scenario.toml").read_text().splitlines())
+    for wrong, said in (("period = -2.0", r"loop\.reference\.period = -2"), ("cycle = 2.0", "no key of a fourier")):
+        path.write_text(text.replace("period = 2.0", wrong))
+        with pytest.raises(aw.ArmwrightError, match=said):
+            aw.read_scenario(path)
 
 
 @pytest.mark.parametrize("sine", ["[[0.3, -0.1], [0.2]]", "[0.3, 0.2]", '[["a", 0.1], [0.2, 0.1]]', "[[], []]"])

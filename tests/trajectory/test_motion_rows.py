@@ -41,7 +41,7 @@ def test_csv_gives_the_motion_between_its_rows_too(tmp_path, named):
 
 def test_csv_of_a_motion_that_is_no_polynomial(tmp_path):
     motion, model = (
-        aw.trajectories.Fourier.at_rest([0.1, 0.2], [[0.3, 0.1]] * 2, [[0.1, 0.2]] * 2, 2.0, periods=1),
+        aw.trajectories.Fourier.at_rest([0.1, 0.2], [[0.3, 0.1]] * 2, [[0.1, 0.2]] * 2, 2.0, cycles=1),
         arm("two-link"),
     )
     motion.save(model, tmp_path / "m.csv", rate=200.0)

@@ -71,7 +71,7 @@ def test_a_scenario_takes_them():
         (lambda: Fourier(START, [[1.0], [np.inf]], [[1.0], [2.0]], 1.0), r"Fourier\.sine = .*finite numbers"),
         (
             lambda: Fourier(START, [[1.0], [2.0]], [[1.0], [2.0]], 0.0),
-            r"Fourier\.period = 0.0: expected a number above 0",
+            r"Fourier\.cycle = 0.0: expected a number above 0",
         ),
     ],
 )

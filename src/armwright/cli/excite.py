@@ -53,7 +53,7 @@ def arm(
     period: float = option("S", "Period in s, 10 by default.", 10.0),
     harmonics: int = option("N", "Of each joint's Fourier series, 5 by default.", 5),
     starts: int = option("N", "Random starts of the optimisation, 4 by default.", 4),
-    criterion: str = option("WHAT", "condition (default) or logdet: of the base regressor.", "condition"),
+    criterion: str = option("WHAT", "condition (default), condition_si or logdet: of the base regressor.", "condition"),
     velocity: str | None = option("V1,V2,…", "Largest speeds; by default the record's."),
     acceleration: str | None = option("A1,A2,…", "Largest accelerations; by default the record's."),
     torque: str | None = option("T1,T2,…", "Largest torques; by default the record's."),
@@ -81,13 +81,12 @@ def arm(
     check_file(plot, PICTURE)
     model = aw.load(robot, kinematics_only=kinematics_only)
     given = {"velocity": ("qd", velocity), "acceleration": ("qdd", acceleration), "torque": ("tau", torque)}
-    limits: dict[str, Any] = {
+    most = {
         name: vector(f"--{name}", text, model.names, joint_units(model, unit))
         for name, (unit, text) in given.items()
         if text is not None
     }
     box = None if floor is None else [[-float("inf"), -float("inf"), floor], [float("inf")] * 3]
-    options = ("period", "harmonics", "starts", "criterion", "velocity", "acceleration", "torque", "seed")
 
     def shown(done: int, total: int) -> None:  # by the search, once its arguments are right
         if done == 0 and not sys.stderr.isatty():  # a bar would not be seen, and this may take minutes
@@ -95,10 +94,15 @@ def arm(
             say(f"designing a motion of {model.name} by {count}, each of some seconds", err=True)
         tell(done, total)
 
-    with as_options(*options), progress(f"designing a motion of {model.name}") as tell:
+    places = {"cycle": "--period"} | {f"limits.{name}": f"--{name}" for name in given}
+    with (
+        as_options("harmonics", "starts", "criterion", "seed", **places),
+        progress(f"designing a motion of {model.name}") as tell,
+    ):
+        limits = aw.trajectories.MotionLimits.of(model, **most)
         found = aw.identification.design_excitation(
-            model, period=period, harmonics=harmonics, starts=starts, criterion=criterion,  # type: ignore[arg-type]
-            box=box, seed=seed, progress=shown, **limits,
+            model, limits=limits, box=box, cycle=period, harmonics=harmonics, criterion=criterion,  # type: ignore[arg-type]
+            starts=starts, seed=seed, progress=shown,
         )  # fmt: skip
     say(found)
     write(output, lambda path: found.save(path, rate))

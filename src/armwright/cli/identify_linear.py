@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import armwright as aw
 from armwright.cli.arguments import argument, option
 from armwright.cli.outcome import PAGE, PICTURE, check_file, exit_unless, write
 from armwright.errors import LogError
 from armwright.terminal import say
+
+if TYPE_CHECKING:
+    from armwright.identification import LogSignals
 
 
 def linear(
@@ -37,17 +40,15 @@ def linear(
       armwright identify linear motor.log.toml --model n4sid --order 2 --plot motor.png
       armwright identify linear arm.log.toml --joint elbow --input tau --output qd --model frequency
     """
-    show_linear(
-        file, model, order=order, delay=delay, select=select, input=input, output=output, joint=joint, picture=picture,
-        report=report,
-    )  # fmt: skip
+    signals = aw.identification.LogSignals(input, output, joint)
+    show_linear(file, model, signals, order=order, delay=delay, select=select, picture=picture, report=report)
 
 
 def show_linear(
     file: Path,
     model: str,
+    signals: LogSignals,
     *,
-    joint: str | None = None,
     picture: Path | None = None,
     report: Path | None = None,
     **options: Any,
@@ -55,7 +56,7 @@ def show_linear(
     """Fits a black-box model and shows it; shared by all commands with that option.
 
     Args:
-        file: the log.   model: its kind.   joint: needed where there are several.   picture, report: files to write.
+        file: the log.   model: its kind.   signals: of the log.   picture, report: files to write.
         options: of `fit_linear`.
     Raises:
         LogError: no such model, or a report of a frequency response, which has no parameters.
@@ -70,9 +71,9 @@ def show_linear(
     check_file(report, PAGE)
     check_file(picture, PICTURE)
     log = aw.identification.read_log(file)
-    found = fit_linear(log, model, joint=joint, **options)
+    found = fit_linear(log, model, signals, **options)
     say(found)
-    write(picture, lambda path: plot_linear(log, found, path, joint))
+    write(picture, lambda path: plot_linear(log, found, path, signals.joint))
     if isinstance(found, aw.identification.LinearModel):
         write(report, found.report)
         exit_unless(found.verdict == "identified")

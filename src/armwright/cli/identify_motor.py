@@ -60,7 +60,7 @@ def motor(
         beside |= {"load": load, "locked": locked or None, "priors": priors or None}
         what = f"belongs to --model dc, not to a black box: {model}"
         refuse(beside, what, error=LogError, expected="one of the two")
-        return show_linear(file, model, order=order, delay=delay, joint=joint)
+        return show_linear(file, model, aw.identification.LogSignals(joint=joint), order=order, delay=delay)
 
     check_file(output, TOML, (file, robot, static))
     check_file(report, PAGE, (file, robot, static))
@@ -73,12 +73,10 @@ def motor(
             locked=locked,
             free=_names(free),
             fixed=_values(fix),
-            per_run=_names(per_run) or (),
-            runs=_names(runs),
-            static=static,
-            pwm=_pwm(pwm),
-            priors=priors,
-            starts=starts,
+            reading=aw.identification.MotorReading(runs=_names(runs), static=static),
+            search=aw.identification.MotorSearch(
+                per_run=_names(per_run) or (), pwm=_pwm(pwm), priors=priors, starts=starts
+            ),
             progress=tell,
         )
     show(found)

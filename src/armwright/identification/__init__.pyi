@@ -23,7 +23,9 @@ from armwright.identification.linear.frequency import (
     frequency_response as frequency_response,
 )
 from armwright.identification.linear.model import LinearModel as LinearModel
-from armwright.identification.linear.n4sid import fit_n4sid as fit_n4sid
+from armwright.identification.linear.n4sid import SubspaceMethod as SubspaceMethod, fit_n4sid as fit_n4sid
+from armwright.identification.linear.records import LogSignals as LogSignals
+from armwright.identification.linear.selection import OrderSearch as OrderSearch
 from armwright.identification.linear.state_space import FilteredSensor as FilteredSensor, StateSpace as StateSpace
 from armwright.identification.logs.blocks import Block as Block
 from armwright.identification.logs.log import Log as Log, LogRun as LogRun
@@ -35,7 +37,10 @@ from armwright.identification.logs.preparation import (
 from armwright.identification.logs.prepared import prepare_log as prepare_log
 from armwright.identification.logs.read import read_log as read_log
 from armwright.identification.logs.write import write_log as write_log
-from armwright.identification.motor.identify import MotorFit as MotorFit, identify_motor as identify_motor
+from armwright.identification.motor.identify import identify_motor as identify_motor
+from armwright.identification.motor.measured import MotorReading as MotorReading
+from armwright.identification.motor.problem import MotorSearch as MotorSearch
+from armwright.identification.motor.report import MotorFit as MotorFit
 from armwright.identification.validation.joint_measures import JointMeasures as JointMeasures
 from armwright.identification.validation.limits import Limits as Limits
 from armwright.identification.validation.report import write_report as write_report

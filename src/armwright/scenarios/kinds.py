@@ -22,6 +22,7 @@ CONFIGURED = {
     "filter": (),
     "reference": ("arm", "model", "limits"),
 }  # what no file tells
+FILE_KEYS = {"cycle": "period", "cycles": "periods"}  # by field; in Python a period is that of samples
 OF_FILES = ("PiecewisePolynomial", "Joined", "CartesianMotion", "PathMotion")  # motions that files of motions make
 
 
@@ -57,28 +58,31 @@ def from_fields(home: str, place: str, fields: Mapping[str, Any], arm: Model) ->
         raise ScenarioError("unknown", place=f"{place}.kind", value=kind, choices=[*kinds, *extra])
     accepted = [each for each in dataclasses.fields(kinds[kind]) if each.init]
     names = [each.name for each in accepted]
-    keys = [name for name in names if name not in CONFIGURED[home]]
+    fields_of = {FILE_KEYS.get(name, name): name for name in names if name not in CONFIGURED[home]}
     limited = QUANTITIES if home == "reference" and "limits" in names else ()
     given = {name: value for name, value in fields.items() if name != "kind"}
-    unknown = [name for name in given if name not in keys and name not in limited]
+    unknown = [name for name in given if name not in fields_of and name not in limited]
     if unknown:
-        what, choices = f"no key of a {kind}", tuple(sorted((*keys, *limited)))
+        what, choices = f"no key of a {kind}", tuple(sorted((*fields_of, *limited)))
         raise ScenarioError.of(
             *(Problem(what, place, name, expected=_around(name, kind, kinds), choices=choices) for name in unknown)
         )
-    values = {name: arm for name in ("arm", "model") if name in names} | given
+    values: dict[str, Any] = {name: arm for name in ("arm", "model") if name in names}
+    values |= {fields_of.get(name, name): value for name, value in given.items()}
     overrides = {name: values.pop(name) for name in limited if name in values}
     try:
         if limited and (overrides or values.get("duration") is None):
             values["limits"] = MotionLimits.of(arm, **overrides)
         return kinds[kind](**values)
     except TypeError as error:
-        missing = [each.name for each in accepted if _is_needed(each) and each.name not in values]
+        missing = [
+            FILE_KEYS.get(each.name, each.name) for each in accepted if _is_needed(each) and each.name not in values
+        ]
         what = f"{kind} needs {', '.join(missing)}" if missing else str(error)
         raise ScenarioError(what, place=place) from None
     except ScenarioError as error:  # which names the class: Step.time
-        own = rf"^(?:{kinds[kind].__name__}|limits)\."
-        raise error.renamed(partial(re.sub, own, f"{place}.")) from None
+        own = rf"^(?:{kinds[kind].__name__}|limits)\.(\w+)"
+        raise error.renamed(partial(re.sub, own, lambda at: f"{place}.{FILE_KEYS.get(at[1], at[1])}")) from None
 
 
 def controller_tables(place: str, controller: Kind) -> dict[str, str]:

@@ -17,7 +17,7 @@ from armwright.model import Model
 from armwright.model.changes import TERMS
 from armwright.model.payload import Payload
 from armwright.parameters import Batch, Draw
-from armwright.scenarios.kinds import CONFIGURED, kind_of
+from armwright.scenarios.kinds import CONFIGURED, FILE_KEYS, kind_of
 from armwright.scenarios.lanes import TENSOR, TIMES
 from armwright.scenarios.parts import Formulas
 from armwright.scenarios.values import OTHERS
@@ -341,7 +341,7 @@ def _motion_fields(place: str, motion: Any, arm: Model) -> Tables:
             expected = "its default: a file states another kind of motion under this key"
             raise ScenarioError(TABLED, place=f"{place}.kind", value=value, expected=expected)
         else:
-            given[name] = plain(f"{place}.{name}", value)
+            given[FILE_KEYS.get(name, name)] = plain(f"{place}.{name}", value)
     if limits is None:
         return given
     record = MotionLimits.of(arm)

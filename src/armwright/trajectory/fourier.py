@@ -17,16 +17,16 @@ from armwright.trajectory.poses import LARGEST, check_number, check_poses, joint
 
 @dataclass(frozen=True, eq=False)
 class Fourier(Motion):
-    """q(t) = centre + Σ_k (sine_k sin kωs + cosine_k cos kωs),  ω = 2π / period, s = t - time.  [SweversEtAl1997]
+    """q(t) = centre + Σ_k (sine_k sin kωs + cosine_k cos kωs),  ω = 2π / cycle, s = t - time.  [SweversEtAl1997]
 
-    Before `time` the arm stands at q(time), and after `periods` periods too; speed and acceleration are then 0. A motion that
+    Before `time` the arm stands at q(time), and after `cycles` cycles too; speed and acceleration are then 0. A motion that
     starts and ends at rest is made by `Fourier.at_rest`: Σ k sine_k = 0 and Σ k² cosine_k = 0.
 
-    Each field but `periods` may be a `Batch`.
+    Each field but `cycles` may be a `Batch`.
 
     Args:
-        centre: (n,) [rad | m].   sine, cosine: (n, harmonics) [rad | m].   period: [s].   time: [s] of its beginning.
-        periods: number of periods; None: it goes on for good.
+        centre: (n,) [rad | m].   sine, cosine: (n, harmonics) [rad | m].   cycle: [s] after which it repeats itself.
+        time: [s] of its beginning.   cycles: number of them; None: it goes on for good.
     Raises:
         ScenarioError: names the field, its value and what was expected.
     """
@@ -34,16 +34,16 @@ class Fourier(Motion):
     centre: Any
     sine: Any
     cosine: Any
-    period: float
+    cycle: float
     time: float = 0.0
-    periods: int | None = None
+    cycles: int | None = None
 
     def __post_init__(self) -> None:
         check_poses("Fourier", centre=self.centre)
-        check_number("Fourier", "period", self.period, above=0.0)
+        check_number("Fourier", "cycle", self.cycle, above=0.0)
         check_number("Fourier", "time", self.time)
-        if self.periods is not None:
-            check_number("Fourier", "periods", self.periods, above=0.0)
+        if self.cycles is not None:
+            check_number("Fourier", "cycles", self.cycles, above=0.0)
         shapes = {name: _coefficients(name, getattr(self, name)) for name in ("sine", "cosine")}
         shapes = {name: shape for name, shape in shapes.items() if shape}
         joints = None if isinstance(self.centre, Draw) else numbers_by_lane(self.centre).shape[-1]
@@ -54,20 +54,20 @@ class Fourier(Motion):
 
     @classmethod
     def at_rest(
-        cls, centre: Any, sine: Any, cosine: Any, period: float, time: float = 0.0, periods: int | None = None
+        cls, centre: Any, sine: Any, cosine: Any, cycle: float, time: float = 0.0, cycles: int | None = None
     ) -> Fourier:
-        """The nearest series whose speed and acceleration are 0 at the beginning and the end of each period.
+        """The nearest series whose speed and acceleration are 0 at the beginning and the end of each cycle.
 
         Args:
-            centre, sine, cosine, period, time, periods: as of `Fourier`; of each joint two harmonics or more.
+            centre, sine, cosine, cycle, time, cycles: as of `Fourier`; of each joint two harmonics or more.
         Raises:
             ScenarioError: names the field, its value and what was expected.
         """
-        series = cls(centre, sine, cosine, period, time, periods)
+        series = cls(centre, sine, cosine, cycle, time, cycles)
         coefficients = [np.asarray(series.sine, dtype=float), np.asarray(series.cosine, dtype=float)]
         rows = rest_rows(coefficients[0].shape[1])
         sine, cosine = (a - np.outer(a @ row, row) / (row @ row) for a, row in zip(coefficients, rows, strict=True))
-        return cls(centre, sine, cosine, period, time, periods)
+        return cls(centre, sine, cosine, cycle, time, cycles)
 
     @property
     def n(self) -> int:
@@ -77,15 +77,15 @@ class Fourier(Motion):
     @property
     def duration(self) -> float:
         """Duration of the motion [s], without the time before it; infinite for an endless one."""
-        return np.inf if self.periods is None else self.periods * self.period
+        return np.inf if self.cycles is None else self.cycles * self.cycle
 
     def __call__(self, t: Scalar) -> tuple[Array, Array, Array]:
         """q (n,) [rad | m], q̇ and q̈ at t [s]."""
         centre, sine, cosine = (scalar.array(each) for each in (self.centre, self.sine, self.cosine))
-        s, w = scalar.maximum(t - self.time, 0.0), 2.0 * np.pi / self.period
+        s, w = scalar.maximum(t - self.time, 0.0), 2.0 * np.pi / self.cycle
         moving = scalar.less_equal(self.time, t)
-        if self.periods is not None:
-            end = self.periods * self.period
+        if self.cycles is not None:
+            end = self.cycles * self.cycle
             s, moving = scalar.minimum(s, end), moving * scalar.less_equal(t, self.time + end)
         q, qd, qdd = centre, 0.0 * centre, 0.0 * centre
         for k in range(1, sine.shape[1] + 1):
@@ -101,7 +101,7 @@ class Fourier(Motion):
         times = np.asarray(t, dtype=float)
         s = np.clip(times - self.time, 0.0, self.duration)[..., None]
         moving = ((times >= self.time) & (times <= self.time + self.duration))[..., None]
-        q, qd, qdd = series_matrices(np.asarray(self.sine).shape[1], self.period, s)
+        q, qd, qdd = series_matrices(np.asarray(self.sine).shape[1], self.cycle, s)
         coefficients = np.concatenate([np.asarray(self.sine), np.asarray(self.cosine)], axis=1).T
         return q @ coefficients + np.asarray(self.centre), moving * (qd @ coefficients), moving * (qdd @ coefficients)
 
@@ -125,13 +125,13 @@ def rest_rows(harmonics: int) -> np.ndarray:
     return np.stack([k, k * k])
 
 
-def series_matrices(harmonics: int, period: float, t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def series_matrices(harmonics: int, cycle: float, t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Values of sines and cosines and their first and second derivatives, each (…, 2 harmonics).
 
     Args:
-        harmonics: how many.   period: [s].   t: (…, 1) [s].
+        harmonics: how many.   cycle: [s].   t: (…, 1) [s].
     """
-    w = 2.0 * np.pi / period * np.arange(1.0, harmonics + 1.0)
+    w = 2.0 * np.pi / cycle * np.arange(1.0, harmonics + 1.0)
     sin, cos = np.sin(w * t), np.cos(w * t)
     return (
         np.concatenate([sin, cos], axis=-1),

@@ -10,17 +10,25 @@ from hypothesis import given, settings, strategies as st
 import armwright as aw
 from armwright.errors import ScenarioError
 from armwright.identification.experiments.columns import DRIVES, BaseRegressor
-from armwright.identification.experiments.excitation import Problem
+from armwright.identification.experiments.excitation import ExcitationProblem
 from armwright.identification.experiments.information import condition_number, criterion_function
 from armwright.identification.experiments.limits import excitation_limits
+from armwright.trajectory.limits import QUANTITIES
 from physics.arms import arm
 
-LIMITS = {"velocity": [2.0, 3.0], "torque": [60.0, 30.0], "position": 2.5}
+MOST = {"velocity": [2.0, 3.0], "torque": [60.0, 30.0], "position": 2.5}
+
+
+def limits_of(model, **most):
+    return aw.trajectories.MotionLimits.of(model, **most)
+
+
+LIMITS = limits_of(arm("two-link"), **MOST)
 
 
 @pytest.fixture(scope="module")
 def designed():
-    return aw.identification.design_excitation(arm("two-link"), period=5.0, harmonics=4, starts=3, **LIMITS)
+    return aw.identification.design_excitation(arm("two-link"), cycle=5.0, harmonics=4, starts=3, limits=LIMITS)
 
 
 def test_it_starts_and_ends_at_rest(designed):
@@ -34,7 +42,7 @@ def test_limits_hold_between_the_instants_of_the_design(designed):
     q, qd, qdd = designed.trajectory.at(t)
     some = zip(q[::70], qd[::70], qdd[::70], strict=True)
     tau = np.array([aw.inverse_dynamics(arm("two-link"), *state) for state in some])
-    for values, most in ((q, 2.5), (qd, LIMITS["velocity"]), (tau, LIMITS["torque"])):
+    for values, most in ((q, 2.5), (qd, MOST["velocity"]), (tau, MOST["torque"])):
         assert (np.abs(values) <= np.asarray(most) * (1.0 + 1e-3)).all()
     assert 0.98 < np.nanmax([part.max() for part in designed.used.values()]) <= 1.0 + 1e-9  # limits are made use of
 
@@ -47,8 +55,10 @@ def test_limits_hold_between_the_instants_of_the_design(designed):
 def test_limits_of_motion_hold_whatever_they_are(first, second, acceleration, harmonics, criterion, seed):
     most = np.array([first, second])
     found = aw.identification.design_excitation(
-        arm("two-link"), period=3.0, harmonics=harmonics, starts=1, criterion=criterion, seed=seed,
-        velocity=most, acceleration=acceleration, position=[[-1.0, 0.5], [-0.2, 2.0]],
+        arm("two-link"), cycle=3.0, harmonics=harmonics, starts=1, criterion=criterion, seed=seed,
+        limits=limits_of(
+            arm("two-link"), velocity=most, acceleration=acceleration, position=[[-1.0, 0.5], [-0.2, 2.0]]
+        ),
     )  # fmt: skip
     q, qd, qdd = found.trajectory.at(np.linspace(0.0, 3.0, 3000))
     assert (q >= [-1.001, -0.202]).all()
@@ -58,8 +68,8 @@ def test_limits_of_motion_hold_whatever_they_are(first, second, acceleration, ha
 
 
 def test_it_beats_a_random_search(designed):
-    limits = excitation_limits(arm("two-link"), **LIMITS)
-    problem = Problem.of(limits, BaseRegressor.of(arm("two-link"), DRIVES, np.full(2, 0.01)), 5.0, 4)
+    limits = excitation_limits(arm("two-link"), LIMITS)
+    problem = ExcitationProblem.of(limits, BaseRegressor.of(arm("two-link"), DRIVES, np.full(2, 0.01)), 5.0, 4)
     draw = np.random.default_rng(1)
     best = min(
         condition_number(problem.information(problem.random(draw))) for _ in range(500)
@@ -69,7 +79,7 @@ def test_it_beats_a_random_search(designed):
 
 def test_logdet_asks_for_more_information_than_condition(designed):
     other = aw.identification.design_excitation(
-        arm("two-link"), period=5.0, harmonics=4, starts=3, criterion="logdet", **LIMITS
+        arm("two-link"), cycle=5.0, harmonics=4, starts=3, criterion="logdet", limits=LIMITS
     )
     assert other.logdet > designed.logdet
     assert other.condition > designed.condition
@@ -81,11 +91,12 @@ def test_the_smooth_criterion_bounds_the_condition_number(scaling):
     for size in (3, 12):
         rows = draw.normal(size=(40, size)) * np.geomspace(0.1, 10.0, size)
         information = rows.T @ rows
-        smooth = np.exp(float(criterion_function(size, "condition", scaling)(information)))
+        criterion = {"columns": "condition", "none": "condition_si"}[scaling]
+        smooth = np.exp(float(criterion_function(size, criterion)(information)))
         exact = np.linalg.cond(rows / np.linalg.norm(rows, axis=0) if scaling == "columns" else rows)
         assert condition_number(information, scaling) == pytest.approx(exact, rel=1e-6)
         assert exact <= smooth <= exact * size**0.25 * (1 + 1e-9)
-        value = float(criterion_function(size, "logdet", scaling)(information))
+        value = float(criterion_function(size, "logdet")(information))
         assert value == pytest.approx(-0.5 / size * np.linalg.slogdet(information)[1], rel=1e-8)
 
 
@@ -107,20 +118,24 @@ def test_kinematics_alone_are_enough_and_said_so(tmp_path):
         '<joint name="j2" type="continuous"><parent link="a"/><child link="b"/><origin xyz="0.3 0 0"/><axis xyz="0 1 0"/></joint>'
         "</robot>"
     )
-    found = aw.identification.design_excitation(aw.load(path), harmonics=3, starts=1, velocity=1.0)
+    model = aw.load(path)
+    found = aw.identification.design_excitation(
+        model, harmonics=3, starts=1, limits=limits_of(model, velocity=1.0, jerk=5.0)
+    )
     assert np.isfinite(found.condition)
     assert any(
         "torque limits are not honoured: the record has links without masses" in reason for reason in found.reasons
     )
-    with pytest.raises(ScenarioError, match="links without masses"):
-        aw.identification.design_excitation(aw.load(path), velocity=1.0, torque=5.0)
+    assert "jerk limits are not honoured" in found.reasons
+    with pytest.raises(ScenarioError, match=r"limits\.torque = .*links without masses"):
+        aw.identification.design_excitation(model, limits=limits_of(model, velocity=1.0, torque=5.0))
 
 
 def test_the_tip_stays_in_its_box():
     box = [[-np.inf, -np.inf, -0.2], [np.inf, np.inf, np.inf]]
     model = arm("cmu-dd").with_locked(dict.fromkeys(arm("cmu-dd").names[3:], 0.3))
     found = aw.identification.design_excitation(
-        model, period=4.0, harmonics=3, starts=1, velocity=2.0, voltage=np.inf, box=box
+        model, cycle=4.0, harmonics=3, starts=1, limits=limits_of(model, velocity=2.0, voltage=np.inf), box=box
     )
     tip = aw.compile(model).forward_kinematics(found.trajectory.at(np.linspace(0, 4.0, 2000))[0])[:, 2, 3]
     assert tip.min() >= -0.2 - 1e-4
@@ -129,7 +144,7 @@ def test_the_tip_stays_in_its_box():
 def test_estimates_are_better_than_from_a_random_motion(designed):
     model = arm("two-link")
     regressor = BaseRegressor.of(model, DRIVES, np.full(2, 0.01))
-    problem = Problem.of(excitation_limits(model, **LIMITS), regressor, 5.0, 4)
+    problem = ExcitationProblem.of(excitation_limits(model, LIMITS), regressor, 5.0, 4)
     draw = np.random.default_rng(3)
     t = np.linspace(0.0, 5.0, 500, endpoint=False)
     truth = draw.normal(size=len(regressor))
@@ -158,23 +173,31 @@ def test_a_motion_is_saved_with_units(designed, tmp_path):
     ("options", "said"),
     [
         ({}, "nothing bounds the speed of 'shoulder', 'elbow'"),
-        ({"velocity": -1.0}, "velocity = -1.0: expected a number above 0"),
+        ({"velocity": -1.0}, "limits.velocity = -1.0: expected a number above 0"),
         ({"velocity": [1.0]}, r"velocity = \[1.0\]: expected a number above 0 .*one for each of 2 joints"),
         ({"velocity": 1e308}, r"velocity = 1e\+308: expected a number above 0 and of 1e\+30 at most \[rad/s"),
-        ({"velocity": 1.0, "position": 1e308}, r"lower and upper bounds, 1e\+30 at most"),
+        ({"velocity": 1.0, "position": 1e308}, r"a lower and an upper bound .*, 1e\+30 at most"),
         ({"velocity": 1.0, "harmonics": 1}, "harmonics = 1: expected a whole number, 2"),
         ({"velocity": 1.0, "criterion": "det"}, "criterion = 'det'"),
         ({"velocity": 1.0, "drives": ["rotr"]}, "did you mean rotor"),
-        ({"velocity": 1.0, "position": [[1.0, 0.0], [0.0, 1.0]]}, "lower and upper bounds"),
+        ({"velocity": 1.0, "position": [[1.0, 0.0], [0.0, 1.0]]}, "a lower and an upper bound"),
         ({"velocity": 1.0, "box": [[0, 0, 0]]}, "lowest and highest x, y, z"),
         ({"velocity": 1.0, "voltage": 5.0}, "no motor constants of shoulder, elbow"),
         (
             {"velocity": 1.0, "torque": 0.1, "starts": 1, "harmonics": 2, "position": [[0.5, 1.0], [0.5, 1.0]]},
             "no motion within the limits was found from 1 starts",
         ),
-        ({"velocity": 1.0, "period": 0.0}, "period = 0.0"),
+        ({"velocity": 1.0, "cycle": 0.0}, "cycle = 0.0"),
     ],
 )
 def test_what_cannot_be_designed_is_refused(options, said):
+    model = arm("two-link")
+    most = {name: options[name] for name in QUANTITIES if name in options}
+    others = {name: value for name, value in options.items() if name not in QUANTITIES}
     with pytest.raises(ScenarioError, match=said):
-        aw.identification.design_excitation(arm("two-link"), **options)
+        aw.identification.design_excitation(model, limits=limits_of(model, **most), **others)
+
+
+def test_what_are_no_limits_is_refused():
+    with pytest.raises(ScenarioError, match=r"limits = .*MotionLimits\.of"):
+        aw.identification.design_excitation(arm("two-link"), limits={"velocity": 1.0})

@@ -18,9 +18,9 @@ from armwright.trajectory import Fourier
 from physics.arms import arm
 
 BOTH = Fourier.at_rest(
-    [0.2, -0.3], [[0.5, 0.2, -0.3], [-0.4, 0.6, 0.2]], [[0.2, -0.4, 0.3], [0.5, 0.1, -0.3]], 4.0, periods=1
+    [0.2, -0.3], [[0.5, 0.2, -0.3], [-0.4, 0.6, 0.2]], [[0.2, -0.4, 0.3], [0.5, 0.1, -0.3]], 4.0, cycles=1
 )
-ONE = Fourier.at_rest([0.2, -0.3], [[0.5, 0.2, -0.3], [0, 0, 0]], [[0.2, -0.4, 0.3], [0, 0, 0]], 4.0, periods=1)
+ONE = Fourier.at_rest([0.2, -0.3], [[0.5, 0.2, -0.3], [0, 0, 0]], [[0.2, -0.4, 0.3], [0, 0, 0]], 4.0, cycles=1)
 
 
 def regressor():

@@ -39,8 +39,8 @@ def test_the_condition_number_is_better_than_that_published_for_a_ur10e(tmp_path
     assert published == pytest.approx({"columns": 11.25, "none": 96.8}[scaling], rel=0.02)  # as computed by us
     position, velocity, acceleration = same_limits(*states)
     found = aw.identification.design_excitation(
-        arm, period=20.0, harmonics=harmonics, starts=1, scaling=scaling,
-        position=position, velocity=velocity, acceleration=acceleration,
+        arm, cycle=20.0, harmonics=harmonics, starts=1, criterion={"columns": "condition", "none": "condition_si"}[scaling],
+        limits=aw.trajectories.MotionLimits.of(arm, position=position, velocity=velocity, acceleration=acceleration),
     )  # fmt: skip
     assert {"columns": found.condition, "none": found.condition_si}[scaling] < 0.9 * published
     q, qd, qdd = found.trajectory.at(np.linspace(0.0, 20.0, 5001))
@@ -61,8 +61,7 @@ def test_the_condition_number_is_better_than_that_of_the_log_of_a_tx40(tmp_path)
     q, qd, qdd = (each[200:-200:20] for each in (q, qd, qdd))
     information = information_of(arm, q, qd, qdd)
     position, velocity, acceleration = same_limits(q, qd, qdd)
-    found = aw.identification.design_excitation(
-        arm, period=9.0, starts=1, position=position, velocity=velocity, acceleration=acceleration
-    )
+    limits = aw.trajectories.MotionLimits.of(arm, position=position, velocity=velocity, acceleration=acceleration)
+    found = aw.identification.design_excitation(arm, limits=limits, cycle=9.0, starts=1)
     assert found.condition < 0.7 * condition_number(information, "columns")
     assert found.condition_si < condition_number(information, "none")

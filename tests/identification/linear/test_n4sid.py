@@ -7,11 +7,13 @@ import pytest
 
 import armwright as aw
 from armwright.errors import ArmwrightError
+from armwright.identification import OrderSearch, SubspaceMethod
 
 A = np.array([[0.9, 0.1, 0.0], [-0.1, 0.8, 0.0], [0.0, 0.1, 0.6]])
 B = np.array([[0.1, 0.0], [0.0, 0.2], [0.3, 0.1]])
 C = np.array([[1.0, 0.0, 0.5], [0.0, 1.0, -1.0]])
 D = np.array([[0.2, 0.0], [0.0, 0.0]])
+DIRECT = SubspaceMethod(direct=True)
 
 
 def plant(seed, rows=1500, noise=0.0, direct=True):
@@ -27,7 +29,8 @@ def plant(seed, rows=1500, noise=0.0, direct=True):
 @pytest.mark.parametrize("direct", [True, False])
 def test_exact_data_give_the_exact_system(weighting, direct):
     u, y = plant(0, direct=direct)
-    model = aw.identification.fit_n4sid(u, y, 0.01, order=3, weighting=weighting, direct=direct)
+    method = SubspaceMethod(weighting=weighting, direct=direct)
+    model = aw.identification.fit_n4sid(u, y, 0.01, order=3, method=method)
     expected = sorted(np.linalg.eigvals(A), key=lambda p: (p.real, p.imag))
     assert sorted(model.poles, key=lambda p: (p.real, p.imag)) == pytest.approx(expected, abs=1e-7)
     gain = C @ np.linalg.solve(np.eye(3) - A, B) + (D if direct else 0.0)
@@ -40,7 +43,7 @@ def test_exact_data_give_the_exact_system(weighting, direct):
 def test_order_is_chosen():
     u, y = plant(1, rows=2500, noise=0.1)
     for by in ("bic", "cv"):
-        model = aw.identification.fit_n4sid(u, y, 0.01, direct=True, select=by, most_order=6)
+        model = aw.identification.fit_n4sid(u, y, 0.01, search=OrderSearch(by, most_order=6), method=DIRECT)
         assert model.order == 3
 
 
@@ -48,7 +51,7 @@ def test_the_jackknife_tells_the_deviations():
     gain, squares = C @ np.linalg.solve(np.eye(3) - A, B) + D, []
     for seed in range(8):
         u, y = plant(seed, rows=1500, noise=0.1)
-        model = aw.identification.fit_n4sid(u, y, 0.01, order=3, direct=True)
+        model = aw.identification.fit_n4sid(u, y, 0.01, order=3, method=DIRECT)
         squares.append(((model.gain - gain) / model.gain_std) ** 2)
     assert 0.5 < np.mean(squares) < 2.5  # 9/7 of a t distribution with 9 degrees of freedom
 
@@ -82,7 +85,7 @@ def test_an_input_that_excites_too_little():
 def test_to_control():
     control = pytest.importorskip("control", reason="python-control is not installed (extra control)")
     u, y = plant(3, noise=0.01)
-    model = aw.identification.fit_n4sid(u, y, 0.01, order=3, direct=True)
+    model = aw.identification.fit_n4sid(u, y, 0.01, order=3, method=DIRECT)
     system = model.to_control()
     assert system.dt == 0.01
     assert control.dcgain(system) == pytest.approx(model.gain)

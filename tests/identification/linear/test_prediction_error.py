@@ -10,6 +10,7 @@ from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
 import armwright as aw
+from armwright.identification import OrderSearch, SubspaceMethod
 from armwright.identification.linear.prediction_error import Orders, minimise, starts
 from armwright.identification.linear.records import Recorded
 from identification.linear.random_systems import random_truth, sampled_truth
@@ -189,12 +190,13 @@ def test_speed_loop_with_steps_of_its_reference_is_noticed(seed):
 def test_order_and_delay_of_random_systems():
     truth = [random_truth(seed, rows=1200) for seed in range(4)]
     found = [
-        aw.identification.fit_oe(t.u, t.y, 1.0, select="bic" if k else "cv", most_order=4) for k, t in enumerate(truth)
+        aw.identification.fit_oe(t.u, t.y, 1.0, search=OrderSearch("bic" if k else "cv", most_order=4))
+        for k, t in enumerate(truth)
     ]
     assert [model.delay for model in found] == [t.delay for t in truth]
     assert all(each.tried for each in found)
     for by in ("aic", "bic", "fpe", "mdl"):
-        model = aw.identification.fit_arx(truth[0].u, truth[0].y, 1.0, select=by)
+        model = aw.identification.fit_arx(truth[0].u, truth[0].y, 1.0, search=OrderSearch(by))
         assert model.criterion == by
         best = min(model.tried, key=lambda row, by=by: row[by])
         assert model.order == best["na"]
@@ -234,7 +236,7 @@ def test_beside_sippy():
     assert ours.response(f) == pytest.approx(response(theirs["oe"]), rel=5e-3)  # theirs begins at rest
     arx = aw.identification.fit_arx(u, y, 1.0, order=2, delay=2, offset=False)
     assert arx.response(f) == pytest.approx(response(theirs["arx"]), rel=2e-2)
-    n4sid = aw.identification.fit_n4sid(u, y, 1.0, order=2, delay=1, horizon=15)
+    n4sid = aw.identification.fit_n4sid(u, y, 1.0, order=2, delay=1, method=SubspaceMethod(15))
     assert np.sort(n4sid.poles) == pytest.approx(
         np.sort(np.linalg.eigvals(state.A)), abs=4 * n4sid.pole_std.max() + 0.01
     )
@@ -261,7 +263,7 @@ def test_the_interval_of_delays_allows_for_coloured_noise():
     inside, widths = [], []
     for seed in range(16):
         u, y = bench(seed, rows=800, noise=0.1, colour=tuple(0.8 ** np.arange(20)))
-        low, high = aw.identification.fit_oe(u, y, 1.0, order=2, select="bic").delays
+        low, high = aw.identification.fit_oe(u, y, 1.0, order=2, search=OrderSearch("bic")).delays
         inside.append(low <= 2 <= high)
         widths.append(high - low + 1)
     assert np.mean(inside) >= 0.8  # 95 % of 16: below 13 in 1 of 100 tries

@@ -10,6 +10,7 @@ from scipy.signal import lfilter
 
 import armwright as aw
 from armwright.errors import ArmwrightError
+from armwright.identification import LogSignals, OrderSearch
 from armwright.results.csv_tables import write_table
 
 HEAD = """
@@ -65,7 +66,7 @@ def test_a_log_is_fitted_by_its_runs_and_judged_by_the_others(tmp_path):
 
 def test_short_logs_take_an_information_criterion():
     _, u, y = data()
-    model = aw.identification.fit_oe(u[:200], y[:200], 0.01, select="bic", most_order=2, most_delay=5)
+    model = aw.identification.fit_oe(u[:200], y[:200], 0.01, search=OrderSearch("bic", 2, 5))
     assert model.gain[0, 0] == pytest.approx(2.0, rel=0.05)
     assert aw.identification.fit_oe(u[:60], y[:60], 0.01, order=1, delay=1).gain[0, 0] == pytest.approx(2.0, rel=0.1)
 
@@ -76,7 +77,7 @@ def test_joints_of_a_log_are_inputs_and_outputs(tmp_path):
     text = HEAD.replace('["motor"]', '["one", "two"]').replace('"u"', '["u1", "u2"]').replace('"y"', '["y1", "y2"]')
     (tmp_path / "two.log.toml").write_text(text + '[[runs]]\nfiles.log = "a.csv"\n')
     model = aw.identification.fit_n4sid(
-        aw.identification.read_log(tmp_path / "two.log.toml"), order=2, joint=["one", "two"]
+        aw.identification.read_log(tmp_path / "two.log.toml"), order=2, signals=LogSignals(joint=["one", "two"])
     )
     assert model.inputs == ("voltage/one", "voltage/two")
     assert model.gain == pytest.approx(np.array([[2.0, 1.0], [0.0, 2.0]]), abs=0.06)
@@ -122,8 +123,8 @@ BAD = {
     "order": ((U, Y, 0.01), {"order": 0}, "order"),
     "orders": ((U, Y, 0.01), {"order": (1, 2, 3, 4)}, "order"),
     "delay": ((U, Y, 0.01), {"delay": -1}, "delay"),
-    "criterion": ((U, Y, 0.01), {"select": "best"}, "select"),
-    "a log's word": ((U, Y, 0.01), {"input": "voltage"}, "input"),
+    "a log's word": ((U, Y, 0.01), {"signals": LogSignals("voltage")}, "input"),
+    "no signals": ((U, Y, 0.01), {"signals": "voltage"}, "signals"),
     "two inputs": ((np.stack([U, U[::-1]], 1), Y, 0.01), {}, "data"),
 }
 
@@ -135,6 +136,13 @@ def test_bad_input(case):
         aw.identification.fit_oe(*arguments, **options)
     assert caught.value.place == place
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("options", [{"select": "best"}, {"most_order": 0}, {"most_delay": -1}])
+def test_a_search_that_cannot_be_is_refused(options):
+    with pytest.raises(ArmwrightError) as caught:
+        OrderSearch(**options)
+    assert caught.value.place == next(iter(options))
 
 
 ODD = {
@@ -166,5 +174,5 @@ def test_unknown_signals_of_a_log(tmp_path):
     for options, place in (({"input": "volts"}, "input"), ({"output": "q"}, "output"), ({"joint": "elbow"}, "joint"),
                            ({"input": "qd"}, "output")):  # fmt: skip
         with pytest.raises(ArmwrightError) as caught:
-            aw.identification.fit_oe(log, **options)
+            aw.identification.fit_oe(log, signals=LogSignals(**options))
         assert caught.value.place == place

@@ -11,7 +11,7 @@ import armwright as aw
 from armwright.errors import LogError
 from armwright.identification.motor.channels import check_channels, feedback_remark
 from armwright.identification.motor.guess import guess
-from armwright.identification.motor.measured import measured
+from armwright.identification.motor.measured import MotorReading, measured
 from identification.motor_truth import write_log
 
 NAMES = {"u": "voltage", "i": "current", "w": "speed", "q": "position"}
@@ -19,7 +19,7 @@ NAMES = {"u": "voltage", "i": "current", "w": "speed", "q": "position"}
 
 def check(path: Path, ratio: float | None = None) -> None:
     log = aw.identification.read_log(path)
-    data = measured(log, list(log.fit), ["motor"], "auto", None)
+    data = measured(log, list(log.fit), ["motor"], MotorReading())
     direction = float(np.sign(ratio or 1.0))
     check_channels(data, 0, guess(data, 0, 10, direction), ratio, True, log.path)
 
@@ -99,10 +99,12 @@ def test_a_closed_loop_is_noticed(tmp_path, gain):
         w = 0.87 * w + 0.13 * 15.0 * u + 3.0 * rng.standard_normal()
     np.savetxt(tmp_path / "log.csv", rows, delimiter=",", header="t,u,w", comments="")
     log = aw.identification.read_log(path)
-    found = feedback_remark(measured(log, list(log.fit), ["motor"], "instant", None), 0)
+    found = feedback_remark(measured(log, list(log.fit), ["motor"], MotorReading(speed="instant")), 0)
     assert len(found) == (gain > 0)
 
 
 def test_more_unknowns_than_rows_carry_are_refused(tmp_path):
     with pytest.raises(LogError, match="measurements for 7 unknowns"):
-        aw.identification.identify_motor(write_log(tmp_path, 1, ("qd",), rows=33), starts=1)
+        aw.identification.identify_motor(
+            write_log(tmp_path, 1, ("qd",), rows=33), search=aw.identification.MotorSearch(starts=1)
+        )

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import armwright as aw
+from armwright.identification import MotorSearch
 from armwright.identification.motor.response import Inputs, Response
 from armwright.model.vary import Varied
 from identification.motor_truth import COLUMNS, LOG, PATHS, PERIOD, RECORD, SIGNALS, TRUE, commands, rounded
@@ -50,7 +51,7 @@ def log_of(
     arm = aw.load(path)
     response = Response(Varied(arm, [R]), ("q", "qd", "current"), 0, FINE)
     table, p = response.table(Inputs(np.full(len(u), period), u[:, None])), np.append(response.varied.nominal, 0.0)
-    y, _ = response.run(table, p[None], np.zeros(1), response.initial(arm)[None], slopes=False)
+    y, _ = response.run(table, p[None], np.zeros(1), response.initial(arm)[None])
     truth, rng = dict(zip(response.signals, y[0].T, strict=True)), np.random.default_rng(0)
     columns = {"t": np.arange(len(u)) * period, "u": u}
     for name in names:
@@ -65,8 +66,10 @@ def log_of(
     return path
 
 
-def fit(log: Path, *free: str, **options) -> aw.identification.Estimate:
-    return aw.identification.identify_motor(log, free=[*free] or None, delay=0.0, starts=4, **options).estimate
+def fit(log: Path, *free: str, fixed: dict[str, float] | None = None, **options) -> aw.identification.Estimate:
+    return aw.identification.identify_motor(
+        log, free=[*free] or None, fixed={"delay": 0.0} | (fixed or {}), search=MotorSearch(starts=4), **options
+    ).estimate
 
 
 def volts(rows: int = 1000, most: float = 10.0) -> np.ndarray:
@@ -113,7 +116,11 @@ def test_the_mode_of_the_bridge(tmp_path, mode):
     """Found by the fit of both: the wrong one predicts worse."""
     change = with_joint("[joints.limits]\nvoltage_v = 12")
     log = log_of(tmp_path, lambda text: change(with_motor(f'pwm = "{mode}"')(text)), volts(500))
-    found = aw.identification.identify_motor(log, delay=0.0, starts=2, pwm="compare", fixed={"limits.voltage_v": 12.0})
+    found = aw.identification.identify_motor(
+        log,
+        fixed={"limits.voltage_v": 12.0, "delay": 0.0},
+        search=MotorSearch(starts=2, pwm="compare"),
+    )
     for name in ("R", "Kt", "J", "coulomb"):
         assert found.estimate[PATHS[name]] == pytest.approx(TRUE[name], rel=0.02), name
     assert found.estimate.fit["run1: qd"]["fit_percent"] > 97

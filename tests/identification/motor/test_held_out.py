@@ -9,8 +9,9 @@ from typer.testing import CliRunner
 
 import armwright as aw
 from armwright.cli.app import app
-from armwright.identification.motor.held_out import MARK
-from armwright.identification.motor.page import plots
+from armwright.identification import MotorSearch
+from armwright.identification.motor.predictions import MARK
+from armwright.identification.motor.report import plots
 from identification.motor_truth import PATHS, TRUE, true_record, write_log
 
 RUN = '[[runs]]\nname = "r{k}"\nfiles.log = "run{k}.csv"\nuse = "{use}"\n'
@@ -28,7 +29,7 @@ def two_runs(folder: Path, rows: int = 800, **changes: float) -> Path:
 
 
 def test_a_held_out_run_is_predicted_as_well_as_the_fitted(tmp_path):
-    found = aw.identification.identify_motor(two_runs(tmp_path), starts=2)
+    found = aw.identification.identify_motor(two_runs(tmp_path), search=MotorSearch(starts=2))
     fitted, fresh = (found.estimate.fit[f"{run}: qd"]["fit_percent"] for run in ("r0", f"r1{MARK}"))
     assert fresh == pytest.approx(fitted, abs=1.0)
     assert fitted > 96.0, "1 % of noise of the largest speed is left"
@@ -41,16 +42,20 @@ def test_a_held_out_run_is_predicted_as_well_as_the_fitted(tmp_path):
 
 def test_a_held_out_run_of_another_motor_is_told(tmp_path):
     path = two_runs(tmp_path, coulomb=0.06)
-    before = aw.identification.identify_motor(path, starts=2)
+    before = aw.identification.identify_motor(path, search=MotorSearch(starts=2))
     assert f"r1{MARK}: qd is described worse than what was fitted" in str(before.estimate)
-    other = aw.identification.identify_motor(two_runs(tmp_path, R=6.0, coulomb=0.05), starts=2).estimate
+    other = aw.identification.identify_motor(
+        two_runs(tmp_path, R=6.0, coulomb=0.05), search=MotorSearch(starts=2)
+    ).estimate
     assert other.verdict == "not identified"
     assert "does not describe a run that it has not seen" in str(other)
 
 
 def test_the_experiment_that_would_tell_is_named(tmp_path):
     log = write_log(tmp_path, 0, ("qd",), rows=800)
-    found = aw.identification.identify_motor(log, fixed={"viscous": TRUE["viscous"]}, starts=2).estimate
+    found = aw.identification.identify_motor(
+        log, fixed={"viscous": TRUE["viscous"]}, search=MotorSearch(starts=2)
+    ).estimate
     assert not found.identifiable[found.number(PATHS["R"])]
     (sentence,) = (each for each in found.remarks if "the resistance is held" in each)
     assert "; a locked-rotor test with current would " in sentence
@@ -61,7 +66,7 @@ def test_the_experiment_that_would_tell_is_named(tmp_path):
 def test_the_written_record_is_judged_with_the_numbers_of_validate(tmp_path, load):
     """Bit by bit, both records; the old one is the truth, so that the fit is no more than its noise behind it."""
     log, record = two_runs(tmp_path), true_record(tmp_path)
-    found = aw.identification.identify_motor(log, record, load=load, starts=2)
+    found = aw.identification.identify_motor(log, record, load=load, search=MotorSearch(starts=2))
     assert found.hold_out is not None
     written = found.write(tmp_path / "written.toml")
     for path, of in ((written, "written"), (record, "before")):
@@ -89,10 +94,10 @@ def test_a_record_worse_than_the_one_that_it_replaces_is_not_identified(tmp_path
 
 @pytest.mark.study
 def test_a_bench_motor_has_nothing_to_be_compared_with(tmp_path):
-    found = aw.identification.identify_motor(two_runs(tmp_path), starts=2)
+    found = aw.identification.identify_motor(two_runs(tmp_path), search=MotorSearch(starts=2))
     assert found.hold_out is not None
     assert found.hold_out.before is None
     assert "no record came in" in str(found.estimate)
-    alone = aw.identification.identify_motor(write_log(tmp_path, 0, ("qd",), rows=400), starts=2)
+    alone = aw.identification.identify_motor(write_log(tmp_path, 0, ("qd",), rows=400), search=MotorSearch(starts=2))
     assert alone.hold_out is None
     assert "no run is held out" in str(alone.estimate)

@@ -7,6 +7,7 @@ import pytest
 
 import armwright as aw
 from armwright.errors import ArmwrightError, LogError, ModelError
+from armwright.identification import MotorReading, MotorSearch
 from identification.motor_truth import DELAY, PATHS, PERIOD, TRUE, true_record, write_log
 
 STARTS = 4
@@ -16,7 +17,7 @@ R, KT, J = (PATHS[name] for name in ("R", "Kt", "J"))
 @pytest.fixture(scope="module", params=range(2))
 def seed(request, tmp_path_factory):
     folder = tmp_path_factory.mktemp("seed")
-    return aw.identification.identify_motor(write_log(folder, request.param), starts=STARTS)
+    return aw.identification.identify_motor(write_log(folder, request.param), search=MotorSearch(starts=STARTS))
 
 
 @pytest.mark.study
@@ -48,7 +49,9 @@ def test_the_record_has_the_numbers_and_their_source(seed, tmp_path):
 
 def test_without_a_current_only_products_are_found_and_it_says_so(tmp_path):
     found = aw.identification.identify_motor(
-        write_log(tmp_path, 0, ("qd",)), fixed={"viscous": TRUE["viscous"]}, starts=STARTS
+        write_log(tmp_path, 0, ("qd",)),
+        fixed={"viscous": TRUE["viscous"]},
+        search=MotorSearch(starts=STARTS),
     )
     estimate = found.estimate
     assert not estimate.identifiable[estimate.number(R)]
@@ -57,7 +60,9 @@ def test_without_a_current_only_products_are_found_and_it_says_so(tmp_path):
     for words in ("resistance", "rotor inertia", "cannot be distinguished", "a log of the current"):
         assert words in text
     known = aw.identification.identify_motor(
-        tmp_path / "log.log.toml", fixed={"viscous": TRUE["viscous"], "R": TRUE["R"]}, starts=STARTS
+        tmp_path / "log.log.toml",
+        fixed={"viscous": TRUE["viscous"], "R": TRUE["R"]},
+        search=MotorSearch(starts=STARTS),
     ).estimate
     assert known[KT] == pytest.approx(TRUE["Kt"], rel=0.02)
     assert known[J] == pytest.approx(TRUE["J"], rel=0.03)
@@ -65,7 +70,10 @@ def test_without_a_current_only_products_are_found_and_it_says_so(tmp_path):
 
 def test_what_was_asked_for_and_cannot_be_told_is_not_identified(tmp_path):
     found = aw.identification.identify_motor(
-        write_log(tmp_path, 0, ("qd",)), free=["R", "Kt", "J", "coulomb"], delay=DELAY * PERIOD, starts=STARTS
+        write_log(tmp_path, 0, ("qd",)),
+        free=["R", "Kt", "J", "coulomb"],
+        fixed={"delay": DELAY * PERIOD},
+        search=MotorSearch(starts=STARTS),
     )
     assert found.estimate.verdict == "not identified"
     assert "R was to be fitted" in str(found.estimate)
@@ -77,7 +85,9 @@ def test_current_that_drives_tells_all_but_the_scale(tmp_path):
     log.write_text(
         text.replace(text[text.index("[[signals]]") : text.index("[[signals]]", text.index("[[signals]]") + 1)], "")
     )
-    found = aw.identification.identify_motor(log, fixed={"Kt": TRUE["Kt"]}, delay=0.0, starts=STARTS).estimate
+    found = aw.identification.identify_motor(
+        log, fixed={"Kt": TRUE["Kt"], "delay": 0.0}, search=MotorSearch(starts=STARTS)
+    ).estimate
     assert found[J] == pytest.approx(TRUE["J"], rel=0.05)
     assert found[PATHS["coulomb"]] == pytest.approx(TRUE["coulomb"], rel=0.2), "a current is not held from row to row"
 
@@ -85,7 +95,7 @@ def test_current_that_drives_tells_all_but_the_scale(tmp_path):
 def test_a_named_robot_keeps_its_file_and_gives_the_first_guess(tmp_path):
     log = write_log(tmp_path, 2)
     robot = true_record(tmp_path, R=2.0, J=5e-5)
-    found = aw.identification.identify_motor(log, robot, starts=STARTS)
+    found = aw.identification.identify_motor(log, robot, search=MotorSearch(starts=STARTS))
     path = found.write(tmp_path / "identified.toml")
     assert found.estimate[R] == pytest.approx(TRUE["R"], rel=0.02)
     assert "# with its load" in path.read_text()
@@ -98,12 +108,28 @@ def test_a_parameter_of_each_run_and_its_drift(tmp_path):
     runs = "".join(f'[[runs]]\nname = "r{k}"\nfiles.log = "run{k}.csv"\n' for k in range(2))
     both = tmp_path / "both.log.toml"
     both.write_text(text.replace('path = "run0.csv"', "").replace("[time]", f"{runs}[time]"))
-    estimate = aw.identification.identify_motor(both, per_run=["coulomb"], starts=STARTS).estimate
+    estimate = aw.identification.identify_motor(both, search=MotorSearch(per_run=["coulomb"], starts=STARTS)).estimate
     path = PATHS["coulomb"]
     assert estimate[f"r0: {path}"] == pytest.approx(0.012, rel=0.02)
     assert estimate[f"r1: {path}"] == pytest.approx(0.015, rel=0.02)
     assert estimate[path] == pytest.approx(0.0135, rel=0.02)
     assert "drifts by" in str(estimate)
+
+
+@pytest.mark.parametrize("options", [{"starts": 0}, {"most_delay": -1}, {"per_run": "coulomb"}])
+def test_a_search_that_cannot_be_is_refused(options):
+    with pytest.raises(ModelError) as caught:
+        MotorSearch(**options)
+    assert caught.value.place == next(iter(options))
+
+
+def test_a_delay_may_be_known_like_any_number(tmp_path):
+    log = write_log(tmp_path, 0, rows=400)
+    found = aw.identification.identify_motor(
+        log, fixed={"delay": DELAY * PERIOD}, search=MotorSearch(starts=1)
+    ).estimate
+    assert "delay_s" not in found.names
+    assert found[J] == pytest.approx(TRUE["J"], rel=0.1)
 
 
 def test_bad_input_is_refused(tmp_path):
@@ -115,12 +141,11 @@ def test_bad_input_is_refused(tmp_path):
         {"free": ["R"], "fixed": {"R": 1.0}},
         {"joint": "elbow"},
         {"arm": "cmu-dd"},
-        {"starts": 0},
-        {"runs": ["run9"]},
-        {"signals": ["tau"]},
+        {"reading": MotorReading(runs=["run9"])},
+        {"reading": MotorReading(signals=["tau"])},
+        {"reading": MotorReading(static=log.parent / "nowhere.log.toml")},
         {"fixed": {"R": -1.0}},
-        {"delay": 3.0},
-        {"static": log.parent / "nowhere.log.toml"},
+        {"fixed": {"delay": 3.0}},
     ]
     for options in wrong:
         with pytest.raises(ArmwrightError):
@@ -149,7 +174,11 @@ def test_a_rotor_inertia_at_the_bound_of_its_search_is_marked(tmp_path):
     """A record that is wrong by more than the search reaches: no number is made of it."""
     log = write_log(tmp_path, 4, rows=400)
     found = aw.identification.identify_motor(
-        log, true_record(tmp_path, J=TRUE["J"] * 2e4), free=["J"], delay=DELAY * PERIOD, starts=1
+        log,
+        true_record(tmp_path, J=TRUE["J"] * 2e4),
+        free=["J"],
+        fixed={"delay": DELAY * PERIOD},
+        search=MotorSearch(starts=1),
     ).estimate
     assert found.verdict == "not identified"
     assert found.at_bound[found.number(J)]

@@ -9,6 +9,7 @@ import pytest
 
 import armwright as aw
 from armwright.errors import ModelError
+from armwright.identification import MotorSearch
 from identification.motor_truth import DELAY, PERIOD, TRUE, commands, exact, rounded
 
 RATIO, LOAD, STARTS = -20.0, 0.03, 4
@@ -115,7 +116,11 @@ def check(estimate: aw.identification.Estimate, joint: str, **values: float) -> 
 
 def test_one_motor_off_its_arm_goes_into_its_joint(tmp_path):
     fit = aw.identification.identify_motor(
-        log_of(tmp_path, {"elbow": logged(1)}), arm_of(tmp_path), joint="elbow", load=0, starts=STARTS
+        log_of(tmp_path, {"elbow": logged(1)}),
+        arm_of(tmp_path),
+        joint="elbow",
+        load=0,
+        search=MotorSearch(starts=STARTS),
     )
     check(fit.estimate, "elbow")
     assert fit.estimate["delay_s"] / PERIOD == pytest.approx(DELAY, abs=0.1)
@@ -134,7 +139,7 @@ def test_all_motors_of_an_arm_each_with_its_own_load(tmp_path):
     with_load = TRUE["J"] + LOAD / RATIO**2
     motors = {"shoulder": logged(2, R=2.4, Kt=0.06), "elbow": logged(3, J=with_load)}
     estimate = aw.identification.identify_motor(
-        log_of(tmp_path, motors), arm_of(tmp_path), load=loads, starts=STARTS
+        log_of(tmp_path, motors), arm_of(tmp_path), load=loads, search=MotorSearch(starts=STARTS)
     ).estimate
     check(estimate, "shoulder", R=2.4, Kt=0.06)
     check(estimate, "elbow")
@@ -152,9 +157,15 @@ def test_a_locked_rotor_tells_resistance_and_inductance(tmp_path):
     log = log_of(tmp_path, {"elbow": {"u": u, "current": noisy}})
     fits = [
         aw.identification.identify_motor(
-            log, arm_of(tmp_path), joint="elbow", locked=True, free=["R", "L"], delay=0.0, starts=STARTS
+            log,
+            arm_of(tmp_path),
+            joint="elbow",
+            locked=True,
+            free=["R", "L"],
+            fixed={"delay": 0.0},
+            search=MotorSearch(starts=STARTS),
         ),
-        aw.identification.identify_motor(log, locked=True, starts=STARTS),
+        aw.identification.identify_motor(log, locked=True, search=MotorSearch(starts=STARTS)),
     ]
     for estimate in (fit.estimate for fit in fits):
         assert estimate.verdict == "identified"
@@ -187,7 +198,7 @@ def test_a_gear_that_turns_backwards_on_a_bench(tmp_path):
     heads = ",".join(columns)
     np.savetxt(tmp_path / "bench.csv", np.column_stack([*columns.values()]), delimiter=",", header=heads, comments="")
     (tmp_path / "bench.log.toml").write_text(BACKWARDS)
-    fit = aw.identification.identify_motor(tmp_path / "bench.log.toml", starts=4)
+    fit = aw.identification.identify_motor(tmp_path / "bench.log.toml", search=MotorSearch(starts=4))
     assert fit.estimate.verdict == "identified"
     check(fit.estimate, "spin", coulomb=40.0 * TRUE["coulomb"])
     assert aw.load(fit.write(tmp_path / "spin.toml")).coordinates[0].drive.gear_ratio == -40.0

@@ -9,6 +9,7 @@ import pytest
 
 import armwright as aw
 from armwright.errors import ModelError
+from armwright.identification import MotorSearch
 from identification.motor_truth import PATHS, TRUE, true_record, write_log
 
 R, KT = PATHS["R"], PATHS["Kt"]
@@ -26,7 +27,10 @@ def test_a_prior_tells_what_the_log_does_not(tmp_path):
     """Without a current R, J and Coulomb friction are known as ratios: their relative deviations are hardly more than its."""
     log = write_log(tmp_path, 0, ("qd",), rows=800)
     fit = aw.identification.identify_motor(
-        log, with_prior(tmp_path, 1.25, 0.05), priors=True, starts=1, fixed={"viscous": TRUE["viscous"]}
+        log,
+        with_prior(tmp_path, 1.25, 0.05),
+        fixed={"viscous": TRUE["viscous"]},
+        search=MotorSearch(priors=True, starts=1),
     )
     estimate = fit.estimate
     assert estimate.identifiable[estimate.number(R)]
@@ -41,20 +45,24 @@ def test_a_prior_tells_what_the_log_does_not(tmp_path):
 def test_two_measurements_of_one_number_are_weighed(tmp_path):
     """Posterior of two normal measurements: weights by their variances."""
     log = write_log(tmp_path, 0, rows=800)
-    alone = aw.identification.identify_motor(log, true_record(tmp_path), starts=1).estimate
+    alone = aw.identification.identify_motor(log, true_record(tmp_path), search=MotorSearch(starts=1)).estimate
     k = alone.number(R)
     value, std = float(alone.values[k]), float(alone.std[k])
     prior = value + 2.0 * std
-    both = aw.identification.identify_motor(log, with_prior(tmp_path, prior, std), priors=True, starts=1).estimate
+    both = aw.identification.identify_motor(
+        log, with_prior(tmp_path, prior, std), search=MotorSearch(priors=True, starts=1)
+    ).estimate
     assert both[R] == pytest.approx(value + std, abs=0.25 * std), "half way: both are known as well"
     assert both.std[k] == pytest.approx(std / np.sqrt(2.0), rel=0.1)
-    far = aw.identification.identify_motor(log, with_prior(tmp_path, 1.5, 0.02), priors=True, starts=1).estimate
+    far = aw.identification.identify_motor(
+        log, with_prior(tmp_path, 1.5, 0.02), search=MotorSearch(priors=True, starts=1)
+    ).estimate
     assert "the log and the record contradict each other" in str(far)
 
 
 def test_priors_need_a_record_that_states_them(tmp_path):
     log = write_log(tmp_path, 0, rows=200)
     with pytest.raises(ModelError, match="goes with a robot"):
-        aw.identification.identify_motor(log, priors=True)
+        aw.identification.identify_motor(log, search=MotorSearch(priors=True))
     with pytest.raises(ModelError, match="states no standard deviation"):
-        aw.identification.identify_motor(log, true_record(tmp_path), priors=True)
+        aw.identification.identify_motor(log, true_record(tmp_path), search=MotorSearch(priors=True))

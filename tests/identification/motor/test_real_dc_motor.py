@@ -11,6 +11,7 @@ from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
 import armwright as aw
+from armwright.identification import MotorReading, MotorSearch
 from identification.real_logs import DATA, DC_MOTOR, log_of
 
 FOLDER = DATA / "dc_motor"
@@ -46,7 +47,10 @@ def test_one_set_of_constants_for_all_logs(log, tmp_path):
     path = tmp_path / "static.log.toml"
     path.write_text(STATIC.format(folder=FOLDER.as_posix()))
     found = aw.identification.identify_motor(
-        log, runs=["prbs", "step"], static=path, pwm="coast", fixed={"limits.voltage_v": 5.0}, per_run=["coulomb"]
+        log,
+        fixed={"limits.voltage_v": 5.0},
+        reading=MotorReading(runs=["prbs", "step"], static=path),
+        search=MotorSearch(pwm="coast", per_run=["coulomb"]),
     ).estimate
     assert found.fit["static: qd"]["r2"] > 0.999
     assert found.fit["prbs: qd"]["fit_percent"] > 76
@@ -65,11 +69,15 @@ def test_held_out_stretches_are_predicted_better_than_by_a_linear_model(log, tmp
     ends = np.linspace(0, len(prbs), FOLDS + 1).astype(int)
     before, held, behind = np.split(prbs, ends[fold : fold + 2])
     others = [part for part in (before, behind) if len(part)]
-    fit = aw.identification.identify_motor(log_of_parts(tmp_path, "fitted", others), starts=4)
+    fit = aw.identification.identify_motor(log_of_parts(tmp_path, "fitted", others), search=MotorSearch(starts=4))
     record = fit.write(tmp_path / "motor.toml")
     delay = fit.estimate["delay_s"] if "delay_s" in fit.estimate.names else 0.0
     own = aw.identification.identify_motor(
-        log_of_parts(tmp_path, "held", [held]), record, free=["offset"], delay=delay, starts=1
+        log_of_parts(tmp_path, "held", [held]),
+        record,
+        free=["offset"],
+        fixed={"delay": delay},
+        search=MotorSearch(starts=1),
     )
     (measures,) = own.estimate.fit.values()
     assert measures["fit_percent"] > linear(others, held)

@@ -23,12 +23,12 @@ def response(arm):
     return Response(Varied(arm, list(PATHS.values())), ["q", "qd", "current"], 6, 3)
 
 
-def run(response, delay=DELAY, slopes=False, change=0.0, at=None, start=(0.3, 5.0)):
+def run(response, delay=DELAY, change=0.0, at=None, start=(0.3, 5.0)):
     u = commands(np.random.default_rng(1), ROWS)[:, None]
     p, x = np.append(response.varied.nominal, 0.0), np.array(start)
     if at is not None and at < len(p):
         p[at] += change
-    return response.run(response.table(Inputs(np.full(ROWS, PERIOD), u)), p[None], np.array([delay]), x[None], slopes)
+    return response.run(response.table(Inputs(np.full(ROWS, PERIOD), u)), p[None], np.array([delay]), x[None])
 
 
 def test_the_response_is_the_closed_form(response):
@@ -46,7 +46,7 @@ def test_steps_that_end_at_rest_converge_fast(arm):
     for substeps in (1, 2, 4):
         response = Response(Varied(arm, [PATHS["R"]]), ["q"], 3, substeps)
         table = response.table(Inputs(np.full(ROWS, PERIOD), u[:, None]))
-        y, _ = response.run(table, np.array([[TRUE["R"], 0.0]]), np.array([DELAY]), np.array([[0.3, 0.0]]), False)
+        y, _ = response.run(table, np.array([[TRUE["R"], 0.0]]), np.array([DELAY]), np.array([[0.3, 0.0]]))
         errors.append(np.abs(y[0, :, 0] - truth).max())
     assert errors[0] / errors[1] > 4.0
     assert errors[2] < 5e-6
@@ -56,7 +56,7 @@ def test_steps_that_end_at_rest_converge_fast(arm):
 def test_derivatives_by_parameters(response, name):
     at = [*PATHS, "offset"].index(name)
     size = 1e-6 * (1.0 if name == "offset" else TRUE[name])
-    _, slopes = run(response, slopes=True)
+    _, slopes = run(response)
     ends = [run(response, change=sign * size, at=at)[0] for sign in (1, -1)]
     direction = at if name != "offset" else len(PATHS) + 1
     expected = (ends[0] - ends[1]) / (2 * size)
@@ -65,14 +65,14 @@ def test_derivatives_by_parameters(response, name):
 
 @pytest.mark.parametrize("delay", [0.4, 2.3, 3.0])
 def test_the_derivative_by_the_delay_holds_in_position_across_whole_samples(response, delay):
-    _, slopes = run(response, delay, slopes=True)
+    _, slopes = run(response, delay)
     ends = [run(response, delay + sign * 1e-6)[0] for sign in (1, -1)]
     expected = (ends[0] - ends[1])[0, :, 0] / 2e-6
     np.testing.assert_allclose(slopes[0, :, 0, len(PATHS)], expected, atol=1e-3 * np.abs(expected).max())
 
 
 def test_derivatives_by_the_initial_state(response):
-    _, slopes = run(response, slopes=True)
+    _, slopes = run(response)
     ends = [run(response, start=(0.3, 5.0 + sign * 1e-6))[0] for sign in (1, -1)]
     expected = (ends[0] - ends[1]) / 2e-6
     np.testing.assert_allclose(slopes[..., -1], expected, atol=1e-4 * np.abs(expected).max())
@@ -84,8 +84,8 @@ def test_lanes_are_independent(response):
     rng = np.random.default_rng(2)
     p = np.append(response.varied.nominal, 0.0) * rng.uniform(0.5, 2.0, (11, len(PATHS) + 1))
     delay, start = rng.uniform(0.0, 6.5, 11), rng.normal(size=(11, 2))
-    y, dy = response.run(table, p, delay, start, True)
-    one, slopes = response.run(table, p[7:8], delay[7:8], start[7:8], True)
+    y, dy = response.run(table, p, delay, start)
+    one, slopes = response.run(table, p[7:8], delay[7:8], start[7:8])
     np.testing.assert_array_equal(y[7], one[0])
     np.testing.assert_array_equal(dy[7], slopes[0])
 

@@ -1,6 +1,6 @@
 """Motions that excite an arm for identification: Fourier series of the best condition, within limits. [SweversEtAl1997]
 
-    minimise    condition number, or -log det, of the base regressor over a period
+    minimise    condition number, or -log det, of the base regressor over a cycle
     subject to  rest at both ends, and limits of position, speed, acceleration, torque, voltage and of the tip's place
 
 IPOPT solves it from several random starts [WachterBiegler2006]; the regressor and the torques are traced from the same
@@ -26,7 +26,6 @@ from armwright.errors import ScenarioError
 from armwright.identification.experiments.columns import DRIVES, BaseRegressor
 from armwright.identification.experiments.information import (
     Criterion,
-    Scaling,
     condition_number,
     criterion_function,
 )
@@ -39,7 +38,9 @@ from armwright.progress import Shown, automatic
 from armwright.results.csv_tables import joint_columns, write_table
 from armwright.results.result import Result
 from armwright.results.table import Table, number
+from armwright.scalar import real_number
 from armwright.trajectory.fourier import Fourier, rest_rows, series_matrices
+from armwright.trajectory.limits import MotionLimits
 
 SUPPORT = KERNELS.named("excite")
 
@@ -53,6 +54,11 @@ SMALLEST_SPEED = 0.01  # of the largest: smooths the sign in Coulomb's column, w
 SIZE_WEIGHT = 0.05  # of logdet beside the condition number: the larger of two motions counts
 DRAWN = 50  # random motions for a start, which is the best of them
 RATE = 500.0  # [Hz] of rows of a saved motion
+MINIMISED: dict[str, str] = {
+    "condition": "the condition number of the base regressor with columns of length 1",
+    "condition_si": "the condition number of the base regressor in SI units",
+    "logdet": "-log det of the information of the base regressor",
+}
 FIRST = 0.5  # part of the limits of position and speed that a random start uses
 
 
@@ -61,7 +67,7 @@ class Excitation(Result):
     """A designed motion.
 
     Attributes:
-        limits: that it keeps.   trajectory: one period, from rest to rest.
+        limits: that it keeps.   trajectory: one cycle, from rest to rest.
         condition: number of the base regressor with columns of length 1.
         condition_si: the same in SI units, as most papers state it.   logdet: log det of WᵀW.
         columns: (p,) names of the base columns that it excites.
@@ -96,7 +102,7 @@ class Excitation(Result):
         return {name: 1.0 - part for name, part in self.used.items()}
 
     def states(self, rate: float = RATE) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """t (k,) [s] and q, q̇, q̈ (k, n) of the period, both ends included, `rate` rows a second."""
+        """t (k,) [s] and q, q̇, q̈ (k, n) of the cycle, both ends included, `rate` rows a second."""
         t = np.append(np.arange(0.0, self.trajectory.duration, 1.0 / rate), self.trajectory.duration)
         return t, *self.trajectory.at(t)
 
@@ -153,18 +159,13 @@ class Excitation(Result):
 def design_excitation(
     arm: AnyArm,
     *,
-    period: float = 10.0,
-    harmonics: int = 5,
-    starts: int = 4,
-    criterion: Criterion = "condition",
-    scaling: Scaling = "columns",
-    drives: Sequence[str] = DRIVES,
-    position: Any = None,
-    velocity: Any = None,
-    acceleration: Any = None,
-    torque: Any = None,
-    voltage: Any = None,
+    limits: MotionLimits | None = None,
     box: Any = None,
+    cycle: float = 10.0,
+    harmonics: int = 5,
+    criterion: Criterion = "condition",
+    drives: Sequence[str] = DRIVES,
+    starts: int = 4,
     seed: int = 0,
     progress: Shown = None,
 ) -> Excitation:
@@ -172,15 +173,13 @@ def design_excitation(
 
     Args:
         arm: a full record, or kinematics alone; then only motion limits are honoured. A payload of the record counts.
-        period: [s].   harmonics: of each joint, 2 or more.   starts: random ones, from `seed`; the best motion counts.
-        criterion: "condition" of the base regressor, or "logdet" of its information, which asks for large motions as well.
-        scaling: "columns": the condition number of columns of length 1; "none": of the regressor in SI units.
+        limits: `MotionLimits.of(arm, velocity=…, torque=…)`, the record's but for these; None: the record's. Jerk does not count.
+        box: (2, 3) lowest and highest x, y, z of the tip in base axes [m].
+        cycle: duration of the motion [s], after which it repeats itself.   harmonics: of each joint, 2 or more.
+        criterion: "condition" of the base regressor with columns of length 1, "condition_si" of that in SI units, or "logdet" of
+            its information, which asks for large motions as well.
         drives: columns beside the links': "rotor", "viscous", "coulomb", "offset".
-        position: (n, 2) bounds, or one number to either side [rad | m]; None: the record's.
-        velocity: largest magnitude, one or (n,) [rad/s | m/s]; None: the record's.
-        acceleration: likewise [rad/s² | m/s²].
-        torque: motor torque referred to the joints, likewise [N m | N].   voltage: of the motors [V].
-        box: (2, 3) lowest and highest x, y, z of the tip in base axes [m].   seed: of the starts.
+        starts: random ones, from `seed`; the best motion counts.   seed: of the starts.
         progress: True or None: a bar where it is seen; False: none; a function is called with starts done, and all.
     Returns:
         excitation: trajectory, condition number, used part of every limit, reasons.
@@ -188,27 +187,23 @@ def design_excitation(
         ScenarioError: numbers that are none, a joint that nothing bounds, or no motion within the limits.
     """
     arm = as_arm(arm)
-    _check(period, harmonics, starts, criterion, scaling, seed)
-    given = {
-        "position": position, "velocity": velocity, "acceleration": acceleration, "torque": torque, "voltage": voltage,
-    }  # fmt: skip
-    limits = excitation_limits(arm, box, **given)
-    problem = Problem.of(
-        limits, BaseRegressor.of(arm, drives, _smoothing(limits, period, harmonics)), period, harmonics
-    )
+    _check(cycle, harmonics, starts, criterion, seed)
+    bounds = excitation_limits(arm, limits, box)
+    columns = BaseRegressor.of(arm, drives, _smoothing(bounds, cycle, harmonics))
+    problem = ExcitationProblem.of(bounds, columns, cycle, harmonics, criterion)
     found = []
     with automatic(progress, f"designing a motion of {arm.name}") as tell:
         for k in range(starts):
             tell(k, starts)
-            found.append(problem.solved(np.random.default_rng([seed, k]), criterion, scaling))
+            found.append(problem.solved(np.random.default_rng([seed, k])))
         tell(starts, starts)
     within = [each for each in found if each is not None]
     if not within:
         raise ScenarioError(
             f"no motion within the limits was found from {starts} starts", place=arm.name,
-            expected="wider limits, a longer period or more starts",
+            expected="wider limits, a longer cycle or more starts",
         )  # fmt: skip
-    return _result(problem, min(within, key=lambda x: problem.value(x, criterion, scaling)), found, criterion, scaling)
+    return _result(problem, min(within, key=problem.value), found)
 
 
 def _kept(used: dict[str, np.ndarray], outside: float) -> bool:
@@ -216,10 +211,9 @@ def _kept(used: dict[str, np.ndarray], outside: float) -> bool:
     return all(np.nanmax(each, initial=0.0) <= KEPT for each in used.values()) and outside <= 0.0
 
 
-def _check(period: Any, harmonics: Any, starts: Any, criterion: Any, scaling: Any, seed: Any) -> None:
-    is_number = isinstance(period, (int, float, np.number)) and not isinstance(period, bool)
-    if not is_number or not 1e-6 < period < 1e6:
-        raise ScenarioError(place="period", value=period, expected="a time from 1e-6 to 1e6 s")
+def _check(cycle: Any, harmonics: Any, starts: Any, criterion: Any, seed: Any) -> None:
+    if not 1e-6 < (real_number(cycle) or 0.0) < 1e6:
+        raise ScenarioError(place="cycle", value=cycle, expected="a time from 1e-6 to 1e6 s")
     for name, value, least, most in (
         ("harmonics", harmonics, 2, 50),
         ("starts", starts, 1, 1000),
@@ -227,44 +221,46 @@ def _check(period: Any, harmonics: Any, starts: Any, criterion: Any, scaling: An
     ):
         if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not least <= value <= most:
             raise ScenarioError(place=name, value=value, expected=f"a whole number, {least} … {most}")
-    for name, value, known in (
-        ("criterion", criterion, ("condition", "logdet")),
-        ("scaling", scaling, ("columns", "none")),
-    ):
-        if value not in known:
-            raise ScenarioError("unknown", place=name, value=value, choices=known)
+    if criterion not in MINIMISED:
+        raise ScenarioError("unknown", place="criterion", value=criterion, choices=MINIMISED)
 
 
-def _smoothing(limits: ExcitationLimits, period: float, harmonics: int) -> np.ndarray:
+def _smoothing(limits: ExcitationLimits, cycle: float, harmonics: int) -> np.ndarray:
     """(n,) speed that smooths Coulomb's sign: the record's, or a part of the largest speed."""
-    natural = 0.5 * (limits.high - limits.low) * 2.0 * np.pi / period * harmonics
+    natural = 0.5 * (limits.high - limits.low) * 2.0 * np.pi / cycle * harmonics
     usual = SMALLEST_SPEED * np.minimum(limits.most["velocity"], natural)
     known = [None if body.friction is None else body.friction.smoothing for body in limits.arm.coordinates]
     return np.array([usual[k] if speed is None else float(speed) for k, speed in enumerate(known)])
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
+class ExcitationProblem:
     """The optimisation problem: unknowns x (n K) are for each joint [centre, K - 1 coefficients] / scale.
 
     Attributes:
-        limits: of the motion.   columns: of the base regressor.   period: [s].   harmonics: of each joint.
-        rest: (2 harmonics, K - 1) coefficients that start and end at rest.   scale: (n,) of a joint's unknowns.
+        limits: of the motion.   columns: of the base regressor.   cycle: [s].   harmonics: of each joint.
+        criterion: what is minimised.   rest: (2 harmonics, K - 1) coefficients that start and end at rest.
+        scale: (n,) of a joint's unknowns.
     """
 
     limits: ExcitationLimits
     columns: BaseRegressor
-    period: float
+    cycle: float
     harmonics: int
+    criterion: Criterion
     rest: np.ndarray
     scale: np.ndarray
 
     @classmethod
-    def of(cls, limits: ExcitationLimits, columns: BaseRegressor, period: float, harmonics: int) -> Problem:
+    def of(
+        cls, limits: ExcitationLimits, columns: BaseRegressor, cycle: float, harmonics: int, criterion: Criterion = "condition"
+    ) -> ExcitationProblem:  # fmt: skip
         """The problem of an arm with its limits."""
         rest = np.asarray(block_diag(*(null_space(row[None]) for row in rest_rows(harmonics))))
-        slow = limits.most["velocity"] * period / (2.0 * np.pi)  # amplitude at the speed limit
-        return cls(limits, columns, period, harmonics, rest, np.minimum(0.5 * (limits.high - limits.low), slow))
+        slow = limits.most["velocity"] * cycle / (2.0 * np.pi)  # amplitude at the speed limit
+        return cls(
+            limits, columns, cycle, harmonics, criterion, rest, np.minimum(0.5 * (limits.high - limits.low), slow)
+        )
 
     @property
     def samples(self) -> int:
@@ -272,9 +268,9 @@ class Problem:
         return SAMPLES * self.harmonics
 
     def basis(self, count: int) -> list[np.ndarray]:
-        """Values of q, q̇, q̈ by a joint's unknowns, each (count, K), at instants spread over the period."""
-        t = np.arange(count)[:, None] * (self.period / count)
-        blocks = [part @ self.rest for part in series_matrices(self.harmonics, self.period, t)]
+        """Values of q, q̇, q̈ by a joint's unknowns, each (count, K), at instants spread over the cycle."""
+        t = np.arange(count)[:, None] * (self.cycle / count)
+        blocks = [part @ self.rest for part in series_matrices(self.harmonics, self.cycle, t)]
         return [np.hstack([np.full((count, 1), float(k == 0)), block]) for k, block in enumerate(blocks)]
 
     def states(self, x: np.ndarray, count: int) -> list[np.ndarray]:
@@ -283,28 +279,30 @@ class Problem:
         return [part @ coefficients for part in self.basis(count)]
 
     def trajectory(self, x: np.ndarray) -> Fourier:
-        """The motion, one period of it."""
+        """The motion, one cycle of it."""
         rows = x.reshape(len(self.scale), -1) * self.scale[:, None]
         sine, cosine = np.split(rows[:, 1:] @ self.rest.T, 2, axis=1)
-        return Fourier(rows[:, 0], sine, cosine, self.period, periods=1)
+        return Fourier(rows[:, 0], sine, cosine, self.cycle, cycles=1)
 
     def information(self, x: np.ndarray) -> np.ndarray:
         """WᵀW (p, p) over the dense grid, by the compiled regressor, divided by its number of instants."""
         count = DENSER * self.samples
         return self.columns.information(*self.states(x, count)) / count
 
-    def value(self, x: np.ndarray, criterion: Criterion, scaling: Scaling) -> float:
+    def value(self, x: np.ndarray) -> float:
         """Objective of the optimisation, on the dense grid."""
         information = self.information(x)
-        return (
-            condition_number(information, scaling) if criterion == "condition" else -np.linalg.slogdet(information)[1]
-        )
+        return -np.linalg.slogdet(information)[1] if self.criterion == "logdet" else self.condition(information)
 
-    def solved(self, generator: np.random.Generator, criterion: Criterion, scaling: Scaling) -> np.ndarray | None:
+    def condition(self, information: np.ndarray) -> float:
+        """Condition number of the regressor: in SI units where these are minimised, else with columns of length 1."""
+        return condition_number(information, "none" if self.criterion == "condition_si" else "columns")
+
+    def solved(self, generator: np.random.Generator) -> np.ndarray | None:
         """The best x from a random start; None if no motion is within the limits."""
-        solver, bounds = self._solver(criterion, scaling)
+        solver, bounds = self._solver()
         drawn = [self.random(generator) for _ in range(DRAWN)]
-        x = min(drawn, key=lambda each: self.value(each, criterion, scaling))
+        x = min(drawn, key=self.value)
         part = {name: np.ones(len(self.scale)) for name in self.limits.used_names}
         inset = 0.0
         for _ in range(ROUNDS):
@@ -358,7 +356,7 @@ class Problem:
         most = np.maximum(np.abs(q - centre).max(axis=0) / room, np.abs(qd).max(axis=0) / self.limits.most["velocity"])
         return self.swung(x.ravel(), FIRST / most)
 
-    def _solver(self, criterion: Criterion, scaling: Scaling) -> tuple[Any, Any]:
+    def _solver(self) -> tuple[Any, Any]:
         """IPOPT for the problem, and a function of the limits' parts → bounds of its constraints."""
         n, count = len(self.scale), self.samples
         basis = self.basis(count)
@@ -367,9 +365,9 @@ class Problem:
         q, qd, qdd = ((casadi.DM(part) @ coefficients).T for part in basis)  # (n, count)
         rows = self.columns.graph().map(count)(q, qd, qdd)  # Yᵀ (p, n count)
         information = rows @ rows.T / count
-        objective = criterion_function(len(self.columns), criterion, scaling)(information)
-        if criterion == "condition":
-            objective += SIZE_WEIGHT * criterion_function(len(self.columns), "logdet", scaling)(information)
+        objective = criterion_function(len(self.columns), self.criterion)(information)
+        if self.criterion != "logdet":
+            objective += SIZE_WEIGHT * criterion_function(len(self.columns), "logdet")(information)
         values, bounds = self._constraints(q, qd, qdd)
         options = {
             "ipopt.hessian_approximation": "limited-memory", "ipopt.limited_memory_max_history": 30,
@@ -424,17 +422,13 @@ def _mapped(arm: Model, name: str, count: int) -> casadi.Function:
     return trace_kernel(arm, SIGNATURES[name]).graph.map(count)
 
 
-def _result(
-    problem: Problem, x: np.ndarray, found: Sequence[np.ndarray | None], criterion: Criterion, scaling: Scaling
-) -> Excitation:
+def _result(problem: ExcitationProblem, x: np.ndarray, found: Sequence[np.ndarray | None]) -> Excitation:
     """The design as users have it."""
     information, count = problem.information(x), DENSER * problem.samples
-    starts = tuple(np.inf if each is None else condition_number(problem.information(each), scaling) for each in found)
-    what = {"condition": "the condition number", "logdet": "-log det of the information"}[criterion]
-    units = {"columns": "with columns of length 1", "none": "in SI units"}[scaling] if criterion == "condition" else ""
+    starts = tuple(np.inf if each is None else problem.condition(problem.information(each)) for each in found)
     reasons = [
-        f"minimised: {what} of the base regressor {units}".rstrip() + f", from {len(found)} starts",
-        f"limits judged at {count} instants of the period",
+        f"minimised: {MINIMISED[problem.criterion]}, from {len(found)} starts",
+        f"limits judged at {count} instants of the cycle",
         *problem.limits.reasons,
         "self-collision is not checked: look at the motion before it runs",
     ]

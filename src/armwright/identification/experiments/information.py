@@ -10,7 +10,7 @@ from typing import Literal
 import casadi
 import numpy as np
 
-Criterion = Literal["condition", "logdet"]
+Criterion = Literal["condition", "condition_si", "logdet"]
 Scaling = Literal["columns", "none"]
 POWER = 4  # of eigenvalues: (Σ λ^k Σ λ^-k)^(1/2k) is a smooth bound of the condition number, at most p^(1/k) times it
 FLOOR = 1e-13  # of the mean eigenvalue, added to each: information that is singular at a start still has a criterion
@@ -41,15 +41,16 @@ def condition_number(information: np.ndarray, scaling: Scaling = "columns") -> f
     return float(np.sqrt(values[-1] / values[0])) if values[0] > SMALLEST * values[-1] else np.inf
 
 
-def criterion_function(size: int, criterion: Criterion, scaling: Scaling) -> casadi.Function:
+def criterion_function(size: int, criterion: Criterion) -> casadi.Function:
     """G (p, p) → what a design minimises, as a smooth function of CasADi.
 
-    "condition":  log (tr C^k tr C^-k)^(1/2k),  C = G scaled, k = POWER: at least the logarithm of the condition number of W, and
-    above it by at most log(p)/k. "logdet":  -log det G / 2p,  the mean logarithm of the half axes of the ellipsoid of confidence;
-    it asks for large motions too, and does not depend on the units of the parameters but for a constant.
+    "condition":  log (tr C^k tr C^-k)^(1/2k),  C = G of columns of length 1, k = POWER: at least the logarithm of the condition
+    number of W, and above it by at most log(p)/k. "condition_si": the same of G as it is, in SI units.
+    "logdet":  -log det G / 2p,  the mean logarithm of the half axes of the ellipsoid of confidence; it asks for large motions
+    too, and does not depend on the units of the parameters but for a constant.
 
     Args:
-        size: p.   criterion, scaling: as above.
+        size: p.   criterion: one of these.
     """
     matrix = casadi.MX.sym("G", size, size)
     lengths = casadi.sqrt(casadi.diag(matrix))
@@ -60,7 +61,7 @@ def criterion_function(size: int, criterion: Criterion, scaling: Scaling) -> cas
         pivots = casadi.Function("pivots", [symbols], [casadi.ldl(symbols, False)[0]])(scaled_matrix)
         value = -(casadi.sum1(casadi.log(pivots)) / 2.0 + casadi.sum1(casadi.log(lengths))) / size
     else:
-        if scaling == "none":
+        if criterion == "condition_si":
             mean = casadi.trace(matrix) / size
             scaled_matrix = matrix / mean + FLOOR * eye
         square = scaled_matrix @ scaled_matrix

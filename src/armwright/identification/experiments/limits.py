@@ -8,15 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from armwright import scalar
+from armwright.entry import expect
 from armwright.errors import ScenarioError
 from armwright.kernels.compiled import CompiledArm, compile_arm
-from armwright.model import Body, Model
-from armwright.trajectory.limits import LARGEST, checked_limit
+from armwright.model import Model
+from armwright.trajectory.limits import MotionLimits
 from armwright.trajectory.rest import torques
 
 WHOLE_TURN = np.pi  # [rad] to either side, of revolute joints without limits
-MOTION = ("position", "velocity", "acceleration")
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,27 +88,22 @@ class ExcitationLimits:
         return float(max((self.box[0] - tip).max(), (tip - self.box[1]).max(), 0.0))
 
 
-def excitation_limits(arm: Model, box: Any = None, **given: Any) -> ExcitationLimits:
-    """Limits for a designed motion: those of the record, or the given ones.
+def excitation_limits(arm: Model, limits: MotionLimits | None = None, box: Any = None) -> ExcitationLimits:
+    """Limits for a designed motion, without those that the record is not complete enough to check.
 
     Args:
-        arm: the model.   box: (2, 3) lowest and highest x, y, z of the tip in base axes [m]; infinite where free.
-        given: `position` (n, 2) or one number to either side; `velocity`, `acceleration`, `torque`, `voltage` one number or
-            (n,); None: the record's.
+        arm: the model.   limits: None: the record's.
+        box: (2, 3) lowest and highest x, y, z of the tip in base axes [m]; infinite where free.
     Raises:
         ScenarioError: a limit that is none, or a joint that nothing bounds.
     """
-    reasons: list[str] = []
-    limits = [body.limits for body in arm.coordinates]
-    low, high = _positions(arm, given.get("position"), reasons)
-    most = {}
-    for quantity in ("velocity", "acceleration", "torque", "voltage"):
-        record = np.array([getattr(each, quantity) for each in limits], dtype=float)
-        if quantity == "torque":  # a limit of the current is one of the torque
-            record = np.minimum(record, [_current_torque(body) for body in arm.coordinates])
-        value = given.get(quantity)
-        most[quantity] = record if value is None else checked_limit(quantity, value, quantity, arm.n)
-    _drop_unknown(arm, most, given, reasons)
+    record = MotionLimits.of(arm)
+    limits = record if limits is None else limits
+    expect(limits, MotionLimits, "limits", "MotionLimits.of(arm, velocity=…)", ScenarioError)
+    reasons = ["jerk limits are not honoured"] * bool(np.isfinite(limits.jerk).any())
+    low, high = _positions(arm, limits, reasons).T
+    most = {name: getattr(limits, name) for name in ("velocity", "acceleration", "torque", "voltage")}
+    _drop_unknown(arm, most, record, reasons)
     free = [name for k, name in enumerate(arm.names) if not any(np.isfinite(each[k]) for each in most.values())]
     if free:
         raise ScenarioError(
@@ -119,27 +113,9 @@ def excitation_limits(arm: Model, box: Any = None, **given: Any) -> ExcitationLi
     return ExcitationLimits(arm, low, high, most, _box(box), tuple(reasons))
 
 
-def _current_torque(body: Body) -> float:
-    """Torque of the largest current, referred to the joint [N m | N]; infinite where the record has none."""
-    drive, current = body.drive, float(body.limits.current)
-    if drive.torque_constant is None or not np.isfinite(current):
-        return np.inf
-    return abs(float(drive.gear_ratio) * float(drive.torque_constant)) * current
-
-
-def _positions(arm: Model, given: Any, reasons: list[str]) -> tuple[np.ndarray, np.ndarray]:
-    bounds = np.array([body.limits.position for body in arm.coordinates], dtype=float)
-    if given is not None:
-        try:
-            values = scalar.real_numbers(given)
-        except ValueError:
-            values = np.full(1, np.nan)
-        bounds = np.stack([-values, values], axis=-1) if values.ndim < 2 else values
-        if values.ndim == 0:
-            bounds = np.tile(bounds, (arm.n, 1))
-        if bounds.shape != (arm.n, 2) or not (np.abs(bounds) <= LARGEST).all() or (bounds[:, 0] >= bounds[:, 1]).any():
-            expected = f"({arm.n}, 2) lower and upper bounds, {LARGEST:g} at most"
-            raise ScenarioError(place="position", value=given, expected=expected)
+def _positions(arm: Model, limits: MotionLimits, reasons: list[str]) -> np.ndarray:
+    """(n, 2) bounds of the positions; half a turn to either side of a joint that turns without end."""
+    bounds = limits.position.copy()
     for k, body in enumerate(arm.coordinates):
         if not np.isfinite(bounds[k]).all():
             if body.kind.slides:
@@ -147,29 +123,26 @@ def _positions(arm: Model, given: Any, reasons: list[str]) -> tuple[np.ndarray, 
                 raise ScenarioError("slides without bounds", place=f"joint {body.joint!r}", expected=expected)
             bounds[k] = [-WHOLE_TURN, WHOLE_TURN]
             reasons.append(f"{body.joint} has no position limits: it stays within half a turn to either side")
-    return bounds[:, 0], bounds[:, 1]
+    return bounds
 
 
-def _drop_unknown(arm: Model, most: dict[str, np.ndarray], given: dict[str, Any], reasons: list[str]) -> None:
+def _drop_unknown(arm: Model, most: dict[str, np.ndarray], record: MotionLimits, reasons: list[str]) -> None:
     """Removes torque and voltage limits that the record is not complete enough to check, and says why."""
     massless = bool(arm.without_masses) or not np.asarray(arm.inertial_parameters, dtype=float).any()
-    drives = [body.drive for body in arm.coordinates]
     dark = [
-        body.joint for body, drive in zip(arm.coordinates, drives, strict=True)
-        if drive.resistance is None or drive.torque_constant is None
-    ]  # fmt: skip
+        body.joint for body in arm.coordinates if body.drive.resistance is None or body.drive.torque_constant is None
+    ]
     for quantity, unknown in (("torque", massless), ("voltage", massless or bool(dark))):
         if not unknown:
             continue
         what = "links without masses" if massless else f"no motor constants of {', '.join(dark)}"
-        if given.get(quantity) is not None:
+        own = getattr(record, quantity)
+        if not np.array_equal(most[quantity], own) and np.isfinite(most[quantity]).any():
+            expected = "a record with all numbers for it"
             raise ScenarioError(
-                f"the record has {what}",
-                place=quantity,
-                value=given[quantity],
-                expected="a record with all numbers for it",
+                f"the record has {what}", place=f"limits.{quantity}", value=most[quantity], expected=expected
             )
-        if massless or np.isfinite(most[quantity]).any():
+        if massless or np.isfinite(own).any():
             reasons.append(f"{quantity} limits are not honoured: the record has {what}")
         most[quantity] = np.full(arm.n, np.inf)
 

@@ -9,6 +9,8 @@ from armwright.identification.linear.fit import fit_armax, fit_arx, fit_oe
 from armwright.identification.linear.frequency import FrequencyResponse, frequency_response
 from armwright.identification.linear.model import LinearModel
 from armwright.identification.linear.n4sid import fit_n4sid
+from armwright.identification.linear.records import LogSignals
+from armwright.identification.linear.selection import OrderSearch
 from armwright.identification.logs.log import Log
 
 FITS = {"arx": fit_arx, "oe": fit_oe, "armax": fit_armax, "n4sid": fit_n4sid}
@@ -28,31 +30,27 @@ def check_model(model: str) -> None:
 def fit_linear(
     log: Log,
     model: str,
+    signals: LogSignals,
     *,
     order: int | str = "auto",
     delay: int | str = "auto",
-    select: str = "cv",
-    input: str | None = None,
-    output: str | None = None,
-    joint: str | None = None,
+    select: Any = "cv",
 ) -> LinearModel | FrequencyResponse:
     """A black-box model of a log, by the name of its kind.
 
     Args:
-        log: with the runs to fit and to hold out.   model: "arx", "oe", "armax", "n4sid" or "frequency".
+        log: with the runs to fit and to hold out.   model: "arx", "oe", "armax", "n4sid" or "frequency".   signals: of the log.
         order, delay: whole numbers, as numbers or as typed, or "auto".   select: criterion for "auto".
-        input: signal, as of `fit_oe`.   output: the same.   joint: its name.
     Returns:
         result: `verdict` of a model says whether it was identified; `str` shows it.
     Raises:
         LogError: no such model, an order that is no number; and as `fit_oe`.
     """
     check_model(model)
-    chosen: dict[str, Any] = {"input": input, "output": output, "joint": joint}
     if model == "frequency":
-        return frequency_response(log, **chosen)
-    numbers: dict[str, Any] = {"order": _number("order", order), "delay": _number("delay", delay), "select": select}
-    return FITS[model](log, **numbers, **chosen)
+        return frequency_response(log, signals=signals)
+    numbers: dict[str, Any] = {"order": _number("order", order), "delay": _number("delay", delay)}
+    return FITS[model](log, signals=signals, search=OrderSearch(select), **numbers)
 
 
 def _number(place: str, text: int | str) -> int | Literal["auto"]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, Literal, TypedDict, Unpack
 
@@ -12,7 +12,7 @@ from scipy.stats import chi2
 from armwright.errors import LogError
 from armwright.identification.linear.delays import delay_interval
 from armwright.identification.linear.frequency import closed_loop
-from armwright.identification.linear.measures import gain_unit, simulation_measures
+from armwright.identification.linear.measures import gain_units, simulation_measures
 from armwright.identification.linear.model import LinearModel, polynomial_core
 from armwright.identification.linear.modes import Quantity, gain_of, magnitude_std, modes, root_gradient
 from armwright.identification.linear.prediction_error import (
@@ -23,36 +23,33 @@ from armwright.identification.linear.prediction_error import (
     estimate,
     prediction_errors,
 )
-from armwright.identification.linear.records import Records, check_rows, records_of
+from armwright.identification.linear.records import LIKELIEST, LogSignals, Records, check_rows, records_of
 from armwright.identification.linear.residuals import CERTAIN, cross_correlation, feedback, whiteness
 from armwright.identification.linear.scaling import Units, scale
 from armwright.identification.linear.selection import (
     CRITERIA,
-    MOST_DELAY,
-    MOST_ORDER,
-    Criterion,
-    check_options,
+    USUAL,
+    Candidate,
+    OrderSearch,
+    checked_delay,
     checked_order,
     first_response,
     selected,
 )
 
+MOST_ORDER = 5  # that is tried
 SINGULAR = 1e8  # condition from which parameters are rounding
 
 
 class Options(TypedDict, total=False):
     """Options of `fit_arx`, `fit_oe` and `fit_armax`; `fit_oe` explains them."""
 
+    signals: LogSignals
     order: int | tuple[int, ...] | Literal["auto"]
     delay: int | Literal["auto"]
-    select: Criterion
+    search: OrderSearch
     offset: bool
     initial: bool
-    most_order: int
-    most_delay: int
-    input: str | None
-    output: str | None
-    joint: str | None
 
 
 def fit_arx(data: Any, y: Any = None, period: Any = None, **options: Unpack[Options]) -> LinearModel:
@@ -81,14 +78,11 @@ def fit_oe(data: Any, y: Any = None, period: Any = None, **options: Unpack[Optio
     Args:
         data: a `Log`, or u (rows,), or a list of runs.   y: (rows,) or a list.   period: [s], or times (rows,).
         options: all of these may be left out.
-            order: n, or (nf, nb); "auto" (default): chosen up to `most_order`, 5.
-            delay: [samples]; "auto" (default): chosen up to `most_delay`, 25.
-            select: criterion that chooses: "cv" (default: free simulation of blocks that were not fitted), "aic", "bic",
-            "fpe" or "mdl".
+            signals: of a log; default: its voltage, current or torque, and its speed or position.
+            order: n, or (nf, nb); "auto" (default): chosen.   delay: [samples]; "auto" (default): chosen.
+            search: how they are chosen.
             offset: True (default): a constant is estimated; False: none.
             initial: True (default): the initial state of every run is estimated; False: its first rows are taken as measured.
-            input: signal of a log; default: its voltage, current or torque.   output: default: its speed or position.
-            joint: needed where several have both.
     Returns:
         model: with covariance, poles, gain, and the fit of its free simulation on runs to fit and to hold out.
     Raises:
@@ -114,106 +108,55 @@ def fit_armax(data: Any, y: Any = None, period: Any = None, **options: Unpack[Op
 
 
 def _fit(
-    structure: Structure, data: Any, y: Any, period: Any, *, order: Any = "auto", delay: int | Literal["auto"] = "auto",
-    select: Criterion = "cv", offset: bool = True, initial: bool = True, most_order: int = MOST_ORDER,
-    most_delay: int = MOST_DELAY, input: str | None = None, output: str | None = None, joint: str | None = None,
+    structure: Structure, data: Any, y: Any, period: Any, signals: LogSignals = LIKELIEST, order: Any = "auto",
+    delay: int | Literal["auto"] = "auto", search: OrderSearch = USUAL, offset: bool = True, initial: bool = True,
 ) -> LinearModel:  # fmt: skip
-    records = records_of(data, y, period, input=input, output=output, joint=joint)
+    records = records_of(data, y, period, signals)
     if len(records.inputs) > 1 or len(records.outputs) > 1:
         what = f"{len(records.inputs)} inputs, {len(records.outputs)} outputs"
         raise LogError(what, place="data", expected="one of each; fit_n4sid takes several")
-    numbers = {"arx": 2, "oe": 2, "armax": 3}[structure]
-    n = checked_order(order, numbers)
-    check_options(delay, select, most_order, most_delay)
+    noise = structure == "armax"
+    n, known = checked_order(order, 2 + noise), checked_delay(delay)
     scaled, to_units = scale(records, offset)
-    known = None if delay == "auto" else int(delay)
-    if isinstance(n, tuple):
-        na, nb, nc = (*n, 0)[:3]
-        found = first_response(scaled.fit, most_delay) if known is None else known
-        orders = Orders(structure, na, nb, nc if structure == "armax" else 0, found, offset)
-        check_rows(records, orders.count, orders.past)
-        tried: tuple[Any, ...] = ()
-    elif n is not None and known is not None:
-        orders, tried = Orders(structure, n, n, n if structure == "armax" else 0, known, offset), ()
+    tried: tuple[Candidate, ...] = ()
+    if isinstance(n, tuple) or (n is not None and known is not None):
+        na, nb, nc = (*n, 0)[:3] if isinstance(n, tuple) else (n, n, n * noise)
+        found = first_response(scaled.fit, search.most_delay) if known is None else known
+        orders = Orders(structure, na, nb, nc, found, offset)
         check_rows(records, orders.count, orders.past)
     else:
-        largest = n or most_order
-        check_rows(records, 3 * largest + offset, largest + (most_delay if known is None else known))
-        orders, tried = selected(
-            structure, scaled.fit, n, known,
-            most_order=most_order, most_delay=most_delay, constant=offset, initial=initial, by=select,
-        )  # fmt: skip
+        largest = n or search.most_order or MOST_ORDER
+        check_rows(records, 3 * largest + offset, largest + (search.most_delay if known is None else known))
+        orders, tried = selected(structure, scaled.fit, n, known, replace(search, most_order=largest), offset, initial)
     fit = estimate(orders, scaled.fit, orders.past, initial)
     delays = (orders.delay, orders.delay) if known is not None else delay_interval(fit, scaled.fit, initial)
-    model = _result(records, scaled, fit, to_units, initial, select if tried else "", tried)
-    return replace(model, delays=delays, remarks=(*model.remarks, *_of_delays(delays)))
+    model = _result(records, scaled, fit, to_units, initial)
+    rows = tuple(_row(each) for each in tried)
+    remarks = (*model.remarks, *_of_delays(delays))
+    return replace(model, delays=delays, remarks=remarks, tried=rows, criterion=search.select if rows else "")
 
 
-def _result(
-    records: Records, scaled: Records, fit: Fit, units: Units, initial: bool, criterion: str, tried: Sequence[Any]
-) -> LinearModel:
+def _result(records: Records, scaled: Records, fit: Fit, units: Units, initial: bool) -> LinearModel:
     """The fit in units, with everything that follows from it."""
-    orders = fit.orders
-    inner = orders.polynomials(fit.theta)
-    model = units.polynomials(inner)
-    change = units.jacobian(orders)
+    orders, inner = fit.orders, fit.orders.polynomials(fit.theta)
+    model, change = units.polynomials(inner), units.jacobian(orders)
     covariance = change @ fit.covariance @ change.T
-    na, nb = orders.na, orders.nb
-    poles, pole_slope = root_gradient(model.a)
-    lead = model.b[orders.delay :]
-    zeros, zero_slope = root_gradient(lead / lead[0]) if lead[0] != 0.0 else (np.zeros(0), np.zeros((0, 0)))
-    pole_gradient = np.zeros((len(poles), orders.count), dtype=complex)
-    pole_gradient[:, :na] = pole_slope
-    gain, by_a, by_b = gain_of(model.a, model.b)
-    slope = np.concatenate([by_a, by_b[orders.delay :], np.zeros(orders.count - na - nb)])
-    gain_std = float(np.sqrt(max(slope @ covariance @ slope, 0.0)))
-    unit = gain_unit(records)
+    poles, pole_gradient = _poles(model, orders)
+    zeros, zero_gradient = _zeros(model, orders)
     pole_std = magnitude_std(poles, pole_gradient, covariance)
-    zero_gradient = np.zeros((len(zeros), orders.count), dtype=complex)
-    if len(zeros):  # of b / b_first
-        zero_gradient[:, na + 1 : na + nb] = zero_slope / lead[0]
-        zero_gradient[:, na] = -(zero_slope @ (lead[1:] / lead[0])) / lead[0]
-    remarks = [*records.notes, *_remarks(scaled, fit, inner, poles, pole_std)]
-    known = _significant(fit)
-    if not known:
-        remarks.append(
-            f"no coefficient of B differs from 0: {records.outputs[0]} does not answer to {records.inputs[0]}"
-        )
-    condition = fit.condition
-    if condition > SINGULAR:
-        remarks.append(
-            f"the parameters cannot be distinguished (condition {condition:.1g}): the order is too high for "
-            "the input's frequencies, or for data without noise"
-        )
-        known = False
-    if not fit.converged:
-        remarks.append("the search for the minimum did not end: treat the numbers with care")
-    quantities = [Quantity("gain", gain, gain_std, unit), *modes(poles, pole_gradient, covariance, records.period)]
+    gain = _gain(model, orders, covariance, gain_units(records)[0][0])
     free = replace(inner, c=inner.a)
     measures = simulation_measures(
         records, scaled, lambda each: prediction_errors(free, each, orders.past, True)[:, None],
         lambda each: prediction_errors(inner, each, orders.past, initial)[:, None], orders.past, units.ys,
     )  # fmt: skip
-    if not all(np.isfinite(each["rms"]) for each in measures.values()):
-        remarks.append("the model is unstable: its free simulation diverges")
-        known = False
-    start = "initial states estimated" if initial else "initial states as measured"
-    text = f"na {na}, nb {nb}" + (f", nc {orders.nc}" if orders.structure == "armax" else "")
-    text = text.replace("na", "nf") if orders.structure == "oe" else text
-    samples = f"{orders.delay} sample{'s' * (orders.delay != 1)} ({orders.delay * records.period:.4g} s)"
-    method = (
-        f"{orders.structure.upper()} of {text}, delay {samples}, "
-        f"{'offset estimated' if orders.constant else 'no offset'}, {start}, {records.rows} rows"
-    )
-    return LinearModel(
+    doubts = _doubts(records, fit, measures)
+    unsettled = [] if fit.converged else ["the search for the minimum did not end: treat the numbers with care"]
+    return LinearModel.of(
+        records,
         kind=orders.structure,
-        period=records.period,
         delay=orders.delay,
         wait=orders.delay,
-        inputs=records.inputs,
-        outputs=records.outputs,
-        input_units=records.input_units,
-        output_units=records.output_units,
         core=polynomial_core(model, records.period),
         polynomials=model,
         names=orders.names,
@@ -223,18 +166,66 @@ def _result(
         pole_std=pole_std,
         zeros=zeros,
         zero_std=magnitude_std(zeros, zero_gradient, covariance),
-        gain=np.array([[gain]]),
-        gain_std=np.array([[gain_std]]),
-        quantities=tuple(quantities),
+        gain=np.array([[gain.value]]),
+        gain_std=np.array([[gain.std]]),
+        quantities=(gain, *modes(poles, pole_gradient, covariance, records.period)),
         fit=measures,
-        method=method,
-        remarks=tuple(remarks),
-        tried=tuple(_row(each) for each in tried),
-        criterion=criterion,
-        condition=condition,
-        verdict="identified" if known else "not identified",
-        sha256=records.sha256,
+        method=_method(records, orders, initial),
+        remarks=(*records.notes, *_remarks(scaled, fit, inner, poles, pole_std), *unsettled, *doubts),
+        condition=fit.condition,
+        verdict="not identified" if doubts else "identified",
     )
+
+
+def _poles(model: Polynomials, orders: Orders) -> tuple[np.ndarray, np.ndarray]:
+    """Poles (na,) and their derivatives (na, k) by all parameters."""
+    poles, slope = root_gradient(model.a)
+    gradient = np.zeros((len(poles), orders.count), dtype=complex)
+    gradient[:, : orders.na] = slope
+    return poles, gradient
+
+
+def _zeros(model: Polynomials, orders: Orders) -> tuple[np.ndarray, np.ndarray]:
+    """Zeros (nb - 1,), those of b / b_first, and their derivatives (nb - 1, k); none where b begins with 0."""
+    lead, na = model.b[orders.delay :], orders.na
+    zeros, slope = root_gradient(lead / lead[0]) if lead[0] != 0.0 else (np.zeros(0), np.zeros((0, 0)))
+    gradient = np.zeros((len(zeros), orders.count), dtype=complex)
+    if len(zeros):
+        gradient[:, na + 1 : na + orders.nb] = slope / lead[0]
+        gradient[:, na] = -(slope @ (lead[1:] / lead[0])) / lead[0]
+    return zeros, gradient
+
+
+def _gain(model: Polynomials, orders: Orders, covariance: np.ndarray, unit: str) -> Quantity:
+    """Gain at rest."""
+    gain, by_a, by_b = gain_of(model.a, model.b)
+    slope = np.concatenate([by_a, by_b[orders.delay :], np.zeros(orders.count - orders.na - orders.nb)])
+    return Quantity("gain", gain, float(np.sqrt(max(slope @ covariance @ slope, 0.0))), unit)
+
+
+def _method(records: Records, orders: Orders, initial: bool) -> str:
+    """One line: structure, order, delay, what was estimated beside them, rows."""
+    first = "nf" if orders.structure == "oe" else "na"
+    text = f"{first} {orders.na}, nb {orders.nb}" + (f", nc {orders.nc}" if orders.nc else "")
+    samples = f"{orders.delay} sample{'s' * (orders.delay != 1)} ({orders.delay * records.period:.4g} s)"
+    offset = "offset estimated" if orders.constant else "no offset"
+    start = "initial states estimated" if initial else "initial states as measured"
+    return f"{orders.structure.upper()} of {text}, delay {samples}, {offset}, {start}, {records.rows} rows"
+
+
+def _doubts(records: Records, fit: Fit, measures: Mapping[str, Mapping[str, float]]) -> list[str]:
+    """Sentences on why the model is not identified; none of one that is."""
+    found = []
+    if not _significant(fit):
+        found.append(f"no coefficient of B differs from 0: {records.outputs[0]} does not answer to {records.inputs[0]}")
+    if fit.condition > SINGULAR:
+        found.append(
+            f"the parameters cannot be distinguished (condition {fit.condition:.1g}): the order is too high for "
+            "the input's frequencies, or for data without noise"
+        )
+    if not all(np.isfinite(each["rms"]) for each in measures.values()):
+        found.append("the model is unstable: its free simulation diverges")
+    return found
 
 
 def _of_delays(delays: tuple[int, int] | None) -> list[str]:
@@ -247,7 +238,7 @@ def _of_delays(delays: tuple[int, int] | None) -> list[str]:
     ]
 
 
-def _row(candidate: Any) -> Mapping[str, float]:
+def _row(candidate: Candidate) -> Mapping[str, float]:
     orders = candidate.orders
     return {"na": orders.na, "nb": orders.nb, "nc": orders.nc, "delay": orders.delay} | {
         name: candidate[name] for name in CRITERIA

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.stats import f as f_distribution
 
 from armwright.errors import LogError
-from armwright.identification.linear.records import Records, records_of
+from armwright.identification.linear.records import LIKELIEST, LogSignals, Records, records_of
 from armwright.identification.linear.residuals import CERTAIN, feedback
 from armwright.identification.logs.findings import number_of
 from armwright.results.result import BLUE, Result
@@ -122,9 +122,7 @@ def frequency_response(
     y: Any = None,
     period: Any = None,
     *,
-    input: str | None = None,
-    output: str | None = None,
-    joint: str | None = None,
+    signals: LogSignals = LIKELIEST,
     segment: int | None = None,
     repeats: int | None = None,
 ) -> FrequencyResponse:
@@ -136,7 +134,7 @@ def frequency_response(
 
     Args:
         data: a `Log`, or u (rows,).   y: (rows,).   period: [s].
-        input: signal of a log.   output: signal of a log.   joint: its name.
+        signals: of a log: one input, one output, one joint.
         segment: rows of a Welch segment; default: an eighth of the longest stretch, at most 4096.
         repeats: rows of a period of the input; default: found; 0: not periodic.
     Returns:
@@ -144,7 +142,7 @@ def frequency_response(
     Raises:
         LogError: bad data, several inputs, too few rows for the segment.
     """
-    records = records_of(data, y, period, input=input, output=output, joint=joint)
+    records = records_of(data, y, period, signals)
     if len(records.inputs) > 1 or len(records.outputs) > 1:
         raise LogError("several inputs or outputs", place="input", expected="one of each; fit_n4sid has several")
     for place, value, least in (("segment", segment, 4), ("repeats", repeats, 0)):
@@ -162,8 +160,6 @@ def frequency_response(
     found = _periodic(records, rows) if rows else _welch(records, segment)
     test = feedback(records.fit, 1)
     if test.p < CERTAIN:
-        from dataclasses import replace
-
         found = replace(found, remarks=(*found.remarks, closed_loop("H1 = S_yu / S_uu")))
     return found
 

@@ -45,7 +45,6 @@ def simulation_measures(
     return found
 
 
-def gain_unit(records: Records) -> str:
-    """Unit of the gain from the first input to the first output."""
-    y, u = records.output_units[0], records.input_units[0]
-    return f"{y} / {u}" if u else y
+def gain_units(records: Records) -> list[list[str]]:
+    """Units of the gains, of every output by every input."""
+    return [[f"{y} / {u}" if u else y for u in records.input_units] for y in records.output_units]

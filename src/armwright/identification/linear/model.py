@@ -18,7 +18,7 @@ from armwright.identification.linear.frequency import python_control
 from armwright.identification.linear.measures import percent
 from armwright.identification.linear.modes import Quantity
 from armwright.identification.linear.prediction_error import Polynomials, filtered
-from armwright.identification.linear.records import Recorded
+from armwright.identification.linear.records import Recorded, Records
 from armwright.identification.linear.state_space import FilteredSensor, StateSpace, realised
 from armwright.identification.linear.subspace import initial_state
 from armwright.results.page_parts import definitions
@@ -55,19 +55,19 @@ class LinearModel(Result):
     input_units: tuple[str, ...]
     output_units: tuple[str, ...]
     core: StateSpace
-    polynomials: Polynomials | None
-    names: tuple[str, ...]
-    values: np.ndarray
-    covariance: np.ndarray
     poles: np.ndarray
     pole_std: np.ndarray
-    zeros: np.ndarray
-    zero_std: np.ndarray
     gain: np.ndarray
     gain_std: np.ndarray
     quantities: tuple[Quantity, ...]
     fit: Mapping[str, Mapping[str, float]]
     method: str
+    polynomials: Polynomials | None = None
+    names: tuple[str, ...] = ()
+    values: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    covariance: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    zeros: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    zero_std: np.ndarray = field(default_factory=lambda: np.zeros(0))
     remarks: tuple[str, ...] = ()
     tried: tuple[Mapping[str, float], ...] = ()
     criterion: str = ""
@@ -76,6 +76,19 @@ class LinearModel(Result):
     sha256: str = ""
     singular: np.ndarray = field(default_factory=lambda: np.zeros(0))
     delays: tuple[int, int] | None = None
+
+    @classmethod
+    def of(cls, records: Records, **fitted: Any) -> LinearModel:
+        """The model of some records: their names, units, period and checksum, beside the fields that a fit gives."""
+        return cls(
+            period=records.period,
+            inputs=records.inputs,
+            outputs=records.outputs,
+            input_units=records.input_units,
+            output_units=records.output_units,
+            sha256=records.sha256,
+            **fitted,
+        )
 
     @property
     def order(self) -> int:

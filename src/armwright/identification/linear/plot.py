@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from armwright.errors import LogError
 from armwright.identification.linear.frequency import FrequencyResponse, frequency_response
 from armwright.identification.linear.model import LinearModel
-from armwright.identification.linear.records import Records, records_of
+from armwright.identification.linear.records import LogSignals, Records, records_of
 from armwright.identification.logs.log import Log
 from armwright.output import check_destination
 from armwright.results.plot import PICTURES, TEXT, open_axes, write_figure
@@ -26,7 +27,10 @@ MEASURED, MODEL = COLOURS[0], COLOURS[1]
 
 
 def plot_linear(
-    log: Log, found: LinearModel | FrequencyResponse, path: str | os.PathLike[str], joint: str | None = None
+    log: Log,
+    found: LinearModel | FrequencyResponse,
+    path: str | os.PathLike[str],
+    joint: str | Sequence[str] | None = None,
 ) -> None:
     """Writes a picture: the free simulation over what was measured, run by run, and the frequency response beside Welch's.
 
@@ -41,7 +45,7 @@ def plot_linear(
     write_figure(figure, target)
 
 
-def draw_linear(log: Log, found: LinearModel | FrequencyResponse, joint: str | None = None) -> Figure:
+def draw_linear(log: Log, found: LinearModel | FrequencyResponse, joint: str | Sequence[str] | None = None) -> Figure:
     """The picture as a matplotlib figure; see `plot_linear`."""
     from matplotlib.figure import Figure
 
@@ -50,12 +54,11 @@ def draw_linear(log: Log, found: LinearModel | FrequencyResponse, joint: str | N
         _bode(list(figure.subplots(3, 1, sharex=True)), found, None)
         figure.suptitle(f"{log.title}: {found.method}", x=0.012, ha="left", color=TEXT, fontsize=10)
         return figure
-    records = records_of(
-        log,
-        input=list(dict.fromkeys(name.partition("/")[0] for name in found.inputs)),
-        output=list(dict.fromkeys(name.partition("/")[0] for name in found.outputs)),
-        joint=joint or list(dict.fromkeys(name.partition("/")[2] for name in found.inputs if "/" in name)) or None,
+    inputs, outputs = (
+        list(dict.fromkeys(name.partition("/")[0] for name in names)) for names in (found.inputs, found.outputs)
     )
+    joints = joint or list(dict.fromkeys(name.partition("/")[2] for name in found.inputs if "/" in name)) or None
+    records = records_of(log, signals=LogSignals(inputs, outputs, joints))
     single = len(found.inputs) == len(found.outputs) == 1
     stretches = [*records.fit, *records.hold_out][:MOST_RUNS]
     rows = len(stretches) * len(found.outputs)
@@ -66,7 +69,7 @@ def draw_linear(log: Log, found: LinearModel | FrequencyResponse, joint: str | N
     _runs(list(axes), records, found, stretches)
     if right is not None:
         try:
-            welch = frequency_response(log, input=found.inputs[0], output=found.outputs[0], joint=joint)
+            welch = frequency_response(log, signals=LogSignals(found.inputs[0], found.outputs[0], joint))
         except LogError:  # stretches too short for a spectrum
             welch = None
         _bode(list(right.subplots(3, 1, sharex=True)), welch, found)

@@ -55,7 +55,7 @@ class Polynomials:
 
 @dataclass(frozen=True)
 class Orders:
-    """Numbers of coefficients: na poles, nb zeros and one more, nc of the noise; delay [samples]; constant: 0 or 1."""
+    """Numbers of coefficients: na poles, nb zeros and one more, nc of the noise ("armax"); delay [samples]; constant: 0 or 1"""
 
     structure: Structure
     na: int
@@ -67,7 +67,7 @@ class Orders:
     @property
     def count(self) -> int:
         """Number of parameters."""
-        return self.na + self.nb + (self.nc if self.structure == "armax" else 0) + self.constant
+        return self.na + self.nb + self.nc + self.constant
 
     @property
     def past(self) -> int:
@@ -88,7 +88,7 @@ class Orders:
         return np.concatenate([model.a[1:], model.b[self.delay :], c, [model.constant] * self.constant])
 
     def _parts(self) -> list[tuple[int, int]]:
-        ends = np.cumsum([0, self.na, self.nb, self.nc if self.structure == "armax" else 0])
+        ends = np.cumsum([0, self.na, self.nb, self.nc])
         return list(pairwise(ends))
 
     @property
@@ -96,7 +96,7 @@ class Orders:
         """Names of the parameters."""
         letter = "f" if self.structure == "oe" else "a"
         names = [f"{letter}{k + 1}" for k in range(self.na)] + [f"b{k + self.delay}" for k in range(self.nb)]
-        names += [f"c{k + 1}" for k in range(self.nc)] if self.structure == "armax" else []
+        names += [f"c{k + 1}" for k in range(self.nc)]
         return (*names, *(["constant"] if self.constant else []))
 
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from armwright.entry import expect
 from armwright.errors import LogError
 from armwright.fitting.stretch import Stretch
 from armwright.identification.logs.blocks import LARGEST
@@ -25,6 +26,23 @@ class Recorded(Stretch):
 
     u: np.ndarray
     y: np.ndarray
+
+
+@dataclass(frozen=True)
+class LogSignals:
+    """Signals of a log that are the inputs and outputs of a model.
+
+    Args:
+        input: name, or names; None: the log's voltage, current or torque.   output: likewise; None: its speed or position.
+        joint: name, or names; needed where several joints have both.
+    """
+
+    input: str | Sequence[str] | None = None
+    output: str | Sequence[str] | None = None
+    joint: str | Sequence[str] | None = None
+
+
+LIKELIEST = LogSignals()
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,44 +69,32 @@ class Records:
         """Number of rows of the fit."""
         return sum(len(each.y) for each in self.fit)
 
+    def changed(self, change: Callable[[Recorded], Recorded]) -> Records:
+        """The records with another stretch in the place of each."""
+        return replace(self, fit=tuple(map(change, self.fit)), hold_out=tuple(map(change, self.hold_out)))
+
     def delayed(self, delay: int) -> Records:
         """The records with inputs `delay` rows later; rows before the first such input are dropped."""
-        from dataclasses import replace
-
-        def shift(each: Recorded) -> Recorded:
-            return Recorded(each.run, each.u[: len(each.u) - delay], each.y[delay:])
-
-        return replace(
-            self, fit=tuple(map(shift, self.fit)), hold_out=tuple(map(shift, self.hold_out))
-        ) if delay else self  # fmt: skip
+        return self.changed(lambda each: Recorded(each.run, each.u[: len(each.u) - delay], each.y[delay:]))
 
 
-def records_of(
-    data: Any,
-    y: Any = None,
-    period: Any = None,
-    *,
-    input: str | Sequence[str] | None = None,
-    output: str | Sequence[str] | None = None,
-    joint: str | Sequence[str] | None = None,
-) -> Records:
+def records_of(data: Any, y: Any = None, period: Any = None, signals: LogSignals = LIKELIEST) -> Records:
     """Checked records from a log, or from arrays.
 
     Args:
         data: a `Log`, or u: (rows,) or (rows, inputs), or a list of such, one a run.   y: outputs in the same form.
-        period: [s], or times (rows,) [s] of one run.   input, output: signals of a log, such as "voltage" and "qd".
-        joint: of a log with several.
+        period: [s], or times (rows,) [s] of one run.   signals: of a log.
     Raises:
         LogError: names the signal, run and row: not a number, constant, unevenly sampled, two clocks, too short.
     """
+    expect(signals, LogSignals, "signals", "LogSignals(input=…, output=…, joint=…)", LogError)
     if isinstance(data, Log):
         if y is not None or period is not None:
             raise LogError("a log has its outputs and its clock", place="y" if y is not None else "period")
-        return _of_log(data, input, output, joint)
-    if input is not None or output is not None or joint is not None:
-        raise LogError(
-            "names signals of a log, not of arrays", place="input" if input else "output" if output else "joint"
-        )
+        return _of_log(data, signals)
+    if signals != LIKELIEST:
+        named = [name for name, value in vars(signals).items() if value is not None]
+        raise LogError("names signals of a log, not of arrays", place=named[0])
     if y is None or period is None:
         raise LogError("missing", place="y" if y is None else "period", expected="u, y and period, or a log")
     return _of_arrays(data, y, period)
@@ -161,12 +167,12 @@ def _period(period: Any, runs: Sequence[Recorded]) -> float:
     return step
 
 
-def _of_log(log: Log, input: Any, output: Any, joint: Any) -> Records:
-    inputs, outputs = _chosen(log, input, INPUTS, "input"), _chosen(log, output, OUTPUTS, "output")
+def _of_log(log: Log, signals: LogSignals) -> Records:
+    inputs, outputs = _chosen(log, signals.input, INPUTS, "input"), _chosen(log, signals.output, OUTPUTS, "output")
     both = [name for name in inputs if name in outputs]
     if both:
         raise LogError("is both input and output", place="output", value=both[0])
-    joints = [joint] if isinstance(joint, str) else list(joint or ())
+    joints = [signals.joint] if isinstance(signals.joint, str) else list(signals.joint or ())
     for name in joints:
         if name not in log.joints:
             raise LogError("no joint of the log", place="joint", value=name, choices=log.joints)

@@ -33,9 +33,8 @@ class Units:
     def jacobian(self, orders: Orders) -> np.ndarray:
         """(k, k) derivative of the parameters in units by the scaled ones."""
         ratio = self.ys[0] / self.us[0]
-        noise = orders.nc if orders.structure == "armax" else 0
         matrix = block_diag(
-            np.eye(orders.na), ratio * np.eye(orders.nb), np.eye(noise), *([self.ys[:1, None]] * orders.constant)
+            np.eye(orders.na), ratio * np.eye(orders.nb), np.eye(orders.nc), *([self.ys[:1, None]] * orders.constant)
         )
         if orders.constant:
             matrix[-1, : orders.na] = self.y0[0]
@@ -55,5 +54,4 @@ class Units:
 def scale(records: Records, offset: bool) -> tuple[Records, Units]:
     """Records scaled, centred where an offset is estimated, and the way back."""
     units = Units(records, offset)
-    fit, held = (tuple(units.scaled(each) for each in part) for part in (records.fit, records.hold_out))
-    return replace(records, fit=fit, hold_out=held), units
+    return records.changed(units.scaled), units

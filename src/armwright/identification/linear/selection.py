@@ -31,10 +31,33 @@ SIGNIFICANT = 4.0  # standard deviations: of 30 coefficients that are 0, one lie
 WORSE = 5.0  # times what BIC pays for: a fit that loses more has lost a coefficient that it needs
 BEFORE = 2  # delays that are tried below the first significant coefficient of the long model
 EXACT = 1e-20  # of the output's variance: a smaller error is rounding, and no reason for a higher order
+LARGEST_ORDER, LARGEST_DELAY = 100, 10_000
 
 
-MOST_ORDER, MOST_DELAY = 5, 25  # that are searched by default
-LARGEST_ORDER = 100
+@dataclass(frozen=True)
+class OrderSearch:
+    """Search for the order and the delay of a model, where they are "auto".
+
+    Args:
+        select: criterion that chooses: "cv" (free simulation of blocks that were not fitted), "aic", "bic", "fpe" or "mdl".
+        most_order: largest order that is tried; None: 5, or 10 states of `fit_n4sid`.   most_delay: largest delay [samples].
+    Raises:
+        LogError: names the field.
+    """
+
+    select: Criterion = "cv"
+    most_order: int | None = None
+    most_delay: int = 25
+
+    def __post_init__(self) -> None:
+        if self.select not in CRITERIA:
+            raise LogError(place="select", value=self.select, choices=CRITERIA)
+        for place, value, least in (("most_order", self.most_order, 1), ("most_delay", self.most_delay, 0)):
+            if value is not None and (not isinstance(value, (int, np.integer)) or not least <= value <= 1000):
+                raise LogError(place=place, value=value, expected=f"a whole number from {least} on")
+
+
+USUAL = OrderSearch()
 
 
 @dataclass(frozen=True)
@@ -163,22 +186,22 @@ def folds(
 
 
 def selected(
-    structure: Structure, stretches: Sequence[Recorded], order: int | None, delay: int | None, *, most_order: int,
-    most_delay: int, constant: bool, initial: bool, by: Criterion,
+    structure: Structure, stretches: Sequence[Recorded], order: int | None, delay: int | None, search: OrderSearch,
+    constant: bool, initial: bool,
 ) -> tuple[Orders, tuple[Candidate, ...]]:  # fmt: skip
     """Order and delay of a structure, and all candidates.
 
     Args:
-        structure: "arx", "oe" or "armax".   order, delay: None: to be found.   most_order, most_delay: to be tried.
-        constant, initial: as of the fit.   by: the criterion that decides.
+        structure: "arx", "oe" or "armax".   order, delay: None: to be found.   search: how; its largest order is known.
+        constant, initial: as of the fit.
     """
+    by, numbers = search.select, [order] if order is not None else range(1, (search.most_order or 0) + 1)
     variance = float(np.var(np.concatenate([each.y[:, 0] for each in stretches])))
-    low = first_response(stretches, most_delay) if delay is None else delay
+    low = first_response(stretches, search.most_delay) if delay is None else delay
     begin = max(low - BEFORE, 0) if delay is None else delay
     tried: list[Candidate] = []
     scores: dict[Orders, np.ndarray] = {}
     settled: set[Orders] = set()  # of held systems, whose delay a free B would blur
-    numbers = range(1, most_order + 1) if order is None else [order]
     skip, last = max(numbers) + low + 2, None
     for n in numbers:
         nc = n if structure == "armax" else 0
@@ -281,18 +304,15 @@ def checked_order(order: Any, numbers: int) -> int | tuple[int, ...] | None:
     return int(parts[0]) if len(parts) == 1 else tuple(int(each) for each in parts)
 
 
-def check_options(delay: Any, by: Any, most_order: Any, most_delay: Any) -> None:
-    """Refuses invalid delays, criteria and search bounds.
+def checked_delay(delay: Any) -> int | None:
+    """The delay [samples] as a number; None for "auto".
 
     Raises:
-        LogError: names the option.
+        LogError: no whole number from 0 on.
     """
-    if delay != "auto" and (
-        not isinstance(delay, (int, np.integer)) or isinstance(delay, bool) or not 0 <= delay <= 10_000
-    ):
+    if delay == "auto":
+        return None
+    whole = isinstance(delay, (int, np.integer)) and not isinstance(delay, bool)
+    if not whole or not 0 <= delay <= LARGEST_DELAY:
         raise LogError(place="delay", value=delay, expected='"auto" or a whole number of samples from 0 on')
-    if by not in CRITERIA:
-        raise LogError(place="select", value=by, choices=CRITERIA)
-    for place, value, least in (("most_order", most_order, 1), ("most_delay", most_delay, 0)):
-        if not isinstance(value, (int, np.integer)) or not least <= value <= 1000:
-            raise LogError(place=place, value=value, expected=f"a whole number from {least} on")
+    return int(delay)

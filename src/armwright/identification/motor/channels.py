@@ -32,7 +32,6 @@ FOLLOWS, AGAINST = 0.7, 0.3  # R² of a first-order response that explains a mot
 LOST, FOUND = 0.75, 0.95  # R² with the columns as they are, and exchanged, at which they are: a lag runs one way
 LATE = 10  # samples that a voltage may act late
 Columns = Sequence[np.ndarray]  # of stretches
-CALLED = {"voltage": "voltage", "current": "current", "torque": "torque"}
 
 
 def check_channels(data: Measured, joint: int, found: Guess, ratio: float | None, alone: bool, file: Path) -> None:
@@ -48,7 +47,7 @@ def check_channels(data: Measured, joint: int, found: Guess, ratio: float | None
     if not moving:
         return
     motion = {"q": "position", "qd": "speed", "qd_mean": "speed"}[moving[-1]]
-    command, name, w = CALLED[data.command], data.joints[joint], [s.speed(joint) for s in data.stretches]
+    command, name, w = data.command, data.joints[joint], [s.speed(joint) for s in data.stretches]
     against = alone and found.r2_against > FOLLOWS and found.r2_against > found.r2 + AGAINST
     if data.command == "voltage" and "current" in data.signals:
         u = [s.inputs.command[:, joint] for s in data.stretches]
@@ -131,7 +130,7 @@ def feedback_remark(data: Measured, joint: int) -> list[str]:
     stretches = [Recorded(s.run, s.inputs.command[:, [joint]], s.speed(joint)[:, None]) for s in data.stretches]
     if feedback(stretches, 1).p >= CHANCE:
         return []
-    what = f"the {CALLED[data.command]} follows past disturbances of the motion (closed loop)"
+    what = f"the {data.command} follows past disturbances of the motion (closed loop)"
     return [
         f"{what}: a fit by simulation is biased there unless these are white noise of the sensors; compare with an open-loop log"
     ]

@@ -13,7 +13,7 @@ from armwright.fitting.directions import directions, without as less
 from armwright.identification.motor.drive_record import HOLD_FIRST
 from armwright.identification.motor.measured import Measured
 from armwright.identification.motor.output_error import ROWS_OF_STARTS, Problem, many_starts, refined, starts
-from armwright.identification.motor.problem import sizes
+from armwright.identification.motor.problem import MotorSearch, sizes
 from armwright.identification.motor.unknowns import values_of
 from armwright.progress import Progress
 
@@ -31,14 +31,13 @@ class Fitted:
     """A fit of drives.
 
     Attributes:
-        problem: with the standard deviations of the signals that it found.   labels: of every unknown, "joint:name".
-        z: (k,) coordinates.   held: numbers of the unknowns that were held.   reasons: exponents of a product that the log does
-        not tell, by the numbers of its factors, and which of these was held for that.   zero: numbers of those that are 0.
+        problem: with the standard deviations of the signals that it found.   z: (k,) coordinates.
+        held: numbers of the unknowns that were held.   reasons: exponents of a product that the log does not tell,
+        by the numbers of its factors, and which of these was held for that.   zero: numbers of those that are 0.
         ends: of those that ran into a bound of their search.   remarks: sentences about these.
     """
 
     problem: Problem
-    labels: list[str]
     z: np.ndarray
     held: list[int]
     reasons: list[tuple[dict[int, float], int]] = field(default_factory=list)
@@ -46,53 +45,54 @@ class Fitted:
     ends: list[int] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
 
+    @property
+    def kept(self) -> list[int]:
+        """Numbers of the unknowns that were fitted."""
+        return [k for k in range(len(self.z)) if k not in self.held]
+
 
 def fitted(
     record: RobotDescription,
     data: Measured,
     problem: Problem,
-    labels: list[str],
-    count: int,
-    seed: int,
+    search: MotorSearch,
     free: Sequence[str] | None,
     progress: Progress,
 ) -> Fitted:
-    """Least squares from the best of `count` starts, with unidentifiable parameters fixed.
+    """Least squares from the best of several starts, with unidentifiable parameters fixed.
 
     Raises:
         ModelError: nothing could be simulated from any start.
     """
     first = np.array([each.to_coordinate(each.guess) for each in problem.unknowns])
-    done = Fitted(problem, labels, first.copy(), [])
-    _, jacobian = problem.evaluate(first[None])
-    if jacobian is not None and np.isfinite(jacobian).all():
-        _hold(done, jacobian[0] * sizes(record, data, problem, labels, first), first)
-    begin = starts(problem, [first], count, seed)
+    done = Fitted(problem, first.copy(), [])
+    jacobian = problem.jacobian(first)
+    if np.isfinite(jacobian).all():
+        _hold(done, jacobian * sizes(record, data, problem, first), first)
+    begin = starts(problem, first, search.starts, search.seed)
     wanted = [k for k, each in enumerate(problem.unknowns) if not each.nuisance] or range(len(problem.unknowns))
     if all(k in done.held for k in wanted):
-        names = [labels[k].split(":")[-1] for k in done.held]
+        names = [problem.unknowns[k].short for k in done.held]
         expected = "another log, or more that is known, by fixed=…"
         raise ModelError(
             "the log determines none of the numbers to be fitted", place="free", value=names, expected=expected
         )
-    kept = [k for k in range(len(first)) if k not in done.held]
-    z, cost = many_starts(without(problem.part(ROWS_OF_STARTS), done.held, first), begin[:, kept])
+    z, cost = many_starts(without(problem.part(ROWS_OF_STARTS), done.held, first), begin[:, done.kept])
     if not np.isfinite(cost).any():
         expected = "another first guess, by fixed=… or a robot's record"
-        raise ModelError("nothing could be simulated from any start", place="starts", value=count, expected=expected)
-    done.z[kept] = z[int(np.argmin(cost))]
+        what = "nothing could be simulated from any start"
+        raise ModelError(what, place="starts", value=search.starts, expected=expected)
+    done.z[done.kept] = z[int(np.argmin(cost))]
     for number in range(ROUNDS):
         progress(number, ROUNDS)
-        kept = [k for k in range(len(first)) if k not in done.held]
-        done.z[kept] = refined(without(done.problem, done.held, done.z), done.z[kept])
-        _note_ends(done, kept)
-        residuals, jacobian = done.problem.evaluate(done.z[None])
-        assert jacobian is not None
+        done.z[done.kept] = refined(without(done.problem, done.held, done.z), done.z[done.kept])
+        _note_ends(done)
+        residuals, (jacobian,) = done.problem.evaluate(done.z[None])
         scaled = _scaled(done.problem, residuals[0])
         done = replace(done, problem=replace(done.problem, sigma=done.problem.sigma * scaled))
-        jacobian[0, : done.problem.rows] /= np.tile(scaled, done.problem.rows // len(scaled))[:, None]
+        jacobian[: done.problem.rows] /= np.tile(scaled, done.problem.rows // len(scaled))[:, None]
         before = len(done.held)
-        _hold(done, jacobian[0] * sizes(record, data, done.problem, labels, done.z), first)
+        _hold(done, jacobian * sizes(record, data, done.problem, done.z), first)
         _hold_at_zero(done, free)
         if len(done.held) == before and (len(scaled) == 1 or bool(np.all(np.abs(scaled - 1.0) < SAME))):
             break
@@ -106,14 +106,13 @@ def _hold(done: Fitted, jacobian: np.ndarray, first: np.ndarray) -> None:
         jacobian: (m, k) by coordinates in the unknowns' sizes.   first: (k,) first coordinates.
     """
     while True:
-        kept = [k for k in range(len(first)) if k not in done.held]
-        candidates = [i for i, k in enumerate(kept) if not done.problem.unknowns[k].nuisance]
+        kept, unknowns = done.kept, done.problem.unknowns
+        candidates = [i for i, k in enumerate(kept) if not unknowns[k].nuisance]
         exponents = {kept[i]: power for i, power in untold(jacobian[:, kept], candidates).items()}
         if not exponents:
             return
-        names = [done.labels[k].split(":")[-1] for k in exponents]
-        ranks = [HOLD_FIRST.index(name) if name in HOLD_FIRST else len(HOLD_FIRST) for name in names]
-        chosen = list(exponents)[int(np.argmin(ranks))]
+        ranks = {name: rank for rank, name in enumerate(HOLD_FIRST)}
+        chosen = min(exponents, key=lambda k: ranks.get(unknowns[k].short, len(ranks)))
         done.reasons.append((exponents, chosen))
         done.held.append(chosen)
         done.z[chosen] = first[chosen]
@@ -134,27 +133,24 @@ def untold(jacobian: np.ndarray, candidates: Sequence[int]) -> dict[int, float]:
     return {candidates[j]: float(worst.vector[j] / worst.vector[members[0]]) for j in sorted(members)}
 
 
-def _note_ends(done: Fitted, kept: Sequence[int]) -> None:
+def _note_ends(done: Fitted) -> None:
     """Notes numbers above 0 that ran into a bound of their search, before they are held for telling nothing there."""
     low, high = done.problem.bounds
-    for k in kept:
-        near = AT_BOUND * (high[k] - low[k])
-        is_end = min(done.z[k] - low[k], high[k] - done.z[k]) < near
-        if (
-            is_end
-            and done.problem.unknowns[k].logarithmic
-            and not done.problem.unknowns[k].nuisance
-            and k not in done.ends
-        ):
+    for k in done.kept:
+        each, is_end = (
+            done.problem.unknowns[k],
+            min(done.z[k] - low[k], high[k] - done.z[k]) < AT_BOUND * (high[k] - low[k]),
+        )
+        if is_end and each.logarithmic and not each.nuisance and k not in done.ends:
             done.ends.append(k)
 
 
 def _hold_at_zero(done: Fitted, free: Sequence[str] | None) -> None:
     """Drops delays and unrequested friction terms that the fit drives to 0, their bound."""
-    for k, each in enumerate(done.problem.unknowns):
-        name = done.labels[k].split(":")[-1]
-        is_friction = not each.nuisance and not each.logarithmic and each.low == 0.0 and name not in (free or ())
-        if k in done.held or done.z[k] > NONE or not (is_friction or each.name == "delay"):
+    for k in done.kept:
+        each = done.problem.unknowns[k]
+        is_friction = not each.nuisance and not each.logarithmic and each.low == 0.0 and each.short not in (free or ())
+        if done.z[k] > NONE or not (is_friction or each.name == "delay"):
             continue
         done.z[k] = 0.0
         done.held.append(k)
@@ -175,11 +171,10 @@ def _scaled(problem: Problem, residuals: np.ndarray) -> np.ndarray:
     return np.where(squares > 0, np.sqrt(np.maximum(squares, 1e-12) / np.maximum(counts, 1.0)), 1.0)
 
 
-def without(problem: Problem, held: Sequence[int], z: np.ndarray | None = None) -> Problem:
-    """The problem with some unknowns fixed at coordinates z, by default at their guesses."""
+def without(problem: Problem, held: Sequence[int], z: np.ndarray) -> Problem:
+    """The problem with some unknowns fixed at coordinates z."""
     if not held:
         return problem
-    z = np.array([each.to_coordinate(each.guess) for each in problem.unknowns]) if z is None else z
     values, _ = values_of(problem.unknowns, z)
     kept = [k for k in range(len(problem.unknowns)) if k not in held]
     number = {k: i for i, k in enumerate(kept)}
@@ -189,15 +184,11 @@ def without(problem: Problem, held: Sequence[int], z: np.ndarray | None = None) 
         for column, k in enumerate(at.parameters):
             if k in held:
                 nominal[column] = values[k]
-        renumbered = [
-            np.array([number.get(int(k), -1) for k in each], dtype=int)
-            for each in (at.parameters, at.offsets, at.start)
-        ]
-        places.append(
-            replace(
-                at, parameters=renumbered[0], offsets=renumbered[1], start=renumbered[2], delay=number.get(at.delay, -1)
-            )
-        )
+        renumbered = {
+            name: np.array([number.get(int(k), -1) for k in getattr(at, name)], dtype=int)
+            for name in ("parameters", "offsets", "start")
+        }
+        places.append(replace(at, **renumbered, delay=number.get(at.delay, -1)))
     prior = None if problem.prior is None else problem.prior[:, kept]
     unknowns = tuple(problem.unknowns[k] for k in kept)
     return replace(problem, unknowns=unknowns, places=tuple(places), nominal=nominal, prior=prior)

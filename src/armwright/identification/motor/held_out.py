@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -16,19 +16,14 @@ from armwright.errors import ArmwrightError, LogError
 from armwright.identification.logs.log import Log
 from armwright.identification.motor.bench import decoupled_record
 from armwright.identification.motor.fitting import Fitted
-from armwright.identification.motor.measured import Measured, measured
+from armwright.identification.motor.measured import LOGGED, Measured, MotorReading, largest_speed, measured
 from armwright.identification.motor.output_error import Places, Problem, refined
-from armwright.identification.motor.predictions import predictions_of
-from armwright.identification.motor.problem import speeds_of, starts_of
+from armwright.identification.motor.predictions import MARK, Measures, predictions_of
+from armwright.identification.motor.problem import starts_of
+from armwright.identification.motor.report import MotorFit
 from armwright.identification.motor.unknowns import Unknown, values_of
 from armwright.identification.validation.comparison import NO_HOLD_OUT, compare_records
 from armwright.model.model import Model, build_model
-
-if TYPE_CHECKING:
-    from armwright.identification.motor.report import MotorFit
-
-Measures = Mapping[str, Mapping[str, float]]
-MARK = " (held out, with the fitted delay)"  # behind a run's name, among measures: no record has a delay
 
 
 def held_out(
@@ -45,11 +40,10 @@ def held_out(
     runs = [name for name in log.hold_out if name not in {each.run for each in data.stretches}]
     if not runs:
         return {}, {}, []
-    names = ["qd" if name == "qd_mean" else name for name in data.signals]
+    names = [LOGGED.get(name, name) for name in data.signals]
+    reading = MotorReading(signals=names, speed="difference" if "qd_mean" in data.signals else "instant")
     try:
-        fresh = measured(
-            log, runs, data.joints, "difference" if "qd_mean" in data.signals else "instant", names, locked=locked
-        )
+        fresh = measured(log, runs, data.joints, reading, locked=locked)
     except LogError as error:
         return {}, {}, [f"not simulated: {', '.join(runs)}, held out: {error.problems[0].what or error}"]
     if (fresh.signals, fresh.command) != (data.signals, data.command):
@@ -75,11 +69,10 @@ def _fresh(record: RobotDescription, data: Measured, done: Fitted) -> tuple[Prob
     for column, each in columns.items():
         nominal[column] = np.mean(each)
     unknowns: list[Unknown] = []
-    labels: list[str] = []
-    speed = float(max(np.abs(speeds_of(s)).max() for s in data.stretches))
+    speed = largest_speed(data.stretches)
     arm, places = build_model(record), []
     for number, stretch in enumerate(data.stretches):
-        start, fixed = starts_of(stretch, number, old.response, arm, unknowns, labels, speed, data)
+        start, fixed = starts_of(stretch, number, old.response, arm, unknowns, speed, data)
         offsets = np.full(n, -1)
         for k in {int(k) for at in old.places for k in at.offsets if k >= 0}:
             offsets[_joint_of(old, k)] = len(unknowns)

@@ -16,14 +16,16 @@ from armwright.errors import LogError, ModelError
 from armwright.features import Support
 from armwright.identification.logs.log import Log
 from armwright.identification.motor.channels import check_channels, feedback_remark
+from armwright.identification.motor.conclusion import concluded
 from armwright.identification.motor.drive_record import value_at, with_numbers
 from armwright.identification.motor.fitting import fitted
 from armwright.identification.motor.guess import guess
-from armwright.identification.motor.held_out import MARK, judged
-from armwright.identification.motor.measured import measured, steady
+from armwright.identification.motor.held_out import judged
+from armwright.identification.motor.measured import MotorReading, measured, steady
 from armwright.identification.motor.output_error import Problem
-from armwright.identification.motor.problem import problem_of
-from armwright.identification.motor.report import MotorFit, result
+from armwright.identification.motor.predictions import MARK
+from armwright.identification.motor.problem import MotorSearch, check_names, problem_of
+from armwright.identification.motor.report import MotorFit
 from armwright.identification.motor.starting import given_numbers, names_to_fit, robot_of, starting_record
 from armwright.model.model import Model
 from armwright.progress import Shown, automatic
@@ -32,9 +34,9 @@ from armwright.scalar import real_number
 SUPPORT = Support("identify motor", without_effect={"brakes": "they are released"})
 
 ROWS_PER_UNKNOWN = 5  # measurements
-MOST_DELAY = 10  # samples that are searched
 LEAST_GAIN = 0.01  # of the error that a bridge that coasts must take away
 POSITIVE = ("R", "L", "Kt", "Ke", "J")
+ALL_TO_FIT, USUAL = MotorReading(), MotorSearch()
 
 
 def identify_motor(
@@ -46,17 +48,8 @@ def identify_motor(
     locked: bool = False,
     free: Sequence[str] | None = None,
     fixed: Mapping[str, float] | None = None,
-    per_run: Sequence[str] = (),
-    runs: Sequence[str] | None = None,
-    signals: Sequence[str] | None = None,
-    speed: Literal["auto", "difference", "instant"] = "auto",
-    static: Log | str | os.PathLike[str] | None = None,
-    pwm: Literal["brake", "coast", "compare"] | None = None,
-    delay: float | None = None,
-    most_delay: int = MOST_DELAY,
-    priors: bool = False,
-    starts: int = 16,
-    seed: int = 0,
+    reading: MotorReading = ALL_TO_FIT,
+    search: MotorSearch = USUAL,
     progress: Shown = None,
 ) -> MotorFit:
     """Parameters of motors by output error: free simulation of the record's drives, fitted to a log.
@@ -71,16 +64,9 @@ def identify_motor(
         free: what is fitted: "R", "L", "Kt", "Ke", "J", "viscous", "coulomb", "coulomb_positive", "coulomb_negative", "stribeck",
             "friction_offset", "efficiency", "dead_zone" (of the stage), "delay", "offset" (of the command), or keys of the
             joint's tables such as "elasticity.backlash_rad"; None: all that the record has, and the delay.
-        fixed: values, in the record's units, of what is known, by the same names; "delay" in s.
-        per_run: of `free`, what every run has a value of its own of.   runs: names; None: those to fit.
-        signals: those that are compared, "q", "qd", "current", "tau"; None: all.
-        speed: "difference" of the positions over a sample, "instant", or "auto": a difference where it is quantised.
-        static: a log of steady states, a row each, as additional data.   pwm: of the bridge; None: as the record has it;
-            "compare": both are fitted, and the one is kept whose error is smaller, coast only if by 1 % or more.
-        delay: fixed delay of the command [s]; None: it is fitted.   most_delay: longest delay [samples].
-        priors: whether the standard deviations that the robot's record states count as measurements of its numbers.
-        starts: number of first guesses.   seed: of their draws.   progress: True or None: a bar where it is seen;
-            False: none; a function is called with rounds done and of all.
+        fixed: values, in the record's units, of what is known, by the same names; "delay", of the command, in s.
+        reading: what of the log is compared, and how.   search: for the numbers.
+        progress: True or None: a bar where it is seen; False: none; a function is called with rounds done and of all.
     Returns:
         fit: estimate, record and predictions.
     Raises:
@@ -88,40 +74,41 @@ def identify_motor(
         DescriptionError: the robot cannot be believed.
     """
     log = as_log(log)
-    static = None if static is None else as_log(static, "static")
-    _check(free, fixed, per_run, starts, most_delay)
-    asked = [log.run(name).name for name in runs] if runs is not None else list(log.fit)
-    if priors and arm is None and log.arm is None:
+    static = None if reading.static is None else as_log(reading.static, "static")
+    known = dict(fixed or {})
+    _check(free, known)
+    asked = [log.run(name).name for name in reading.runs] if reading.runs is not None else list(log.fit)
+    if search.priors and arm is None and log.arm is None:
         raise ModelError("goes with a robot, whose record states deviations", place="priors", value=True)
     base, source, joints, loads = robot_of(log, arm, joint, load, locked)
-    data = measured(log, asked, joints, speed, signals, locked=locked)
-    ratios = [_ratio(base, log, name) for name in joints]
+    data = measured(log, asked, joints, reading, locked=locked)
+    ratios, delay = [_ratio(base, log, name) for name in joints], known.get("delay")
     guesses = []
     for k, ratio in enumerate(ratios):
-        guesses.append(guess(data, k, 0 if delay is not None else most_delay, float(np.sign(ratio or 1.0))))
+        guesses.append(guess(data, k, 0 if delay is not None else search.most_delay, float(np.sign(ratio or 1.0))))
         check_channels(data, k, guesses[k], ratio, len(joints) == 1 or loads is not None, log.path)
-    if len(joints) == 1:
-        data = replace(data, remarks=(*data.remarks, *feedback_remark(data, 0)))
-    data = replace(data, remarks=(*data.remarks, *map(str, log.warnings)))
+    feedback = feedback_remark(data, 0) if len(joints) == 1 else []
+    data = replace(data, remarks=(*data.remarks, *feedback, *map(str, log.warnings)))
 
     def fit_of(mode: Literal["brake", "coast"] | None) -> MotorFit:
-        record = starting_record(base, loads, data, guesses, fixed or {}, mode, locked, ratios[0])
+        record = starting_record(base, loads, data, guesses, known, mode, locked, ratios[0])
         stretches = list(data.stretches)
         if static is not None:
             stretches.append(steady(static, joints, data, max(each.time for each in guesses)))
-        names, record = names_to_fit(record, free, set(fixed or {}), guesses, data, locked)
-        problem, labels = problem_of(record, data, stretches, names, guesses, per_run, free, delay, most_delay, priors)
+        names, record = names_to_fit(record, free, set(known), guesses, data, locked)
+        problem = problem_of(record, data, stretches, names, guesses, free, delay, search)
         _check_rows(problem, log)
-        done = fitted(record, data, problem, labels, starts, seed, free, tell)
-        fit = result(log, record, data, done, free, bench=base is None, locked=locked, first=guesses[0])
+        done = fitted(record, data, problem, search, free, tell)
+        fit = concluded(log, record, data, done, free, bench=base is None, locked=locked, first=guesses[0])
         if base is None:
             return fit
-        given = given_numbers(base, joints, fixed or {}, mode)
+        given = given_numbers(base, joints, known, mode)
         robot = with_numbers(base, given) if given else base
         return replace(fit, robot=robot, source=None if given else source)
 
     with automatic(progress, "fitting") as tell:
-        fit = _better_mode(fit_of("brake"), fit_of("coast")) if pwm == "compare" else fit_of(pwm)
+        mode = search.pwm
+        fit = _better_mode(fit_of("brake"), fit_of("coast")) if mode == "compare" else fit_of(mode)
         return judged(fit, log, asked, base, loads, locked)
 
 
@@ -163,20 +150,15 @@ def _check_rows(problem: Problem, log: Log) -> None:
         raise LogError(what, place="rows", expected=expected, file=log.path)
 
 
-def _check(free: Any, fixed: Any, per_run: Any, starts: int, most_delay: int) -> None:
-    for place, value in (("free", free), ("per_run", per_run)):
-        if isinstance(value, str):
-            raise ModelError(place=place, value=value, expected="a list of names")
-    for place, value, least in (("starts", starts, 1), ("most_delay", most_delay, 0)):
-        if not isinstance(value, (int, np.integer)) or isinstance(value, bool) or not least <= value <= 1000:
-            raise ModelError(place=place, value=value, expected=f"a whole number from {least} to 1000")
+def _check(free: Any, fixed: Mapping[str, Any]) -> None:
+    check_names("free", free)
     if free is not None and not [name for name in free if name]:
         raise ModelError(place="free", value=list(free), expected="one name or more, or None: all that the record has")
-    for name, value in (fixed or {}).items():
+    for name, value in fixed.items():
         number = real_number(value)
         if number is None or not np.isfinite(number) or (name in POSITIVE and number <= 0.0):
             expected = "a number above 0" if name in POSITIVE else "a finite number"
             raise ModelError(place=f"fixed {name}", value=value, expected=f"{expected}, in the record's unit")
-    twice = set(free or ()) & set(fixed or {})
+    twice = set(free or ()) & set(fixed)
     if twice:
         raise ModelError("free and fixed", place="fixed", value=sorted(twice)[0], expected="one of the two")

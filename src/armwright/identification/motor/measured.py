@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import os
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from armwright.identification.logs.quantisation import quantisation_step
 from armwright.identification.motor.response import Inputs
 
 Command = Literal["voltage", "current", "torque"]
+LOGGED = {"qd_mean": "qd"}  # signal of the log with which one of `Response` is compared, where it has another name
 COMMANDS: dict[str, Command] = {"voltage": "voltage", "current": "current", "tau": "torque"}  # by signal, in this order
 SHORTEST = 20  # rows of a stretch that is fitted
 SAME = 0.02  # of a speed's standard deviation: how far it may be from the difference of positions to be that
@@ -34,13 +36,46 @@ class Driven(Stretch):
     values: dict[str, np.ndarray]
     weights: np.ndarray
 
-    def speed(self, joint: int) -> np.ndarray:
-        """(rows,) speed of a joint: measured, or differences of its positions."""
+    @property
+    def speeds(self) -> np.ndarray:
+        """(rows, n) measured speeds; without them (rows - 1, n) differences of positions, 0 of a locked rotor."""
         for name in ("qd", "qd_mean"):
             if name in self.values:
-                return self.values[name][:, joint]
-        q = self.values["q"][:, joint]
-        return np.concatenate([[0.0], np.diff(q) / self.inputs.period[:-1]])
+                return self.values[name]
+        if "q" not in self.values:
+            return np.zeros_like(self.inputs.command)
+        return np.diff(self.values["q"], axis=0) / self.inputs.period[:-1, None]
+
+    def speed(self, joint: int) -> np.ndarray:
+        """(rows,) speed of a joint: measured, or differences of its positions, the first 0."""
+        speed = self.speeds[:, joint]
+        return np.concatenate([np.zeros(len(self.t) - len(speed)), speed])
+
+
+def largest_command(stretches: Sequence[Driven]) -> float:
+    """Largest command of any joint."""
+    return float(max(np.abs(each.inputs.command).max() for each in stretches))
+
+
+def largest_speed(stretches: Sequence[Driven]) -> float:
+    """Largest speed of any joint."""
+    return float(max(np.abs(each.speeds).max() for each in stretches))
+
+
+@dataclass(frozen=True)
+class MotorReading:
+    """Part of a log of motors that is compared.
+
+    Args:
+        runs: names; None: those to fit.   signals: "q", "qd", "current", "tau"; None: all that are logged.
+        speed: "difference" of the positions over a sample, "instant", or "auto": a difference where it is quantised.
+        static: a log of steady states, a row each, as additional data.
+    """
+
+    runs: Sequence[str] | None = None
+    signals: Sequence[str] | None = None
+    speed: Literal["auto", "difference", "instant"] = "auto"
+    static: Log | str | os.PathLike[str] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,77 +101,74 @@ class Measured:
 
 
 def measured(
-    log: Log,
-    runs: Sequence[str],
-    joints: Sequence[str],
-    speed: str,
-    used: Sequence[str] | None,
-    *,
-    locked: bool = False,
+    log: Log, runs: Sequence[str], joints: Sequence[str], reading: MotorReading, *, locked: bool = False
 ) -> Measured:
     """Stretches of some runs.
 
     Args:
-        log: of the drives.   runs: names.   joints: names, in the order of the arm.
-        speed: "difference" of positions over a sample, "instant", or "auto": a difference where it is quantised.
-        used: signals to compare; None: all that are logged.   locked: the rotors were held, and nothing but currents is compared.
+        log: of the drives.   runs: names.   joints: names, in the order of the arm.   reading: signals, and the kind of speed.
+        locked: the rotors were held, and nothing but currents is compared.
     Raises:
         LogError: no voltage, current or torque, nothing that moves, or no stretch that is long enough.
     """
     places = [log.joints.index(name) for name in joints]
     datasets = {run: log.dataset(run) for run in runs}
-    first = next(iter(datasets.values()))
-    whole = {
-        name: all(np.isfinite(data[name].values[:, places]).any(axis=0).all() for data in datasets.values())
-        for name in first.data_vars
+    columns: dict[str, np.ndarray] = {
+        str(name): np.concatenate([data[name].values[:, places] for data in datasets.values()])
+        for name in next(iter(datasets.values())).data_vars
+        if all(np.isfinite(data[name].values[:, places]).any(axis=0).all() for data in datasets.values())
     }
-    given = [str(name) for name in first.data_vars if whole[name]]
-    driver = next((name for name in COMMANDS if name in given), None)
-    if driver is None:
-        expected = "a voltage, a current or a torque of every joint that is fitted"
-        raise LogError("no signal drives the motors", place="signals", expected=expected, file=log.path)
-    moving = [] if locked else [name for name in ("q", "qd") if name in given]
-    if locked and not (driver == "voltage" and "current" in given):
-        expected = "voltage and current: nothing else changes while the rotor is held"
-        raise LogError("a locked rotor", place="signals", expected=expected, file=log.path)
-    if not moving and not locked:
-        raise LogError("no motion is logged", place="signals", expected="position or speed", file=log.path)
-    sensed = [name for name in ("current", "tau") if name in given and name != driver and driver == "voltage"]
-    sensed = [name for name in sensed if not (locked and name == "tau")]
-    columns = {
-        name: np.concatenate([d[name].values[:, places] for d in datasets.values()]) for name in (*moving, *sensed)
-    }
-    steps = {name: _steps(values) for name, values in columns.items()}
-    names, remarks = [*moving, *sensed], []
+    driver, moving, names = _logged(log, list(columns), locked)
     for name in (driver, *(["current"] if locked else moving)):
-        if (
-            np.ptp(np.nan_to_num(np.concatenate([d[name].values[:, places] for d in datasets.values()])), axis=0).max()
-            == 0
-        ):
-            raise LogError(
-                "never changes", place=f"signal {name}", expected="a motor that is driven and moves", file=log.path
-            )
+        if not np.ptp(np.nan_to_num(columns[name]), axis=0).any():
+            expected = "a motor that is driven and moves"
+            raise LogError("never changes", place=f"signal {name}", expected=expected, file=log.path)
+    steps = {name: _steps(columns[name]) for name in names}
+    remarks = []
     if moving == ["q", "qd"] and all(_is_difference(data, places) for data in datasets.values()):
         names.remove("qd")
         remarks.append("the speed is the difference of the positions, and adds no information: positions are compared")
-    difference = speed == "difference" or (speed == "auto" and "qd" in names and bool(steps["qd"].all()))
-    if used is not None:
-        for name in used:
+    difference = reading.speed == "difference" or (
+        reading.speed == "auto" and "qd" in names and bool(steps["qd"].all())
+    )
+    if reading.signals is not None:
+        for name in reading.signals:
             if name not in names:
-                raise LogError(
-                    "not logged, or the input itself", place="signals", value=name, choices=names, file=log.path
-                )
-        names = [name for name in names if name in used]
+                what = "not logged, or the input itself"
+                raise LogError(what, place="signals", value=name, choices=names, file=log.path)
+        names = [name for name in names if name in reading.signals]
     if difference and "qd" in names:
         remarks.append("the speed is quantised: it is predicted as the difference of positions over the sample")
         names[names.index("qd")] = "qd_mean"
-    steps = {name: steps["qd" if name == "qd_mean" else name] for name in names}
+    steps = {name: steps[LOGGED.get(name, name)] for name in names}
     stretches = [
         stretch for run, data in datasets.items() for stretch in _stretches(log, run, data, driver, names, places)
     ]
     if not stretches:
         raise LogError(f"no stretch of {SHORTEST} rows without gap", file=log.path, expected="a longer log")
     return Measured(tuple(joints), COMMANDS[driver], tuple(names), steps, tuple(stretches), tuple(remarks))
+
+
+def _logged(log: Log, given: Sequence[str], locked: bool) -> tuple[str, list[str], list[str]]:
+    """Signal that drives the motors, those that tell how they move, and all that may be compared, of those that are given.
+
+    Raises:
+        LogError: nothing drives, or nothing is left to compare.
+    """
+    driver = next((name for name in COMMANDS if name in given), None)
+    if driver is None:
+        expected = "a voltage, a current or a torque of every joint that is fitted"
+        raise LogError("no signal drives the motors", place="signals", expected=expected, file=log.path)
+    sensed = [name for name in ("current", "tau") if name in given and driver == "voltage"]
+    if locked:
+        if "current" not in sensed:
+            expected = "voltage and current: nothing else changes while the rotor is held"
+            raise LogError("a locked rotor", place="signals", expected=expected, file=log.path)
+        return driver, [], ["current"]
+    moving = [name for name in ("q", "qd") if name in given]
+    if not moving:
+        raise LogError("no motion is logged", place="signals", expected="position or speed", file=log.path)
+    return driver, moving, [*moving, *sensed]
 
 
 def _steps(values: np.ndarray) -> np.ndarray:
@@ -151,29 +183,26 @@ def _is_difference(data, places: Sequence[int]) -> bool:
     return bool((np.nanstd(speed - own, axis=0) <= SAME * np.nanstd(own, axis=0)).all())
 
 
-def _stretches(log: Log, run: str, data, driver: str, names: Sequence[str], places: Sequence[int]):
-    time = data.time.values
+def _stretches(
+    log: Log, run: str, data: Any, driver: str, names: Sequence[str], places: Sequence[int]
+) -> Iterator[Driven]:
+    """Parts of a run without gap, with weights of what is compared."""
     for part in log.run(run).stretches:
         rows = slice(part.begin, part.end)
-        t = time[rows]
+        t = data.time.values[rows]
         if len(t) < SHORTEST:
             continue
-        period = np.append(np.diff(t), t[-1] - t[-2])
         command = data[driver].values[rows][:, places]
-        values = {name: data["qd" if name == "qd_mean" else name].values[rows][:, places] for name in names}
-        finite = np.isfinite(np.concatenate(list(values.values()), axis=1)).all(axis=1) & np.isfinite(command).all(
-            axis=1
-        )
-        command = np.nan_to_num(command)
+        values = {name: data[LOGGED.get(name, name)].values[rows][:, places] for name in names}
+        finite = np.isfinite(np.concatenate([*values.values(), command], axis=1)).all(axis=1)
         values = {name: np.nan_to_num(each) for name, each in values.items()}
-        weights = finite.astype(float)[:, None] * np.ones(len(names) * len(places))
+        weights = {name: np.repeat(finite.astype(float)[:, None], len(places), axis=1) for name in names}
         if "qd_mean" in names:
-            at = names.index("qd_mean") * len(places)
-            weights[0, at : at + len(places)] = 0.0  # its position before is not known
+            weights["qd_mean"][0] = 0.0  # its position before is not known
         if "q" in names:
-            at = names.index("q") * len(places)
-            weights[:, at : at + len(places)] /= np.sqrt(np.column_stack([rows_of_count(q) for q in values["q"].T]))
-        yield Driven(run, t, Inputs(period, command), values, weights)
+            weights["q"] /= np.sqrt(np.column_stack([rows_of_count(q) for q in values["q"].T]))
+        inputs = Inputs(np.append(np.diff(t), t[-1] - t[-2]), np.nan_to_num(command))
+        yield Driven(run, t, inputs, values, np.concatenate(list(weights.values()), axis=1))
 
 
 def rows_of_count(counts: np.ndarray) -> np.ndarray:
@@ -205,13 +234,13 @@ def steady(log: Log, joints: Sequence[str], data: Measured, time: float) -> Driv
     command, speed = command[finite], speed[finite]
     ticks = len(command) * LEVEL_TICKS
     period = np.full(ticks, LEVEL_TIME * time / LEVEL_TICKS)
-    weights = np.zeros((ticks, len(data.signals) * len(places)))
-    values = {name: np.zeros((ticks, len(places))) for name in data.signals}
-    for k, name in enumerate(data.signals):
-        if name in ("qd", "qd_mean"):
-            weights[LEVEL_TICKS - 1 :: LEVEL_TICKS, k * len(places) : (k + 1) * len(places)] = 1.0
-            values[name][LEVEL_TICKS - 1 :: LEVEL_TICKS] = speed
-    if not weights.any():
+    values, weights = ({name: np.zeros((ticks, len(places))) for name in data.signals} for _ in range(2))
+    compared = {"qd", "qd_mean"} & set(data.signals)
+    for name in compared:
+        weights[name][LEVEL_TICKS - 1 :: LEVEL_TICKS] = 1.0
+        values[name][LEVEL_TICKS - 1 :: LEVEL_TICKS] = speed
+    if not compared or not len(speed):
         raise LogError("the other log has no speed to compare", place="static", file=log.path)
     t = np.cumsum(period) - period
-    return Driven("static", t, Inputs(period, np.repeat(command, LEVEL_TICKS, axis=0)), values, weights)
+    inputs = Inputs(period, np.repeat(command, LEVEL_TICKS, axis=0))
+    return Driven("static", t, inputs, values, np.concatenate(list(weights.values()), axis=1))

@@ -8,7 +8,6 @@ the best goes on in `scipy.optimize.least_squares`. [Marquardt1963]
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -86,33 +85,29 @@ class Problem:
 
     def predictions(self, z: np.ndarray) -> list[np.ndarray]:
         """(rows, signals · n) predicted for each stretch by coordinates (k,)."""
-        # with derivatives, of which the loop is there already: tracing and linking another takes longer than they do
-        return [self._run(s, z[None], True)[0][0] for s in range(len(self.stretches))]
+        return [self.responses(s, z[None])[0][0] for s in range(len(self.stretches))]
 
-    def responses(self, s: int, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Signals (lanes, rows, signals · n) of stretch s at coordinates (lanes, k), and their derivatives by these (…, k)."""
-        y, dy = self._run(s, z, True)
-        assert dy is not None
-        return y, dy
+    def jacobian(self, z: np.ndarray) -> np.ndarray:
+        """(m, k) derivatives of the residuals at coordinates (k,)."""
+        return self.evaluate(z[None])[1][0]
 
-    def evaluate(self, z: np.ndarray, slopes: bool = True) -> tuple[np.ndarray, np.ndarray | None]:
+    def evaluate(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Residuals (lanes, m) of coordinates (lanes, k), and their Jacobian (lanes, m, k)."""
         residuals, jacobians = [], []
         for s, stretch in enumerate(self.stretches):
-            y, dy = self._run(s, z, slopes)
+            y, dy = self.responses(s, z)
             weight = stretch.weights / self.sigma
             residuals.append(((y - self.targets[s]) * weight).reshape(len(z), -1))
-            if dy is not None:
-                jacobians.append((dy * weight[..., None]).reshape(len(z), -1, len(self.unknowns)))
+            jacobians.append((dy * weight[..., None]).reshape(len(z), -1, len(self.unknowns)))
         if self.prior is not None:
             known = np.isfinite(self.prior[1])
             residuals.append(((z - self.prior[0]) / self.prior[1])[:, known])
             slope = np.diag(1.0 / self.prior[1])[known]
             jacobians.append(np.broadcast_to(slope, (len(z), *slope.shape)))
-        return np.concatenate(residuals, axis=1), np.concatenate(jacobians, axis=1) if slopes else None
+        return np.concatenate(residuals, axis=1), np.concatenate(jacobians, axis=1)
 
-    def _run(self, s: int, z: np.ndarray, slopes: bool) -> tuple[np.ndarray, np.ndarray | None]:
-        """Signals of a stretch (lanes, rows, …) and their derivatives by z."""
+    def responses(self, s: int, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Signals (lanes, rows, signals · n) of stretch s at coordinates (lanes, k), and their derivatives by these (…, k)."""
         at, values, rates = self.places[s], *values_of(self.unknowns, z)
         lanes = len(z)
 
@@ -124,10 +119,7 @@ class Problem:
         p = np.concatenate([filled(at.parameters, self.nominal), filled(at.offsets, np.zeros(len(at.offsets)))], axis=1)
         delay = np.full(lanes, self.delay) if at.delay < 0 else values[:, at.delay]
         carried = self.response.carried
-        start = filled(at.start, at.fixed_start) @ carried.T
-        y, raw = self.response.run(self.tables[s], p, delay, start, slopes)
-        if raw is None:
-            return y, None
+        y, raw = self.response.run(self.tables[s], p, delay, filled(at.start, at.fixed_start) @ carried.T)
         states = slice(-len(carried), None)
         raw[..., states] = raw[..., states] @ carried  # a link's start position or speed is its motor's too
         numbers = np.concatenate([at.parameters, [at.delay], at.offsets, at.start])
@@ -146,21 +138,13 @@ class Problem:
             rows -= count
             stretches.append(stretch.part(slice(count)))
             places.append(at)
-        return (
-            self
-            if len(stretches) == len(self.stretches) and rows >= 0
-            else replace(self, stretches=tuple(stretches), places=tuple(places))
-        )
+        return replace(self, stretches=tuple(stretches), places=tuple(places))
 
 
-def starts(problem: Problem, guesses: Sequence[np.ndarray], count: int, seed: int) -> np.ndarray:
-    """(count, k) start coordinates: the guesses, then a Latin hypercube about the first; offsets stay as guessed."""
+def starts(problem: Problem, centre: np.ndarray, count: int, seed: int) -> np.ndarray:
+    """(count, k) start coordinates: the guess, then a Latin hypercube about it; offsets stay as guessed."""
     low, high = problem.bounds
-    centre = guesses[0]
-    sample = (
-        2.0 * qmc.LatinHypercube(len(centre), rng=np.random.default_rng(seed)).random(max(count - len(guesses), 0))
-        - 1.0
-    )
+    sample = 2.0 * qmc.LatinHypercube(len(centre), rng=np.random.default_rng(seed)).random(count - 1) - 1.0
     reach = np.zeros(len(centre))
     for k, each in enumerate(problem.unknowns):
         if each.logarithmic:
@@ -173,7 +157,7 @@ def starts(problem: Problem, guesses: Sequence[np.ndarray], count: int, seed: in
     for k, each in enumerate(problem.unknowns):
         if each.name == "delay":  # anywhere
             drawn[:, k] = low[k] + 0.5 * (sample[:, k] + 1.0) * (high[k] - low[k])
-    return np.clip(np.concatenate([np.array(guesses)[:count], drawn]), low, high)
+    return np.clip(np.concatenate([centre[None], drawn]), low, high)
 
 
 def many_starts(problem: Problem, z: np.ndarray, steps: int = STEPS_OF_STARTS) -> tuple[np.ndarray, np.ndarray]:
@@ -193,9 +177,8 @@ def many_starts(problem: Problem, z: np.ndarray, steps: int = STEPS_OF_STARTS) -
 LARGEST = 1e9  # of a scaled residual; a lane beyond is lost
 
 
-def _finite(residuals: np.ndarray, jacobian: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+def _finite(residuals: np.ndarray, jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The same, with lanes that left the finite numbers, or all measure, at a large residual that nothing changes."""
-    assert jacobian is not None
     lost = ~(np.abs(residuals) < LARGEST).all(axis=1) | ~(np.abs(jacobian) < LARGEST**1.5).all(axis=(1, 2))
     residuals[lost], jacobian[lost] = LARGEST, 0.0
     return residuals, jacobian

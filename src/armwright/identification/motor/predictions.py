@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from armwright.fitting.measures import agreement
-from armwright.identification.motor.measured import Measured
+from armwright.identification.motor.measured import LOGGED, Measured
 from armwright.identification.motor.output_error import Problem
 
+Measures = Mapping[str, Mapping[str, float]]
+MARK = " (held out, with the fitted delay)"  # behind a run's name, among measures: no record has a delay
 
-def predictions_of(
-    problem: Problem, z: np.ndarray, data: Measured, mark: str = ""
-) -> tuple[dict[str, Any], dict[str, dict[str, float]]]:
+
+def predictions_of(problem: Problem, z: np.ndarray, data: Measured, mark: str = "") -> tuple[dict[str, Any], Measures]:
     """Datasets by run, and measures by run and signal.
 
     Args:
@@ -29,7 +31,7 @@ def predictions_of(
     for stretch, y, target in zip(problem.stretches, predicted, problem.targets, strict=True):
         variables: dict[str, Any] = {}
         for s, name in enumerate(data.signals):
-            plain = "qd" if name == "qd_mean" else name
+            plain = LOGGED.get(name, name)
             part = slice(s * n, (s + 1) * n)
             used = stretch.weights[:, part] > 0
             variables[plain] = (("time", "joint"), np.where(used, target[:, part], np.nan))

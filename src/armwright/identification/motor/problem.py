@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Any, Literal
 
 import numpy as np
 
@@ -12,10 +13,16 @@ from armwright.description.robot import RobotDescription
 from armwright.errors import ModelError
 from armwright.identification.motor.drive_record import paths_of, value_at
 from armwright.identification.motor.guess import Guess
-from armwright.identification.motor.measured import Driven, Measured, rows_of_count
+from armwright.identification.motor.measured import (
+    Driven,
+    Measured,
+    largest_command,
+    largest_speed,
+    rows_of_count,
+)
 from armwright.identification.motor.output_error import Places, Problem
 from armwright.identification.motor.response import Response, response_of
-from armwright.identification.motor.unknowns import RANGE, Unknown, positive, values_of
+from armwright.identification.motor.unknowns import RANGE, Unknown, values_of
 from armwright.model.model import Model, build_model
 from armwright.model.vary import Varied
 
@@ -29,71 +36,117 @@ SIZE = 0.1  # of the torque of the largest command: friction of that size matter
 UNITS = {"voltage": "V", "current": "A", "torque": "N m"}  # of a command
 
 
+@dataclass(frozen=True)
+class MotorSearch:
+    """Search for the numbers of motors.
+
+    Args:
+        per_run: of what is free, what every run has a value of its own of.
+        pwm: of the bridge; None: as the record has it; "compare": both are fitted, and the one is kept whose error is smaller,
+            coast only if by 1 % or more.   most_delay: longest delay of the command [samples].
+        priors: whether the standard deviations that the robot's record states count as measurements of its numbers.
+        starts: number of first guesses.   seed: of their draws.
+    Raises:
+        ModelError: names the field.
+    """
+
+    per_run: Sequence[str] = ()
+    pwm: Literal["brake", "coast", "compare"] | None = None
+    most_delay: int = 10
+    priors: bool = False
+    starts: int = 16
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        check_names("per_run", self.per_run)
+        for place, value, least in (("starts", self.starts, 1), ("most_delay", self.most_delay, 0)):
+            if not isinstance(value, (int, np.integer)) or isinstance(value, bool) or not least <= value <= 1000:
+                raise ModelError(place=place, value=value, expected=f"a whole number from {least} to 1000")
+
+
+def check_names(place: str, value: Any) -> None:
+    """Refuses one text where a list of names is expected.
+
+    Raises:
+        ModelError: names the place.
+    """
+    if isinstance(value, str):
+        raise ModelError(place=place, value=value, expected="a list of names")
+
+
 def problem_of(
     record: RobotDescription, data: Measured, stretches: Sequence[Driven], names: Mapping[str, tuple[str, ...]],
-    guesses: Sequence[Guess], per_run: Sequence[str], free: Sequence[str] | None, delay: float | None, most_delay: int,
-    priors: bool = False,
-) -> tuple[Problem, list[str]]:  # fmt: skip
-    """The least-squares problem, and of every unknown its `joint:name`."""
-    arm, n = build_model(record), len(data.joints)
-    paths = [path for group in names.values() for path in group]
-    varied = Varied(arm, paths)
-    lags = 0 if delay == 0.0 else most_delay
-    time = min(each.time for each in guesses)
-    substeps = int(np.clip(np.ceil(data.period / (SHARE_OF_TIME * time)), 1, MOST_SUBSTEPS))
-    response = response_of(varied, data.signals, lags, substeps)
-    unknowns: list[Unknown] = []
-    labels: list[str] = []
-    runs = list(dict.fromkeys(each.run for each in stretches))
-    at: dict[tuple[str, str], int] = {}
+    guesses: Sequence[Guess], free: Sequence[str] | None, delay: float | None, search: MotorSearch,
+) -> Problem:  # fmt: skip
+    """The least-squares problem.
 
-    def add(unknown: Unknown, label: str, key: str, run: str = "") -> None:
-        at[key, run] = len(unknowns)
-        unknowns.append(unknown)
-        labels.append(label)
-
-    speed = float(max(np.abs(speeds_of(s)).max() for s in stretches))
-    largest = float(max(np.abs(s.inputs.command).max() for s in stretches))
-    for label, group in names.items():
-        joint, name = label.split(":", 1)
-        own = name in per_run
-        for run in runs if own else [""]:
-            add(_unknown(record, label, group, largest, speed, joint, run), label, label, run)
-    fits_delay = delay is None and lags > 0 and (free is None or "delay" in free)
-    if fits_delay:
-        begin = float(np.median([each.delay for each in guesses])) + 0.5
-        for run in runs if "delay" in per_run else [""]:
-            unknown = Unknown("delay", begin, 0.0, float(lags + 1), 1.0, run=run, nuisance=True, unit="samples")
-            add(unknown, "delay", "delay", run)
-    if free is not None and "offset" in free:
-        for k, joint in enumerate(data.joints):
-            for run in runs if "offset" in per_run else [""]:
-                about = {"run": run, "nuisance": True, "unit": UNITS[data.command]}
-                add(
-                    Unknown(f"{joint}: offset", 0.0, -largest, largest, 0.01 * largest, **about),
-                    "offset",
-                    f"offset{k}",
-                    run,
-                )
-    places = []
-    for number, stretch in enumerate(stretches):
-        start, fixed_start = starts_of(stretch, number, response, arm, unknowns, labels, speed, data)
-        own = [at.get((label, stretch.run), at.get((label, ""), -1)) for label, group in names.items() for _ in group]
-        offsets = [at.get((f"offset{k}", stretch.run), at.get((f"offset{k}", ""), -1)) for k in range(n)]
-        lag = at.get(("delay", stretch.run), at.get(("delay", ""), -1))
-        if stretch.run == "static":
-            lag = -1
-        places.append(Places(np.array(own, dtype=int), np.array(offsets, dtype=int), lag, start, fixed_start))
-    sigma = _first_sigma(data.stretches, data)
+    Args:
+        record: with a number at each path.   data: measurements.   stretches: of these, and of steady states.
+        names: paths by `joint:name` of what is fitted.   guesses: of the joints.   free: the names that were asked for.
+        delay: fixed [s]; None: it is fitted.   search: what is searched for.
+    Raises:
+        ModelError: a fixed delay that is longer than the longest.
+    """
+    arm = build_model(record)
+    varied = Varied(arm, [path for group in names.values() for path in group])
+    lags = 0 if delay == 0.0 else search.most_delay
     fixed_delay = 0.0 if delay is None else delay / data.period
     if fixed_delay > lags + 1:
         expected = f"at most {(lags + 1) * data.period:g} s"
         raise ModelError("longer than the longest delay", place="delay", value=delay, expected=expected)
-    prior = _prior(record, unknowns) if priors else None
-    problem = Problem(
+    time = min(each.time for each in guesses)
+    substeps = int(np.clip(np.ceil(data.period / (SHARE_OF_TIME * time)), 1, MOST_SUBSTEPS))
+    response = response_of(varied, data.signals, lags, substeps)
+    unknowns = _numbers(record, stretches, names, search)
+    if delay is None and lags > 0 and (free is None or "delay" in free):
+        begin = float(np.median([each.delay for each in guesses])) + 0.5
+        delayed = Unknown("delay", begin, 0.0, float(lags + 1), 1.0, nuisance=True, unit="samples", label="delay")
+        unknowns += _by_run(delayed, "delay", stretches, search)
+    if free is not None and "offset" in free:
+        unknowns += _offsets(data, stretches, search)
+    at = {(each.name if each.nuisance else each.label, each.run): k for k, each in enumerate(unknowns)}
+
+    def number(name: str, run: str) -> int:
+        return at.get((name, run), at.get((name, ""), -1))
+
+    speed, places = largest_speed(stretches), []
+    for k, stretch in enumerate(stretches):
+        start, fixed_start = starts_of(stretch, k, response, arm, unknowns, speed, data)
+        own = [number(label, stretch.run) for label, group in names.items() for _ in group]
+        offsets = [number(f"{joint}: offset", stretch.run) for joint in data.joints]
+        lag = -1 if stretch.run == "static" else number("delay", stretch.run)
+        places.append(Places(np.array(own, dtype=int), np.array(offsets, dtype=int), lag, start, fixed_start))
+    prior = _prior(record, unknowns) if search.priors else None
+    sigma = _first_sigma(data)
+    return Problem(
         response, tuple(unknowns), tuple(stretches), tuple(places), sigma, varied.nominal, fixed_delay, prior
     )
-    return problem, labels
+
+
+def _by_run(unknown: Unknown, name: str, stretches: Sequence[Driven], search: MotorSearch) -> list[Unknown]:
+    """An unknown of all runs together, or one of each run."""
+    runs = dict.fromkeys(each.run for each in stretches) if name in search.per_run else [""]
+    return [replace(unknown, run=run) for run in runs]
+
+
+def _numbers(
+    record: RobotDescription, stretches: Sequence[Driven], names: Mapping[str, tuple[str, ...]], search: MotorSearch
+) -> list[Unknown]:
+    """The record's numbers that are fitted."""
+    largest, speed = largest_command(stretches), largest_speed(stretches)
+    return [
+        each
+        for label, group in names.items()
+        for each in _by_run(_unknown(record, label, group, largest, speed), label.split(":", 1)[1], stretches, search)
+    ]
+
+
+def _offsets(data: Measured, stretches: Sequence[Driven], search: MotorSearch) -> list[Unknown]:
+    """Offsets of the joints' commands."""
+    largest = largest_command(stretches)
+    one = Unknown("", 0.0, -largest, largest, 0.01 * largest, nuisance=True, unit=UNITS[data.command], label="offset")
+    joints = [replace(one, name=f"{joint}: offset") for joint in data.joints]
+    return [run for each in joints for run in _by_run(each, "offset", stretches, search)]
 
 
 def _prior(record: RobotDescription, unknowns: Sequence[Unknown]) -> np.ndarray:
@@ -116,31 +169,15 @@ def _prior(record: RobotDescription, unknowns: Sequence[Unknown]) -> np.ndarray:
     return prior
 
 
-def speeds_of(stretch: Driven) -> np.ndarray:
-    """(rows, n) measured speeds, or differences of positions."""
-    for name in ("qd", "qd_mean"):
-        if name in stretch.values:
-            return stretch.values[name]
-    if "q" not in stretch.values:  # of a locked rotor
-        return np.zeros_like(stretch.inputs.command)
-    return np.diff(stretch.values["q"], axis=0) / stretch.inputs.period[:-1, None]
-
-
-def _unknown(
-    record: RobotDescription, label: str, paths: tuple[str, ...], largest: float, speed: float, joint: str, run: str
-) -> Unknown:
+def _unknown(record: RobotDescription, label: str, paths: tuple[str, ...], largest: float, speed: float) -> Unknown:
     """A number of the record to fit: from its present value on, within what the record allows."""
-    name = label.split(":", 1)[1]
+    joint, name = label.split(":", 1)
     value = value_at(record, paths[0])
     assert value is not None
     low, high = reading_at(record, paths[0]).bounds
-    if (
-        low == 0.0
-        and value > 0.0
-        and (name in LOGARITHMIC or any(part in paths[0] for part in LOGARITHMIC_TABLES))
-        and not np.isfinite(high)
-    ):
-        return replace(positive(paths[0], value, paths, run), run=run)
+    unknown_size = name in LOGARITHMIC or any(part in paths[0] for part in LOGARITHMIC_TABLES)
+    if low == 0.0 and value > 0.0 and unknown_size and not np.isfinite(high):
+        return Unknown(paths[0], value, value / RANGE, value * RANGE, value, paths, logarithmic=True, label=label)
     torque = largest_torque(record, joint, largest)
     scale = SIZE * (torque / max(speed, 1e-9) if name == "viscous" else torque)
     if name == "efficiency":
@@ -149,7 +186,7 @@ def _unknown(
         high, scale = largest, SIZE * largest
     scale = max(scale, 0.3 * abs(value))
     low, high = max(low, value - RANGE * scale), min(high, value + RANGE * scale)
-    return Unknown(paths[0], value, low, high, scale, paths, run)
+    return Unknown(paths[0], value, low, high, scale, paths, label=label)
 
 
 def largest_torque(
@@ -167,17 +204,14 @@ def largest_torque(
     return ratio * constants[0] * command / ((constants[1] or 1.0) if driven_by == "voltage" else 1.0)
 
 
-def sizes(
-    record: RobotDescription, data: Measured, problem: Problem, labels: Sequence[str], z: np.ndarray
-) -> np.ndarray:
+def sizes(record: RobotDescription, data: Measured, problem: Problem, z: np.ndarray) -> np.ndarray:
     """(k,) by how much larger the size of every unknown is, with all others as they are at z, than its scale."""
     values, _ = values_of(problem.unknowns, z)
     known = {path: float(v) for each, v in zip(problem.unknowns, values, strict=True) for path in each.paths}
-    command = float(max(np.abs(s.inputs.command).max() for s in problem.stretches))
-    speed = float(max(np.abs(speeds_of(s)).max() for s in problem.stretches))
+    command, speed = largest_command(problem.stretches), largest_speed(problem.stretches)
     sizes = np.ones(len(z))
     for k, each in enumerate(problem.unknowns):
-        joint, _, name = labels[k].partition(":")
+        joint, _, name = each.label.partition(":")
         if each.nuisance or each.logarithmic or joint not in data.joints or name in ("efficiency", "dead_zone"):
             continue
         torque = SIZE * largest_torque(record, joint, command, known)
@@ -187,51 +221,39 @@ def sizes(
 
 
 def starts_of(
-    stretch: Driven,
-    number: int,
-    response: Response,
-    arm: Model,
-    unknowns: list[Unknown],
-    labels: list[str],
-    speed: float,
-    data: Measured,
+    stretch: Driven, number: int, response: Response, arm: Model, unknowns: list[Unknown], speed: float, data: Measured
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Numbers of the unknowns of a stretch's initial state, -1 where it is fixed, and its values."""
+    """Numbers of the unknowns of a stretch's initial state, -1 where it is fixed, and its values; the unknowns are appended."""
     n, start = response.n, np.full(response.size, -1)
     values = response.initial(arm)
     if stretch.run == "static":
         return start, values
-    speeds = speeds_of(stretch)
+    speeds, q = stretch.speeds, stretch.values.get("q")
     many = f" {number + 1}" if sum(each.run == stretch.run for each in data.stretches) > 1 else ""
 
     def add(place: int, what: str, guess: float, size: float, unit: str) -> None:
-        start[place] = len(unknowns)
+        start[place], values[place] = len(unknowns), guess
         ends, run = (guess - 100 * size, guess + 100 * size), stretch.run + many
-        unknowns.append(Unknown(what, guess, *ends, size, run=run, nuisance=True, unit=unit))
-        labels.append("start")
+        unknowns.append(Unknown(what, guess, *ends, size, run=run, nuisance=True, unit=unit, label="start"))
 
     for k, joint in enumerate(data.joints):
-        if "q" in stretch.values:
-            values[k] = stretch.values["q"][0, k]
-            size = max(float(np.ptp(stretch.values["q"][:, k])) * 0.01, 1e-9)
-            add(k, f"{joint}: start position", values[k], size, "rad")
+        if q is not None:
+            add(k, f"{joint}: start position", q[0, k], max(float(np.ptp(q[:, k])) * 0.01, 1e-9), "rad")
         if not speeds.any():
             continue
-        values[n + k] = float(speeds[: min(3, len(speeds)), k].mean())
-        add(n + k, f"{joint}: start speed", values[n + k], 0.1 * speed + 1e-9, "rad/s")
-        most = _speed_at_rest(stretch.values["q"][:, k], data.period) if "q" in stretch.values else None
+        add(n + k, f"{joint}: start speed", float(speeds[: min(3, len(speeds)), k].mean()), 0.1 * speed + 1e-9, "rad/s")
+        most = None if q is None else _speed_at_rest(q[:, k], data.period)
         if most is not None:
             most = max(most, 1e-9 * speed)
             unknowns[-1] = replace(unknowns[-1], guess=0.0, low=-most, high=most, scale=most)
             values[n + k] = 0.0
     if "current" in response.layout:
         place = response.layout.place("current")
-        for k, at in enumerate(range(place.start, place.stop)):
-            first = float(stretch.values["current"][0, k]) if "current" in stretch.values else 0.0
-            values[at] = first
-            if "current" in stretch.values:
-                size = max(float(np.ptp(stretch.values["current"][:, k])) * 0.1, 1e-9)
-                add(at, f"{data.joints[k]}: start current", first, size, "A")
+        values[place], current = 0.0, stretch.values.get("current")
+        if current is not None:
+            for k, at in enumerate(range(place.start, place.stop)):
+                size = max(float(np.ptp(current[:, k])) * 0.1, 1e-9)
+                add(at, f"{data.joints[k]}: start current", float(current[0, k]), size, "A")
     return start, values
 
 
@@ -244,15 +266,12 @@ def _speed_at_rest(position: np.ndarray, period: float) -> float | None:
     return float(steps[steps > 0.0].min() / ((rows - 1) * period)) if rows > 2 and steps.any() else None
 
 
-def _first_sigma(stretches: Sequence[Driven], data: Measured) -> np.ndarray:
+def _first_sigma(data: Measured) -> np.ndarray:
     """Standard deviations (signals · n,) to begin with: noise of the second differences, at least that of quantisation."""
-    rows = []
-    for name in data.signals:
-        for k in range(len(data.joints)):
-            used = [
-                s.values[name][s.weights[:, data.signals.index(name) * len(data.joints) + k] > 0, k] for s in stretches
-            ]
-            column = np.concatenate(used) if used else np.zeros(0)
+    rows, n = [], len(data.joints)
+    for s, name in enumerate(data.signals):
+        for k in range(n):
+            column = np.concatenate([each.values[name][each.weights[:, s * n + k] > 0, k] for each in data.stretches])
             size = float(np.std(column)) if len(column) else 1.0
             noise = float(np.sqrt(np.mean(np.diff(column, 2) ** 2) / 6.0)) if len(column) > 3 else size
             rows.append(max(noise, float(data.steps[name][k]) / np.sqrt(12.0), 1e-3 * size, 1e-12))

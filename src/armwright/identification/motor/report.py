@@ -1,29 +1,20 @@
-"""Result of a fit of drives: estimate, measures, predictions, and unidentifiable parameters in words."""
+"""A fit of drives as a result: tables, a page with every signal of every run as measured and as predicted, and the record."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from armwright.description.robot import RobotDescription
-from armwright.fitting.covariance import covariance_of
-from armwright.fitting.directions import listed
 from armwright.identification.estimate import Estimate, write_into
-from armwright.identification.logs.log import Log
-from armwright.identification.motor.fitting import Fitted, without
-from armwright.identification.motor.guess import Guess
-from armwright.identification.motor.held_out import held_out
-from armwright.identification.motor.measured import Measured
-from armwright.identification.motor.output_error import Problem
-from armwright.identification.motor.predictions import predictions_of
-from armwright.identification.motor.problem import sizes
-from armwright.identification.motor.separating import separating
-from armwright.identification.motor.unknowns import values_of
+from armwright.identification.motor.predictions import MARK
+from armwright.identification.validation.prediction import Prediction
 from armwright.results.result import Result
 from armwright.results.table import Table
 
@@ -32,20 +23,9 @@ if TYPE_CHECKING:
 
     from armwright.identification.validation.comparison import RecordComparison
 
-EXPLAINED = 0.5  # R² of a signal below which the model does not describe the log
-CURRENT = 0.9  # R² of a current below which its rows may be others than is taken
-FAR = 3.0  # deviations from its prior at which a number contradicts it
-NOTHING_NEW = 0.9  # of the prior's deviation that is left: the log says next to nothing
-WORSE = 15.0  # per cent of fit by which a run that was held out is described worse
-AT_BOUND = 1e-6  # of a range: nearer to its end is at the bound
-WORDS = {
-    "R": "resistance",
-    "L": "inductance",
-    "Kt": "torque constant",
-    "Ke": "back-EMF constant",
-    "J": "rotor inertia",
-    "efficiency": "gear efficiency",
-}
+QUANTITIES = {"q": "position", "qd": "speed", "current": "current", "tau": "torque"}
+UNITS = {"q": ("rad", "m"), "qd": ("rad/s", "m/s"), "current": ("A", "A"), "tau": ("N m", "N")}
+GAP = 1.5  # usual steps of time behind which a curve begins anew
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,8 +75,7 @@ class MotorFit(Result):
         Raises:
             OutputError: the file cannot be written.
         """
-        from armwright.identification.motor.page import plots  # which draws
-        from armwright.identification.validation.report import write_report
+        from armwright.identification.validation.report import write_report  # which draws
 
         return write_report(path, self.heading, self.estimate, sections=plots(self))
 
@@ -113,233 +92,36 @@ class MotorFit(Result):
         return write_into(self.robot if self.source is None else self.source, self.estimate, output, key)
 
 
-def result(
-    log: Log, record: RobotDescription, data: Measured, done: Fitted, free: Sequence[str] | None, *, bench: bool = False,
-    locked: bool = False, first: Guess,
-) -> MotorFit:  # fmt: skip
-    """The estimate with measures, predictions and remarks.
+def plots(fit: MotorFit) -> list[tuple[str, str]]:
+    """Sections of `write_report`, one for each run: heading and HTML."""
+    from armwright.identification.validation.pictures import over_time
 
-    Args:
-        log, data: what was fitted.   record: with the first guesses.   done: the fit.   free: the names that were asked for.
-        bench: no record has values for numbers that the log does not determine.   locked: the rotors were held.
-        first: the coarse guess of the first motor.
-    """
-    problem, held = done.problem, done.held
-    kept = [k for k in range(len(done.z)) if k not in held]
-    inner = without(problem, held, done.z)
-    residuals, jacobian = inner.evaluate(done.z[kept][None])
-    assert jacobian is not None
-    values, rates = values_of(problem.unknowns, done.z)
-    whole = np.full((len(values), len(values)), np.nan)
-    spread = covariance(inner, residuals[0], jacobian[0])
-    if bench:
-        spread = spread + _of_held(done, record, data, kept, jacobian[0])
-    whole[np.ix_(kept, kept)] = spread * np.outer(rates[kept], rates[kept])
-    low, high = problem.bounds
-    near = AT_BOUND * np.maximum(high - low, 1e-300)
-    is_told = np.array([k not in held or k in done.zero for k in range(len(values))])
-    at_bound = is_told & ((done.z - low < near) | (high - done.z < near))
-    at_bound[done.ends] = True
-    columns, names, units, scale = _shown(done, data)
-    predictions, measures = predictions_of(inner, done.z[kept], data)
-    clauses = separating(record, data, done, first)
-    remarks = [
-        *data.remarks,
-        *done.remarks,
-        *_in_words(done, values, data, clauses),
-        *_of_priors(done, whole),
-    ]
-    asked = [labels_name(done, k) for k in held if k not in done.zero and labels_name(done, k) in (free or ())]
-    wrong = [f"{name} was to be fitted, but cannot be identified from this log" for name in dict.fromkeys(asked)]
-    ends = [k for k in np.flatnonzero(at_bound) if k not in done.zero and done.labels[k] != "start"]
-    wrong += [
-        f"{problem.unknowns[k].name} stands at a bound of its search: the log, or the model, does not determine it"
-        for k in ends
-    ]
-    for name, each in measures.items():
-        if each["r2"] < EXPLAINED:
-            what = f"R² of {name} is {each['r2']:.2g}: the model does not describe this log"
-            wrong.append(f"{what}; look for exchanged columns, signs and units with `armwright log`")
-        elif name.endswith("current") and each["r2"] < CURRENT:
-            remarks.append(
-                f"R² of {name} is only {each['r2']:.2g}: a current is compared with the one just before its row's command acts"
-            )
-    fresh, fresh_measures, why_not = held_out(log, record, data, done, locked)
-    predictions |= fresh
-    remarks += why_not
-    for name, each in fresh_measures.items():
-        if each["r2"] < EXPLAINED:
-            wrong.append(f"R² of {name} is {each['r2']:.2g}: the fit does not describe a run that it has not seen")
-        elif each["fit_percent"] < min(own["fit_percent"] for own in measures.values()) - WORSE:
-            what = f"{name} is described worse than what was fitted: something differs from run to run, such as the friction"
-            remarks.append(f"{what}; fit both runs and give it to --per-run (per_run=…), which gives the drift")
-    columns_of_unit = jacobian[0] / np.maximum(np.linalg.norm(jacobian[0], axis=0), 1e-300)
-    sizes = np.linalg.svd(columns_of_unit, compute_uv=False)
-    estimate = Estimate(
-        names=tuple(names),
-        values=values[columns] * scale,
-        covariance=whole[np.ix_(columns, columns)] * np.outer(scale, scale),
-        sha256=log.sha256,
-        method=f"output error of {', '.join(data.signals)} driven by {data.command}",
-        units=tuple(units),
-        at_bound=at_bound[columns],
-        identifiable=is_told[columns],
-        remarks=(*remarks, *wrong),
-        condition=float(sizes[0] / max(sizes[-1], 1e-300)),
-        fit={**measures, **fresh_measures},
-        verdict="not identified" if wrong else "identified",
-        log=log.path.name,
-    )
-    cost = 0.5 * float((residuals[0] ** 2).sum())
-    return MotorFit(_with_drift(estimate, done, values), record, predictions, None, cost)
+    linear = {each.name: each.kind.units.linear for each in fit.robot.moving_joints}
+    found = []
+    for run, data in fit.predictions.items():
+        use = "held out" if any(name.startswith(f"{run}{MARK}") for name in fit.estimate.fit) else "fitted"
+        parts = []
+        for name, quantity in QUANTITIES.items():
+            for k, joint in enumerate(str(each) for each in data.joint.values):
+                if name not in data or not np.isfinite(data[name].values[:, k]).any():
+                    continue
+                of = f" of {escape(joint)}" if data.sizes["joint"] > 1 else ""
+                parts.append(f"<h3>{quantity.capitalize()}{of}</h3>")
+                parts.append(f'<div class="plot">{over_time(_prediction(run, use, name, data, linear), k)}</div>')
+        found.append((f"Run {escape(run)}, {use}", "\n".join(parts)))
+    return found
 
 
-def covariance(problem: Problem, residuals: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
-    """(k, k) of coordinates, for residuals that are correlated in time, each signal by itself, and a prior.
-
-    Args:
-        residuals: (m,).   jacobian: (m, k), as `Problem.evaluate` gives them.
-    """
-    blocks, begin, k = [], 0, jacobian.shape[1]
-    for stretch in problem.stretches:
-        shape = stretch.weights.shape
-        rows = slice(begin, begin + stretch.weights.size)
-        errors = np.where(stretch.weights > 0.0, residuals[rows].reshape(shape), np.nan)
-        blocks.append((jacobian[rows].reshape(*shape, k), errors))
-        begin = rows.stop
-    return covariance_of(blocks, None if problem.prior is None else np.diag(problem.prior[1] ** -2.0))
-
-
-def _of_held(
-    done: Fitted, record: RobotDescription, data: Measured, kept: Sequence[int], jacobian: np.ndarray
-) -> np.ndarray:
-    """Covariance of the fitted coordinates from numbers that were held and that nobody knows: each may be off by its size."""
-    total = np.zeros((len(kept), len(kept)))
-    every_unknown = done.problem.unknowns
-    unknown = [  # a held resistance is a scale that no log of this kind tells: the others are ratios to it
-        k for k in done.held if k not in done.zero and not (every_unknown[k].nuisance or every_unknown[k].logarithmic)
-    ]
-    if not unknown:
-        return total
-    _, every = done.problem.evaluate(done.z[None])
-    assert every is not None
-    size = sizes(record, data, done.problem, done.labels, done.z)
-    for k in unknown:
-        shift = np.linalg.lstsq(jacobian, -every[0][:, k] * size[k], rcond=1e-10)[0]
-        total += np.outer(shift, shift)
-    return total
-
-
-def labels_name(done: Fitted, k: int) -> str:
-    """Short name of an unknown: "Kt" of "joint1:Kt"."""
-    return done.labels[k].split(":")[-1]
-
-
-def _shown(done: Fitted, data: Measured) -> tuple[list[int], list[str], list[str], np.ndarray]:
-    """Unknowns that the estimate has, one for each path: their numbers, names, units and factors to these."""
-    columns: list[int] = []
-    names: list[str] = []
-    units: list[str] = []
-    scale: list[float] = []
-    for k, each in enumerate(done.problem.unknowns):
-        is_delay = each.name == "delay"
-        if done.labels[k] == "start" or (is_delay and k in done.held):
-            continue
-        for path in each.paths or ("delay_s" if is_delay else each.name,):
-            columns.append(k)
-            names.append(f"{each.run}: {path}" if each.run else path)
-            units.append("s" if is_delay else each.shown_unit)
-            scale.append(data.period if is_delay else 1.0)
-    return columns, names, units, np.array(scale)
-
-
-def _of_priors(done: Fitted, covariance: np.ndarray) -> list[str]:
-    """Comparison of the record's prior values with the combined estimate."""
-    if done.problem.prior is None:
-        return []
-    sentences = []
-    for k in np.flatnonzero(np.isfinite(done.problem.prior[1])):
-        each, (middle, spread) = done.problem.unknowns[k], done.problem.prior[:, k]
-        before, rates = values_of([each], np.array([middle]))
-        unit = "" if each.shown_unit == "1" else f" {each.shown_unit}"
-        std, was = float(np.sqrt(covariance[k, k])), float(rates[0] * spread)
-        what = f"{each.name}: {before[0]:.4g} ± {was:.2g}{unit} in the record is a prior"
-        away = abs(done.z[k] - middle) / spread
-        if k in done.held:
-            sentences.append(f"{what}, and all that is known")
-        elif away > FAR:
-            sentences.append(
-                f"{what}, {away:.1f} deviations from the fit: the log and the record contradict each other"
-            )
-        else:
-            sentences.append(what + ("; the log adds next to nothing" if std > NOTHING_NEW * was else ""))
-    return sentences
-
-
-def _with_drift(estimate: Estimate, done: Fitted, values: np.ndarray) -> Estimate:
-    """The estimate with the mean of what every run has its own of, its deviation that between runs, and a sentence about it."""
-    unknowns, labels = done.problem.unknowns, done.labels
-    rows: list[tuple[str, float, float, str]] = []
-    remarks: list[str] = []
-    for label in dict.fromkeys(labels):
-        own = [k for k, each in enumerate(unknowns) if labels[k] == label and each.run and each.paths]
-        if len(own) < 2 or any(k in done.held for k in own):
-            continue
-        each = values[own]
-        middle, between = float(each.mean()), float(each.std(ddof=1))
-        drift = (each.max() - each.min()) / abs(middle) if middle else 0.0
-        listed = ", ".join(f"{value:.4g} in {unknowns[k].run!r}" for k, value in zip(own, each, strict=True))
-        name = unknowns[own[0]].name
-        remarks.append(f"{name} drifts by {drift:.1%} between runs: {listed}; the record gets their mean")
-        rows += [(path, middle, between, unknowns[own[0]].shown_unit) for path in unknowns[own[0]].paths]
-    if not rows:
-        return estimate
-    names, middles, betweens, units = zip(*rows, strict=True)
-    count = len(estimate.names)
-    total = np.zeros((count + len(rows), count + len(rows)))
-    total[:count, :count] = estimate.covariance
-    total[count:, count:] = np.diag(np.square(betweens))
-    return replace(
-        estimate,
-        names=(*estimate.names, *names),
-        values=np.concatenate([estimate.values, middles]),
-        units=(*estimate.units, *units),
-        covariance=total,
-        at_bound=np.concatenate([np.asarray(estimate.at_bound), np.zeros(len(rows), dtype=bool)]),
-        identifiable=np.concatenate([np.asarray(estimate.identifiable), np.ones(len(rows), dtype=bool)]),
-        remarks=(*estimate.remarks, *remarks),
-    )
-
-
-def called_in_words(done: Fitted, k: int) -> str:
-    """An unknown in words: "viscous friction"."""
-    name = labels_name(done, k)
-    return WORDS.get(name, name.replace("_", " ") + (" friction" if name in ("viscous", "coulomb") else ""))
-
-
-def _in_words(done: Fitted, values: np.ndarray, data: Measured, clauses: Sequence[str]) -> list[str]:
-    """Indistinguishable parameters in words, the ones fixed for that reason, and remedies: `clauses`, one for each reason."""
-    sentences = []
-    for (exponents, chosen), clause in zip(done.reasons, clauses, strict=True):
-        signs = {called_in_words(done, k): power for k, power in exponents.items()}
-        names, each = list(signs), done.problem.unknowns[chosen]
-        unit = "" if each.shown_unit == "1" else f" {each.shown_unit}"
-        kept = f"the {called_in_words(done, chosen)} is held at {values[chosen]:.4g}{unit}" + (clause and f"; {clause}")
-        if len(names) == 1:
-            sentences.append(f"this log does not determine the {names[0]}: {kept}")
-            continue
-        same = [n for n, x in signs.items() if x > 0]
-        other = [n for n, x in signs.items() if x < 0]
-        change = f"larger {' and '.join(same)}" + (f" with smaller {' and '.join(other)}" if other else "")
-        sentences.append(f"{listed(names)} cannot be distinguished with this log: {change} predicts the same; {kept}")
-    held = {labels_name(done, k) for exponents, _ in done.reasons for k in exponents}
-    by_voltage = data.command == "voltage"
-    if done.reasons and by_voltage and "current" not in data.signals and held & {"R", "Kt", "J", "L"}:
-        what = "a log of the current beside the voltage would separate resistance, torque constant and inertia"
-        sentences.append(what)
-    elif done.reasons and not by_voltage and held & {"Kt", "J"}:
-        what = "a known inertia, or a log of voltage and current, would separate torque constant and inertia"
-        sentences.append(what)
-    elif done.reasons and not any(clauses):
-        sentences.append("a motion with more steps, turns and speeds would identify more")
-    return sentences
+def _prediction(run: str, use: str, name: str, data: Any, linear: dict[str, bool]) -> Prediction:
+    """One signal of a run as pictures draw it; rows that were not compared are left out of the curves."""
+    t, joints = data.time.values, tuple(str(each) for each in data.joint.values)
+    measured, predicted = data[name].values, data[f"{name}_predicted"].values
+    kept = np.isfinite(measured).any(axis=1)
+    t, measured, predicted = t[kept], measured[kept], predicted[kept]
+    steps = np.diff(t, prepend=t[:1])
+    usual = float(np.median(steps[1:])) if len(t) > 1 else 1.0
+    part = np.cumsum((steps > GAP * usual) | (steps < 0.0))
+    units = tuple(UNITS[name][linear.get(joint, False)] for joint in joints)
+    quantity: Any = QUANTITIES[name]
+    how = "free simulation of the record's own drives"
+    return Prediction(quantity, how, run, use, joints, units, 1.0 / usual, 1, t, part, measured, predicted)

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -120,7 +121,6 @@ class Response:
         x_p = {"x": (self.size,), "command": (n,), "p": (self.columns,)}
         self._inner = trace("substep", substep, {**x_p, "part": (2,)}, ("x_next",))
         self._substeps = substeps
-        self._compiled: dict[bool, Loop] = {}
 
     def _carried(self, plant: Plant) -> np.ndarray:
         """(size, size) matrix that puts motors behind elastic gears where their links are, and leaves the rest of a state."""
@@ -134,8 +134,8 @@ class Response:
                 carried[place, place] = 0.0
         return carried
 
-    def _stages(self, slopes: bool) -> tuple[Stage, ...]:
-        """Stages of the loop over the rows, with derivatives or without."""
+    def _stages(self) -> tuple[Stage, ...]:
+        """Stages of the loop over the rows, with derivatives."""
         n, varied, most_delay, substeps = self.n, self.varied, self.most_delay, self._substeps
         own = len(varied.parameters)
 
@@ -158,14 +158,12 @@ class Response:
 
         lags = most_delay + 1
         row = {"row": (2 + n * (lags + 1),), "lag": (lags,), "p": (self.columns,)}
-        step, count, size = self._inner, len(self.signals) * n, 1 + self.directions * slopes
+        count, size = len(self.signals) * n, 1 + self.directions
         measure = trace("measured", measured, {"x": (self.size,), "q_before": (n,), **row}, ("y", "q_before_next"))
-        if slopes:
-            seeds = {"p": np.eye(self.columns, self.directions)}
-            step = with_tangents(
-                step, {"x"}, seeds, self.directions, noinline=True
-            )  # 2 * substeps copies compile for seconds
-            measure = with_tangents(measure, {"x", "q_before"}, seeds, self.directions)
+        seeds = {"p": np.eye(self.columns, self.directions)}
+        # 2 * substeps copies compile for seconds
+        step = with_tangents(self._inner, {"x"}, seeds, self.directions, noinline=True)
+        measure = with_tangents(measure, {"x", "q_before"}, seeds, self.directions)
         sampled = trace("sample", sample(step), {"x": (self.size * size,), **row}, ("x_next",))
         return Table("row", 2 + n * (lags + 1)), Call(measure), Record("run", ("y",), (count * size,)), Call(sampled)
 
@@ -190,11 +188,10 @@ class Response:
             values |= {"current": joints["current"], "tau": joints["tau"]}
         return scalar.array([value for name in self.signals for value in values[name]])
 
-    def loop(self, slopes: bool) -> Loop:
-        """The compiled loop, with derivatives or without."""
-        if slopes not in self._compiled:
-            self._compiled[slopes] = Loop(self._stages(slopes), select_target())
-        return self._compiled[slopes]
+    @cached_property
+    def loop(self) -> Loop:
+        """The compiled loop."""
+        return Loop(self._stages(), select_target())
 
     def table(self, inputs: Inputs) -> np.ndarray:
         """(rows, …) of the loop: this period, the last one, then commands u(k), u(k - 1), …; before the first row, the first."""
@@ -205,19 +202,18 @@ class Response:
         return np.ascontiguousarray(np.column_stack([inputs.period, before, commands]))
 
     def run(
-        self, table: np.ndarray, p: np.ndarray, delay: np.ndarray, start: np.ndarray, slopes: bool
-    ) -> tuple[np.ndarray, np.ndarray | None]:
+        self, table: np.ndarray, p: np.ndarray, delay: np.ndarray, start: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Signals of some lanes over one stretch, and their derivatives.
 
         Args:
             table: of the stretch.   p: (lanes, k) parameters of `varied`, then (n) input offsets.   delay: (lanes,) [samples].
-            start: (lanes, size) initial states.   slopes: whether derivatives are asked for.
+            start: (lanes, size) initial states.
         Returns:
-            y: (lanes, rows, signals · n).   dy: (lanes, rows, signals · n, directions), or None.
+            y: (lanes, rows, signals · n).   dy: (lanes, rows, signals · n, directions).
         """
-        loop = self.loop(slopes)
-        lanes = Lanes(len(p), loop.target.width)
-        loop.extend(lanes)
+        lanes = Lanes(len(p), self.loop.target.width)
+        self.loop.extend(lanes)
         whole = np.clip(np.ceil(delay).astype(int) - 1, 0, self.most_delay)
         fraction = np.clip(delay - whole, LEAST_PART, 1.0 - LEAST_PART)
         own = len(self.varied.parameters)
@@ -227,18 +223,12 @@ class Response:
         tangent = np.zeros((len(p), self.size, d))
         tangent[:, np.arange(self.size), self.columns + np.arange(self.size)] = 1.0
         n = self.n
-        if slopes:
-            lanes.set("x", np.concatenate([start, tangent.reshape(len(p), -1)], axis=1))
-            lanes.set("q_before", np.concatenate([start[:, :n], tangent[:, :n].reshape(len(p), -1)], axis=1))
-        else:
-            lanes.set("x", start)
-            lanes.set("q_before", start[:, :n])
-        count = len(self.signals) * n
-        record = np.empty((len(table), lanes.tiles * lanes.width, count * (1 + d * slopes)))
-        loop.run(lanes, 1.0, (0, len(table)), last=len(table), every=1, tables={"row": table}, records={"run": record})
+        lanes.set("x", np.concatenate([start, tangent.reshape(len(p), -1)], axis=1))
+        lanes.set("q_before", np.concatenate([start[:, :n], tangent[:, :n].reshape(len(p), -1)], axis=1))
+        count, tables = len(self.signals) * n, {"row": table}
+        record = np.empty((len(table), lanes.tiles * lanes.width, count * (1 + d)))
+        self.loop.run(lanes, 1.0, (0, len(table)), last=len(table), every=1, tables=tables, records={"run": record})
         rows = record[:, : len(p)].transpose(1, 0, 2)
-        if not slopes:
-            return rows, None
         return rows[..., :count], rows[..., count:].reshape(*rows.shape[:2], count, d)
 
 

@@ -20,7 +20,7 @@ from armwright.identification.experiments.motor import MotorGuess, motor_experim
 from armwright.identification.motor.drive_record import paths_of, value_at
 from armwright.identification.motor.fitting import Fitted
 from armwright.identification.motor.guess import Guess
-from armwright.identification.motor.measured import Driven, Measured
+from armwright.identification.motor.measured import Driven, Measured, largest_command
 from armwright.identification.motor.output_error import Problem
 from armwright.identification.motor.problem import sizes
 from armwright.identification.motor.response import Inputs
@@ -39,27 +39,20 @@ def separating(record: RobotDescription, data: Measured, done: Fitted, guess: Gu
     own = [k for k, each in enumerate(done.problem.unknowns) if not each.nuisance and not each.run]
     if not done.reasons or len(data.joints) > 1 or not own:
         return [""] * len(done.reasons)
-    _, jacobian = done.problem.evaluate(done.z[None])
-    assert jacobian is not None
-    size = sizes(record, data, done.problem, done.labels, done.z)
-    information = _information(jacobian[0], own, size)
-    labels = [done.labels[k].split(":")[-1] for k in range(len(done.z))]
+    size = sizes(record, data, done.problem, done.z)
+    information = _information(done.problem.jacobian(done.z), own, size)
+    labels = [each.short for each in done.problem.unknowns]
     candidates = _of_current(record, data, done, own, size, labels) if data.command == "voltage" else {}
-    for kind in ("staircase", "prbs"):
+    for kind, word in (("staircase", "staircase"), ("prbs", "PRBS")):
         problem = _of_experiment(kind, data, done.problem, guess)
         if problem is not None:
-            _, slopes = problem.evaluate(done.z[None])
-            assert slopes is not None
-            candidates[f"a {kind if kind == 'staircase' else 'PRBS'} of the {data.command}"] = _information(
-                slopes[0], own, size
-            )
+            candidates[f"a {word} of the {data.command}"] = _information(problem.jacobian(done.z), own, size)
     if "J" in labels:
         j, heavier = labels.index("J"), done.z.copy()
         heavier[j] += np.log(2.0)
-        _, slopes = done.problem.evaluate(heavier[None])
-        assert slopes is not None
-        slopes[0, :, j] *= 0.5  # half of the inertia is known
-        candidates["the same test with a known inertia of about the rotor's added"] = _information(slopes[0], own, size)
+        slopes = done.problem.jacobian(heavier)
+        slopes[:, j] *= 0.5  # half of the inertia is known
+        candidates["the same test with a known inertia of about the rotor's added"] = _information(slopes, own, size)
     kept = {name: each for name, each in candidates.items() if np.isfinite(each).all()}
     free = [k for k in own if k not in done.held]
     return [_clause([own.index(k) for k in (chosen, *free)], information, kept) for _, chosen in done.reasons]
@@ -72,9 +65,8 @@ def _clause(free: Sequence[int], information: np.ndarray, candidates: Mapping[st
     sentences = experiments_that_separate([str(k) for k in free], information[part], others)
     if sentences:
         return sentences[0].partition("; ")[2]
-    before = deviations(information[part])[
-        0
-    ]  # told too weakly, though not by the measure of `experiments_that_separate`
+    # told too weakly, though not by the measure of `experiments_that_separate`
+    before = deviations(information[part])[0]
     after = {name: deviations(information[part] + each)[0] for name, each in others.items()}
     name = min(after, key=lambda each: after[each])
     return (
@@ -141,7 +133,7 @@ def _speeds(problem: Problem, stretch: Driven, y: np.ndarray, dy: np.ndarray) ->
 
 def _of_experiment(kind: str, data: Measured, problem: Problem, guess: Guess) -> Problem | None:
     """The problem of an experiment instead of the log; None where it cannot be sized, or rows are too few for it."""
-    most = float(max(np.abs(s.inputs.command).max() for s in data.stretches))
+    most = largest_command(data.stretches)
     try:
         coarse = MotorGuess(guess.gain, max(guess.time, data.period), most, min(guess.band, 0.4 * most))
         found = motor_experiment(kind, coarse, period=data.period)

@@ -17,7 +17,7 @@ from armwright.identification.logs.log import Log
 from armwright.identification.motor.bench import LOCKED, bench_record, decoupled_record
 from armwright.identification.motor.drive_record import complete, paths_of, value_at, with_numbers
 from armwright.identification.motor.guess import Guess
-from armwright.identification.motor.measured import Measured
+from armwright.identification.motor.measured import Measured, largest_command
 from armwright.scalar import real_number
 
 Loads = Mapping[str, float]
@@ -205,9 +205,7 @@ def _first_value(record: RobotDescription, joint: str, name: str, first: Guess, 
         "coulomb_positive": size,
         "coulomb_negative": size,
         "stribeck_torque": 1.2 * (coulomb or size),
-        "stribeck_speed": 0.1
-        * first.gain
-        * float(np.abs(np.concatenate([s.inputs.command for s in data.stretches])).max()),
+        "stribeck_speed": 0.1 * first.gain * largest_command(data.stretches),
         "friction_offset": 0.0,
         "efficiency": 0.9,
         "dead_zone": 0.5 * first.band,

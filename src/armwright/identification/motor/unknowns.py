@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from armwright.description.paths import unit_at
 
-LEAST = 1e-12  # of a number that is above 0, by its guess: its logarithm stays finite
 RANGE = 1e4  # by which a number that is above 0 may leave its guess either way
 
 
@@ -19,7 +18,8 @@ class Unknown:
 
     Attributes:
         name: path in the record, or "delay", "PRBS: offset_v".   paths: of the record's numbers that have this value.
-        run: the only run that it is of; "" of all.   guess: to begin with.   low, high: bounds.   scale: its size.
+        label: "joint:name" with its short name, "delay", "offset" or "start".   run: the only run that it is of; "" of all.
+        guess: to begin with.   low, high: bounds.   scale: its size.
         logarithmic: whether its coordinate is the logarithm.   nuisance: whether it is of the log rather than the robot.
     """
 
@@ -32,7 +32,13 @@ class Unknown:
     run: str = ""
     logarithmic: bool = False
     nuisance: bool = False
-    unit: str = field(default="")
+    unit: str = ""
+    label: str = ""
+
+    @property
+    def short(self) -> str:
+        """Short name: "Kt" of "joint1:Kt"."""
+        return self.label.split(":")[-1]
 
     @property
     def shown_unit(self) -> str:
@@ -48,11 +54,6 @@ class Unknown:
     def bounds(self) -> tuple[float, float]:
         """Bounds of the coordinate."""
         return self.to_coordinate(self.low), self.to_coordinate(self.high)
-
-
-def positive(name: str, guess: float, paths: Sequence[str], run: str = "") -> Unknown:
-    """A positive number as an unknown."""
-    return Unknown(name, guess, guess / RANGE, guess * RANGE, guess, tuple(paths), run, logarithmic=True)
 
 
 def values_of(unknowns: Sequence[Unknown], z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
