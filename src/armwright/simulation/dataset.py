@@ -85,10 +85,10 @@ def _parts(simulation: LoopRunner, rows: np.ndarray) -> dict[str, np.ndarray]:
 def run_dataset(simulation: LoopRunner, recorded: Recorded) -> xarray.Dataset:
     """The dataset of a run."""
     scenario, arm, finished = simulation.scenario, simulation.arm, recorded.finished
-    attrs: dict[str, Any] = {"integrator": scenario.solver.rule, "step_s": scenario.integration_step}
+    attrs: dict[str, Any] = {"integrator": scenario.solver.rule, "step_s": simulation.step_length}
     if scenario.solver.rule == "auto":
         attrs["rule"] = "rk3" if simulation.rule == "auto" else simulation.rule
-    if scenario.sampled:
+    if simulation.sampled:
         attrs["sample_period_s"] = simulation.period
         why = simulation.untraced
         attrs["controller"] = "compiled" if why is None else f"called in Python once a tick: {why}"

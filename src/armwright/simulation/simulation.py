@@ -75,7 +75,7 @@ class Simulation(LoopRunner):
 
     def _remedy(self) -> str:
         """Advice for a run that diverges."""
-        if self.scenario.controller is None:
+        if self.law is None:
             return ""
         start = np.asarray(self.scenario.initial_state)[:1, : self.arm.n]
         stable = "smaller gains, if the loop is unstable (armwright loops, aw.loops.analyse_loops)"
@@ -113,7 +113,7 @@ class Simulation(LoopRunner):
         """
         if threads is not None:
             check_whole("threads", threads, 1)
-        if self.scenario.external:
+        if self.external:
             raise ScenarioError("nothing drives the arm", expected="a command, a schedule or a loop with a controller")
         state = self._started if self._lanes is None else self.state
         scenario, self.origin = self.scenario, self.tick
@@ -193,8 +193,9 @@ class Simulation(LoopRunner):
 
         None where quantisers decide: errors then jump from one count to the next.
         """
-        scenario, adaptivity = self.scenario, self.scenario.solver.adaptivity
-        asked = scenario.solver.rule == "auto" and scenario.solver.global_error and not scenario.quantised
+        scenario, adaptivity, loop = self.scenario, self.scenario.solver.adaptivity, self.scenario.loop
+        quantised = loop is not None and (loop.joint_sensors.quantised or loop.command_filter.resolution is not None)
+        asked = scenario.solver.rule == "auto" and scenario.solver.global_error and not quantised
         if not asked or adaptivity is None or adaptivity.allowed.accuracy is None:
             return None
         again, size = lanes_again(self.count, status.trials), self.plant.layout.size
@@ -219,7 +220,7 @@ class Simulation(LoopRunner):
             self.begin(lanes, state)
             record = self._room(ticks, 1, lanes.width, 1)
             last = self.origin + ticks
-            self.advance(lanes, self.origin, last + 1, last, record, 1, substeps=parts * self.scenario.substeps)
+            self.advance(lanes, self.origin, last + 1, last, record, 1, substeps=parts * self.substeps)
             rows.append(record[:, 0, : self.plant.size])
         note = coarse_step_note(self.scenario, self.plant.layout, self.state_entries, *rows, accuracy=accuracy)
         self.notes = [each for each in self.notes if COARSE not in each] + ([] if note is None else [note])
@@ -252,7 +253,7 @@ class Simulation(LoopRunner):
             ScenarioError: a command beside another one that drives the arm, none where none does, or one of another shape.
             DivergenceError: a single lane left the finite numbers; of several, those that do are frozen.
         """
-        if (command is None) == self.scenario.external:
+        if (command is None) == self.external:
             if command is None:
                 raise ScenarioError("missing", place="command", expected="one, since nothing else drives the arm")
             expected = "a scenario without commands and controller"

@@ -49,7 +49,7 @@ class RecordedLoop(LoopRunner):
         sampling = config.sampling
         assert sampling is not None
         assert self.reference is not None
-        recorded = {"r": self.reference.layout, "y": sampling.sensors.y, "u_issued": self.scenario.command_layout}
+        recorded = {"r": self.reference.layout, "y": sampling.sensors.y, "u_issued": self.command}
         if np.any(sampling.delays.measurement_loss):
             recorded[DRAWN] = Layout((Signal(DRAWN, "-", (3,)),))
         return replace(config, recorded=recorded), initialisation
