@@ -11,7 +11,7 @@ from armwright.ik.chain import TURN, Chain
 from armwright.ik.goals import Goal, goal_search
 from armwright.ik.measures import limit_margin
 from armwright.ik.starts import NEAREST_OF, RANKED, STARTS
-from armwright.kernels.loop import Loop, Tasks
+from armwright.kernels.loop import LoopArrays, NativeLoop, Tasks
 from armwright.kernels.stages import Call, Exchange
 from armwright.kernels.target import Target
 
@@ -31,7 +31,7 @@ class GoalSearch:
         self.chain, self.target = chain, target
         size, n = chain.task_size + 2 * chain.n, chain.n
         program = goal_search(chain, goal, tolerance)
-        self._loop = Loop((Exchange(size, 1, n + 2, 1, 1), Call(program)), self.target)
+        self._loop = NativeLoop((Exchange(size, 1, n + 2, 1, 1), Call(program)), self.target)
 
     def improved(self, tasks: np.ndarray, q: np.ndarray, preferred: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Positions (k, n) and goals (k,) from solutions (k, n) of tasks (k, 13)."""
@@ -41,7 +41,7 @@ class GoalSearch:
         results = np.empty((count, self.chain.n + 2))
         every = np.ascontiguousarray(np.concatenate([tasks, q, preferred], axis=1))
         work = Tasks(np.array([0, count]), every, np.zeros((1, 1)), np.zeros((count, 1)), results)
-        self._loop.run(lanes, 0.0, (0, 2**62), tasks=work)
+        self._loop.run(lanes, 0.0, (0, 2**62), LoopArrays(tasks=work))
         return self.chain.wrapped(results[:, : self.chain.n].T).T, results[:, self.chain.n]
 
 

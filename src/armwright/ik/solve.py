@@ -22,7 +22,7 @@ from armwright.ik.starts import RANKED, Starts
 from armwright.ik.targets import checked_array, checked_targets
 from armwright.kernels.batch import Kernel
 from armwright.kernels.compiled import compile_arm
-from armwright.kernels.loop import Loop, Tasks
+from armwright.kernels.loop import LoopArrays, NativeLoop, Tasks
 from armwright.kernels.stages import Call, Exchange
 from armwright.kernels.target import select_target
 from armwright.kinematics.aim import Aim
@@ -58,7 +58,7 @@ class Solver:
         n, task = chain.n, chain.task_size + chain.n * near
         ranked = RANKED + near  # the first attempt is the given start
         program = descent(chain, self.tolerance, near)
-        self._loop = Loop((Exchange(task, n + 1, n + 3, attempts, ranked), Call(program)), self.target)
+        self._loop = NativeLoop((Exchange(task, n + 1, n + 3, attempts, ranked), Call(program)), self.target)
 
     def solve(
         self, poses: np.ndarray, near: np.ndarray | None, threads: int, ranks: np.ndarray | None = None
@@ -84,11 +84,11 @@ class Solver:
         return results
 
     @cached_property
-    def _patient(self) -> Loop:
+    def _patient(self) -> NativeLoop:
         """One long descent from given positions."""
         n, task = self.chain.n, self.chain.task_size + self.chain.n
         program = descent(self.chain, self.tolerance, near=True, patient=True)
-        return Loop((Exchange(task, n + 1, n + 3, 1, 1), Call(program)), self.target)
+        return NativeLoop((Exchange(task, n + 1, n + 3, 1, 1), Call(program)), self.target)
 
     def nearest(self, poses: np.ndarray, q: np.ndarray) -> np.ndarray:
         """(k, n) positions as near to poses out of reach as a long descent from positions (k, n) comes."""
@@ -123,13 +123,13 @@ class Solver:
             tasks, ranks = np.concatenate([tasks, near], axis=1), np.concatenate([ranks[:, :1], ranks], axis=1)
         self._run(self._loop, tasks, ranks, results)
 
-    def _run(self, loop: Loop, tasks: np.ndarray, ranks: np.ndarray, results: np.ndarray) -> None:
+    def _run(self, loop: NativeLoop, tasks: np.ndarray, ranks: np.ndarray, results: np.ndarray) -> None:
         lanes = loop.lanes(self.target.width)
         lanes.blocks["over"].fill(2.0)
         lanes.blocks["task_number"].fill(-1.0)
         queue = np.array([0, len(tasks)])
         work = Tasks(queue, np.ascontiguousarray(tasks), self.starts.rows, np.ascontiguousarray(ranks), results)
-        loop.run(lanes, 0.0, (0, 2**62), tasks=work)
+        loop.run(lanes, 0.0, (0, 2**62), LoopArrays(tasks=work))
 
 
 @lru_cache(maxsize=16)

@@ -10,7 +10,7 @@ from armwright.ik.chain import angles_between
 from armwright.ik.descent import descent
 from armwright.ik.family import Family
 from armwright.kernels.batch import Kernel
-from armwright.kernels.loop import Loop, Tasks
+from armwright.kernels.loop import LoopArrays, NativeLoop, Tasks
 from armwright.kernels.stages import Call, Exchange
 from armwright.kernels.target import select_target
 from armwright.kinematics import forward_kinematics
@@ -56,7 +56,7 @@ class _Native:
         self.family, self._target = Family(form, ANGLE_WEIGHT), select_target()
         n, size = self.family.n, self.family.task_size
         program = descent(self.family, TOLERANCE, near=False)
-        self._loop = Loop((Exchange(size, n + 1, n + 3, ATTEMPTS, 1), Call(program)), self._target)
+        self._loop = NativeLoop((Exchange(size, n + 1, n + 3, ATTEMPTS, 1), Call(program)), self._target)
 
         def pose(q: Array, task: Array) -> np.ndarray:
             return forward_kinematics(self.family.of(task).model, q)
@@ -71,7 +71,7 @@ class _Native:
         attempts = np.concatenate([starts, np.zeros((count, 1))], axis=1)
         results = np.empty((count, self.family.n + 3))
         work = Tasks(np.array([0, count]), tasks, attempts, np.arange(float(count)), results)
-        self._loop.run(lanes, 0.0, (0, 2**62), tasks=work)
+        self._loop.run(lanes, 0.0, (0, 2**62), LoopArrays(tasks=work))
         return results[:, : self.family.n]
 
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from armwright.entry import as_scenario
 from armwright.errors import ScenarioError
-from armwright.kernels.loop import Lanes
+from armwright.kernels.loop import Lanes, LoopArrays, NativeLoop
 from armwright.kernels.stages import SEEN, state_blocks
 from armwright.program.turns import alone
 from armwright.results.reducers import Reduction, check_known
@@ -349,34 +350,35 @@ class LoopRunner:
         `measured`: whether the stages before the controller are done for the first of them.   `substeps`: of each tick, by
         default the scenario's.
         """
-        run = {
-            **self.given(substeps or self.substeps),
-            "last": last,
-            "every": every,
-            "records": {} if record is None else {"run": record},
-        }
-        loops = self.loop.loops
+        records, loops = {} if record is None else {"run": record}, self.loop.loops
+        run = partial(
+            self.run_loop, lanes=lanes, records=records, last=last, every=every, substeps=substeps or self.substeps
+        )
         if len(loops) == 1 and self._solver is None:
-            loops[0].run(lanes, self.period, (tick, end), **run)
+            run(loops[0], ticks=(tick, end))
             return
         before, *after = loops
         for k in range(tick, end):
             if not (after and measured and k == tick):
-                before.run(lanes, self.period, (k, k + 1), **run)
+                run(before, ticks=(k, k + 1))
             if self._in_python is not None:
                 self._in_python.step(lanes, k)
             if after:
-                after[0].run(lanes, self.period, (k, k + 1), **run)
+                run(after[0], ticks=(k, k + 1))
             if self._solver is not None and k < last:
                 steady = 1 if self.sampled else last - k  # ticks in which schedules alone change anything
                 self._solver.tick(lanes, k, self.period, self.rows, steady)
 
-    def given(self, substeps: int = 1) -> dict[str, Any]:
-        """Arguments of compiled loops beside lanes and ticks."""
+    def run_loop(
+        self, loop: NativeLoop, lanes: Lanes, ticks: tuple[int, int], records: Mapping[str, np.ndarray], **counts: int
+    ) -> None:
+        """Takes lanes through ticks of a loop in native code with this scenario's reference, schedules and random numbers.
+
+        `records`, `counts`: as of `NativeLoop.run`.
+        """
         table = None if self.reference is None else self.reference.table
-        tables = {} if table is None else {"r": table}
-        fixed = {"origin": self.origin, "seed": self.scenario.seed, "substeps": substeps}
-        return {**fixed, "tables": tables, "schedules": self.rows}
+        arrays = LoopArrays({} if table is None else {"r": table}, self.rows, records)
+        loop.run(lanes, self.period, ticks, arrays, origin=self.origin, seed=self.scenario.seed, **counts)
 
 
 def _is_table(reference: Any) -> bool:

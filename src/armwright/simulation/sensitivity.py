@@ -18,7 +18,7 @@ from armwright.entry import AnyScenario, as_scenario
 from armwright.errors import DivergenceError, ScenarioError
 from armwright.features import Support
 from armwright.kernels.batch import Kernel
-from armwright.kernels.loop import Lanes, Loop
+from armwright.kernels.loop import Lanes, NativeLoop
 from armwright.kernels.stages import NEXT, SWITCHES, TOO_MANY, Call, Delay, Integrate, Record, Stage
 from armwright.kernels.target import select_target
 from armwright.model.vary import Varied
@@ -75,7 +75,7 @@ def sensitivities(scenario: AnyScenario, by: Sequence[str]) -> xarray.Dataset:
     opened = simulation.scenario
     count = len(names)
     stages, active = _augmented(simulation, seeds, count)
-    loop = Loop(stages, select_target(opened.solver.target))
+    loop = NativeLoop(stages, select_target(opened.solver.target))
     width, ticks = loop.target.width, opened.ticks
     every = opened.every or ticks
     lanes = Lanes(simulation.count, width, 0, opened.first_lane)
@@ -83,14 +83,9 @@ def sensitivities(scenario: AnyScenario, by: Sequence[str]) -> xarray.Dataset:
     _begin(simulation, loop, lanes, seeds, active, count)
     blocks = next(stage.blocks for stage in stages if isinstance(stage, Record))
     record = np.empty((ticks // every + 1, lanes.tiles * width, sum(loop.sizes[name] for name in blocks)))
-    reference = simulation.reference_of_ticks(ticks)
-    table = None if reference is None else reference.table
-    first = simulation.tick
-    loop.run(
-        lanes, simulation.period, (first, first + ticks + 1), last=first + ticks, every=every, seed=opened.seed, origin=first,
-        substeps=opened.substeps, tables={} if table is None else {"r": table}, schedules=simulation.rows,
-        records={"run": record},
-    )  # fmt: skip
+    simulation.reference = simulation.reference_of_ticks(ticks)
+    first, counts = simulation.tick, {"every": every, "substeps": opened.substeps}
+    simulation.run_loop(loop, lanes, (first, first + ticks + 1), {"run": record}, last=first + ticks, **counts)
     single = scenario.lane_count is None
     _end_stopped(simulation, lanes, record, every, single)
     dataset = _dataset(simulation, record[:, : simulation.count], blocks, loop.sizes, names, every, single)
@@ -322,7 +317,7 @@ def _augmented(simulation: Simulation, seeds: dict[str, np.ndarray], count: int)
 
 
 def _begin(
-    simulation: Simulation, loop: Loop, lanes: Lanes, seeds: dict[str, np.ndarray], active: set[str], count: int
+    simulation: Simulation, loop: NativeLoop, lanes: Lanes, seeds: dict[str, np.ndarray], active: set[str], count: int
 ) -> None:
     """Fills the blocks of all lanes with initial values, and their tangents."""
     values = simulation.initial_blocks(lanes)

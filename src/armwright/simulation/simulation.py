@@ -308,7 +308,7 @@ class Simulation(LoopRunner):
         """Does the stages before the controller for the tick that comes next, once."""
         if not self._measured and len(self.loop.loops) > 1:
             self._reach_ahead()
-            self.loop.loops[0].run(lanes, self.period, (self.tick, self.tick + 1), **self.given())
+            self.run_loop(self.loop.loops[0], lanes, (self.tick, self.tick + 1), {})
             self._measured = True
 
     @property

@@ -18,7 +18,7 @@ import numpy as np
 
 from armwright import scalar
 from armwright.description.paths import with_values
-from armwright.kernels.loop import Lanes, Loop
+from armwright.kernels.loop import Lanes, LoopArrays, NativeLoop
 from armwright.kernels.stages import Call, Record, Stage, Table
 from armwright.kernels.target import select_target
 from armwright.model.model import Model
@@ -120,7 +120,7 @@ class Response:
         x_p = {"x": (self.size,), "command": (n,), "p": (self.columns,)}
         self._inner = trace("substep", substep, {**x_p, "part": (2,)}, ("x_next",))
         self._substeps = substeps
-        self._compiled: dict[bool, Loop] = {}
+        self._compiled: dict[bool, NativeLoop] = {}
 
     def _carried(self, plant: Plant) -> np.ndarray:
         """(size, size) matrix that puts motors behind elastic gears where their links are, and leaves the rest of a state."""
@@ -190,10 +190,10 @@ class Response:
             values |= {"current": joints["current"], "tau": joints["tau"]}
         return scalar.array([value for name in self.signals for value in values[name]])
 
-    def loop(self, slopes: bool) -> Loop:
+    def loop(self, slopes: bool) -> NativeLoop:
         """The compiled loop, with derivatives or without."""
         if slopes not in self._compiled:
-            self._compiled[slopes] = Loop(self._stages(slopes), select_target())
+            self._compiled[slopes] = NativeLoop(self._stages(slopes), select_target())
         return self._compiled[slopes]
 
     def table(self, inputs: Inputs) -> np.ndarray:
@@ -235,7 +235,8 @@ class Response:
             lanes.set("q_before", start[:, :n])
         count = len(self.signals) * n
         record = np.empty((len(table), lanes.tiles * lanes.width, count * (1 + d * slopes)))
-        loop.run(lanes, 1.0, (0, len(table)), last=len(table), every=1, tables={"row": table}, records={"run": record})
+        arrays = LoopArrays({"row": table}, records={"run": record})
+        loop.run(lanes, 1.0, (0, len(table)), arrays, last=len(table), every=1)
         rows = record[:, : len(p)].transpose(1, 0, 2)
         if not slopes:
             return rows, None

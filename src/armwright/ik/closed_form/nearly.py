@@ -12,7 +12,7 @@ from armwright.ik.closed_form.geometry import NEARLY, Geometry, geometry_of
 from armwright.ik.descent import descent
 from armwright.ik.solutions import PoseBranches
 from armwright.kernels.batch import Kernel
-from armwright.kernels.loop import Loop, Tasks
+from armwright.kernels.loop import LoopArrays, NativeLoop, Tasks
 from armwright.kernels.stages import Call, Exchange
 from armwright.kernels.target import select_target
 from armwright.model import Model
@@ -36,7 +36,7 @@ class NearlyClosedForm(ClosedForm):
         n, self._target = model.n, select_target()
         self._chain = Chain(model, frame, geometry.links.length / 3.0, bounds=(np.full(n, -np.inf), np.full(n, np.inf)))
         exchange = Exchange(self._chain.task_size + n, n + 1, n + 3, 1, 1)
-        self._loop = Loop((exchange, Call(descent(self._chain, POLISHED, near=True))), self._target)
+        self._loop = NativeLoop((exchange, Call(descent(self._chain, POLISHED, near=True))), self._target)
         limited = Chain(model, frame, 1.0)
         self._errors = Kernel(
             trace("errors", lambda q, pose: (*limited.errors(q, pose), limited.margin(q)), {"q": (n,), "pose": (4, 4)},
@@ -79,7 +79,7 @@ class NearlyClosedForm(ClosedForm):
             lanes.blocks["task_number"].fill(-1.0)
             none = np.zeros((1, begin.shape[1] + 1))
             work = Tasks(np.array([0, len(tasks)]), tasks, none, np.zeros((len(tasks), 1)), results[part])
-            self._loop.run(lanes, 0.0, (0, 2**62), tasks=work)
+            self._loop.run(lanes, 0.0, (0, 2**62), LoopArrays(tasks=work))
         return results[:, : begin.shape[1]]
 
 
