@@ -45,7 +45,8 @@ class LoopRunner:
         sampled: whether a loop drives the arm.   law: the controller of that loop, as the scenario has it; None without one.
         external: whether nothing of the scenario drives the arm, and `step` takes the commands.   command: layout of u.
         tick: that comes next.   origin: the tick that tables and records begin with.
-        config, initialisation, loop: what a tick is made of, how lanes begin, and both in native code.
+        begun: the tick that the scenario starts with.
+        config, initialisation, loop: what a tick is made of, how lanes begin, and both in native code.   width: lanes of a tile.
         inputs, rows: held from row to row, by block; and the ticks of their rows.
         reference, reduction: what is followed, and computed along the way; None where there is none.
         rule: that moves the plant: "auto" is rk3 in substeps of each lane's own.
@@ -75,7 +76,7 @@ class LoopRunner:
         if self.rule == "auto":
             self.rule = auto_rule(limit, sampled=self.sampled if sampled is None else sampled)
         self.reduction = Reduction.of(scenario.recording.reduce, self.arm.n) if scenario.recording.reduce else None
-        self.tick = self.origin = 0 if self._started is None else self._started.tick
+        self.tick = self.origin = self.begun = 0 if self._started is None else self._started.tick
         self.reference = self.reference_of_ticks(
             1 if scenario.duration is None else scenario.ticks, first=scenario.duration is not None
         )
@@ -87,6 +88,7 @@ class LoopRunner:
         if loop is not None:
             loop.check(self.config, target, outputs=outputs)
         self.loop = loop or self._compiled(target, outputs=outputs)
+        self.width = self.loop.loops[0].target.width
         self.untraced, self.plant = self.loop.tick.untraced, self.config.bare
         called = self.untraced is not None and self.law is not None
         if called:
@@ -138,10 +140,9 @@ class LoopRunner:
         state = {} if self._started is None else self._started.blocks
         start = state.get("r", scenario.initial_state)[:, : self.arm.n]
         if not first and _is_table(reference):
-            begun = (
-                0 if scenario.started is None else scenario.started.tick
-            )  # rows count from there; the last one stays
-            rows = np.arange(numbers.start, numbers.stop) - begun
+            rows = (
+                np.arange(numbers.start, numbers.stop) - self.begun
+            )  # from where the scenario starts; the last one stays
             reference = np.asarray(reference)[np.clip(rows, 0, len(reference) - 1)]
         try:
             return LoopReference.of(self.arm, reference, start, numbers, self.period)
@@ -221,6 +222,10 @@ class LoopRunner:
 
     # Lanes.
 
+    def lanes(self, count: int, first: int = 0) -> Lanes:
+        """Memory of a group of lanes without blocks, from a place among those that are run."""
+        return Lanes(count, self.width, first, self.scenario.first_lane)
+
     def begin(self, lanes: Lanes, state: LoopState | None) -> None:
         """Fills the blocks of a group of lanes with initial values, then with those of a state to go on from."""
         for loop in self.loop.loops:
@@ -270,6 +275,11 @@ class LoopRunner:
         if self.reduction is not None:
             values["reduced"] = np.atleast_2d(self.reduction.begin())
         return values
+
+    @property
+    def initial(self) -> dict[str, np.ndarray]:
+        """Initial values of the first lane's blocks, (entries,) each."""
+        return {name: rows[0] for name, rows in self.initial_blocks(self.lanes(1)).items()}
 
     def _restore(self, lanes: Lanes, state: LoopState) -> None:
         """Fills the blocks of a group of lanes with those of a state, as far as this loop has them."""

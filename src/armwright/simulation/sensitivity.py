@@ -76,13 +76,13 @@ def sensitivities(scenario: AnyScenario, by: Sequence[str]) -> xarray.Dataset:
     count = len(names)
     stages, active = _augmented(simulation, seeds, count)
     loop = NativeLoop(stages, select_target(opened.solver.target))
-    width, ticks = loop.target.width, opened.ticks
+    ticks = opened.ticks
     every = opened.every or ticks
-    lanes = Lanes(simulation.count, width, 0, opened.first_lane)
+    lanes = Lanes(simulation.count, loop.target.width, 0, opened.first_lane)
     loop.extend(lanes)
     _begin(simulation, loop, lanes, seeds, active, count)
     blocks = next(stage.blocks for stage in stages if isinstance(stage, Record))
-    record = np.empty((ticks // every + 1, lanes.tiles * width, sum(loop.sizes[name] for name in blocks)))
+    record = np.empty((ticks // every + 1, lanes.tiles * lanes.width, sum(loop.sizes[name] for name in blocks)))
     simulation.reference = simulation.reference_of_ticks(ticks)
     first, counts = simulation.tick, {"every": every, "substeps": opened.substeps}
     simulation.run_loop(loop, lanes, (first, first + ticks + 1), {"run": record}, last=first + ticks, **counts)

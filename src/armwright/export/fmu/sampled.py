@@ -19,7 +19,6 @@ from armwright.errors import ScenarioError
 from armwright.export.controller.stages import check_one_arm, traced_beginning
 from armwright.export.fmu.variables import Variable, quoted, variables_of
 from armwright.kernels.c_loop import Clock
-from armwright.kernels.loop import Lanes
 from armwright.kernels.stages import SEEN, Call, Delay, Record, Rows, Stage, Table
 from armwright.model import Model
 from armwright.model.joint_signals import joint_signal
@@ -109,9 +108,9 @@ def sampled_model(scenario: Scenario, part: str) -> SampledModel:
     assert sampling is not None
     assert loop.reference is not None
     law = None if part == "plant" else traced_beginning(loop, sampling)  # which says why a law cannot be traced
-    lanes = Lanes(1, loop.loop.loops[0].target.width, 0, scenario.first_lane)
+    lanes = loop.lanes(1)
     loop.begin(lanes, None)
-    first = {name: rows[0] for name, rows in loop.initial_blocks(lanes).items()}
+    first = loop.initial
     control, shape, move, measure = _split((*loop.loop.tick.before, *loop.loop.tick.after))
     joints = loop.arm.names
     y, r, command = sampling.sensors.y, loop.reference.layout, scenario.command_layout

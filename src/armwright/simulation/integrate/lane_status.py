@@ -10,6 +10,7 @@ import numpy as np
 
 from armwright.errors import DivergenceError
 from armwright.kernels.loop import Lanes
+from armwright.results.notes import notes_of
 from armwright.simulation.integrate.stepping import Adaptivity
 
 if TYPE_CHECKING:
@@ -106,7 +107,7 @@ class LaneStatus:
                     f"{np.count_nonzero(stalled)} of {len(stalled)} lanes ran out of substeps and stay where they are, first at "
                     f"t = {stopped[lane]:g} s, as {entries[int(self.stalled_by[lane])]} asked for more"
                 )
-                run.attrs["notes"] = "\n".join(filter(None, [str(run.attrs.get("notes", "")), note]))
+                run.attrs["notes"] = "\n".join([*notes_of(run), note])
                 asked = np.where(stalled, np.array(entries)[self.stalled_by.astype(int)], "")
                 put("stalled_by", asked, "1", "what asked for more substeps")
         if choosing is not None:
