@@ -33,7 +33,7 @@ loop.controller = { kind = "joint_pid", kp = [400, 200], kd = [40, 20] }
 loop.reference = { kind = "quintic", start = [0, 0], goal = [0.3, -0.2], duration = 0.2 }
 """
 FOLLOWED = {
-    "simulate": ("Scenario", "Loop", "Simulation", "Plant", "LoopState", "SimulationState"),
+    "simulate": ("Scenario", "Loop", "NativeLoop", "Simulation", "Plant", "LoopState", "SimulationState"),
     "identify_arm": (
         *(
             "Log",

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from armwright import scalar
-from armwright.kernels.loop import Loop, Tasks
+from armwright.kernels.loop import LoopArrays, NativeLoop, Tasks
 from armwright.kernels.stages import Call, Exchange
 from armwright.kernels.target import select_target
 from armwright.program import trace
@@ -47,10 +47,10 @@ def test_tasks_are_done_as_in_python(count):
     tasks = rng.uniform([0.1, 0.0], [9.0, 50.0], (count, 2))
     rows = rng.uniform(1.0, 300.0, (ROWS, 1))
     ranks = rng.integers(0, ROWS, (count, RANKED)).astype(float)
-    loop = Loop((Exchange(2, 1, 3, MOST, RANKED), Call(PROGRAM)), select_target())
+    loop = NativeLoop((Exchange(2, 1, 3, MOST, RANKED), Call(PROGRAM)), select_target())
     lanes = loop.lanes(loop.target.width)
     lanes.blocks["over"].fill(2.0)
     lanes.blocks["task_number"].fill(-1.0)
     results = np.full((count, 3), np.nan)
-    loop.run(lanes, 0.0, (0, 2**62), tasks=Tasks(np.array([0, count]), tasks, rows, ranks, results))
+    loop.run(lanes, 0.0, (0, 2**62), LoopArrays(tasks=Tasks(np.array([0, count]), tasks, rows, ranks, results)))
     assert results.tolist() == [in_python(*each) for each in zip(tasks, [rows] * count, ranks, strict=True)]

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from armwright import scalar
-from armwright.kernels.loop import Loop
+from armwright.kernels.loop import NativeLoop
 from armwright.kernels.stages import Integrate
 from armwright.kernels.target import select_target
 from armwright.model import Model
@@ -74,7 +74,7 @@ class Balance:
             stage = Integrate(trace("step", step, {**shapes, **held, "h": ()}, ("x_next",)), **landing_programs)
         else:
             stage = Integrate(trace("step", lambda y, u, h: step(y, u, h), {**shapes, "h": ()}, ("x_next",)))
-        self.loop = Loop((stage,), select_target())
+        self.loop = NativeLoop((stage,), select_target())
 
     def moved(self, begun: np.ndarray, u: np.ndarray, h: float, ticks: int = 1) -> tuple[np.ndarray, dict[str, float]]:
         """The last state, and the energies [J] that went each way, from a state under commands (rows, n), each so many ticks."""

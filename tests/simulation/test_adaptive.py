@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 import armwright as aw
 from armwright import scalar
 from armwright.errors import DivergenceError, ScenarioError
-from armwright.kernels.loop import Loop
+from armwright.kernels.loop import NativeLoop
 from armwright.kernels.target import select_target
 from armwright.simulation.integrate import dormand_prince
 from armwright.simulation.integrate.cvodes import Cvodes
@@ -284,7 +284,7 @@ def test_a_drive_with_windings_bristles_and_a_spring_is_followed():
     plant = Plant.of(model)
     shapes = {"x": (plant.size,), "u": (1,)}
     chosen = Adaptivity(Allowed(1e-8, 1e-10), 1000, (("there", lambda t, x: x.motor_q[0] - 6.0),))
-    loop = Loop(
+    loop = NativeLoop(
         (adaptive_stage(dormand_prince_trial(plant.derivative, shapes), shapes, chosen, plant.layout),), select_target()
     )
     lanes, x0, u = loop.lanes(1), plant.initial([0.1], [0.0])[None], np.array([12.0])

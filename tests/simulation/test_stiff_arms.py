@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 import armwright as aw
 from armwright import scalar
 from armwright.errors import DivergenceError
-from armwright.kernels.loop import Loop
+from armwright.kernels.loop import NativeLoop
 from armwright.kernels.stages import Integrate
 from armwright.kernels.target import select_target
 from armwright.program import trace
@@ -90,7 +90,7 @@ def test_the_same_rule_chatters_without_error_control():
         slopes = lambda x, u: plant_slopes(plant, x, PlantInputs(u))  # noqa: E731
         return rodas3_step(slopes, plant.derivative, x, u, h)[0]
 
-    loop = Loop((Integrate(trace("step", equal, {"x": (2,), "u": (1,), "h": ()}, ("x_next",))),), select_target())
+    loop = NativeLoop((Integrate(trace("step", equal, {"x": (2,), "u": (1,), "h": ()}, ("x_next",))),), select_target())
     lanes = loop.lanes(1)
     lanes.set("x", np.array([[0.0, 0.1234]]))
     lanes.set("u", np.zeros((1, 1)))
@@ -134,7 +134,7 @@ def alone(f, x0, tick, ticks, rtol, atol):
 
     shapes, adaptivity = {"x": (size,), "u": (1,)}, Adaptivity(Allowed(rtol, atol), 10**6)
     stage = adaptive_stage(step, shapes, adaptivity, Layout(), order=ORDER)
-    loop = Loop((stage,), select_target())
+    loop = NativeLoop((stage,), select_target())
     lanes, states = loop.lanes(1), []
     lanes.set("x", np.array([x0], dtype=float))
     for k in range(ticks):

@@ -9,7 +9,7 @@ import pytest
 
 import armwright as aw
 from armwright import scalar
-from armwright.kernels.loop import Loop
+from armwright.kernels.loop import NativeLoop
 from armwright.kernels.stages import SECANTS, SWITCHES, Adapt, Integrate
 from armwright.kernels.target import select_target
 from armwright.program import interpret, trace
@@ -123,7 +123,7 @@ def in_pieces(x, u, s):
 @pytest.mark.parametrize("width", [1, 4, 8])
 @pytest.mark.parametrize("substeps", [1, 3])
 def test_the_stage_does_what_it_says_in_numpy(width, substeps):
-    loop = Loop((Integrate(STEP, **PROGRAMS),), replace(select_target("x86-64-v3"), width=width))
+    loop = NativeLoop((Integrate(STEP, **PROGRAMS),), replace(select_target("x86-64-v3"), width=width))
     starts = np.random.default_rng(0).normal(size=(11, 2)) * [0.3, 1.0] + [0.3, 0.0]
     lanes, h, u = loop.lanes(11), 0.02, np.array([0.4])
     lanes.set("x", starts)
@@ -141,7 +141,7 @@ def test_what_switches_without_end_is_taken_as_a_whole():
     shapes = {"x": (1,), "u": (1,)}
     turning = Watched(lambda x, u: scalar.sin(1e6 * x), lambda x, u, c: (np.zeros(0), np.zeros(0)), 1)
     clock = trace("step", lambda x, u, c, h: x + h, {**shapes, **turning.block, "h": ()}, ("x_next",))
-    loop = Loop((Integrate(clock, **switching_programs(turning, shapes)),), select_target())
+    loop = NativeLoop((Integrate(clock, **switching_programs(turning, shapes)),), select_target())
     lanes = loop.lanes(3)
     loop.run(lanes, 0.1, (0, 5))
     np.testing.assert_allclose(lanes.get("x"), 0.5, rtol=1e-14)

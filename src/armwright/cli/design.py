@@ -69,7 +69,7 @@ def design(
     from dataclasses import replace
 
     from armwright.cli.simulate import following
-    from armwright.control.design.design_gains import with_gains
+    from armwright.control.design.designer import with_gains
 
     check_file(out, TOML, (scenario,))
     options = {"period": period, "controller": controller, "timing": timing, "duration": duration}

@@ -103,7 +103,7 @@ class Motor(Record):
     thermal: Thermal | None = Field(default=None, description="Absent: the motor stays as it was measured.")
     cogging: Cogging | None = Field(default=None, description="Absent: none.")
     coupling: tuple[Coupling, ...] = Field(default=(), description="Other joints that turn this motor.")
-    basis: Basis = Field("dc", description="How the electrical constants of a brushless motor were measured.")
+    basis: Basis = Field(default="dc", description="How the electrical constants of a brushless motor were measured.")
 
     @model_validator(mode="after")
     def _torque_constant(self) -> Motor:

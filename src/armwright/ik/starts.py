@@ -8,8 +8,8 @@ import numpy as np
 
 from armwright import scalar
 from armwright.ik.chain import TURN, JointChain
-from armwright.kernels.loop import Loop
-from armwright.kernels.stages import Call, Table
+from armwright.kernels.loop import LoopArrays, NativeLoop
+from armwright.kernels.stages import Call, TableStage
 from armwright.kernels.target import Target
 from armwright.model import Model
 from armwright.program import Program, trace
@@ -84,14 +84,16 @@ class Starts:
         turns = (positions[:, :1] - azimuths - middle) / TURN
         table = np.concatenate([features, square, turns], axis=1)
         self._table = np.ascontiguousarray(table[:NEAREST_OF])
-        self._loop = Loop((Table("row", AT_ONCE * (FEATURES + 2), spread=False), Call(ranking(chain))), target)
+        self._loop = NativeLoop(
+            (TableStage("row", AT_ONCE * (FEATURES + 2), spread=False), Call(ranking(chain))), target
+        )
 
     def ranked(self, tasks: np.ndarray, features: np.ndarray) -> np.ndarray:
         """(k, RANKED) numbers of the rows that are nearest to each pose, as floats."""
         lanes = self._loop.lanes(len(tasks))
         lanes.set("pose", np.concatenate([features, tasks[:, 12:] / TURN], axis=1))
         lanes.set("found", np.repeat([np.inf, 0.0], RANKED))
-        self._loop.run(lanes, 0.0, (0, len(self._table) // AT_ONCE), tables={"row": self._table})
+        self._loop.run(lanes, 0.0, (0, len(self._table) // AT_ONCE), LoopArrays({"row": self._table}))
         return np.ascontiguousarray(lanes.get("found")[:, RANKED:])
 
 

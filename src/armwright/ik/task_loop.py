@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from armwright.kernels.loop import Loop, Tasks
+from armwright.kernels.loop import LoopArrays, NativeLoop, Tasks
 from armwright.kernels.stages import Call, Exchange
 from armwright.kernels.target import select_target
 from armwright.program import Program
@@ -18,7 +18,7 @@ class TaskLoop:
         self._target, sizes = select_target(), {port.name: port.size for port in (*program.inputs, *program.outputs)}
         self._attempt, self._result = sizes.get("attempt", 1), sizes["result"]
         exchange = Exchange(sizes["task"], self._attempt, self._result, attempts, ranked)
-        self._loop = Loop((exchange, Call(program)), self._target)
+        self._loop = NativeLoop((exchange, Call(program)), self._target)
 
     def run(self, tasks: np.ndarray, attempts: np.ndarray | None = None, ranks: np.ndarray | None = None) -> np.ndarray:
         """(k, result) of tasks (k, …).
@@ -34,5 +34,5 @@ class TaskLoop:
         numbers = np.zeros((len(tasks), 1)) if ranks is None else ranks
         queue = np.array([0, len(tasks)])
         work = Tasks(queue, np.ascontiguousarray(tasks), rows, np.ascontiguousarray(numbers), found)
-        self._loop.run(lanes, 0.0, (0, 2**62), tasks=work)
+        self._loop.run(lanes, 0.0, (0, 2**62), LoopArrays(tasks=work))
         return found

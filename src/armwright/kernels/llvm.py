@@ -24,7 +24,7 @@ CACHE_LINE = 64  # bytes; a guess that is too small or too large costs a little 
 
 
 @dataclass
-class Module:
+class LlvmModule:
     """LLVM text in the making: functions, each printed once, and what they declare."""
 
     width: int
@@ -32,6 +32,7 @@ class Module:
     functions: dict[str, str] = field(default_factory=dict)
     declarations: set[str] = field(default_factory=set)
     definitions: dict[str, str] = field(default_factory=dict)
+    _programs: dict[str, Program] = field(default_factory=dict)
 
     def machine(self) -> LlvmMachine:
         """A machine that prints a function of this module."""
@@ -47,6 +48,9 @@ class Module:
         Inputs named in `rows` are one number an entry, the same for all lanes.
         """
         name = f"{program.name}.block"
+        known = self._programs.setdefault(program.name, program)
+        same = known == program or known.instructions == program.instructions
+        assert same, f"two programs named {program.name!r} in one module"
         if name not in self.functions:
             m = self.machine()
             inputs = [
@@ -332,8 +336,8 @@ def _port_sizes(program: Program) -> dict[str, int]:
     return sizes | {f"%out{k}": port.size for k, port in enumerate(program.outputs)}
 
 
-def batch_module(width: int, program: Program, dtype: str = DOUBLE.name) -> Module:
+def batch_module(width: int, program: Program, dtype: str = DOUBLE.name) -> LlvmModule:
     """The module of a program's batch functions over numbers of a format."""
-    module = Module(width, FORMATS[dtype])
+    module = LlvmModule(width, FORMATS[dtype])
     module.add_batch_function(program)
     return module

@@ -4,14 +4,25 @@ from __future__ import annotations
 
 import ctypes
 import struct
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from armwright.kernels.engine import Engine
+from armwright.kernels.loop_exchange import POINTERS
 from armwright.kernels.loop_printer import NUMBERS, argument_names, loop_module
-from armwright.kernels.stages import CURSOR, NEVER, Delay, Exchange, Record, Rows, Stage, Table, block_sizes
+from armwright.kernels.stages import (
+    CURSOR,
+    NEVER,
+    DelayStage,
+    Exchange,
+    RecordStage,
+    RowsStage,
+    Stage,
+    TableStage,
+    block_sizes,
+)
 from armwright.kernels.target import Target
 
 ENDLESS = 2**62  # a last tick that does not come
@@ -49,8 +60,27 @@ class Tasks:
     results: np.ndarray
 
 
+@dataclass(frozen=True, eq=False)
+class LoopArrays:
+    """Arrays that a loop reads and writes beside the blocks of its lanes.
+
+    Attributes:
+        tables: (ticks, entries) by block.   schedules: by block.
+        records: by name, (rows, tiles · W, entries) of the group, contiguous along the last two axes.
+        tasks: of a loop that searches.
+    """
+
+    tables: Mapping[str, np.ndarray] = field(default_factory=dict)
+    schedules: Mapping[str, Schedules] = field(default_factory=dict)
+    records: Mapping[str, np.ndarray] = field(default_factory=dict)
+    tasks: Tasks | None = None
+
+
+NO_ARRAYS = LoopArrays()
+
+
 @dataclass(eq=False)
-class Lanes:
+class LaneGroup:
     """Memory of the loop for one group of lanes, in whole tiles of W; the last tile is filled up with lane 0.
 
     Attributes:
@@ -108,8 +138,8 @@ class Lanes:
         return padded.reshape(self.tiles, self.width, *rows.shape[1:])
 
 
-class Loop:
-    """Compiled stages."""
+class NativeLoop:
+    """Stages in native code."""
 
     def __init__(self, stages: tuple[Stage, ...], target: Target, *, runs: bool = True):
         """Compiles stages for a target; `runs` False: only their memory is wanted, and nothing is compiled."""
@@ -118,13 +148,13 @@ class Loop:
         self._names = argument_names(stages)
         self._run = Engine(target, loop_module, *stages).function("loop", ctypes.c_void_p) if runs else None
 
-    def lanes(self, count: int, first: int = 0) -> Lanes:
+    def lanes(self, count: int, first: int = 0) -> LaneGroup:
         """Blocks of zeros for a group of lanes, none frozen."""
-        lanes = Lanes(count, self.target.width, first)
+        lanes = LaneGroup(count, self.target.width, first)
         self.extend(lanes)
         return lanes
 
-    def extend(self, lanes: Lanes) -> None:
+    def extend(self, lanes: LaneGroup) -> None:
         """Adds the blocks of this loop that the lanes do not have yet: two loops may take turns over the same lanes."""
         for name, entries in self.sizes.items():
             if name not in lanes.blocks:
@@ -132,10 +162,10 @@ class Loop:
                 if name == "frozen":
                     lanes.blocks[name].fill(-1.0)
         for stage in self.stages:
-            if isinstance(stage, Delay) and stage.to not in lanes.rings:
+            if isinstance(stage, DelayStage) and stage.to not in lanes.rings:
                 lanes.rings[stage.to] = _aligned((lanes.tiles, stage.length, stage.entries, lanes.width))
 
-    def begin_rows(self, lanes: Lanes, name: str, schedules: Schedules, tick: int = 0) -> None:
+    def begin_rows(self, lanes: LaneGroup, name: str, schedules: Schedules, tick: int = 0) -> None:
         """Sets the cursors of a schedule stage to the first row of every lane that does not come before a tick.
 
         The block holds the row in force until then, if there is one.
@@ -157,31 +187,26 @@ class Loop:
 
     def run(
         self,
-        lanes: Lanes,
+        lanes: LaneGroup,
         h: float,
         ticks: tuple[int, int],
+        arrays: LoopArrays = NO_ARRAYS,
         *,
         last: int = ENDLESS,
         every: int = ENDLESS,
         seed: int = 0,
         origin: int = 0,
         substeps: int = 1,
-        tables: Mapping[str, np.ndarray] | None = None,
-        schedules: Mapping[str, Schedules] | None = None,
-        records: Mapping[str, np.ndarray] | None = None,
-        tasks: Tasks | None = None,
     ) -> None:
         """Takes the lanes through some ticks of h seconds; the GIL is released.
 
         Args:
             lanes: the group.   h: [s].   ticks: from the first of them up to, not including, the second.
+            arrays: beside the lanes' blocks.
             last: in this tick and behind it nothing is integrated, nor anything done that comes behind in the stages.
             every: ticks from one recorded row to the next.   seed: of random draws.
             origin: the tick that tables and records begin with.
             substeps: equal steps of the plant between two changes, where it has a fixed step.
-            tables: (ticks, entries) by block.   schedules: by block.
-            records: by name, (rows, tiles · W, entries) of this group, contiguous along the last two axes.
-            tasks: of a loop that searches.
         """
         numbers = {
             "tile0": 0,
@@ -197,32 +222,30 @@ class Loop:
             "substeps": substeps,
             "part": _bits(1.0 / substeps),
         }
-        arguments = [numbers[name] for name in NUMBERS]
-        arrays: list[np.ndarray] = []
-
-        def pointer(array: np.ndarray) -> int:
-            arrays.append(array)
-            return array.ctypes.data
-
-        arguments += [pointer(lanes.blocks[name]) for name in self.sizes]
-        for stage in self.stages:
-            if isinstance(stage, Table):
-                arguments.append(pointer((tables or {})[stage.block]))
-            elif isinstance(stage, Rows):
-                rows = (schedules or {})[stage.block]
-                arguments += [pointer(rows.tick), pointer(rows.offset), pointer(rows.values)]
-            elif isinstance(stage, Delay):
-                arguments.append(pointer(lanes.rings[stage.to]))
-            elif isinstance(stage, Record):
-                record = (records or {})[stage.name]
-                arguments += [pointer(record), record.strides[0] // 8]
-            elif isinstance(stage, Exchange):
-                assert tasks is not None
-                shared = (tasks.queue, tasks.tasks, tasks.attempts, tasks.ranks, tasks.results)
-                arguments += [*(pointer(array) for array in shared), len(tasks.attempts)]
+        arguments = [*(numbers[name] for name in NUMBERS), *self._pointers(lanes, arrays)]
         table = (ctypes.c_int64 * len(arguments))(*arguments)
         assert self._run is not None
         self._run(ctypes.addressof(table))
+
+    def _pointers(self, lanes: LaneGroup, arrays: LoopArrays) -> Iterator[int]:
+        """Addresses of the arrays, and strides, in the order of `argument_names`."""
+        for name in self.sizes:
+            yield lanes.blocks[name].ctypes.data
+        for stage in self.stages:
+            if isinstance(stage, TableStage):
+                yield arrays.tables[stage.block].ctypes.data
+            elif isinstance(stage, RowsStage):
+                rows = arrays.schedules[stage.block]
+                yield from (each.ctypes.data for each in (rows.tick, rows.offset, rows.values))
+            elif isinstance(stage, DelayStage):
+                yield lanes.rings[stage.to].ctypes.data
+            elif isinstance(stage, RecordStage):
+                record = arrays.records[stage.name]
+                yield from (record.ctypes.data, record.strides[0] // 8)
+            elif isinstance(stage, Exchange):
+                assert arrays.tasks is not None
+                yield from (getattr(arrays.tasks, name).ctypes.data for name in POINTERS)
+                yield len(arrays.tasks.attempts)
 
 
 def _bits(value: float) -> int:

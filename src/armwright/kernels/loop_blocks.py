@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from armwright.kernels.llvm import Module
+from armwright.kernels.llvm import LlvmModule
 from armwright.kernels.llvm_machine import LlvmMachine
 from armwright.kernels.machine import Value
-from armwright.kernels.stages import CURSOR, NEVER, NEXT, SINCE, Rows, Stage, block_sizes, unspread
+from armwright.kernels.stages import CURSOR, NEVER, NEXT, SINCE, RowsStage, Stage, block_sizes, unspread
 from armwright.program import Program
 
 ROWS = ("tick", "offset", "values")  # of all lanes' schedules, one behind another
@@ -19,11 +19,11 @@ class BlockPrinter:
             the integration stops at.   rows: tables' rows that are no blocks; `%"NAME.at"` is then one number an entry.
     """
 
-    def __init__(self, module: Module, plan: tuple[Stage, ...]):
+    def __init__(self, module: LlvmModule, plan: tuple[Stage, ...]):
         self.module, self.plan, self.w = module, plan, module.width
         self.m: LlvmMachine = module.machine()
         self.sizes = block_sizes(plan)
-        self.schedules = [stage for stage in plan if isinstance(stage, Rows)]
+        self.schedules = [stage for stage in plan if isinstance(stage, RowsStage)]
         self.rows = unspread(plan)
 
     def _out(self, line: str) -> None:
@@ -57,7 +57,7 @@ class BlockPrinter:
     def _int_splat(self, value: Value) -> Value:
         return self.m.spread(value, "i64", self.m.integer)
 
-    def _rows(self, rows: Rows, label: str) -> None:
+    def _rows(self, rows: RowsStage, label: str) -> None:
         """Rows that are due now replace the block, where any lane has one in this tick."""
         m, block = self.m, rows.block
         due = m.any(m.eq(self._load(f"{block}.due_tick"), self._splat("%tick")))
@@ -73,6 +73,11 @@ class BlockPrinter:
         m.begin(f"{label}.none")
 
 
+def at_lane(**blocks: str) -> str:
+    """Places of lane %l in blocks of one entry, as %NAME.at."""
+    return "\n".join(f"  %{name}.at = getelementptr double, ptr %{block}, i64 %l" for name, block in blocks.items())
+
+
 def _advance(name: str, w: int, entries: int) -> str:
     """For each lane of a tile: while its next row is due at (tick, since), that row's values, and on to the next row."""
     return f"""define internal void @"{name}"(double %tick, ptr %since, ptr %values, ptr %due_tick, ptr %due_offset, ptr %cursor,
@@ -81,11 +86,7 @@ entry:
   br label %lane
 lane:
   %l = phi i64 [ 0, %entry ], [ %l.next, %next ]
-  %tick.at = getelementptr double, ptr %due_tick, i64 %l
-  %offset.at = getelementptr double, ptr %due_offset, i64 %l
-  %cursor.at = getelementptr double, ptr %cursor, i64 %l
-  %end.at = getelementptr double, ptr %end, i64 %l
-  %since.at = getelementptr double, ptr %since, i64 %l
+{at_lane(tick="due_tick", offset="due_offset", cursor="cursor", end="end", since="since")}
   %now = load double, ptr %since.at, align 8
   %last = load double, ptr %end.at, align 8
   br label %check

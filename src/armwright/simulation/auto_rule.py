@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from armwright.simulation.plant.flow import STIFF as EXACT
+from armwright.simulation.plant.drives import STIFF as EXACT
 from armwright.simulation.plant.step_limits import StepLimit, full_voltage
 
 STIFF = 6e3  # [1/s] of a mode that dies away: from here on linearly implicit steps, at twice the price, are sooner done

@@ -13,6 +13,7 @@ import numpy as np
 
 from armwright.errors import Interrupted
 from armwright.progress import Progress
+from armwright.results.notes import notes_of
 
 if TYPE_CHECKING:
     import xarray
@@ -56,7 +57,7 @@ def handed_out(run: xarray.Dataset, finished: Finished, ticks: int, lanes: int) 
         else f"{finished.ticks} of {ticks} ticks of {'the run' if lanes == 1 else 'all lanes'}"
     )
     note = f"stopped by Ctrl-C after {extent}"
-    run.attrs["notes"] = "\n".join(filter(None, [note, str(run.attrs.get("notes", ""))]))
+    run.attrs["notes"] = "\n".join([note, *notes_of(run)])
     raise Interrupted(note, run)
 
 

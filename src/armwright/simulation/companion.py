@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from armwright.results.notes import notes_of
 from armwright.signals import Layout
 from armwright.simulation.integrate.step_control import floors
 from armwright.simulation.integrate.stepping import LEAST_ACCURACY
@@ -69,7 +70,7 @@ class GlobalError:
         run["global_error"] = ("quantity", list(self.by_quantity.values()), {"units": "1", "long_name": about})
         run.coords["quantity"] = ("quantity", list(self.by_quantity))
         if self.exceeded is not None:
-            run.attrs["notes"] = "\n".join(filter(None, [str(run.attrs.get("notes", "")), self._note(self.exceeded)]))
+            run.attrs["notes"] = "\n".join([*notes_of(run), self._note(self.exceeded)])
 
     def _note(self, exceeded: float) -> str:
         """What a user should know of errors that are above the accuracy from some time [s] on."""

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from functools import partial
+from typing import Any
 
 import numpy as np
 
 from armwright.entry import as_scenario
 from armwright.errors import ScenarioError
-from armwright.kernels.loop import Lanes
+from armwright.kernels.loop import LaneGroup, LoopArrays, NativeLoop
 from armwright.kernels.stages import SEEN, state_blocks
 from armwright.program.turns import alone
 from armwright.results.reducers import Reduction, check_known
@@ -34,20 +35,18 @@ from armwright.simulation.plant.step_limits import StepLimit, check_inertia, ful
 from armwright.simulation.plant.varied_step_limits import VariedStepLimit
 from armwright.simulation.scenario import Scenario
 
-if TYPE_CHECKING:
-    pass
-
-AHEAD = 1024  # ticks whose reference is worked out at once while a loop is stepped
-SLICE = 0.01  # [s] of a run in real time between two looks at the clock
-
 
 class LoopRunner:
     """The loop of a scenario in native code: it begins groups of lanes, takes them through ticks, and reads their state.
 
     Attributes:
-        scenario: with batches in place of its draws.   count: lanes.   period: [s] of a tick.
+        scenario: with batches in place of its draws.   arm: its model.   count: lanes.
+        period: [s] of a tick.   step_length: [s] of the integrator.   substeps: of a tick.
+        sampled: whether a loop drives the arm.   law: the controller of that loop, as the scenario has it; None without one.
+        external: whether nothing of the scenario drives the arm, and `step` takes the commands.   command: layout of u.
         tick: that comes next.   origin: the tick that tables and records begin with.
-        config, initialisation, loop: what a tick is made of, how lanes begin, and both in native code.
+        begun: the tick that the scenario starts with.
+        config, initialisation, loop: what a tick is made of, how lanes begin, and both in native code.   width: lanes of a tile.
         inputs, rows: held from row to row, by block; and the ticks of their rows.
         reference, reduction: what is followed, and computed along the way; None where there is none.
         rule: that moves the plant: "auto" is rk3 in substeps of each lane's own.
@@ -64,24 +63,24 @@ class LoopRunner:
         `lands`: as of `LoopConfig`.
         """
         self.scenario = scenario = as_scenario(scenario).resolved
-        self.arm = scenario.arm
-        self.count, self.period = scenario.lane_count or 1, scenario.tick
+        self.arm, self.count = scenario.arm, scenario.lane_count or 1
+        self.period, self.step_length, self.substeps = scenario.tick, scenario.integration_step, scenario.substeps
+        self.sampled, self.law, self.external = scenario.sampled, scenario.controller, scenario.external
+        self.command, self._followed, self._started = scenario.command_layout, scenario.reference, scenario.started
+        self.inputs = dict(scenario.input_schedules) | ({} if self.sampled else {"u": scenario.commands})
+        self._payload_frames = scenario.payload_frames
         self.notes: list[str] = [*scenario.notes, *scenario.carried_notes]
         limit = StepLimit(self.arm) if loop is None else loop.step_limit
         self._check_step(limit)
         self.rule = scenario.solver.rule
         if self.rule == "auto":
-            self.rule = auto_rule(limit, sampled=scenario.sampled if sampled is None else sampled)
-        self._started = scenario.started
-        self.inputs = dict(scenario.input_schedules)
-        if not scenario.sampled:
-            self.inputs["u"] = scenario.commands
+            self.rule = auto_rule(limit, sampled=self.sampled if sampled is None else sampled)
         self.reduction = Reduction.of(scenario.recording.reduce, self.arm.n) if scenario.recording.reduce else None
-        self.tick = self.origin = 0 if self._started is None else self._started.tick
+        self.tick = self.origin = self.begun = 0 if self._started is None else self._started.tick
         self.reference = self.reference_of_ticks(
             1 if scenario.duration is None else scenario.ticks, first=scenario.duration is not None
         )
-        if scenario.sampled and self._started is None and scenario.start.q is None:
+        if self.sampled and self._started is None and scenario.start.q is None:
             self.notes += start_notes(self.arm, self.reference)
         config, self.initialisation = self._configured()
         self.config = replace(config, lands=lands)
@@ -89,8 +88,10 @@ class LoopRunner:
         if loop is not None:
             loop.check(self.config, target, outputs=outputs)
         self.loop = loop or self._compiled(target, outputs=outputs)
+        self.width = self.loop.loops[0].target.width
         self.untraced, self.plant = self.loop.tick.untraced, self.config.bare
-        if self.untraced is not None and scenario.controller is not None:
+        called = self.untraced is not None and self.law is not None
+        if called:
             lanes = "" if scenario.lane_count is None or self.controller.vectorised else " for every lane"
             self.notes.append(
                 f"controller {self.controller.name!r} is not compiled ({self.untraced}): called in Python once a tick{lanes}, "
@@ -102,7 +103,6 @@ class LoopRunner:
         if self.reference is not None and self.reference.rows is not None:
             self.rows["r"] = landing_rows(self.reference.rows, self.period)
         self._solver = self._cvodes() if scenario.solver.rule == "cvodes" else None
-        called = self.untraced is not None and scenario.controller is not None
         self._in_python = PythonController(self.controller, self.arm, self.period) if called else None
         self._keep = self._kept_blocks()
 
@@ -124,32 +124,30 @@ class LoopRunner:
         check_inertia(arm, scenario.initial_state[0, : arm.n])
         if name not in INTEGRATORS:  # a step that is too long is taken again
             return
-        commands = full_voltage(arm)[None] if scenario.sampled else all_rows(scenario.commands)
+        commands = full_voltage(arm)[None] if self.sampled else all_rows(self.inputs["u"])
         if scenario.varied is not None:
             limit = VariedStepLimit(scenario.varied, scenario.parameters, scenario.lane_count is not None)
-        substeps = None if scenario.loop is None or scenario.loop.period is None else scenario.substeps
-        whole = () if scenario.sampled else scenario.whole_times
-        limit.check_step(name, INTEGRATORS[name], scenario.integration_step, commands, substeps, whole=whole)
+        substeps = None if scenario.loop is None or scenario.loop.period is None else self.substeps
+        whole = () if self.sampled else scenario.whole_times
+        limit.check_step(name, INTEGRATORS[name], self.step_length, commands, substeps, whole=whole)
 
     def reference_of_ticks(self, ticks: int, *, first: bool = False) -> LoopReference | None:
         """The reference of so many ticks from here, `first` when the scenario is checked; None where nobody asks."""
-        scenario = self.scenario
-        if not scenario.sampled and self.reduction is None:
+        scenario, reference = self.scenario, self._followed
+        if not self.sampled and self.reduction is None:
             return None
         numbers = range(self.tick, self.tick + ticks + 1)
         state = {} if self._started is None else self._started.blocks
         start = state.get("r", scenario.initial_state)[:, : self.arm.n]
-        reference = scenario.reference
         if not first and _is_table(reference):
-            begun = (
-                0 if scenario.started is None else scenario.started.tick
-            )  # the rows count from there; the last one stays
-            rows = np.arange(numbers.start, numbers.stop) - begun
+            rows = (
+                np.arange(numbers.start, numbers.stop) - self.begun
+            )  # from where the scenario starts; the last one stays
             reference = np.asarray(reference)[np.clip(rows, 0, len(reference) - 1)]
         try:
             return LoopReference.of(self.arm, reference, start, numbers, self.period)
         except ScenarioError as error:
-            raise error.within("loop" if scenario.sampled else "recording") from None
+            raise error.within("loop" if self.sampled else "recording") from None
 
     def _configured(self) -> tuple[LoopConfig, Initialisation]:
         """Parts of a tick, and initial values of its lanes."""
@@ -165,16 +163,15 @@ class LoopRunner:
             assert self.reference is not None
             sensors = SensorSet.of(plant, scenario.loop.sensor_list, wrench=scenario.inputs.wrench is not None)
             controller = ControllerAdapter(scenario.controller_fields, sensors.y, self.reference.layout)
-            layouts |= {"y": sensors.y, "r": self.reference.layout, "u_issued": scenario.command_layout}
-            layouts |= {"u": scenario.command_layout}
+            layouts |= {"y": sensors.y, "r": self.reference.layout, "u_issued": self.command, "u": self.command}
         stored = {"none": (), "state": ("x",), "all": tuple(layouts)}[scenario.recording.what]
         config = LoopConfig(
             self.arm,
             scenario.varied,
             self.rule,
             scenario.solver.adaptivity,
-            inputs={name: all_rows(schedule).shape[1] for name, schedule in scenario.input_schedules.items()},
-            payload_frames=scenario.payload_frames,
+            inputs={name: all_rows(schedule).shape[1] for name, schedule in self.inputs.items() if name != "u"},
+            payload_frames=self._payload_frames,
             recorded={name: layouts[name] for name in stored},
             reduction=self.reduction,
             reference=self.reference,
@@ -185,7 +182,7 @@ class LoopRunner:
         if scenario.loop is None or sensors is None or controller is None:
             return config, initialisation
         delays = Delays.of(scenario.loop.timing, self.period)
-        outside = None if scenario.controller is not None else "it is commanded from outside"
+        outside = "it is commanded from outside" if self.external else None
         sampling = Sampling(
             controller, initialisation.states, sensors, scenario.loop.command_filter, delays, self.period,
             outside or initialisation.untraced,
@@ -219,13 +216,17 @@ class LoopRunner:
             kept |= {"u", *seen} & {name for loop in self.loop.loops for name in loop.sizes}
         begun = {"x_first", "allowed"}  # where ranges are measured from, and what a step may be wrong by
         kept |= begun & {name for loop in self.loop.loops for name in loop.sizes}
-        if self.scenario.sampled and self.scenario.reference is None:
+        if self.sampled and self._followed is None:
             kept.add("r")  # where it began, and stays
         return kept - {"reduced"}
 
     # Lanes.
 
-    def begin(self, lanes: Lanes, state: LoopState | None) -> None:
+    def lanes(self, count: int, first: int = 0) -> LaneGroup:
+        """Memory of a group of lanes without blocks, from a place among those that are run."""
+        return LaneGroup(count, self.width, first, self.scenario.first_lane)
+
+    def begin(self, lanes: LaneGroup, state: LoopState | None) -> None:
         """Fills the blocks of a group of lanes with initial values, then with those of a state to go on from."""
         for loop in self.loop.loops:
             loop.extend(lanes)
@@ -249,7 +250,7 @@ class LoopRunner:
         if self._in_python is not None:
             self._in_python.begin(lanes, values["y"])
 
-    def acting(self, lanes: Lanes) -> tuple[np.ndarray, np.ndarray]:
+    def acting(self, lanes: LaneGroup) -> tuple[np.ndarray, np.ndarray]:
         """Payload and wrench (count or 1, entries) that act on a group of lanes in the tick that comes next."""
         payload, wrench = (
             self._in_force(name, lanes) if name in self.config.inputs else np.zeros((1, 0))
@@ -257,12 +258,12 @@ class LoopRunner:
         )
         return payload, wrench
 
-    def _in_force(self, name: str, lanes: Lanes) -> np.ndarray:
+    def _in_force(self, name: str, lanes: LaneGroup) -> np.ndarray:
         """Values (count or 1, entries) of an input's schedule that act on a group of lanes in the tick that comes next."""
         at = np.array([float(self.tick)])
         return lanes.own(values_at_ticks(self.inputs[name], at, self.period)[:, 0])
 
-    def initial_blocks(self, lanes: Lanes) -> dict[str, np.ndarray]:
+    def initial_blocks(self, lanes: LaneGroup) -> dict[str, np.ndarray]:
         """Initial values of blocks for a group of lanes, (count, …) each, or (1, …) where they are the same for all."""
         values = self.initialisation.blocks(lanes, *self.acting(lanes), sampling=self.config.sampling)
         values |= {"p": lanes.own(self.scenario.parameters), "q_first": self.plant.part(values["x"], "q")}
@@ -275,7 +276,12 @@ class LoopRunner:
             values["reduced"] = np.atleast_2d(self.reduction.begin())
         return values
 
-    def _restore(self, lanes: Lanes, state: LoopState) -> None:
+    @property
+    def initial(self) -> dict[str, np.ndarray]:
+        """Initial values of the first lane's blocks, (entries,) each."""
+        return {name: rows[0] for name, rows in self.initial_blocks(self.lanes(1)).items()}
+
+    def _restore(self, lanes: LaneGroup, state: LoopState) -> None:
         """Fills the blocks of a group of lanes with those of a state, as far as this loop has them."""
         anew = self._anew(state)
         group = (
@@ -295,7 +301,7 @@ class LoopRunner:
 
     def _anew(self, state: LoopState) -> set[str]:
         """Blocks and rings that do not go on, since the state comes from another controller."""
-        return {"s"} if self.scenario.controller is not None and state.controller != self.controller.name else set()
+        return {"s"} if self.law is not None and state.controller != self.controller.name else set()
 
     @property
     def state_entries(self) -> list[str]:
@@ -323,23 +329,23 @@ class LoopRunner:
 
     def _begun_anew(self, state: LoopState) -> list[str]:
         """Notes of what does not go on from a state."""
-        if self.scenario.controller is None or state.controller in ("", self.controller.name):
+        if self.law is None or state.controller in ("", self.controller.name):
             return []
         return [f"controller {self.controller.name!r} began anew at t = {state.time:g} s, behind {state.controller!r}"]
 
-    def state_of(self, groups: list[Lanes]) -> LoopState:
+    def state_of(self, groups: list[LaneGroup]) -> LoopState:
         """The state of all lanes, which stand between two ticks."""
         first = groups[0]
         blocks = {name: np.concatenate([each.get(name) for each in groups]) for name in sorted(self._keep)}
         rings = {name: np.concatenate([each.get_ring(name) for each in groups]) for name in first.rings}
         python: Mapping[int, Any] = {} if self._in_python is None else self._in_python.memories(groups)
-        name = "" if self.scenario.controller is None else self.controller.name
+        name = "" if self.law is None else self.controller.name
         entries = self.plant.layout.entry_names(self.arm.names)
         return LoopState(self.tick, self.period, self.scenario.lane_count is None, entries, blocks, rings, python, name)
 
     def advance(
         self,
-        lanes: Lanes,
+        lanes: LaneGroup,
         tick: int,
         end: int,
         last: int,
@@ -354,34 +360,40 @@ class LoopRunner:
         `measured`: whether the stages before the controller are done for the first of them.   `substeps`: of each tick, by
         default the scenario's.
         """
-        run = {
-            **self.given(substeps or self.scenario.substeps),
-            "last": last,
-            "every": every,
-            "records": {} if record is None else {"run": record},
-        }
-        loops = self.loop.loops
+        records, loops = {} if record is None else {"run": record}, self.loop.loops
+        run = partial(
+            self.run_loop, lanes=lanes, records=records, last=last, every=every, substeps=substeps or self.substeps
+        )
         if len(loops) == 1 and self._solver is None:
-            loops[0].run(lanes, self.period, (tick, end), **run)
+            run(loops[0], ticks=(tick, end))
             return
         before, *after = loops
         for k in range(tick, end):
             if not (after and measured and k == tick):
-                before.run(lanes, self.period, (k, k + 1), **run)
+                run(before, ticks=(k, k + 1))
             if self._in_python is not None:
                 self._in_python.step(lanes, k)
             if after:
-                after[0].run(lanes, self.period, (k, k + 1), **run)
+                run(after[0], ticks=(k, k + 1))
             if self._solver is not None and k < last:
-                steady = 1 if self.scenario.sampled else last - k  # ticks in which schedules alone change anything
+                steady = 1 if self.sampled else last - k  # ticks in which schedules alone change anything
                 self._solver.tick(lanes, k, self.period, self.rows, steady)
 
-    def given(self, substeps: int = 1) -> dict[str, Any]:
-        """Arguments of compiled loops beside lanes and ticks."""
+    def run_loop(
+        self,
+        loop: NativeLoop,
+        lanes: LaneGroup,
+        ticks: tuple[int, int],
+        records: Mapping[str, np.ndarray],
+        **counts: int,
+    ) -> None:
+        """Takes lanes through ticks of a loop in native code with this scenario's reference, schedules and random numbers.
+
+        `records`, `counts`: as of `NativeLoop.run`.
+        """
         table = None if self.reference is None else self.reference.table
-        tables = {} if table is None else {"r": table}
-        fixed = {"origin": self.origin, "seed": self.scenario.seed, "substeps": substeps}
-        return {**fixed, "tables": tables, "schedules": self.rows}
+        arrays = LoopArrays({} if table is None else {"r": table}, self.rows, records)
+        loop.run(lanes, self.period, ticks, arrays, origin=self.origin, seed=self.scenario.seed, **counts)
 
 
 def _is_table(reference: Any) -> bool:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from armwright.entry import as_arm
+from armwright.entry import as_arm, expect
 from armwright.errors import ArmwrightError, ScenarioError
 from armwright.model import Model
 from armwright.model.joint_signals import joint_signal
@@ -40,7 +40,7 @@ from armwright.simulation.inputs.payload import carried, payload_of
 from armwright.simulation.loop.controller import configured
 from armwright.simulation.loop.state import LoopState, state_to_continue
 from armwright.simulation.loop.timing import Delays
-from armwright.simulation.scenario_parts import Inputs, Loop, Recording, Solver, Start, check_part
+from armwright.simulation.scenario_parts import Inputs, Loop, Recording, Solver, Start
 
 MOST_STEPS = 2**53
 WITH_LANES = ("command", "loop", "inputs", "start", "recording", "vary")  # fields that may hold batches and draws
@@ -121,10 +121,10 @@ class Scenario:
                 place="loop",
                 expected="one of them; sensors, filters and delays are those of a loop",
             )
-        for name, kind in (("inputs", Inputs), ("solver", Solver), ("recording", Recording)):
-            check_part(name, getattr(self, name), kind)
+        kinds: dict[str, type] = {"inputs": Inputs, "solver": Solver, "recording": Recording}
+        for name, kind in (kinds if self.loop is None else kinds | {"loop": Loop}).items():
+            expect(getattr(self, name), kind, name, f"an aw.{kind.__name__}(…)", ScenarioError)
         if self.loop is not None:
-            check_part("loop", self.loop, Loop)
             try:
                 self.loop.command_filter.check(self.arm)
                 self.loop.joint_sensors.check(self.arm)
@@ -316,12 +316,6 @@ class Scenario:
         return replace(self, solver=replace(self.solver, global_error=False))
 
     @property
-    def quantised(self) -> bool:
-        """Whether positions are measured in counts, or commands are issued in steps."""
-        loop = self.loop
-        return loop is not None and (loop.joint_sensors.quantised or loop.command_filter.resolution is not None)
-
-    @property
     def horizon(self) -> float:
         """[s] of the run over which steps of "auto" keep its accuracy: what the solver says, else the duration."""
         stated = self.duration if self.solver.horizon is None else self.solver.horizon
@@ -483,7 +477,7 @@ class Scenario:
         ]
         return np.concatenate([np.broadcast_to(part, (rows, self.arm.n)) for part in parts], axis=1)
 
-    @property
+    @cached_property
     def first_command(self) -> np.ndarray | None:
         """(lanes or 1, n) in force before the first tick; None: what holds the arm."""
         if self.loop is not None and self.loop.initial_command is not None:

@@ -7,8 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
+from armwright.entry import expect
 from armwright.errors import ScenarioError
 from armwright.interfaces import Sensor
 from armwright.results.reducers import reducer
@@ -56,7 +58,7 @@ class Loop:
         if self.period is not None:
             check_time("loop.period", self.period)
         for name, kind in (("command_filter", CommandFilter), ("timing", Timing)):
-            check_part(f"loop.{name}", getattr(self, name), kind)
+            expect(getattr(self, name), kind, f"loop.{name}", f"an aw.{kind.__name__}(…)", ScenarioError)
         self._check_sensors()
 
     def _check_sensors(self) -> None:
@@ -70,14 +72,14 @@ class Loop:
         if sum(isinstance(each, Sensors) for each in self.sensor_list) > 1:
             raise ScenarioError("two aw.Sensors", place="loop.sensors", expected="one, and other sensors beside it")
 
-    @property
+    @cached_property
     def sensor_list(self) -> tuple[Sensor, ...]:
         """All sensors, those of the joints first."""
         sensors = tuple(self.sensors) if isinstance(self.sensors, (list, tuple)) else (self.sensors,)
         joints = [each for each in sensors if isinstance(each, Sensors)] or [Sensors()]
         return (joints[0], *(each for each in sensors if each is not joints[0]))  # type: ignore[return-value]
 
-    @property
+    @cached_property
     def joint_sensors(self) -> Sensors:
         """Sensors of the joints."""
         return next(each for each in self.sensor_list if isinstance(each, Sensors))
@@ -249,13 +251,3 @@ class Recording:
                 "goes with recording.reduce; where an arm is to go is the reference of a loop, and commands over time a schedule",
                 place="recording.reference",
             )
-
-
-def check_part(place: str, value: Any, kind: type) -> None:
-    """Refuses a value of a wrong kind.
-
-    Raises:
-        ScenarioError: shows it.
-    """
-    if not isinstance(value, kind):
-        raise ScenarioError(place=place, value=value, expected=f"an aw.{kind.__name__}(…)")

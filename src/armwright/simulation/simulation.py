@@ -15,14 +15,15 @@ from armwright.entry import AnyScenario, as_scenario
 from armwright.errors import ScenarioError
 from armwright.features import Support
 from armwright.interfaces import JointReference, Measurement
-from armwright.kernels.loop import ENDLESS, Lanes
+from armwright.kernels.loop import ENDLESS, LaneGroup
 from armwright.progress import Shown, automatic
+from armwright.results.notes import notes_of
 from armwright.results.provenance import provenance
 from armwright.signals import SignalValues
-from armwright.simulation.batch_runner import Work, handed_out, run_groups
+from armwright.simulation.batch_runner import Finished, Work, handed_out, run_groups
 from armwright.simulation.checks import check_whole
 from armwright.simulation.companion import FINER, GlobalError, lanes_again
-from armwright.simulation.dataset import Recorded, run_dataset
+from armwright.simulation.dataset import RecordedLanes, run_dataset
 from armwright.simulation.fixed_steps import COARSE, coarse_step_note
 from armwright.simulation.inputs.input_schedule import lane_numbers
 from armwright.simulation.integrate.integrators import INTEGRATORS
@@ -67,7 +68,7 @@ class Simulation(LoopRunner):
 
     def __init__(self, scenario: Scenario, *, loop: CompiledLoop | None = None, lands: bool = False):
         super().__init__(scenario, loop=loop, lands=lands)
-        self._lanes: Lanes | None = None  # of a loop that is stepped
+        self._lanes: LaneGroup | None = None  # of a loop that is stepped
         self._measured = self.measured_in(self._started)  # whether the tick that comes next has its measurement
         self._paced: tuple[int, float] | None = None  # tick and clock [s] that steps in real time count from
 
@@ -75,7 +76,7 @@ class Simulation(LoopRunner):
 
     def _remedy(self) -> str:
         """Advice for a run that diverges."""
-        if self.scenario.controller is None:
+        if self.law is None:
             return ""
         start = np.asarray(self.scenario.initial_state)[:1, : self.arm.n]
         stable = "smaller gains, if the loop is unstable (armwright loops, aw.loops.analyse_loops)"
@@ -113,98 +114,86 @@ class Simulation(LoopRunner):
         """
         if threads is not None:
             check_whole("threads", threads, 1)
-        if self.scenario.external:
+        if self.external:
             raise ScenarioError("nothing drives the arm", expected="a command, a schedule or a loop with a controller")
         state = self._started if self._lanes is None else self.state
-        scenario, self.origin = self.scenario, self.tick
-        ticks = scenario.ticks if duration is None else scenario.ticks_of(duration)
+        self.origin = self.tick
+        ticks = self.scenario.ticks if duration is None else self.scenario.ticks_of(duration)
         if self.reference is not None:
             self.reference = self.reference_of_ticks(ticks)
-        every, width = scenario.every or ticks, self.loop.loops[0].target.width
-        record = self._room(ticks, every, width) if self.config.recorded else None
-        status = LaneStatus.of(self.count, len(scenario.solver.events))
-        reduced = np.zeros((self.count, 0 if self.reduction is None else self.reduction.size))
-        origin, began = self.origin, clock.perf_counter()
-        groups: dict[int, LoopState] = {}
+        groups = _Groups(self, state, ticks, real_time, keep_state)
         self._lanes, self._started = None, state  # from here it goes on after Ctrl-C or an error
         self._forget()
-
-        def begin(first: int, count: int) -> Work:
-            lanes = Lanes(count, width, first, self.scenario.first_lane)
-            self.begin(lanes, state)
-            rows = None if record is None else record[:, first : first + lanes.tiles * width]
-
-            def advance(tick: int, end: int) -> None:
-                tick, end, last = tick + origin, end + origin, origin + ticks
-                for start, stop in _slices(tick, end, self.period) if real_time else [(tick, end)]:
-                    if real_time:
-                        clock.sleep(max(began + (stop - origin) * self.period - clock.perf_counter(), 0.0))
-                    measured = self._measured and start == origin
-                    self.advance(lanes, start, stop, last, rows, every, measured=measured)
-                if end == last:
-                    if keep_state:
-                        groups[first] = replace(self.state_of([lanes]), tick=last)
-                    self.advance(lanes, last, last + 1, last, rows, every)  # the last row, in whose tick nothing moves
-
-            def finish() -> None:
-                status.read(lanes)
-                if self.reduction is not None:
-                    reduced[first : first + count] = lanes.get("reduced")
-
-            return advance, finish
-
-        in_python = self.untraced is not None or self._solver is not None
-        workers = 1 if in_python or real_time else threads or os.cpu_count() or 1
+        workers = 1 if self._in_turns or real_time else threads or os.cpu_count() or 1
         whole = self._in_python is not None and self.controller.vectorised
         with automatic(progress, f"simulating {self.arm.name}", "steps") as tell:
-            finished = run_groups(self.count, width, ticks, begin, tell, workers, whole=whole)
-        if record is not None and not in_python and scenario.solver.rule in INTEGRATORS:
-            tiles = -(-self.count // width)
-            few = WATCHED if tiles == 1 else max(LEAST_WATCHED, ticks * tiles // PRICE)
-            self.note_coarse_step(state, min(ticks, few))
-        recorded, end = Recorded(record, every, ticks, finished, status, reduced, origin), None
+            finished = run_groups(self.count, groups.width, ticks, groups.begin, tell, workers, whole=whole)
+        recorded = groups.recorded(finished)
+        errors, end = self._examined(recorded, state, real_time), None
+        if keep_state and not finished.stopped:
+            self._started = end = _joined(groups.ends)
+            self.tick, self._measured = self.origin + ticks, False
+        run = self._dataset(recorded, errors, end, whole=duration is None)
+        return handed_out(run, finished, ticks, self.count)
+
+    @property
+    def _in_turns(self) -> bool:
+        """True where Python does something in every tick."""
+        return self.untraced is not None or self._solver is not None
+
+    def _examined(self, recorded: RecordedLanes, state: LoopState | None, real_time: bool) -> GlobalError | None:
+        """Estimated errors of a run, where there is an estimate; a step that is coarse is noted.
+
+        Raises:
+            DivergenceError: a single run left the finite numbers.
+        """
+        scenario, status = self.scenario, recorded.status
+        if recorded.rows is not None and not self._in_turns and scenario.solver.rule in INTEGRATORS:
+            tiles = -(-self.count // self.width)
+            few = WATCHED if tiles == 1 else max(LEAST_WATCHED, recorded.ticks * tiles // PRICE)
+            self.note_coarse_step(state, min(recorded.ticks, few))
         if scenario.lane_count is None:
             remedy = self._remedy() if status.frozen[0] >= 0.0 else ""
             status.check(self.arm.name, self.period, self.state_entries, recorded.last_row(self), remedy)
-        wrong = None
-        if record is not None and not in_python and not real_time and not finished.stopped:
-            wrong = self._global_error(record, state, ticks, every, status)
-        if keep_state and not finished.stopped:
-            self._started = end = _joined(groups)
-            self.tick, self._measured = origin + ticks, False
-        run = run_dataset(self, recorded)
-        if wrong is not None:
-            wrong.add_to(run)
+        if self._in_turns or real_time or recorded.finished.stopped:
+            return None
+        return self._global_error(recorded, state)
+
+    def _dataset(
+        self, recorded: RecordedLanes, errors: GlobalError | None, end: LoopState | None, *, whole: bool
+    ) -> xarray.Dataset:
+        """The dataset of a run with all that says where it comes from; `whole`: it has the scenario's own duration."""
+        scenario, run = self.scenario, run_dataset(self, recorded)
+        if errors is not None:
+            errors.add_to(run)
         note = instability_note(scenario, run) if self.untraced is None else None
         if note is not None:
-            run.attrs["notes"] = "\n".join(filter(None, [note, str(run.attrs.get("notes", ""))]))
+            run.attrs["notes"] = "\n".join([note, *notes_of(run)])
         if end is not None and scenario.recording.what == "all":
             end.attach(run)
         run.attrs |= {"seed": scenario.seed, "made_with": json.dumps(dict(provenance(scenario.solver.target)))}
-        begun = 0 if scenario.started is None else scenario.started.tick
-        if scenario.document is not None and duration is None and origin == begun:
+        if scenario.document is not None and whole and recorded.origin == self.begun:
             run.attrs["scenario"] = scenario.document
-        return handed_out(run, finished, ticks, self.count)
+        return run
 
-    def _global_error(
-        self, record: np.ndarray, state: LoopState | None, ticks: int, every: int, status: LaneStatus
-    ) -> GlobalError | None:
+    def _global_error(self, recorded: RecordedLanes, state: LoopState | None) -> GlobalError | None:
         """How wrong a run is as a whole, from a few lanes that are simulated again, where `Solver.global_error` asks for it.
 
         None where quantisers decide: errors then jump from one count to the next.
         """
-        scenario, adaptivity = self.scenario, self.scenario.solver.adaptivity
-        asked = scenario.solver.rule == "auto" and scenario.solver.global_error and not scenario.quantised
-        if not asked or adaptivity is None or adaptivity.allowed.accuracy is None:
+        scenario, adaptivity, loop = self.scenario, self.scenario.solver.adaptivity, self.scenario.loop
+        quantised = loop is not None and (loop.joint_sensors.quantised or loop.command_filter.resolution is not None)
+        asked = scenario.solver.rule == "auto" and scenario.solver.global_error and not quantised
+        if recorded.rows is None or not asked or adaptivity is None or adaptivity.allowed.accuracy is None:
             return None
-        again, size = lanes_again(self.count, status.trials), self.plant.layout.size
-        lanes = Lanes(len(again), self.loop.loops[0].target.width, again.start, scenario.first_lane)
+        again, size = lanes_again(self.count, recorded.status.trials), self.plant.layout.size
+        lanes = self.lanes(len(again), again.start)
         self.begin(lanes, state)
         lanes.set("allowed", FINER * lanes.get("allowed"))
-        rows, last = self._room(ticks, every, lanes.width, len(again)), self.origin + ticks
-        self.advance(lanes, self.origin, last + 1, last, rows, every)
-        ours, finer = record[:, again.start : again.stop, :size], rows[:, : len(again), :size]
-        t = (self.origin + np.arange(len(rows)) * every) * self.period
+        rows, last = self._room(recorded.ticks, recorded.every, len(again)), self.origin + recorded.ticks
+        self.advance(lanes, self.origin, last + 1, last, rows, recorded.every)
+        ours, finer = recorded.rows[:, again.start : again.stop, :size], rows[:, : len(again), :size]
+        t = (self.origin + np.arange(len(rows)) * recorded.every) * self.period
         return GlobalError.of(t, ours, finer, self.plant.layout, adaptivity.allowed.accuracy)
 
     def note_coarse_step(self, state: LoopState | None, ticks: int, accuracy: float = ACCURACY) -> None:
@@ -215,19 +204,19 @@ class Simulation(LoopRunner):
         """
         rows = []
         for parts in (1, 2):
-            lanes = Lanes(1, self.loop.loops[0].target.width, 0, self.scenario.first_lane)
+            lanes = self.lanes(1)
             self.begin(lanes, state)
-            record = self._room(ticks, 1, lanes.width, 1)
+            record = self._room(ticks, 1, 1)
             last = self.origin + ticks
-            self.advance(lanes, self.origin, last + 1, last, record, 1, substeps=parts * self.scenario.substeps)
+            self.advance(lanes, self.origin, last + 1, last, record, 1, substeps=parts * self.substeps)
             rows.append(record[:, 0, : self.plant.size])
         note = coarse_step_note(self.scenario, self.plant.layout, self.state_entries, *rows, accuracy=accuracy)
         self.notes = [each for each in self.notes if COARSE not in each] + ([] if note is None else [note])
 
-    def _room(self, ticks: int, every: int, width: int, count: int | None = None) -> np.ndarray:
-        """Room for what is recorded of so many lanes, by default all: (rows, lanes in whole tiles, entries)."""
+    def _room(self, ticks: int, every: int, count: int) -> np.ndarray:
+        """Room for what is recorded of so many lanes: (rows, lanes in whole tiles, entries)."""
         entries = sum(layout.size for layout in self.config.recorded.values())
-        shape = (ticks // every + 1, -(-(count or self.count) // width) * width, entries)
+        shape = (ticks // every + 1, -(-count // self.width) * self.width, entries)
         try:
             return np.empty(shape)
         except (MemoryError, ValueError):
@@ -252,7 +241,7 @@ class Simulation(LoopRunner):
             ScenarioError: a command beside another one that drives the arm, none where none does, or one of another shape.
             DivergenceError: a single lane left the finite numbers; of several, those that do are frozen.
         """
-        if (command is None) == self.scenario.external:
+        if (command is None) == self.external:
             if command is None:
                 raise ScenarioError("missing", place="command", expected="one, since nothing else drives the arm")
             expected = "a scenario without commands and controller"
@@ -265,7 +254,7 @@ class Simulation(LoopRunner):
             self._measure(lanes)
             lanes.set("u_asked", rows)
         self._reach_ahead()
-        room, measured = self._room(1, 2, lanes.width), self._measured
+        room, measured = self._room(1, 2, self.count), self._measured
         self.advance(lanes, self.tick, self.tick + 1, self.tick + 2, room, ENDLESS, measured=measured)
         self.tick, self._measured = self.tick + 1, False
         if real_time:
@@ -283,11 +272,11 @@ class Simulation(LoopRunner):
         self._paced = (first, began) if -LATE < early < LATE + self.period else (self.tick, now)
         clock.sleep(min(max(early, 0.0), self.period))
 
-    def _stepped(self) -> Lanes:
+    def _stepped(self) -> LaneGroup:
         """The lanes of a loop that is stepped, all in one group."""
         if self._lanes is None:
             self._forget()
-            self._lanes = Lanes(self.count, self.loop.loops[0].target.width, 0, self.scenario.first_lane)
+            self._lanes = self.lanes(self.count)
             self.begin(self._lanes, self._started)
         return self._lanes
 
@@ -303,11 +292,11 @@ class Simulation(LoopRunner):
             self.origin = self.tick
             self.reference = self.reference_of_ticks(AHEAD)
 
-    def _measure(self, lanes: Lanes) -> None:
+    def _measure(self, lanes: LaneGroup) -> None:
         """Does the stages before the controller for the tick that comes next, once."""
         if not self._measured and len(self.loop.loops) > 1:
             self._reach_ahead()
-            self.loop.loops[0].run(lanes, self.period, (self.tick, self.tick + 1), **self.given())
+            self.run_loop(self.loop.loops[0], lanes, (self.tick, self.tick + 1), {})
             self._measured = True
 
     @property
@@ -322,7 +311,7 @@ class Simulation(LoopRunner):
         lanes = self._sampled("reference_now")
         return reference_of(self.controller.r, self._one(lanes.get("r")))
 
-    def _sampled(self, asked: str) -> Lanes:
+    def _sampled(self, asked: str) -> LaneGroup:
         """The lanes of a sampled loop, measured."""
         if self.config.sampling is None:
             expected = "a scenario with a controller or without commands"
@@ -370,10 +359,62 @@ class Simulation(LoopRunner):
         """Goes back to where the scenario starts."""
         self._lanes, self._started = None, self.scenario.started
         self._measured = self.measured_in(self._started)
-        self.tick = self.origin = 0 if self._started is None else self._started.tick
+        self.tick = self.origin = self.begun
         self._forget()
         if self.reference is not None:
             self.reference = self.reference_of_ticks(1 if self.scenario.duration is None else self.scenario.ticks)
+
+
+class _Groups:
+    """Groups of lanes of one run: each is taken through all ticks and leaves rows, status and end in arrays of all lanes.
+
+    Attributes:
+        width: lanes of a tile.   ends: state of each group behind the last tick, by its first lane.
+    """
+
+    def __init__(self, simulation: Simulation, state: LoopState | None, ticks: int, real_time: bool, keep_state: bool):
+        """Rows for a run of so many ticks from a state on; the other arguments as of `Simulation.run`."""
+        self._simulation, self._state, self._ticks, self.width = simulation, state, ticks, simulation.width
+        self._real_time, self._keep_state, self._began = real_time, keep_state, clock.perf_counter()
+        self._every, count = simulation.scenario.every or ticks, simulation.count
+        self._record = simulation._room(ticks, self._every, count) if simulation.config.recorded else None
+        self._status = LaneStatus.of(count, len(simulation.scenario.solver.events))
+        self._reduced = np.zeros((count, 0 if simulation.reduction is None else simulation.reduction.size))
+        self.ends: dict[int, LoopState] = {}
+
+    def begin(self, first: int, count: int) -> Work:
+        """How a group is taken from tick to tick of the run, and what is done with it at the end."""
+        simulation, origin = self._simulation, self._simulation.origin
+        last, lanes = origin + self._ticks, simulation.lanes(count, first)
+        simulation.begin(lanes, self._state)
+        rows = None if self._record is None else self._record[:, first : first + lanes.tiles * self.width]
+
+        def advance(tick: int, end: int) -> None:
+            tick, end = tick + origin, end + origin
+            for start, stop in _slices(tick, end, simulation.period) if self._real_time else [(tick, end)]:
+                if self._real_time:
+                    due = self._began + (stop - origin) * simulation.period
+                    clock.sleep(max(due - clock.perf_counter(), 0.0))
+                measured = simulation._measured and start == origin
+                simulation.advance(lanes, start, stop, last, rows, self._every, measured=measured)
+            if end == last:
+                if self._keep_state:
+                    self.ends[first] = replace(simulation.state_of([lanes]), tick=last)
+                simulation.advance(
+                    lanes, last, last + 1, last, rows, self._every
+                )  # the last row: nothing moves in its tick
+
+        def finish() -> None:
+            self._status.read(lanes)
+            if simulation.reduction is not None:
+                self._reduced[first : first + count] = lanes.get("reduced")
+
+        return advance, finish
+
+    def recorded(self, finished: Finished) -> RecordedLanes:
+        """Results of the lanes and ticks that were finished."""
+        origin = self._simulation.origin
+        return RecordedLanes(self._record, self._every, self._ticks, finished, self._status, self._reduced, origin)
 
 
 def simulate(

@@ -21,7 +21,6 @@ from typing import Any, Self
 import numpy as np
 
 from armwright.errors import ArmwrightError, BusError
-from armwright.kernels.loop import Lanes
 from armwright.simulation.checks import is_whole
 from armwright.simulation.scenario import Scenario
 from armwright.simulation.simulation import Simulation
@@ -96,7 +95,7 @@ class Twin:
         self._servo = Servo(self.arm, self.units, np.asarray(q, dtype=float), self.period)
         self._follows = np.zeros(self.arm.n, dtype=bool)  # joints that the servo moves
         self._runs, self._began, self._rests, self._still = False, False, True, 0
-        lanes = Lanes(1, self.simulation.loop.loops[0].target.width)
+        lanes = self.simulation.lanes(1)
         y = self.simulation.controller.y
         self._first = y.parts(self.simulation.initial_blocks(lanes)["y"][0])  # before tick 0
         self._network: Any = None

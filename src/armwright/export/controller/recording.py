@@ -49,7 +49,7 @@ def record(stages: ControllerStages, ticks: int) -> Recording:
         ScenarioError: the simulation leaves the finite numbers; says when.
     """
     loop = stages.loop
-    lanes, initial = loop.lane(), loop.initial
+    lanes, initial = loop.lanes(1), loop.initial
     loop.begin(lanes, None)
     sizes = {name: layout.size for name, layout in loop.config.recorded.items()}
     parts = np.cumsum(list(sizes.values()))[:-1]

@@ -21,7 +21,6 @@ from armwright.errors import ScenarioError, SymbolError
 from armwright.interfaces import UNTRACEABLE, why
 from armwright.kernels.c import REALS
 from armwright.kernels.c_syntax import identifier
-from armwright.kernels.loop import Lanes
 from armwright.kernels.stages import NEXT, Call
 from armwright.model import Model
 from armwright.parameters import Batch, LaneFields
@@ -49,19 +48,10 @@ class RecordedLoop(LoopRunner):
         sampling = config.sampling
         assert sampling is not None
         assert self.reference is not None
-        recorded = {"r": self.reference.layout, "y": sampling.sensors.y, "u_issued": self.scenario.command_layout}
+        recorded = {"r": self.reference.layout, "y": sampling.sensors.y, "u_issued": self.command}
         if np.any(sampling.delays.measurement_loss):
             recorded[DRAWN] = Layout((Signal(DRAWN, "-", (3,)),))
         return replace(config, recorded=recorded), initialisation
-
-    def lane(self) -> Lanes:
-        """Memory of the single lane."""
-        return Lanes(1, self.loop.loops[0].target.width, 0, self.scenario.first_lane)
-
-    @property
-    def initial(self) -> dict[str, np.ndarray]:
-        """Initial values of its blocks, (entries,) each."""
-        return {name: rows[0] for name, rows in self.initial_blocks(self.lane()).items()}
 
 
 @dataclass(frozen=True, eq=False)

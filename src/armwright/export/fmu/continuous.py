@@ -17,9 +17,8 @@ from armwright.export.fmu.model import CREATE, model_header, variable_table
 from armwright.export.fmu.sampled import UnrecordedLoop, acting_layout, lane_values, plant_alone
 from armwright.export.fmu.variables import FmuVariable, variables_of
 from armwright.kernels.c import Unit, c_text
-from armwright.kernels.c_loop import Clock, LoopText
+from armwright.kernels.c_loop import LoopClock, LoopText
 from armwright.kernels.c_syntax import C_DOUBLE, identifier
-from armwright.kernels.loop import Lanes
 from armwright.kernels.stages import SEEN, Call
 from armwright.model import Model
 from armwright.model.joint_signals import joint_signal
@@ -79,9 +78,8 @@ def continuous_model(scenario: Scenario) -> ContinuousModel:
         what = "has friction or gear loss that sticks, which is no function of the state"
         expected = "a record with a smoothing speed in `friction`, or interface = 'co-simulation'"
         raise ScenarioError(what, place="arm", value=arm.name, expected=expected)
-    lanes = Lanes(1, loop.loop.loops[0].target.width)
-    loop.begin(lanes, None)
-    first = {name: rows[0] for name, rows in loop.initial_blocks(lanes).items()}
+    loop.begin(loop.lanes(1), None)
+    first = loop.initial
     values = {"x": first["x"], "u": first["u"], "p": first["p"]}
     values |= {name: first[f"{name}{SEEN}"] for name in config.inputs}
     dynamics, smooth, contacts, layout = _programs(config, arm, values)
@@ -189,7 +187,7 @@ def continuous_source(model: ContinuousModel, token: str) -> dict[str, str]:
     """The texts of model.h and model.c of a model for model exchange."""
     unit = Unit(C_DOUBLE, "model_")
     programs = [model.begin, model.dynamics, *([] if model.contacts is None else [model.contacts])]
-    loop = LoopText(unit, [Call(program) for program in programs], "model_state", Clock(1.0))
+    loop = LoopText(unit, [Call(program) for program in programs], "model_state", LoopClock(1.0))
     event = "(void)l;" if model.contacts is None else loop.call(model.contacts)
     outputs = loop.call(model.dynamics)
     unit.functions["model_outputs"] = f"void model_outputs(model_state *l)\n{{\n    {outputs}\n}}"

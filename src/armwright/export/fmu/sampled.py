@@ -18,9 +18,8 @@ import numpy as np
 from armwright.errors import ScenarioError
 from armwright.export.controller.stages import check_one_arm, traced_beginning
 from armwright.export.fmu.variables import FmuVariable, quoted, variables_of
-from armwright.kernels.c_loop import Clock
-from armwright.kernels.loop import Lanes
-from armwright.kernels.stages import SEEN, Call, Delay, Record, Rows, Stage, Table
+from armwright.kernels.c_loop import LoopClock
+from armwright.kernels.stages import SEEN, Call, DelayStage, RecordStage, RowsStage, Stage, TableStage
 from armwright.model import Model
 from armwright.model.joint_signals import joint_signal
 from armwright.program import Program
@@ -66,7 +65,7 @@ class SampledModel:
 
     part: str
     arm: Model
-    clock: Clock
+    clock: LoopClock
     about: str
     begin: Program
     arguments: Mapping[str, str]
@@ -98,9 +97,9 @@ def sampled_model(scenario: Scenario, part: str) -> SampledModel:
     scenario, sampling = loop.scenario, loop.config.sampling
     assert sampling is not None
     law = None if part == "plant" else traced_beginning(loop, sampling)  # which says why a law cannot be traced
-    lanes = Lanes(1, loop.loop.loops[0].target.width, 0, scenario.first_lane)
+    lanes = loop.lanes(1)
     loop.begin(lanes, None)
-    first = {name: rows[0] for name, rows in loop.initial_blocks(lanes).items()}
+    first = loop.initial
     control, shape, move, measure = _split((*loop.loop.tick.before, *loop.loop.tick.after))
     borders = _borders(loop, part, first, late=all(port.name != "u" for port in shape.program.outputs))
     controller = part == "controller"
@@ -113,12 +112,12 @@ def sampled_model(scenario: Scenario, part: str) -> SampledModel:
     return SampledModel(
         part,
         loop.arm,
-        Clock(loop.period, scenario.substeps, scenario.seed, scenario.first_lane),
+        LoopClock(loop.period, scenario.substeps, scenario.seed, scenario.first_lane),
         _about(scenario, part, loop),
         begin,
         {port.name: borders.arguments[port.name] for port in begin.inputs if port.size},
         begun,
-        {stage.to: kept[stage.to] for stage in (*own, *plant) if isinstance(stage, Delay)},
+        {stage.to: kept[stage.to] for stage in (*own, *plant) if isinstance(stage, DelayStage)},
         own,
         () if controller else tuple(move),
         () if controller else tuple(measure),
@@ -250,7 +249,9 @@ def _split(stages: tuple[Stage, ...]) -> tuple[Sequence[Stage], Call, Sequence[S
     """
     names = [_name(stage) for stage in stages]
     shape, output = names.index("shape"), names.index("tell")
-    inside = [(k, stage) for k, stage in enumerate(stages) if not isinstance(stage, (Rows, Table, Record))]
+    inside = [
+        (k, stage) for k, stage in enumerate(stages) if not isinstance(stage, (RowsStage, TableStage, RecordStage))
+    ]
     control = [stage for k, stage in inside if output < k < shape and names[k] == "control"]
     measure = [stage for k, stage in inside if k <= output]
     move = [stage for k, stage in inside if k > shape]

@@ -19,8 +19,8 @@ import numpy as np
 
 from armwright import scalar
 from armwright.description.paths import with_values
-from armwright.kernels.loop import Lanes, Loop
-from armwright.kernels.stages import Call, Record, Stage, Table
+from armwright.kernels.loop import LaneGroup, LoopArrays, NativeLoop
+from armwright.kernels.stages import Call, RecordStage, Stage, TableStage
 from armwright.kernels.target import select_target
 from armwright.model.model import Model
 from armwright.model.vary import Varied
@@ -165,7 +165,12 @@ class Response:
         step = with_tangents(self._inner, {"x"}, seeds, self.directions, noinline=True)
         measure = with_tangents(measure, {"x", "q_before"}, seeds, self.directions)
         sampled = trace("sample", sample(step), {"x": (self.size * size,), **row}, ("x_next",))
-        return Table("row", 2 + n * (lags + 1)), Call(measure), Record("run", ("y",), (count * size,)), Call(sampled)
+        return (
+            TableStage("row", 2 + n * (lags + 1)),
+            Call(measure),
+            RecordStage("run", ("y",), (count * size,)),
+            Call(sampled),
+        )
 
     def initial(self, arm: Model) -> np.ndarray:
         """(size,) state at rest at 0 of an arm of this structure."""
@@ -189,9 +194,9 @@ class Response:
         return scalar.array([value for name in self.signals for value in values[name]])
 
     @cached_property
-    def loop(self) -> Loop:
+    def loop(self) -> NativeLoop:
         """The compiled loop."""
-        return Loop(self._stages(), select_target())
+        return NativeLoop(self._stages(), select_target())
 
     def table(self, inputs: Inputs) -> np.ndarray:
         """(rows, …) of the loop: this period, the last one, then commands u(k), u(k - 1), …; before the first row, the first."""
@@ -212,7 +217,7 @@ class Response:
         Returns:
             y: (lanes, rows, signals · n).   dy: (lanes, rows, signals · n, directions).
         """
-        lanes = Lanes(len(p), self.loop.target.width)
+        lanes = LaneGroup(len(p), self.loop.target.width)
         self.loop.extend(lanes)
         whole = np.clip(np.ceil(delay).astype(int) - 1, 0, self.most_delay)
         fraction = np.clip(delay - whole, LEAST_PART, 1.0 - LEAST_PART)
@@ -225,9 +230,10 @@ class Response:
         n = self.n
         lanes.set("x", np.concatenate([start, tangent.reshape(len(p), -1)], axis=1))
         lanes.set("q_before", np.concatenate([start[:, :n], tangent[:, :n].reshape(len(p), -1)], axis=1))
-        count, tables = len(self.signals) * n, {"row": table}
+        count = len(self.signals) * n
         record = np.empty((len(table), lanes.tiles * lanes.width, count * (1 + d)))
-        self.loop.run(lanes, 1.0, (0, len(table)), last=len(table), every=1, tables=tables, records={"run": record})
+        arrays = LoopArrays({"row": table}, records={"run": record})
+        self.loop.run(lanes, 1.0, (0, len(table)), arrays, last=len(table), every=1)
         rows = record[:, : len(p)].transpose(1, 0, 2)
         return rows[..., :count], rows[..., count:].reshape(*rows.shape[:2], count, d)
 

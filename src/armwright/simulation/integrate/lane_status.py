@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from armwright.errors import DivergenceError
-from armwright.kernels.loop import Lanes
+from armwright.kernels.loop import LaneGroup
+from armwright.results.notes import notes_of
 from armwright.simulation.integrate.stepping import Adaptivity
 
 if TYPE_CHECKING:
@@ -43,7 +44,7 @@ class LaneStatus:
         blocks = {name: np.full(lanes, value) for name, value in BLOCKS.items()}
         return cls(**blocks, first=np.full((lanes, events), np.nan), count=np.zeros((lanes, events), dtype=int))
 
-    def read(self, lanes: Lanes) -> None:
+    def read(self, lanes: LaneGroup) -> None:
         """Takes over the status of a group of lanes from their blocks."""
         group = slice(lanes.first, lanes.first + lanes.count)
         for name in BLOCKS:
@@ -106,7 +107,7 @@ class LaneStatus:
                     f"{np.count_nonzero(stalled)} of {len(stalled)} lanes ran out of substeps and stay where they are, first at "
                     f"t = {stopped[lane]:g} s, as {entries[int(self.stalled_by[lane])]} asked for more"
                 )
-                run.attrs["notes"] = "\n".join(filter(None, [str(run.attrs.get("notes", "")), note]))
+                run.attrs["notes"] = "\n".join([*notes_of(run), note])
                 asked = np.where(stalled, np.array(entries)[self.stalled_by.astype(int)], "")
                 put("stalled_by", asked, "1", "what asked for more substeps")
         if choosing is not None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from armwright.errors import ScenarioError
 from armwright.kernels.batch import Kernel
-from armwright.kernels.loop import Loop
+from armwright.kernels.loop import NativeLoop
 from armwright.kernels.stages import Integrate
 from armwright.kernels.target import select_target
 from armwright.model import Model
@@ -33,7 +33,7 @@ class CompiledLoop:
     config: LoopConfig
     target: str | None
     tick: Tick
-    loops: tuple[Loop, ...]
+    loops: tuple[NativeLoop, ...]
     step_limit: StepLimit
     outputs: Kernel | None
     names: tuple[str, ...]
@@ -49,7 +49,7 @@ class CompiledLoop:
         stages = [tick.before, tick.after] if tick.untraced is not None else [(*tick.before, *tick.after)]
         # What one lane's friction or step asks for is done in all lanes of its tile: the fewer these are, the less.
         tile = chosen if config.bare.sticking is not None or config.is_ahead else chosen.doubled()
-        loops = tuple(Loop(part, tile, runs=runs) for part in stages)
+        loops = tuple(NativeLoop(part, tile, runs=runs) for part in stages)
         program, names = plant_outputs(config) if outputs else (None, ())
         kernel = None if program is None else Kernel(program, chosen)
         return cls(config, target, tick, loops, StepLimit(config.arm), kernel, names)

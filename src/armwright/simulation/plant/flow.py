@@ -1,38 +1,29 @@
-"""Derivative of a plant's state: every joint's drive by itself, then the arm that they move."""
+"""Derivative of a plant's state: every joint's drive by itself (`drives`), then the arm that they move."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from armwright import scalar
-from armwright.actuators.coupling import Shares, shares_of, to_motors
+from armwright.actuators.coupling import to_motors
 from armwright.actuators.friction import friction_torques
-from armwright.actuators.supply import Bus, bus, drive_voltage
-from armwright.actuators.winding import is_ideal
+from armwright.actuators.supply import Bus
 from armwright.dynamics import mass_matrix
 from armwright.dynamics.forward import accelerations
 from armwright.dynamics.gears import Gear, lossy_gears, without_rotors
-from armwright.errors import ScenarioError
 from armwright.model import Model
 from armwright.scalar import Array, Scalar
-from armwright.signals import Layout
+from armwright.simulation.plant.drives import PlantDrives
 from armwright.simulation.plant.inputs import PlantInputs
 from armwright.simulation.plant.joint_drive import (
     DrivenJoint,
-    JointMotion,
-    JointStates,
     SwitchingFunction,
-    driven_joint,
     standing,
 )
-from armwright.simulation.plant.state import contacts_of
 from armwright.simulation.plant.sticking import Sticking, sticking_places
-
-STIFF = ("current", "bristle", "brake", "bus_voltage")  # linear in themselves, and integrated exactly
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,9 +31,7 @@ class Flow:
     """All that happens in one state."""
 
     qdd: Array  # (n,) [rad/s² | m/s²]
-    holding: (
-        Array | None
-    )  # (n,) torques by which what sticks holds the joints [N m | N]; None of an arm that never sticks
+    holding: Array | None  # (n,) [N m | N] by which what sticks holds the joints; None of an arm that never sticks
     joints: list[DrivenJoint]
     change: dict[str, list[Scalar]]  # d/dt of each signal of the state
     rates: list[Scalar]  # [1/s] of the stiff entries, in the order of x
@@ -61,55 +50,8 @@ class Loads:
 
 
 @dataclass(frozen=True, eq=False)
-class PlantFlow:
-    """The equations of an arm with its drives.
-
-    Attributes:
-        model: the arm.   layout: of the state x.   brakes: whether the brakes take part.
-    """
-
-    model: Model
-    layout: Layout
-    brakes: bool = False
-
-    @property
-    def size(self) -> int:
-        """Entries of x."""
-        return self.layout.size
-
-    @cached_property
-    def stiff(self) -> tuple[int, ...]:
-        """Places in x of the states that are integrated exactly."""
-        places = [self.layout.place(name) for name in self.layout.names if name in STIFF]
-        return tuple(k for place in places for k in range(place.start, place.stop))
-
-    def part(self, x: Array, name: str) -> Array:
-        """Entries of x (…, size) by the name of their part.
-
-        Raises:
-            ScenarioError: the plant has no such part.
-        """
-        if name not in self.layout:
-            raise ScenarioError("no such state", value=name, choices=self.layout.names, file=self.model.name)
-        return x[..., self.layout.place(name)]
-
-    def settled(self, x: Array) -> Array:
-        """State (size,) with a bus of at least 0 V, which a rule may pass within a step: the diodes hold it there."""
-        if self.model.supply is None:
-            return x
-        place, settled = self.layout.place("bus_voltage").start, list(x)
-        settled[place] = scalar.maximum(settled[place], 0.0)
-        return scalar.array(settled)
-
-    @cached_property
-    def contacts(self) -> tuple[int, ...]:
-        """Number of contacts that each joint can make: two of its stops, two of a gear with play."""
-        return tuple(contacts_of(body) for body in self.model.coordinates)
-
-    @cached_property
-    def braked(self) -> tuple[int, ...]:
-        """Joints whose brakes take part, in the order of `brake`."""
-        return tuple(i for i, body in enumerate(self.model.coordinates) if self.brakes and body.brake is not None)
+class PlantFlow(PlantDrives):
+    """The equations of an arm with its drives."""
 
     def _flow(self, x: Array, inputs: PlantInputs) -> Flow:
         """Every joint's drive, then the arm they move, then what all that makes of the state."""
@@ -163,56 +105,6 @@ class PlantFlow:
         places = sticking_places(self.model, self.brakes)
         return Sticking(self, places) if places else None
 
-    def driven(
-        self, x: Array, inputs: PlantInputs, directions: Sequence[tuple[Scalar, Scalar]] | None = None
-    ) -> list[DrivenJoint]:
-        """Every joint's drive by itself; directions of joints and motors that stick are by default the signs of their speeds."""
-        u, touching, brake = inputs.command, inputs.contacts, inputs.brake
-        ends = np.cumsum(self.contacts)
-        of = [None if touching is None else touching[end - k : end] for end, k in zip(ends, self.contacts, strict=True)]
-        supply = self.model.supply
-        volts = None if supply is None else drive_voltage(supply, self.part(x, "bus_voltage")[0])
-        applied = dict.fromkeys(self.braked, 0.0) if brake is None else dict(zip(self.braked, brake, strict=True))
-        return [
-            driven_joint(
-                body,
-                self._states(x, i),
-                at,
-                u[i],
-                volts,
-                applied.get(i),
-                of[i],
-                None if directions is None else directions[i],
-            )
-            for (i, body), at in zip(enumerate(self.model.coordinates), self.motions(x), strict=True)
-        ]
-
-    def _of_drives(
-        self, x: Array, joints: list[DrivenJoint]
-    ) -> tuple[dict[str, list[Scalar]], list[Scalar], Bus | None]:
-        """Derivatives of the parts of the state behind q and q̇, λ of the stiff ones, and the state of the bus."""
-        change: dict[str, list[Scalar]] = {}
-        rates: list[Scalar] = []
-        fed = None
-        for part in self.layout.signals[2:]:
-            joints_of = part.joints or ()
-            if part.name == "bus_voltage":
-                assert self.model.supply is not None
-                drawn = [joint.power for joint in joints]
-                unlimited = [
-                    power for power, body in zip(drawn, self.model.coordinates, strict=True) if is_ideal(body.drive)
-                ]
-                fed = bus(self.model.supply, self.part(x, "bus_voltage")[0], sum(drawn), sum(unlimited))
-                change[part.name], rates = [fed.speed], [*rates, fed.rate]
-            elif part.name == "motor_q":
-                change[part.name] = list(self.part(x, "motor_qd"))
-            elif part.name == "motor_qd":
-                change[part.name] = [joints[i].acceleration for i in joints_of]
-            else:
-                change[part.name] = [joints[i].change[part.name] for i in joints_of]
-                rates += [joints[i].rates[part.name] for i in joints_of if part.name in STIFF]
-        return change, rates, fed
-
     def inertia(self, q: Array) -> np.ndarray:
         """The mass matrix of links and of the rotors of rigid gears.
 
@@ -222,39 +114,6 @@ class PlantFlow:
             M: (n, n) [kg m² | kg m | kg].
         """
         return mass_matrix(self.rigid, q)
-
-    @cached_property
-    def shares(self) -> Shares:
-        """Other joints that turn each motor."""
-        return shares_of(self.model)
-
-    def _motors(self, x: Array) -> tuple[Array, Array]:
-        """Positions and speeds of all motors, θ_motor / n."""
-        n = self.model.n
-        q, qd = to_motors(self.shares, x[:n]), to_motors(self.shares, x[n : 2 * n])
-        if "motor_q" not in self.layout:
-            return q, qd
-        q, qd = list(q), list(qd)
-        for name, values in (("motor_q", q), ("motor_qd", qd)):
-            for i, value in zip(self.layout[name].joints or (), self.part(x, name), strict=True):
-                values[i] = value / self.model.coordinates[i].drive.gear_ratio
-        return scalar.array(q), scalar.array(qd)
-
-    def motions(self, x: Array) -> list[JointMotion]:
-        """Positions and speeds of every joint and its motor."""
-        n = self.model.n
-        q, qd = x[:n], x[n : 2 * n]
-        columns = (q, qd, *self._motors(x), to_motors(self.shares, q), to_motors(self.shares, qd))
-        return [JointMotion(*row) for row in zip(*columns, strict=True)]
-
-    def _states(self, x: Array, joint: int) -> JointStates:
-        """The state of one joint's drive."""
-        entries = {
-            part.name: self.part(x, part.name)[part.joints.index(joint)]
-            for part in self.layout.signals[2:]
-            if part.joints is not None and joint in part.joints and not part.name.startswith("motor")
-        }
-        return JointStates(**entries)
 
     @cached_property
     def rigid(self) -> Model:

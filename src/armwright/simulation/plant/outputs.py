@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 
 from armwright import scalar
-from armwright.actuators import DriveOutput, friction_torques, in_command_units
-from armwright.actuators.coupling import from_motors, to_joints, to_motors
+from armwright.actuators import friction_torques
+from armwright.actuators.coupling import to_joints, to_motors
 from armwright.dynamics import energy
 from armwright.dynamics.gears import without_rotors
 from armwright.kinematics import jacobian
@@ -65,53 +65,6 @@ class PlantOutputs(PlantFlow):
         if "bus_voltage" in self.layout:
             rows["bus_voltage"] = self.part(self.settled(x), "bus_voltage")
         return {name: scalar.array(list(values)) for name, values in rows.items()}
-
-    def measured(self, x: Array, u: Array, side: str = "link") -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Values of exact sensors.
-
-        Args:
-            x: (size,).   u: (n,) commands, which decide the currents of motors without inductance.
-            side: "link", or "motor": positions and speeds of the motors, θ_motor / n, referred to their joints.
-        Returns:
-            q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].   current: (n,) [A], NaN where the record cannot say it.
-        """
-        n = self.model.n
-        q, qd = (x[:n], x[n : 2 * n]) if side == "link" else self._motors(x)
-        return scalar.array(list(q)), scalar.array(list(qd)), self._done(x, u).current
-
-    def of_joints(self, q: Array, qd: Array, side: str) -> tuple[Array, Array]:
-        """Joint values from sensors of that side: encoders of coupled motors measure several joints together.
-
-        Args:
-            q: (n,) [rad | m], qd: (n,) [rad/s | m/s]: as `measured`.   side: "link" or "motor".
-        Returns:
-            q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].
-        """
-        shares = self.shares if side == "motor" else []
-        return from_motors(shares, q), from_motors(shares, qd)
-
-    def applied(self, x: Array, u: Array) -> np.ndarray:
-        """Commands that the drives follow: what they produce for theirs, within limits and supply.
-
-        A command within a dead zone is followed: it gives nothing, but no limit has changed it.
-
-        Args:
-            x: (size,).   u: (n,) commands.
-        Returns:
-            applied: (n,) [V | A | N m | N], each in its joint's own unit.
-        """
-        applied = list(in_command_units(self.model, self._done(x, u)))
-        for i, body in enumerate(self.model.coordinates):
-            width = body.drive.dead_zone
-            if width is not None:
-                applied[i] = scalar.where(scalar.less_equal(scalar.abs(u[i]), width), u[i], applied[i])
-        return scalar.array(applied)
-
-    def _done(self, x: Array, u: Array) -> DriveOutput:
-        """Torques, voltages and currents of the motors."""
-        joints = self.driven(x, PlantInputs(u))
-        columns = zip(*((joint.tau, joint.voltage, joint.current) for joint in joints), strict=True)
-        return DriveOutput(*(scalar.array(list(column)) for column in columns))
 
     def _link_torques(self, flow: Flow) -> Array:
         """Torques (n,) that leave the gears, on the joint side."""

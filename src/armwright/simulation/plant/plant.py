@@ -19,18 +19,13 @@ from typing import Any
 import numpy as np
 
 from armwright import scalar
-from armwright.actuators.coupling import to_motors
-from armwright.errors import ModelError
 from armwright.model import Model
 from armwright.scalar import Array, Scalar
 from armwright.simulation.integrate.exponential import Split
 from armwright.simulation.integrate.integrators import Integrator
-from armwright.simulation.plant.flow import STIFF
 from armwright.simulation.plant.inputs import PlantInputs
-from armwright.simulation.plant.joint_drive import at_rest, contact_depths
 from armwright.simulation.plant.outputs import PlantOutputs
 from armwright.simulation.plant.program import PlantProgram
-from armwright.simulation.plant.state import state_layout
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,36 +35,6 @@ class Plant(PlantOutputs):
     Attributes:
         model: the arm.   layout: of the state x.   brakes: whether the brakes take part.
     """
-
-    @classmethod
-    def of(cls, model: Model, *, brakes: bool = False) -> Plant:
-        """The plant of an arm.
-
-        Args:
-            model: the arm; numbers may be symbols.
-            brakes: whether the holding brakes of its record take part; else they stay released and cost nothing.
-        Raises:
-            ModelError: a motor behind an elastic gear that has lost its inertia, by `arm.replace(rotors=None)`.
-        """
-        for body in model.coordinates:
-            if body.elasticity is not None and _is_zero(body.drive.rotor_inertia):
-                raise ModelError(
-                    "its motor has no inertia before its elastic gear",
-                    place=f"joint {body.joint!r}",
-                    expected="an arm with its rotors",
-                    file=model.name,
-                )
-        braked = brakes and any(body.brake is not None for body in model.coordinates)
-        return cls(model, state_layout(model, braked), braked)
-
-    def contact_depths(self, x: Array) -> np.ndarray:
-        """Depth of every contact, (contacts,) [rad | m]: a joint in its stops, flanks in each other; below 0 outside."""
-        pairs = zip(self.model.coordinates, self.motions(x), strict=True)
-        return scalar.array([depth for body, at in pairs for depth in contact_depths(body, at)])
-
-    def active_contacts(self, x: Array) -> np.ndarray:
-        """Active contacts of a state, (contacts,): 1 where the depth is not below 0, else 0."""
-        return scalar.array([scalar.less_equal(0.0, depth) for depth in self.contact_depths(x)])
 
     def switching_functions(self, x: Array, inputs: PlantInputs | Array) -> tuple[np.ndarray, np.ndarray]:
         """Numbers that change their sign where the derivative bends: beside `contact_depths`, which make it jump.
@@ -101,12 +66,6 @@ class Plant(PlantOutputs):
         flow = self._flow(x, inputs)
         change = [value for name in self.layout.names for value in flow.change[name]]
         return scalar.array(change), scalar.array(flow.rates)
-
-    def fast(self, x: Array, inputs: PlantInputs | Array) -> tuple[np.ndarray, np.ndarray]:
-        """ż and λ [1/s] of the entries `stiff` alone: what `split` says of them, without the arm's dynamics."""
-        change, rates, _ = self._of_drives(x, self.driven(x, PlantInputs.of(inputs)))
-        fast = [value for name in self.layout.names if name in STIFF for value in change[name]]
-        return scalar.array(fast), scalar.array(rates)
 
     def step(self, rule: Integrator, x: Array, inputs: PlantInputs | Array, h: Scalar) -> np.ndarray:
         """The state one step later, inputs held: stiff parts exactly, the rest by the rule.
@@ -178,23 +137,6 @@ class Plant(PlantOutputs):
     @cached_property
     def _programs(self) -> dict[tuple[str, ...], PlantProgram]:
         return {}
-
-    def initial(self, q: Array, qd: Array) -> np.ndarray:
-        """A state to begin in: motors where their links are, no current, ambient temperature, the bus full; bristles bent as
-        in steady sliding, straight at rest, brakes unloaded.
-
-        Args:
-            q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].
-        Returns:
-            x: (size,).
-        """
-        motor, motor_speed = to_motors(self.shares, q), to_motors(self.shares, qd)
-        values = at_rest(self.model, q, qd, motor, motor_speed)
-        return scalar.array([values[part.name][k] for part in self.layout for k in part.joints or (0,)])
-
-
-def _is_zero(value: Scalar) -> bool:
-    return not scalar.is_symbolic(value) and value == 0
 
 
 def plant_derivative(model: Model, x: Array, u: Array) -> np.ndarray:
