@@ -21,7 +21,7 @@ LIBRARIES = {
 }
 
 
-@pytest.mark.sample(1)
+@pytest.mark.study
 @pytest.mark.parametrize("title", LIBRARIES)
 def test_the_numbers_agree(title: str, tmp_path: Path) -> None:
     pytest.importorskip(LIBRARIES[title], reason=f"needs {LIBRARIES[title]}: pip install armwright[bench]")

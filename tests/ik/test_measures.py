@@ -51,6 +51,7 @@ def test_small_singular_values_keep_their_digits():
     assert np.allclose(found.yoshikawa, area * np.sin(q[:, 1]), rtol=1e-6)
 
 
+@pytest.mark.study
 def test_manipulability_is_that_of_the_robotics_toolbox():
     rtb = pytest.importorskip("roboticstoolbox", reason="needs the toolbox: pip install roboticstoolbox-python")
     robot, arm = rtb.models.DH.Panda(), aw.load("panda")

@@ -67,6 +67,7 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[int, str]]
     return messages
 
 
+@pytest.mark.study
 def test_results_have_types(found):
     revealed = {line: message.split('" is "')[1].rstrip('"') for line, message in found["information"].items()}
     assert set(revealed) == set(REVEALED)
@@ -74,6 +75,7 @@ def test_results_have_types(found):
         assert re.fullmatch(pattern, revealed[line]), revealed[line]
 
 
+@pytest.mark.study
 def test_unknown_kernels_and_wrong_arguments_are_errors(found):
     assert set(found["error"]) == set(ERRORS)
     for line, part in ERRORS.items():

@@ -301,7 +301,7 @@ SPANS = {
 }
 
 
-@pytest.mark.sample(4)
+@pytest.mark.study
 @pytest.mark.parametrize("file", robot_files())
 def test_real_robots_with_drives_of_their_size_raise_no_question(file):
     """Each joint of `example-robot-data` that states effort and speed gets a motor for them."""

@@ -18,7 +18,10 @@ TOLERANCE = 1e-9
 ROBOTS = 69
 AGREE = 66
 
-pytestmark = pytest.mark.skipif(not robot_files(), reason="needs the robots: pip install example-robot-data")
+pytestmark = [
+    pytest.mark.study,
+    pytest.mark.skipif(not robot_files(), reason="needs the robots: pip install example-robot-data"),
+]
 
 # Nothing of these moves or is there: the only ones that are refused for good.
 REFUSED = {
@@ -35,7 +38,6 @@ def verdicts() -> dict[str, Verdict]:
     return {name: examined(path) for name, path in robot_files().items()}
 
 
-@pytest.mark.study
 def test_all_that_move_agree_with_pinocchio(verdicts):
     assert len(verdicts) == ROBOTS
     agree = [name for name, verdict in verdicts.items() if verdict.error is not None and verdict.error <= TOLERANCE]

@@ -67,6 +67,7 @@ def test_a_plain_arm_by_default():
     assert not still.q.values.any()
 
 
+@pytest.mark.study
 def test_ripple_of_a_ur5_under_pid(tmp_path):
     """Wrist 3 changes its torque by 19.7 N m from tick to tick, as rk3 at 2.4 time constants does; two substeps end it."""
     arm = ur5(tmp_path)
@@ -85,6 +86,7 @@ def test_ripple_of_a_ur5_under_pid(tmp_path):
     aw.simulate(replace(slower, solver=aw.Solver(substeps=int(re.search("substeps = (.)", error.value.expected)[1]))))
 
 
+@pytest.mark.study
 def test_a_ur5_under_pid_by_default(tmp_path):
     """Motors of 0.8 ms in a loop of 2 ms, beside CVODES: within 1e-3 of every range."""
     arm = ur5(tmp_path)

@@ -219,6 +219,7 @@ def test_a_sine_does_not_tell_a_third_order():
     assert aw.identification.fit_oe(u, y, 1.0, order=1, delay=2, offset=False).verdict == "identified"
 
 
+@pytest.mark.study
 def test_beside_sippy():
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")

@@ -64,7 +64,7 @@ def test_random_positions_are_among_the_branches_within_the_limits(name, tmp_pat
     assert (found.iterations == 0).all()
 
 
-@pytest.mark.sample(1)
+@pytest.mark.study
 @pytest.mark.parametrize("name", ARMS)
 def test_every_branch_is_among_those_of_eaik_and_the_other_way_round(name, tmp_path):
     eaik = pytest.importorskip("eaik.IK_HP", reason="needs the analytic solver: pip install eaik")
