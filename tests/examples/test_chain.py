@@ -16,6 +16,8 @@ from docs.pages import ROOT, blocks
 from kernels.c_compilers import BITS, build, compiler
 from pictures.alike import unlike
 
+pytestmark = pytest.mark.study  # half a minute
+
 STAGES = ["modules", "measure", "identify", "validate", "plan", "tune", "drive", "C", "SIL", "twin"]
 WORDS_OF_FOUR = {  # searches end elsewhere where NumPy and OpenBLAS take the words of eight of some processors
     "NPY_DISABLE_CPU_FEATURES": "X86_V4 AVX512_ICL AVX512_SPR",
@@ -47,7 +49,6 @@ def numbers(text: str) -> list[float]:
     return [float(number) for number in NUMBER.findall(text)]
 
 
-@pytest.mark.study
 def test_each_stage_does_what_it_is_for(chain: tuple[dict[str, str], Path]) -> None:
     """The arm's own numbers are found, the record passes, gains and feed-forward each make the error smaller."""
     said, folder = chain
