@@ -12,7 +12,7 @@ from pydantic import ConfigDict, Field, StrictBool, model_validator
 from armwright.errors import ScenarioError
 from armwright.quantity import Record, absent
 from armwright.scenarios.tuning_records import TuningTable
-from armwright.scenarios.value_records import MOST_LANES, Number, Values, Whole, counted
+from armwright.scenarios.value_records import MOST_LANES, LaneValues, Number, Whole, counted
 
 PerJoint = Number | tuple[Number, ...] | dict[str, Number]
 Wrench = Annotated[
@@ -42,7 +42,7 @@ class CommandsTable(Record):
         return self
 
 
-class Kind(Record):
+class KindTable(Record):
     """A table that names what it is, and gives its fields."""
 
     model_config = ConfigDict(frozen=True, extra="allow")
@@ -126,10 +126,10 @@ class PayloadTable(Record):
 class LoopTable(Record):
     """A sampled loop; see `armwright.Loop`."""
 
-    controller: Kind = Field(
+    controller: KindTable = Field(
         description="kind = 'joint_pid', 'cascade', 'computed_torque' and its gains, or one around an inner table."
     )
-    reference: Kind | None = absent(
+    reference: KindTable | None = absent(
         "kind = 'pose', 'schedule', 'motion', 'expression' or a named trajectory; absent: the initial pose."
     )
     period_s: Number | None = absent("From sample to sample; absent: step times substeps.")
@@ -193,12 +193,12 @@ class RecordingTable(Record):
     every: Whole | None = absent("Ticks from one row to the next, absent: 1; 0: the first and the last only.", ge=0)
     what: Literal["all", "state", "none"] = Field("all", description="All, q and qd alone, or no rows at all.")
     reduce: tuple[str, ...] = Field((), description="Numbers computed while the loop runs, such as rms_error.")
-    reference: Kind | None = absent(
+    reference: KindTable | None = absent(
         "What reduce measures errors from, beside [commands]; kinds as in [loop.reference]."
     )
 
 
-class Lanes(Record):
+class LanesTable(Record):
     """Numbers of the file that vary from lane to lane."""
 
     kind: Literal["list", "grid", "draws"] = Field(
@@ -206,13 +206,13 @@ class Lanes(Record):
     )
     count: Whole | None = absent("Lanes to draw; goes with 'draws'.", ge=1, le=MOST_LANES)
     seed: Whole | None = absent("Of the draws; goes with 'draws'.", ge=0)
-    vary: dict[str, Values] = Field(
+    vary: dict[str, LaneValues] = Field(
         min_length=1,
         description="By name: 'link6.mass_kg', 'loop.controller.kp[2]', 'loop.timing.command_delay_s', 'start.q[1]'.",
     )
 
     @model_validator(mode="after")
-    def _complete(self) -> Lanes:
+    def _complete(self) -> LanesTable:
         if (self.kind == "draws") != (self.count is not None) or (self.kind == "draws") != (self.seed is not None):
             raise ValueError("count and seed go with kind = 'draws', which needs both")
         if self.seed is not None and self.seed >= 2**63:
@@ -281,7 +281,7 @@ class ScenarioTable(Record):
     inputs: InputsTable = Field(default_factory=InputsTable, description="What acts beside commands.")
     solver: SolverTable = Field(default_factory=SolverTable, description="Integrator and step.")
     recording: RecordingTable = Field(default_factory=RecordingTable, description="What is kept.")
-    lanes: Lanes | None = absent("Many runs at once; absent: one.")
+    lanes: LanesTable | None = absent("Many runs at once; absent: one.")
     tuning: TuningTable | None = absent("What `armwright tune` searches for; no run reads it.")
 
     @model_validator(mode="after")

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, field_validator, model_validator
 
 from armwright.quantity import Record, absent
-from armwright.scenarios.value_records import Number, Values, Whole, counted
+from armwright.scenarios.value_records import LaneValues, Number, Whole, counted
 from armwright.validation import Invalid
 
 Ends = tuple[Number | tuple[Number, ...], Number | tuple[Number, ...]]
@@ -44,7 +44,7 @@ class DrawsTable(Record):
     )
     jitter_s: Number | None = absent("The most that any command is late, in place of loop's.", gt=0)
     delay_s: Number | None = absent("The most that commands of a lane are late beyond the loop's.", gt=0)
-    vary: dict[str, Values] = Field(
+    vary: dict[str, LaneValues] = Field(
         default_factory=dict,
         description="Numbers of the robot file by name, drawn: 'link6.mass_kg' = { uniform = [1, 2] }.",
     )
