@@ -108,19 +108,23 @@ def inertia_tensor(inertia: Tensor | tuple[float, float, float]) -> np.ndarray:
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
-class PayloadTable(Record):
+class BodyTable(Record):
+    """Mass properties of a body in the hand."""
+
+    com_m: Three | None = absent("Centre of mass, in the frame; of a point mass its place, absent: the frame's origin.")
+    inertia_kg_m2: Annotated[Tensor | tuple[Number, Number, Number], counted(3, "moments about x, y and z")] | None = (
+        absent(
+            "About the centre of mass, in the frame's axes: a table, or three principal moments; absent: 0, a point mass."
+        )
+    )
+    frame: str | None = absent("Which carries it; absent: the tip.")
+
+
+class PayloadTable(BodyTable):
     """A body in the hand from a time on, in place of the payload before; see `armwright.Payload`."""
 
     time_s: Number = Field(description="When it is taken up; 0 or later.")
     mass_kg: Number = Field(description="0 puts down what the hand held, and needs no more.")
-    com_m: Three | None = absent("Centre of mass, in the frame; of a point mass its place, absent: the frame's origin.")
-    inertia_kg_m2: Annotated[Tensor | tuple[Number, Number, Number], counted(3, "moments about x, y and z")] | None = (
-        absent(
-            "About the centre of mass, in the frame's axes: a table, or three principal moments; absent: 0, a point "
-            "mass."
-        )
-    )
-    frame: str | None = absent("Which carries it; absent: the tip.")
 
 
 class LoopTable(Record):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BeforeValidator, Strict, model_validator
+from pydantic import BeforeValidator, Field, Strict, model_validator
 
 from armwright.parameters import Draw
 from armwright.quantity import Record, absent
@@ -13,6 +13,8 @@ from armwright.quantity import Record, absent
 MOST_LANES = 10**8
 Number = Annotated[float, Strict()]  # no text, and no true or false
 Whole = Annotated[int, Strict()]
+Positive = Annotated[Number, Field(gt=0)]
+NotNegative = Annotated[Number, Field(ge=0)]
 Numbers = tuple[Number, ...]
 
 

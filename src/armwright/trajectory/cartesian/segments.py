@@ -195,10 +195,7 @@ def numbers(place: str, value: Any, shape: tuple[int, ...]) -> np.ndarray:
     Raises:
         ScenarioError: names the place, the value and what was expected.
     """
-    try:
-        array = scalar.real_numbers(value)
-    except ValueError:
-        array = np.full((), np.nan)
+    array = scalar.numbers_or_nan(value)
     if array.shape != shape or not np.isfinite(array).all():
         raise ScenarioError(place=place, value=value, expected=f"finite numbers {shape}")
     return array
