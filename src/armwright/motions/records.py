@@ -37,13 +37,13 @@ class MoveSegment(Record):
     kind: Literal["move"] = Field(description="Which kind of segment.")
     goal: PerJoint = Field(description="Positions [rad | m], or a table by joint whose others stay.")
     curve: Literal["s_curve", "trapezoid", "quintic", "cubic", "minimum_jerk", "ruckig"] = Field(
-        "s_curve", description="Law of the move, as the classes of the same names."
+        default="s_curve", description="Law of the move, as the classes of the same names."
     )
     goal_velocity: PerJoint | None = absent(
         "Of minimum_jerk and ruckig, which may end moving; the next segment goes on from there."
     )
     duration_s: Positive | None = absent("Absent: as short as the limits allow.")
-    speed: Speed = Field(1.0, description=SPEED)
+    speed: Speed = Field(default=1.0, description=SPEED)
 
 
 class WaypointsSegment(Record):
@@ -51,12 +51,12 @@ class WaypointsSegment(Record):
 
     kind: Literal["waypoints"] = Field(description="Which kind of segment.")
     points: Points = Field(description="Waypoints [rad | m], the arm's own pose before them left away.")
-    curve: Literal["cubic", "quintic", "parabolic"] = Field("cubic", description="Between the waypoints.")
+    curve: Literal["cubic", "quintic", "parabolic"] = Field(default="cubic", description="Between the waypoints.")
     times_s: tuple[Number, ...] | None = absent(
         "Of the waypoints, from the segment's beginning on; absent: by the limits."
     )
     duration_s: Positive | None = absent("Absent: as short as the limits allow.")
-    speed: Speed = Field(1.0, description=SPEED)
+    speed: Speed = Field(default=1.0, description=SPEED)
 
 
 class DwellSegment(Record):
@@ -84,7 +84,7 @@ class TimeOptimalSegment(Record):
 
     kind: Literal["time_optimal"] = Field(description="Which kind of segment.")
     points: Points = Field(description="Waypoints [rad | m], the arm's own pose before them left away.")
-    grid: Annotated[int, Field(ge=10, le=5_000)] = Field(500, description="Number of grid points, about.")
+    grid: Annotated[int, Field(ge=10, le=5_000)] = Field(default=500, description="Number of grid points, about.")
 
 
 class EndPiece(Record):
@@ -116,8 +116,8 @@ class CirclePiece(Record):
     kind: Literal["circle"] = Field(description="Which kind of piece.")
     centre_m: Three = Field(description="x, y, z of the centre.")
     normal: Three = Field(description="Axis; the angle counts by the right hand about it.")
-    angle_rad: Number = Field(6.283185307179586, description="How far; absent: one turn.")
-    turns: bool = Field(False, description="Whether the tool turns along.")
+    angle_rad: Number = Field(default=6.283185307179586, description="How far; absent: one turn.")
+    turns: bool = Field(default=False, description="Whether the tool turns along.")
 
 
 class ToolSegment(Record):
@@ -130,17 +130,20 @@ class ToolSegment(Record):
     speed_m_per_s: Positive = Field(description="Of the tool.")
     acceleration_m_per_s2: Positive = Field(description="Of the tool.")
     slow: Literal["everywhere", "where needed"] = Field(
-        "everywhere", description="What is slower where the joints cannot follow at the tool's speed."
+        default="everywhere", description="What is slower where the joints cannot follow at the tool's speed."
     )
-    constant: bool = Field(False, description="true: refused rather than slower where the joints cannot follow.")
-    blend_m: NotNegative = Field(0.0, description="Largest distance of rounded corners; 0: sharp.")
+    constant: bool = Field(
+        default=False, description="true: refused rather than slower where the joints cannot follow."
+    )
+    blend_m: NotNegative = Field(default=0.0, description="Largest distance of rounded corners; 0: sharp.")
     angular_speed_rad_per_s: Positive | None = absent("Absent: no limit.")
     angular_acceleration_rad_per_s2: Positive | None = absent("Both are needed for turns in place.")
     origin: Literal["base", "start"] = Field(
-        "base", description="Where positions count from, in base axes: the base, or the tool where the segment begins."
+        default="base",
+        description="Where positions count from, in base axes: the base, or the tool where the segment begins.",
     )
     aim: str = Field(
-        "pose",
+        default="pose",
         description="What of the tool's pose must be met: pose, position, axis, pitch, yaw, …, as in `inverse_kinematics`.",
     )
     frame: str | None = absent("The frame that is led; absent: the tip.")
@@ -158,7 +161,7 @@ class PlaneTable(Record):
     kind: Literal["plane"] = Field(description="Which kind of obstacle.")
     point_m: Three = Field(description="Any point of the plane, in base axes.")
     normal: Three = Field(description="Out of the solid side.")
-    name: Annotated[str, Field(pattern=SEEN)] = Field("plane", description="For messages.")
+    name: Annotated[str, Field(pattern=SEEN)] = Field(default="plane", description="For messages.")
 
 
 class BoxTable(Record):
@@ -167,8 +170,8 @@ class BoxTable(Record):
     kind: Literal["box"] = Field(description="Which kind of obstacle.")
     size_m: Three = Field(description="Along its x, y, z.")
     position_m: Three = Field(description="Of its middle, in base axes.")
-    rpy_rad: Three = Field((0.0, 0.0, 0.0), description="Its angles about fixed x, then y, then z.")
-    name: Annotated[str, Field(pattern=SEEN)] = Field("box", description="For messages.")
+    rpy_rad: Three = Field(default=(0.0, 0.0, 0.0), description="Its angles about fixed x, then y, then z.")
+    name: Annotated[str, Field(pattern=SEEN)] = Field(default="box", description="For messages.")
 
 
 class SphereTable(Record):
@@ -177,7 +180,7 @@ class SphereTable(Record):
     kind: Literal["sphere"] = Field(description="Which kind of obstacle.")
     radius_m: Positive = Field(description="Its radius.")
     position_m: Three = Field(description="Of its middle, in base axes.")
-    name: Annotated[str, Field(pattern=SEEN)] = Field("sphere", description="For messages.")
+    name: Annotated[str, Field(pattern=SEEN)] = Field(default="sphere", description="For messages.")
 
 
 ObstacleTable = Annotated[PlaneTable | BoxTable | SphereTable, Field(discriminator="kind")]
@@ -192,12 +195,12 @@ class MotionTable(Record):
     robot: str = Field(description="A built-in arm, or a robot file beside this one.")
     start: PerJoint = Field(description="Positions at the beginning [rad | m], or a table by joint whose others are 0.")
     limits: LimitsTable = Field(default_factory=LimitsTable, description="In place of the record's.")
-    obstacles: tuple[ObstacleTable, ...] = Field((), description="What stands around the arm.")
+    obstacles: tuple[ObstacleTable, ...] = Field(default=(), description="What stands around the arm.")
     clearance_m: NotNegative | None = absent(
         "Least distance of links from each other and from obstacles; absent: 0 with obstacles, else not checked."
     )
     link_radius_m: Positive | None = absent("Radius of links whose record has no shapes, for distances.")
     ignore: tuple[tuple[str, str], ...] = Field(
-        (), description="Pairs of links whose distance does not count, as those of a wrist."
+        default=(), description="Pairs of links whose distance does not count, as those of a wrist."
     )
     segments: tuple[Segment, ...] = Field(min_length=1, description="One after the other.")

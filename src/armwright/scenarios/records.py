@@ -61,12 +61,12 @@ class SensorsTable(Record):
     counts_per_m: Number | tuple[Number, ...] | None = absent(
         "Of linear encoders on prismatic joints, with side = 'link'."
     )
-    side: Literal["motor", "link"] = Field("motor", description="Where the encoder sits.")
-    velocity: str = Field("exact", description="exact, difference, filtered or observer.")
+    side: Literal["motor", "link"] = Field(default="motor", description="Where the encoder sits.")
+    velocity: str = Field(default="exact", description="exact, difference, filtered or observer.")
     cutoff_hz: Number | None = absent("Of the filter or observer.")
-    position_noise: Number = Field(0.0, ge=0, description="Standard deviation [rad | m].")
-    velocity_noise: Number = Field(0.0, ge=0, description="[rad/s | m/s].")
-    current_noise: Number = Field(0.0, ge=0, description="[A].")
+    position_noise: Number = Field(default=0.0, ge=0, description="Standard deviation [rad | m].")
+    velocity_noise: Number = Field(default=0.0, ge=0, description="[rad/s | m/s].")
+    current_noise: Number = Field(default=0.0, ge=0, description="[A].")
 
 
 class CommandFilterTable(Record):
@@ -80,13 +80,17 @@ class CommandFilterTable(Record):
 class TimingTable(Record):
     """Times of measurements and commands; see `armwright.Timing`. Absent: no delays."""
 
-    preset: str = Field("ideal", description="ideal, one-tick or sync.")
-    measurement_delay_s: Number = Field(0.0, description="How old a measurement is when the controller sees it.")
-    command_delay_s: Number = Field(0.0, description="From the controller to the drive, beyond the preset's.")
-    jitter_s: Number = Field(0.0, description="The most that a command is late beyond that, uniform.")
-    measurement_loss: Number = Field(0.0, description="Probability that a measurement is lost; the last is repeated.")
-    command_loss: Number = Field(0.0, description="The same of commands.")
-    clock_drift: Number = Field(0.0, description="(Drive's period - master's) / master's.")
+    preset: str = Field(default="ideal", description="ideal, one-tick or sync.")
+    measurement_delay_s: Number = Field(
+        default=0.0, description="How old a measurement is when the controller sees it."
+    )
+    command_delay_s: Number = Field(default=0.0, description="From the controller to the drive, beyond the preset's.")
+    jitter_s: Number = Field(default=0.0, description="The most that a command is late beyond that, uniform.")
+    measurement_loss: Number = Field(
+        default=0.0, description="Probability that a measurement is lost; the last is repeated."
+    )
+    command_loss: Number = Field(default=0.0, description="The same of commands.")
+    clock_drift: Number = Field(default=0.0, description="(Drive's period - master's) / master's.")
 
 
 class Tensor(Record):
@@ -158,7 +162,7 @@ class InputsTable(Record):
         "over t; absent: released."
     )
     payload: tuple[PayloadTable, ...] = Field(
-        (), description="What the end effector takes up and puts down, as [[inputs.payload]]."
+        default=(), description="What the end effector takes up and puts down, as [[inputs.payload]]."
     )
 
 
@@ -166,7 +170,7 @@ class SolverTable(Record):
     """Integrator and its steps; see `armwright.Solver`."""
 
     integrator: str = Field(
-        "auto",
+        default="auto",
         description="auto, or with a fixed step rk3, rk4, semi_implicit_euler; rk45; rodas3 for stiff arms; cvodes.",
     )
     accuracy: Number | None = absent(
@@ -182,7 +186,8 @@ class SolverTable(Record):
     rtol: Number | None = absent("Relative tolerance of rk45, rodas3 and cvodes.")
     atol: Number | None = absent("Absolute tolerance of rk45, rodas3 and cvodes, in each state's unit.")
     global_error: StrictBool = Field(
-        True, description="Of auto: whether some lanes are simulated again, to say how wrong the run is as a whole."
+        default=True,
+        description="Of auto: whether some lanes are simulated again, to say how wrong the run is as a whole.",
     )
     max_substeps: Whole | None = absent(
         "Of auto, rk45 and rodas3 in each millisecond of a tick, or in a shorter tick, absent: 1000; a lane that "
@@ -195,8 +200,8 @@ class RecordingTable(Record):
 
     period_s: Number | None = absent("From row to row; absent: 1e-3 with auto steps and nothing sampled, else `every`.")
     every: Whole | None = absent("Ticks from one row to the next, absent: 1; 0: the first and the last only.", ge=0)
-    what: Literal["all", "state", "none"] = Field("all", description="All, q and qd alone, or no rows at all.")
-    reduce: tuple[str, ...] = Field((), description="Numbers computed while the loop runs, such as rms_error.")
+    what: Literal["all", "state", "none"] = Field(default="all", description="All, q and qd alone, or no rows at all.")
+    reduce: tuple[str, ...] = Field(default=(), description="Numbers computed while the loop runs, such as rms_error.")
     reference: KindTable | None = absent(
         "What reduce measures errors from, beside [commands]; kinds as in [loop.reference]."
     )
@@ -272,13 +277,13 @@ class ScenarioTable(Record):
     title: str | None = absent("One line for whoever reads the file.")
     robot: str = Field(description="A built-in arm, or a robot file beside this one.")
     without: tuple[Literal["friction", "springs", "rotors", "efficiency"], ...] = Field(
-        (), description="Parts of the record that this run leaves away."
+        default=(), description="Parts of the record that this run leaves away."
     )
     values: dict[str, Number | tuple[Number, ...]] = Field(
         default_factory=dict, description="Other numbers than the record's: 'link6.mass_kg' = 1.2."
     )
     duration_s: Number | None = absent("How long; absent: until a schedule's last row.")
-    seed: Whole = Field(0, ge=0, description="Of noise, jitter and losses.")
+    seed: Whole = Field(default=0, ge=0, description="Of noise, jitter and losses.")
     start: StartTable = Field(default_factory=StartTable, description="Initial positions and speeds.")
     commands: CommandsTable | None = absent("Commands over time; or a loop.")
     loop: LoopTable | None = absent("Controller, reference, sensors and timing.")

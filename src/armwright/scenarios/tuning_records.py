@@ -34,7 +34,7 @@ class DrawsTable(Record):
     mass: Number | None = absent("Share by which each link's mass differs, evenly.", gt=0, lt=1)
     friction: Number | None = absent("Factor either way of each joint's friction, evenly in its logarithm.", gt=1)
     record: bool = Field(
-        False, description="Numbers whose standard deviation the robot file gives are drawn by it, motors' too."
+        default=False, description="Numbers whose standard deviation the robot file gives are drawn by it, motors' too."
     )
     poses: Number | None = absent(
         "How far start and reference are moved together either way [rad | m], within limits.", gt=0
@@ -63,7 +63,7 @@ class TuningTable(Record):
     """Search for gains by `armwright tune`; see `armwright.tune`. Options of the command line come first."""
 
     start: START = Field(
-        "scenario",
+        default="scenario",
         description="Gains to start from: the scenario's own; 'analytic' designs them, a cascade's by the symmetric optimum, "
         "others by pole placement; or the method by its name.",
     )
@@ -72,31 +72,36 @@ class TuningTable(Record):
         "whose names end in kp, ki or kd, within a factor of 10."
     )
     objectives: dict[str, Weight] = Field(
-        {"rms_error": 1.0, "saturation": 1.0}, description="Weights of reducers, of noise_gain and of sensitivity."
+        default={"rms_error": 1.0, "saturation": 1.0},
+        description="Weights of reducers, of noise_gain and of sensitivity.",
     )
     limits: dict[str, Number | tuple[Number, ...]] = Field(
         default_factory=dict,
         description="What these should not go beyond, such as peak_torque = 40; one number or one a joint.",
     )
-    improve_each: bool = Field(False, description="No objective may get worse than at the start.")
-    over: Literal["mean", "worst"] = Field("mean", description="Of the lanes.")
-    gain_margin: Number = Field(2.0, description="Factor either way that any one command bears.")
-    phase_margin_rad: Number = Field(math.radians(30.0), description="Phase lag that any one command bears.")
+    improve_each: bool = Field(default=False, description="No objective may get worse than at the start.")
+    over: Literal["mean", "worst"] = Field(default="mean", description="Of the lanes.")
+    gain_margin: Number = Field(default=2.0, description="Factor either way that any one command bears.")
+    phase_margin_rad: Number = Field(default=math.radians(30.0), description="Phase lag that any one command bears.")
     poses: Whole = Field(
-        2000, ge=1, description="Drawn within the position limits; the margins hold where they are extreme."
+        default=2000, ge=1, description="Drawn within the position limits; the margins hold where they are extreme."
     )
     draws: DrawsTable | None = absent(
         "What differs between the lanes; absent: the scenario's lanes, and of a single run mass = 0.3, friction = 2 "
         "and record = true."
     )
-    lanes: Whole = Field(64, ge=1, description="Of a scenario that has one; every second lane judges the result.")
-    method: Literal["cma", "differential-evolution"] = Field("cma", description="Of the search.")
-    generations: Whole = Field(30, ge=1, description="Of the search.")
+    lanes: Whole = Field(
+        default=64, ge=1, description="Of a scenario that has one; every second lane judges the result."
+    )
+    method: Literal["cma", "differential-evolution"] = Field(default="cma", description="Of the search.")
+    generations: Whole = Field(default=30, ge=1, description="Of the search.")
     candidates: Whole | None = absent("In a generation; absent: 4 + 3 ln of the gains, 8 at least.", ge=4)
     front: Whole = Field(
-        0, ge=0, description="Further searches with other weights of the first two objectives, for the Pareto front."
+        default=0,
+        ge=0,
+        description="Further searches with other weights of the first two objectives, for the Pareto front.",
     )
-    seed: Whole = Field(0, ge=0, description="Of the search, the poses and the draws.")
+    seed: Whole = Field(default=0, ge=0, description="Of the search, the poses and the draws.")
 
     @field_validator("gain_margin")
     @classmethod

@@ -71,7 +71,7 @@ class MotionLimits:
     @property
     def unlimited(self) -> np.ndarray:
         """(n,) True for joints without limits of velocity, acceleration and jerk."""
-        return np.isinf([self.velocity, self.acceleration, self.jerk]).all(axis=0)
+        return np.isinf(self.velocity) & np.isinf(self.acceleration) & np.isinf(self.jerk)
 
     def replace(self, **overrides: Any) -> MotionLimits:
         """The limits with some replaced, as in `of`."""

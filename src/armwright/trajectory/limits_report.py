@@ -263,7 +263,9 @@ def _joined(limits: MotionLimits, parts: tuple[LimitsReport, ...]) -> LimitsRepo
         low, high = np.array([part.bands[quantity] for part in parts]).transpose(2, 0, 1)
         bands[quantity] = np.stack([low.min(axis=0), high.max(axis=0)], axis=1)
     unchecked, notes = parts[0].unchecked, parts[0].notes
-    return LimitsReport(limits, *found, jumps, excess, unchecked, parts, bands, notes)
+    return LimitsReport(
+        limits, *found, jumps=jumps, excess=excess, unchecked=unchecked, parts=parts, bands=bands, notes=notes
+    )
 
 
 def _of_one(
