@@ -85,8 +85,8 @@ SCENARIO_TABLES: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...] = (
     ("[[inputs.payload]]: inertia_kg_m2", "", (scenario.Tensor,)),
     ("[solver]", "", (scenario.SolverTable,)),
     ("[recording]", "", (scenario.RecordingTable,)),
-    ("[lanes]", "", (scenario.Lanes,)),
-    ("Numbers that differ by lane", "", (scenario.Values,)),
+    ("[lanes]", "", (scenario.LanesTable,)),
+    ("Numbers that differ by lane", "", (scenario.LaneValues,)),
     ("[tuning]", "", (tuning.TuningTable,)),
     ("[tuning.draws]", "", (tuning.DrawsTable,)),
 )

@@ -250,6 +250,14 @@ def real_numbers(value: Any, dtype: Any = float) -> np.ndarray:
         return entries.astype(dtype, copy=False)
 
 
+def numbers_or_nan(value: Any) -> np.ndarray:
+    """An array as of `real_numbers`; of what is none a NaN without axes, which a check of shape and numbers refuses."""
+    try:
+        return real_numbers(value)
+    except ValueError:
+        return np.full((), np.nan)
+
+
 def has_masked_entries(value: Any) -> bool:
     """True for a masked array that hides an entry, and for a list of such."""
     parts = value if isinstance(value, (list, tuple)) else [value]

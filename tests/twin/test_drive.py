@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from armwright.twin import faults, objects as od
-from armwright.twin.drive import Drive
+from armwright.twin.drive import TwinDrive
 from armwright.twin.state_machine import State
 
 T = 4e-3  # [s]
@@ -36,7 +36,7 @@ class Joint:
     """A drive whose motor goes where its set-point is, and brakes at its limit where a set-point is beyond all speeds."""
 
     def __init__(self, mode, start=1000, **values):
-        self.drive = Drive("joint", OBJECTS | {od.MODE: mode, od.TARGET_POSITION: start}, T)
+        self.drive = TwinDrive("joint", OBJECTS | {od.MODE: mode, od.TARGET_POSITION: start}, T)
         self.drive.values |= {getattr(od, name): value for name, value in values.items()}
         self.q, self.v, self.point = float(start), 0.0, None
         self.drive.measured(start, 0, start)

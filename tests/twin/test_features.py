@@ -12,11 +12,11 @@ from armwright.model.drive import Drive
 from armwright.model.tree import Body, Tree
 from armwright.simulation.scenario import Scenario
 from armwright.simulation.scenario_parts import Inputs, Loop, Recording, Solver, Start
-from armwright.twin.features import EXACT, FEATURES, NONE, REFUSED
 from armwright.twin.rehearsal import rehearse
 from armwright.twin.run import run_controller
 from armwright.twin.twin import Twin
 from simulation.plants import BRAKE, COGGING, COULOMB, CYLINDER, ELASTIC, LINE, MOTOR, STOPS, SUPPLY, THERMAL, chain
+from twin.features_on_bus import EXACT, FEATURES, NONE, REFUSED
 
 LIMITS = {
     "position_rad": [-2.0, 2.0],

@@ -15,7 +15,7 @@ import itertools
 import pytest
 
 from armwright.twin import objects as od
-from armwright.twin.drive import Drive
+from armwright.twin.drive import TwinDrive
 from armwright.twin.state_machine import TRANSITIONS, Command, Event, State, StateMachine, commanded
 
 p402 = pytest.importorskip("canopen.profiles.p402", reason='the independent table: pip install "armwright[twin]"')
@@ -97,7 +97,7 @@ def differing(state, option=2, hot=False):
 
     A cell is a pair of low bytes: the controlword before, and the present one, of a drive whose joint is at rest.
     """
-    drive = Drive("joint", {od.QUICK_STOP_OPTION: option}, 4e-3)
+    drive = TwinDrive("joint", {od.QUICK_STOP_OPTION: option}, 4e-3)
     drive.hot, machine, wrong, cells = hot, drive.machine, [], 0
     expected = {(edge, word): asked(state, edge, word) for edge in (0x00, 0x80) for word in range(256)}
     for last in range(256):
@@ -133,7 +133,7 @@ def test_the_high_byte_is_no_command(state):
 
 def test_ready_to_switch_on_goes_on_to_operation_enabled_by_itself():
     """Switch on with enable operation, 0x0F: transition 3, and 4 when what 3 asks for is done: a SYNC later at the latest."""
-    drive = Drive("joint", {od.MODE: 8}, 4e-3)
+    drive = TwinDrive("joint", {od.MODE: 8}, 4e-3)
     drive.measured(0, 0, 0)
     drive.command(0x06)
     drive.command(0x0F)

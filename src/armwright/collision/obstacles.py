@@ -107,10 +107,7 @@ Obstacle = PlaneObstacle | BoxObstacle | SphereObstacle
 
 def _numbers(obstacle: Any, field: str) -> np.ndarray:
     value = getattr(obstacle, field)
-    try:
-        numbers = scalar.real_numbers(value)
-    except ValueError:
-        numbers = np.zeros(0)
+    numbers = scalar.numbers_or_nan(value)
     if numbers.shape != (3,) or not np.isfinite(numbers).all():
         raise ScenarioError(place=f"{obstacle.name}.{field}", value=value, expected="3 finite numbers")
     return numbers

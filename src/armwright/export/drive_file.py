@@ -8,7 +8,7 @@ import tomlkit
 
 from armwright.description.drive_file import JointDrive
 from armwright.description.robot import RobotDescription
-from armwright.export.joints import JointFrame, joint_frames, moved_tip
+from armwright.export.joints import ExportedJoint, joint_frames, moved_tip
 from armwright.export.springs import cylinder_ends
 from armwright.model.variants.edits import tip_of
 from armwright.quantity import Quantity, Record
@@ -42,7 +42,7 @@ def drive_file(robot: RobotDescription) -> str:
     return tomlkit.dumps({key: value for key, value in document.items() if value is not None})
 
 
-def _cylinder(robot: RobotDescription, frames: list[JointFrame], cylinder: Any) -> dict[str, Any]:
+def _cylinder(robot: RobotDescription, frames: list[ExportedJoint], cylinder: Any) -> dict[str, Any]:
     """The cylinder's table, its anchors in the URDF's link frames: as the record has them where the frame is the same."""
     table = _plain(cylinder, robot.source)
     for key, (_, point) in zip(("anchor_a_m", "anchor_b_m"), cylinder_ends(robot, frames, cylinder), strict=True):

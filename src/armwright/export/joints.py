@@ -25,7 +25,7 @@ Z = (0.0, 0.0, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
-class JointFrame(Frozen):
+class ExportedJoint(Frozen):
     """A joint and the link it moves: the link's frame is the joint's, displaced by q about or along `axis`."""
 
     joint: Joint
@@ -38,7 +38,7 @@ class JointFrame(Frozen):
     tensor: np.ndarray  # (3, 3) [kg m²] about the centre of mass, in its axes
 
 
-def joint_frames(robot: RobotDescription) -> list[JointFrame]:
+def joint_frames(robot: RobotDescription) -> list[ExportedJoint]:
     """All joints, parents first."""
     shifts = {robot.base: Placement.identity()}
     links = {link.name: link for link in robot.links}
@@ -63,7 +63,7 @@ def joint_frames(robot: RobotDescription) -> list[JointFrame]:
         if not is_identity(after):
             com = after.point(com)
             tensor = after.rotation @ tensor @ after.rotation.T
-        frames.append(JointFrame(joint, link, frame, angles, axis, after, com, 0.5 * (tensor + tensor.T)))
+        frames.append(ExportedJoint(joint, link, frame, angles, axis, after, com, 0.5 * (tensor + tensor.T)))
     return frames
 
 
@@ -86,7 +86,7 @@ def named_in(types: Mapping[str, str], joint: Joint, file: str) -> str:
     return types[joint.type]
 
 
-def moved_tip(robot: RobotDescription, frames: list[JointFrame]) -> str | None:
+def moved_tip(robot: RobotDescription, frames: list[ExportedJoint]) -> str | None:
     """The name of the tip's frame if the tip is a link whose frame was moved onto its joint."""
     tip = tip_of(robot)
     shifts = {entry.link.name: entry.shift for entry in frames}
@@ -99,7 +99,7 @@ def moved_tip(robot: RobotDescription, frames: list[JointFrame]) -> str | None:
     return name
 
 
-def place_of(robot: RobotDescription, frames: list[JointFrame], name: str) -> tuple[str, Placement]:
+def place_of(robot: RobotDescription, frames: list[ExportedJoint], name: str) -> tuple[str, Placement]:
     """The link that carries a named frame or link, and the frame's pose in that link."""
     shifts = {entry.link.name: entry.shift for entry in frames} | {robot.base: Placement.identity()}
     for frame in robot.frames:

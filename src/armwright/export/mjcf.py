@@ -12,7 +12,7 @@ import numpy as np
 from armwright.description.record_of import Arm, record_of
 from armwright.description.robot import MovingJoint, RobotDescription
 from armwright.export.joints import (
-    JointFrame,
+    ExportedJoint,
     joint_frames,
     named_in,
     numbers_text,
@@ -115,7 +115,7 @@ def mjcf_text(description: RobotDescription) -> tuple[str, list[str]]:
     ]
 
 
-def _joint(body: Any, actuator: Any, joint: MovingJoint, entry: JointFrame, losses: Losses) -> None:
+def _joint(body: Any, actuator: Any, joint: MovingJoint, entry: ExportedJoint, losses: Losses) -> None:
     kind, motor = named_in(TYPES, joint, "an MJCF"), joint.motor
     position, velocity, effort = plain_limits(joint)
     values = {"name": joint.name, "type": kind, "axis": numbers_text(entry.axis)}
@@ -141,7 +141,7 @@ def _joint(body: Any, actuator: Any, joint: MovingJoint, entry: JointFrame, loss
     ElementTree.SubElement(actuator, "motor", drive)
 
 
-def _inertial(body: Any, entry: JointFrame, losses: Losses) -> None:
+def _inertial(body: Any, entry: ExportedJoint, losses: Losses) -> None:
     mass, tensor = float(entry.link.mass_kg), entry.tensor
     if not mass and not tensor.any():
         return
@@ -163,7 +163,7 @@ def _has_mass(description: RobotDescription, link: str) -> bool:
     return has_mass or any(_has_mass(description, child) for child in fixed)
 
 
-def _geom(body: Any, entry: JointFrame, visual: Any, losses: Losses) -> None:
+def _geom(body: Any, entry: ExportedJoint, visual: Any, losses: Losses) -> None:
     """Pictures touch nothing and weigh nothing."""
     shape = None if visual.hole else _shape(visual.solid)
     if shape is None:

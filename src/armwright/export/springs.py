@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from armwright.description.robot import MovingJoint, RobotDescription
-from armwright.export.joints import JointFrame, numbers_text, place_of
+from armwright.export.joints import ExportedJoint, numbers_text, place_of
 from armwright.export.losses import Losses, loss_of
 from armwright.model.joint_side import spring_of
 from armwright.model.springs import LinearSpring
@@ -35,7 +35,7 @@ def joint_stiffness(joint: MovingJoint, losses: Losses) -> dict[str, str]:
     return {"stiffness": repr(spring.stiffness), "springref": repr(spring.rest + spring.preload / spring.stiffness)}
 
 
-def cylinder_ends(robot: RobotDescription, frames: list[JointFrame], cylinder: Any) -> list[tuple[str, np.ndarray]]:
+def cylinder_ends(robot: RobotDescription, frames: list[ExportedJoint], cylinder: Any) -> list[tuple[str, np.ndarray]]:
     """The links that carry a cylinder's ends, and the anchors (3,) [m] in those links' frames here."""
     ends = (cylinder.link_a, cylinder.anchor_a_m), (cylinder.link_b, cylinder.anchor_b_m)
     return [(link, place_of(robot, frames, link)[1].point(np.array(anchor))) for link, anchor in ends]
@@ -45,7 +45,7 @@ def add_tendons(
     root: ElementTree.Element,
     bodies: dict[str, ElementTree.Element],
     robot: RobotDescription,
-    frames: list[JointFrame],
+    frames: list[ExportedJoint],
     losses: Losses,
 ) -> None:
     """Adds each cylinder as a spatial tendon between two sites:  tension = stiffness (ℓ - springlength).

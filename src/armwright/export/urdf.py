@@ -16,7 +16,7 @@ from armwright.description.robot import MovingJoint, RobotDescription
 from armwright.description.urdf.joints import LARGEST
 from armwright.export.drive_file import drive_file
 from armwright.export.joints import (
-    JointFrame,
+    ExportedJoint,
     joint_frames,
     moved_tip,
     named_in,
@@ -99,7 +99,7 @@ def urdf_text(
     return f'<?xml version="1.0" encoding="utf-8"?>\n{ElementTree.tostring(robot, encoding="unicode")}\n'
 
 
-def _link(robot: ElementTree.Element, entry: JointFrame, path: Path, losses: Losses) -> None:
+def _link(robot: ElementTree.Element, entry: ExportedJoint, path: Path, losses: Losses) -> None:
     link = ElementTree.SubElement(robot, "link", name=entry.link.name)
     if float(entry.link.mass_kg) or entry.tensor.any():
         inertial = ElementTree.SubElement(link, "inertial")
@@ -112,7 +112,7 @@ def _link(robot: ElementTree.Element, entry: JointFrame, path: Path, losses: Los
         _visual(link, entry, visual, path, losses)
 
 
-def _visual(link: ElementTree.Element, entry: JointFrame, visual: Visual, path: Path, losses: Losses) -> None:
+def _visual(link: ElementTree.Element, entry: ExportedJoint, visual: Visual, path: Path, losses: Losses) -> None:
     solid = visual.solid
     if visual.hole or not isinstance(solid, (Box, Cylinder, Sphere, Mesh)):
         losses.add(f"the picture of a {'hole' if visual.hole else solid.shape}", entry.link.name, "link")
@@ -135,7 +135,7 @@ def _visual(link: ElementTree.Element, entry: JointFrame, visual: Visual, path: 
         ElementTree.SubElement(material, "color", rgba=numbers_text([*visual.colour, 1.0]))
 
 
-def _joint(robot: ElementTree.Element, entry: JointFrame, losses: Losses) -> None:
+def _joint(robot: ElementTree.Element, entry: ExportedJoint, losses: Losses) -> None:
     joint = entry.joint
     limits = _limits(joint, losses) if isinstance(joint, MovingJoint) else {}
     kind = named_in(TYPES, joint, "a URDF")

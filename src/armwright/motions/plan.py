@@ -212,7 +212,7 @@ def plan_text(text: str, place: str, files: Files) -> Plan:
         try:
             arm = build_model(files.robot(table.robot))
             limits = MotionLimits.of(arm, **table.limits.model_dump())
-            run = _Run(arm, limits, pose("start", table.start, arm, np.zeros(arm.n)))
+            run = _Planning(arm, limits, pose("start", table.start, arm, np.zeros(arm.n)))
             limits.check_position("start", run.q)
             for k, segment in enumerate(table.segments):
                 try:
@@ -242,7 +242,7 @@ def plan_text(text: str, place: str, files: Files) -> Plan:
 
 
 @dataclass
-class _Run:
+class _Planning:
     """State of planning: where and how fast the arm is, and what was planned so far."""
 
     arm: Model

@@ -7,13 +7,14 @@ from typing import Annotated, Any, Literal
 from pydantic import ConfigDict, Field
 
 from armwright.quantity import Record, absent
-from armwright.scenarios.records import Number, PerJoint, Tensor, Three, counted
+from armwright.scenarios.records import BodyTable, PerJoint, Three
+from armwright.scenarios.value_records import NotNegative, Number, Positive
 from armwright.validation import SEEN
 
-Seconds = Annotated[Number, Field(gt=0)]
 Speed = Annotated[Number, Field(ge=1e-6, le=1)]
 Points = Annotated[tuple[tuple[Number, ...], ...], Field(min_length=1)]
 RIGHT_ANGLE = 1.5707963267948966  # [rad]
+Pitch = Annotated[Number, Field(ge=-RIGHT_ANGLE, le=RIGHT_ANGLE)]
 SPEED = "1: as fast as the limits allow; 0.5: the same in twice the time."
 
 
@@ -41,7 +42,7 @@ class MoveSegment(Record):
     goal_velocity: PerJoint | None = absent(
         "Of minimum_jerk and ruckig, which may end moving; the next segment goes on from there."
     )
-    duration_s: Seconds | None = absent("Absent: as short as the limits allow.")
+    duration_s: Positive | None = absent("Absent: as short as the limits allow.")
     speed: Speed = Field(default=1.0, description=SPEED)
 
 
@@ -54,7 +55,7 @@ class WaypointsSegment(Record):
     times_s: tuple[Number, ...] | None = absent(
         "Of the waypoints, from the segment's beginning on; absent: by the limits."
     )
-    duration_s: Seconds | None = absent("Absent: as short as the limits allow.")
+    duration_s: Positive | None = absent("Absent: as short as the limits allow.")
     speed: Speed = Field(default=1.0, description=SPEED)
 
 
@@ -62,24 +63,14 @@ class DwellSegment(Record):
     """A pause."""
 
     kind: Literal["dwell"] = Field(description="Which kind of segment.")
-    duration_s: Seconds = Field(description="How long the arm stands.")
+    duration_s: Positive = Field(description="How long the arm stands.")
 
 
-class GripSegment(Record):
+class GripSegment(BodyTable):
     """A body picked up at once, in place of the present payload; torques include it from then on."""
 
     kind: Literal["grip"] = Field(description="Which kind of segment.")
-    mass_kg: Annotated[Number, Field(gt=0)] = Field(description="Mass of the body.")
-    com_m: Three | None = absent(
-        "Its centre of mass, in the frame; of a point mass its place, absent: the frame's origin."
-    )
-    inertia_kg_m2: Annotated[Tensor | tuple[Number, Number, Number], counted(3, "moments about x, y and z")] | None = (
-        absent(
-            "About its centre of mass, in the frame's axes: a table, or three principal moments; absent: 0, a point "
-            "mass."
-        )
-    )
-    frame: str | None = absent("Which carries it; absent: the tip.")
+    mass_kg: Positive = Field(description="Mass of the body.")
 
 
 class ReleaseSegment(Record):
@@ -96,31 +87,27 @@ class TimeOptimalSegment(Record):
     grid: Annotated[int, Field(ge=10, le=5_000)] = Field(default=500, description="Number of grid points, about.")
 
 
-class LinePiece(Record):
-    """A straight line of the tool."""
+class EndPiece(Record):
+    """A piece of the tool's path with an end."""
 
-    kind: Literal["line"] = Field(description="Which kind of piece.")
     to_m: Three = Field(description="x, y, z where it ends.")
     rpy_rad: Three | None = absent("Angles about fixed x, y, z there; absent: it does not turn.")
     direction: Three | None = absent("Of the axis that `aim` names there, in base axes.")
-    pitch_rad: Annotated[Number, Field(ge=-RIGHT_ANGLE, le=RIGHT_ANGLE)] | None = absent(
-        "Of that axis there: its angle below the base's xy plane."
-    )
+    pitch_rad: Pitch | None = absent("Of that axis there: its angle below the base's xy plane.")
     yaw_rad: Number | None = absent("Of that axis there: its angle about base z, 0 along base x.")
 
 
-class ArcPiece(Record):
+class LinePiece(EndPiece):
+    """A straight line of the tool."""
+
+    kind: Literal["line"] = Field(description="Which kind of piece.")
+
+
+class ArcPiece(EndPiece):
     """An arc of a circle through a point."""
 
     kind: Literal["arc"] = Field(description="Which kind of piece.")
     through_m: Three = Field(description="x, y, z that it passes.")
-    to_m: Three = Field(description="x, y, z where it ends.")
-    rpy_rad: Three | None = absent("Angles about fixed x, y, z there; absent: it does not turn.")
-    direction: Three | None = absent("Of the axis that `aim` names there, in base axes.")
-    pitch_rad: Annotated[Number, Field(ge=-RIGHT_ANGLE, le=RIGHT_ANGLE)] | None = absent(
-        "Of that axis there: its angle below the base's xy plane."
-    )
-    yaw_rad: Number | None = absent("Of that axis there: its angle about base z, 0 along base x.")
 
 
 class CirclePiece(Record):
@@ -140,21 +127,17 @@ class ToolSegment(Record):
     path: Annotated[
         tuple[Annotated[LinePiece | ArcPiece | CirclePiece, Field(discriminator="kind")], ...], Field(min_length=1)
     ] = Field(description="Pieces, each from where the last one ends.")
-    speed_m_per_s: Annotated[Number, Field(gt=0)] = Field(description="Of the tool.")
-    acceleration_m_per_s2: Annotated[Number, Field(gt=0)] = Field(description="Of the tool.")
+    speed_m_per_s: Positive = Field(description="Of the tool.")
+    acceleration_m_per_s2: Positive = Field(description="Of the tool.")
     slow: Literal["everywhere", "where needed"] = Field(
         default="everywhere", description="What is slower where the joints cannot follow at the tool's speed."
     )
     constant: bool = Field(
         default=False, description="true: refused rather than slower where the joints cannot follow."
     )
-    blend_m: Annotated[Number, Field(ge=0)] = Field(
-        default=0.0, description="Largest distance of rounded corners; 0: sharp."
-    )
-    angular_speed_rad_per_s: Annotated[Number, Field(gt=0)] | None = absent("Absent: no limit.")
-    angular_acceleration_rad_per_s2: Annotated[Number, Field(gt=0)] | None = absent(
-        "Both are needed for turns in place."
-    )
+    blend_m: NotNegative = Field(default=0.0, description="Largest distance of rounded corners; 0: sharp.")
+    angular_speed_rad_per_s: Positive | None = absent("Absent: no limit.")
+    angular_acceleration_rad_per_s2: Positive | None = absent("Both are needed for turns in place.")
     origin: Literal["base", "start"] = Field(
         default="base",
         description="Where positions count from, in base axes: the base, or the tool where the segment begins.",
@@ -195,7 +178,7 @@ class SphereTable(Record):
     """A ball."""
 
     kind: Literal["sphere"] = Field(description="Which kind of obstacle.")
-    radius_m: Annotated[Number, Field(gt=0)] = Field(description="Its radius.")
+    radius_m: Positive = Field(description="Its radius.")
     position_m: Three = Field(description="Of its middle, in base axes.")
     name: Annotated[str, Field(pattern=SEEN)] = Field(default="sphere", description="For messages.")
 
@@ -213,12 +196,10 @@ class MotionTable(Record):
     start: PerJoint = Field(description="Positions at the beginning [rad | m], or a table by joint whose others are 0.")
     limits: LimitsTable = Field(default_factory=LimitsTable, description="In place of the record's.")
     obstacles: tuple[ObstacleTable, ...] = Field(default=(), description="What stands around the arm.")
-    clearance_m: Annotated[Number, Field(ge=0)] | None = absent(
+    clearance_m: NotNegative | None = absent(
         "Least distance of links from each other and from obstacles; absent: 0 with obstacles, else not checked."
     )
-    link_radius_m: Annotated[Number, Field(gt=0)] | None = absent(
-        "Radius of links whose record has no shapes, for distances."
-    )
+    link_radius_m: Positive | None = absent("Radius of links whose record has no shapes, for distances.")
     ignore: tuple[tuple[str, str], ...] = Field(
         default=(), description="Pairs of links whose distance does not count, as those of a wrist."
     )

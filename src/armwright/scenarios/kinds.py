@@ -11,7 +11,7 @@ from typing import Any
 
 from armwright.errors import Problem, ScenarioError
 from armwright.model import Model
-from armwright.scenarios.records import Kind
+from armwright.scenarios.records import KindTable
 from armwright.scenarios.values import VALUE
 from armwright.trajectory.limits import QUANTITIES, MotionLimits
 from armwright.trajectory.motion import Motion
@@ -85,14 +85,16 @@ def from_fields(home: str, place: str, fields: Mapping[str, Any], arm: Model) ->
         raise error.renamed(partial(re.sub, own, lambda at: f"{place}.{FILE_KEYS.get(at[1], at[1])}")) from None
 
 
-def controller_tables(place: str, controller: Kind) -> dict[str, str]:
+def controller_tables(place: str, controller: KindTable) -> dict[str, str]:
     """The tables of a controller and of those that it holds, by the names of their classes.
 
     Args:
         place: of the controller's table in the file.   controller: the table.
     """
     known, inner = _kinds("controller").get(controller.kind), controller.fields().get("inner")
-    below = controller_tables(f"{place}.inner", Kind(**inner)) if isinstance(inner, dict) and "kind" in inner else {}
+    below = (
+        controller_tables(f"{place}.inner", KindTable(**inner)) if isinstance(inner, dict) and "kind" in inner else {}
+    )
     return below | ({} if known is None else {known.__name__: place})
 
 

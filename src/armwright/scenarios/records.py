@@ -12,7 +12,7 @@ from pydantic import ConfigDict, Field, StrictBool, model_validator
 from armwright.errors import ScenarioError
 from armwright.quantity import Record, absent
 from armwright.scenarios.tuning_records import TuningTable
-from armwright.scenarios.value_records import MOST_LANES, Number, Values, Whole, counted
+from armwright.scenarios.value_records import MOST_LANES, LaneValues, Number, Whole, counted
 
 PerJoint = Number | tuple[Number, ...] | dict[str, Number]
 Wrench = Annotated[
@@ -42,7 +42,7 @@ class CommandsTable(Record):
         return self
 
 
-class Kind(Record):
+class KindTable(Record):
     """A table that names what it is, and gives its fields."""
 
     model_config = ConfigDict(frozen=True, extra="allow")
@@ -64,9 +64,9 @@ class SensorsTable(Record):
     side: Literal["motor", "link"] = Field(default="motor", description="Where the encoder sits.")
     velocity: str = Field(default="exact", description="exact, difference, filtered or observer.")
     cutoff_hz: Number | None = absent("Of the filter or observer.")
-    position_noise: Number = Field(0.0, ge=0, description="Standard deviation [rad | m].")
-    velocity_noise: Number = Field(0.0, ge=0, description="[rad/s | m/s].")
-    current_noise: Number = Field(0.0, ge=0, description="[A].")
+    position_noise: Number = Field(default=0.0, ge=0, description="Standard deviation [rad | m].")
+    velocity_noise: Number = Field(default=0.0, ge=0, description="[rad/s | m/s].")
+    current_noise: Number = Field(default=0.0, ge=0, description="[A].")
 
 
 class CommandFilterTable(Record):
@@ -112,28 +112,32 @@ def inertia_tensor(inertia: Tensor | tuple[float, float, float]) -> np.ndarray:
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
-class PayloadTable(Record):
-    """A body in the hand from a time on, in place of the payload before; see `armwright.Payload`."""
+class BodyTable(Record):
+    """Mass properties of a body in the hand."""
 
-    time_s: Number = Field(description="When it is taken up; 0 or later.")
-    mass_kg: Number = Field(description="0 puts down what the hand held, and needs no more.")
     com_m: Three | None = absent("Centre of mass, in the frame; of a point mass its place, absent: the frame's origin.")
     inertia_kg_m2: Annotated[Tensor | tuple[Number, Number, Number], counted(3, "moments about x, y and z")] | None = (
         absent(
-            "About the centre of mass, in the frame's axes: a table, or three principal moments; absent: 0, a point "
-            "mass."
+            "About the centre of mass, in the frame's axes: a table, or three principal moments; absent: 0, a point mass."
         )
     )
     frame: str | None = absent("Which carries it; absent: the tip.")
 
 
+class PayloadTable(BodyTable):
+    """A body in the hand from a time on, in place of the payload before; see `armwright.Payload`."""
+
+    time_s: Number = Field(description="When it is taken up; 0 or later.")
+    mass_kg: Number = Field(description="0 puts down what the hand held, and needs no more.")
+
+
 class LoopTable(Record):
     """A sampled loop; see `armwright.Loop`."""
 
-    controller: Kind = Field(
+    controller: KindTable = Field(
         description="kind = 'joint_pid', 'cascade', 'computed_torque' and its gains, or one around an inner table."
     )
-    reference: Kind | None = absent(
+    reference: KindTable | None = absent(
         "kind = 'pose', 'schedule', 'motion', 'expression' or a named trajectory; absent: the initial pose."
     )
     period_s: Number | None = absent("From sample to sample; absent: step times substeps.")
@@ -198,12 +202,12 @@ class RecordingTable(Record):
     every: Whole | None = absent("Ticks from one row to the next, absent: 1; 0: the first and the last only.", ge=0)
     what: Literal["all", "state", "none"] = Field(default="all", description="All, q and qd alone, or no rows at all.")
     reduce: tuple[str, ...] = Field(default=(), description="Numbers computed while the loop runs, such as rms_error.")
-    reference: Kind | None = absent(
+    reference: KindTable | None = absent(
         "What reduce measures errors from, beside [commands]; kinds as in [loop.reference]."
     )
 
 
-class Lanes(Record):
+class LanesTable(Record):
     """Numbers of the file that vary from lane to lane."""
 
     kind: Literal["list", "grid", "draws"] = Field(
@@ -211,13 +215,13 @@ class Lanes(Record):
     )
     count: Whole | None = absent("Lanes to draw; goes with 'draws'.", ge=1, le=MOST_LANES)
     seed: Whole | None = absent("Of the draws; goes with 'draws'.", ge=0)
-    vary: dict[str, Values] = Field(
+    vary: dict[str, LaneValues] = Field(
         min_length=1,
         description="By name: 'link6.mass_kg', 'loop.controller.kp[2]', 'loop.timing.command_delay_s', 'start.q[1]'.",
     )
 
     @model_validator(mode="after")
-    def _complete(self) -> Lanes:
+    def _complete(self) -> LanesTable:
         if (self.kind == "draws") != (self.count is not None) or (self.kind == "draws") != (self.seed is not None):
             raise ValueError("count and seed go with kind = 'draws', which needs both")
         if self.seed is not None and self.seed >= 2**63:
@@ -279,14 +283,14 @@ class ScenarioTable(Record):
         default_factory=dict, description="Other numbers than the record's: 'link6.mass_kg' = 1.2."
     )
     duration_s: Number | None = absent("How long; absent: until a schedule's last row.")
-    seed: Whole = Field(0, ge=0, description="Of noise, jitter and losses.")
+    seed: Whole = Field(default=0, ge=0, description="Of noise, jitter and losses.")
     start: StartTable = Field(default_factory=StartTable, description="Initial positions and speeds.")
     commands: CommandsTable | None = absent("Commands over time; or a loop.")
     loop: LoopTable | None = absent("Controller, reference, sensors and timing.")
     inputs: InputsTable = Field(default_factory=InputsTable, description="What acts beside commands.")
     solver: SolverTable = Field(default_factory=SolverTable, description="Integrator and step.")
     recording: RecordingTable = Field(default_factory=RecordingTable, description="What is kept.")
-    lanes: Lanes | None = absent("Many runs at once; absent: one.")
+    lanes: LanesTable | None = absent("Many runs at once; absent: one.")
     tuning: TuningTable | None = absent("What `armwright tune` searches for; no run reads it.")
 
     @model_validator(mode="after")

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, field_validator, model_validator
 
 from armwright.quantity import Record, absent
-from armwright.scenarios.value_records import Number, Values, Whole, counted
+from armwright.scenarios.value_records import LaneValues, Number, Whole, counted
 from armwright.validation import Invalid
 
 Ends = tuple[Number | tuple[Number, ...], Number | tuple[Number, ...]]
@@ -44,7 +44,7 @@ class DrawsTable(Record):
     )
     jitter_s: Number | None = absent("The most that any command is late, in place of loop's.", gt=0)
     delay_s: Number | None = absent("The most that commands of a lane are late beyond the loop's.", gt=0)
-    vary: dict[str, Values] = Field(
+    vary: dict[str, LaneValues] = Field(
         default_factory=dict,
         description="Numbers of the robot file by name, drawn: 'link6.mass_kg' = { uniform = [1, 2] }.",
     )
@@ -72,7 +72,8 @@ class TuningTable(Record):
         "whose names end in kp, ki or kd, within a factor of 10."
     )
     objectives: dict[str, Weight] = Field(
-        {"rms_error": 1.0, "saturation": 1.0}, description="Weights of reducers, of noise_gain and of sensitivity."
+        default={"rms_error": 1.0, "saturation": 1.0},
+        description="Weights of reducers, of noise_gain and of sensitivity.",
     )
     limits: dict[str, Number | tuple[Number, ...]] = Field(
         default_factory=dict,
@@ -81,22 +82,26 @@ class TuningTable(Record):
     improve_each: bool = Field(default=False, description="No objective may get worse than at the start.")
     over: Literal["mean", "worst"] = Field(default="mean", description="Of the lanes.")
     gain_margin: Number = Field(default=2.0, description="Factor either way that any one command bears.")
-    phase_margin_rad: Number = Field(math.radians(30.0), description="Phase lag that any one command bears.")
+    phase_margin_rad: Number = Field(default=math.radians(30.0), description="Phase lag that any one command bears.")
     poses: Whole = Field(
-        2000, ge=1, description="Drawn within the position limits; the margins hold where they are extreme."
+        default=2000, ge=1, description="Drawn within the position limits; the margins hold where they are extreme."
     )
     draws: DrawsTable | None = absent(
         "What differs between the lanes; absent: the scenario's lanes, and of a single run mass = 0.3, friction = 2 "
         "and record = true."
     )
-    lanes: Whole = Field(64, ge=1, description="Of a scenario that has one; every second lane judges the result.")
+    lanes: Whole = Field(
+        default=64, ge=1, description="Of a scenario that has one; every second lane judges the result."
+    )
     method: Literal["cma", "differential-evolution"] = Field(default="cma", description="Of the search.")
-    generations: Whole = Field(30, ge=1, description="Of the search.")
+    generations: Whole = Field(default=30, ge=1, description="Of the search.")
     candidates: Whole | None = absent("In a generation; absent: 4 + 3 ln of the gains, 8 at least.", ge=4)
     front: Whole = Field(
-        0, ge=0, description="Further searches with other weights of the first two objectives, for the Pareto front."
+        default=0,
+        ge=0,
+        description="Further searches with other weights of the first two objectives, for the Pareto front.",
     )
-    seed: Whole = Field(0, ge=0, description="Of the search, the poses and the draws.")
+    seed: Whole = Field(default=0, ge=0, description="Of the search, the poses and the draws.")
 
     @field_validator("gain_margin")
     @classmethod

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BeforeValidator, Strict, model_validator
+from pydantic import BeforeValidator, Field, Strict, model_validator
 
 from armwright.parameters import Draw
 from armwright.quantity import Record, absent
@@ -13,6 +13,8 @@ from armwright.quantity import Record, absent
 MOST_LANES = 10**8
 Number = Annotated[float, Strict()]  # no text, and no true or false
 Whole = Annotated[int, Strict()]
+Positive = Annotated[Number, Field(gt=0)]
+NotNegative = Annotated[Number, Field(ge=0)]
 Numbers = tuple[Number, ...]
 
 
@@ -31,7 +33,7 @@ Pair = Annotated[tuple[Number, Number], counted(2, "where it is, and how wide it
 Bounds = Annotated[tuple[Number, Number], counted(2, "a lower and an upper bound")]
 
 
-class Values(Record):
+class LaneValues(Record):
     """Values of one number in the lanes, in one of these ways."""
 
     values: Numbers | None = absent("These, one a lane (or one a row of the grid).", min_length=1)
@@ -43,7 +45,7 @@ class Values(Record):
     lognormal: Pair | None = absent("Drawn: median, and standard deviation of the logarithm.")
 
     @model_validator(mode="after")
-    def _one_way(self) -> Values:
+    def _one_way(self) -> LaneValues:
         line = [name for name in ("start", "stop", "count") if getattr(self, name) is not None]
         if line and len(line) != 3:
             raise ValueError("start, stop and count go together")

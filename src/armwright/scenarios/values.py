@@ -13,7 +13,7 @@ from armwright.model import Model
 from armwright.model.vary import Varied
 from armwright.quantity import Record
 from armwright.scenarios.mistakes import Mistakes
-from armwright.scenarios.records import Kind, LoopTable, PayloadTable, ScenarioTable, inertia_tensor
+from armwright.scenarios.records import KindTable, LoopTable, PayloadTable, ScenarioTable, inertia_tensor
 from armwright.simulation.checks import check_time
 from armwright.simulation.scenario_parts import Solver
 from armwright.trajectory.limits import QUANTITIES
@@ -70,13 +70,13 @@ def _loop(table: LoopTable, arm: Model, mistakes: Mistakes) -> Fields:
     return fields
 
 
-def _reference(part: str, table: Kind | None, arm: Model, mistakes: Mistakes) -> Fields | None:
+def _reference(part: str, table: KindTable | None, arm: Model, mistakes: Mistakes) -> Fields | None:
     with mistakes.noted():
         return None if table is None else _reference_values(f"{part}.reference", table, arm)
     return None
 
 
-def _reference_values(place: str, table: Kind, arm: Model) -> Fields:
+def _reference_values(place: str, table: KindTable, arm: Model) -> Fields:
     """Fields of a reference, its kind and those of the reference that it shapes among them."""
     fields, key = table.fields(), VALUE.get(table.kind)
     if key is None:
@@ -106,7 +106,7 @@ def _formulas(place: str, texts: Any, arm: Model) -> list[str]:
     return [str(text) for text in texts]
 
 
-def _kind_values(place: str, table: Kind, arm: Model) -> Fields:
+def _kind_values(place: str, table: KindTable, arm: Model) -> Fields:
     """Fields of a controller, filter or trajectory, its kind and those of what it holds among them."""
     of_reference = place.endswith("reference")
     fields: Fields = {"kind": table.kind}
@@ -124,8 +124,8 @@ def _kind_values(place: str, table: Kind, arm: Model) -> Fields:
     return fields
 
 
-def _kind(place: str, table: Any) -> Kind:
-    return validated(Kind, table, place=place, error=ScenarioError)
+def _kind(place: str, table: Any) -> KindTable:
+    return validated(KindTable, table, place=place, error=ScenarioError)
 
 
 def _kind_value(place: str, value: Any, arm: Model, of_reference: bool) -> Any:

@@ -56,7 +56,7 @@ class Terms:
         return np.stack([self.most - self.value, self.most + self.value])
 
 
-class Problem(Protocol):
+class TimesProblem(Protocol):
     """Constraints of a problem."""
 
     @property
@@ -87,7 +87,7 @@ class Problem(Protocol):
         ...
 
 
-def shortest_times(problem: Problem, y: np.ndarray, scaled: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+def shortest_times(problem: TimesProblem, y: np.ndarray, scaled: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
     """Times 1 / x of the step with the least sum, or of the start, until steps gain no more.
 
     Args:
@@ -104,7 +104,7 @@ def shortest_times(problem: Problem, y: np.ndarray, scaled: Callable[[np.ndarray
     return best
 
 
-def iterates(problem: Problem, y: np.ndarray) -> Iterator[np.ndarray]:
+def iterates(problem: TimesProblem, y: np.ndarray) -> Iterator[np.ndarray]:
     """Unknowns after each step, without end but where no step is left; limits hold in all, equations in the later ones.
 
     Args:
@@ -141,7 +141,7 @@ def iterates(problem: Problem, y: np.ndarray) -> Iterator[np.ndarray]:
 
 
 def _within(
-    problem: Problem, y: np.ndarray, step: np.ndarray, limited: list[Terms], slacks: list[np.ndarray]
+    problem: TimesProblem, y: np.ndarray, step: np.ndarray, limited: list[Terms], slacks: list[np.ndarray]
 ) -> tuple[float, list[Terms], list[np.ndarray]]:
     """Length of a step that keeps all limits, the limited terms after it and their slacks.
 
@@ -166,7 +166,7 @@ def _within(
 class _System:
     """Newton's system in banded form, filled term by term."""
 
-    def __init__(self, problem: Problem, y: np.ndarray):
+    def __init__(self, problem: TimesProblem, y: np.ndarray):
         rates = problem.rates
         self.pinned, self.size, self.band, self.typical = problem.pinned, len(y), problem.band, problem.typical(y)
         self.entries = [(rates, rates, 2.0 / y[rates] ** 3)]

@@ -71,7 +71,7 @@ class MotionLimits:
     @property
     def unlimited(self) -> np.ndarray:
         """(n,) True for joints without limits of velocity, acceleration and jerk."""
-        return np.isinf([self.velocity, self.acceleration, self.jerk]).all(axis=0)
+        return np.isinf(self.velocity) & np.isinf(self.acceleration) & np.isinf(self.jerk)
 
     def replace(self, **overrides: Any) -> MotionLimits:
         """The limits with some replaced, as in `of`."""
@@ -159,10 +159,7 @@ def checked_limit(place: str, value: Any, quantity: str, n: int) -> np.ndarray:
     Raises:
         ScenarioError: names the place, its value and what was expected.
     """
-    try:
-        values = scalar.real_numbers(value)
-    except ValueError:
-        values = np.full(1, np.nan)
+    values = scalar.numbers_or_nan(value)
     if quantity == "position":
         bounds = np.stack([-values, values], axis=-1) if values.ndim == 0 else values
         if bounds.shape not in ((2,), (n, 2)) or not ((bounds[..., 0] < bounds[..., 1]).all() and _is_in_range(bounds)):

@@ -64,7 +64,7 @@ class Excess:
 
 
 @dataclass(frozen=True)
-class Jump:
+class MotionJump:
     """A jump of a joint's position, speed or acceleration, at which higher derivatives are infinite.
 
     Attributes:
@@ -263,7 +263,9 @@ def _joined(limits: MotionLimits, parts: tuple[LimitsReport, ...]) -> LimitsRepo
         low, high = np.array([part.bands[quantity] for part in parts]).transpose(2, 0, 1)
         bands[quantity] = np.stack([low.min(axis=0), high.max(axis=0)], axis=1)
     unchecked, notes = parts[0].unchecked, parts[0].notes
-    return LimitsReport(limits, *found, jumps, excess, unchecked, parts, bands, notes)
+    return LimitsReport(
+        limits, *found, jumps=jumps, excess=excess, unchecked=unchecked, parts=parts, bands=bands, notes=notes
+    )
 
 
 def _of_one(
@@ -402,13 +404,13 @@ def _jerk(motion: Motion, t: np.ndarray, qdd: np.ndarray) -> np.ndarray:
     return np.concatenate([rate, rate[-1:]])
 
 
-def jumps_of(motions: Sequence[Motion]) -> list[list[Jump]]:
+def jumps_of(motions: Sequence[Motion]) -> list[list[MotionJump]]:
     """Jumps of position, speed and acceleration in motions in sequence, each with the motion that does not rest beside it.
 
     Args:
         motions: each begins when the one before ends; before the first and after the last the arm stands.
     """
-    found: list[list[Jump]] = []
+    found: list[list[MotionJump]] = []
     for k, motion in enumerate(motions):
         breaks = np.asarray(motion.breaks, dtype=float)
         after, before = np.array(motion.at(breaks)), np.array(motion.at(np.nextafter(breaks, -np.inf)))
@@ -429,7 +431,7 @@ def jumps_of(motions: Sequence[Motion]) -> list[list[Jump]]:
         small = JUMP * np.maximum(largest, STILL * largest.max(axis=1, keepdims=True))
         small[0] = APART + 4.0 * beside.max() * largest[1]  # what `Joined` allows
         sizes = after - before
-        jumps: list[Jump] = []
+        jumps: list[MotionJump] = []
         for order in range(3):
             for row, joint in np.argwhere(np.abs(sizes[order]) > small[order]):
                 sides = [np.nextafter(breaks[row], -np.inf), breaks[row]]
@@ -437,12 +439,12 @@ def jumps_of(motions: Sequence[Motion]) -> list[list[Jump]]:
                     own = not (side is before and row == 0) and not (side is after and row == len(breaks) - 1)
                     moves = order == 0 or abs(side[order, row, joint]) > small[order, joint]
                     if own and moves:
-                        jumps.append(Jump(int(joint), order, float(at), float(sizes[order, row, joint])))
+                        jumps.append(MotionJump(int(joint), order, float(at), float(sizes[order, row, joint])))
         found.append(jumps)
     return found
 
 
-def _with_jumps(arm: Model, motion: Motion, report: LimitsReport, jumps: Sequence[Jump]) -> LimitsReport:
+def _with_jumps(arm: Model, motion: Motion, report: LimitsReport, jumps: Sequence[MotionJump]) -> LimitsReport:
     """The report with the limits that no finite value keeps where something jumps."""
     limits, excess = report.limits, list(report.excess)
     words = (("position", "q"), ("speed", "qd"), ("acceleration", "qdd"))
@@ -468,7 +470,7 @@ def _with_jumps(arm: Model, motion: Motion, report: LimitsReport, jumps: Sequenc
     return replace(report, excess=tuple(excess), jumps=np.unique(jerky))
 
 
-def _impacts(arm: Model, motion: Motion, report: LimitsReport, jumps: Sequence[Jump]) -> list[Excess]:
+def _impacts(arm: Model, motion: Motion, report: LimitsReport, jumps: Sequence[MotionJump]) -> list[Excess]:
     """Limits of torque and voltage where speeds jump: M Δq̇ is an impulse of torque."""
     found: dict[tuple[str, int], Excess] = {}
     for time in dict.fromkeys(each.time for each in jumps) if "torque" in report.share else ():

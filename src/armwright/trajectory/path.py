@@ -110,10 +110,7 @@ class JointPath:
 
 
 def _numbers(name: str, value: Any, expected: str) -> np.ndarray:
-    try:
-        values = scalar.real_numbers(value)
-    except ValueError:  # rows of unequal length, or no numbers
-        values = np.full(1, np.nan)
+    values = scalar.numbers_or_nan(value)
     wrong = ~(np.abs(values) < LARGEST)
     if wrong.any():
         row = int(np.argwhere(wrong)[0][0]) if values.ndim > 1 else None

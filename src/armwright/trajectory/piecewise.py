@@ -246,10 +246,7 @@ def shifted(coefficients: np.ndarray, offset: np.ndarray) -> np.ndarray:
 
 
 def _numbers(name: str, value: Any, dimensions: int) -> np.ndarray:
-    try:
-        numbers = scalar.real_numbers(value).copy()
-    except ValueError:
-        numbers = np.full((), np.nan)
+    numbers = scalar.numbers_or_nan(value).copy()
     if numbers.ndim != dimensions or not np.isfinite(numbers).all():
         raise ScenarioError(place=f"PiecewisePolynomial.{name}", value=value, expected="finite numbers")
     numbers.flags.writeable = False

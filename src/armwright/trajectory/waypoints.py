@@ -126,10 +126,7 @@ class Waypoints(PiecewiseMotion):
 
 def _checked_points(value: Any) -> np.ndarray:
     """(k, n) waypoints, finite, each another than the one before."""
-    try:
-        points = scalar.real_numbers(value).astype(float)
-    except ValueError:
-        points = np.zeros(0)
+    points = scalar.numbers_or_nan(value).astype(float)
     if points.ndim != 2 or len(points) < 2 or not points.size:
         raise ScenarioError(place="Waypoints.points", value=value, expected="(k, n) numbers, two waypoints or more")
     wrong = np.argwhere(~np.isfinite(points))
@@ -148,10 +145,7 @@ def _checked_points(value: Any) -> np.ndarray:
 
 def _checked_times(value: Any, count: int) -> np.ndarray:
     """(k,) times, one a waypoint, finite and increasing."""
-    try:
-        times = scalar.real_numbers(value).astype(float)
-    except ValueError:
-        times = np.full(count, np.nan)
+    times = scalar.numbers_or_nan(value).astype(float)
     if times.shape != (count,) or not np.isfinite(times).all():
         raise ScenarioError(
             place="Waypoints.times", value=value, expected=f"{count} finite numbers [s], one a waypoint"

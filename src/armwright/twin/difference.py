@@ -13,7 +13,7 @@ from armwright.twin.rehearsal import Rehearsal
 
 
 @dataclass(frozen=True)
-class Difference:
+class RunDifference:
     """The first value over the bus that differs from the simulation.
 
     Attributes:
@@ -38,7 +38,7 @@ class Difference:
         return f"{where}: {what}{cause}"
 
 
-def first_difference(rehearsal: Rehearsal, q: np.ndarray, u: np.ndarray, applied: np.ndarray) -> Difference | None:
+def first_difference(rehearsal: Rehearsal, q: np.ndarray, u: np.ndarray, applied: np.ndarray) -> RunDifference | None:
     """The first difference from a simulated run; None if all values are the same.
 
     Args:
@@ -65,7 +65,7 @@ def first_difference(rehearsal: Rehearsal, q: np.ndarray, u: np.ndarray, applied
     earlier = [change for change in _changes(rehearsal.scenario) if change[0] < time]
     since, changed = max(earlier, default=(0.0, ""))
     name, values = rehearsal.scenario.arm.names[joint], (float(ours[tick, joint]), float(simulated[tick, joint]))
-    return Difference(tick, time, name, signal, *values, changed, since)
+    return RunDifference(tick, time, name, signal, *values, changed, since)
 
 
 def _changes(scenario: Scenario) -> Iterator[tuple[float, str]]:

@@ -45,7 +45,7 @@ class SetPoint:
     feedforward: float = 0.0
 
 
-class Drive:
+class TwinDrive:
     """A drive with its objects.
 
     Attributes:

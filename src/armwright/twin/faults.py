@@ -35,7 +35,7 @@ PATTERN = re.compile(r"(?P<kind>[a-z-]+)(:(?P<joint>[^=@]+))?(=(?P<amount>[^@]+)
 
 
 @dataclass(frozen=True)
-class Kind:
+class FaultKind:
     """A kind of fault.
 
     Attributes:
@@ -49,11 +49,11 @@ class Kind:
 
 
 KINDS = {
-    "lost-frames": Kind("so many commands in turn do not arrive", NO_DATA, "frames", 100.0),
-    "late-sync": Kind("a SYNC comes so much later", LATE_SYNC, "s", 0.01),
-    "stuck-encoder": Kind("a position stays where it is for so long", ENCODER, "s", 0.5),
-    "over-temperature": Kind("a motor is too hot for so long", OVER_TEMPERATURE, "s", 0.5),
-    "supply-sag": Kind("the supply is too low for so long", UNDERVOLTAGE, "s", 0.5),
+    "lost-frames": FaultKind("so many commands in turn do not arrive", NO_DATA, "frames", 100.0),
+    "late-sync": FaultKind("a SYNC comes so much later", LATE_SYNC, "s", 0.01),
+    "stuck-encoder": FaultKind("a position stays where it is for so long", ENCODER, "s", 0.5),
+    "over-temperature": FaultKind("a motor is too hot for so long", OVER_TEMPERATURE, "s", 0.5),
+    "supply-sag": FaultKind("the supply is too low for so long", UNDERVOLTAGE, "s", 0.5),
 }
 
 

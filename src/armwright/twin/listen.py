@@ -24,7 +24,7 @@ from armwright.simulation.loop.sensors import Sensors
 from armwright.simulation.scenario import Scenario
 from armwright.simulation.scenario_parts import Loop
 from armwright.twin.bus import check_bus, node_numbers, open_bus
-from armwright.twin.units import Units
+from armwright.twin.units import BusUnits
 
 if TYPE_CHECKING:
     from armwright.shadow.alarms import ShadowAlarm
@@ -64,7 +64,7 @@ class BusListener:
         self.arm, self.name, self._period, self.incomplete, self.latest = arm, bus, period, 0, 0.0
         self._joints = {ANSWER + number: k for k, number in enumerate(node_numbers(nodes, arm.n))}
         sensors = Sensors() if counts is None else Sensors(counts=counts, side="link")
-        self._units = Units.of(Scenario(arm, 1.0, loop=Loop(period=1e-3, sensors=sensors)))
+        self._units = BusUnits.of(Scenario(arm, 1.0, loop=Loop(period=1e-3, sensors=sensors)))
         self._bus: Any = None
         self._stopped = False
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from armwright.twin import faults, objects as od
-from armwright.twin.drive import Drive
+from armwright.twin.drive import TwinDrive
 from armwright.twin.objects import ENTRIES, Key, dictionary, eds_text
 from armwright.twin.state_machine import POWERED
 
@@ -40,7 +40,7 @@ class TwinNode:
         number: of the node.   drive: behind it.   eds: text of its data sheet.   local: canopen's node.
     """
 
-    def __init__(self, number: int, name: str, drive: Drive, defaults: Mapping[Key, int], lock: threading.RLock):
+    def __init__(self, number: int, name: str, drive: TwinDrive, defaults: Mapping[Key, int], lock: threading.RLock):
         """A node that is not yet on a bus.
 
         Args:

@@ -72,7 +72,7 @@ SENT = (STATUSWORD, TORQUE, POSITION)
 
 
 @dataclass(frozen=True)
-class Kind:
+class NumberType:
     """A type of number: its code in an EDS, how `struct` packs it, and its bits."""
 
     code: int
@@ -84,13 +84,13 @@ class Kind:
         return 8 * struct.calcsize(f"<{self.packed}")
 
 
-I8, I16, I32 = Kind(2, "b"), Kind(3, "h"), Kind(4, "i")
-U8, U16, U32 = Kind(5, "B"), Kind(6, "H"), Kind(7, "I")
-TEXT = Kind(9, "s")
+I8, I16, I32 = NumberType(2, "b"), NumberType(3, "h"), NumberType(4, "i")
+U8, U16, U32 = NumberType(5, "B"), NumberType(6, "H"), NumberType(7, "I")
+TEXT = NumberType(9, "s")
 
 
 @dataclass(frozen=True)
-class Entry:
+class ObjectEntry:
     """One row of the dictionary.
 
     Attributes:
@@ -99,10 +99,78 @@ class Entry:
     """
 
     name: str
-    kind: Kind
+    kind: NumberType
     access: str = "rw"
     default: int | str = 0
     mapped: bool = False
+
+
+ENTRIES: dict[Key, ObjectEntry] = {  # but for the description of process data, which follows below
+    (0x1000, 0): ObjectEntry("Device type", U32, "ro", DEVICE_TYPE),
+    ERROR_REGISTER: ObjectEntry("Error register", U8, "ro"),
+    (0x1005, 0): ObjectEntry("COB-ID SYNC", U32, "rw", 0x80),
+    CYCLE: ObjectEntry("Communication cycle period", U32),
+    (0x1008, 0): ObjectEntry("Manufacturer device name", TEXT, "const", "Armwright twin"),
+    (0x1014, 0): ObjectEntry("COB-ID EMCY", U32, "ro", "$NODEID+0x80"),
+    CONSUMER: ObjectEntry("Consumer heartbeat time", U32),
+    PRODUCER: ObjectEntry("Producer heartbeat time", U16),
+    VENDOR: ObjectEntry("Vendor-ID", U32, "ro", TWIN_VENDOR),
+    PRODUCT: ObjectEntry("Product code", U32, "ro", TWIN_PRODUCT),
+    (0x1018, 3): ObjectEntry("Revision number", U32, "ro", 1),
+    SERIAL: ObjectEntry("Serial number", U32, "ro"),
+    ABORT_OPTION: ObjectEntry("Abort connection option code", I16, "rw", 3),
+    ERROR_CODE: ObjectEntry("Error code", U16, "ro", mapped=True),
+    CONTROLWORD: ObjectEntry("Controlword", U16, mapped=True),
+    STATUSWORD: ObjectEntry("Statusword", U16, "ro", mapped=True),
+    QUICK_STOP_OPTION: ObjectEntry("Quick stop option code", I16, "rw", 2),
+    SHUTDOWN_OPTION: ObjectEntry("Shutdown option code", I16),
+    DISABLE_OPTION: ObjectEntry("Disable operation option code", I16, "rw", 1),
+    HALT_OPTION: ObjectEntry("Halt option code", I16, "rw", 1),
+    REACTION_OPTION: ObjectEntry("Fault reaction option code", I16, "rw", 2),
+    MODE: ObjectEntry("Modes of operation", I8, mapped=True),
+    MODE_DISPLAY: ObjectEntry("Modes of operation display", I8, "ro", mapped=True),
+    POSITION_DEMAND: ObjectEntry("Position demand value", I32, "ro", mapped=True),
+    POSITION: ObjectEntry("Position actual value", I32, "ro", mapped=True),
+    WINDOW: ObjectEntry("Following error window", U32),
+    WINDOW_TIME: ObjectEntry("Following error time out", U16, "rw", 20),
+    REACHED: ObjectEntry("Position window", U32),
+    VELOCITY: ObjectEntry("Velocity actual value", I32, "ro", mapped=True),
+    TARGET_TORQUE: ObjectEntry("Target torque", I16, mapped=True),
+    MAX_TORQUE: ObjectEntry("Max torque", U16, "rw", 1000, True),
+    TORQUE_DEMAND: ObjectEntry("Torque demand", I16, "ro", mapped=True),
+    RATED_CURRENT: ObjectEntry("Motor rated current", U32, "ro"),
+    RATED_TORQUE: ObjectEntry("Motor rated torque", U32, "ro"),
+    TORQUE: ObjectEntry("Torque actual value", I16, "ro", mapped=True),
+    CURRENT: ObjectEntry("Current actual value", I16, "ro", mapped=True),
+    SUPPLY: ObjectEntry("DC link circuit voltage", U32, "ro", mapped=True),
+    TARGET_POSITION: ObjectEntry("Target position", I32, mapped=True),
+    HOME_OFFSET: ObjectEntry("Home offset", I32),
+    LOWEST: ObjectEntry("Min position limit", I32),
+    HIGHEST: ObjectEntry("Max position limit", I32),
+    MAX_SPEED: ObjectEntry("Max profile velocity", U32),
+    PROFILE_SPEED: ObjectEntry("Profile velocity", U32, mapped=True),
+    ACCELERATION: ObjectEntry("Profile acceleration", U32),
+    DECELERATION: ObjectEntry("Profile deceleration", U32),
+    STOP_DECELERATION: ObjectEntry("Quick stop deceleration", U32),
+    (0x608F, 1): ObjectEntry("Encoder increments", U32, "ro"),
+    (0x608F, 2): ObjectEntry("Motor revolutions", U32, "ro", 1),
+    HOMING_METHOD: ObjectEntry("Homing method", I8, "rw", 35),
+    SEARCH_SPEED: ObjectEntry("Speed during search for switch", U32),
+    HOME_SPEED: ObjectEntry("Speed during search for zero", U32),
+    HOMING_ACCELERATION: ObjectEntry("Homing acceleration", U32),
+    POSITION_OFFSET: ObjectEntry("Position offset", I32, mapped=True),
+    VELOCITY_OFFSET: ObjectEntry("Velocity offset", I32, mapped=True),
+    TORQUE_OFFSET: ObjectEntry("Torque offset", I16, mapped=True),
+    SET_POINT: ObjectEntry("Interpolation data", I32, mapped=True),
+    INTERPOLATION: ObjectEntry("Interpolation time period value", U8, "rw", 4),
+    INTERPOLATION_POWER: ObjectEntry("Interpolation time index", I8, "rw", -3),
+    FOLLOWING_ERROR: ObjectEntry("Following error actual value", I32, "ro", mapped=True),
+    INPUTS: ObjectEntry("Digital inputs", U32, "ro", mapped=True),
+    OUTPUT: ObjectEntry("Physical outputs", U32, mapped=True),
+    OUTPUT_MASK: ObjectEntry("Bit mask", U32),
+    TARGET_VELOCITY: ObjectEntry("Target velocity", I32, mapped=True),
+    SUPPORTED_MODES: ObjectEntry("Supported drive modes", U32, "ro", sum(1 << (mode - 1) for mode in MODES)),
+}
 
 
 def mapping(keys: tuple[Key, ...]) -> list[int]:
@@ -118,96 +186,27 @@ def mapping(keys: tuple[Key, ...]) -> list[int]:
     return [index << 16 | sub << 8 | ENTRIES[index, sub].kind.bits for index, sub in keys]
 
 
-def _simple() -> dict[Key, Entry]:
-    """Entries but for the description of process data."""
-    return {
-        (0x1000, 0): Entry("Device type", U32, "ro", DEVICE_TYPE),
-        ERROR_REGISTER: Entry("Error register", U8, "ro"),
-        (0x1005, 0): Entry("COB-ID SYNC", U32, "rw", 0x80),
-        CYCLE: Entry("Communication cycle period", U32),
-        (0x1008, 0): Entry("Manufacturer device name", TEXT, "const", "Armwright twin"),
-        (0x1014, 0): Entry("COB-ID EMCY", U32, "ro", "$NODEID+0x80"),
-        CONSUMER: Entry("Consumer heartbeat time", U32),
-        PRODUCER: Entry("Producer heartbeat time", U16),
-        VENDOR: Entry("Vendor-ID", U32, "ro", TWIN_VENDOR),
-        PRODUCT: Entry("Product code", U32, "ro", TWIN_PRODUCT),
-        (0x1018, 3): Entry("Revision number", U32, "ro", 1),
-        SERIAL: Entry("Serial number", U32, "ro"),
-        ABORT_OPTION: Entry("Abort connection option code", I16, "rw", 3),
-        ERROR_CODE: Entry("Error code", U16, "ro", mapped=True),
-        CONTROLWORD: Entry("Controlword", U16, mapped=True),
-        STATUSWORD: Entry("Statusword", U16, "ro", mapped=True),
-        QUICK_STOP_OPTION: Entry("Quick stop option code", I16, "rw", 2),
-        SHUTDOWN_OPTION: Entry("Shutdown option code", I16),
-        DISABLE_OPTION: Entry("Disable operation option code", I16, "rw", 1),
-        HALT_OPTION: Entry("Halt option code", I16, "rw", 1),
-        REACTION_OPTION: Entry("Fault reaction option code", I16, "rw", 2),
-        MODE: Entry("Modes of operation", I8, mapped=True),
-        MODE_DISPLAY: Entry("Modes of operation display", I8, "ro", mapped=True),
-        POSITION_DEMAND: Entry("Position demand value", I32, "ro", mapped=True),
-        POSITION: Entry("Position actual value", I32, "ro", mapped=True),
-        WINDOW: Entry("Following error window", U32),
-        WINDOW_TIME: Entry("Following error time out", U16, "rw", 20),
-        REACHED: Entry("Position window", U32),
-        VELOCITY: Entry("Velocity actual value", I32, "ro", mapped=True),
-        TARGET_TORQUE: Entry("Target torque", I16, mapped=True),
-        MAX_TORQUE: Entry("Max torque", U16, "rw", 1000, True),
-        TORQUE_DEMAND: Entry("Torque demand", I16, "ro", mapped=True),
-        RATED_CURRENT: Entry("Motor rated current", U32, "ro"),
-        RATED_TORQUE: Entry("Motor rated torque", U32, "ro"),
-        TORQUE: Entry("Torque actual value", I16, "ro", mapped=True),
-        CURRENT: Entry("Current actual value", I16, "ro", mapped=True),
-        SUPPLY: Entry("DC link circuit voltage", U32, "ro", mapped=True),
-        TARGET_POSITION: Entry("Target position", I32, mapped=True),
-        HOME_OFFSET: Entry("Home offset", I32),
-        LOWEST: Entry("Min position limit", I32),
-        HIGHEST: Entry("Max position limit", I32),
-        MAX_SPEED: Entry("Max profile velocity", U32),
-        PROFILE_SPEED: Entry("Profile velocity", U32, mapped=True),
-        ACCELERATION: Entry("Profile acceleration", U32),
-        DECELERATION: Entry("Profile deceleration", U32),
-        STOP_DECELERATION: Entry("Quick stop deceleration", U32),
-        (0x608F, 1): Entry("Encoder increments", U32, "ro"),
-        (0x608F, 2): Entry("Motor revolutions", U32, "ro", 1),
-        HOMING_METHOD: Entry("Homing method", I8, "rw", 35),
-        SEARCH_SPEED: Entry("Speed during search for switch", U32),
-        HOME_SPEED: Entry("Speed during search for zero", U32),
-        HOMING_ACCELERATION: Entry("Homing acceleration", U32),
-        POSITION_OFFSET: Entry("Position offset", I32, mapped=True),
-        VELOCITY_OFFSET: Entry("Velocity offset", I32, mapped=True),
-        TORQUE_OFFSET: Entry("Torque offset", I16, mapped=True),
-        SET_POINT: Entry("Interpolation data", I32, mapped=True),
-        INTERPOLATION: Entry("Interpolation time period value", U8, "rw", 4),
-        INTERPOLATION_POWER: Entry("Interpolation time index", I8, "rw", -3),
-        FOLLOWING_ERROR: Entry("Following error actual value", I32, "ro", mapped=True),
-        INPUTS: Entry("Digital inputs", U32, "ro", mapped=True),
-        OUTPUT: Entry("Physical outputs", U32, mapped=True),
-        OUTPUT_MASK: Entry("Bit mask", U32),
-        TARGET_VELOCITY: Entry("Target velocity", I32, mapped=True),
-        SUPPORTED_MODES: Entry("Supported drive modes", U32, "ro", sum(1 << (mode - 1) for mode in MODES)),
-    }
-
-
-def _process_data() -> dict[Key, Entry]:
+def _process_data() -> dict[Key, ObjectEntry]:
     """Two sets of process data either way; the second ones are not valid until a master maps and validates them."""
-    entries: dict[Key, Entry] = {}
+    entries: dict[Key, ObjectEntry] = {}
     ways = ((0x1400, 0x1600, 0x200, "receive", RECEIVED), (0x1800, 0x1A00, 0x180, "transmit", SENT))
     for parameter, mapped, cob, way, keys in ways:
         for k in range(2):
             number = f"0x{cob + 0x100 * k + INVALID * k:X}"
-            entries[parameter + k, 1] = Entry(f"COB-ID used by {way} PDO {k + 1}", U32, "rw", f"$NODEID+{number}")
-            entries[parameter + k, 2] = Entry("Transmission type", U8, "rw", 1)
-            entries[parameter + k, 3] = Entry("Inhibit time", U16)
-            entries[parameter + k, 5] = Entry("Event timer", U16, "rw", 100 if (parameter + k, 5) == TIMEOUT else 0)
+            entries[parameter + k, 1] = ObjectEntry(f"COB-ID used by {way} PDO {k + 1}", U32, "rw", f"$NODEID+{number}")
+            entries[parameter + k, 2] = ObjectEntry("Transmission type", U8, "rw", 1)
+            entries[parameter + k, 3] = ObjectEntry("Inhibit time", U16)
+            entries[parameter + k, 5] = ObjectEntry(
+                "Event timer", U16, "rw", 100 if (parameter + k, 5) == TIMEOUT else 0
+            )
             values = mapping(keys) if k == 0 else []
-            entries[mapped + k, 0] = Entry("Number of mapped objects", U8, "rw", len(values))
+            entries[mapped + k, 0] = ObjectEntry("Number of mapped objects", U8, "rw", len(values))
             for sub in range(1, 9):
                 value = values[sub - 1] if sub <= len(values) else 0
-                entries[mapped + k, sub] = Entry(f"Mapping entry {sub}", U32, "rw", value)
+                entries[mapped + k, sub] = ObjectEntry(f"Mapping entry {sub}", U32, "rw", value)
     return entries
 
 
-ENTRIES: dict[Key, Entry] = _simple()
 ENTRIES |= _process_data()
 RECORDS = {0x1016: "Consumer heartbeat time", 0x1018: "Identity object", 0x1400: "RPDO parameter"}
 RECORDS |= {0x1600: "RPDO mapping", 0x1800: "TPDO parameter", 0x1A00: "TPDO mapping"}
@@ -241,7 +240,7 @@ def _lines(node: int, name: str, defaults: Mapping[Key, int | str]) -> Iterator[
     yield from ["RevisionNumber=0x1", "OrderCode=twin", *(f"BaudRate_{rate}=1" for rate in (125, 250, 500, 800, 1000))]
     yield from ["SimpleBootUpMaster=0", "SimpleBootUpSlave=1", "Granularity=8", "DynamicChannelsSupported=0"]
     yield from ["GroupMessaging=0", "NrOfRXPDO=2", "NrOfTXPDO=2", "LSS_Supported=0", ""]
-    parts: dict[int, dict[int, Entry]] = {}
+    parts: dict[int, dict[int, ObjectEntry]] = {}
     for (index, sub), entry in sorted(ENTRIES.items()):
         parts.setdefault(index, {})[sub] = entry
     groups = {"MandatoryObjects": [0x1000, 0x1001, 0x1018]}
@@ -255,14 +254,14 @@ def _lines(node: int, name: str, defaults: Mapping[Key, int | str]) -> Iterator[
             yield from _variable(f"{index:04X}", entries[0], defaults.get((index, 0)))
             continue
         if 0 not in entries:
-            entries = {0: Entry("Highest sub-index supported", U8, "const", max(entries)), **entries}
+            entries = {0: ObjectEntry("Highest sub-index supported", U8, "const", max(entries)), **entries}
         yield from [f"[{index:04X}]", f"ParameterName={RECORDS[index]}", "ObjectType=0x9", f"SubNumber={len(entries)}"]
         yield ""
         for sub, entry in entries.items():
             yield from _variable(f"{index:04X}sub{sub:X}", entry, defaults.get((index, sub)))
 
 
-def _variable(section: str, entry: Entry, default: Any) -> list[str]:
+def _variable(section: str, entry: ObjectEntry, default: Any) -> list[str]:
     value = entry.default if default is None else default
     rows = [f"[{section}]", f"ParameterName={entry.name}", "ObjectType=0x7", f"DataType=0x{entry.kind.code:04X}"]
     return [*rows, f"AccessType={entry.access}", f"DefaultValue={value}", f"PDOMapping={int(entry.mapped)}", ""]
@@ -276,7 +275,7 @@ def dictionary(text: str, node: int) -> canopen.ObjectDictionary:
 
 
 @cache
-def bounds(kind: Kind) -> tuple[int, int]:
+def bounds(kind: NumberType) -> tuple[int, int]:
     """The least and the greatest number of a type."""
     signed = kind.packed.islower()
     return (-(2 ** (kind.bits - 1)), 2 ** (kind.bits - 1) - 1) if signed else (0, 2**kind.bits - 1)

@@ -31,7 +31,7 @@ from armwright.simulation.loop.sensors import Sensors
 from armwright.simulation.scenario import Scenario
 from armwright.simulation.scenario_parts import Loop, Recording
 from armwright.twin.bus import BITRATE, BusLoad, node_numbers
-from armwright.twin.units import COUNTS_PER_METRE, COUNTS_PER_TURN, Units
+from armwright.twin.units import COUNTS_PER_METRE, COUNTS_PER_TURN, BusUnits
 
 SUPPORT = Support(
     "twin",
@@ -161,7 +161,7 @@ def plant_on_bus(scenario: Scenario, *, bitrate: int = BITRATE) -> Scenario:
 
 def _carried(
     scenario: Scenario, bitrate: int, nodes: Sequence[int] | None = None, problems: Sequence[Problem] = ()
-) -> tuple[Units, Sensors, Loop]:
+) -> tuple[BusUnits, Sensors, Loop]:
     """The units of the bus, the sensors that make speeds of positions, and the loop with what the bus does to both ends of it.
 
     Raises:
@@ -176,7 +176,7 @@ def _carried(
         found.append(Problem("the arm moves at the start", "start.qd", expected=expected))
     for check in (
         load.check,
-        lambda: Units.of(scenario),
+        lambda: BusUnits.of(scenario),
         lambda: _speeds(scenario),
         lambda: node_numbers(nodes, arm.n),
     ):
@@ -190,7 +190,7 @@ def _carried(
     delay = loop.timing.command_delay + load.cycle(stuffed=True)
     timing = replace(loop.timing, preset="sync", command_delay=delay)
     measured = replace(sensors, velocity="exact", cutoff_hz=None)  # speeds are made of positions at the other end
-    return Units.of(scenario), sensors, replace(loop, period=scenario.tick, sensors=measured, timing=timing)
+    return BusUnits.of(scenario), sensors, replace(loop, period=scenario.tick, sensors=measured, timing=timing)
 
 
 def _replaced(scenario: Scenario, **changes: Any) -> Scenario:

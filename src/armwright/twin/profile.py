@@ -7,7 +7,7 @@ import numpy as np
 from armwright.control.anti_windup import LimitedStage
 from armwright.dynamics import mass_matrix
 from armwright.model import Model
-from armwright.twin.units import Units
+from armwright.twin.units import BusUnits
 
 SPEED_LOOP = 0.3  # ω T of the speed loop; of it 1/4 for the position, 1/6 for the integrator, as in docs/bus-study.md
 FASTEST = 50.0  # [rad/s] of the speed loop, also at shorter periods
@@ -47,7 +47,7 @@ class Servo:
         integral: (n,) I [A | N m | N], forward.
     """
 
-    def __init__(self, arm: Model, units: Units, q: np.ndarray, period: float):
+    def __init__(self, arm: Model, units: BusUnits, q: np.ndarray, period: float):
         """The loops at a pose.
 
         Args:

@@ -10,7 +10,7 @@ import numpy as np
 
 from armwright.entry import AnyScenario, as_scenario
 from armwright.errors import BusError
-from armwright.export.controller.recording import Recording, record
+from armwright.export.controller.recording import ControllerRecording, record
 from armwright.export.controller.stages import ControllerStages
 from armwright.results.result import Result
 from armwright.results.table import Table, number
@@ -22,7 +22,7 @@ from armwright.twin.bus import BITRATE, BusLoad
 from armwright.twin.drive import SPEEDING
 from armwright.twin.on_bus import scenario_on_bus
 from armwright.twin.safety import reduced
-from armwright.twin.units import Units
+from armwright.twin.units import BusUnits
 
 PROPORTION = 1.5  # of the speed in proportion: a reduced run may overshoot a little more
 SLOW = 0.02  # of the speed limit: slower than that a joint may be at any setting
@@ -42,9 +42,9 @@ class Rehearsal(Result):
 
     scenario: Scenario
     stages: ControllerStages
-    recording: Recording
+    recording: ControllerRecording
     load: BusLoad
-    units: Units
+    units: BusUnits
     source: Scenario
     full: Rehearsal | None = None
     speed: float = 1.0
@@ -159,7 +159,7 @@ def _rehearsed(scenario: Scenario, bitrate: int, nodes: Sequence[int] | None) ->
     on_bus = scenario_on_bus(scenario, bitrate=bitrate, nodes=nodes)
     stages = ControllerStages.of(on_bus)
     load = BusLoad(scenario.arm.n, on_bus.tick, bitrate)
-    return Rehearsal(on_bus, stages, record(stages, on_bus.ticks), load, Units.of(on_bus), scenario)
+    return Rehearsal(on_bus, stages, record(stages, on_bus.ticks), load, BusUnits.of(on_bus), scenario)
 
 
 def _speeds(rehearsal: Rehearsal) -> np.ndarray:

@@ -20,7 +20,7 @@ from armwright.simulation.scenario import Scenario
 from armwright.twin import clock
 from armwright.twin.bus import BITRATE, bus_errors, check_bus
 from armwright.twin.cycles import CycleReport
-from armwright.twin.difference import Difference, first_difference
+from armwright.twin.difference import RunDifference, first_difference
 from armwright.twin.law import Law
 from armwright.twin.master import ANSWERED, BEATS, ENABLE, HEARTBEAT, MISSING, ROUNDING, Ending, Master, Trouble
 from armwright.twin.rehearsal import Rehearsal, rehearse
@@ -99,7 +99,7 @@ class BusRun(Result):
         return [Table(self.heading, heads, rows), Table("cycles", ("", "counted"), self.cycles.rows(), ("counted",))]
 
     @cached_property
-    def first_difference(self) -> Difference | None:
+    def first_difference(self) -> RunDifference | None:
         """The first value that differs from the simulation; None if those of all ticks that ran are equal."""
         return first_difference(self.rehearsal, self.q, self.u, self.applied)
 
@@ -267,7 +267,7 @@ def _run(
     start = master.enable()
     law.begin(start[:n], start[n:])
     q, u, applied = (np.zeros((recording.ticks, n)) for _ in range(3))
-    rows = Rows(q, u, applied)
+    rows = DrivenRows(q, u, applied)
     trouble = _driven(master, law, rows, most, real_time, may_move)
     report = master.cycles.report
     ending = master.stop(trouble)
@@ -287,7 +287,7 @@ def _run(
 
 
 @dataclass
-class Rows:
+class DrivenRows:
     """Positions, commands and outputs of the drives, (ticks, n) each, of which `done` are filled."""
 
     q: np.ndarray
@@ -297,7 +297,7 @@ class Rows:
 
 
 def _driven(
-    master: Master, law: Law, rows: Rows, most: np.ndarray, real_time: bool, may_move: Callable[[], bool] | None
+    master: Master, law: Law, rows: DrivenRows, most: np.ndarray, real_time: bool, may_move: Callable[[], bool] | None
 ) -> Trouble | None:
     """Drives the arm tick by tick; returns what ended it early, None at the end or when the key was released."""
     recording, reference = master.rehearsal.recording, master.rehearsal.reference

@@ -36,7 +36,7 @@ from armwright.simulation.scenario import Scenario
 from armwright.simulation.scenario_parts import Inputs
 from armwright.twin import objects as od
 from armwright.twin.bus import is_virtual
-from armwright.twin.units import Units
+from armwright.twin.units import BusUnits
 
 if TYPE_CHECKING:
     from armwright.twin.master import Identity, Master
@@ -260,7 +260,7 @@ def reduced(scenario: Scenario, speed: float = 1.0, torque: float = 1.0) -> Scen
     if loop is None or (speed == torque == 1.0):
         return scenario
     if torque < 1.0:
-        most = torque * Units.of(scenario).limit
+        most = torque * BusUnits.of(scenario).limit
         limit = most if loop.command_filter.limit is None else np.minimum(loop.command_filter.limit, most)
         loop = replace(loop, command_filter=replace(loop.command_filter, limit=limit))
     if speed < 1.0 and loop.reference is not None and not _is_pose(loop.reference, scenario.arm.n):

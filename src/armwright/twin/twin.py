@@ -27,14 +27,14 @@ from armwright.simulation.simulation import Simulation
 from armwright.twin import objects as od
 from armwright.twin.bus import BITRATE, LOOK, BusLoad, node_numbers, open_bus, require_twin
 from armwright.twin.cycles import Cycles
-from armwright.twin.drive import Drive, SetPoint
+from armwright.twin.drive import SetPoint, TwinDrive
 from armwright.twin.faults import LATE_SYNC, Fault
 from armwright.twin.node import TwinNode
 from armwright.twin.objects import Key
 from armwright.twin.on_bus import plant_on_bus
 from armwright.twin.profile import Servo
 from armwright.twin.state_machine import State
-from armwright.twin.units import Units
+from armwright.twin.units import BusUnits
 
 SYNC = 0x80
 RAMP, QUICK_RAMP = 0.25, 0.1  # [s] from rest to the largest speed, and from there to rest in a quick stop
@@ -75,7 +75,7 @@ class Twin:
             raise BusError(place="serial", value=serial, expected="a whole number of 32 bits, 0 to 4294967295")
         self.scenario = plant_on_bus(scenario, bitrate=bitrate)
         self.bus, self.period = bus, self.scenario.tick
-        self.units = Units.of(self.scenario)
+        self.units = BusUnits.of(self.scenario)
         self.simulation = Simulation(self.scenario)
         if not isinstance(faults, (list, tuple)) or not all(isinstance(fault, Fault) for fault in faults):
             raise BusError(place="faults", value=faults, expected="a list of faults")
@@ -83,11 +83,11 @@ class Twin:
         self._lock, self._ended = threading.RLock(), threading.Event()
         self.load = load = BusLoad(self.arm.n, self.period, bitrate)
         numbers = node_numbers(nodes, self.arm.n)
-        self.drives: list[Drive] = []
+        self.drives: list[TwinDrive] = []
         self.nodes: list[TwinNode] = []
         for joint, (number, name) in enumerate(zip(numbers, self.arm.names, strict=True)):
             defaults = self._defaults(joint, load) | {od.SERIAL: serial}
-            self.drives.append(Drive(name, defaults, self.period))
+            self.drives.append(TwinDrive(name, defaults, self.period))
             self.nodes.append(TwinNode(number, f"{self.arm.name} {name}", self.drives[-1], defaults, self._lock))
         self.cycles = Cycles(self.period)
         self.failure: ArmwrightError | None = None

@@ -24,7 +24,7 @@ MOST = 2**31 - 1  # of a 32-bit position
 
 
 @dataclass(frozen=True, eq=False)
-class Units:
+class BusUnits:
     """Units of all joints of an arm.
 
     Attributes:
@@ -38,7 +38,7 @@ class Units:
     signs: np.ndarray
 
     @classmethod
-    def of(cls, scenario: Scenario) -> Units:
+    def of(cls, scenario: Scenario) -> BusUnits:
         """The units of a scenario's arm: its encoders' counts, its drives' limits as rated torque.
 
         Raises:

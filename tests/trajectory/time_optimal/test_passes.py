@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 
-from armwright.trajectory.time_optimal.passes import Table, fastest_profile
+from armwright.trajectory.time_optimal.passes import SpeedTable, fastest_profile
 
 S = np.linspace(0.0, 1.0, 41)
 LEVELS = np.linspace(0.0, 4.0, 161)
 
 
-def table(low, high, levels=LEVELS, s=S) -> Table:
+def table(low, high, levels=LEVELS, s=S) -> SpeedTable:
     """Bounds of s̈ as functions of (s, x)."""
     x, grid = np.broadcast_to(levels, (len(s), len(levels))), s[:, None]
-    return Table(x, *(np.broadcast_to(bound(grid, x), x.shape).astype(float) for bound in (low, high)), np.diff(s))
+    return SpeedTable(x, *(np.broadcast_to(bound(grid, x), x.shape).astype(float) for bound in (low, high)), np.diff(s))
 
 
 def test_constant_bounds_give_a_triangle() -> None:
@@ -61,7 +61,7 @@ def test_a_hole_is_passed_above_where_that_can_be_reached_and_below_where_not(bo
     assert np.abs(profile.x - best).max() < 0.25
 
 
-def _best_on_lattice(bounds: Table) -> np.ndarray:
+def _best_on_lattice(bounds: SpeedTable) -> np.ndarray:
     """Largest x at each grid point over all ways between levels that keep the bounds at both ends: sets go forward and back."""
     x, m = bounds.x[0], len(bounds.x)
     ways = []

@@ -13,7 +13,7 @@ CHUNK = 4096  # ticks recorded at once: a row takes room for all lanes of a tile
 
 
 @dataclass(frozen=True, eq=False)
-class Recording:
+class ControllerRecording:
     """Inputs and commands of a controller in a simulation.
 
     Attributes:
@@ -34,13 +34,13 @@ class Recording:
         """Number of ticks."""
         return len(self.u)
 
-    def first(self, ticks: int) -> Recording:
+    def first(self, ticks: int) -> ControllerRecording:
         """The recording cut after a number of ticks."""
         rows = (each[:ticks] for each in (self.lost, self.r, self.y, self.u))
-        return Recording(self.y_begin, self.u_begin, *rows)
+        return ControllerRecording(self.y_begin, self.u_begin, *rows)
 
 
-def record(stages: ControllerStages, ticks: int) -> Recording:
+def record(stages: ControllerStages, ticks: int) -> ControllerRecording:
     """Inputs and commands of the controller in a number of ticks of its scenario.
 
     Args:
@@ -67,4 +67,4 @@ def record(stages: ControllerStages, ticks: int) -> Recording:
         raise ScenarioError(what, place="loop.controller", expected="a loop that is stable")
     columns = dict(zip(sizes, np.split(rows, parts, axis=1), strict=True))
     lost = columns[DRAWN][:, LOSS] < stages.loss if DRAWN in columns else np.zeros(ticks, dtype=bool)
-    return Recording(initial["y"], initial["u"], lost, columns["r"], columns["y"], columns["u_issued"])
+    return ControllerRecording(initial["y"], initial["u"], lost, columns["r"], columns["y"], columns["u_issued"])

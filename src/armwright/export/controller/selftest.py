@@ -12,7 +12,7 @@ import numpy as np
 from armwright.errors import ScenarioError
 from armwright.export.c_arithmetic import FAULTS, TWO_ROUNDINGS
 from armwright.export.c_header import comment
-from armwright.export.controller.recording import Recording
+from armwright.export.controller.recording import ControllerRecording
 from armwright.export.controller.source import copies, measured_copies
 from armwright.export.controller.stages import ControllerStages
 from armwright.kernels.c import REALS
@@ -119,7 +119,7 @@ int main(int count, char **words)
 }}"""
 
 
-def input_rows(stages: ControllerStages, recording: Recording) -> np.ndarray:
+def input_rows(stages: ControllerStages, recording: ControllerRecording) -> np.ndarray:
     """(1 + ticks, width) inputs as rows: the initial one, then one for each tick.
 
     Entries of a sample that was lost are `GARBAGE`, as the controller must not read them.
@@ -150,7 +150,7 @@ def _in_counts(stages: ControllerStages, y: np.ndarray) -> np.ndarray:
     return y
 
 
-def selftest(stages: ControllerStages, recording: Recording, expected: np.ndarray, real: str) -> str:
+def selftest(stages: ControllerStages, recording: ControllerRecording, expected: np.ndarray, real: str) -> str:
     """The self-test's text: recorded inputs and expected commands, compared bit by bit. Exit code 0 if all are equal, else 1."""
     rows = input_rows(stages, recording)
     whose = {"double": "the commands that it gave", "float": "the commands in single precision"}[real]
@@ -178,7 +178,7 @@ def selftest(stages: ControllerStages, recording: Recording, expected: np.ndarra
     return "\n\n".join(parts) + "\n"
 
 
-def reader(stages: ControllerStages, recording: Recording, real: str) -> str:
+def reader(stages: ControllerStages, recording: ControllerRecording, real: str) -> str:
     """The text of a program that reads inputs from a file, for runs too long for a table."""
     width = 1 + stages.reference.size + stages.measured.size + stages.applied.size
     parts = [

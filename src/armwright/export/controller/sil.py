@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from armwright.errors import ModelError
-from armwright.export.controller.recording import Recording
+from armwright.export.controller.recording import ControllerRecording
 from armwright.export.controller.selftest import input_rows, reader
 from armwright.export.controller.stages import ControllerStages
 from armwright.kernels.c import REALS
@@ -55,7 +55,7 @@ def flags_of_host() -> tuple[str, ...]:
 
 def software_in_the_loop(
     stages: ControllerStages,
-    recording: Recording,
+    recording: ControllerRecording,
     folder: str | Path,
     real: str = "double",
     *,

@@ -99,15 +99,14 @@ class ControllerStages:
         check_one_arm(scenario)
         if scenario.controller is None:
             raise ScenarioError("no controller", place="loop.controller", expected="one to export")
-        scenario = _with_gains(scenario, gains)
+        scenario = _with_gains(scenario, gains) if gains else scenario
         loop = RecordedLoop(scenario)
         sampling, arm = loop.config.sampling, loop.arm
         assert sampling is not None
         assert loop.reference is not None
         begin = traced_beginning(loop, sampling)
-        programs = {
-            s.program.name: s.program for s in (*loop.loop.tick.before, *loop.loop.tick.after) if isinstance(s, Call)
-        }
+        stages = (*loop.loop.tick.before, *loop.loop.tick.after)
+        programs = {each.program.name: each.program for each in stages if isinstance(each, Call)}
         y, measured = sampling.sensors.y, sampling.sensors.layout
         return cls(
             identifier(name or f"{arm.name} controller"),
@@ -195,8 +194,6 @@ def check_one_arm(scenario: Scenario) -> None:
 
 def _with_gains(scenario: Scenario, gains: tuple[str, ...]) -> Scenario:
     """The scenario with fields of its controller as values of one lane, so that they are traced as inputs."""
-    if not gains:
-        return scenario
     assert scenario.loop is not None
     control, own = scenario.controller, dict(_gains_of(scenario.controller))
     for gain in gains:

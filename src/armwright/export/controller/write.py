@@ -13,7 +13,7 @@ from armwright.export.controller.build_files import cmake, readme
 from armwright.export.controller.footprint import Footprint, footprint
 from armwright.export.controller.header import header
 from armwright.export.controller.parameters import parameter_file
-from armwright.export.controller.recording import Recording, record
+from armwright.export.controller.recording import ControllerRecording, record
 from armwright.export.controller.selftest import selftest
 from armwright.export.controller.sil import SoftwareInTheLoop, find_compiler, software_in_the_loop
 from armwright.export.controller.source import source
@@ -144,7 +144,9 @@ def export_controller(
     return ExportedController(stages.name, tuple(folder / file for file in texts), comparison, tuple(notes), taken)
 
 
-def _compared(stages: ControllerStages, recording: Recording, code: Mapping[str, str], real: str) -> SoftwareInTheLoop:
+def _compared(
+    stages: ControllerStages, recording: ControllerRecording, code: Mapping[str, str], real: str
+) -> SoftwareInTheLoop:
     """Comparison of header and C file with the simulation.
 
     Raises:

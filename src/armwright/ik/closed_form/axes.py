@@ -14,7 +14,7 @@ SNAP = 1e-12  # of lengths in units of the arm's; entries of rotations have the 
 
 
 @dataclass(frozen=True, eq=False)
-class Axes:
+class JointAxes:
     """Axes of an arm's joints at q = 0, in base axes, lengths in units of `length`.
 
     Attributes:
@@ -32,7 +32,7 @@ class Axes:
         """Number of joints."""
         return len(self.directions)
 
-    def reversed(self) -> Axes:
+    def reversed(self) -> JointAxes:
         """The arm with tip and base exchanged: same joint positions, from the last joint to the first.
 
         T⁻¹ = T₀⁻¹ E_n⁻¹ … E_1⁻¹: axes in the tip's frame, pointing the other way.
@@ -62,13 +62,13 @@ class Axes:
         mean = mean / (np.linalg.norm(mean) or 1.0)
         return mean, max(float(np.linalg.norm(np.cross(mean, h))) for h in same)
 
-    def through(self, point: np.ndarray, *which: int) -> Axes:
+    def through(self, point: np.ndarray, *which: int) -> JointAxes:
         """The arm with axes moved to a point."""
         points = self.points.copy()
         points[list(which)] = point
         return replace(self, points=points)
 
-    def along(self, direction: np.ndarray, *which: int) -> Axes:
+    def along(self, direction: np.ndarray, *which: int) -> JointAxes:
         """The arm with axes turned along a direction or against it, whichever is nearer."""
         directions = self.directions.copy()
         for k in which:
@@ -79,7 +79,7 @@ class Axes:
 NEARLY_PARALLEL = 1e-6  # least eigenvalue of Σ (1 - h hᵀ), the square of an angle: such axes meet nowhere near
 
 
-def axes_of(model: Model, frame: str | None, length: float) -> Axes | None:
+def axes_of(model: Model, frame: str | None, length: float) -> JointAxes | None:
     """Axes of an arm all of whose joints are revolute and carry a frame one after the other; None for other arms."""
     target = model.frame(frame)
     serial = model.path(target.body) == list(range(len(model.bodies))) and model.mimics is None
@@ -88,7 +88,7 @@ def axes_of(model: Model, frame: str | None, length: float) -> Axes | None:
     placed = body_placements(model, np.zeros(model.n))
     each = [placed[i] for i in range(model.n)]
     tip = each[-1] @ target.placement
-    return Axes(
+    return JointAxes(
         np.array([p.rotation[:, 2] for p in each], dtype=float),
         np.array([p.position for p in each], dtype=float) / length,
         Placement(np.asarray(tip.rotation, dtype=float), np.asarray(tip.position, dtype=float) / length),
@@ -111,7 +111,7 @@ class Links:
     length: float
 
 
-def links_of(axes: Axes) -> Links:
+def links_of(axes: JointAxes) -> Links:
     """The frames along an arm's axes."""
     normals = [_normal(axes, i) for i in range(axes.n - 1)]
     before, after = [normals[0], *normals], [*normals, normals[-1]]
@@ -125,7 +125,7 @@ def links_of(axes: Axes) -> Links:
     return Links(placements, np.array(offsets), axes.length)
 
 
-def _normal(axes: Axes, i: int) -> np.ndarray:
+def _normal(axes: JointAxes, i: int) -> np.ndarray:
     """Unit vector across axes i and i + 1: their common normal; of parallel axes, from the one to the other."""
     h, other = axes.directions[i], axes.directions[i + 1]
     normal = np.cross(h, other)

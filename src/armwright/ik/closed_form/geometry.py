@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from armwright.ik.closed_form.axes import Axes, Links, axes_of, links_of
+from armwright.ik.closed_form.axes import JointAxes, Links, axes_of, links_of
 from armwright.ik.closed_form.decomposition import (
     Shoulder,
     Turns,
@@ -102,7 +102,7 @@ def _described(relations: Sequence[Relation], backward: bool) -> str:
     return ", ".join(words)
 
 
-def _decompositions(axes: Axes, tolerance: float) -> Iterator[tuple[list[Relation], Axes, Solve]]:
+def _decompositions(axes: JointAxes, tolerance: float) -> Iterator[tuple[list[Relation], JointAxes, Solve]]:
     """Closed forms that an arm's axes allow, with the axes put exactly where they count as being."""
     centre, off = axes.meeting(3, 4, 5)
     if off <= tolerance:
@@ -115,7 +115,7 @@ def _decompositions(axes: Axes, tolerance: float) -> Iterator[tuple[list[Relatio
         yield [((1, 2, 3), PARALLEL), ((4, 5), MEET)], ideal, three_parallel
 
 
-def _shoulders(axes: Axes, tolerance: float) -> Iterator[tuple[Relation, Axes, Shoulder]]:
+def _shoulders(axes: JointAxes, tolerance: float) -> Iterator[tuple[Relation, JointAxes, Shoulder]]:
     """Closed forms for the first three axes, the cheapest first."""
     for which, what, shoulder in SHOULDERS:
         point, off = axes.meeting(*which) if what == MEET else axes.parallel(*which)
@@ -133,7 +133,7 @@ SHOULDERS = (
 )
 
 
-def _holds(geometry: Geometry, axes: Axes, agree: float) -> bool:
+def _holds(geometry: Geometry, axes: JointAxes, agree: float) -> bool:
     """True if the closed form finds the positions again that poses are of: an arm may be degenerate in yet other ways."""
     exact = links_of(axes)
     free = [Turn.by(0.0)] * JOINTS

@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 
 from armwright import scalar
 from armwright.errors import ScenarioError
-from armwright.trajectory.cartesian.pieces import Blend, PathPoints, Stretch, blend
+from armwright.trajectory.cartesian.pieces import Blend, PathPoints, PathStretch, blend
 from armwright.trajectory.cartesian.segments import Arc, Circle, Line, Poses, goal_pose
 
 SMOOTH = 1e-9  # of directions, of curvatures and rates by the pieces' lengths: no corner
@@ -66,7 +66,7 @@ class CartesianPath:
         _ = self._joined  # so that a path that cannot be drawn is refused here
 
     @cached_property
-    def _joined(self) -> tuple[list[Stretch | Blend], list[bool]]:
+    def _joined(self) -> tuple[list[PathStretch | Blend], list[bool]]:
         """The pieces with their blends, and of each whether the tool stops behind it."""
         pose, stretches = self.start, []
         for k, segment in enumerate(self.segments):
@@ -74,7 +74,7 @@ class CartesianPath:
                 stretches.append(piece)
                 pose = piece.at(np.array([piece.length])).pose[0]
         cuts = [self._cut(a, b) for a, b in itertools.pairwise(stretches)]
-        pieces: list[Stretch | Blend] = []
+        pieces: list[PathStretch | Blend] = []
         stops: list[bool] = []
         for k, piece in enumerate(stretches):
             before = cuts[k - 1] or 0.0 if k else 0.0
@@ -86,7 +86,7 @@ class CartesianPath:
                 stops.append(False)
         return pieces, stops
 
-    def _cut(self, before: Stretch, after: Stretch) -> float | None:
+    def _cut(self, before: PathStretch, after: PathStretch) -> float | None:
         """[m] that a blend takes of both pieces; 0 where they continue each other, None where the tool stops."""
         if before.in_place or after.in_place:
             return None

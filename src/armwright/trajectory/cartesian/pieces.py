@@ -41,7 +41,7 @@ class PathPoints:
 
 
 @dataclass(frozen=True, eq=False)
-class Stretch:
+class PathStretch:
     """A straight line, an arc or a turn in place, with the tool turning about one axis at a constant rate.
 
     p = position + direction s, or with a centre that point turned about `normal` by s / radius;  R = rotation exp([ρ s]).
@@ -84,12 +84,12 @@ class Stretch:
         dp = c * self.direction - sn * arm / radius
         return PathPoints.of(p, dp, -(p - self.centre) / radius**2, rotation, w, 0.0 * w)
 
-    def part(self, begin: float, end: float) -> Stretch:
+    def part(self, begin: float, end: float) -> PathStretch:
         """The piece between two lengths."""
         at = self.at(np.array([begin]))
         rotation = at.pose[0, :3, :3]
         direction = at.first[0, :3]
-        return Stretch(at.pose[0, :3, 3], rotation, end - begin, direction, self.rate, self.centre, self.normal)
+        return PathStretch(at.pose[0, :3, 3], rotation, end - begin, direction, self.rate, self.centre, self.normal)
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,7 +158,7 @@ class Blend:
         return float(distance), float(np.linalg.norm(self.turn(u), axis=1).min())
 
 
-def blend(before: Stretch, after: Stretch, cut: float) -> Blend:
+def blend(before: PathStretch, after: PathStretch, cut: float) -> Blend:
     """The blend that replaces the last `cut` of one piece and the first `cut` of the next [m]."""
     ends = before.at(np.array([before.length - cut])), after.at(np.array([cut]))
     corner = after.rotation

@@ -9,7 +9,7 @@ import numpy as np
 
 from armwright import scalar
 from armwright.errors import ScenarioError
-from armwright.trajectory.cartesian.pieces import Stretch
+from armwright.trajectory.cartesian.pieces import PathStretch
 from armwright.trajectory.cartesian.rotations import HALF_TURN, shortest_turn
 
 ORTHOGONAL = 1e-6  # of the entries of Rᵀ R - 1
@@ -34,7 +34,7 @@ class Line:
     def __post_init__(self) -> None:
         object.__setattr__(self, "goal", goal_pose("Line.goal", self.goal))
 
-    def pieces(self, start: np.ndarray, place: str) -> list[Stretch]:
+    def pieces(self, start: np.ndarray, place: str) -> list[PathStretch]:
         """The piece that begins at a pose (4, 4)."""
         return [straight(start, _posed(self.goal, start), place)]
 
@@ -56,7 +56,7 @@ class Arc:
         object.__setattr__(self, "through", numbers("Arc.through", self.through, (3,)))
         object.__setattr__(self, "goal", goal_pose("Arc.goal", self.goal))
 
-    def pieces(self, start: np.ndarray, place: str) -> list[Stretch]:
+    def pieces(self, start: np.ndarray, place: str) -> list[PathStretch]:
         """The piece that begins at a pose (4, 4).
 
         Raises:
@@ -103,7 +103,7 @@ class Circle:
         if angle is None or not SHORT < abs(angle) < 1e6:
             raise ScenarioError(place="Circle.angle", value=self.angle, expected="an angle [rad] that is not 0")
 
-    def pieces(self, start: np.ndarray, place: str) -> list[Stretch]:
+    def pieces(self, start: np.ndarray, place: str) -> list[PathStretch]:
         """The piece that begins at a pose (4, 4).
 
         Raises:
@@ -140,7 +140,7 @@ class Poses:
             raise ScenarioError(place="Poses.poses", value=self.poses, expected="one or more poses (k, 4, 4) or (k, 3)")
         object.__setattr__(self, "poses", tuple(rows))
 
-    def pieces(self, start: np.ndarray, place: str) -> list[Stretch]:
+    def pieces(self, start: np.ndarray, place: str) -> list[PathStretch]:
         """The pieces that begin at a pose (4, 4)."""
         pieces = []
         for k, goal in enumerate(self.poses):
@@ -150,7 +150,7 @@ class Poses:
         return pieces
 
 
-def straight(start: np.ndarray, goal: np.ndarray, place: str) -> Stretch:
+def straight(start: np.ndarray, goal: np.ndarray, place: str) -> PathStretch:
     """A line or a turn in place between poses (4, 4).
 
     Raises:
@@ -163,17 +163,17 @@ def straight(start: np.ndarray, goal: np.ndarray, place: str) -> Stretch:
             "has no length", place=place, value=goal[:3, 3], expected="a pose that differs from the last"
         )
     if length < SHORT:
-        return Stretch(start[:3, 3], start[:3, :3], angle, np.zeros(3), turn / angle)
-    return Stretch(start[:3, 3], start[:3, :3], length, way / length, turn / length)
+        return PathStretch(start[:3, 3], start[:3, :3], angle, np.zeros(3), turn / angle)
+    return PathStretch(start[:3, 3], start[:3, :3], length, way / length, turn / length)
 
 
-def circular(start: np.ndarray, centre: np.ndarray, normal: np.ndarray, angle: float, turn: np.ndarray) -> Stretch:
+def circular(start: np.ndarray, centre: np.ndarray, normal: np.ndarray, angle: float, turn: np.ndarray) -> PathStretch:
     """An arc by an angle [rad] above 0, with the tool's rotation vector [rad] in its own axes."""
     arm = start[:3, 3] - centre
     radius = float(np.linalg.norm(arm))
     length = radius * angle
     direction = np.cross(normal, arm) / radius
-    return Stretch(start[:3, 3], start[:3, :3], length, direction, turn / length, centre, normal)
+    return PathStretch(start[:3, 3], start[:3, :3], length, direction, turn / length, centre, normal)
 
 
 def shortest(start: np.ndarray, goal: np.ndarray, place: str) -> np.ndarray:
@@ -195,10 +195,7 @@ def numbers(place: str, value: Any, shape: tuple[int, ...]) -> np.ndarray:
     Raises:
         ScenarioError: names the place, the value and what was expected.
     """
-    try:
-        array = scalar.real_numbers(value)
-    except ValueError:
-        array = np.full((), np.nan)
+    array = scalar.numbers_or_nan(value)
     if array.shape != shape or not np.isfinite(array).all():
         raise ScenarioError(place=place, value=value, expected=f"finite numbers {shape}")
     return array

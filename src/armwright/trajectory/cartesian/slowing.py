@@ -15,7 +15,7 @@ from armwright.trajectory.cartesian.solve import ToolPathSolution
 from armwright.trajectory.cartesian.uses import MARGIN, ROUNDED, uses_of
 from armwright.trajectory.limits import MotionLimits
 from armwright.trajectory.piecewise import PiecewisePolynomial
-from armwright.trajectory.time_optimal.passes import Table, fastest_profile
+from armwright.trajectory.time_optimal.passes import SpeedTable, fastest_profile
 
 GRID = 400  # points of a run
 LEVELS = np.linspace(0.0, 1.0, 25)  # of the largest ṡ
@@ -58,7 +58,7 @@ class _Run:
         """(m,) the largest ṡ² from rest to rest under the ceiling."""
         x = (self.speeds * self.ceiling)[:, None] ** 2 * LEVELS**2
         low, high = self._bounds(x, limits.acceleration)
-        return fastest_profile(Table(x, low, high, np.diff(self.s)), 0.0, 0.0).x
+        return fastest_profile(SpeedTable(x, low, high, np.diff(self.s)), 0.0, 0.0).x
 
     def _bounds(self, x: np.ndarray, most: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Lowest and highest s̈ (m, j) at x (m, j): of the way, of the joints and of the tool."""

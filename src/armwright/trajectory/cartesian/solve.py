@@ -18,7 +18,7 @@ from armwright.ik.starts import random_positions
 from armwright.kinematics.aim import AXES, Aim
 from armwright.model import Model
 from armwright.results.result import Result
-from armwright.scalar import real_number, real_numbers
+from armwright.scalar import numbers_or_nan, real_number
 from armwright.trajectory.cartesian.following import Follower, Stuck
 from armwright.trajectory.cartesian.path import CartesianPath
 from armwright.trajectory.cartesian.pieces import PathPoints
@@ -238,10 +238,7 @@ def _starts(follower: Follower, near: Any) -> list[np.ndarray]:
 
 
 def _positions(arm: Model, name: str, value: Any) -> np.ndarray:
-    try:
-        positions = real_numbers(value)
-    except ValueError:
-        positions = np.full(0, np.nan)
+    positions = numbers_or_nan(value)
     if positions.shape != (arm.n,) or not np.isfinite(positions).all():
         raise ScenarioError(place=name, value=value, expected=f"{arm.n} finite numbers: {', '.join(arm.names)}")
     return positions

@@ -18,7 +18,7 @@ ROUNDED = 1e-9  # of a limit
 
 
 @dataclass(frozen=True, eq=False)
-class Column:
+class LimitUse:
     """Utilisation of one limit at many times: the factor (k,) by which the motion must be slower for it."""
 
     what: str
@@ -44,14 +44,14 @@ class Uses:
 
     t: np.ndarray
     s: np.ndarray
-    columns: list[Column]
+    columns: list[LimitUse]
 
     @property
     def slower(self) -> np.ndarray:
         """(k,) factor by which the motion must be slower at each place for all of its limits."""
         return np.max([np.zeros(len(self.t)), *(column.slower for column in self.columns)], axis=0)
 
-    def hardest(self) -> list[tuple[float, Column, int]]:
+    def hardest(self) -> list[tuple[float, LimitUse, int]]:
         """For every exceeded limit the factor, the limit and its row, the largest factor first."""
         found = [(float(c.slower.max()), c, int(c.slower.argmax())) for c in self.columns]
         return sorted((each for each in found if each[0] > 1.0 + ROUNDED), key=lambda each: -each[0])
@@ -104,7 +104,7 @@ def uses_of(
     return Uses(t, profile.at(t)[0][:, 0], columns)
 
 
-def _columns(motion: CartesianMotion, limits: MotionLimits, values: dict[str, float], t: np.ndarray) -> list[Column]:
+def _columns(motion: CartesianMotion, limits: MotionLimits, values: dict[str, float], t: np.ndarray) -> list[LimitUse]:
     """Utilisation of all limits at times t (k,)."""
     s, rate, change = (each[:, 0] for each in motion.profile.at(t))
     _, qd, qdd = motion.at(t)
@@ -115,7 +115,7 @@ def _columns(motion: CartesianMotion, limits: MotionLimits, values: dict[str, fl
         for joint in np.flatnonzero(np.isfinite(getattr(limits, quantity))):
             what = f"joint {limits.names[joint]!r} would need {{}} of {word}"
             unit, limit = limits.unit(quantity, int(joint)), float(getattr(limits, quantity)[joint])
-            columns.append(Column(what, unit, np.abs(rows[:, joint]), limit, power, True))
+            columns.append(LimitUse(what, unit, np.abs(rows[:, joint]), limit, power, True))
     points = motion.solution.twists(s, motion.path.points(s))
     twist = points.first * rate[:, None]
     accelerations = points.second * rate[:, None] ** 2 + points.first * change[:, None]
@@ -127,5 +127,5 @@ def _columns(motion: CartesianMotion, limits: MotionLimits, values: dict[str, fl
     for name, (power, rows, unit) in tool.items():
         if np.isfinite(values[name]):
             what = f"the tool's {name.replace('_', ' ')} would be {{}}"
-            columns.append(Column(what, unit, np.linalg.norm(rows, axis=1), values[name], power, False))
+            columns.append(LimitUse(what, unit, np.linalg.norm(rows, axis=1), values[name], power, False))
     return columns

@@ -27,10 +27,7 @@ def squared_speeds(speeds: Any) -> tuple[float, float]:
     Raises:
         ScenarioError: no two numbers of 0 or more.
     """
-    try:
-        values = scalar.real_numbers(speeds)
-    except ValueError:
-        values = np.full(1, np.nan)
+    values = scalar.numbers_or_nan(speeds)
     if values.shape != (2,) or not (np.isfinite(values) & (values >= 0.0)).all():
         raise ScenarioError(place="speeds", value=speeds, expected="two path speeds of 0 or more, at both ends")
     return float(values[0] ** 2), float(values[1] ** 2)

@@ -13,7 +13,7 @@ from armwright.scalar import Array, Scalar
 from armwright.trajectory.motion import Motion
 from armwright.trajectory.path import JointPath
 from armwright.trajectory.piecewise import PiecewisePolynomial
-from armwright.trajectory.time_optimal.timing import Timing
+from armwright.trajectory.time_optimal.timing import PathTiming
 
 SATURATED = 0.98  # of a limit: a motion that uses more is at it
 
@@ -69,8 +69,8 @@ class PathMotion(Motion):
         return self.polynomial(t) if scalar.is_symbolic(t) else self.at(t)
 
     @cached_property
-    def _timing(self) -> Timing:
-        return Timing(self.s, self.x)
+    def _timing(self) -> PathTiming:
+        return PathTiming(self.s, self.x)
 
     @property
     def breaks(self) -> np.ndarray:

@@ -17,7 +17,7 @@ NOWHERE = 1e200  # bounds of an empty interval: (NOWHERE, -NOWHERE), finite so t
 
 
 @dataclass(frozen=True, eq=False)
-class Table:
+class SpeedTable:
     """Bounds of s̈ over levels of x.
 
     Attributes:
@@ -45,7 +45,7 @@ class Profile:
     stuck: int | None = None
 
 
-def fastest_profile(table: Table, first: float, last: float) -> Profile:
+def fastest_profile(table: SpeedTable, first: float, last: float) -> Profile:
     """The largest x at every grid point that leads from x = first to x = last.
 
     Args:
@@ -56,7 +56,7 @@ def fastest_profile(table: Table, first: float, last: float) -> Profile:
         return _forward(table, lines, *_controllable(table, lines, last), first)
 
 
-def _lines(table: Table) -> tuple[np.ndarray, np.ndarray]:
+def _lines(table: SpeedTable) -> tuple[np.ndarray, np.ndarray]:
     """Offset and factor (m - 1, 4, j - 1) of lines in x, by cell of the later grid point: two bound y above, two bound -y.
 
     Within a cell the bounds of s̈ are linear in y:  x ≥ y - 2 Δs high(y)  and  x ≤ y - 2 Δs low(y), here solved for y.
@@ -74,7 +74,9 @@ def _lines(table: Table) -> tuple[np.ndarray, np.ndarray]:
     return offsets, np.stack([np.where(used, factor, 0.0) for used, _, factor in order], axis=1)
 
 
-def _controllable(table: Table, lines: tuple[np.ndarray, np.ndarray], last: float) -> tuple[np.ndarray, np.ndarray]:
+def _controllable(
+    table: SpeedTable, lines: tuple[np.ndarray, np.ndarray], last: float
+) -> tuple[np.ndarray, np.ndarray]:
     """Sets of x from which the end is reached: lowest and highest x (m, j - 1) in every cell."""
     m, j = table.x.shape
     low, high = np.full((m, j - 1), NOWHERE), np.full((m, j - 1), -NOWHERE)
@@ -130,7 +132,7 @@ def _last_inside(
 
 
 def _forward(
-    table: Table, lines: tuple[np.ndarray, np.ndarray], low: np.ndarray, high: np.ndarray, first: float
+    table: SpeedTable, lines: tuple[np.ndarray, np.ndarray], low: np.ndarray, high: np.ndarray, first: float
 ) -> Profile:
     m = len(table.x)
     x = np.zeros(m)

@@ -14,8 +14,8 @@ from armwright.kernels.compiled import CompiledArm
 from armwright.trajectory.limits import MotionLimits
 from armwright.trajectory.path import JointPath
 from armwright.trajectory.time_optimal.constraints import PathLimits
-from armwright.trajectory.time_optimal.passes import Profile, Table, fastest_profile
-from armwright.trajectory.time_optimal.timing import Timing
+from armwright.trajectory.time_optimal.passes import Profile, SpeedTable, fastest_profile
+from armwright.trajectory.time_optimal.timing import PathTiming
 
 COARSE = np.unique([*np.linspace(0.0, 1.0, 49), *np.geomspace(1e-4, 0.05, 24)])  # levels, of the largest √x
 FINE = 16  # levels in a band
@@ -69,7 +69,7 @@ class Planner:
         profile = self._refined(self._coarse(), FIRST_BAND, FIRST_BAND)
         if profile.stuck is not None:
             return profile, {}
-        self.least = float(Timing(self.s, profile.x).durations.sum())
+        self.least = float(PathTiming(self.s, profile.x).durations.sum())
         self._loosen(self._judged(profile.x))
         loose = self._refined(profile, FIRST_BAND, LAST_BAND)
         profile = profile if loose.stuck is not None else loose
@@ -119,7 +119,7 @@ class Planner:
         top = max(4.0 * float(np.median(np.clip(high, 0.0, MOST))) * self.path.length, self.ends[0])
         v = self._levels(np.minimum(self.points.largest_x(self.shares), top))
         low, high = self.points.bounds(v * v, self.shares)
-        back = Table((v * v)[::-1], -high[::-1], -low[::-1], np.diff(self.s)[::-1])
+        back = SpeedTable((v * v)[::-1], -high[::-1], -low[::-1], np.diff(self.s)[::-1])
         return fastest_profile(back, self.ends[1], self.ends[0]).highest_first
 
     def _refined(self, profile: Profile, band: int, last: int) -> Profile:
@@ -154,14 +154,14 @@ class Planner:
         return profile, bool((((v > high - cell) & (high < cap)) | ((v < low + cell) & (low > 0.0))).any())
 
     def _pass(self, x: np.ndarray) -> Profile:
-        return fastest_profile(Table(x, *self.points.bounds(x, self.shares), np.diff(self.s)), *self.ends)
+        return fastest_profile(SpeedTable(x, *self.points.bounds(x, self.shares), np.diff(self.s)), *self.ends)
 
     def _judged(self, x: np.ndarray) -> dict[str, np.ndarray]:
         """By quantity (m - 1, n) the largest part of its limit that each joint uses between grid points.
 
         At first at some times of every piece; where that finds no excess, closer and closer about every peak that may be one.
         """
-        timing, pieces = Timing(self.s, x), np.arange(len(x) - 1)
+        timing, pieces = PathTiming(self.s, x), np.arange(len(x) - 1)
         rows = self._used(timing, pieces, np.broadcast_to(JUDGED, (len(pieces), len(JUDGED))))
         most = rows.max(axis=1)
         if most.max() <= 1.0 + KEPT:
@@ -177,7 +177,7 @@ class Planner:
                 low, high = (parts[np.arange(len(piece)), k + side] for side in (-1, 1))
         return dict(zip(self.shares, np.split(most, len(self.shares), axis=1), strict=True))
 
-    def _used(self, timing: Timing, pieces: np.ndarray, parts: np.ndarray) -> np.ndarray:
+    def _used(self, timing: PathTiming, pieces: np.ndarray, parts: np.ndarray) -> np.ndarray:
         """Parts of limits (p, k, quantities × n) that are used in pieces (p,) after parts (p, k) of their times."""
         s, speed, sdd = timing.at(pieces[:, None], parts * timing.durations[pieces, None])
         points = PathLimits.at(self.dyn, self.limits, self.path, s.ravel())

@@ -12,7 +12,7 @@ TURNED = 0.5  # of a piece's acceleration that may change to either side, and of
 
 
 @dataclass(frozen=True, eq=False)
-class Timing:
+class PathTiming:
     """s(t) with ṡ = √x at the grid points; within a piece s̈ is linear in time.
 
     A planner that lets s̈ jump at every grid point draws stairs where the active limit falls with speed. Here s̈ goes through the
