@@ -15,8 +15,10 @@ from armwright.errors import LogError, ScenarioError
 from armwright.fitting.measures import rms
 from armwright.identification.arm.torque_model import MEASURED
 from armwright.identification.logs.log import Log
-from armwright.identification.validation.prediction import check_match, columns_of, is_logged, units_of
-from armwright.identification.validation.torque import Source, as_logged, check_constants, measured_torques
+from armwright.identification.logs.torques import Source, torques_on_joints
+from armwright.identification.validation.match import match
+from armwright.identification.validation.prediction import units_of
+from armwright.identification.validation.torque import as_logged, check_constants
 from armwright.identification.validation.verdict import passing_verdict
 from armwright.model import Model
 from armwright.progress import Shown, automatic
@@ -273,10 +275,10 @@ def shadow_log(
         record = record or arm
     arm = log.arm if arm is None else as_arm(arm)
     assert arm is not None
-    check_match(arm, log)
+    matched = match(arm, log)
     sources: tuple[Source, ...] = ("tau", "current")
-    source: Source | None = next((each for each in sources if is_logged(log, each)), None)
-    if source is None or not is_logged(log, "q"):
+    source: Source | None = next((each for each in sources if each in matched.logged), None)
+    if source is None or "q" not in matched.logged:
         what = "no torques or currents" if source is None else "no positions"
         raise LogError(
             f"{what} of all joints", place="signals", expected="positions, and torques or currents", file=log.path
@@ -284,13 +286,13 @@ def shadow_log(
     check_constants(arm, source, log)
     names = [each.name for each in log.runs] if runs is None else [log.run(name).name for name in runs]
     known = torque_deviations(arm, record, deviation)
-    limits, order = check_factor(factor) * known.values, columns_of(arm, log)
-    heavier = with_kilogram(arm)
+    limits, order = check_factor(factor) * known.values, matched.columns
+    heavier, lacks = with_kilogram(arm), log.lacks if source == "tau" else ()
     observer = MomentumObserver(
-        as_logged(arm, log, source),
+        as_logged(arm, lacks),
         bandwidths,
         source in log.held,
-        None if heavier is None else as_logged(heavier, log, source),
+        None if heavier is None else as_logged(heavier, lacks),
         arm,
     )
     total, done, found = sum(log.run(name).rows for name in names), 0, []
@@ -299,8 +301,8 @@ def shadow_log(
             observer.restart()
             watch, parts = AlarmWatch(tuple(arm.names), limits), []
             for block in log.blocks(name, ROWS):
-                values = {n: v[:, order] for n, v in block.values.items() if is_logged(log, n)}
-                torques = measured_torques(arm, source, values[source], np.zeros_like(values["q"]))
+                values = {n: v[:, order] for n, v in block.values.items() if n in matched.logged}
+                torques = torques_on_joints(arm, source, values[source], np.zeros_like(values["q"]))
                 parts.append(observer.update(block.t, values["q"], torques, values.get("qd")))
                 watch.update(parts[-1])
                 done += len(block.t)
@@ -339,7 +341,7 @@ def _notes(arm: Model, log: Log, known: Deviations, record: str | os.PathLike[st
     notes.append(
         "no verdict on this record: `armwright validate` makes one" if verdict is None else f"verdict: {verdict}"
     )
-    lacks = sorted({term for signal in log.table.signals for term in signal.lacks})
+    lacks = sorted(log.lacks)
     if lacks:
         notes.append(f"the log says that its torques lack {', '.join(lacks)}: so does the model here")
     if "coulomb" in lacks:

@@ -16,7 +16,7 @@ from armwright.actuators.coupling import motor_shares
 from armwright.errors import IdentificationError
 from armwright.identification.arm.gear_loss import LossyModel, lossy_model
 from armwright.identification.arm.payload import identify_payload
-from armwright.identification.arm.samples import samples_of
+from armwright.identification.arm.samples import stream_of
 from armwright.identification.arm.torque_model import random_states, torque_model
 from armwright.model import build_model
 from identification.arm.moved_arm import moved, multisine, written_log
@@ -265,7 +265,7 @@ def test_rests_are_left_out(tmp_path, arm):
     found = aw.identification.identify_arm(log, arm, record=False, sensitivity=False)
     truth = found.fit.base.of(np.nan_to_num(found.fit.equations.model.prior))
     z = np.abs(found.fit.values - truth) / found.fit.std
-    blocks = list(samples_of(log, found.fit.equations.model))
+    blocks = list(stream_of(log, arm).samples(found.fit.equations.model))
     resting = np.concatenate([~each.fitted for each in blocks])
     t = np.concatenate([each.t for each in blocks])
     assert resting[t > 18].all()

@@ -11,8 +11,9 @@ from armwright.description.robot import Source
 from armwright.errors import IdentificationError, LogError
 from armwright.identification.arm.equations import equations_of
 from armwright.identification.arm.fit import cross_validated, fit_arm
-from armwright.identification.arm.samples import samples_of
+from armwright.identification.arm.samples import stream_of
 from armwright.identification.arm.spring_record import spring_keys
+from armwright.identification.logs.prepared import logged_motion
 from armwright.identification.validation.torque import predict_torque
 from armwright.model import build_model
 from identification.arm.moved_arm import multisine, written_log
@@ -40,7 +41,9 @@ def test_record_with_fitted_numbers_moves_as_the_truth(tmp_path):
     error = aw.compile(again).inverse_dynamics(q, qd, qdd) - expected
     assert (error.std(axis=0) < 0.03 * expected.std(axis=0)).all()
     prepared = aw.identification.choose_preparation(log)
-    prediction = predict_torque(again, log, preparation=prepared)  # dry friction leaves the low-pass as in the fit
+    prediction = predict_torque(
+        again, log, logged_motion(log, None, prepared)
+    )  # dry friction leaves the low-pass as in the fit
     rms = np.sqrt(np.nanmean((prediction.measured - prediction.predicted) ** 2, axis=0))
     assert (rms < 1.02 * found.fit.rms).all()
     number = next(n for n in again.parameters if n.name == "joint3.friction.viscous_n_m_s_per_rad")
@@ -320,7 +323,7 @@ def test_tx40_predicts_seconds_that_it_has_not_seen(tx40):
     found = aw.identification.identify_arm(log, arm, cutoff=100, decimate=20, record=False, sensitivity=False)
     model = found.fit.equations.model
     prepared = aw.identification.choose_preparation(log, cutoff=100, decimate=20)
-    equations = equations_of(samples_of(log, model, preparation=prepared), model, part_seconds=1.0)
+    equations = equations_of(stream_of(log, arm, None, prepared).samples(model), model, part_seconds=1.0)
     held = cross_validated(fit_arm(equations, found.fit.base))
     assert [each.at_rest for each in held] == [False] * 8 + [True]
     assert max(each.error for each in held) <= 0.16
