@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -11,13 +11,7 @@ from armwright.cli.arguments import option
 from armwright.cli.tables import show
 from armwright.terminal import say
 
-if TYPE_CHECKING:
-    pass
-
 NOT_IDENTIFIED = 1  # exit code
-HEADS = ("base parameter", "value", "± std", "±", "unit")
-JOINTS = ("joint", "R² of the fit", "RMS of its residual", "of the torque's", "held-out parts", "unit")
-HELD_OUT = ("joint", "quantity", "R²", "RMS", "R² before", "RMS before", "unit", "")
 
 
 def arm(
@@ -96,11 +90,14 @@ def arm(
     model = None if robot is None else aw.load(robot, kinematics_only=kinematics_only)
     with progress(f"reading {file.name}") as tell:
         log = aw.identification.read_log(file, progress=tell)
+    terms = aw.identification.ArmTerms(
+        _words(springs), stribeck_speed, None if lacks is None else _words(lacks),
+        "all" if fit_efficiency == "all" else _words(fit_efficiency),
+    )  # fmt: skip
+    rows = aw.identification.FitRows(cutoff=cutoff, decimate=decimate)
     found = aw.identification.identify_arm(
-        log, model, method=method, friction=_words(friction), springs=_words(springs), stribeck_speed=stribeck_speed,
-        lacks=None if lacks is None else _words(lacks), cutoff=cutoff, decimate=decimate,
-        feedback=_feedback(feedback), forgetting=forgetting,
-        fit_efficiency="all" if fit_efficiency == "all" else _words(fit_efficiency),
+        log, model, method=method, friction=_words(friction), terms=terms, rows=rows, feedback=_feedback(feedback),
+        forgetting=forgetting,
     )  # fmt: skip
     show(found)
     if output is not None:

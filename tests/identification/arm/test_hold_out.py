@@ -62,7 +62,9 @@ def test_numbers_of_runs_held_out_are_those_of_validate_bit_by_bit(arms, tmp_pat
 def test_a_cut_off_of_the_fit_leaves_the_measure_as_it_is(arms):
     """The filter of `validate` judges, whatever filter the fit was told to take."""
     log = aw.identification.read_log(arms.logs["plain"])
-    found = aw.identification.identify_arm(log, arms.arms["plain"], cutoff=3.0, sensitivity=False)
+    found = aw.identification.identify_arm(
+        log, arms.arms["plain"], rows=aw.identification.FitRows(cutoff=3.0), sensitivity=False
+    )
     assert found.hold_out is not None
     (first, *_) = found.hold_out.written.predictions
     judged = aw.identification.validate(arms.arms["plain"], log, simulation=False).predictions[0]

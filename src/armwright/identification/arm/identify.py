@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from dataclasses import replace
-from typing import Any, Literal
+from typing import Any
 
-from armwright.entry import as_arm, as_log
+from armwright.entry import as_arm, as_log, expect
 from armwright.errors import IdentificationError
 from armwright.identification.arm.arm_estimate import ArmEstimate
 from armwright.identification.arm.arm_record import record_parameters
@@ -15,11 +15,12 @@ from armwright.identification.arm.fit import cross_validated
 from armwright.identification.arm.gear_loss import lossy_model
 from armwright.identification.arm.held_out import judged_record
 from armwright.identification.arm.methods import METHODS, check_losses, fitted
+from armwright.identification.arm.options import ArmTerms, FitRows
 from armwright.identification.arm.remarks import with_remarks
-from armwright.identification.arm.samples import stream_of
+from armwright.identification.arm.samples import Stream, stream_of
 from armwright.identification.arm.sensitivity import sensitive_parameters
 from armwright.identification.arm.separating import sentences
-from armwright.identification.arm.torque_model import USUAL_FRICTION, torque_model
+from armwright.identification.arm.torque_model import USUAL_FRICTION, TorqueModel, torque_model
 from armwright.identification.estimate import Estimate
 from armwright.identification.logs.log import Log
 from armwright.identification.validation.comparison import NO_HOLD_OUT
@@ -30,17 +31,12 @@ def identify_arm(
     log: Log,
     arm: Model | None = None,
     *,
-    runs: Sequence[str] | None = None,
     method: str = "wls",
     friction: Collection[str] = USUAL_FRICTION,
-    springs: Collection[str] = (),
-    lacks: Collection[str] | None = None,
-    stribeck_speed: float | None = None,
-    cutoff: float | None = None,
-    decimate: int | None = None,
+    terms: ArmTerms | None = None,
+    rows: FitRows | None = None,
     feedback: Feedback | tuple[Any, Any, float] | None = None,
     forgetting: float = 1.0,
-    fit_efficiency: Collection[str] | Literal["all"] = (),
     record: bool = True,
     sensitivity: bool = True,
 ) -> ArmEstimate:
@@ -52,18 +48,15 @@ def identify_arm(
 
     Args:
         log: what `read_log` returned.   arm: a full record or kinematics alone; None: the log's robot.
-        runs: names of those to fit; None: those that the log marks so.
         method: least squares "ols"; "wls", every joint weighted by its residuals; "irls" or "tukey", which also let outliers
             count less; "essential", which leaves out what the log hardly tells; "recursive", row by row. Or by a simulated loop:
             "iv", instruments against the bias of feedback; "didim", from torques alone; "cloe", from positions alone.
         friction: terms, of "viscous", "coulomb", "offset", "asymmetric" (Coulomb's level by direction) and "stribeck".
-        springs: names of joints whose spring and counterbalance stay if they lower the held-out error by 1 % or more.
-        stribeck_speed: of the term "stribeck", at the joint [rad/s | m/s].
-        lacks: terms that the measured torque is without, such as "gravity"; None: what the log's file says.
-        cutoff: of the low-pass, in Hz.   decimate: every how many rows to keep; None: chosen.
+        terms: springs, a Stribeck speed, gear efficiencies to fit, and terms that the measured torques lack; None: those of the
+            log's file, and nothing else.
+        rows: runs to fit, cut-off of the low-pass and decimation; None: the log's runs, and a chosen low-pass.
         feedback: of the log's one run, for "iv", "didim" and "cloe"; or (kp, kd, period) of a controller whose reference is not
             known, in whose place the logged positions stand.   forgetting: of "recursive", for each row, at most 1.
-        fit_efficiency: names of joints whose gear efficiency is one more parameter, or "all"; others have the record's.
         record: also find physically possible values for a record; runs held out judge it, so that then it is found in any case.
         sensitivity: also fit at cut-offs 30 % lower and higher.
     Returns:
@@ -75,21 +68,17 @@ def identify_arm(
     """
     if method not in METHODS:
         raise IdentificationError(place="method", value=method, choices=tuple(METHODS))
+    terms, rows = terms or ArmTerms(), rows or FitRows()
+    expect(terms, ArmTerms, "terms", "an aw.identification.ArmTerms", IdentificationError)
+    expect(rows, FitRows, "rows", "an aw.identification.FitRows", IdentificationError)
     log = as_log(log)
     arm = log.arm if arm is None else as_arm(arm)
     if arm is None:
         expected = "an arm, or kinematics alone, here or in the log's file"
         raise IdentificationError("missing", place="arm", expected=expected)
-    stream = stream_of(log, arm, runs, cutoff=cutoff, decimate=decimate)
-    absent = stream.lacks if lacks is None else lacks
-    model = torque_model(
-        arm, friction=friction, springs=springs, lacks=absent, stribeck_speed=stribeck_speed, gears=stream.gears
-    )
-    lossy = lossy_model(model, fit_efficiency)
-    if lossy is not None:
-        check_losses(lossy, method, absent)
-        model = lossy
-    found = fitted(stream, model, method, feedback, forgetting, strict=fit_efficiency != "all")
+    stream = stream_of(log, arm, rows.runs, cutoff=rows.cutoff, decimate=rows.decimate)
+    model = _model(stream, arm, method, friction, terms)
+    found = fitted(stream, model, method, feedback, forgetting, strict=terms.fit_efficiency != "all")
     fit, by_parts = found.fit, METHODS[method].parts
     held_out = tuple(cross_validated(fit)) if by_parts and len(fit.equations.parts) > 1 else ()
     sensitive = sensitive_parameters(stream, fit) if by_parts and sensitivity else ()
@@ -116,3 +105,20 @@ def identify_arm(
     )
     directions = sentences(fit, found.rows(), found.base, found.structural)
     return replace(result, estimate=with_remarks(result, found, directions, cutoff, [*stream.warnings, *said]))
+
+
+def _model(stream: Stream, arm: Model, method: str, friction: Collection[str], terms: ArmTerms) -> TorqueModel:
+    """The torque model of an arm, with its gear loss if it has one.
+
+    Raises:
+        IdentificationError: unknown terms, or gear loss that the method does not know.
+    """
+    lacks, speed = stream.lacks if terms.lacks is None else terms.lacks, terms.stribeck_speed
+    model = torque_model(
+        arm, friction=friction, springs=terms.springs, lacks=lacks, stribeck_speed=speed, gears=stream.gears
+    )
+    lossy = lossy_model(model, terms.fit_efficiency)
+    if lossy is None:
+        return model
+    check_losses(lossy, method, lacks)
+    return lossy
