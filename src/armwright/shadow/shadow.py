@@ -26,7 +26,8 @@ from armwright.results.result import Result
 from armwright.results.table import Table, number
 from armwright.shadow.alarms import FACTOR, AlarmWatch, ShadowAlarm
 from armwright.shadow.observer import MomentumObserver, Residuals, ShadowBandwidths, with_kilogram
-from armwright.shadow.rows import ShadowEvent
+from armwright.shadow.page import write_shadow
+from armwright.shadow.rows import ShadowEvent, event_lines
 from armwright.shadow.uncertainty import Deviations, torque_deviations, verdict_of
 from armwright.shadow.verdict import Judged, Verdict, verdict
 
@@ -37,7 +38,6 @@ HEADS = (
     "alarms",
 )  # fmt: skip
 ROWS = 4096  # of a log that are handled at once
-EVENTS = 12  # that are shown
 
 
 class ArmShadow:
@@ -224,8 +224,6 @@ class Shadow(Result):
         Raises:
             OutputError: the file cannot be written.
         """
-        from armwright.shadow.page import write_shadow  # which draws
-
         return write_shadow(path, self)
 
     def tables(self) -> list[Table]:
@@ -309,12 +307,6 @@ def shadow_log(
                 tell(min(done, total), total)
             found.append(ShadowRun(name, _joined(parts), tuple(watch.alarms), observer.events, watch.judged))
     return Shadow(arm, log, tuple(found), known, limits, _notes(arm, log, known, record))
-
-
-def event_lines(events: Sequence[tuple[str, ShadowEvent]]) -> list[str]:
-    """One line for each event of a run, of many the first `EVENTS` and how many more there are."""
-    lines = [f"{run}: {event}" for run, event in events[:EVENTS]]
-    return lines if len(events) <= EVENTS else [*lines, f"{len(events) - EVENTS} more of such events"]
 
 
 def check_factor(factor: float) -> float:
