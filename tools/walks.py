@@ -35,20 +35,9 @@ loop.reference = { kind = "quintic", start = [0, 0], goal = [0.3, -0.2], duratio
 FOLLOWED = {
     "simulate": ("Scenario", "Loop", "NativeLoop", "Simulation", "Plant", "LoopState", "SimulationState"),
     "identify_arm": (
-        *(
-            "Log",
-            "LogRun",
-            "Census",
-            "Block",
-            "Stretch",
-            "Span",
-            "Bridged",
-            "_Bridged",
-            "Preparation",
-            "Stream",
-            "Samples",
-        ),
-        *("Equations", "Part", "Factor", "FitProblem", "_Fitted", "ArmFit", "RecordParameters", "ArmEstimate"),
+        *("Log", "LogRun", "Census", "Block", "Stretch", "Span", "Bridged", "_Bridged", "EvenRows", "Match"),
+        *("Preparation", "RunFilters", "Stream", "Samples", "LoggedMotion", "Equations", "Part", "Factor"),
+        *("FitProblem", "_Fitted", "Fitted", "ArmFit", "RecordParameters", "ArmEstimate"),
     ),
     "tune": ("Scenario", "Loop", "Space", "Objective", "Uncertainty", "TuningResult"),
     "inverse_kinematics": ("Model", "JointChain", "PoseSolver", "PoseSolutions"),

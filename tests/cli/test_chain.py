@@ -158,7 +158,7 @@ def test_a_chain_of_files_from_the_excitation_to_the_bus(robot, tmp_path, monkey
     # cut-off leaves too few rows, and the command then asks for a higher one
     cutoff = max(json.loads(designed.stdout)["results"][0]["bandwidth"]) / (2 * np.pi)
     friction = "viscous,asymmetric" if has_friction_by_direction(arm) else "viscous,coulomb,offset"
-    identify = {"cutoff": cutoff, "friction": tuple(friction.split(","))}
+    identify = {"rows": aw.identification.FitRows(cutoff=cutoff), "friction": tuple(friction.split(","))}
     armwright("identify", "arm", "arm.log.toml", "--cutoff", cutoff, "--friction", friction, "-o", "identified.toml")
     armwright("validate", "identified.toml", "arm.log.toml")
     check_new_motions(arm, identify)

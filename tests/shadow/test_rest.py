@@ -10,6 +10,7 @@ import pytest
 
 import armwright as aw
 from armwright.actuators.coupling import motor_shares
+from armwright.identification.arm.options import FitRows
 from armwright.shadow.observer import MomentumObserver
 from identification.arm.tx40 import tx40_urdf
 from identification.real_logs import TX40, log_of
@@ -189,7 +190,10 @@ def test_the_wrist_of_the_tx40_at_rest(tmp_path):
     )
     log = aw.identification.read_log(log_of(tmp_path, "staubli_tx40", text))
     fit = aw.identification.identify_arm(
-        log, aw.load(tx40_urdf(tmp_path), kinematics_only=True), cutoff=100, decimate=20, sensitivity=False
+        log,
+        aw.load(tx40_urdf(tmp_path), kinematics_only=True),
+        rows=FitRows(cutoff=100, decimate=20),
+        sensitivity=False,
     )
     record = fit.write(tmp_path / "tx40.toml")
     for factor, moving in ((8.0, 0), (2.0, 1)):  # 2 deviations: far below any sensible limit

@@ -58,11 +58,14 @@ def arm(
     model = None if robot is None else aw.load(robot, kinematics_only=kinematics_only)
     with progress(f"reading {file.name}") as tell:
         log = aw.identification.read_log(file, progress=tell)
+    terms = aw.identification.ArmTerms(
+        words(springs), stribeck_speed, None if lacks is None else words(lacks),
+        "all" if fit_efficiency == "all" else words(fit_efficiency),
+    )  # fmt: skip
+    rows = aw.identification.FitRows(cutoff=cutoff, decimate=decimate)
     found = aw.identification.identify_arm(
-        log, model, method=method, friction=words(friction), springs=words(springs), stribeck_speed=stribeck_speed,
-        lacks=None if lacks is None else words(lacks), cutoff=cutoff, decimate=decimate,
-        feedback=_feedback(feedback), forgetting=forgetting,
-        fit_efficiency="all" if fit_efficiency == "all" else words(fit_efficiency),
+        log, model, method=method, friction=words(friction), terms=terms, rows=rows, feedback=_feedback(feedback),
+        forgetting=forgetting,
     )  # fmt: skip
     show(found)
     write(output, found.write)

@@ -100,7 +100,8 @@ def listen(
     from rich.live import Live
 
     from armwright.results.recording import check_recording, save
-    from armwright.shadow.shadow import ArmShadow, event_lines
+    from armwright.shadow.rows import event_lines
+    from armwright.shadow.shadow import ArmShadow
     from armwright.twin.listen import BusListener, bus_recording, shadow_bus
 
     if output is not None:

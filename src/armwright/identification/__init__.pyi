@@ -1,8 +1,10 @@
 """The names of this room and where each lives: for type checkers, and for `armwright.lazy`."""
 
+from armwright.identification.arm.arm_estimate import ArmEstimate as ArmEstimate
 from armwright.identification.arm.drive_gains import identify_drive_gains as identify_drive_gains
 from armwright.identification.arm.friction import identify_friction as identify_friction
-from armwright.identification.arm.identify import ArmEstimate as ArmEstimate, identify_arm as identify_arm
+from armwright.identification.arm.identify import identify_arm as identify_arm
+from armwright.identification.arm.options import ArmTerms as ArmTerms, FitRows as FitRows
 from armwright.identification.arm.payload import identify_payload as identify_payload
 from armwright.identification.estimate import Estimate as Estimate, write_into as write_into
 from armwright.identification.experiments.excitation import (

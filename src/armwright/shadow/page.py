@@ -14,10 +14,12 @@ from armwright.results.page_parts import bullets, plotted, said, section, senten
 from armwright.results.svg import INK, PREDICTED, QUIET, RESIDUAL, SIZE, curve, page_svg, words
 from armwright.results.table import Table, number
 from armwright.shadow.alarms import limits_at
-from armwright.shadow.shadow import Shadow, ShadowRun, event_lines
+from armwright.shadow.rows import event_lines
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from armwright.shadow.shadow import Shadow, ShadowRun
 
 DRAWN = 6  # runs of each page that are drawn; those with alarms first
 SIZE_OF_PICTURE = (9.2, 3.6)  # [inch]

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from statistics import median
 
@@ -22,6 +23,7 @@ import numpy as np
 from armwright.actuators.coupling import motor_shares
 from armwright.model import Body, Model
 
+EVENTS = 12  # that are shown
 BEYOND = 10.0  # times a limit
 UNLIMITED = {"q": 1e5, "qd": 100.0, "tau": 1e5}  # [rad | m], [rad/s | m/s], [N m | N] where the record has no limit
 LEAP = 60.0  # [s]
@@ -197,3 +199,9 @@ def _torque(body: Body) -> float:
         if drive.resistance is not None:
             most = min(most, constant * float(limits.voltage) / float(drive.resistance))
     return _or(most, UNLIMITED["tau"])
+
+
+def event_lines(events: Sequence[tuple[str, ShadowEvent]]) -> list[str]:
+    """One line for each event of a run, of many the first `EVENTS` and how many more there are."""
+    lines = [f"{run}: {event}" for run, event in events[:EVENTS]]
+    return lines if len(events) <= EVENTS else [*lines, f"{len(events) - EVENTS} more of such events"]

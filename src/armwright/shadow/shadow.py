@@ -15,8 +15,10 @@ from armwright.errors import LogError, ScenarioError
 from armwright.fitting.measures import rms
 from armwright.identification.arm.torque_model import MEASURED
 from armwright.identification.logs.log import Log
-from armwright.identification.validation.prediction import check_match, columns_of, is_logged, units_of
-from armwright.identification.validation.torque import Source, as_logged, check_constants, measured_torques
+from armwright.identification.logs.torques import Source, torques_on_joints
+from armwright.identification.validation.match import match
+from armwright.identification.validation.prediction import units_of
+from armwright.identification.validation.torque import as_logged, check_constants
 from armwright.identification.validation.verdict import passing_verdict
 from armwright.model import Model
 from armwright.progress import Shown, automatic
@@ -24,7 +26,8 @@ from armwright.results.result import Result
 from armwright.results.table import Table, number
 from armwright.shadow.alarms import FACTOR, AlarmWatch, ShadowAlarm
 from armwright.shadow.observer import MomentumObserver, Residuals, ShadowBandwidths, with_kilogram
-from armwright.shadow.rows import ShadowEvent
+from armwright.shadow.page import write_shadow
+from armwright.shadow.rows import ShadowEvent, event_lines
 from armwright.shadow.uncertainty import Deviations, torque_deviations, verdict_of
 from armwright.shadow.verdict import Judged, Verdict, verdict
 
@@ -35,7 +38,6 @@ HEADS = (
     "alarms",
 )  # fmt: skip
 ROWS = 4096  # of a log that are handled at once
-EVENTS = 12  # that are shown
 
 
 class ArmShadow:
@@ -222,8 +224,6 @@ class Shadow(Result):
         Raises:
             OutputError: the file cannot be written.
         """
-        from armwright.shadow.page import write_shadow  # which draws
-
         return write_shadow(path, self)
 
     def tables(self) -> list[Table]:
@@ -273,10 +273,10 @@ def shadow_log(
         record = record or arm
     arm = log.arm if arm is None else as_arm(arm)
     assert arm is not None
-    check_match(arm, log)
+    matched = match(arm, log)
     sources: tuple[Source, ...] = ("tau", "current")
-    source: Source | None = next((each for each in sources if is_logged(log, each)), None)
-    if source is None or not is_logged(log, "q"):
+    source: Source | None = next((each for each in sources if each in matched.logged), None)
+    if source is None or "q" not in matched.logged:
         what = "no torques or currents" if source is None else "no positions"
         raise LogError(
             f"{what} of all joints", place="signals", expected="positions, and torques or currents", file=log.path
@@ -284,13 +284,13 @@ def shadow_log(
     check_constants(arm, source, log)
     names = [each.name for each in log.runs] if runs is None else [log.run(name).name for name in runs]
     known = torque_deviations(arm, record, deviation)
-    limits, order = check_factor(factor) * known.values, columns_of(arm, log)
-    heavier = with_kilogram(arm)
+    limits, order = check_factor(factor) * known.values, matched.columns
+    heavier, lacks = with_kilogram(arm), log.lacks if source == "tau" else ()
     observer = MomentumObserver(
-        as_logged(arm, log, source),
+        as_logged(arm, lacks),
         bandwidths,
         source in log.held,
-        None if heavier is None else as_logged(heavier, log, source),
+        None if heavier is None else as_logged(heavier, lacks),
         arm,
     )
     total, done, found = sum(log.run(name).rows for name in names), 0, []
@@ -299,20 +299,14 @@ def shadow_log(
             observer.restart()
             watch, parts = AlarmWatch(tuple(arm.names), limits), []
             for block in log.blocks(name, ROWS):
-                values = {n: v[:, order] for n, v in block.values.items() if is_logged(log, n)}
-                torques = measured_torques(arm, source, values[source], np.zeros_like(values["q"]))
+                values = {n: v[:, order] for n, v in block.values.items() if n in matched.logged}
+                torques = torques_on_joints(arm, source, values[source], np.zeros_like(values["q"]))
                 parts.append(observer.update(block.t, values["q"], torques, values.get("qd")))
                 watch.update(parts[-1])
                 done += len(block.t)
                 tell(min(done, total), total)
             found.append(ShadowRun(name, _joined(parts), tuple(watch.alarms), observer.events, watch.judged))
     return Shadow(arm, log, tuple(found), known, limits, _notes(arm, log, known, record))
-
-
-def event_lines(events: Sequence[tuple[str, ShadowEvent]]) -> list[str]:
-    """One line for each event of a run, of many the first `EVENTS` and how many more there are."""
-    lines = [f"{run}: {event}" for run, event in events[:EVENTS]]
-    return lines if len(events) <= EVENTS else [*lines, f"{len(events) - EVENTS} more of such events"]
 
 
 def check_factor(factor: float) -> float:
@@ -339,7 +333,7 @@ def _notes(arm: Model, log: Log, known: Deviations, record: str | os.PathLike[st
     notes.append(
         "no verdict on this record: `armwright validate` makes one" if verdict is None else f"verdict: {verdict}"
     )
-    lacks = sorted({term for signal in log.table.signals for term in signal.lacks})
+    lacks = sorted(log.lacks)
     if lacks:
         notes.append(f"the log says that its torques lack {', '.join(lacks)}: so does the model here")
     if "coulomb" in lacks:

@@ -15,8 +15,9 @@ import armwright as aw
 from armwright.actuators.coupling import motor_shares
 from armwright.errors import IdentificationError
 from armwright.identification.arm.gear_loss import LossyModel, lossy_model
+from armwright.identification.arm.options import ArmTerms
 from armwright.identification.arm.payload import identify_payload
-from armwright.identification.arm.samples import samples_of
+from armwright.identification.arm.samples import stream_of
 from armwright.identification.arm.torque_model import random_states, torque_model
 from armwright.model import build_model
 from identification.arm.moved_arm import moved, multisine, written_log
@@ -190,14 +191,16 @@ def test_other_methods_are_refused_by_name(arm, log, method):
 
 def test_a_torque_without_gravity_is_refused(arm, log):
     with pytest.raises(IdentificationError, match=r"lacks.*gravity.*'yaw'"):
-        aw.identification.identify_arm(log, arm, lacks=["gravity"])
+        aw.identification.identify_arm(log, arm, terms=ArmTerms(lacks=["gravity"]))
 
 
 def test_efficiencies_are_fitted_with_their_deviations(tmp_path, arm, log):
     stated = arm
     for joint in ("shoulder", "elbow"):
         stated = changed(stated, motor={"gear_efficiency": None}, joint=joint)
-    found = aw.identification.identify_arm(log, stated, fit_efficiency=["shoulder", "elbow"], sensitivity=False)
+    found = aw.identification.identify_arm(
+        log, stated, terms=ArmTerms(fit_efficiency=["shoulder", "elbow"]), sensitivity=False
+    )
     assert found.verdict == "identified"
     for name in ("eta2", "eta3"):
         k = found.estimate.number(name)
@@ -215,8 +218,10 @@ def test_an_efficiency_that_the_log_hardly_tells_is_refused_or_stays(tmp_path, a
     arm = changed(arm, friction={"viscous_n_m_s_per_rad": number(40.0)}, joint="yaw")
     log = moved(tmp_path, "braked", arm, **MOTION, torque_noise=0.2)
     with pytest.raises(IdentificationError, match=r"fit_efficiency.*'yaw'.*drives its gear back"):
-        aw.identification.identify_arm(log, arm, fit_efficiency=["yaw", "elbow"])
-    found = aw.identification.identify_arm(log, arm, fit_efficiency="all", record=False, sensitivity=False)
+        aw.identification.identify_arm(log, arm, terms=ArmTerms(fit_efficiency=["yaw", "elbow"]))
+    found = aw.identification.identify_arm(
+        log, arm, terms=ArmTerms(fit_efficiency="all"), record=False, sensitivity=False
+    )
     assert "eta1" not in found.fit.base.names
     assert "eta3" in found.fit.base.names
     assert any("yaw: gear efficiency stays the record's" in each for each in found.estimate.remarks)
@@ -224,9 +229,9 @@ def test_an_efficiency_that_the_log_hardly_tells_is_refused_or_stays(tmp_path, a
 
 def test_unknown_joints_and_tables_are_refused(arm, log):
     with pytest.raises(IdentificationError, match=r"fit_efficiency.*elbw.*elbow"):
-        aw.identification.identify_arm(log, arm, fit_efficiency=["elbw"])
+        aw.identification.identify_arm(log, arm, terms=ArmTerms(fit_efficiency=["elbw"]))
     with pytest.raises(IdentificationError, match="'yaw' has a gear_efficiency_table"):
-        aw.identification.identify_arm(log, VARIANTS["table"](arm), fit_efficiency=["yaw"])
+        aw.identification.identify_arm(log, VARIANTS["table"](arm), terms=ArmTerms(fit_efficiency=["yaw"]))
 
 
 @pytest.mark.sample(1)
@@ -270,7 +275,7 @@ def test_rests_are_left_out(tmp_path, arm):
     found = aw.identification.identify_arm(log, arm, record=False, sensitivity=False)
     truth = found.fit.base.of(np.nan_to_num(found.fit.equations.model.prior))
     z = np.abs(found.fit.values - truth) / found.fit.std
-    blocks = list(samples_of(log, found.fit.equations.model))
+    blocks = list(stream_of(log, arm).samples(found.fit.equations.model))
     resting = np.concatenate([~each.fitted for each in blocks])
     t = np.concatenate([each.t for each in blocks])
     assert resting[t > 18].all()

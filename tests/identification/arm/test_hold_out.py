@@ -13,10 +13,10 @@ from typer.testing import CliRunner
 import armwright as aw
 from armwright.cli.app import app
 from armwright.fitting.measures import rms
-from armwright.identification.arm.fit_noise import error_by_noise
-from armwright.identification.arm.samples import samples_of
+from armwright.identification.arm.held_out import error_by_noise
+from armwright.identification.arm.samples import stream_of
+from armwright.identification.logs.preparation import shared_preparations
 from armwright.identification.validation.comparison import largest_explained
-from armwright.identification.validation.prediction import preparation_for
 from identification.arm.two_runs import two_runs
 
 FRICTION = {"viscous_n_m_s_per_rad": 0.8, "coulomb_positive_n_m": 1.0, "coulomb_negative_n_m": 1.0}
@@ -62,7 +62,9 @@ def test_numbers_of_runs_held_out_are_those_of_validate_bit_by_bit(arms, tmp_pat
 def test_a_cut_off_of_the_fit_leaves_the_measure_as_it_is(arms):
     """The filter of `validate` judges, whatever filter the fit was told to take."""
     log = aw.identification.read_log(arms.logs["plain"])
-    found = aw.identification.identify_arm(log, arms.arms["plain"], cutoff=3.0, sensitivity=False)
+    found = aw.identification.identify_arm(
+        log, arms.arms["plain"], rows=aw.identification.FitRows(cutoff=3.0), sensitivity=False
+    )
     assert found.hold_out is not None
     (first, *_) = found.hold_out.written.predictions
     judged = aw.identification.validate(arms.arms["plain"], log, simulation=False).predictions[0]
@@ -151,8 +153,9 @@ def test_99_of_100_fits_with_the_same_deviations_have_a_smaller_error(arms):
     """δ drawn from the fit's covariance, its torque error on the run held out from the columns there."""
     log = aw.identification.read_log(arms.logs["plain"])
     fit = aw.identification.identify_arm(log, arms.arms["plain"], sensitivity=False).fit
-    bound, model = error_by_noise(fit, log, ["fresh"]), fit.equations.model
-    blocks = samples_of(log, model, ["fresh"], {"fresh": preparation_for(log, "fresh")})
+    model, prepared = fit.equations.model, shared_preparations(log, ["fresh"])
+    blocks = list(stream_of(log, model.arm, ["fresh"], prepared).samples(model))
+    bound = error_by_noise(fit, blocks)
     columns = np.concatenate([block.regressor(model) for block in blocks])[:, :, fit.base.independent]
     errors = np.random.default_rng(0).multivariate_normal(np.zeros(len(fit.base)), fit.covariance, size=4000)
     for j, joint in enumerate(model.arm.names):

@@ -11,8 +11,10 @@ from armwright.description.robot import Source
 from armwright.errors import IdentificationError, LogError
 from armwright.identification.arm.equations import equations_of
 from armwright.identification.arm.fit import cross_validated, fit_arm
-from armwright.identification.arm.samples import samples_of
+from armwright.identification.arm.options import ArmTerms, FitRows
+from armwright.identification.arm.samples import stream_of
 from armwright.identification.arm.spring_record import spring_keys
+from armwright.identification.logs.prepared import logged_motion
 from armwright.identification.validation.torque import predict_torque
 from armwright.model import build_model
 from identification.arm.moved_arm import multisine, written_log
@@ -40,7 +42,9 @@ def test_record_with_fitted_numbers_moves_as_the_truth(tmp_path):
     error = aw.compile(again).inverse_dynamics(q, qd, qdd) - expected
     assert (error.std(axis=0) < 0.03 * expected.std(axis=0)).all()
     prepared = aw.identification.choose_preparation(log)
-    prediction = predict_torque(again, log, preparation=prepared)  # dry friction leaves the low-pass as in the fit
+    prediction = predict_torque(
+        again, log, logged_motion(log, None, prepared)
+    )  # dry friction leaves the low-pass as in the fit
     rms = np.sqrt(np.nanmean((prediction.measured - prediction.predicted) ** 2, axis=0))
     assert (rms < 1.02 * found.fit.rms).all()
     number = next(n for n in again.parameters if n.name == "joint3.friction.viscous_n_m_s_per_rad")
@@ -99,7 +103,7 @@ def test_what_the_torque_lacks_is_read_from_the_log(tmp_path):
     found = aw.identification.identify_arm(log, arm, sensitivity=False, record=False)
     assert found.verdict == "identified"
     assert found.fit.r2.min() > 0.99
-    wrong = aw.identification.identify_arm(log, arm, sensitivity=False, record=False, lacks=())
+    wrong = aw.identification.identify_arm(log, arm, sensitivity=False, record=False, terms=ArmTerms(lacks=()))
     assert np.nanmax(np.abs(wrong.fit.values - 0.0)) > 0  # gravity at work, and absent from the torque
     assert wrong.fit.r2.min() < found.fit.r2.min()
 
@@ -111,7 +115,7 @@ def test_springs_stay_where_they_lower_the_held_out_error(tmp_path):
     aw.robotfiles.write_toml(arm.record.replace(joints=tuple(joints)), tmp_path / "sprung.toml")
     sprung = aw.load(tmp_path / "sprung.toml")
     log = aw.identification.read_log(write_log(tmp_path, sprung))
-    found = aw.identification.identify_arm(log, arm, springs=("joint2", "joint3"), sensitivity=False)
+    found = aw.identification.identify_arm(log, arm, terms=ArmTerms(springs=("joint2", "joint3")), sensitivity=False)
     names = found.estimate.names
     assert "k2" in names
     assert "k3" not in names
@@ -159,7 +163,7 @@ def test_logs_that_do_not_fit_the_arm_are_refused(tmp_path):
     with pytest.raises(IdentificationError, match="method"):
         aw.identification.identify_arm(log, arm, method="magic")
     with pytest.raises(LogError, match="cutoff"):
-        aw.identification.identify_arm(log, arm, cutoff=1e6)
+        aw.identification.identify_arm(log, arm, rows=FitRows(cutoff=1e6))
 
 
 def test_joints_with_other_names_are_not_taken_by_order(tmp_path):
@@ -283,7 +287,7 @@ def tx40(tmp_path_factory):
 def test_tx40(tx40, tmp_path):
     """Rank, R², rotors and friction beside the references of SOURCE.md there."""
     log, arm = tx40
-    found = aw.identification.identify_arm(log, arm, cutoff=100, decimate=20)
+    found = aw.identification.identify_arm(log, arm, rows=FitRows(cutoff=100, decimate=20))
     assert found.structural == len(found.formulas) == 61
     assert (found.fit.r2 >= np.array([0.990, 0.977, 0.961, 0.973, 0.960, 0.963]) - 0.003).all()
     assert found.record is not None
@@ -320,10 +324,12 @@ def test_tx40(tx40, tmp_path):
 
 def test_tx40_predicts_seconds_that_it_has_not_seen(tx40):
     log, arm = tx40
-    found = aw.identification.identify_arm(log, arm, cutoff=100, decimate=20, record=False, sensitivity=False)
+    found = aw.identification.identify_arm(
+        log, arm, rows=FitRows(cutoff=100, decimate=20), record=False, sensitivity=False
+    )
     model = found.fit.equations.model
     prepared = aw.identification.choose_preparation(log, cutoff=100, decimate=20)
-    equations = equations_of(samples_of(log, model, preparation=prepared), model, part_seconds=1.0)
+    equations = equations_of(stream_of(log, arm, None, prepared).samples(model), model, part_seconds=1.0)
     held = cross_validated(fit_arm(equations, found.fit.base))
     assert [each.at_rest for each in held] == [False] * 8 + [True]
     assert max(each.error for each in held) <= 0.16

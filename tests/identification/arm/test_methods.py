@@ -14,7 +14,12 @@ from identification.arm.test_closed_loop import KD, KP, PERIOD, SECONDS, Feedbac
 # Largest error of a base parameter. Over four seeds: instruments up to 0.036, 1.0 standard deviations; CLOE 0.009; DIDIM 0.053 to
 # 0.057 whatever the seed, 1.1 of its standard deviations: it is not noise but a small bias, of a gravity moment of 6 kg m.
 CLOSED = {"iv": 0.04, "cloe": 0.02, "didim": 0.06}
-OPTIONS = {"friction": (), "lacks": ("rotors",), "cutoff": 20.0, "decimate": 2, "sensitivity": False}
+OPTIONS = {
+    "friction": (),
+    "terms": aw.identification.ArmTerms(lacks=("rotors",)),
+    "rows": aw.identification.FitRows(cutoff=20.0, decimate=2),
+    "sensitivity": False,
+}
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,7 @@ from armwright.identification.arm.payload import (
     payload_model,
     with_identified_payload,
 )
-from armwright.identification.arm.samples import samples_of
+from armwright.identification.arm.samples import stream_of
 from identification.arm.moved_arm import moved
 
 MASS, COM = 2.0, (0.02, -0.03, 0.08)
@@ -75,12 +75,11 @@ def test_torques_of_the_arm_pass_the_low_pass(arm, tmp_path):
     c = np.array(COM)
     about = INERTIA + MASS * (c @ c * np.eye(3) - np.outer(c, c))
     parameters = [MASS, *(MASS * c), *(about[i, j] for i, j in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)))]
-    left = [
-        each.unknown_torque(model) - each.regressor(model) @ parameters for each in samples_of(log, model, None, chosen)
-    ]
+    rows = list(stream_of(log, arm, None, chosen).samples(model))
+    left = [each.unknown_torque(model) - each.regressor(model) @ parameters for each in rows]
     sharp = [
         each.tau - aw.compile(arm.with_payload(MASS, COM, INERTIA)).inverse_dynamics(each.q, each.qd, each.qdd)
-        for each in samples_of(log, model, None, chosen)
+        for each in rows
     ]
     assert np.concatenate(left).std() < 0.2 * np.concatenate(sharp).std()
 

@@ -15,7 +15,7 @@ from armwright.identification.arm.physical import (
     physical_by_sdp,
     pseudo_inertias,
 )
-from armwright.identification.arm.samples import samples_of
+from armwright.identification.arm.samples import stream_of
 from armwright.identification.arm.torque_model import torque_model
 from identification.arm.tx40 import tx40_urdf
 from identification.real_logs import TX40, log_of
@@ -27,7 +27,7 @@ def problem(tmp_path_factory):
     log = aw.identification.read_log(log_of(folder, "staubli_tx40", TX40))
     model = torque_model(aw.load(tx40_urdf(folder), kinematics_only=True), gears=log.gears)
     preparation = aw.identification.choose_preparation(log, cutoff=100.0, decimate=20)
-    equations = equations_of(list(samples_of(log, model, None, preparation)), model)
+    equations = equations_of(stream_of(log, model.arm, None, preparation).samples(model), model)
     return model, equations, fit_arm(equations, base_parameters(model))
 
 

@@ -9,6 +9,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 import armwright as aw
+from armwright.identification.arm.options import FitRows
 from identification.arm.moved_arm import moved, multisine, written_log
 
 AXES = ("0 0 1", "0 1 0", "1 0 0")
@@ -61,7 +62,9 @@ def test_a_motion_as_fast_as_its_low_pass_leaves_no_bias(tmp_path):
     """Lines just below the cut-off, made smaller by a twentieth there, and products of them above it."""
     arm = random_arm(tmp_path, 1)
     log = moved(tmp_path, "fast", arm, seconds=8.0, rate=250.0, harmonics=20, torque_noise=0.02, seed=1)
-    found = aw.identification.identify_arm(log, arm, cutoff=2.8, decimate=20, record=False, sensitivity=False)
+    found = aw.identification.identify_arm(
+        log, arm, rows=FitRows(cutoff=2.8, decimate=20), record=False, sensitivity=False
+    )
     truth = found.fit.base.of(np.nan_to_num(found.fit.equations.model.prior))
     assert (np.abs(found.fit.values - truth) < 0.02 * np.maximum(np.abs(truth), 1.0)).all()
 

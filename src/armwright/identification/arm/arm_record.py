@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,7 +13,7 @@ import numpy as np
 from armwright.description.paths import path_name
 from armwright.description.robot import RobotDescription, Source
 from armwright.errors import IdentificationError
-from armwright.identification.arm.equations import Equations, stacked
+from armwright.identification.arm.equations import Equations, SampleSource, equations_of, stacked
 from armwright.identification.arm.fit import ArmFit, measures_of
 from armwright.identification.arm.gear_loss import EFFICIENCY, LOWEST as LEAST_EFFICIENCY, LossyModel
 from armwright.identification.arm.physical import (
@@ -25,6 +27,7 @@ from armwright.identification.arm.physical import (
 )
 from armwright.identification.arm.spring_record import SPRINGS, spring_keys
 from armwright.identification.arm.torque_model import Column, TorqueModel
+from armwright.identification.estimate import Estimate, write_into
 from armwright.joint_kinds import ROTARY
 
 MASSLESS = "massless"  # in a remark of an arm that was read without masses, and which are known now
@@ -59,13 +62,13 @@ class RecordParameters:
     r2: np.ndarray
 
 
-def record_parameters(fit: ArmFit) -> RecordParameters:
+def record_parameters(fit: ArmFit, rows: Callable[[TorqueModel], SampleSource]) -> RecordParameters:
     """Physically possible parameters nearest to the fit, of the columns that a record can hold.
 
     The record's own links are the prior for what the log does not determine; an arm with kinematics alone has none.
 
     Args:
-        fit: of a log.
+        fit: of a log.   rows: of the log, by a model: that of an arm with gear loss is linear about other parameters.
     Raises:
         IdentificationError: no solution.
     """
@@ -94,7 +97,11 @@ def record_parameters(fit: ArmFit) -> RecordParameters:
     assert found is not None
     values = np.zeros(len(model))
     values[kept] = found.values
-    return RecordParameters(values, tuple(kept), found, measures_of(fit.equations.factors, values)[2])
+    factors = fit.equations.factors
+    if isinstance(model, LossyModel):
+        about = model.at(values)
+        factors = equations_of(rows(about)(), about).factors
+    return RecordParameters(values, tuple(kept), found, measures_of(factors, values)[2])
 
 
 def _physical(R: np.ndarray, z: np.ndarray, bounds: PhysicalBounds, options: dict[str, Any]) -> PhysicalEstimate:
@@ -146,20 +153,50 @@ def _residual(equations: Equations, weights: np.ndarray, columns: Sequence[int])
     return float(((chosen @ solution - matrix[:, -1]) ** 2).sum())
 
 
-def described(
-    model: TorqueModel, found: RecordParameters, gears: np.ndarray | None, source: Source, key: str
-) -> tuple[RobotDescription, Paths]:
-    """The arm's description with these parameters, numbers of kind `fit`, and paths of drive numbers by column.
+def write_record(
+    fit: ArmFit,
+    found: RecordParameters,
+    gears: np.ndarray | None,
+    estimate: Estimate,
+    output: str | os.PathLike[str],
+    key: str = "fit",
+) -> Path:
+    """Writes the arm's record with fitted links, rotors and friction, numbers of kind `fit`, and with all base parameters.
 
     Args:
-        model: of the fit.   found: its parameters.   gears: N of the log (n, n), where the record has no motors.
-        source: of the numbers.   key: its key.
-    Returns:
-        record: RobotDescription.   paths: of drive numbers, by column.
+        fit: of a log.   found: its parameters as a record can hold them.   gears: N of the log, where the record has no motors.
+        estimate: base parameters.   output: path of a TOML file.   key: of the source and of the fit.
     Raises:
-        DescriptionError: values that no record can hold.
+        OutputError, DescriptionError: as `write_into`; values that no record can hold.
     """
-    return _Written(model, found, gears, key).description(source)
+    text = f"{estimate.method}; log {estimate.log}, sha256 {estimate.sha256}"
+    written = _Written(fit.equations.model, found, gears, key)
+    record = written.description(Source(kind="fit", text=text))
+    return write_into(record, _of_record(estimate, fit, found, written.paths), output, key)
+
+
+def _of_record(estimate: Estimate, fit: ArmFit, found: RecordParameters, paths: Paths) -> Estimate:
+    """Numbers of the record that are base parameters by themselves, then all base parameters by their formulas."""
+    base = fit.base
+    at_bound = dict(zip(found.kept, found.physical.at_bound, strict=True))
+    numbers = [
+        (path, factor, b, int(k))
+        for b, k in enumerate(base.independent)
+        if not np.any(base.regroup[b])
+        for path, factor in paths.get(int(k), ())
+    ]
+    order = [b for _, _, b, _ in numbers] + list(range(len(base)))
+    scale = np.array([factor for _, factor, _, _ in numbers] + [1.0] * len(base))
+    values = np.array([*(found.values[k] for *_, k in numbers), *fit.values]) * scale
+    return replace(
+        estimate,
+        names=(*(path for path, *_ in numbers), *base.formulas),
+        values=values,
+        covariance=estimate.covariance[np.ix_(order, order)] * np.outer(scale, scale),
+        units=(*(base.columns[k].unit for *_, k in numbers), *base.units),
+        at_bound=np.array([*(bool(at_bound[k]) for *_, k in numbers), *[False] * len(base)]),
+        identifiable=None,
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,14 +209,14 @@ class _Written:
     key: str
     paths: Paths = field(default_factory=dict)
 
-    def description(self, source: Source) -> tuple[RobotDescription, Paths]:
-        """The record and its paths."""
+    def description(self, source: Source) -> RobotDescription:
+        """The record; then `paths` has the paths of drive numbers by column."""
         record = self.model.arm.record
         joints = tuple(self.joint(joint) for joint in record.joints)
         links = tuple(self.link(link, record) for link in record.links)
         remarks = tuple(each for each in record.remarks if MASSLESS not in each)
         sources = {**record.sources, self.key: source}
-        return record.replace(joints=joints, links=links, sources=sources, remarks=remarks), self.paths
+        return record.replace(joints=joints, links=links, sources=sources, remarks=remarks)
 
     def link(self, link: Any, record: RobotDescription) -> Any:
         """A link with the fitted values: the whole body's for the link that moves, 0 for those that are fixed to it."""

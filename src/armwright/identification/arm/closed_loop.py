@@ -16,9 +16,9 @@ of the whole arm, as `aw.simulate` takes it, would need numbers that no torque t
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import ceil
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -28,9 +28,9 @@ from armwright.errors import IdentificationError
 from armwright.fitting.covariance import correlated
 from armwright.fitting.measures import rms
 from armwright.identification.arm.base import BaseParameters
-from armwright.identification.arm.equations import Samples
+from armwright.identification.arm.equations import Samples, SampleSource
 from armwright.identification.arm.torque_model import TorqueModel
-from armwright.identification.logs.preparation import low_pass
+from armwright.identification.logs.preparation import Preparation, low_pass
 
 MOST = 30  # iterations
 SETTLED = 1e-3  # of a standard deviation: less is no change
@@ -90,6 +90,28 @@ def following(samples: Sequence[Samples], kp: np.ndarray, kd: np.ndarray, period
         return path(inside), path(inside, 1) * moves, path(inside, 2) * moves
 
     return Feedback(reference, np.asarray(kp, dtype=float), np.asarray(kd, dtype=float), period)
+
+
+def feedback_of(
+    feedback: Feedback | tuple[Any, Any, float], source: SampleSource, prepared: Preparation, n: int
+) -> Feedback:
+    """The log's loop, with the low-pass that its rows went through.
+
+    Args:
+        feedback: the loop, or (kp, kd, period) of one.   source: rows of the log.   prepared: of them.   n: joints.
+    Raises:
+        IdentificationError: gains of another number of joints, or a period that is not above 0.
+    """
+    if isinstance(feedback, Feedback):
+        return replace(feedback, cutoff=prepared.cutoff, order=prepared.order)
+    kp, kd, period = feedback
+    for place, gains in (("feedback kp", kp), ("feedback kd", kd)):
+        if np.size(gains) not in (1, n) or not np.isfinite(np.asarray(gains, dtype=float)).all():
+            raise IdentificationError(place=place, value=gains, expected=f"{n} numbers, one for each joint")
+    if not period > 0:
+        raise IdentificationError(place="feedback period", value=period, expected="a number above 0 [s]")
+    loop = following(list(source()), np.broadcast_to(kp, n), np.broadcast_to(kd, n), period)
+    return replace(loop, cutoff=prepared.cutoff, order=prepared.order)
 
 
 def simulated_loop(

@@ -32,7 +32,7 @@ from armwright.identification.arm.payload import (
 )
 from armwright.identification.arm.physical import PER_LINK
 from armwright.identification.arm.remarks import joints_that_move
-from armwright.identification.arm.samples import checked, samples_of, torque_source
+from armwright.identification.arm.samples import checked, needed_source, stream_of
 from armwright.identification.arm.torque_model import Column, TorqueModel, torque_model
 from armwright.identification.estimate import HALF_95, Estimate
 from armwright.identification.logs.log import Log
@@ -112,8 +112,8 @@ def identify_drive_gains(
     arm = as_arm(arm)
     known = _known_parameters(mass, mass_std, com, inertia)
     log, loaded_log = (checked(each, arm) for each in (log, loaded_log))
-    source = torque_source(log)
-    if source == "voltage" or torque_source(loaded_log) != source:
+    source = needed_source(log)
+    if source == "voltage" or needed_source(loaded_log) != source:
         what = "voltages" if source == "voltage" else "logs of different signals"
         raise IdentificationError(what, place="signals", expected="currents in both logs, or torques in both")
     if log.sha256 == loaded_log.sha256:
@@ -129,7 +129,7 @@ def identify_drive_gains(
     else:
         chosen = (preparation, preparation) if isinstance(preparation, Preparation) else preparation
     sources: list[SampleSource] = [
-        partial(samples_of, each, model, None, prepared)
+        partial(stream_of(each, arm, None, prepared).samples, model)
         for each, model, prepared in zip((log, loaded_log), models, chosen, strict=True)
     ]
     halves = [equations_of(each(), model) for each, model in zip(sources, models, strict=True)]

@@ -8,7 +8,7 @@ some parts and residuals over others follow from the factors alone. [DemmelEtAl2
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import inf
 
 import numpy as np
@@ -120,24 +120,20 @@ class Equations:
 
     Attributes:
         model: its columns are those of the factors.   parts: in the order of the log.
+        factors: one for each joint, over all parts.
     """
 
     model: TorqueModel
     parts: tuple[Part, ...]
+    factors: tuple[Factor, ...] = field(init=False)
 
-    @property
-    def factors(self) -> tuple[Factor, ...]:
-        """A factor for each joint, over all parts."""
-        return joined(self.parts)
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "factors", joined(self.parts))
 
     @property
     def factor(self) -> np.ndarray:
         """R (p + 1, p) of the model's columns, all joints together, each with weight 1."""
         return stacked(self.factors, len(self.model))[0][:, :-1]
-
-    def only(self, chosen: Sequence[int] | np.ndarray) -> Equations:
-        """The problem of some parts."""
-        return Equations(self.model, tuple(self.parts[k] for k in chosen))
 
     @property
     def rows(self) -> np.ndarray:

@@ -91,8 +91,7 @@ def fit_arm(
     Raises:
         IdentificationError: fewer rows than parameters, or parameters that the rows do not determine.
     """
-    factors = equations.factors
-    rows = np.array([factor.rows for factor in factors])
+    factors, rows = equations.factors, equations.rows
     if rows.sum() < 2 * len(base):  # with fewer, residuals say nothing about the deviations
         expected = f"twice the {len(base)} parameters at least: a longer log, or a higher cut-off"
         what = f"too few rows: {int(rows.sum())} torques of all joints are left after low-pass and decimation"
@@ -314,12 +313,12 @@ def cross_validated(fit: ArmFit) -> list[HeldOut]:
     Raises:
         IdentificationError: there is one part only.
     """
-    equations = fit.equations
-    if len(equations.parts) < 2:
+    equations, parts = fit.equations, (fit.weighted or fit.equations).parts
+    if len(parts) < 2:
         raise IdentificationError("one part", place="equations.parts", expected="two or more, to hold one out")
     result = []
     for k, part in enumerate(equations.parts):
-        others = (fit.weighted or equations).only([i for i in range(len(equations.parts)) if i != k])
+        others = Equations(equations.model, (*parts[:k], *parts[k + 1 :]))
         try:
             parameters = fit_arm(others, fit.base, fit.method, fit.weights).parameters
         except IdentificationError:  # the others do not determine all of them

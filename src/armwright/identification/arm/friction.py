@@ -33,7 +33,7 @@ from armwright.identification.arm.friction_law import (
     level_of,
     terms_of,
 )
-from armwright.identification.arm.samples import checked, samples_of
+from armwright.identification.arm.samples import checked, stream_of
 from armwright.identification.arm.spring_record import spring_keys
 from armwright.identification.arm.torque_model import SUPPORT as LINEAR, torque_model
 from armwright.identification.estimate import Estimate
@@ -77,7 +77,7 @@ def friction_rows(
     frictionless = arm.replace(friction=None)
     lossy, to_motors = any(map(loses_power, frictionless.coordinates)), np.linalg.inv(shares)
     model, parts, stretch, end = torque_model(arm), [[] for _ in range(arm.n)], None, 0
-    for block in samples_of(log, model, None, choice):
+    for block in stream_of(log, arm, None, choice).samples(model):
         begin = end if (block.run, block.stretch) == stretch else end + APART
         stretch, end = (block.run, block.stretch), begin + len(block.t)
         load = links.inverse_dynamics(block.q, block.qd, block.qdd) @ shares

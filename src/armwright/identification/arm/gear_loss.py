@@ -41,7 +41,6 @@ SHORTEST = 1e-4  # part of a step that the line search tries last
 GAIN = 1e-6  # of twice the log-likelihood: a step that brings less moves no parameter by 1e-3 deviations
 FLOOR = 1e-12  # of a torque's squares: what is left of a log that the model explains exactly
 
-METHODS = ("ols", "wls", "irls", "tukey")  # of `identify_arm` that fit a model which is linear about a point
 MOST_EFFICIENT = 1.01  # η that the noise of a log may give a gear without loss
 UNSETTLED = 0.5  # deviations, of the last step
 UNSURE = 0.1  # half of an efficiency's 95 % interval that is no answer
@@ -420,23 +419,6 @@ def distance(fit: ArmFit) -> float:
     assert isinstance(model, LossyModel)
     assert model.about is not None
     return float(np.abs(fit.information @ (fit.values - model.about[fit.base.independent])).max(initial=0.0))
-
-
-def check_losses(model: LossyModel, method: str, lacks: Collection[str]) -> None:
-    """Refuses a method or a measured torque that goes without gear loss.
-
-    Raises:
-        IdentificationError: names the first joint with loss.
-    """
-    joint = model.arm.names[int(np.flatnonzero(model.lossy)[0])]
-    without = "arm.replace(efficiency=None), whose friction and inertia then contain the loss"
-    if method not in METHODS:
-        what = f"does not know gear loss, and {joint!r} has it"
-        expected = f"{', '.join(METHODS)}; or {without}"
-        raise IdentificationError(what, place="method", value=method, expected=expected)
-    if lacks:
-        what = f"a torque without {', '.join(lacks)} is not what goes through the lossy gear of {joint!r}"
-        raise IdentificationError(what, place="lacks", expected=f"the motors' whole torque; or {without}")
 
 
 def loss_remarks(fit: ArmFit, untold: Mapping[str, str]) -> list[str]:

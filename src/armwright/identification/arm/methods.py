@@ -1,27 +1,42 @@
-"""Methods of fitting base parameters, by name, for `identify_arm` and its command."""
+"""From the rows of a log to base parameters: methods of fitting, by name, and the fit of a whole log by one of them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
 from armwright.errors import IdentificationError
-from armwright.identification.arm.base import BaseParameters
-from armwright.identification.arm.closed_loop import ClosedLoopMethod, Feedback, fit_closed_loop
-from armwright.identification.arm.equations import Equations, SampleSource, stacked
+from armwright.identification.arm.base import (
+    BaseParameters,
+    base_parameters,
+    regrouped,
+    regrouped_further,
+    told_parameters,
+)
+from armwright.identification.arm.closed_loop import ClosedLoopMethod, Feedback, feedback_of, fit_closed_loop
+from armwright.identification.arm.equations import Equations, SampleSource, equations_of, part_seconds, stacked
 from armwright.identification.arm.essential import essential_parameters
 from armwright.identification.arm.fit import (
     ArmFit,
+    cross_validated,
     fit_arm,
     fit_robust,
     measures_of,
     residuals_of,
     with_correlation,
 )
+from armwright.identification.arm.gear_loss import GearProblem, LossyModel, distance, fit_gears
 from armwright.identification.arm.recursive import RecursiveEstimate
+from armwright.identification.arm.samples import Memory, Stream
+from armwright.identification.arm.spring_record import SPRINGS
+from armwright.identification.arm.torque_model import TorqueModel
+
+GAIN = 0.01  # of the held-out error, that a spring must bring
+MOST_PASSES, SETTLED = 5, 0.05  # fits of a lossy arm about the last one, until it moves by less than so many deviations
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,11 +63,13 @@ class Method:
     Attributes:
         about: in words.   fit: problem → fit.
         parts: whether least squares of all parts but one says how it predicts what it has not seen.
+        knows_loss: it fits a model of an arm with gear loss, which is linear about a point.
     """
 
     about: str
     fit: Callable[[FitProblem], ArmFit]
     parts: bool = True
+    knows_loss: bool = False
 
 
 def _least_squares(method: str, problem: FitProblem) -> ArmFit:
@@ -128,13 +145,115 @@ def _with_values(fit: ArmFit, values: np.ndarray, covariance: np.ndarray, method
 
 
 METHODS = {
-    "ols": Method("ordinary least squares", partial(_least_squares, "ols")),
-    "wls": Method("least squares weighted by joint", partial(_least_squares, "wls")),
-    "irls": Method("least squares with Huber's weights", partial(_robust, "huber")),
-    "tukey": Method("least squares with Tukey's weights", partial(_robust, "tukey")),
+    "ols": Method("ordinary least squares", partial(_least_squares, "ols"), knows_loss=True),
+    "wls": Method("least squares weighted by joint", partial(_least_squares, "wls"), knows_loss=True),
+    "irls": Method("least squares with Huber's weights", partial(_robust, "huber"), knows_loss=True),
+    "tukey": Method("least squares with Tukey's weights", partial(_robust, "tukey"), knows_loss=True),
     "essential": Method("least squares of the essential parameters", _essential),
     "recursive": Method("recursive least squares", _recursive, parts=False),
     "iv": Method("instrumental variables of a simulated loop (IDIM-IV)", partial(_closed_loop, "idim-iv"), parts=False),
     "didim": Method("torques of a simulated loop (DIDIM)", partial(_closed_loop, "didim"), parts=False),
     "cloe": Method("positions of a simulated loop (CLOE)", partial(_closed_loop, "cloe"), parts=False),
 }
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """A fit of a stream's rows.
+
+    Attributes:
+        rows: its samples for the fit's model.   fit: found.   base: identifiable from the log.
+        structural: base parameters of the arm.   untold: joints whose efficiency stays the record's, each with the reason.
+    """
+
+    rows: SampleSource
+    fit: ArmFit
+    base: BaseParameters
+    structural: BaseParameters
+    untold: Mapping[str, str]
+
+
+def fitted(
+    stream: Stream,
+    model: TorqueModel,
+    method: str,
+    feedback: Feedback | tuple[Any, Any, float] | None = None,
+    forgetting: float = 1.0,
+    strict: bool = True,
+) -> Fitted:
+    """The fit of a log by a method; of an arm with gear loss about its own solution.
+
+    Args:
+        stream: rows of the log.   model: its columns.   method: key of `METHODS`.
+        feedback: of the log's loop, or (kp, kd, period).   forgetting: of a row.
+        strict: refuse a gear efficiency that the log does not tell.
+    Raises:
+        IdentificationError: as the method.
+    """
+    seconds, untold = part_seconds(list(stream.filters), stream.seconds), {}
+    memory: Memory | None = {} if isinstance(model, LossyModel) else None
+
+    def read(model: TorqueModel) -> tuple[SampleSource, Equations]:
+        rows = stream.kept(model, memory)
+        return rows, equations_of(rows(), model, part_seconds=seconds)
+
+    if isinstance(model, LossyModel):
+        problem = GearProblem(lambda each: read(each)[1], told_parameters, method)
+        gears_fit = fit_gears(problem, model, _useless_springs, lambda each: stream.kept(each, memory)(), strict=strict)
+        model, equations, dropped, untold = gears_fit.model, gears_fit.equations, gears_fit.dropped, gears_fit.untold
+        rows = stream.kept(model, memory)
+    else:
+        rows, equations = read(model)
+        dropped = _useless_springs(equations) if model.sprung_joints else []
+    structural = base_parameters(model, dropped)
+    base = regrouped_further(structural, equations.factor)
+    first = next(iter(stream.filters.values())).narrow
+    loop = None if feedback is None else feedback_of(feedback, rows, first, model.arm.n)
+    fit = METHODS[method].fit(FitProblem(rows, equations, base, seconds, loop, forgetting))
+    for _ in range(MOST_PASSES):
+        if not isinstance(model, LossyModel) or distance(fit) < SETTLED:
+            break
+        model = model.at(fit.parameters)
+        rows, equations = read(model)
+        fit = METHODS[method].fit(FitProblem(rows, equations, base, seconds, loop, forgetting))
+    return Fitted(rows, fit, base, structural, untold)
+
+
+def check_losses(model: LossyModel, method: str, lacks: Collection[str]) -> None:
+    """Refuses a method or a measured torque that goes without gear loss.
+
+    Raises:
+        IdentificationError: names the first joint with loss.
+    """
+    joint = model.arm.names[int(np.flatnonzero(model.lossy)[0])]
+    without = "arm.replace(efficiency=None), whose friction and inertia then contain the loss"
+    if not METHODS[method].knows_loss:
+        known = ", ".join(name for name, each in METHODS.items() if each.knows_loss)
+        what = f"does not know gear loss, and {joint!r} has it"
+        raise IdentificationError(what, place="method", value=method, expected=f"{known}; or {without}")
+    if lacks:
+        what = f"a torque without {', '.join(lacks)} is not what goes through the lossy gear of {joint!r}"
+        raise IdentificationError(what, place="lacks", expected=f"the motors' whole torque; or {without}")
+
+
+def _useless_springs(equations: Equations) -> list[int]:
+    """Numbers of spring and counterbalance columns of joints whose candidates lower the held-out error by less than 1 %."""
+    model, dropped = equations.model, []
+    if not model.sprung_joints:
+        return dropped
+    if len(equations.parts) < 2:
+        raise IdentificationError("one part", place="springs", expected="a longer log, to hold parts out")
+    for joint in model.sprung_joints:
+        own = [k for k, column in enumerate(model.columns) if column.kind in SPRINGS and column.joint == joint]
+        with_it, without = (_held_out_error(equations, each) for each in (dropped, dropped + own))
+        if with_it > (1 - GAIN) * without:
+            dropped += own
+    return dropped
+
+
+def _held_out_error(equations: Equations, dropped: Sequence[int]) -> float:
+    """Root mean square of the held-out errors over all parts that move, of a fit without some columns."""
+    factor = equations.factor
+    factor[:, list(dropped)] = 0.0
+    parts = cross_validated(fit_arm(equations, regrouped(equations.model.columns, factor)))
+    return float(np.sqrt(np.nanmean([each.error**2 for each in parts if not each.at_rest])))

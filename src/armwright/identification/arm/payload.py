@@ -37,7 +37,7 @@ from armwright.identification.arm.physical import (
     physical_by_log_cholesky,
     pseudo_inertias,
 )
-from armwright.identification.arm.samples import Memory, Stream, checked
+from armwright.identification.arm.samples import Memory, Stream, checked, stream_of
 from armwright.identification.arm.torque_model import (
     INERTIAL,
     INERTIAL_UNITS,
@@ -192,7 +192,7 @@ def _vagueness(estimate: Estimate) -> float:
 
 def _fitted(logs: Sequence[Log], arm: Model, frame: str | None, preparations: Sequence[Preparation]) -> Estimate:
     """The estimate from one log or two, with one low-pass for each."""
-    streams = [Stream(log, arm, None, each) for log, each in zip(logs, preparations, strict=True)]
+    streams = [stream_of(log, arm, None, each) for log, each in zip(logs, preparations, strict=True)]
     if len(logs) == 1:
         model: TorqueModel = (alone := payload_model(arm, frame))
         prepared = partial(streams[0].samples, model)

@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Literal
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 
 from armwright.fitting.directions import MEANINGLESS
 from armwright.fitting.measures import r_squared, rms
-from armwright.identification.arm.base import BaseParameters
-from armwright.identification.arm.equations import Equations
+from armwright.identification.arm.arm_estimate import ArmEstimate
+from armwright.identification.arm.arm_record import RecordParameters
+from armwright.identification.arm.equations import Equations, Samples
 from armwright.identification.arm.fit import AT_REST, ArmFit, HeldOut
+from armwright.identification.arm.gear_loss import doubtful_losses, loss_remarks
+from armwright.identification.arm.methods import Fitted
+from armwright.identification.arm.misread import late_torques, misread_columns
 from armwright.identification.arm.spring_record import SPRINGS
-from armwright.identification.estimate import HALF_95
-from armwright.identification.logs.preparation import Preparation
-
-if TYPE_CHECKING:
-    from armwright.identification.arm.arm_record import RecordParameters
-    from armwright.identification.arm.equations import Samples
-    from armwright.identification.validation.comparison import RecordComparison
+from armwright.identification.arm.torque_model import SUPPORT
+from armwright.identification.estimate import HALF_95, Estimate
+from armwright.identification.validation.comparison import RecordComparison
 
 MOST_NAMED = 6  # parameters in one remark
 POSES = 50  # of the log, for the mean of a joint's inertia
@@ -170,87 +171,108 @@ def measures_by_joint(fit: ArmFit, held_out: Sequence[HeldOut]) -> dict[str, dic
     return measures
 
 
-def verdict_of(fit: ArmFit, told: int, structural: int) -> Literal["identified", "not identified"]:
+def _verdict(fit: ArmFit, told: int, structural: int) -> Literal["identified", "not identified"]:
     """ "not identified" if the log identifies fewer parameters than the arm has, or with too large errors."""
     poor = told < structural or fit.condition > MEANINGLESS or bool((fit.r2 <= 0).any())
     return "not identified" if poor else "identified"
 
 
-def remarks_on(
-    fit: ArmFit,
-    base: BaseParameters,
-    structural: BaseParameters,
-    directions: Sequence[str],
-    sensitive: Sequence[str],
-    held_out: Sequence[HeldOut],
-    values: RecordParameters | None,
-    prepared: Preparation,
-) -> list[str]:
-    """Sentences for the user.
+def with_remarks(
+    result: ArmEstimate, found: Fitted, directions: Sequence[str], cutoff: float, said: Sequence[str]
+) -> Estimate:
+    """The estimate of a result with remarks, measures of the joints and a verdict.
 
     Args:
-        fit: its base parameters are those of the log, `base`, or the essential ones of them.   structural: of the arm.
-        directions: that the log shows weakly, in words.   sensitive: names of parameters that depend on the cut-off.
-        held_out: errors on parts.   values: for the record, if asked for.   prepared: of the first run.
+        result: whose `estimate` has neither.   found: the fit.   directions: that the log shows weakly, in words.
+        cutoff: of the low-pass of the first run, in Hz.   said: sentences about the log and its runs held out.
     """
-    model = fit.equations.model
-    remarks = [f"{len(base)} of {len(structural)} base parameters, condition number {fit.condition:.3g}"]
+    fit, some, comparison = result.fit, next(iter(found.rows())), result.hold_out
+    remarks = [*_identifiability(result, found), *directions, *_doubtful_numbers(fit)]
+    remarks += [*_about_joints(result, cutoff), *_about_record(result)]
+    driving, negative = driving_frictions(fit), negative_inertias(fit, some)
+    doubts, impossible = [*unlike_the_record(fit), *driving, *negative], impossible_parameters(fit, result.record)
+    measures = measures_by_joint(fit, result.held_out)
+    if comparison is None:
+        unseen = unpredicted(fit, result.held_out)
+    else:
+        unseen = [*unexplained(fit, comparison), *comparison.worse]
+        measures |= comparison.measures
+    verdict = "not identified" if unseen else _verdict(fit, len(found.base), len(found.structural))
+    remarks += late_torques(fit, some)
+    doubts += [*([] if driving else misread_columns(fit, some)), *impossible]
+    remarks += [*loss_remarks(fit, found.untold), *SUPPORT.notes(fit.equations.model.arm)]
+    doubts = [*doubtful_losses(fit), *doubts]
+    return replace(
+        result.estimate,
+        remarks=(*remarks, *doubts, *said, *unseen),
+        fit=measures,
+        verdict="not identified" if doubts else verdict,
+    )
+
+
+def _identifiability(result: ArmEstimate, found: Fitted) -> Iterator[str]:
+    """Sentences about what the log identifies of the arm."""
+    fit, base, structural = result.fit, found.base, found.structural
+    yield f"{len(base)} of {len(structural)} base parameters, condition number {fit.condition:.3g}"
     if len(base) < len(structural):
         lost = [base.columns[k].about for k in structural.independent if k not in set(base.independent)]
-        remarks.append(f"this motion does not distinguish: {_listed(lost)}")
+        yield f"this motion does not distinguish: {_listed(lost)}"
     if fit.condition > MEANINGLESS:
-        remarks.append("at this condition number single parameters mean nothing; design a motion that excites more")
+        yield "at this condition number single parameters mean nothing; design a motion that excites more"
     if len(fit.base) < len(base):
         names = dict(zip(base.independent, base.names, strict=True))
         left = [name for k, name in names.items() if k not in set(fit.base.independent)]
-        remarks.append(
-            f"{len(fit.base)} of them are essential; left out, as the log hardly determines them: {_listed(left)}"
-        )
+        yield f"{len(fit.base)} of them are essential; left out, as the log hardly determines them: {_listed(left)}"
+
+
+def _doubtful_numbers(fit: ArmFit) -> Iterator[str]:
+    """Sentences about parameters that may be 0, and about those below 0 that no arm has."""
     base = fit.base
-    remarks += directions
-    untold = [
-        name for name, value, std in zip(base.names, fit.values, fit.std, strict=True) if abs(value) < HALF_95 * std
-    ]
+    known = zip(base.names, fit.values, fit.std, strict=True)
+    untold = [name for name, value, std in known if abs(value) < HALF_95 * std]
     if untold:
-        remarks.append(f"not distinguishable from 0: {_listed(untold)}")
+        yield f"not distinguishable from 0: {_listed(untold)}"
     negative = [
         base.columns[k].about
         for k, value, row in zip(base.independent, fit.values, base.regroup, strict=True)
         if value < 0 and not np.any(row) and base.columns[k].kind in ("rotor", "viscous", "coulomb")
     ]
     if negative:
-        remarks.append(f"negative without being possible, which a record cannot hold: {_listed(negative)}")
-    if sensitive:
-        remarks.append(
-            f"leave their 95 % interval at a cut-off 30 % off {prepared.cutoff:.4g} Hz: {_listed(list(sensitive))}"
-        )
+        yield f"negative without being possible, which a record cannot hold: {_listed(negative)}"
+
+
+def _about_joints(result: ArmEstimate, cutoff: float) -> Iterator[str]:
+    """Sentences about the cut-off, poorly explained torques, rest, springs and outliers."""
+    fit, model = result.fit, result.fit.equations.model
+    if result.sensitive:
+        yield f"leave their 95 % interval at a cut-off 30 % off {cutoff:.4g} Hz: {_listed(result.sensitive)}"
     for joint, r2 in zip(model.arm.names, fit.r2, strict=True):
         if r2 < POOR:
-            remarks.append(
+            yield (
                 f"{joint}: R² {r2:.2f}, {1 - r2:.0%} of the torque's variance is not of this model; look at its friction, "
                 "its springs and at what the torque column lacks"
             )
         elif np.isnan(r2):
-            remarks.append(f"{joint}: no torque was measured, or it never changes")
-    resting = sum(each.at_rest for each in held_out)
+            yield f"{joint}: no torque was measured, or it never changes"
+    resting = sum(each.at_rest for each in result.held_out)
     if resting:
-        remarks.append(
-            f"{resting} of {len(held_out)} held-out parts are at rest, where friction has no known direction"
-        )
-    candidates = {column.joint: column.kind in SPRINGS for column in model.columns if column.kind in SPRINGS}
-    kept = {base.columns[k].joint for k in base.independent if base.columns[k].kind in SPRINGS}
-    remarks += [
-        f"{joint}: its spring and counterbalance {'stay' if joint in kept else 'are left out'}: they lower the held-out error by "
-        f"{'1 % or more' if joint in kept else 'less than 1 %'}"
-        for joint in candidates
-    ]
+        yield f"{resting} of {len(result.held_out)} held-out parts are at rest, where friction has no known direction"
+    kept = {fit.base.columns[k].joint for k in fit.base.independent if fit.base.columns[k].kind in SPRINGS}
+    for joint in model.sprung_joints:
+        what, share = ("stay", "1 % or more") if joint in kept else ("are left out", "less than 1 %")
+        yield f"{joint}: its spring and counterbalance {what}: they lower the held-out error by {share}"
     if fit.outliers is not None and fit.outliers.dropped > 0:
-        remarks.append(f"{fit.outliers.dropped:.1%} of the torques count less than half as outliers")
-    if values is not None:
-        worst = float(np.nanmax(fit.r2 - values.r2))
-        remarks.append(f"physically possible values for the record: R² at most {max(worst, 0.0):.3f} lower")
-        remarks += values.physical.remarks
-    return remarks
+        yield f"{fit.outliers.dropped:.1%} of the torques count less than half as outliers"
+
+
+def _about_record(result: ArmEstimate) -> list[str]:
+    """Sentences about the values for a record."""
+    if result.record is None:
+        return []
+    worst = max(float(np.nanmax(result.fit.r2 - result.record.r2)), 0.0)
+    return [
+        f"physically possible values for the record: R² at most {worst:.3f} lower", *result.record.physical.remarks,
+    ]  # fmt: skip
 
 
 def _listed(names: Sequence[str]) -> str:

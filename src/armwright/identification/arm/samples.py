@@ -18,15 +18,21 @@ from typing import Any
 
 import numpy as np
 
-from armwright.actuators.coupling import shares_of, to_joints
 from armwright.errors import IdentificationError, LogError
 from armwright.identification.arm.equations import Samples, SampleSource
 from armwright.identification.arm.torque_model import TorqueModel
 from armwright.identification.logs.checks import of_robot
-from armwright.identification.logs.columns import check_gears
-from armwright.identification.logs.log import Log, bridged
-from armwright.identification.logs.preparation import Preparation, choose_preparation, settling
-from armwright.identification.logs.prepared import SEAM, prepared_blocks, resting_speeds, zero_phase
+from armwright.identification.logs.log import Log
+from armwright.identification.logs.preparation import (
+    Preparation,
+    RunFilters,
+    choose_preparation,
+    filters_of,
+    settling,
+    shared_preparations,
+)
+from armwright.identification.logs.prepared import SEAM, prepared_blocks, too_short, zero_phase
+from armwright.identification.logs.torques import Source, torque_source, torques_on_joints
 from armwright.model import Model
 
 CHUNK_VALUES = 2**21  # of the columns that pass the filter at once: 16 MB
@@ -37,46 +43,29 @@ Moving = tuple[int, np.ndarray, dict[str, np.ndarray]]  # stretch, times (rows,)
 Memory = dict[str, list[Moving]]  # by the run's name
 
 
+@dataclass(frozen=True, eq=False)
 class Stream:
-    """Rows of some runs of a log for an arm: the log is looked at once, its rows are read block by block in bounded memory.
+    """Rows of some runs of a log for an arm, read block by block in bounded memory; `stream_of` makes one.
 
     Attributes:
-        log: a checked log.   arm: whose joints are in the log, by name.   runs: names.   prepared: their low-passes, by name.
+        log: checked with the arm.   filters: of each run, by its name.   fresh: of the other runs that the log holds out.
         source: of motor torques: the log's, or from its currents by Kt of the record, or from its voltages by eq. (12).
         order: indices of the log's joints in the arm's order.   gears: (n, n) θ_motor = gears q of the log, or None.
-        seconds: of all runs together.   hold_out: names of other runs, that the log holds out.   lacks: terms that its torques
-        are without.   name, sha256, warnings: of the log, for an estimate.
+        seconds: of all runs together.   rows: in all, behind the low-passes.   name, sha256, lacks, warnings: of the log.
     """
 
-    def __init__(
-        self,
-        log: Log,
-        arm: Model,
-        runs: Sequence[str] | None = None,
-        preparation: Preparation | Mapping[str, Preparation] | None = None,
-        **choices: Any,
-    ):
-        """The rows of a log.
-
-        Args:
-            log: a checked log.   arm: its joints are in the log, by name.   runs: names; None: those to fit.
-            preparation: of all runs, or of each by its name; None: chosen for each run, by `choices` of `choose_preparation`.
-        Raises:
-            LogError: joints of the arm that are not in the log, or gears that are not the arm's.
-            IdentificationError: joints of the arm without positions, or neither torque, current nor voltage.
-        """
-        self.order, self.source = joints_of(log, arm.names), torque_source(log)
-        check_gears(log, arm)
-        self.log, self.arm, self.runs = log, arm, tuple(log.fit if runs is None else runs)
-        self.hold_out = [run for run in log.hold_out if run not in self.runs]
-        self.name, self.sha256, self.warnings = log.path.name, log.sha256, [str(each) for each in log.warnings]
-        self.lacks = tuple(dict.fromkeys(term for signal in log.table.signals for term in signal.lacks))
-        self.gears = None if log.gears is None else log.gears[np.ix_(self.order, self.order)]
-        self.seconds = sum(log.run(name).duration for name in self.runs)
-        self._rows = {name: log.run(name).rows for name in self.runs}
-        own = preparation if isinstance(preparation, Mapping) else dict.fromkeys(self.runs, preparation)
-        self.prepared = {name: own[name] or choose_preparation(log, name, **choices) for name in self.runs}
-        self._resting = {name: resting_speeds(log, name)[self.order] for name in self.runs}
+    log: Log
+    filters: Mapping[str, RunFilters]
+    fresh: Mapping[str, RunFilters]
+    source: Source
+    order: list[int]
+    gears: np.ndarray | None
+    seconds: float
+    rows: float
+    name: str
+    sha256: str
+    lacks: tuple[str, ...]
+    warnings: tuple[str, ...]
 
     def kept(self, model: TorqueModel, memory: Memory | None = None) -> SampleSource:
         """Samples for a model at each call: in memory where they are few, else read again.
@@ -84,8 +73,7 @@ class Stream:
         Args:
             model: of the arm.   memory: as of `samples`, where rows are few.
         """
-        rows = sum(self._rows[name] / each.decimate for name, each in self.prepared.items())
-        if rows * (model.arm.n * (len(model) + 5) + 1) >= IN_MEMORY:
+        if self.rows * (model.arm.n * (len(model) + 5) + 1) >= IN_MEMORY:
             return lambda: self.samples(model)
         return partial(iter, list(self.samples(model, memory)))
 
@@ -99,30 +87,27 @@ class Stream:
             LogError: no stretch is long enough.   ModelError: currents or voltages of motors without constants.
         """
         is_empty = True
-        for run in self.runs:
+        for run in self.filters:
             for block in self._parallel_filtered(run, model, memory):
                 is_empty = False
                 yield block
         if is_empty:
-            run = self.runs[-1]
-            longest = max((stretch.rows for stretch in bridged(self.log, self.log.run(run))), default=0)
-            expected = f"more than {2 * self.prepared[run].edge} rows without a gap; or a higher cut-off"
-            what = f"the longest stretch has {longest} rows"
-            raise LogError(what, place=f"run {run!r}", expected=expected, file=self.log.path)
+            last = list(self.filters)[-1]
+            raise too_short(self.log, self.log.run(last), self.filters[last].narrow)
 
     def _parallel_filtered(self, run: str, model: TorqueModel, memory: Memory | None) -> Iterator[Samples]:
         """Samples of a run: the wide low-pass, torques and columns, the preparation's low-pass, its decimation.
 
         Rows on either side of a block are kept until the filter has settled.
         """
-        first = self.prepared[run].of_motion
-        second = replace(self.prepared[run], rate=self.prepared[run].rate / first.decimate)
+        filters = self.filters[run]
+        second = replace(filters.narrow, rate=filters.narrow.rate / filters.wide.decimate)
         seam = settling(second.sections, SEAM)
-        rows = max(CHUNK_VALUES // max(int(model.of_joint.sum()), 1), 4 * seam) * first.decimate
-        moving: Iterable[Moving] = self._moving(run, model, first, rows)
+        rows = max(CHUNK_VALUES // max(int(model.of_joint.sum()), 1), 4 * seam) * filters.wide.decimate
+        moving: Iterable[Moving] = self._moving(run, model, rows)
         if memory is not None:
             moving = memory[run] = memory.get(run) or list(moving)
-        through, behind = (run, model, second, first, self._resting[run]), None
+        through, behind = (run, model, second, filters), None
         for stretch, t, states in moving:
             if behind is not None and behind.stretch != stretch:
                 yield from behind.samples(0, *through)
@@ -134,30 +119,43 @@ class Stream:
         if behind is not None:
             yield from behind.samples(0, *through)
 
-    def _moving(self, run: str, model: TorqueModel, first: Preparation, rows: int) -> Iterator[Moving]:
+    def _moving(self, run: str, model: TorqueModel, rows: int) -> Iterator[Moving]:
         """Motion, motor torques and temperatures of a run that passed the wide low-pass, some rows of it at once."""
-        for stretch, block in prepared_blocks(self.log, run, first, rows):
-            values = {name: _full(self.log, name, each)[:, self.order] for name, each in block.values.items()}
+        if self.source == "current":
+            _check_torque_constants(model.arm)
+        for stretch, block in prepared_blocks(self.log, run, self.filters[run].wide, rows):
+            values = {name: each[:, self.order] for name, each in block.values.items()}
             states = {name: values[name] for name in ("q", "qd", "qdd", "temperature") if name in values}
-            states["tau"] = _torque(model, self.source, values)
+            states["tau"] = torques_on_joints(model.arm, self.source, values[self.source], values["qd"], model.dyn)
             yield stretch, block.t, states
 
 
-def samples_of(
+def stream_of(
     log: Log,
-    model: TorqueModel,
+    arm: Model,
     runs: Sequence[str] | None = None,
     preparation: Preparation | Mapping[str, Preparation] | None = None,
-    memory: Memory | None = None,
-) -> Iterator[Samples]:
-    """Prepared rows of a log's runs as an arm's states and motor torques, as `Stream` has them.
+    **choices: Any,
+) -> Stream:
+    """Rows of a log for an arm; the log is looked at once.
 
     Args:
-        log, runs, preparation: of the `Stream`.   model, memory: of its `samples`.
+        log: what `read_log` returned.   arm: its joints are in the log, by name.   runs: names; None: those to fit.
+        preparation: of all runs, or of each by its name; None: chosen for each run, by `choices` of `choose_preparation`.
     Raises:
-        LogError, IdentificationError, ModelError: as of both.
+        LogError, IdentificationError: as `checked`.
     """
-    return Stream(log, model.arm, runs, preparation).samples(model, memory)
+    log, order = checked(log, arm, runs), joints_of(log, arm.names)
+    names = tuple(log.fit if runs is None else runs)
+    fresh = [name for name in log.hold_out if name not in names]
+    gears = None if log.gears is None else log.gears[np.ix_(order, order)]
+    seconds, counts = sum(log.run(name).duration for name in names), {name: log.run(name).rows for name in names}
+    facts = (log.path.name, log.sha256, log.lacks, tuple(map(str, log.warnings)))
+    own = preparation if isinstance(preparation, Mapping) else dict.fromkeys(names, preparation)
+    prepared = {name: own[name] or choose_preparation(log, name, **choices) for name in names}
+    rows = sum(counts[name] / each.decimate for name, each in prepared.items())
+    filters, others = (filters_of(log, each, order) for each in (prepared, shared_preparations(log, fresh)))
+    return Stream(log, filters, others, needed_source(log), order, gears, seconds, rows, *facts)
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,10 +174,11 @@ class _Behind:
         return replace(self, t=np.concatenate([self.t, t]), values=joined)
 
     def samples(
-        self, seam: int, run: str, model: TorqueModel, second: Preparation, first: Preparation, slowest: np.ndarray
+        self, seam: int, run: str, model: TorqueModel, second: Preparation, filters: RunFilters
     ) -> Iterator[Samples]:
         """Every k-th of the rows but for the last `seam`, and those that the filter's settling spoils at the stretch's ends."""
-        spoilt, step = (second.edge - first.edge) // first.decimate, second.decimate // first.decimate
+        wide = filters.wide
+        spoilt, step = (second.edge - wide.edge) // wide.decimate, second.decimate // wide.decimate
         end = len(self.t) - (seam or spoilt)
         numbers = np.arange(self.done, max(end, self.done))
         numbers = numbers[self.first + numbers >= spoilt]
@@ -187,7 +186,7 @@ class _Behind:
         if not len(numbers):
             return
         q, qd, qdd = (self.values[name] for name in ("q", "qd", "qdd"))
-        motion = q, np.where(np.abs(qd) < slowest, 0.0, qd), qdd
+        motion = q, np.where(np.abs(qd) < filters.resting, 0.0, qd), qdd
         used = model.of_joint
         columns = np.zeros((len(numbers), *used.shape))
         rows, known = model.terms(*motion)
@@ -222,29 +221,31 @@ def joints_of(log: Log, names: Sequence[str]) -> list[int]:
     return order
 
 
-def torque_source(log: Log) -> str:
+def needed_source(log: Log) -> Source:
     """The signal used for motor torques: "tau", else "current", else "voltage".
 
     Raises:
         IdentificationError: the log has none of them.
     """
-    for name in ("tau", "current", "voltage"):
-        if name in log.layout:
-            return name
-    expected = "a torque, current or voltage: without one no mass can be identified"
-    raise IdentificationError("no torques", place="signals", expected=expected, file=log.path)
+    source = torque_source(log.layout)
+    if source is None:
+        expected = "a torque, current or voltage: without one no mass can be identified"
+        raise IdentificationError("no torques", place="signals", expected=expected, file=log.path)
+    return source
 
 
 def checked(log: Log, arm: Model, runs: Sequence[str] | None = None) -> Log:
     """The log, with what else is found with an arm that its file does not name.
 
     Raises:
-        IdentificationError: a joint moves with a constant torque, current or voltage: an offset alone would explain it.
-        LogError: as `of_robot`.
+        IdentificationError: neither torque, current nor voltage, no positions of a joint, or a joint moves with a constant
+            torque, current or voltage: an offset alone would explain it.
+        LogError: joints of the arm that are not in the log, or as `of_robot`.
     """
-    source = torque_source(log)
+    source, order = needed_source(log), joints_of(log, arm.names)
+    log = of_robot(log, arm)
     censuses = [census for name in runs or log.fit if (census := log.run(name).census) is not None]
-    for name, joint in zip(arm.names, joints_of(log, arm.names), strict=True):
+    for name, joint in zip(arm.names, order, strict=True):
         moves = []
         for signal in ("q", source):
             joints = log.layout[signal].joints or ()
@@ -254,36 +255,17 @@ def checked(log: Log, arm: Model, runs: Sequence[str] | None = None) -> Log:
         if moves == [True, False]:
             what = f"never changes while joint {name!r} moves: it says nothing about inertia and friction"
             raise IdentificationError(what, place=f"signal {source}", expected="efforts that move it", file=log.path)
-    return of_robot(log, arm)
+    return log
 
 
-def _full(log: Log, name: str, values: np.ndarray) -> np.ndarray:
-    """A signal (rows, joints of the log), NaN for joints that do not have it."""
-    source = name if name in log.layout else "qd" if name == "qdd" and "qd" in log.layout else "q"
-    joints = list(log.layout[source].joints or ())
-    full = np.full((len(values), len(log.joints)), np.nan)
-    full[:, joints] = values
-    return full
+def _check_torque_constants(arm: Model) -> None:
+    """Refuses currents of motors whose record states no torque constant.
 
-
-def _torque(model: TorqueModel, source: str, values: dict[str, np.ndarray]) -> np.ndarray:
-    """Motor torques (rows, n) referred to the joints."""
-    if source == "tau":
-        return values["tau"]
-    arm = model.arm
-    if source == "voltage":
-        own = model.dyn.motor_torque(values["qd"], values["voltage"])
-    else:
-        lacking = [b.joint for b in arm.coordinates if b.drive.torque_constant is None]
-        if lacking:
-            raise IdentificationError(
-                "currents of a motor without a torque constant",
-                place=f"joint {lacking[0]!r} motor.torque_constant_n_m_per_a",
-                expected="Kt in the robot's record, or torques in the log",
-            )
-        factors = [float(b.drive.gear_ratio) * float(b.drive.torque_constant or 0) for b in arm.coordinates]
-        own = values["current"] * np.array(factors)
-    shares = shares_of(arm)
-    if not any(shares):
-        return own
-    return np.asarray(to_joints(shares, own.T)).astype(float).T
+    Raises:
+        IdentificationError: names the first joint.
+    """
+    for body in arm.coordinates:
+        if body.drive.torque_constant is None:
+            place, expected = "motor.torque_constant_n_m_per_a", "Kt in the robot's record, or torques in the log"
+            what = "currents of a motor without a torque constant"
+            raise IdentificationError(what, place=f"joint {body.joint!r} {place}", expected=expected)

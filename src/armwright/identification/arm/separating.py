@@ -7,7 +7,8 @@ from collections.abc import Iterable
 import numpy as np
 
 from armwright.fitting.directions import ENOUGH, WEAK, directions, gain, in_words, scaled
-from armwright.identification.arm.equations import Samples
+from armwright.identification.arm.base import BaseParameters
+from armwright.identification.arm.equations import Equations, Samples
 from armwright.identification.arm.fit import ArmFit
 
 STATES = 240  # of the log that a candidate repeats
@@ -16,16 +17,28 @@ SLIDE = 0.25  # [m]
 MOST_SENTENCES = 6
 
 
-def sentences(fit: ArmFit, samples: Iterable[Samples]) -> list[str]:
-    """Weakly identifiable directions, the weakest first, each with the motion that would identify it.
+def sentences(fit: ArmFit, samples: Iterable[Samples], base: BaseParameters, structural: BaseParameters) -> list[str]:
+    """Weakly identifiable directions, the weakest first, each with the motion that would identify it; then motions for more.
 
     Args:
-        fit: of the log.   samples: of it, for the poses that were used.
+        fit: of the log.   samples: of it, for the poses that were used.   base: identifiable.   structural: of the arm.
     """
     weak = [each for each in directions(scaled(fit.information)[0]) if each.condition > WEAK][:MOST_SENTENCES]
     candidates = motions(fit, samples) if weak else {}
     words = [fit.base.columns[k].about for k in fit.base.independent]
-    return [in_words(each, words, _remedy(fit, each.vector, candidates)) for each in weak]
+    said = [in_words(each, words, _remedy(fit, each.vector, candidates)) for each in weak]
+    return [*said, *_motions_for_more(fit.equations, structural)] if len(base) < len(structural) else said
+
+
+def _motions_for_more(equations: Equations, structural: BaseParameters) -> list[str]:
+    """Sentences on further motions of one joint that would make more of the structure's parameters identifiable."""
+    from armwright.identification.experiments.columns import BaseRegressor
+    from armwright.identification.experiments.expected import joints_that_separate
+
+    model = equations.model
+    R = equations.factor[:, structural.independent]
+    regressor = BaseRegressor(model, structural, np.zeros(model.arm.n))
+    return list(joints_that_separate(regressor, R.T @ R, int(equations.rows.max())))[:MOST_SENTENCES]
 
 
 def _remedy(fit: ArmFit, vector: np.ndarray, candidates: dict[str, np.ndarray]) -> str:

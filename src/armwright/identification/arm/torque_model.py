@@ -21,6 +21,7 @@ from armwright.description.paths import path_name
 from armwright.entry import as_arm
 from armwright.errors import IdentificationError
 from armwright.features import Support
+from armwright.identification.arm.spring_record import SPRINGS
 from armwright.kernels.compiled import KERNELS
 from armwright.model import Model
 
@@ -149,6 +150,11 @@ class TorqueModel:
 
     def __len__(self) -> int:
         return len(self.columns)
+
+    @property
+    def sprung_joints(self) -> list[str]:
+        """Names of the joints that have a spring and a counterbalance among the columns."""
+        return list(dict.fromkeys(column.joint for column in self.columns if column.kind in SPRINGS))
 
     def index(self, name: str) -> int:
         """Number of a column.

@@ -10,9 +10,10 @@ import numpy as np
 from armwright.errors import LogError
 from armwright.identification.logs.blocks import Block
 from armwright.identification.logs.findings import number_of
+from armwright.identification.logs.stretches import Span
 
 if TYPE_CHECKING:
-    from armwright.identification.logs.log import Log, LogRun, Span
+    from armwright.identification.logs.log import Log, LogRun
 
 GAP = 1.5  # times the usual period: a longer step of time is a gap
 BRIEFEST = 1e-9  # [s] from row to row: less is no clock
@@ -216,8 +217,6 @@ def _cut(state: Census, t: np.ndarray, row: int, good: np.ndarray, breaks: np.nd
 
 def _close(state: Census, end: int, stop: float) -> None:
     """Ends the open stretch before a row."""
-    from armwright.identification.logs.log import Span
-
     if state.open_begin is not None and end > state.open_begin:
         state.stretches.append(Span(state.open_begin, end, state.open_start, stop))
     state.open_begin = None

@@ -20,6 +20,7 @@ from armwright.identification.logs.blocks import ROWS, Block, run_blocks
 from armwright.identification.logs.columns import joint_numbers
 from armwright.identification.logs.findings import Finding
 from armwright.identification.logs.log_file import LogTable
+from armwright.identification.logs.stretches import EvenRows, Span
 from armwright.identification.logs.tables import open_table
 from armwright.identification.logs.units import QUANTITIES
 from armwright.model import Model
@@ -30,40 +31,7 @@ if TYPE_CHECKING:
 
     from armwright.identification.logs.census import Census
 
-BRIDGED = 3  # rows: gaps of so many are bridged
 MOST_VALUES = 200_000_000  # of a run in memory: 1.6 GB
-
-
-@dataclass(frozen=True)
-class Span:
-    """Rows of a run without gap: `begin` to `end` (not included), at times `start` to `stop` [s]."""
-
-    begin: int
-    end: int
-    start: float
-    stop: float
-
-    @property
-    def rows(self) -> int:
-        """Number of rows."""
-        return self.end - self.begin
-
-    @property
-    def period(self) -> float:
-        """Mean time from row to row [s]."""
-        return (self.stop - self.start) / (self.rows - 1) if self.rows > 1 else 0.0
-
-
-@dataclass(frozen=True)
-class Bridged(Span):
-    """Rows with short gaps, as the evenly timed rows that they are interpolated at; `usual` is the log's period [s]."""
-
-    usual: float = 0.0
-
-    @property
-    def rows(self) -> int:
-        """Number of rows, the missing ones included."""
-        return max(round((self.stop - self.start) / self.usual), 1) + 1
 
 
 @dataclass(frozen=True)
@@ -73,7 +41,7 @@ class LogRun:
     Attributes:
         name, use: "fit" or "hold-out".   paths: of its files, by key.   sha256: of each file, by key.
         census: numbers about all of its rows; None before the log was checked.
-        begin, end: of its part of the files [s], from their first row.
+        begin, end: of its part of the files [s], from their first row.   even: its rows as preparation takes them.
     """
 
     name: str
@@ -83,6 +51,7 @@ class LogRun:
     census: Census | None = None
     begin: float = 0.0
     end: float = inf
+    even: tuple[EvenRows, ...] = ()
 
     @property
     def rows(self) -> int:
@@ -112,6 +81,7 @@ class Log:
     Attributes:
         path: of the `*.log.toml`.   title: from it.   joints: names.   arm: the robot; None if the file names none.
         gears: (n, n) θ_motor = gears q; None if unknown.   layout: its signals with units and joints.
+        held: signals that are constant until the next row, as commands are.
         runs: in the order of the file.   findings: of the checks, errors first.   sha256: of the file and all it names.
     """
 
@@ -121,6 +91,7 @@ class Log:
     arm: Model | None
     gears: np.ndarray | None
     layout: Layout
+    held: frozenset[str]
     runs: tuple[LogRun, ...]
     findings: tuple[Finding, ...] = ()
 
@@ -149,9 +120,9 @@ class Log:
         return tuple(run.name for run in self.runs if run.use == "hold-out")
 
     @property
-    def held(self) -> frozenset[str]:
-        """Signals that are constant until the next row, as commands are."""
-        return frozenset(QUANTITIES[each.quantity].signal for each in self.table.signals if each.held)
+    def lacks(self) -> tuple[str, ...]:
+        """Terms that its torques are without, such as "gravity"."""
+        return tuple(dict.fromkeys(term for signal in self.table.signals for term in signal.lacks))
 
     @property
     def errors(self) -> tuple[Finding, ...]:
@@ -259,24 +230,3 @@ class Log:
         if self.arm is not None:
             about["robot"] = self.arm.name
         return xr.Dataset(variables, {"time": time, "joint": ("joint", list(self.joints))}, about)
-
-
-def bridged(log: Log, run: LogRun) -> tuple[Span, ...]:
-    """Stretches of a run, those with at most three rows missing between them joined; `rows` of these count the missing ones.
-
-    Logs of voltages or of held commands stay cut: a command may have changed in the gap.
-    """
-    if "voltage" in log.layout or log.held:
-        return run.stretches
-    joined: list[Span] = []
-    for each in run.stretches:
-        if joined and _is_short(joined[-1], each, run.period):
-            each = Bridged(joined[-1].begin, each.end, joined[-1].start, each.stop, run.period)
-            joined.pop()
-        joined.append(each)
-    return tuple(joined)
-
-
-def _is_short(before: Span, after: Span, period: float) -> bool:
-    """True of a gap of three rows at most, lost or with empty cells."""
-    return after.begin - before.end <= BRIDGED and 0 < after.start - before.stop < (BRIDGED + 1.5) * period

@@ -6,6 +6,7 @@ nothing in time, and a linear relation between signals (torque = regressor · pa
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import ceil, log
 from typing import Literal
@@ -17,13 +18,14 @@ from armwright.entry import AnyLog, as_log
 from armwright.errors import LogError
 from armwright.identification.logs.log import Log, LogRun
 from armwright.identification.logs.quantisation import quantisation_step
-from armwright.identification.logs.spectrum import ABOVE, LOWEST, longest_finite, motion_band
+from armwright.identification.logs.spectrum import ABOVE, HIGHEST, LOWEST, longest_finite, motion_band
 
 ROOM = 2.5  # rate after decimation by the cut-off: its half, Nyquist's frequency, is a quarter above the cut-off
 EDGE = 1e-3  # what is left of a disturbance at a stretch's edge
 SHORTEST = 32  # rows of a signal that has a spectrum
 WIDER = 4.0  # cut-off of a motion that a model is evaluated on, by that of the preparation
 FINEST = 64.0  # rate of such a motion by the preparation's cut-off: dry friction jumps somewhere between two rows
+REST = 1e-2  # of a joint's range by the run's duration: slower is at rest
 CLOSEST = 0.3  # its cut-off as a share of the rate, where the preparation's own is not higher
 # Weights of central differences: of row k after less row k before, and of both less twice the row's own.
 FIRST_DIFFERENCE = {"central": (4 / 5, -1 / 5, 4 / 105, -1 / 280), "three rows": (1 / 2,)}
@@ -71,6 +73,20 @@ class Preparation:
         return replace(self, cutoff=_wider(self.cutoff, self.rate), decimate=step, edge=self.edge - spoilt)
 
 
+@dataclass(frozen=True, eq=False)
+class RunFilters:
+    """Preparation of a run's rows for an arm.
+
+    Attributes:
+        narrow: low-pass of torques and columns.   wide: of the motion, `narrow.of_motion`.
+        resting: (n,) [rad/s | m/s] speeds below which a joint counts as at rest.
+    """
+
+    narrow: Preparation
+    wide: Preparation
+    resting: np.ndarray
+
+
 def choose_preparation(
     log: AnyLog,
     run: str | None = None,
@@ -98,7 +114,7 @@ def choose_preparation(
     chosen = log.run(run)
     if chosen.census is None:
         raise LogError("was not checked", place="log", expected="what read_log returns")
-    rate = 1.0 / chosen.period
+    rate = 1.0 / chosen.census.period
     reasons: list[str] = []
     if cutoff is None:
         cutoff, reason = _cutoff(log, chosen, rate)
@@ -137,6 +153,44 @@ def choose_preparation(
         f"{edge} rows ({1e3 * edge / rate:.3g} ms) at either end of a stretch are dropped: the filter has not settled there",
     ]
     return Preparation(float(cutoff), order, factor, differentiation, edge, rate, tuple(reasons))
+
+
+def shared_preparations(log: Log, runs: Sequence[str], decimate: int | None = None) -> dict[str, Preparation]:
+    """Preparations of runs by name, with the highest cut-off that any run of the log needs: of a run at rest, too, rows are left.
+
+    Args:
+        log: a checked log.   runs: names.   decimate: every how many rows to keep, instead of the choice.
+    """
+    if not runs:
+        return {}
+    chosen = {each.name: choose_preparation(log, each.name) for each in log.runs}
+    widest = max(each.cutoff for each in chosen.values())
+    cutoffs = {name: min(widest, HIGHEST * chosen[name].rate) for name in runs}
+    return {name: choose_preparation(log, name, cutoff=each, decimate=decimate) for name, each in cutoffs.items()}
+
+
+def resting_speeds(log: Log, run: str) -> np.ndarray:
+    """Speeds (joints,) [rad/s | m/s] below which a joint counts as at rest in a run: noise and rounding decide their signs.
+
+    0 for joints without positions.
+    """
+    chosen, speeds = log.run(run), np.zeros(len(log.joints))
+    if "q" in log.layout and chosen.census is not None and chosen.duration > 0:
+        counted = chosen.census.signals["q"]
+        speeds[list(log.layout["q"].joints or ())] = REST * np.subtract(counted.high, counted.low) / chosen.duration
+    return speeds
+
+
+def filters_of(log: Log, prepared: Mapping[str, Preparation], order: Sequence[int]) -> dict[str, RunFilters]:
+    """Filters of runs by their preparations.
+
+    Args:
+        log: a checked log.   prepared: by the run's name.   order: indices of the log's joints in the arm's order.
+    """
+    return {
+        name: RunFilters(each, each.of_motion, resting_speeds(log, name)[list(order)])
+        for name, each in prepared.items()
+    }
 
 
 def _cutoff(log: Log, run: LogRun, rate: float) -> tuple[float, str]:

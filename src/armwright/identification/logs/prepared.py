@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,9 +12,10 @@ from scipy.interpolate import CubicSpline
 
 from armwright.entry import AnyLog, as_log
 from armwright.errors import LogError
-from armwright.identification.logs.blocks import ROWS, Block
+from armwright.fitting.residuals import parts_of
+from armwright.identification.logs.blocks import ROWS, Block, run_blocks
 from armwright.identification.logs.findings import number_of
-from armwright.identification.logs.log import Bridged, Log, Span, bridged
+from armwright.identification.logs.log import Log, LogRun
 from armwright.identification.logs.preparation import (
     EDGE,
     FIRST_DIFFERENCE,
@@ -22,14 +24,15 @@ from armwright.identification.logs.preparation import (
     Preparation,
     choose_preparation,
     settling,
+    shared_preparations,
 )
+from armwright.identification.logs.stretches import EvenRows
 
 if TYPE_CHECKING:
     import xarray as xr
 
 SEAM = 1e-9  # what is left of a disturbance where windows of rows meet
 ROUNDED = 2.0  # digits that times are off even ones, where a clock was rounded, in the row and where the stretch begins
-REST = 1e-2  # of a joint's range by the run's duration: slower is at rest
 UNEVEN = 1e-3  # of a period: rows further from even times are interpolated
 BESIDE_GAP = 8  # rows beyond a window that a spline goes through
 RATES = {"q": ("qd", "qdd"), "qd": ("qdd",)}  # what follows from a signal by differentiation, in order
@@ -53,14 +56,7 @@ def prepare_log(log: AnyLog, run: str | None = None, preparation: Preparation | 
     preparation = preparation or choose_preparation(log, chosen.name)
     parts = list(prepared_blocks(log, chosen.name, preparation))
     if not parts:
-        longest = max((stretch.rows for stretch in bridged(log, chosen)), default=0)
-        expected = f"more than {2 * preparation.edge} rows without a gap; or a higher cut-off"
-        raise LogError(
-            f"the longest stretch has {number_of(longest, 'row')}",
-            place=f"run {chosen.name!r}",
-            expected=expected,
-            file=log.path,
-        )
+        raise too_short(log, chosen, preparation)
     time = ("time", np.concatenate([block.t for _, block in parts]), {"units": "s", "long_name": "time"})
     number = (
         "time",
@@ -69,12 +65,9 @@ def prepare_log(log: AnyLog, run: str | None = None, preparation: Preparation | 
     )
     variables = {}
     for name in parts[0][1].values:
-        source = (
-            name if name in log.layout else next(s for s, rates in RATES.items() if name in rates and s in log.layout)
-        )
-        values = np.full((len(time[1]), len(log.joints)), np.nan)
-        values[:, list(log.layout[source].joints or ())] = np.concatenate([block.values[name] for _, block in parts])
-        unit = log.layout[name].unit if name in log.layout else _rate_unit(log.layout[source].unit, source, name)
+        source = _source(log, name)
+        unit = log.layout[name].unit if source == name else _rate_unit(log.layout[source].unit, source, name)
+        values = np.concatenate([block.values[name] for _, block in parts])
         variables[name] = (("time", "joint"), values, {"units": unit})
     about = {
         "log": log.path.name, "run": chosen.name, "use": chosen.use, "log_sha256": log.sha256,
@@ -93,16 +86,68 @@ def _rate_unit(unit: str, source: str, name: str) -> str:
     )
 
 
+@dataclass(frozen=True, eq=False)
+class LoggedMotion:
+    """Motion of a run behind a wide low-pass, at which a model is evaluated; what it gives then passes the preparation's.
+
+    Attributes:
+        run: of the log.   preparation: with the narrow low-pass.   data: every row behind the wide one, as of `prepare_log`.
+        parts: rows of each stretch.   kept: numbers of the rows that are left after the narrow low-pass and its decimation.
+    """
+
+    run: LogRun
+    preparation: Preparation
+    data: xr.Dataset
+    parts: list[slice]
+    kept: np.ndarray
+
+
+def logged_motion(log: Log, run: str | None = None, preparation: Preparation | None = None) -> LoggedMotion:
+    """The motion of a run behind the wide low-pass of a preparation.
+
+    Args:
+        log: what `read_log` returned.   run: its name; None: the first.
+        preparation: None: that with the highest cut-off that any run needs.
+    Raises:
+        LogError: neither position nor speed, or no stretch is long enough.
+    """
+    chosen = log.run(run)
+    preparation = preparation or shared_preparations(log, [chosen.name])[chosen.name]
+    first = preparation.of_motion
+    data = prepare_log(log, chosen.name, replace(first, decimate=1))
+    if "qdd" not in data:
+        raise LogError("neither position nor speed logged", place="signals", expected="one of them", file=log.path)
+    parts, spoilt = parts_of(data["stretch"].values), preparation.edge - first.edge
+    kept = np.concatenate([np.arange(part.start + spoilt, part.stop - spoilt, preparation.decimate) for part in parts])
+    if not len(kept):
+        expected = f"more than {2 * preparation.edge} rows without a gap; or a higher cut-off"
+        raise LogError("no stretch is long enough", place=f"run {chosen.name!r}", expected=expected, file=log.path)
+    return LoggedMotion(chosen, preparation, data, parts, kept)
+
+
+def too_short(log: Log, run: LogRun, preparation: Preparation) -> LogError:
+    """The error of a run whose stretches are all shorter than what its low-pass spoils at their ends."""
+    longest = number_of(max((each.rows for each in run.even), default=0), "row")
+    expected = f"more than {2 * preparation.edge} rows without a gap; or a higher cut-off"
+    return LogError(f"the longest stretch has {longest}", place=f"run {run.name!r}", expected=expected, file=log.path)
+
+
+def _source(log: Log, name: str) -> str:
+    """The logged signal that a prepared one is, or is derived from."""
+    return name if name in log.layout else next(s for s, rates in RATES.items() if name in rates and s in log.layout)
+
+
 def prepared_blocks(log: Log, run: str, preparation: Preparation, rows: int = ROWS) -> Iterator[tuple[int, Block]]:
     """Prepared rows of a run with the number of their stretch, block by block in bounded memory.
 
-    Windows of rows overlap by what the filter needs to settle to 1e-9, so that their seams do not show.
+    Signals are (rows, joints of the log), NaN for joints that do not have them. Windows of rows overlap by what the
+    filter needs to settle to 1e-9, so that their seams do not show.
     """
-    reader = _Rows(log, run)
     chosen, first = log.run(run), 0
+    reader = _Rows(log, chosen)
     seam = settling(preparation.sections, SEAM) + SAVGOL
     window = max(rows // preparation.decimate, 1) * preparation.decimate
-    for number, stretch in enumerate(bridged(log, chosen)):
+    for number, stretch in enumerate(chosen.even):
         low, high = preparation.edge, stretch.rows - preparation.edge
         if high <= low:
             continue
@@ -113,12 +158,12 @@ def prepared_blocks(log: Log, run: str, preparation: Preparation, rows: int = RO
 
 
 def _window(
-    reader: _Rows, stretch: Span, preparation: Preparation, begin: int, end: int, seam: int, first: int
+    reader: _Rows, stretch: EvenRows, preparation: Preparation, begin: int, end: int, seam: int, first: int
 ) -> Block:
     """Prepared rows `begin` to `end` of a stretch, from rows beyond them either way."""
     low, high = max(begin - seam, 0), min(end + seam, stretch.rows)
     even = stretch.start + stretch.period * np.arange(low, high)
-    if isinstance(stretch, Bridged):
+    if stretch.has_gaps:
         times, values = even, reader.between(stretch, even)
     else:
         times, values = reader.rows(stretch.begin + low, stretch.begin + high)
@@ -132,7 +177,16 @@ def _window(
             for order, name in enumerate(rates, start=1):
                 filtered.setdefault(name, _derivative(filtered[source], stretch.period, order, preparation))
     kept = slice(begin - low, end - low, preparation.decimate)
-    return Block(first, even[kept], {name: each[kept] for name, each in filtered.items()})
+    return Block(
+        first, even[kept], {name: _of_all_joints(reader.log, name, each[kept]) for name, each in filtered.items()}
+    )
+
+
+def _of_all_joints(log: Log, name: str, values: np.ndarray) -> np.ndarray:
+    """A prepared signal (rows, joints of the log), NaN for joints that do not have it."""
+    full = np.full((len(values), len(log.joints)), np.nan)
+    full[:, list(log.layout[_source(log, name)].joints or ())] = values
+    return full
 
 
 def _around_rows(values: np.ndarray) -> np.ndarray:
@@ -143,20 +197,8 @@ def _around_rows(values: np.ndarray) -> np.ndarray:
     return np.concatenate([values[:1], 0.5 * (values[1:] + values[:-1])])
 
 
-def resting_speeds(log: Log, run: str) -> np.ndarray:
-    """Speeds (joints,) [rad/s | m/s] below which a joint counts as at rest in a run: noise and rounding decide their signs.
-
-    0 for joints without positions.
-    """
-    chosen, speeds = log.run(run), np.zeros(len(log.joints))
-    if "q" in log.layout and chosen.census is not None and chosen.duration > 0:
-        counted = chosen.census.signals["q"]
-        speeds[list(log.layout["q"].joints or ())] = REST * np.subtract(counted.high, counted.low) / chosen.duration
-    return speeds
-
-
 def zero_phase(preparation: Preparation, values: np.ndarray) -> np.ndarray:
-    """A signal (rows, joints) filtered forward and backward, its ends continued by point reflection."""
+    """A signal (rows, joints) of one stretch filtered forward and backward, its ends continued by point reflection."""
     most = len(values) - 1
     pad = min(3 * settling(preparation.sections, EDGE), most)
     return np.asarray(sp.sosfiltfilt(preparation.sections, values, axis=0, padlen=pad))
@@ -183,15 +225,15 @@ def _derivative(values: np.ndarray, period: float, order: int, preparation: Prep
 class _Rows:
     """Rows of a run by number; rows long before the last request are dropped."""
 
-    def __init__(self, log: Log, run: str):
-        self.log, census = log, log.run(run).census
-        self.resolution = 0.0 if census is None else census.resolution
-        self._blocks = log.blocks(run)
+    def __init__(self, log: Log, run: LogRun):
+        self.log = log
+        self.resolution = 0.0 if run.census is None else run.census.resolution
+        self._blocks = run_blocks(log, run, ROWS)
         self._begin = 0
         self._t = np.zeros(0)
         self._values: dict[str, np.ndarray] = {}
 
-    def between(self, stretch: Span, times: np.ndarray) -> dict[str, np.ndarray]:
+    def between(self, stretch: EvenRows, times: np.ndarray) -> dict[str, np.ndarray]:
         """Signals at some times of a stretch with short gaps, by cubic splines through the cells that are there."""
         while self._begin + len(self._t) < stretch.end and not (len(self._t) and self._t[-1] > times[-1]):
             late = self._begin + int(np.searchsorted(_increasing(self._t), times[0])) - BESIDE_GAP

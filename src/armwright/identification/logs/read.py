@@ -23,7 +23,9 @@ from armwright.identification.logs.columns import check_gears, gears_of, layout_
 from armwright.identification.logs.findings import LEVELS
 from armwright.identification.logs.log import Log, LogRun
 from armwright.identification.logs.log_file import GearsTable, LogTable, SignalTable
+from armwright.identification.logs.stretches import evenly_timed
 from armwright.identification.logs.tables import open_table
+from armwright.identification.logs.units import QUANTITIES
 from armwright.model import Model
 from armwright.model.load import load
 from armwright.progress import Shown, automatic
@@ -66,7 +68,10 @@ def read_log(
         for k, run in enumerate(log.runs):
             tell(k, len(log.runs))
             sums = {key: _sha256(file) for key, file in run.paths.items()}
-            begun.append(replace(run, sha256=sums, census=census_of(log, run)))
+            census = census_of(log, run)
+            # what was commanded in a gap is not known: logs of voltages or of held commands stay cut
+            even = evenly_timed(census.stretches, census.period, bridge="voltage" not in log.layout and not log.held)
+            begun.append(replace(run, sha256=sums, census=census, even=even))
         tell(len(log.runs), len(log.runs))
     log = replace(log, runs=tuple(begun))
     findings = sorted(check_log(log), key=lambda each: LEVELS.index(each.level))
@@ -139,7 +144,8 @@ def _opened(path: Path, table: LogTable) -> Log:
     layout = part(lambda: layout_of(table, joints, arm, measured)) if files.keys() == measured.keys() else None
     if found or layout is None:
         raise LogError.of(*found)
-    log = Log(path, table, joints, arm, gears, layout, runs)
+    held = frozenset(QUANTITIES[each.quantity].signal for each in table.signals if each.held)
+    log = Log(path, table, joints, arm, gears, layout, held, runs)
     _check_sides(log)
     if arm is not None:
         check_gears(log, arm)

@@ -9,9 +9,10 @@ import numpy as np
 
 from armwright.identification.logs.census import Census, Places, SignalCensus
 from armwright.identification.logs.findings import Found, error, note, number_of, warning
-from armwright.identification.logs.log import BRIDGED, Log, LogRun, bridged
+from armwright.identification.logs.log import Log, LogRun
 from armwright.identification.logs.quantisation import quantisation_step
 from armwright.identification.logs.spectrum import longest_finite
+from armwright.identification.logs.stretches import BRIDGED
 
 UNEVEN, WILD = 0.01, 0.3  # jitter as a share of the period that is noted, and that no interpolation mends
 STAY = 5  # rows at an extreme that look like a limit
@@ -48,7 +49,7 @@ def clock(log: Log, run: LogRun, census: Census) -> Found:
         what = f"{rows} ({share:.2%}) at the time of the row before: {_rows(census.same_time)}"
         yield (error if share > 0.5 else note)(f"{what}; times are too coarse, or rows were written twice", "time")
     if census.gaps.count:
-        parts = f"the run falls into {_stretches(log, run)}"
+        parts = f"the run falls into {_stretches(run)}"
         each = "" if census.gaps.count == 1 else " in all"
         missing = f"{number_of(census.gaps.count, 'gap')} of about {number_of(census.lost, 'row')}{each}"
         what = f"{missing}; the widest is {census.widest:.4g} s: before {_rows(census.gaps)}; {parts}"
@@ -66,9 +67,9 @@ def clock(log: Log, run: LogRun, census: Census) -> Found:
             yield note(f"{what}; preparation interpolates at even times", "time")
 
 
-def _stretches(log: Log, run: LogRun) -> str:
+def _stretches(run: LogRun) -> str:
     """`3 stretches`, and how many are left for the fit of an arm."""
-    count, joined = len(run.stretches), len(bridged(log, run))
+    count, joined = len(run.stretches), len(run.even)
     cut = f"{count} stretch{'es' * (count != 1)}"
     return cut if joined == count else f"{cut}, of which preparation makes {joined}: it bridges up to {BRIDGED} rows"
 
@@ -92,7 +93,7 @@ def cells(log: Log, run: LogRun, census: Census) -> Found:
             places = f"{_rows(counted.missing[k])}; first at {first}"
             count = counted.missing[k].count
             what = f"{number_of(count, 'cell')} {'is' if count == 1 else 'are'} empty or not finite: {places}"
-            yield note(f"{what}; the run falls into {_stretches(log, run)}", place)
+            yield note(f"{what}; the run falls into {_stretches(run)}", place)
         low, high = counted.low[k], counted.high[k]
         if low == high:
             yield note(f"constant, {low:.6g} {unit}: this run says nothing about it", place)

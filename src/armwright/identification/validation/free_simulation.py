@@ -13,18 +13,12 @@ from armwright.description.drive import Command
 from armwright.errors import LogError, ScenarioError
 from armwright.fitting.residuals import parts_of
 from armwright.identification.logs.log import Log, LogRun
+from armwright.identification.logs.preparation import shared_preparations
 from armwright.identification.logs.prepared import prepare_log
-from armwright.identification.validation.prediction import (
-    SIGNALS,
-    Prediction,
-    Quantity,
-    check_match,
-    check_pose_free,
-    columns_of,
-    is_logged,
-    preparation_for,
-)
-from armwright.identification.validation.torque import as_logged, check_constants, with_command
+from armwright.identification.logs.torques import with_command
+from armwright.identification.validation.match import Match, check_pose_free, match
+from armwright.identification.validation.prediction import SIGNALS, Prediction, Quantity
+from armwright.identification.validation.torque import as_logged, check_constants
 from armwright.kernels.compiled import CompiledArm, compile_arm
 from armwright.model import Model
 from armwright.parameters import Batch
@@ -64,17 +58,12 @@ class _Driven:
     qd: np.ndarray | None
 
 
-def driving_signal(arm: Model, log: Log) -> str | None:
+def driving_signal(arm: Model, matched: Match) -> str | None:
     """The input signal of a simulation: the record's command, else voltage, current or torque; None if none is logged."""
     own = {command: signal for signal, command in INPUTS.items()}
     kinds = {body.drive.command for body in arm.coordinates}
     first = [own[kind] for kind in kinds] if len(kinds) == 1 else []
-    return next((signal for signal in (*first, *INPUTS) if is_logged(log, signal)), None)
-
-
-def default_window(log: Log) -> float | None:
-    """Length [s] of the windows of a free simulation; None for whole stretches if only speeds, without drift, are compared."""
-    return WINDOW if is_logged(log, "q") else None
+    return next((signal for signal in (*first, *INPUTS) if signal in matched.logged), None)
 
 
 def simulate_log(
@@ -95,18 +84,18 @@ def simulate_log(
         LogError: an arm that does not match, no command or no motion in the log, a window too short.
         ArmwrightError: as `Simulation`.
     """
-    check_match(arm, log)
-    signal = driving_signal(arm, log)
+    matched = match(arm, log)
+    signal = driving_signal(arm, matched)
     if signal is None:
         expected = "voltages, currents or torques of all joints"
         raise LogError("nothing logged that drives the arm", place="signals", expected=expected, file=log.path)
     check_constants(arm, signal, log)
-    arm = as_logged(arm, log, signal)
+    arm = as_logged(arm, log.lacks if signal == "tau" else ())
     if window is not None and not (isinstance(window, (int, float)) and window > 0):
         raise LogError(place="window", value=window, expected="a time above 0 [s]")
-    if not is_logged(log, "q"):
+    if "q" not in matched.logged:
         check_pose_free(arm, dyn or compile_arm(arm), log)
-    driven = [_driven(arm, log, log.run(name), signal, window) for name in runs]
+    driven = [_driven(arm, log, matched, log.run(name), signal, window) for name in runs]
     moved = _simulated(with_command(arm, INPUTS[signal]), driven)
     kept = f"{INPUTS[signal]}s of the log held from row to row"
     length = "whole stretches" if window is None else f"windows of {window:g} s, each started from the log"
@@ -118,15 +107,15 @@ def simulate_log(
     ]
 
 
-def _driven(arm: Model, log: Log, run: LogRun, signal: str, window: float | None) -> _Driven:
+def _driven(arm: Model, log: Log, matched: Match, run: LogRun, signal: str, window: float | None) -> _Driven:
     """A run with its windows.
 
     Raises:
         LogError: no speed, or a window that no stretch holds.
     """
-    order = columns_of(arm, log)
+    order = matched.columns
     # Filtered rows say where a window begins; what drives it, and what it is compared with, stays as it was logged.
-    smooth = prepare_log(log, run.name, preparation_for(log, run.name, decimate=1))
+    smooth = prepare_log(log, run.name, shared_preparations(log, [run.name], decimate=1)[run.name])
     if "qd" not in smooth:
         raise LogError("neither position nor speed logged", place="signals", expected="one of them", file=log.path)
     raw, t = log.dataset(run.name), smooth["time"].values
@@ -139,7 +128,7 @@ def _driven(arm: Model, log: Log, run: LogRun, signal: str, window: float | None
         longest = max((part.stop - part.start for part in parts_of(smooth["stretch"].values)), default=0)
         expected = f"{LEAST} rows at least, and no more than a stretch has, {longest * run.period:.4g} s"
         raise LogError(place="window", value=window, expected=expected, file=log.path)
-    logged = {name: raw[name].values[at][:, order] if is_logged(log, name) else None for name in ("q", "qd")}
+    logged = {name: raw[name].values[at][:, order] if name in matched.logged else None for name in ("q", "qd")}
     start_q = smooth["q"].values[:, order] if "q" in smooth else np.zeros((len(t), arm.n))
     return _Driven(run, t, windows, start_q, smooth["qd"].values[:, order], commands, logged["q"], logged["qd"])
 
@@ -230,15 +219,15 @@ def simulate_scenario(scenario: Scenario, log: Log, runs: Sequence[str]) -> list
         LogError: an arm that does not match, nothing to compare.   ScenarioError: a scenario with lanes, or one that cannot run.
     """
     arm = scenario.arm
-    check_match(arm, log)
+    matched = match(arm, log)
     if scenario.lane_count is not None:
         raise ScenarioError(
             place="lanes", value=scenario.lane_count, expected="a single run, to be compared with a log"
         )
-    signals: dict[Quantity, str] = {quantity: name for quantity, name in SIGNALS.items() if is_logged(log, name)}
+    signals: dict[Quantity, str] = {quantity: name for quantity, name in SIGNALS.items() if name in matched.logged}
     if not signals:
         raise LogError("neither position, speed nor torque logged", place="signals", file=log.path)
-    order, how = columns_of(arm, log), "the scenario's run, time 0 at the first row"
+    order, how = matched.columns, "the scenario's run, time 0 at the first row"
     found = []
     for name in runs:
         chosen, raw = log.run(name), log.dataset(name)
@@ -252,7 +241,7 @@ def simulate_scenario(scenario: Scenario, log: Log, runs: Sequence[str]) -> list
             if signal == "tau":
                 values = values @ motor_shares(arm)
             predicted = np.stack([np.interp(t, run["time"].values, each) for each in values.T], axis=1)
-            speed = raw["qd"].values[inside][:, order] if is_logged(log, "qd") else None
+            speed = raw["qd"].values[inside][:, order] if "qd" in matched.logged else None
             part, measured = np.zeros(len(t), dtype=int), raw[signal].values[inside][:, order]
             found.append(Prediction.of(arm, chosen, quantity, how, t, part, measured, predicted, speed=speed))
     return found

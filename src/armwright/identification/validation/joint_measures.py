@@ -113,7 +113,7 @@ def resting(log: Log, joint: str, runs: Sequence[str]) -> set[str]:
         values = longest_finite(run.census.excerpt.values[name][:, column])
         step = quantisation_step(values) or 0.0
         has_spectrum = len(values) >= SHORTEST and values.std() > 0
-        noise = has_spectrum and motion_band(values, 1.0 / run.period, order)[0] == 0.0
+        noise = has_spectrum and motion_band(values, 1.0 / run.census.period, order)[0] == 0.0
         if extent <= max(STILL * largest, STEPS * step) or noise:
             still.add(run.name)
     return still

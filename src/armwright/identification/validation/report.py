@@ -6,10 +6,10 @@ import os
 from collections.abc import Sequence
 from html import escape
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from armwright.identification.estimate import Estimate
 from armwright.identification.validation.joint_measures import JointMeasures
 from armwright.identification.validation.limits import Check
 from armwright.identification.validation.pictures import (
@@ -18,8 +18,11 @@ from armwright.identification.validation.pictures import (
     over_time,
     spectrum_picture,
 )
-from armwright.identification.validation.validate import Validation
 from armwright.results.page_parts import bullets, html_table, section, sentence, shown_table, write_page
+
+if TYPE_CHECKING:
+    from armwright.identification.estimate import Estimate
+    from armwright.identification.validation.validate import Validation
 
 MOST_PLACES = 6  # behind the point
 STRONG = 0.95  # correlation from which on two parameters are named

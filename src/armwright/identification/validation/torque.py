@@ -2,33 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection
 from dataclasses import replace
-from typing import Literal
 
 import numpy as np
 
-from armwright.actuators import drive_torque
 from armwright.actuators.coupling import motor_shares
-from armwright.description.drive import Command
 from armwright.errors import LogError
-from armwright.fitting.residuals import parts_of
 from armwright.identification.logs.log import Log
-from armwright.identification.logs.preparation import Preparation
-from armwright.identification.logs.prepared import prepare_log, resting_speeds, zero_phase
-from armwright.identification.validation.prediction import (
-    Prediction,
-    check_match,
-    columns_of,
-    is_logged,
-    positions_of,
-    preparation_for,
-    units_of,
-)
+from armwright.identification.logs.preparation import resting_speeds
+from armwright.identification.logs.prepared import LoggedMotion, zero_phase
+from armwright.identification.logs.torques import torques_on_joints
+from armwright.identification.validation.match import Match, check_pose_free, match
+from armwright.identification.validation.prediction import Prediction, units_of
 from armwright.kernels.compiled import CompiledArm, compile_arm
 from armwright.model import Model
-
-Source = Literal["tau", "current", "voltage"]  # signals of a log from which torques are known
 
 FRICTION: dict[str, dict[str, float | None]] = {  # fields of a term that torques may lack
     "viscous": {"viscous": 0.0},
@@ -37,17 +25,8 @@ FRICTION: dict[str, dict[str, float | None]] = {  # fields of a term that torque
 }
 
 
-def torque_source(log: Log) -> Source | None:
-    """The signal used for measured torques: "tau", else "current", else "voltage" with positions; None if none is logged."""
-    sources: tuple[Source, ...] = ("tau", "current", "voltage")
-    for signal in sources:
-        if signal in log.layout and (signal != "voltage" or is_logged(log, "q")):
-            return signal
-    return None
-
-
 def predict_torque(
-    arm: Model, log: Log, run: str | None = None, preparation: Preparation | None = None, dyn: CompiledArm | None = None
+    arm: Model, log: Log, motion: LoggedMotion, dyn: CompiledArm | None = None, matched: Match | None = None
 ) -> Prediction:
     """Torques of a run by inverse dynamics,  τ̂ = M(q) q̈ + C q̇ + g + f(q̇),  along its prepared motion. [LuhWalkerPaul1980]
 
@@ -60,59 +39,42 @@ def predict_torque(
     Measured torques are those of the log, or of its currents, Nᵀ Kt i, or of its voltages by eq. (12) of the CMU report.
 
     Args:
-        arm: a full record.   log: what `read_log` returned.   run: its name; None: the first.
-        preparation: None: what `preparation_for` says.   dyn: kernels of `as_logged`; None: they are compiled.
+        arm: a full record.   log: what `read_log` returned.   motion: of one of its runs.
+        dyn: kernels of `as_logged`; None: they are compiled.   matched: what the log has of the arm; None: looked up.
     Returns:
-        prediction: of the torque, a row for each prepared row.
+        prediction: of the torque, a row for each row that the motion keeps.
     Raises:
-        LogError: an arm that does not match, no torque, no motion.   ModelError: no motor constants for a current or voltage.
+        LogError: an arm that does not match, no torque, no motor constants for a current or voltage.
     """
-    check_match(arm, log)
-    source = torque_source(log)
+    matched = matched or match(arm, log)
+    source, order, run, data = matched.source, matched.columns, motion.run, motion.data
     if source is None:
         raise LogError("neither torque nor current logged", place="signals", expected="one of them", file=log.path)
     check_constants(arm, source, log)
-    chosen = log.run(run)
-    preparation = preparation or preparation_for(log, chosen.name)
-    first = preparation.of_motion
-    data = prepare_log(log, chosen.name, replace(first, decimate=1))
-    if "qdd" not in data:
-        raise LogError("neither position nor speed logged", place="signals", expected="one of them", file=log.path)
-    arm = as_logged(arm, log, source)
+    arm = as_logged(arm, matched.lacks)
     dyn = dyn or compile_arm(arm)
-    order, parts = columns_of(arm, log), parts_of(data["stretch"].values)
-    q, qd, qdd = positions_of(arm, dyn, log, data), data["qd"].values[:, order], data["qdd"].values[:, order]
-    values = data[source].values[:, order]
-    spoilt = preparation.edge - first.edge
-    kept = [np.arange(part.start + spoilt, part.stop - spoilt, preparation.decimate) for part in parts]
-    rows = np.concatenate(kept)
-    if not len(rows):
-        expected = f"more than {2 * preparation.edge} rows without a gap; or a higher cut-off"
-        raise LogError("no stretch is long enough", place=f"run {chosen.name!r}", expected=expected, file=log.path)
-
-    def prepared(values: np.ndarray) -> np.ndarray:
-        return _filtered(values, parts, preparation)[rows]
-
-    qd = np.where(np.abs(qd) < resting_speeds(log, chosen.name)[order], 0.0, qd)
-    measured, predicted = (
-        prepared(measured_torques(arm, source, values, qd)),
-        prepared(dyn.inverse_dynamics(q, qd, qdd)),
-    )
-    direction, qd, qdd = (prepared(each) for each in (np.sign(qd), qd, qdd))
+    if "q" not in matched.logged:
+        check_pose_free(arm, dyn, log)
+    qd, qdd = (data[name].values[:, order] for name in ("qd", "qdd"))
+    q = data["q"].values[:, order] if "q" in matched.logged else np.zeros_like(qd)
+    qd = np.where(np.abs(qd) < resting_speeds(log, run.name)[order], 0.0, qd)
+    measured = _filtered(motion, torques_on_joints(arm, source, data[source].values[:, order], qd))
+    predicted = _filtered(motion, dyn.inverse_dynamics(q, qd, qdd)) @ motor_shares(arm)
+    direction, qd, qdd = (_filtered(motion, each) for each in (np.sign(qd), qd, qdd))
     how = {"tau": "", "current": " from currents", "voltage": " from voltages"}[source]
     return Prediction(
         "torque",
         f"inverse dynamics along the log, torques measured{how}{', held from row to row' * (source in log.held)}",
-        chosen.name,
-        chosen.use,
+        run.name,
+        run.use,
         tuple(arm.names),
         units_of(arm, "torque"),
-        preparation.rate / preparation.decimate,
-        preparation.decimate,
-        data["time"].values[rows],
-        data["stretch"].values[rows],
+        motion.preparation.rate / motion.preparation.decimate,
+        motion.preparation.decimate,
+        data["time"].values[motion.kept],
+        data["stretch"].values[motion.kept],
         measured,
-        predicted @ motor_shares(arm),
+        predicted,
         qd,
         qdd,
         qdd,
@@ -121,12 +83,9 @@ def predict_torque(
     )
 
 
-def _filtered(values: np.ndarray, parts: Sequence[slice], preparation: Preparation) -> np.ndarray:
-    """Values (rows, n) through the filter that measured torques have passed, stretch by stretch."""
-    found = values.copy()
-    for part in parts:
-        found[part] = zero_phase(preparation, values[part])
-    return found
+def _filtered(motion: LoggedMotion, values: np.ndarray) -> np.ndarray:
+    """Values (rows, n) of all rows behind the filter that measured torques have passed, stretch by stretch, at the kept rows."""
+    return np.concatenate([zero_phase(motion.preparation, values[part]) for part in motion.parts])[motion.kept]
 
 
 def check_constants(arm: Model, source: str, log: Log) -> None:
@@ -147,24 +106,12 @@ def check_constants(arm: Model, source: str, log: Log) -> None:
                 )
 
 
-def measured_torques(arm: Model, source: Source, values: np.ndarray, qd: np.ndarray) -> np.ndarray:
-    """Torques on the joints (rows, n), Bᵀ times those of the motors, from torques, currents or voltages.
-
-    Args:
-        arm: the model.   source: the signal.   values: (rows, n) of it.   qd: (rows, n) [rad/s | m/s], needed of voltages.
-    """
-    if source == "tau":
-        return values
-    return drive_torque(with_command(arm, source), qd.T, values.T).T @ motor_shares(arm)
-
-
-def as_logged(arm: Model, log: Log, source: str) -> Model:
+def as_logged(arm: Model, lacks: Collection[str]) -> Model:
     """The arm without the terms that were subtracted from its torques before logging: the key `lacks` of the log's file.
 
     Args:
-        arm: the whole arm.   log: whose torques these are.   source: the signal that is used; only of "tau" terms are taken away.
+        arm: the whole arm.   lacks: `Log.lacks`, where torques are what is used of the log.
     """
-    lacks = {term for signal in log.table.signals for term in signal.lacks} if source == "tau" else set()
     whole = {"springs": None, "rotors": None, "gravity": np.zeros(3)}
     arm = arm.replace(**{term: value for term, value in whole.items() if term in lacks})
     taken = {key: value for term in lacks for key, value in FRICTION.get(term, {}).items()}
@@ -174,10 +121,4 @@ def as_logged(arm: Model, log: Log, source: str) -> Model:
         body if body.friction is None else replace(body, friction=replace(body.friction, **taken))
         for body in arm.bodies
     )
-    return replace(arm, bodies=tuple(bodies))
-
-
-def with_command(arm: Model, command: Command) -> Model:
-    """The arm with drives that take another kind of command."""
-    bodies = (replace(body, drive=replace(body.drive, command=command)) for body in arm.bodies)
     return replace(arm, bodies=tuple(bodies))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import datetime
 import hashlib
 import os
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -18,16 +18,19 @@ from armwright.errors import ArmwrightError, LogError
 from armwright.identification.arm.torque_model import MEASURED
 from armwright.identification.logs.log import Log
 from armwright.identification.logs.preparation import Preparation
+from armwright.identification.logs.prepared import logged_motion
+from armwright.identification.logs.torques import Source
 from armwright.identification.validation.free_simulation import (
-    default_window,
+    WINDOW,
     driving_signal,
     simulate_log,
     simulate_scenario,
 )
 from armwright.identification.validation.joint_measures import JointMeasures, joint_measures, resting
 from armwright.identification.validation.limits import DEFAULT, Check, Limits, check_limits, checks_of, read_limits
-from armwright.identification.validation.prediction import Prediction, Quantity, check_match
-from armwright.identification.validation.torque import as_logged, predict_torque, torque_source
+from armwright.identification.validation.match import Match, match
+from armwright.identification.validation.prediction import Prediction, Quantity
+from armwright.identification.validation.torque import as_logged, predict_torque
 from armwright.kernels.compiled import compile_arm
 from armwright.model import Model
 from armwright.model.load import load
@@ -194,14 +197,25 @@ def validate(
         data = as_log(log)
         asked = DEFAULT if limits is None else read_limits(limits)
         check_limits(asked, model, limits if isinstance(limits, (str, os.PathLike)) else "")
-        check_match(model, data)
         chosen, held_out, notes = _runs(data, runs)
+        matched = match(model, data)
         notes += map(str, data.warnings)
         tell(0, 3)
-        predictions = _torques(model, data, chosen, preparation, notes)
+        predictions: list[Prediction] = []
+        if reason := matched.without_torques(model):
+            notes.append(f"{reason}: no torque prediction")
+        else:
+            dyn = compile_arm(as_logged(model, matched.lacks))
+            motions = (logged_motion(data, run, preparation) for run in chosen)
+            predictions = [predict_torque(model, data, motion, dyn, matched) for motion in motions]
+            if matched.lacks:
+                lacks = ", ".join(matched.lacks)
+                notes.append(f"the logged torques lack {lacks}, as the log says: the record is compared without")
+            rows = f"a row every {1e3 / predictions[0].rate:.3g} ms"
+            notes += [f"torque prediction: signals filtered without delay, {rows}", *SUPPORT.notes(model)]
         tell(1, 3)
         if simulation or scenario is not None:
-            predictions += _motions(model, scenario, data, chosen, window, bool(predictions), notes)
+            predictions += _motions(model, scenario, data, matched, chosen, window, bool(predictions), notes)
         if not predictions:
             expected = "torques, currents or voltages beside positions or speeds"
             raise LogError("; ".join(notes) or "nothing to predict", place="signals", expected=expected, file=data.path)
@@ -213,7 +227,13 @@ def validate(
             for k, joint in enumerate(model.names)
             if any(np.isfinite(each.measured[:, k]).any() for each in group)  # some joints' torques may not be logged
         ]
-        checks = _checks(asked, limits is None, measures, data, scenario is not None)
+        found: list[Quantity] = list(dict.fromkeys(each.quantity for each in measures))
+        judged: Collection[str] = QUANTITIES
+        if limits is None:
+            judged = _judged_by_default(found, matched.source, "voltage" in matched.signals, scenario is not None)
+        else:
+            _check_predicted(asked, found)
+        checks = _checks(asked, measures, judged)
         if any(each.at_rest for each in measures if each.quantity == "torque"):
             notes.append(
                 "rows in which a joint stands still are left out of its torque's measures: friction there has any value"
@@ -279,35 +299,11 @@ def _runs(log: Log, names: Sequence[str] | None) -> tuple[list[str], bool, list[
     return [run.name for run in log.runs], False, [note]
 
 
-def _torques(
-    arm: Model, log: Log, runs: Sequence[str], preparation: Preparation | None, notes: list[str]
-) -> list[Prediction]:
-    """Torque predictions of all runs; none, with a note, where nothing was logged that they could be compared with."""
-    source = torque_source(log)
-    if source is None:
-        notes.append("neither torque nor current is logged: no torque prediction")
-        return []
-    if source == "voltage" and any(body.drive.resistance is None for body in arm.coordinates):
-        notes.append("voltages alone are logged, and the record states no resistances: no torque prediction")
-        return []
-    if not {"q", "qd"} & set(log.layout.names):
-        notes.append("neither position nor speed is logged: no torque prediction")
-        return []
-    dyn = compile_arm(as_logged(arm, log, source))
-    found = [predict_torque(arm, log, run, preparation, dyn) for run in runs]
-    rate = found[0].rate
-    lacks = list(dict.fromkeys(term for signal in log.table.signals for term in signal.lacks))
-    if lacks and source == "tau":
-        notes.append(f"the logged torques lack {', '.join(lacks)}, as the log says: the record is compared without")
-    notes.append(f"torque prediction: signals filtered without delay, a row every {1e3 / rate:.3g} ms")
-    notes += SUPPORT.notes(arm)
-    return found
-
-
 def _motions(
     arm: Model,
     scenario: Scenario | None,
     log: Log,
+    matched: Match,
     runs: Sequence[str],
     window: float | None,
     has_torques: bool,
@@ -321,11 +317,11 @@ def _motions(
     if scenario is not None:
         notes.append("simulation: the scenario's own run, its time 0 at the first row of each run")
         return simulate_scenario(scenario, log, runs)
-    if driving_signal(arm, log) is None:
+    if driving_signal(arm, matched) is None:
         notes.append("no voltages, currents or torques of all joints are logged: no simulation")
         return []
     try:
-        chosen = default_window(log) if window is None else window
+        chosen = (WINDOW if "q" in matched.logged else None) if window is None else window
         found = simulate_log(arm, log, runs, chosen)
     except ArmwrightError as error:
         if not has_torques or window is not None:
@@ -341,29 +337,38 @@ def _logged(predictions: Sequence[Prediction], quantity: Quantity) -> list[Predi
     return [each for each in predictions if each.quantity == quantity]
 
 
-def _checks(
-    limits: Limits, by_default: bool, measures: Sequence[JointMeasures], log: Log, closed_loop: bool
-) -> list[Check]:
-    """Every limit against its measure; joints at rest are not judged.
+def _judged_by_default(
+    found: Sequence[Quantity], source: Source | None, has_voltages: bool, closed_loop: bool
+) -> list[str]:
+    """Quantities that the default limits judge, of those that were predicted.
 
-    By default one quantity decides: torques where they or currents were logged, else positions, else speeds. Where currents and
-    voltages were logged, both do: currents judge masses and friction, the motion under the voltages also R and Ke.
+    One decides: torques where they or currents were logged, else positions, else speeds. Where currents and voltages were
+    logged, two do: currents judge masses and friction, the motion under the voltages also R and Ke.
+    """
+
+    motion: list[Quantity] = ["position", "speed"]
+    order: list[Quantity] = [*motion, "torque"] if closed_loop or source == "voltage" else ["torque", *motion]
+    judged = [quantity for quantity in order if quantity in found][:1]
+    return judged + [quantity for quantity in motion if quantity in found][: source == "current" and has_voltages]
+
+
+def _checks(limits: Limits, measures: Sequence[JointMeasures], judged: Collection[str]) -> list[Check]:
+    """Every limit against its measure; joints at rest are not judged."""
+    return [
+        check
+        for each in measures
+        if each.quantity in judged and each.runs
+        for limit in [limits.of(each.joint, each.quantity, each.unit)]
+        for check in checks_of(limit, each.joint, each.quantity, each.overall, each.diverged > 0)
+    ]
+
+
+def _check_predicted(limits: Limits, found: Collection[Quantity]) -> None:
+    """Refuses limits of a quantity that was not predicted.
 
     Raises:
-        LogError: limits of a quantity that was not predicted.
+        LogError: names it.
     """
-    found = [each.quantity for each in measures]
-    order = ("position", "speed", "torque") if closed_loop or torque_source(log) == "voltage" else QUANTITIES
-    judged = [quantity for quantity in order if quantity in found][:1] if by_default else list(QUANTITIES)
-    if by_default and torque_source(log) == "current" and "voltage" in log.layout:
-        judged += [quantity for quantity in ("position", "speed") if quantity in found][:1]
     for quantity in QUANTITIES:
-        if not by_default and limits.limited(quantity) and quantity not in found:
-            known = list(dict.fromkeys(found))
-            raise LogError("was not predicted for this log", place="limits", value=quantity, choices=known)
-    checks = []
-    for each in measures:
-        if each.quantity in judged and each.runs:
-            of_joint = limits.of(each.joint, each.quantity, each.unit)
-            checks += checks_of(of_joint, each.joint, each.quantity, each.overall, each.diverged > 0)
-    return checks
+        if limits.limited(quantity) and quantity not in found:
+            raise LogError("was not predicted for this log", place="limits", value=quantity, choices=tuple(found))

@@ -1,0 +1,50 @@
+"""Torques of a log: the signal that they are known from, and the torques on the joints that follow from it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+
+from armwright.actuators import drive_torque
+from armwright.actuators.coupling import shares_of, to_joints
+from armwright.description.drive import Command
+from armwright.kernels.compiled import CompiledArm
+from armwright.model import Model
+from armwright.signals import Layout
+
+Source = Literal["tau", "current", "voltage"]
+SOURCES: tuple[Source, ...] = ("tau", "current", "voltage")
+
+
+def torque_source(layout: Layout) -> Source | None:
+    """The signal of a log that torques are known from: "tau", else "current", else "voltage"; None if it has none."""
+    return next((signal for signal in SOURCES if signal in layout), None)
+
+
+def torques_on_joints(
+    arm: Model, source: Source, values: np.ndarray, qd: np.ndarray, dyn: CompiledArm | None = None
+) -> np.ndarray:
+    """Torques on the joints (rows, n) [N m | N], Bᵀ times those of the motors, from torques, currents or voltages.
+
+    Args:
+        arm: the model.   source: the signal.   values: (rows, n) of it.   qd: (rows, n) [rad/s | m/s], needed of voltages.
+        dyn: its kernels, for voltages; None: by NumPy.
+    Raises:
+        ModelError: a motor without the constants that the signal needs.
+    """
+    if source == "tau":
+        return values
+    if source == "voltage" and dyn is not None:
+        of_motors = dyn.motor_torque(qd, values).T
+    else:
+        of_motors = drive_torque(with_command(arm, source), qd.T, values.T)
+    shares = shares_of(arm)
+    return np.asarray(to_joints(shares, of_motors), dtype=float).T if any(shares) else of_motors.T
+
+
+def with_command(arm: Model, command: Command) -> Model:
+    """The arm with drives that take another kind of command."""
+    bodies = (replace(body, drive=replace(body.drive, command=command)) for body in arm.bodies)
+    return replace(arm, bodies=tuple(bodies))
