@@ -17,10 +17,10 @@ from armwright.quantity import BelowOne, NotNegative, NotZero, Number, Positive,
 from armwright.validation import Invalid
 
 if TYPE_CHECKING:
-    from armwright.description.drive_effects import Cogging, Coupling, GearEfficiencyTable, Thermal
+    from armwright.description.drive_effects import CoggingRecord, Coupling, GearEfficiencyTable, ThermalRecord
 else:
-    Cogging, Coupling, GearEfficiencyTable, Thermal = imported_later(
-        "armwright.description.drive_effects", "Cogging", "Coupling", "GearEfficiencyTable", "Thermal"
+    CoggingRecord, Coupling, GearEfficiencyTable, ThermalRecord = imported_later(
+        "armwright.description.drive_effects", "CoggingRecord", "Coupling", "GearEfficiencyTable", "ThermalRecord"
     )
 
 Command = Literal["voltage", "current", "torque"]
@@ -100,8 +100,8 @@ class Motor(Record):
         default=None,
         description="Commands of voltage within it, either way, give nothing, and all others that much less; absent: none.",
     )
-    thermal: Thermal | None = Field(default=None, description="Absent: the motor stays as it was measured.")
-    cogging: Cogging | None = Field(default=None, description="Absent: none.")
+    thermal: ThermalRecord | None = Field(default=None, description="Absent: the motor stays as it was measured.")
+    cogging: CoggingRecord | None = Field(default=None, description="Absent: none.")
     coupling: tuple[Coupling, ...] = Field(default=(), description="Other joints that turn this motor.")
     basis: Basis = Field("dc", description="How the electrical constants of a brushless motor were measured.")
 

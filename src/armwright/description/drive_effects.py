@@ -40,7 +40,7 @@ class Coupling(Record):
     ratio: NotZero = Field(description="Motor radians per radian (or metre) of that joint; the sign counts.")
 
 
-class Thermal(Record):
+class ThermalRecord(Record):
     """Temperatures of a motor of one body (its winding) or of two (winding and housing). [HendershotMiller2010]
 
     One body:    C_w Ṫ_w = heat - (T_w - ambient) / winding_resistance
@@ -67,7 +67,7 @@ class Thermal(Record):
     )
 
     @model_validator(mode="after")
-    def _bodies(self) -> Thermal:
+    def _bodies(self) -> ThermalRecord:
         check_together(self, "housing_capacity_j_per_k", "housing_resistance_k_per_w")
         return self
 
@@ -171,7 +171,7 @@ class GearEfficiencyTable(Record):
             raise Invalid(what, place=place, value=tuple(shares[k : k + 2].tolist()), expected=expected)
 
 
-class Cogging(Record):
+class CoggingRecord(Record):
     """Torque of the magnets on the slots:  amplitude · sin(periods θ_motor + phase), added to Kt i. [HendershotMiller2010]"""
 
     source: str | None = None
@@ -275,7 +275,7 @@ class LinearBrake(_Brake):
 SlideBrake = LinearBrake | RotaryBrake  # of a prismatic joint: on the slide, or on its motor
 
 
-class Supply(Record):
+class SupplyRecord(Record):
     """A rectifier behind a source resistance, the capacitor of the bus, and a brake chopper. The bus voltage V is a state.
 
     C V̇ = max(0, voltage - V) / source_resistance - Σ P / V - chopper_share · V / chopper_resistance + I_diodes,
@@ -292,7 +292,7 @@ class Supply(Record):
     chopper_resistance_ohm: Positive | None = Field(default=None, description="Of the braking resistor.")
 
     @model_validator(mode="after")
-    def _complete(self) -> Supply:
+    def _complete(self) -> SupplyRecord:
         check_together(self, "chopper_voltage_v", "chopper_band_v", "chopper_resistance_ohm")
         if self.chopper_voltage_v is not None and float(self.chopper_voltage_v) <= float(self.voltage_v):
             expected = "more than voltage_v, or the source feeds the braking resistor"

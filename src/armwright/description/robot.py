@@ -27,15 +27,15 @@ from armwright.validation import NAME, NAMEABLE, Invalid
 
 if TYPE_CHECKING:
     from armwright.description.built_from import BuiltFrom
-    from armwright.description.drive_effects import Supply
-    from armwright.description.fits import Fit
-    from armwright.description.springs import Cylinder
+    from armwright.description.drive_effects import SupplyRecord
+    from armwright.description.fits import FitRecord
+    from armwright.description.springs import CylinderRecord
     from armwright.solids.visual import Visual
 else:
-    (Supply,) = imported_later("armwright.description.drive_effects", "Supply")
+    (SupplyRecord,) = imported_later("armwright.description.drive_effects", "SupplyRecord")
     (BuiltFrom,) = imported_later("armwright.description.built_from", "BuiltFrom")
-    (Fit,) = imported_later("armwright.description.fits", "Fit")
-    (Cylinder,) = imported_later("armwright.description.springs", "Cylinder")
+    (FitRecord,) = imported_later("armwright.description.fits", "FitRecord")
+    (CylinderRecord,) = imported_later("armwright.description.springs", "CylinderRecord")
     (Visual,) = imported_later("armwright.solids.visual", "Visual")
 
 Name = Annotated[str, Field(min_length=1, pattern=NAME)]
@@ -204,7 +204,7 @@ PARTS: dict[str, tuple[Any, Any]] = {  # of a joint whose coordinate is an angle
     "elasticity": imported_later("armwright.description.drive_effects", "RotaryElasticity", "LinearElasticity"),
     "stops": imported_later("armwright.description.drive_effects", "RotaryStops", "LinearStops"),
     "brake": imported_later("armwright.description.drive_effects", "RotaryBrake", "SlideBrake"),
-    "spring": imported_later("armwright.description.springs", "RotarySpring", "LinearSpring"),
+    "spring": imported_later("armwright.description.springs", "RotarySpringRecord", "LinearSpringRecord"),
 }
 
 
@@ -283,7 +283,7 @@ class RobotDescription(Record):
     gravity_m_s2: Vector3 | None = Field(default=None, description="In base axes; absent: standard gravity along -z.")
     base: FileName = Field(default="base", description="What the joints' parents call the base.")
     command: Command | None = Field(default=None, description="What drives the joints that do not say it themselves.")
-    supply: Supply | None = Field(
+    supply: SupplyRecord | None = Field(
         default=None, description="What feeds all drives of the simulator; absent: one that never sags."
     )
     tip: FileName | None = Field(
@@ -291,7 +291,7 @@ class RobotDescription(Record):
         description="The frame or link that kinematics and wrench are about; absent: the last link of a chain.",
     )
     built_from: BuiltFrom | None = Field(default=None, description="Where the links were computed from.")
-    fits: dict[str, Fit] = Field(
+    fits: dict[str, FitRecord] = Field(
         default_factory=dict, description="[fits.KEY]: the fits that numbers of the kind fit came from."
     )
     remarks: tuple[str, ...] = Field(
@@ -306,7 +306,7 @@ class RobotDescription(Record):
     )
     links: tuple[Link, ...] = Field(description="One table a link.")
     frames: tuple[NamedFrame, ...] = Field(default=(), description="One table a named frame.")
-    cylinders: tuple[Cylinder, ...] = Field(default=(), description="Gas springs and counterbalance cylinders.")
+    cylinders: tuple[CylinderRecord, ...] = Field(default=(), description="Gas springs and counterbalance cylinders.")
 
     @model_validator(mode="after")
     def _consistent(self) -> RobotDescription:

@@ -40,7 +40,7 @@ class _Spring(Record):
         return self
 
 
-class RotarySpring(_Spring):
+class RotarySpringRecord(_Spring):
     """A spring at a revolute joint, on the link's side of the gear. A torque above 0 drives the joint forward, as a motor's does.
 
     Linear:  torque = preload - stiffness (q - rest).
@@ -59,15 +59,15 @@ class RotarySpring(_Spring):
     outside: Literal["constant", "linear"] | None = Field(default=None, description=OUTSIDE)
 
 
-@twin_of(RotarySpring)
-class LinearSpring(_Spring):
-    """`RotarySpring` of a prismatic joint, in N and metres."""
+@twin_of(RotarySpringRecord)
+class LinearSpringRecord(_Spring):
+    """`RotarySpringRecord` of a prismatic joint, in N and metres."""
 
     units = LINEAR
     source: str | None = None
 
 
-class Cylinder(Record):
+class CylinderRecord(Record):
     """A gas spring, or a counterbalance cylinder with springs: a force along the line between two anchor points.
 
     force = force_n - stiffness (distance - length_m), distance that of the anchors; above 0 it pushes them apart.

@@ -14,7 +14,7 @@ from pydantic import Field, model_validator
 
 from armwright.description.consistency import KINDS, check_sources, check_unique
 from armwright.description.drive import Command
-from armwright.description.robot import Cylinder, Inertia, Joint, JointFrame, Name, NamedFrame
+from armwright.description.robot import CylinderRecord, Inertia, Joint, JointFrame, Name, NamedFrame
 from armwright.errors import ABSENT
 from armwright.parts.materials import Material, common_materials
 from armwright.quantity import Direction, NotZero, Positive, Record, Source, Vector3
@@ -185,7 +185,7 @@ class PartsDatabase(Record):
     joints: tuple[Joint, ...] = Field(description="One table a joint, in the order of q.")
     links: tuple[PartsLink, ...] = Field(description="One table a link.")
     frames: tuple[NamedFrame, ...] = Field(default=(), description="One table a named frame.")
-    cylinders: tuple[Cylinder, ...] = Field(default=(), description="Gas springs and counterbalance cylinders.")
+    cylinders: tuple[CylinderRecord, ...] = Field(default=(), description="Gas springs and counterbalance cylinders.")
 
     @model_validator(mode="after")
     def _consistent(self) -> PartsDatabase:
