@@ -50,6 +50,15 @@ class Record(BaseModel):
         return validated(type(self), fields)
 
 
+def optional(about: str) -> Any:
+    """Field of a `Record` that may be absent, and is None then.
+
+    Args:
+        about: what it is, and what its absence means; for references and schemas.
+    """
+    return Field(default=None, description=about)
+
+
 def check_together(record: Record, *keys: str) -> None:
     """Refuses a record with some but not all of these keys.
 
@@ -83,9 +92,9 @@ class Source(Record):
 
     kind: SourceKind = Field(description="What sort of evidence it is.")
     text: str = Field(min_length=1, description="The citation, drawing number or reasoning, for a reader to follow.")
-    date: Date | None = Field(default=None, description="When it was measured, drawn or published.")
-    licence: str | None = Field(default=None, description="What it may be used under.")
-    url: str | None = Field(default=None, description="Where to find it.")
+    date: Date | None = optional("When it was measured, drawn or published.")
+    licence: str | None = optional("What it may be used under.")
+    url: str | None = optional("Where to find it.")
 
 
 def _spread(value: Any) -> Any:
@@ -109,9 +118,9 @@ class Quantity(Record):
     value: float | tuple[float, ...] | tuple[tuple[float, ...], ...] = Field(
         description="The number, or as many as the key takes."
     )
-    std: Spread | None = Field(default=None, description="Standard deviation, same unit.")
-    source: str | None = Field(default=None, description="A key of [sources], or a kind of source such as 'estimate'.")
-    date: Date | None = Field(default=None, description="When this number was found.")
+    std: Spread | None = optional("Standard deviation, same unit.")
+    source: str | None = optional("A key of [sources], or a kind of source such as 'estimate'.")
+    date: Date | None = optional("When this number was found.")
 
     @property
     def number(self) -> Any:

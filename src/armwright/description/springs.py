@@ -12,7 +12,17 @@ from pydantic import Field, model_validator
 from armwright.description.robot import FileName
 from armwright.description.twins import twin_of
 from armwright.joint_kinds import LINEAR, ROTARY, JointUnits
-from armwright.quantity import Increasing, NotNegative, Number, Numbers, Positive, Record, Vector3, check_together
+from armwright.quantity import (
+    Increasing,
+    NotNegative,
+    Number,
+    Numbers,
+    Positive,
+    Record,
+    Vector3,
+    check_together,
+    optional,
+)
 from armwright.validation import Invalid
 
 OUTSIDE = 'Beyond the table\'s ends: "constant", the value there; "linear", the slope there. Goes with the table.'
@@ -49,14 +59,12 @@ class RotarySpringRecord(_Spring):
 
     units = ROTARY
     source: str | None = None
-    stiffness_n_m_per_rad: NotNegative | None = Field(default=None, description="k of a linear spring.")
-    rest_rad: Number | None = Field(default=None, description="Where a linear spring has its preload.")
-    preload_n_m: Number | None = Field(
-        default=None, description="Torque at rest_rad; absent: 0. With a stiffness of 0 a constant torque."
-    )
-    positions_rad: Increasing | None = Field(default=None, description="Points of a table, in place of a stiffness.")
-    torques_n_m: Numbers | None = Field(default=None, description="As many.")
-    outside: Literal["constant", "linear"] | None = Field(default=None, description=OUTSIDE)
+    stiffness_n_m_per_rad: NotNegative | None = optional("k of a linear spring.")
+    rest_rad: Number | None = optional("Where a linear spring has its preload.")
+    preload_n_m: Number | None = optional("Torque at rest_rad; absent: 0. With a stiffness of 0 a constant torque.")
+    positions_rad: Increasing | None = optional("Points of a table, in place of a stiffness.")
+    torques_n_m: Numbers | None = optional("As many.")
+    outside: Literal["constant", "linear"] | None = optional(OUTSIDE)
 
 
 @twin_of(RotarySpringRecord)
