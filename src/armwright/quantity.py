@@ -50,13 +50,13 @@ class Record(BaseModel):
         return validated(type(self), fields)
 
 
-def absent(description: str, **constraints: Any) -> Any:
+def optional(about: str, **constraints: Any) -> Any:
     """A key that a table may leave out, which is None then.
 
     Args:
-        description: of the key.   constraints: as of pydantic's `Field`.
+        about: what it is, and what its absence means; for references and schemas.   constraints: as of pydantic's `Field`.
     """
-    return Field(None, description=description, **constraints)
+    return Field(default=None, description=about, **constraints)
 
 
 def check_together(record: Record, *keys: str) -> None:
@@ -92,9 +92,9 @@ class Source(Record):
 
     kind: SourceKind = Field(description="What sort of evidence it is.")
     text: str = Field(min_length=1, description="The citation, drawing number or reasoning, for a reader to follow.")
-    date: Date | None = Field(default=None, description="When it was measured, drawn or published.")
-    licence: str | None = Field(default=None, description="What it may be used under.")
-    url: str | None = Field(default=None, description="Where to find it.")
+    date: Date | None = optional("When it was measured, drawn or published.")
+    licence: str | None = optional("What it may be used under.")
+    url: str | None = optional("Where to find it.")
 
 
 def _spread(value: Any) -> Any:
@@ -118,9 +118,9 @@ class Quantity(Record):
     value: float | tuple[float, ...] | tuple[tuple[float, ...], ...] = Field(
         description="The number, or as many as the key takes."
     )
-    std: Spread | None = Field(default=None, description="Standard deviation, same unit.")
-    source: str | None = Field(default=None, description="A key of [sources], or a kind of source such as 'estimate'.")
-    date: Date | None = Field(default=None, description="When this number was found.")
+    std: Spread | None = optional("Standard deviation, same unit.")
+    source: str | None = optional("A key of [sources], or a kind of source such as 'estimate'.")
+    date: Date | None = optional("When this number was found.")
 
     @property
     def number(self) -> Any:

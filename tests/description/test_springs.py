@@ -8,7 +8,7 @@ import pytest
 import armwright as aw
 from armwright.description.database import parse
 from armwright.description.paths import unit_at
-from armwright.description.springs import LinearSpring
+from armwright.description.springs import LinearSpringRecord
 from armwright.description.writer import to_toml
 from armwright.errors import DescriptionError, ModelError
 from armwright.export.urdf import write_urdf
@@ -176,7 +176,7 @@ def test_points_that_rounding_brings_together_are_refused(positions):
     """The slope between them would be a division by zero."""
     with pytest.raises(DescriptionError, match="each above the one before"):
         validated(
-            LinearSpring,
+            LinearSpringRecord,
             {"positions_m": positions, "forces_n": [1, 0, 2], "outside": "linear"},
             error=DescriptionError,
         )

@@ -9,7 +9,7 @@ import numpy as np
 from armwright.description import RobotDescription
 from armwright.description.consistency import carrier
 from armwright.description.database import parse
-from armwright.description.springs import Cylinder, LinearSpring, RotarySpring
+from armwright.description.springs import CylinderRecord, LinearSpringRecord, RotarySpringRecord
 from armwright.model import Model, build_model
 from reference.random_trees import random_description
 
@@ -52,7 +52,7 @@ def sprung_tree(seed: int, *, tables: bool = True) -> RobotDescription:
                 "anchor_b_m": rng.uniform(-0.5, 0.5, 3),
             }
             numbers = {"force_n": rng.uniform(-30, 60), "length_m": 1.0, "stiffness_n_per_m": rng.uniform(90.0, 200.0)}
-            cylinders.append(Cylinder(name=f"cylinder{len(cylinders)}", source="estimate", **ends, **numbers))
+            cylinders.append(CylinderRecord(name=f"cylinder{len(cylinders)}", source="estimate", **ends, **numbers))
     return robot.replace(joints=tuple(joints), cylinders=tuple(cylinders))
 
 
@@ -62,7 +62,7 @@ def _with_spring(joint: Any, rng: np.random.Generator, tables: bool) -> Any:
         return joint
     turns = joint.type == "revolute"
     record, angle, force, values = (
-        (RotarySpring, "rad", "n_m", "torques_n_m") if turns else (LinearSpring, "m", "n", "forces_n")
+        (RotarySpringRecord, "rad", "n_m", "torques_n_m") if turns else (LinearSpringRecord, "m", "n", "forces_n")
     )
     if kind == 1 or not tables:
         stiffness, rest, preload = f"stiffness_{force}_per_{angle}", f"rest_{angle}", f"preload_{force}"

@@ -13,7 +13,7 @@ from armwright.description.database import parse
 from armwright.description.robot import RobotDescription
 from armwright.description.writer import to_toml
 from armwright.errors import DescriptionError, RunError
-from armwright.quantity import Record
+from armwright.quantity import Record, optional
 
 LARGEST = 64 * 2**20  # [bytes] of all contents that a run keeps
 
@@ -23,7 +23,7 @@ class Content(Record):
 
     sha256: Sha256 = Field(description="Of the text in UTF-8.")
     size: Annotated[int, Field(ge=0, strict=True, description="Bytes of the text in UTF-8.")]
-    text: str | None = Field(default=None, description="Absent: too large to be kept.")
+    text: str | None = optional("Absent: too large to be kept.")
 
     @classmethod
     def of(cls, text: str, room: int = LARGEST) -> Content:

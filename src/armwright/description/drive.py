@@ -13,14 +13,14 @@ from armwright.description.twins import twin_of
 from armwright.friction_laws import LAWS
 from armwright.joint_kinds import LINEAR, ROTARY, JointUnits
 from armwright.lazy_schema import imported_later
-from armwright.quantity import BelowOne, NotNegative, NotZero, Number, Positive, Range, Record, Share
+from armwright.quantity import BelowOne, NotNegative, NotZero, Number, Positive, Range, Record, Share, optional
 from armwright.validation import Invalid
 
 if TYPE_CHECKING:
-    from armwright.description.drive_effects import Cogging, Coupling, GearEfficiencyTable, Thermal
+    from armwright.description.drive_effects import CoggingRecord, Coupling, GearEfficiencyTable, ThermalRecord
 else:
-    Cogging, Coupling, GearEfficiencyTable, Thermal = imported_later(
-        "armwright.description.drive_effects", "Cogging", "Coupling", "GearEfficiencyTable", "Thermal"
+    CoggingRecord, Coupling, GearEfficiencyTable, ThermalRecord = imported_later(
+        "armwright.description.drive_effects", "CoggingRecord", "Coupling", "GearEfficiencyTable", "ThermalRecord"
     )
 
 Command = Literal["voltage", "current", "torque"]
@@ -69,39 +69,30 @@ class Motor(Record):
     rotor_inertia_kg_m2: NotNegative = Field(
         description="Motor side. 0 for a direct drive: the rotor is part of its link."
     )
-    gear_efficiency: Share | None = Field(
-        default=None,
-        description="η, the share of the power that passes; absent: 1. Below 0.5 a warning: a real gear holds its load by "
-        "itself there, this one is driven back at η.",
+    gear_efficiency: Share | None = optional(
+        "η, the share of the power that passes; absent: 1. Below 0.5 a warning: a real gear holds its load by "
+        "itself there, this one is driven back at η."
     )
-    gear_efficiency_table: GearEfficiencyTable | None = Field(
-        default=None, description="η by load and speed, instead of gear_efficiency."
+    gear_efficiency_table: GearEfficiencyTable | None = optional("η by load and speed, instead of gear_efficiency.")
+    torque_constant_n_m_per_a: Positive | None = optional("Kt: motor torque per ampere.")
+    back_emf_constant_v_s_per_rad: Positive | None = optional("Absent: equal to the torque constant.")
+    resistance_ohm: Positive | None = optional("R of the armature.")
+    inductance_h: Positive | None = optional(
+        "L of the armature. In the simulator the current is then a state; eq. (11) neglects it."
     )
-    torque_constant_n_m_per_a: Positive | None = Field(default=None, description="Kt: motor torque per ampere.")
-    back_emf_constant_v_s_per_rad: Positive | None = Field(
-        default=None, description="Absent: equal to the torque constant."
+    current_loop_hz: Positive | None = optional(
+        "Bandwidth of the drive's current controller. Absent: it applies the voltage that gives the current "
+        "in the end. Goes with inductance_h and a command of current or torque."
     )
-    resistance_ohm: Positive | None = Field(default=None, description="R of the armature.")
-    inductance_h: Positive | None = Field(
-        default=None,
-        description="L of the armature. In the simulator the current is then a state; eq. (11) neglects it.",
+    pwm: Literal["brake", "coast"] | None = optional(
+        'What the bridge does while it is off: "brake" shorts the motor, "coast" opens it, and the back-EMF '
+        "acts only while on. Absent: brake."
     )
-    current_loop_hz: Positive | None = Field(
-        default=None,
-        description="Bandwidth of the drive's current controller. Absent: it applies the voltage that gives the current "
-        "in the end. Goes with inductance_h and a command of current or torque.",
+    dead_zone_v: NotNegative | None = optional(
+        "Commands of voltage within it, either way, give nothing, and all others that much less; absent: none."
     )
-    pwm: Literal["brake", "coast"] | None = Field(
-        default=None,
-        description='What the bridge does while it is off: "brake" shorts the motor, "coast" opens it, and the back-EMF '
-        "acts only while on. Absent: brake.",
-    )
-    dead_zone_v: NotNegative | None = Field(
-        default=None,
-        description="Commands of voltage within it, either way, give nothing, and all others that much less; absent: none.",
-    )
-    thermal: Thermal | None = Field(default=None, description="Absent: the motor stays as it was measured.")
-    cogging: Cogging | None = Field(default=None, description="Absent: none.")
+    thermal: ThermalRecord | None = optional("Absent: the motor stays as it was measured.")
+    cogging: CoggingRecord | None = optional("Absent: none.")
     coupling: tuple[Coupling, ...] = Field(default=(), description="Other joints that turn this motor.")
     basis: Basis = Field(default="dc", description="How the electrical constants of a brushless motor were measured.")
 
@@ -142,28 +133,18 @@ class _OfAllLaws(_Friction):
         description="Whose friction it is: the joint's, or the motor's in motor radians, which is referred by n² and |n|.",
     )
     law: LawName = Field(default="coulomb", description="The equation above that holds.")
-    viscous_n_m_s_per_rad: NotNegative | None = Field(default=None, description="Slope of the friction over the speed.")
-    coulomb_positive_n_m: NotNegative | None = Field(
-        default=None, description="Magnitude of the dry friction where q̇ > 0."
-    )
-    coulomb_negative_n_m: NotNegative | None = Field(
-        default=None, description="Magnitude of the dry friction where q̇ < 0."
-    )
-    offset_n_m: Number | None = Field(
-        default=None, description="A constant torque against positive motion, whichever way the joint moves."
-    )
-    stribeck_torque_n_m: NotNegative | None = Field(
-        default=None, description="Magnitude at the beginning of motion, above Coulomb's."
-    )
-    stribeck_speed_rad_per_s: Positive | None = Field(
-        default=None, description="Speed over which it falls to Coulomb's."
-    )
-    smoothing_rad_per_s: SmoothingSpeed | None = Field(default=None, description=SMOOTHING)
+    viscous_n_m_s_per_rad: NotNegative | None = optional("Slope of the friction over the speed.")
+    coulomb_positive_n_m: NotNegative | None = optional("Magnitude of the dry friction where q̇ > 0.")
+    coulomb_negative_n_m: NotNegative | None = optional("Magnitude of the dry friction where q̇ < 0.")
+    offset_n_m: Number | None = optional("A constant torque against positive motion, whichever way the joint moves.")
+    stribeck_torque_n_m: NotNegative | None = optional("Magnitude at the beginning of motion, above Coulomb's.")
+    stribeck_speed_rad_per_s: Positive | None = optional("Speed over which it falls to Coulomb's.")
+    smoothing_rad_per_s: SmoothingSpeed | None = optional(SMOOTHING)
 
 
 READINGS: dict[str, Any] = {"Number": Number, "NotNegative": NotNegative, "Positive": Positive}
 _own: dict[str, Any] = {
-    ROTARY.key(key.stem, key.dimension): (READINGS[key.takes] | None, Field(default=None, description=key.about))
+    ROTARY.key(key.stem, key.dimension): (READINGS[key.takes] | None, optional(key.about))
     for law in LAWS.values()
     for key in law.own
 }
@@ -184,18 +165,17 @@ class RotaryFriction(_OfLaws):
     stribeck_torque · max(0, 1 + coulomb_temperature_coefficient ΔT). [BittencourtGunnarsson2012]
     """
 
-    load_coefficient: BelowOne | None = Field(
-        default=None, description="What the dry friction gains of the torque through the gear; absent: nothing."
+    load_coefficient: BelowOne | None = optional(
+        "What the dry friction gains of the torque through the gear; absent: nothing."
     )
-    viscous_fall_k: Positive | None = Field(
-        default=None,
-        description="Warming over which viscous falls to 1/e, from the motor's thermal.reference_c on; absent: constant.",
+    viscous_fall_k: Positive | None = optional(
+        "Warming over which viscous falls to 1/e, from the motor's thermal.reference_c on; absent: constant."
     )
-    viscous_temperature_coefficient_per_k: Number | None = Field(
-        default=None, description="Relative change of viscous per kelvin; instead of viscous_fall_k."
+    viscous_temperature_coefficient_per_k: Number | None = optional(
+        "Relative change of viscous per kelvin; instead of viscous_fall_k."
     )
-    coulomb_temperature_coefficient_per_k: Number | None = Field(
-        default=None, description="Relative change of Coulomb's and Stribeck's levels per kelvin; absent: none."
+    coulomb_temperature_coefficient_per_k: Number | None = optional(
+        "Relative change of Coulomb's and Stribeck's levels per kelvin; absent: none."
     )
 
 
@@ -231,12 +211,12 @@ class RotaryLimits(_Limits):
 
     units = ROTARY
     source: str | None = None
-    position_rad: Range | None = Field(default=None, description="[lowest, highest].")
-    velocity_rad_per_s: Positive | None = Field(default=None, description="Either way.")
-    acceleration_rad_per_s2: Positive | None = Field(default=None, description="Either way, of planned motions.")
-    torque_n_m: Positive | None = Field(default=None, description="Of the motor referred to the joint, either way.")
-    voltage_v: Positive | None = Field(default=None, description="Of the drive, either way.")
-    current_a: Positive | None = Field(default=None, description="Of the drive, either way.")
+    position_rad: Range | None = optional("[lowest, highest].")
+    velocity_rad_per_s: Positive | None = optional("Either way.")
+    acceleration_rad_per_s2: Positive | None = optional("Either way, of planned motions.")
+    torque_n_m: Positive | None = optional("Of the motor referred to the joint, either way.")
+    voltage_v: Positive | None = optional("Of the drive, either way.")
+    current_a: Positive | None = optional("Of the drive, either way.")
 
 
 @twin_of(RotaryLimits)

@@ -23,6 +23,7 @@ from armwright.quantity import (
     Rising,
     Shares,
     check_together,
+    optional,
 )
 from armwright.validation import Invalid
 
@@ -40,7 +41,7 @@ class Coupling(Record):
     ratio: NotZero = Field(description="Motor radians per radian (or metre) of that joint; the sign counts.")
 
 
-class Thermal(Record):
+class ThermalRecord(Record):
     """Temperatures of a motor of one body (its winding) or of two (winding and housing). [HendershotMiller2010]
 
     One body:    C_w Ṫ_w = heat - (T_w - ambient) / winding_resistance
@@ -56,18 +57,17 @@ class Thermal(Record):
     reference_c: Number = Field(description="Temperature at which resistance and torque constant were measured.")
     winding_capacity_j_per_k: Positive = Field(description="Heat that warms the winding by one kelvin.")
     winding_resistance_k_per_w: Positive = Field(description="From the winding to the housing, or to the ambient.")
-    housing_capacity_j_per_k: Positive | None = Field(default=None, description="Absent: one body.")
-    housing_resistance_k_per_w: Positive | None = Field(default=None, description="From the housing to the ambient.")
-    resistance_temperature_coefficient_per_k: NotNegative | None = Field(
-        default=None, description="Relative change of R per kelvin, 0.0039 for copper; absent: R is constant."
+    housing_capacity_j_per_k: Positive | None = optional("Absent: one body.")
+    housing_resistance_k_per_w: Positive | None = optional("From the housing to the ambient.")
+    resistance_temperature_coefficient_per_k: NotNegative | None = optional(
+        "Relative change of R per kelvin, 0.0039 for copper; absent: R is constant."
     )
-    magnet_temperature_coefficient_per_k: NotPositive | None = Field(
-        default=None,
-        description="Relative change of Kt and Ke per kelvin of the magnets, -0.0011 for NdFeB; absent: none.",
+    magnet_temperature_coefficient_per_k: NotPositive | None = optional(
+        "Relative change of Kt and Ke per kelvin of the magnets, -0.0011 for NdFeB; absent: none."
     )
 
     @model_validator(mode="after")
-    def _bodies(self) -> Thermal:
+    def _bodies(self) -> ThermalRecord:
         check_together(self, "housing_capacity_j_per_k", "housing_resistance_k_per_w")
         return self
 
@@ -76,12 +76,12 @@ class EfficiencyRow(Record):
     """Efficiencies of a gear at one speed, one for each torque of the table."""
 
     source: str | None = None
-    speed_rad_per_s: NotNegative | None = Field(
-        default=None, description="Of a revolute joint, either way; absent: the table has one row, for all speeds."
+    speed_rad_per_s: NotNegative | None = optional(
+        "Of a revolute joint, either way; absent: the table has one row, for all speeds."
     )
-    speed_m_per_s: NotNegative | None = Field(default=None, description="Of a prismatic joint, likewise.")
+    speed_m_per_s: NotNegative | None = optional("Of a prismatic joint, likewise.")
     driving: Shares = Field(description="η where the motor drives.")
-    driven_back: Shares | None = Field(default=None, description="η where the load drives; absent: as driving.")
+    driven_back: Shares | None = optional("η where the load drives; absent: as driving.")
 
 
 class GearEfficiencyTable(Record):
@@ -92,8 +92,8 @@ class GearEfficiencyTable(Record):
     """
 
     source: str | None = None
-    torque_n_m: Rising | None = Field(default=None, description="T of a revolute joint, magnitudes.")
-    force_n: Rising | None = Field(default=None, description="T of a prismatic joint, magnitudes.")
+    torque_n_m: Rising | None = optional("T of a revolute joint, magnitudes.")
+    force_n: Rising | None = optional("T of a prismatic joint, magnitudes.")
     rows: tuple[EfficiencyRow, ...] = Field(min_length=1, description="One a speed, in rising order.")
 
     @property
@@ -171,7 +171,7 @@ class GearEfficiencyTable(Record):
             raise Invalid(what, place=place, value=tuple(shares[k : k + 2].tolist()), expected=expected)
 
 
-class Cogging(Record):
+class CoggingRecord(Record):
     """Torque of the magnets on the slots:  amplitude · sin(periods θ_motor + phase), added to Kt i. [HendershotMiller2010]"""
 
     source: str | None = None
@@ -205,10 +205,10 @@ class RotaryElasticity(_Elasticity):
     source: str | None = None
     stiffness_n_m_per_rad: Positive = Field(description="k, at the joint.")
     damping_n_m_s_per_rad: NotNegative = Field(description="d, at the joint.")
-    cubic_n_m_per_rad3: Positive | None = Field(default=None, description=STIFFENING)
-    backlash_rad: Positive | None = Field(default=None, description=PLAY)
-    error_rad: Positive | None = Field(default=None, description=ERROR)
-    error_phase_rad: Number | None = Field(default=None, description="Phase of that error at θ_motor = 0.")
+    cubic_n_m_per_rad3: Positive | None = optional(STIFFENING)
+    backlash_rad: Positive | None = optional(PLAY)
+    error_rad: Positive | None = optional(ERROR)
+    error_phase_rad: Number | None = optional("Phase of that error at θ_motor = 0.")
 
 
 @twin_of(RotaryElasticity, "error_phase_rad")
@@ -256,11 +256,9 @@ class RotaryBrake(_Brake):
     source: str | None = None
     side: Literal["joint", "motor"] = Field(default="joint", description=SIDE)
     holding_torque_n_m: Positive = Field(description="Beyond which it slips.")
-    stiffness_n_m_per_rad: Positive | None = Field(default=None, description="k, of its hub and lining; absent: rigid.")
-    damping_n_m_s_per_rad: NotNegative | None = Field(default=None, description="d.")
-    release_time_s: Positive | None = Field(
-        default=None, description="Over which its torque dies away when it is released."
-    )
+    stiffness_n_m_per_rad: Positive | None = optional("k, of its hub and lining; absent: rigid.")
+    damping_n_m_s_per_rad: NotNegative | None = optional("d.")
+    release_time_s: Positive | None = optional("Over which its torque dies away when it is released.")
 
 
 @twin_of(RotaryBrake)
@@ -275,7 +273,7 @@ class LinearBrake(_Brake):
 SlideBrake = LinearBrake | RotaryBrake  # of a prismatic joint: on the slide, or on its motor
 
 
-class Supply(Record):
+class SupplyRecord(Record):
     """A rectifier behind a source resistance, the capacitor of the bus, and a brake chopper. The bus voltage V is a state.
 
     C V̇ = max(0, voltage - V) / source_resistance - Σ P / V - chopper_share · V / chopper_resistance + I_diodes,
@@ -287,12 +285,12 @@ class Supply(Record):
     voltage_v: Positive = Field(description="Without load; the bus begins with it.")
     source_resistance_ohm: Positive = Field(description="Of mains, transformer and rectifier together.")
     capacitance_f: Positive = Field(description="C of the bus.")
-    chopper_voltage_v: Positive | None = Field(default=None, description="At which braking begins; absent: no chopper.")
-    chopper_band_v: Positive | None = Field(default=None, description="Over which the chopper goes from 0 to all.")
-    chopper_resistance_ohm: Positive | None = Field(default=None, description="Of the braking resistor.")
+    chopper_voltage_v: Positive | None = optional("At which braking begins; absent: no chopper.")
+    chopper_band_v: Positive | None = optional("Over which the chopper goes from 0 to all.")
+    chopper_resistance_ohm: Positive | None = optional("Of the braking resistor.")
 
     @model_validator(mode="after")
-    def _complete(self) -> Supply:
+    def _complete(self) -> SupplyRecord:
         check_together(self, "chopper_voltage_v", "chopper_band_v", "chopper_resistance_ohm")
         if self.chopper_voltage_v is not None and float(self.chopper_voltage_v) <= float(self.voltage_v):
             expected = "more than voltage_v, or the source feeds the braking resistor"

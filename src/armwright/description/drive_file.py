@@ -29,7 +29,7 @@ from armwright.description.robot import JOINTS, PARTS as PARTS_OF
 from armwright.description.toml_file import read_text, toml_tables
 from armwright.errors import DescriptionError, Problem
 from armwright.joint_kinds import KINDS
-from armwright.quantity import Positive, Record, Source, Vector3
+from armwright.quantity import Positive, Record, Source, Vector3, optional
 from armwright.reading import real_path
 from armwright.toml_text import TomlText
 from armwright.validation import validated
@@ -43,27 +43,25 @@ class JointDrive(Record):
     """Drive of one joint."""
 
     source: str | None = None
-    command: Command | None = Field(
-        default=None, description="Kind of command that its drive takes; absent: the file's."
-    )
-    bus_period_s: Positive | None = Field(default=None, description="Time between two commands on the drive's bus.")
-    motor: dict[str, Any] | None = Field(default=None, description="Motor and gear, as in a robot file.")
-    friction: dict[str, Any] | None = Field(default=None, description="Takes the place of the other file's.")
-    limits: dict[str, Any] | None = Field(default=None, description="Key by key in the place of the other file's.")
-    elasticity: dict[str, Any] | None = Field(default=None, description="As in a robot file, and so the following.")
-    stops: dict[str, Any] | None = Field(default=None, description="What the joint runs into.")
-    brake: dict[str, Any] | None = Field(default=None, description="What holds it.")
-    spring: dict[str, Any] | None = Field(default=None, description="What bears some of its load.")
+    command: Command | None = optional("Kind of command that its drive takes; absent: the file's.")
+    bus_period_s: Positive | None = optional("Time between two commands on the drive's bus.")
+    motor: dict[str, Any] | None = optional("Motor and gear, as in a robot file.")
+    friction: dict[str, Any] | None = optional("Takes the place of the other file's.")
+    limits: dict[str, Any] | None = optional("Key by key in the place of the other file's.")
+    elasticity: dict[str, Any] | None = optional("As in a robot file, and so the following.")
+    stops: dict[str, Any] | None = optional("What the joint runs into.")
+    brake: dict[str, Any] | None = optional("What holds it.")
+    spring: dict[str, Any] | None = optional("What bears some of its load.")
 
 
 class DriveFile(Record):
     """Drives of a robot, for formats that cannot hold them."""
 
-    source: str | None = Field(default=None, description="Source of every number below that names none of its own.")
+    source: str | None = optional("Source of every number below that names none of its own.")
     sources: dict[str, Source] = Field(default_factory=dict, description="[sources.KEY]: where numbers come from.")
-    command: Command | None = Field(default=None, description="What drives the joints that do not say it themselves.")
-    supply: dict[str, Any] | None = Field(default=None, description="As in a robot file.")
-    gravity_m_s2: Vector3 | None = Field(default=None, description="In base axes.")
+    command: Command | None = optional("What drives the joints that do not say it themselves.")
+    supply: dict[str, Any] | None = optional("As in a robot file.")
+    gravity_m_s2: Vector3 | None = optional("In base axes.")
     tip: str | None = Field(default=None, min_length=1, description="The link that kinematics and wrench are about.")
     joints: dict[str, JointDrive] = Field(default_factory=dict, description="[joints.NAME].")
     cylinders: tuple[dict[str, Any], ...] = Field(

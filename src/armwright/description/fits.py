@@ -31,7 +31,7 @@ def _below_diagonal(rows: object) -> object:
 Correlation = Annotated[tuple[tuple[float, ...], ...], BeforeValidator(_below_diagonal)]
 
 
-class Fit(Record):
+class FitRecord(Record):
     """A fit to a log: which numbers it gave, how they are correlated, and how well it predicts. [fits.KEY] of a robot file.
 
     The covariance of two numbers is their correlation times the standard deviations that stand beside them.
@@ -69,14 +69,14 @@ class Fit(Record):
     remarks: tuple[str, ...] = Field(default=(), description="What a user of these numbers should know.")
 
     @model_validator(mode="after")
-    def _whole(self) -> Fit:
+    def _whole(self) -> FitRecord:
         if self.correlation and len(self.correlation) != len(self.names):
             raise Invalid(place="correlation", expected=f"{len(self.names)} rows, one for each of names")
         if self.correlation and np.linalg.eigvalsh(self.correlation_matrix())[0] < -SLACK:
             raise Invalid("is of no random numbers", place="correlation", expected="a positive semidefinite matrix")
         return self
 
-    def without(self, prefixes: tuple[str, ...]) -> Fit:
+    def without(self, prefixes: tuple[str, ...]) -> FitRecord:
         """The fit of its other numbers: those whose path begins so come from elsewhere now."""
         kept = [k for k, name in enumerate(self.names) if not name.startswith(prefixes)]
         rows = self.correlation and tuple(tuple(self.correlation[k][j] for j in kept if j < k) for k in kept)

@@ -22,20 +22,31 @@ from armwright.description.twins import twin_of
 from armwright.errors import DescriptionError
 from armwright.joint_kinds import KINDS, LINEAR, ROTARY, JointKind, JointUnits, moving_kinds
 from armwright.lazy_schema import imported_later
-from armwright.quantity import Direction, NotNegative, NotZero, Number, Positive, Quantity, Record, Source, Vector3
+from armwright.quantity import (
+    Direction,
+    NotNegative,
+    NotZero,
+    Number,
+    Positive,
+    Quantity,
+    Record,
+    Source,
+    Vector3,
+    optional,
+)
 from armwright.validation import NAME, NAMEABLE, Invalid
 
 if TYPE_CHECKING:
     from armwright.description.built_from import BuiltFrom
-    from armwright.description.drive_effects import Supply
-    from armwright.description.fits import Fit
-    from armwright.description.springs import Cylinder
+    from armwright.description.drive_effects import SupplyRecord
+    from armwright.description.fits import FitRecord
+    from armwright.description.springs import CylinderRecord
     from armwright.solids.visual import Visual
 else:
-    (Supply,) = imported_later("armwright.description.drive_effects", "Supply")
+    (SupplyRecord,) = imported_later("armwright.description.drive_effects", "SupplyRecord")
     (BuiltFrom,) = imported_later("armwright.description.built_from", "BuiltFrom")
-    (Fit,) = imported_later("armwright.description.fits", "Fit")
-    (Cylinder,) = imported_later("armwright.description.springs", "Cylinder")
+    (FitRecord,) = imported_later("armwright.description.fits", "FitRecord")
+    (CylinderRecord,) = imported_later("armwright.description.springs", "CylinderRecord")
     (Visual,) = imported_later("armwright.solids.visual", "Visual")
 
 Name = Annotated[str, Field(min_length=1, pattern=NAME)]
@@ -115,10 +126,10 @@ class _Joint(Record):
     name: FileName = Field(description="What q, schedules and results call it; not t, which is the time.")
     parent: FileName = Field(description="The link that carries the joint.")
     child: FileName = Field(description="The link that the joint moves.")
-    frame: JointFrame | None = Field(default=None, description="Where the joint stands: this, dh or modified_dh.")
+    frame: JointFrame | None = optional("Where the joint stands: this, dh or modified_dh.")
     type: Any = Field(description="Kind of joint.")
-    dh: Any = Field(default=None, description="Classic Denavit-Hartenberg row.")
-    modified_dh: Any = Field(default=None, description="Modified (Craig's) row.")
+    dh: Any = optional("Classic Denavit-Hartenberg row.")
+    modified_dh: Any = optional("Modified (Craig's) row.")
 
     @property
     def kind(self) -> JointKind:
@@ -157,21 +168,17 @@ SlideFriction = Annotated[
 class MovingJoint(_Joint):
     """Keys of all joints that move. Every kind has a record of its own, `JOINTS`, with parts in its units."""
 
-    axis: Direction | None = Field(
-        default=None, description="Direction of the joint in its frame; goes with frame only."
-    )
-    mimic: Any = Field(default=None, description="Whom it follows; absent: it has an entry in q.")
-    command: Command | None = Field(
-        default=None, description="Kind of command that its drive takes; absent: the robot's."
-    )
-    bus_period_s: Positive | None = Field(default=None, description="Time between two commands on the drive's bus.")
-    motor: Motor | None = Field(default=None, description="Motor and gear.")
-    friction: Any = Field(default=None, description="Absent: none.")
-    limits: Any = Field(default=None, description="Absent: none known.")
-    elasticity: Any = Field(default=None, description="Of the gear; absent: it is rigid.")
-    stops: Any = Field(default=None, description="End stops; absent: nothing stops the joint at its limits.")
-    brake: Any = Field(default=None, description="A holding brake; absent: none.")
-    spring: Any = Field(default=None, description="A spring at the joint; absent: none.")
+    axis: Direction | None = optional("Direction of the joint in its frame; goes with frame only.")
+    mimic: Any = optional("Whom it follows; absent: it has an entry in q.")
+    command: Command | None = optional("Kind of command that its drive takes; absent: the robot's.")
+    bus_period_s: Positive | None = optional("Time between two commands on the drive's bus.")
+    motor: Motor | None = optional("Motor and gear.")
+    friction: Any = optional("Absent: none.")
+    limits: Any = optional("Absent: none known.")
+    elasticity: Any = optional("Of the gear; absent: it is rigid.")
+    stops: Any = optional("End stops; absent: nothing stops the joint at its limits.")
+    brake: Any = optional("A holding brake; absent: none.")
+    spring: Any = optional("A spring at the joint; absent: none.")
 
     @model_validator(mode="after")
     def _friction_side(self) -> Any:
@@ -193,8 +200,8 @@ class FixedJoint(_Joint):
     """A joint that does not move: its child is one body with its parent."""
 
     type: Literal["fixed"] = Field(description="Kind of joint.")
-    dh: FixedDH | None = Field(default=None, description="Classic Denavit-Hartenberg row.")
-    modified_dh: FixedDH | None = Field(default=None, description="Modified (Craig's) row.")
+    dh: FixedDH | None = optional("Classic Denavit-Hartenberg row.")
+    modified_dh: FixedDH | None = optional("Modified (Craig's) row.")
 
 
 PARTS: dict[str, tuple[Any, Any]] = {  # of a joint whose coordinate is an angle, and of one where it is a length
@@ -204,7 +211,7 @@ PARTS: dict[str, tuple[Any, Any]] = {  # of a joint whose coordinate is an angle
     "elasticity": imported_later("armwright.description.drive_effects", "RotaryElasticity", "LinearElasticity"),
     "stops": imported_later("armwright.description.drive_effects", "RotaryStops", "LinearStops"),
     "brake": imported_later("armwright.description.drive_effects", "RotaryBrake", "SlideBrake"),
-    "spring": imported_later("armwright.description.springs", "RotarySpring", "LinearSpring"),
+    "spring": imported_later("armwright.description.springs", "RotarySpringRecord", "LinearSpringRecord"),
 }
 
 
@@ -276,22 +283,19 @@ class RobotDescription(Record):
     """A robot arm on paper: joints and links in a tree, drives, limits, frames; each number with its source."""
 
     name: FileName = Field(description="What the arm is called.")
-    title: str | None = Field(default=None, description="One line for the catalogue.")
-    notes: str | None = Field(default=None, description="What a user should know, in a few sentences.")
-    source: str | None = Field(default=None, description="Source of every number below that names none of its own.")
+    title: str | None = optional("One line for the catalogue.")
+    notes: str | None = optional("What a user should know, in a few sentences.")
+    source: str | None = optional("Source of every number below that names none of its own.")
     sources: dict[str, Source] = Field(default_factory=dict, description="[sources.KEY]: where numbers come from.")
-    gravity_m_s2: Vector3 | None = Field(default=None, description="In base axes; absent: standard gravity along -z.")
+    gravity_m_s2: Vector3 | None = optional("In base axes; absent: standard gravity along -z.")
     base: FileName = Field(default="base", description="What the joints' parents call the base.")
-    command: Command | None = Field(default=None, description="What drives the joints that do not say it themselves.")
-    supply: Supply | None = Field(
-        default=None, description="What feeds all drives of the simulator; absent: one that never sags."
+    command: Command | None = optional("What drives the joints that do not say it themselves.")
+    supply: SupplyRecord | None = optional("What feeds all drives of the simulator; absent: one that never sags.")
+    tip: FileName | None = optional(
+        "The frame or link that kinematics and wrench are about; absent: the last link of a chain."
     )
-    tip: FileName | None = Field(
-        default=None,
-        description="The frame or link that kinematics and wrench are about; absent: the last link of a chain.",
-    )
-    built_from: BuiltFrom | None = Field(default=None, description="Where the links were computed from.")
-    fits: dict[str, Fit] = Field(
+    built_from: BuiltFrom | None = optional("Where the links were computed from.")
+    fits: dict[str, FitRecord] = Field(
         default_factory=dict, description="[fits.KEY]: the fits that numbers of the kind fit came from."
     )
     remarks: tuple[str, ...] = Field(
@@ -306,7 +310,7 @@ class RobotDescription(Record):
     )
     links: tuple[Link, ...] = Field(description="One table a link.")
     frames: tuple[NamedFrame, ...] = Field(default=(), description="One table a named frame.")
-    cylinders: tuple[Cylinder, ...] = Field(default=(), description="Gas springs and counterbalance cylinders.")
+    cylinders: tuple[CylinderRecord, ...] = Field(default=(), description="Gas springs and counterbalance cylinders.")
 
     @model_validator(mode="after")
     def _consistent(self) -> RobotDescription:

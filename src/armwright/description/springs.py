@@ -12,7 +12,17 @@ from pydantic import Field, model_validator
 from armwright.description.robot import FileName
 from armwright.description.twins import twin_of
 from armwright.joint_kinds import LINEAR, ROTARY, JointUnits
-from armwright.quantity import Increasing, NotNegative, Number, Numbers, Positive, Record, Vector3, check_together
+from armwright.quantity import (
+    Increasing,
+    NotNegative,
+    Number,
+    Numbers,
+    Positive,
+    Record,
+    Vector3,
+    check_together,
+    optional,
+)
 from armwright.validation import Invalid
 
 OUTSIDE = 'Beyond the table\'s ends: "constant", the value there; "linear", the slope there. Goes with the table.'
@@ -40,7 +50,7 @@ class _Spring(Record):
         return self
 
 
-class RotarySpring(_Spring):
+class RotarySpringRecord(_Spring):
     """A spring at a revolute joint, on the link's side of the gear. A torque above 0 drives the joint forward, as a motor's does.
 
     Linear:  torque = preload - stiffness (q - rest).
@@ -49,25 +59,23 @@ class RotarySpring(_Spring):
 
     units = ROTARY
     source: str | None = None
-    stiffness_n_m_per_rad: NotNegative | None = Field(default=None, description="k of a linear spring.")
-    rest_rad: Number | None = Field(default=None, description="Where a linear spring has its preload.")
-    preload_n_m: Number | None = Field(
-        default=None, description="Torque at rest_rad; absent: 0. With a stiffness of 0 a constant torque."
-    )
-    positions_rad: Increasing | None = Field(default=None, description="Points of a table, in place of a stiffness.")
-    torques_n_m: Numbers | None = Field(default=None, description="As many.")
-    outside: Literal["constant", "linear"] | None = Field(default=None, description=OUTSIDE)
+    stiffness_n_m_per_rad: NotNegative | None = optional("k of a linear spring.")
+    rest_rad: Number | None = optional("Where a linear spring has its preload.")
+    preload_n_m: Number | None = optional("Torque at rest_rad; absent: 0. With a stiffness of 0 a constant torque.")
+    positions_rad: Increasing | None = optional("Points of a table, in place of a stiffness.")
+    torques_n_m: Numbers | None = optional("As many.")
+    outside: Literal["constant", "linear"] | None = optional(OUTSIDE)
 
 
-@twin_of(RotarySpring)
-class LinearSpring(_Spring):
-    """`RotarySpring` of a prismatic joint, in N and metres."""
+@twin_of(RotarySpringRecord)
+class LinearSpringRecord(_Spring):
+    """`RotarySpringRecord` of a prismatic joint, in N and metres."""
 
     units = LINEAR
     source: str | None = None
 
 
-class Cylinder(Record):
+class CylinderRecord(Record):
     """A gas spring, or a counterbalance cylinder with springs: a force along the line between two anchor points.
 
     force = force_n - stiffness (distance - length_m), distance that of the anchors; above 0 it pushes them apart.

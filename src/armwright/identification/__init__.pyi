@@ -11,7 +11,10 @@ from armwright.identification.experiments.excitation import (
     Excitation as Excitation,
     design_excitation as design_excitation,
 )
-from armwright.identification.experiments.expected import compare_experiments as compare_experiments
+from armwright.identification.experiments.expected import (
+    ExperimentComparison as ExperimentComparison,
+    compare_experiments as compare_experiments,
+)
 from armwright.identification.experiments.motor import (
     MotorExperiment as MotorExperiment,
     MotorGuess as MotorGuess,

@@ -16,7 +16,7 @@ from armwright.description.robot import Name
 from armwright.description.toml_file import Read, read_record
 from armwright.errors import DescriptionError
 from armwright.modules.library import ModuleLibrary
-from armwright.quantity import Number, Record, Source, Vector3
+from armwright.quantity import Number, Record, Source, Vector3, optional
 from armwright.reading import real_path
 from armwright.validation import CONNECTOR
 
@@ -29,16 +29,11 @@ class Placed(Record):
 
     source: str | None = None
     module: Name = Field(description="Which module of the libraries it is.")
-    name: Name | None = Field(default=None, description="Name here; absent: the module's.")
-    on: Place | None = Field(
-        default=None,
-        description="The connector that carries it, NAME.CONNECTOR; absent only for the one on the ground.",
-    )
-    by: Name | None = Field(
-        default=None, description="Its own connector there; absent: the only one that fits, or the module's ground."
-    )
-    angle_rad: Number | None = Field(
-        default=None, description="How far it is turned about the carrying face's z axis; needed where there are steps."
+    name: Name | None = optional("Name here; absent: the module's.")
+    on: Place | None = optional("The connector that carries it, NAME.CONNECTOR; absent only for the one on the ground.")
+    by: Name | None = optional("Its own connector there; absent: the only one that fits, or the module's ground.")
+    angle_rad: Number | None = optional(
+        "How far it is turned about the carrying face's z axis; needed where there are steps."
     )
 
     @property
@@ -51,17 +46,17 @@ class Assembly(Record):
     """An arm of modules."""
 
     name: Name = Field(description="Name of the arm.")
-    title: str | None = Field(default=None, description="One line for the catalogue.")
-    notes: str | None = Field(default=None, description="Notes for users, in a few sentences.")
-    source: str | None = Field(default=None, description="Source of every number of this file that names none.")
+    title: str | None = optional("One line for the catalogue.")
+    notes: str | None = optional("Notes for users, in a few sentences.")
+    source: str | None = optional("Source of every number of this file that names none.")
     sources: dict[str, Source] = Field(default_factory=dict, description="[sources.KEY]: sources of numbers.")
     libraries: tuple[str, ...] = Field(
         min_length=1, description="Names of built-in libraries, or paths of *.modules.toml beside this file."
     )
-    gravity_m_s2: Vector3 | None = Field(default=None, description="In base axes; absent: standard gravity along -z.")
+    gravity_m_s2: Vector3 | None = optional("In base axes; absent: standard gravity along -z.")
     base: Name = Field(default="ground", description="Name of the ground as a parent of joints.")
-    command: Command | None = Field(default=None, description="Command of the joints; absent: the libraries'.")
-    tip: Place | None = Field(default=None, description="The free connector NAME.CONNECTOR that kinematics are about.")
+    command: Command | None = optional("Command of the joints; absent: the libraries'.")
+    tip: Place | None = optional("The free connector NAME.CONNECTOR that kinematics are about.")
     modules: tuple[Placed, ...] = Field(min_length=1, description="One table a module, from the ground outward.")
     limits: dict[Name, dict[str, Any]] = Field(
         default_factory=dict, description="[limits.JOINT]: limits that are narrower here than the module's own."

@@ -38,7 +38,7 @@ class Rules:
                 raise DescriptionError(place=name, value=getattr(self, name), expected=f"{bound} or more")
 
 
-class Step(NamedTuple):
+class ChainStep(NamedTuple):
     """A module of a chain, as `Placed` has it; the angle in steps of a turn."""
 
     module: str
@@ -77,10 +77,10 @@ class Extension(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Chain:
+class ModuleChain:
     """Modules one on another: their steps, the connector at the end, joints, jointless modules since the last joint."""
 
-    steps: tuple[Step, ...]
+    steps: tuple[ChainStep, ...]
     module: Module
     end: str | None
     joints: int
@@ -133,7 +133,7 @@ def possible_modules(library: ModuleLibrary) -> tuple[list[Module], dict[str, st
     return list(kept.values()), left_out
 
 
-def chains(modules: list[Module], rules: Rules) -> Iterator[Chain]:
+def chains(modules: list[Module], rules: Rules) -> Iterator[ModuleChain]:
     """Chains from a ground module outward, those with fewer modules first; each module as often as available."""
     known: dict[tuple[str, str, bool], list[Extension]] = {}
     level = [
@@ -147,16 +147,16 @@ def chains(modules: list[Module], rules: Rules) -> Iterator[Chain]:
         level = [longer for chain in level for longer in _longer(chain, modules, rules, known)]
 
 
-def _starts(module: Module, ground: Connector) -> Iterator[Chain]:
+def _starts(module: Module, ground: Connector) -> Iterator[ModuleChain]:
     for end in _free(module, ground.name):
         length, point = passage(module, ground, end).extend(0.0, np.zeros(3), np.eye(3))
-        step = Step(module.name, module.name)
-        yield Chain((step,), module, end, module.moving_joints, 0, length, point, module.mass)
+        step = ChainStep(module.name, module.name)
+        yield ModuleChain((step,), module, end, module.moving_joints, 0, length, point, module.mass)
 
 
 def _longer(
-    chain: Chain, modules: list[Module], rules: Rules, known: dict[tuple[str, str, bool], list[Extension]]
-) -> Iterator[Chain]:
+    chain: ModuleChain, modules: list[Module], rules: Rules, known: dict[tuple[str, str, bool], list[Extension]]
+) -> Iterator[ModuleChain]:
     if chain.end is None:
         return
     first = len(chain.steps) == 1 and not rules.turned
@@ -173,9 +173,9 @@ def _longer(
             continue
         called = f"{module.name}-{used + 1}" if used else module.name
         for turn in extension.turns:
-            steps = (*chain.steps, Step(module.name, called, on, extension.by, turn))
+            steps = (*chain.steps, ChainStep(module.name, called, on, extension.by, turn))
             length, point = extension.passage.extend(chain.length, chain.point, _rotation(turn))
-            yield Chain(steps, module, extension.end, joints, links, length, point, chain.mass + module.mass)
+            yield ModuleChain(steps, module, extension.end, joints, links, length, point, chain.mass + module.mass)
 
 
 def _used_up(module: Module, used: int) -> bool:

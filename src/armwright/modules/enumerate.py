@@ -12,7 +12,7 @@ from armwright.model import Model
 from armwright.model.model import assembled
 from armwright.modules.assemble import assemble
 from armwright.modules.assembly import Assembly
-from armwright.modules.chains import Chain, Rules, chains, possible_modules
+from armwright.modules.chains import ModuleChain, Rules, chains, possible_modules
 from armwright.modules.library import ModuleLibrary
 from armwright.modules.statics import holding
 from armwright.progress import Shown, automatic
@@ -103,7 +103,7 @@ def enumerate_assemblies(
     return Enumeration(tuple(candidates), len(every), left_out)
 
 
-def arm_of(chain: Chain, library: ModuleLibrary) -> tuple[Assembly, Model]:
+def arm_of(chain: ModuleChain, library: ModuleLibrary) -> tuple[Assembly, Model]:
     """Assembly and model of a chain; its modules have been checked."""
     assembly = chain.assembly(library)
     return assembly, assembled(assemble(assembly, [library]))
@@ -115,7 +115,7 @@ def robot_mass(arm: Model) -> float:
     return arm.description.total_mass
 
 
-def counted_chains(library: ModuleLibrary, rules: Rules, limit: int) -> tuple[list[Chain], dict[str, str]]:
+def counted_chains(library: ModuleLibrary, rules: Rules, limit: int) -> tuple[list[ModuleChain], dict[str, str]]:
     """All chains of a library, at most COUNTED of them, and the modules that are left out with the reason."""
     expect(library, ModuleLibrary, "library", "a module library, as aw.modules.read_modules returns", DescriptionError)
     if limit < 1:

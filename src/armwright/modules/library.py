@@ -13,7 +13,7 @@ from armwright.description.drive import Command
 from armwright.description.robot import JOINTS as MOVING_JOINTS, FixedJoint, Inertia, JointFrame, MovingJoint, Name
 from armwright.errors import DescriptionError, Problem
 from armwright.lint.feasibility import impossible
-from armwright.quantity import NotNegative, Record, Source, Vector3
+from armwright.quantity import NotNegative, Record, Source, Vector3, optional
 from armwright.solids.visual import Visual, placement_of
 from armwright.spatial import Placement, rotation_x
 from armwright.validation import Invalid
@@ -49,8 +49,8 @@ class ModuleBody(Record):
 
 
 class _ModuleJoint(Record):
-    child_frame: JointFrame | None = Field(
-        default=None, description="The child's own frame in the joint's, which has moved; absent: the same."
+    child_frame: JointFrame | None = optional(
+        "The child's own frame in the joint's, which has moved; absent: the same."
     )
 
     @model_validator(mode="after")
@@ -111,12 +111,10 @@ class Connector(Record):
 class Module(Record):
     """A unit of an arm: bodies in a tree, the joints between them, and connectors."""
 
-    source: str | None = Field(default=None, description="Source of every number of the module that names none.")
+    source: str | None = optional("Source of every number of the module that names none.")
     name: Name = Field(description="Name in assemblies.")
-    title: str | None = Field(default=None, description="One line for lists.")
-    ground: Name | None = Field(
-        default=None, description="The connector that stands on the ground, of a module that an arm begins with."
-    )
+    title: str | None = optional("One line for lists.")
+    ground: Name | None = optional("The connector that stands on the ground, of a module that an arm begins with.")
     available: int | None = Field(default=None, ge=1, description="Number of them; absent: any.")
     bodies: tuple[ModuleBody, ...] = Field(min_length=1, description="One table a body.")
     joints: tuple[ModuleJoint, ...] = Field(default=(), description="One table a joint.")
@@ -209,11 +207,11 @@ class ModuleLibrary(Record):
     """Modules that fit each other, each number with its source."""
 
     name: Name = Field(description="Name of the library.")
-    title: str | None = Field(default=None, description="One line for lists.")
-    notes: str | None = Field(default=None, description="Notes for users, in a few sentences.")
-    source: str | None = Field(default=None, description="Source of every number below that names none of its own.")
+    title: str | None = optional("One line for lists.")
+    notes: str | None = optional("Notes for users, in a few sentences.")
+    source: str | None = optional("Source of every number below that names none of its own.")
     sources: dict[str, Source] = Field(default_factory=dict, description="[sources.KEY]: sources of numbers.")
-    command: Command | None = Field(default=None, description="Command of the joints that name none.")
+    command: Command | None = optional("Command of the joints that name none.")
     modules: tuple[Module, ...] = Field(min_length=1, description="One table a module.")
 
     @model_validator(mode="after")

@@ -13,7 +13,7 @@ from armwright.description.robot import Name
 from armwright.description.toml_file import read_record
 from armwright.entry import as_path
 from armwright.errors import DescriptionError
-from armwright.quantity import NotNegative, Positive, Record, Source, Vector3
+from armwright.quantity import NotNegative, Positive, Record, Source, Vector3, optional
 from armwright.spatial import rotation_rpy
 from armwright.validation import Invalid
 
@@ -24,9 +24,7 @@ class Pose(Record):
     source: str | None = None
     name: Name = Field(description="Name in results.")
     xyz_m: Vector3 = Field(description="Position of the tip's origin.")
-    rpy_rad: Vector3 | None = Field(
-        default=None, description="How the tip should be turned, about fixed x, then y, then z; absent: any way."
-    )
+    rpy_rad: Vector3 | None = optional("How the tip should be turned, about fixed x, then y, then z; absent: any way.")
 
     def matrix(self) -> np.ndarray:
         """(4, 4) of the tip in the base; where any turn will do, the identity's."""
@@ -41,16 +39,14 @@ class Task(Record):
     """Poses that the tip visits in their order and then again from the first, resting at each."""
 
     name: Name = Field(description="Name of the task.")
-    title: str | None = Field(default=None, description="One line for lists.")
-    source: str | None = Field(default=None, description="Source of every number that names none of its own.")
+    title: str | None = optional("One line for lists.")
+    source: str | None = optional("Source of every number that names none of its own.")
     sources: dict[str, Source] = Field(default_factory=dict, description="[sources.KEY]: sources of numbers.")
     payload_kg: NotNegative = Field(description="Point mass that the tip carries all the time.")
     payload_com_m: Vector3 = Field(description="Its place in the tip's frame.")
     cycle_time_s: Positive = Field(description="For one round through all poses, without the time spent at them.")
     position_tolerance_m: Positive = Field(description="How far off the tip may be.")
-    angle_tolerance_rad: Positive | None = Field(
-        default=None, description="How far it may be turned off; needed where a pose has rpy_rad."
-    )
+    angle_tolerance_rad: Positive | None = optional("How far it may be turned off; needed where a pose has rpy_rad.")
     poses: tuple[Pose, ...] = Field(min_length=1, description="One table a pose.")
 
     @model_validator(mode="after")

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field
 
-from armwright.quantity import Record, absent
+from armwright.quantity import Record, optional
 from armwright.scenarios.records import BodyTable, PerJoint, Three
 from armwright.scenarios.value_records import NotNegative, Number, Positive
 from armwright.validation import SEEN
@@ -21,14 +21,14 @@ SPEED = "1: as fast as the limits allow; 0.5: the same in twice the time."
 class LimitsTable(Record):
     """Limits in place of the record's: one number for all joints, one each, or a table by joint."""
 
-    position: Any = absent("One number to either side, or lower and upper of every joint [rad | m].")
-    velocity: PerJoint | None = absent("[rad/s | m/s].")
-    acceleration: PerJoint | None = absent("[rad/s² | m/s²].")
-    jerk: PerJoint | None = absent(
+    position: Any = optional("One number to either side, or lower and upper of every joint [rad | m].")
+    velocity: PerJoint | None = optional("[rad/s | m/s].")
+    acceleration: PerJoint | None = optional("[rad/s² | m/s²].")
+    jerk: PerJoint | None = optional(
         "[rad/s³ | m/s³]; not kept by parabolic blends, trapezoids and time_optimal segments."
     )
-    torque: PerJoint | None = absent("Of the motors, referred to the joints [N m | N].")
-    voltage: PerJoint | None = absent("Of the motors [V].")
+    torque: PerJoint | None = optional("Of the motors, referred to the joints [N m | N].")
+    voltage: PerJoint | None = optional("Of the motors [V].")
 
 
 class MoveSegment(Record):
@@ -39,10 +39,10 @@ class MoveSegment(Record):
     curve: Literal["s_curve", "trapezoid", "quintic", "cubic", "minimum_jerk", "ruckig"] = Field(
         default="s_curve", description="Law of the move, as the classes of the same names."
     )
-    goal_velocity: PerJoint | None = absent(
+    goal_velocity: PerJoint | None = optional(
         "Of minimum_jerk and ruckig, which may end moving; the next segment goes on from there."
     )
-    duration_s: Positive | None = absent("Absent: as short as the limits allow.")
+    duration_s: Positive | None = optional("Absent: as short as the limits allow.")
     speed: Speed = Field(default=1.0, description=SPEED)
 
 
@@ -52,10 +52,10 @@ class WaypointsSegment(Record):
     kind: Literal["waypoints"] = Field(description="Which kind of segment.")
     points: Points = Field(description="Waypoints [rad | m], the arm's own pose before them left away.")
     curve: Literal["cubic", "quintic", "parabolic"] = Field(default="cubic", description="Between the waypoints.")
-    times_s: tuple[Number, ...] | None = absent(
+    times_s: tuple[Number, ...] | None = optional(
         "Of the waypoints, from the segment's beginning on; absent: by the limits."
     )
-    duration_s: Positive | None = absent("Absent: as short as the limits allow.")
+    duration_s: Positive | None = optional("Absent: as short as the limits allow.")
     speed: Speed = Field(default=1.0, description=SPEED)
 
 
@@ -91,10 +91,10 @@ class EndPiece(Record):
     """A piece of the tool's path with an end."""
 
     to_m: Three = Field(description="x, y, z where it ends.")
-    rpy_rad: Three | None = absent("Angles about fixed x, y, z there; absent: it does not turn.")
-    direction: Three | None = absent("Of the axis that `aim` names there, in base axes.")
-    pitch_rad: Pitch | None = absent("Of that axis there: its angle below the base's xy plane.")
-    yaw_rad: Number | None = absent("Of that axis there: its angle about base z, 0 along base x.")
+    rpy_rad: Three | None = optional("Angles about fixed x, y, z there; absent: it does not turn.")
+    direction: Three | None = optional("Of the axis that `aim` names there, in base axes.")
+    pitch_rad: Pitch | None = optional("Of that axis there: its angle below the base's xy plane.")
+    yaw_rad: Number | None = optional("Of that axis there: its angle about base z, 0 along base x.")
 
 
 class LinePiece(EndPiece):
@@ -136,8 +136,8 @@ class ToolSegment(Record):
         default=False, description="true: refused rather than slower where the joints cannot follow."
     )
     blend_m: NotNegative = Field(default=0.0, description="Largest distance of rounded corners; 0: sharp.")
-    angular_speed_rad_per_s: Positive | None = absent("Absent: no limit.")
-    angular_acceleration_rad_per_s2: Positive | None = absent("Both are needed for turns in place.")
+    angular_speed_rad_per_s: Positive | None = optional("Absent: no limit.")
+    angular_acceleration_rad_per_s2: Positive | None = optional("Both are needed for turns in place.")
     origin: Literal["base", "start"] = Field(
         default="base",
         description="Where positions count from, in base axes: the base, or the tool where the segment begins.",
@@ -146,7 +146,7 @@ class ToolSegment(Record):
         default="pose",
         description="What of the tool's pose must be met: pose, position, axis, pitch, yaw, …, as in `inverse_kinematics`.",
     )
-    frame: str | None = absent("The frame that is led; absent: the tip.")
+    frame: str | None = optional("The frame that is led; absent: the tip.")
 
 
 Segment = Annotated[
@@ -191,15 +191,15 @@ class MotionTable(Record):
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
-    title: str | None = absent("One line for whoever reads the file.")
+    title: str | None = optional("One line for whoever reads the file.")
     robot: str = Field(description="A built-in arm, or a robot file beside this one.")
     start: PerJoint = Field(description="Positions at the beginning [rad | m], or a table by joint whose others are 0.")
     limits: LimitsTable = Field(default_factory=LimitsTable, description="In place of the record's.")
     obstacles: tuple[ObstacleTable, ...] = Field(default=(), description="What stands around the arm.")
-    clearance_m: NotNegative | None = absent(
+    clearance_m: NotNegative | None = optional(
         "Least distance of links from each other and from obstacles; absent: 0 with obstacles, else not checked."
     )
-    link_radius_m: Positive | None = absent("Radius of links whose record has no shapes, for distances.")
+    link_radius_m: Positive | None = optional("Radius of links whose record has no shapes, for distances.")
     ignore: tuple[tuple[str, str], ...] = Field(
         default=(), description="Pairs of links whose distance does not count, as those of a wrist."
     )

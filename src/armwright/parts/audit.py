@@ -21,7 +21,7 @@ INERTIA_DECIMALS = 8
 
 
 @dataclass(frozen=True)
-class Row:
+class AuditRow:
     """A line of the audit, in the link's frame; numbers as text.
 
     Args:
@@ -42,7 +42,7 @@ class Row:
     inertia: tuple[str, ...]
 
 
-def audit(weighed: WeighedLink, link: Link) -> tuple[list[Row], Row]:
+def audit(weighed: WeighedLink, link: Link) -> tuple[list[AuditRow], AuditRow]:
     """Every contribution to a link, and the total.
 
     Args:
@@ -59,12 +59,12 @@ def audit(weighed: WeighedLink, link: Link) -> tuple[list[Row], Row]:
         adding_up([tensor[place] for tensor in tensors], wanted[place], INERTIA_DECIMALS) for place in ENTRIES.values()
     ]
     rows = [
-        Row(*words, mass, _centre(moments), tuple(column[k] for column in columns))
+        AuditRow(*words, mass, _centre(moments), tuple(column[k] for column in columns))
         for k, ((words, moments), mass) in enumerate(zip(contributions, masses, strict=True))
     ]
     shown = (f"{wanted[place]:.{INERTIA_DECIMALS}f}" for place in ENTRIES.values())
     mass = f"{float(link.mass_kg):.{MASS_DECIMALS}f}"
-    total = Row("", "", link.name, "total", "", "", "", mass, tuple(f"{value:.6f}" for value in com), tuple(shown))
+    total = AuditRow("", "", link.name, "total", "", "", "", mass, tuple(f"{value:.6f}" for value in com), tuple(shown))
     return rows, total
 
 

@@ -8,7 +8,7 @@ from importlib import resources
 
 from pydantic import Field
 
-from armwright.quantity import Positive, Record, Source
+from armwright.quantity import Positive, Record, Source, optional
 from armwright.solids.visual import Colour
 
 
@@ -17,7 +17,7 @@ class Material(Record):
 
     source: str | None = None
     density_kg_per_m3: Positive = Field(description="Mass of a cubic metre.")
-    colour: Colour | None = Field(default=None, description="[red, green, blue] of pictures, each from 0 to 1.")
+    colour: Colour | None = optional("[red, green, blue] of pictures, each from 0 to 1.")
 
     @property
     def density(self) -> float:

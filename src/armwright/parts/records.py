@@ -14,10 +14,10 @@ from pydantic import Field, model_validator
 
 from armwright.description.consistency import KINDS, check_sources, check_unique
 from armwright.description.drive import Command
-from armwright.description.robot import Cylinder, Inertia, Joint, JointFrame, Name, NamedFrame
+from armwright.description.robot import CylinderRecord, Inertia, Joint, JointFrame, Name, NamedFrame
 from armwright.errors import ABSENT
 from armwright.parts.materials import Material, common_materials
-from armwright.quantity import Direction, NotZero, Positive, Record, Source, Vector3
+from armwright.quantity import Direction, NotZero, Positive, Record, Source, Vector3, optional
 from armwright.solids.shapes import Solid
 from armwright.solids.visual import placement_of
 from armwright.spatial import Placement, rotation_to_axis, rotation_z
@@ -46,8 +46,8 @@ class PolarPattern(Record):
     type: Literal["polar"] = Field(description="Kind of pattern.")
     axis: Direction = Field(description="Direction of the axis in the part's frame.")
     through_m: Vector3 = Field(description="A point of the axis.")
-    step_rad: NotZero | None = Field(
-        default=None, description="From one copy to the next; absent: the copies go evenly round the full circle."
+    step_rad: NotZero | None = optional(
+        "From one copy to the next; absent: the copies go evenly round the full circle."
     )
 
     def copies(self, count: int) -> list[Placement]:
@@ -81,14 +81,14 @@ class Section(_WithSubstance):
     solid: Solid = Field(description="The shape, with its dimensions.")
     xyz_m: Vector3 = Field(description="Origin of the solid in the part's frame.")
     rpy_rad: Vector3 = Field(description="Angles about the part's fixed x, then y, then z.")
-    material: Text | None = Field(default=None, description="A key of [materials]; absent: the part's.")
-    density_kg_per_m3: Positive | None = Field(default=None, description="Instead of a material.")
+    material: Text | None = optional("A key of [materials]; absent: the part's.")
+    density_kg_per_m3: Positive | None = optional("Instead of a material.")
     hole: bool = Field(default=False, description="true: it is taken out of the part, a section of negative mass.")
     count: Annotated[int, Field(ge=1, le=MOST_COPIES, strict=True)] = Field(
         default=1, description="Number of copies; more than one need a pattern."
     )
-    pattern: Annotated[LinearPattern | PolarPattern, Field(discriminator="type")] | None = Field(
-        default=None, description="Places of the copies."
+    pattern: Annotated[LinearPattern | PolarPattern, Field(discriminator="type")] | None = optional(
+        "Places of the copies."
     )
 
     @model_validator(mode="after")
@@ -120,18 +120,16 @@ class Part(_WithSubstance):
 
     source: str | None = None
     name: Text = Field(description="Drawing number, or another name.")
-    title: Text | None = Field(default=None, description="Title of the drawing.")
+    title: Text | None = optional("Title of the drawing.")
     xyz_m: Vector3 = Field(description="Origin of the part's frame in the link's construction frame.")
     rpy_rad: Vector3 = Field(description="Angles about that frame's fixed x, then y, then z.")
-    material: Text | None = Field(default=None, description="Of sections that name none.")
-    density_kg_per_m3: Positive | None = Field(default=None, description="Instead of a material.")
-    weighed_mass_kg: Positive | None = Field(default=None, description="From the scales.")
-    measured_com_m: Vector3 | None = Field(default=None, description="Centre of mass in the part's frame.")
-    measured_inertia_kg_m2: Inertia | None = Field(
-        default=None, description="About the centre of mass, in the part's axes."
-    )
+    material: Text | None = optional("Of sections that name none.")
+    density_kg_per_m3: Positive | None = optional("Instead of a material.")
+    weighed_mass_kg: Positive | None = optional("From the scales.")
+    measured_com_m: Vector3 | None = optional("Centre of mass in the part's frame.")
+    measured_inertia_kg_m2: Inertia | None = optional("About the centre of mass, in the part's axes.")
     pendulums: tuple[Pendulum, ...] = Field(default=(), description="Moments of inertia about single axes.")
-    overlaps: Literal["ok"] | None = Field(default=None, description='"ok": its sections overlap by design.')
+    overlaps: Literal["ok"] | None = optional('"ok": its sections overlap by design.')
     sections: tuple[Section, ...] = Field(default=(), description="One table a section.")
 
     @model_validator(mode="after")
@@ -156,9 +154,7 @@ class PartsLink(Record):
 
     source: str | None = None
     name: Name = Field(description="Name in joints and errors.")
-    frame: JointFrame | None = Field(
-        default=None, description="The construction frame in the link's frame; absent: they are the same."
-    )
+    frame: JointFrame | None = optional("The construction frame in the link's frame; absent: they are the same.")
     parts: tuple[Part, ...] = Field(description="One table a part; an empty list where the link has no mass.")
 
     @model_validator(mode="after")
@@ -171,21 +167,21 @@ class PartsDatabase(Record):
     """A robot arm in parts. All but [materials] and the links' parts is as in the arm's file that it is built into."""
 
     name: Name = Field(description="Name of the arm.")
-    title: str | None = Field(default=None, description="One line for the catalogue.")
-    notes: str | None = Field(default=None, description="Notes for users, in a few sentences.")
-    source: str | None = Field(default=None, description="Source of every number below that names none of its own.")
+    title: str | None = optional("One line for the catalogue.")
+    notes: str | None = optional("Notes for users, in a few sentences.")
+    source: str | None = optional("Source of every number below that names none of its own.")
     sources: dict[str, Source] = Field(default_factory=dict, description="[sources.KEY]: sources of numbers.")
-    gravity_m_s2: Vector3 | None = Field(default=None, description="In base axes; absent: standard gravity along -z.")
+    gravity_m_s2: Vector3 | None = optional("In base axes; absent: standard gravity along -z.")
     base: Name = Field(default="base", description="What the joints' parents call the base.")
-    command: Command | None = Field(default=None, description="What drives the joints that do not say it themselves.")
-    tip: Name | None = Field(default=None, description="The frame or link that kinematics and wrench are about.")
+    command: Command | None = optional("What drives the joints that do not say it themselves.")
+    tip: Name | None = optional("The frame or link that kinematics and wrench are about.")
     materials: dict[str, Material] = Field(
         default_factory=dict, description="[materials.KEY]: densities, before those that come with Armwright."
     )
     joints: tuple[Joint, ...] = Field(description="One table a joint, in the order of q.")
     links: tuple[PartsLink, ...] = Field(description="One table a link.")
     frames: tuple[NamedFrame, ...] = Field(default=(), description="One table a named frame.")
-    cylinders: tuple[Cylinder, ...] = Field(default=(), description="Gas springs and counterbalance cylinders.")
+    cylinders: tuple[CylinderRecord, ...] = Field(default=(), description="Gas springs and counterbalance cylinders.")
 
     @model_validator(mode="after")
     def _consistent(self) -> PartsDatabase:

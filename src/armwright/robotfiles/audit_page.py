@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from armwright.description.robot import RobotDescription
-from armwright.parts.audit import Row, audit
+from armwright.parts.audit import AuditRow, audit
 from armwright.parts.build import PartsBuild
 from armwright.parts.mass_properties import ENTRIES, WeighedLink
 from armwright.results.page_parts import html_table, report_html, section
@@ -93,14 +93,14 @@ def _link(link: WeighedLink, arm: RobotDescription) -> str:
     return f'{picture}<p class="quiet">{note}</p>{_table(heads, lines, 3)}'
 
 
-def _part_line(row: Row, k: int) -> str:
+def _part_line(row: AuditRow, k: int) -> str:
     swatch = f'<span class="swatch" style="background:{colour_of_part(k)}"></span>'
     return (
         f'<tr class="part"><td colspan="14">{swatch}{escape(" ".join(filter(None, (row.part, row.title))))}</td></tr>'
     )
 
 
-def _line(row: Row) -> str:
+def _line(row: AuditRow) -> str:
     """Row of a section, of the effect of measurements, or of the total."""
     numbers = "".join(f"<td>{text}</td>" for text in (row.mass, *row.centre, *row.inertia))
     if row.kind in ("measured", "total"):

@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import ConfigDict, Field, StrictBool, model_validator
 
 from armwright.errors import ScenarioError
-from armwright.quantity import Record, absent
+from armwright.quantity import Record, optional
 from armwright.scenarios.tuning_records import TuningTable
 from armwright.scenarios.value_records import MOST_LANES, LaneValues, Number, Whole, counted
 
@@ -25,15 +25,15 @@ Three = Annotated[tuple[Number, Number, Number], counted(3, "along x, y and z")]
 class StartTable(Record):
     """Initial positions and speeds: numbers in the order of the joints, or a table by their names (others are 0)."""
 
-    q: PerJoint | None = absent("Positions [rad | m]; absent: 0.")
-    qd: PerJoint | None = absent("Speeds [rad/s | m/s]; absent: 0.")
+    q: PerJoint | None = optional("Positions [rad | m]; absent: 0.")
+    qd: PerJoint | None = optional("Speeds [rad/s | m/s]; absent: 0.")
 
 
 class CommandsTable(Record):
     """Commands over time, without a loop: one of these."""
 
-    constant: PerJoint | None = absent("One command a joint, each in its joint's own unit.")
-    schedule: str | None = absent("CSV file: t in s and one column a joint, held from row to row.")
+    constant: PerJoint | None = optional("One command a joint, each in its joint's own unit.")
+    schedule: str | None = optional("CSV file: t in s and one column a joint, held from row to row.")
 
     @model_validator(mode="after")
     def _one(self) -> CommandsTable:
@@ -57,13 +57,13 @@ class KindTable(Record):
 class SensorsTable(Record):
     """Sensors of the joints and their errors; see `armwright.Sensors`. Absent: everything exactly."""
 
-    counts: Number | tuple[Number, ...] | None = absent("Encoder counts in one turn; absent: not quantised.")
-    counts_per_m: Number | tuple[Number, ...] | None = absent(
+    counts: Number | tuple[Number, ...] | None = optional("Encoder counts in one turn; absent: not quantised.")
+    counts_per_m: Number | tuple[Number, ...] | None = optional(
         "Of linear encoders on prismatic joints, with side = 'link'."
     )
     side: Literal["motor", "link"] = Field(default="motor", description="Where the encoder sits.")
     velocity: str = Field(default="exact", description="exact, difference, filtered or observer.")
-    cutoff_hz: Number | None = absent("Of the filter or observer.")
+    cutoff_hz: Number | None = optional("Of the filter or observer.")
     position_noise: Number = Field(default=0.0, ge=0, description="Standard deviation [rad | m].")
     velocity_noise: Number = Field(default=0.0, ge=0, description="[rad/s | m/s].")
     current_noise: Number = Field(default=0.0, ge=0, description="[A].")
@@ -72,9 +72,9 @@ class SensorsTable(Record):
 class CommandFilterTable(Record):
     """Filter of the controller's output; see `armwright.CommandFilter`. Absent: none."""
 
-    limit: PerJoint | None = absent("The most that is commanded, either way.")
-    rate: PerJoint | None = absent("How fast a command may change, per second.")
-    resolution: PerJoint | None = absent("Its steps, of a DAC or a PWM.")
+    limit: PerJoint | None = optional("The most that is commanded, either way.")
+    rate: PerJoint | None = optional("How fast a command may change, per second.")
+    resolution: PerJoint | None = optional("Its steps, of a DAC or a PWM.")
 
 
 class TimingTable(Record):
@@ -115,13 +115,15 @@ def inertia_tensor(inertia: Tensor | tuple[float, float, float]) -> np.ndarray:
 class BodyTable(Record):
     """Mass properties of a body in the hand."""
 
-    com_m: Three | None = absent("Centre of mass, in the frame; of a point mass its place, absent: the frame's origin.")
+    com_m: Three | None = optional(
+        "Centre of mass, in the frame; of a point mass its place, absent: the frame's origin."
+    )
     inertia_kg_m2: Annotated[Tensor | tuple[Number, Number, Number], counted(3, "moments about x, y and z")] | None = (
         absent(
             "About the centre of mass, in the frame's axes: a table, or three principal moments; absent: 0, a point mass."
         )
     )
-    frame: str | None = absent("Which carries it; absent: the tip.")
+    frame: str | None = optional("Which carries it; absent: the tip.")
 
 
 class PayloadTable(BodyTable):
@@ -137,16 +139,16 @@ class LoopTable(Record):
     controller: KindTable = Field(
         description="kind = 'joint_pid', 'cascade', 'computed_torque' and its gains, or one around an inner table."
     )
-    reference: KindTable | None = absent(
+    reference: KindTable | None = optional(
         "kind = 'pose', 'schedule', 'motion', 'expression' or a named trajectory; absent: the initial pose."
     )
-    period_s: Number | None = absent("From sample to sample; absent: step times substeps.")
+    period_s: Number | None = optional("From sample to sample; absent: step times substeps.")
     sensors: SensorsTable = Field(default_factory=SensorsTable, description="What is measured.")
     command_filter: CommandFilterTable = Field(
         default_factory=CommandFilterTable, description="Limits and steps of commands."
     )
     timing: TimingTable = Field(default_factory=TimingTable, description="Delays of measurements and commands.")
-    initial_command: PerJoint | None = absent(
+    initial_command: PerJoint | None = optional(
         "In force before the first tick, each in its joint's own unit; absent: what holds the arm."
     )
 
@@ -154,10 +156,10 @@ class LoopTable(Record):
 class InputsTable(Record):
     """Inputs of the arm beside its commands; see `armwright.Inputs`."""
 
-    wrench: Wrench | None = absent(
+    wrench: Wrench | None = optional(
         "On the tip, in base axes: fx, fy, fz in N, mx, my, mz in N m; or a CSV file of them over t."
     )
-    brake: bool | PerJoint | str | None = absent(
+    brake: bool | PerJoint | str | None = optional(
         "Holding brakes of the record, 1 applied, 0 released: for all, one for each, a table by joint, or a CSV file "
         "over t; absent: released."
     )
@@ -173,23 +175,23 @@ class SolverTable(Record):
         default="auto",
         description="auto, or with a fixed step rk3, rk4, semi_implicit_euler; rk45; rodas3 for stiff arms; cvodes.",
     )
-    accuracy: Number | None = absent(
+    accuracy: Number | None = optional(
         "Of auto: how wrong a run may be, in parts of each quantity's range; absent: 1e-3."
     )
-    horizon_s: Number | None = absent(
+    horizon_s: Number | None = optional(
         "Of auto where nothing is sampled: how long a run is to keep its accuracy; absent: duration_s."
     )
-    step_s: Number | None = absent(
+    step_s: Number | None = optional(
         "Of a fixed step; absent: period_s / substeps in a loop, else 1e-3. With auto: by rk3."
     )
-    substeps: Whole | None = absent("Fixed steps in a period of the loop. With auto: by rk3.")
-    rtol: Number | None = absent("Relative tolerance of rk45, rodas3 and cvodes.")
-    atol: Number | None = absent("Absolute tolerance of rk45, rodas3 and cvodes, in each state's unit.")
+    substeps: Whole | None = optional("Fixed steps in a period of the loop. With auto: by rk3.")
+    rtol: Number | None = optional("Relative tolerance of rk45, rodas3 and cvodes.")
+    atol: Number | None = optional("Absolute tolerance of rk45, rodas3 and cvodes, in each state's unit.")
     global_error: StrictBool = Field(
         default=True,
         description="Of auto: whether some lanes are simulated again, to say how wrong the run is as a whole.",
     )
-    max_substeps: Whole | None = absent(
+    max_substeps: Whole | None = optional(
         "Of auto, rk45 and rodas3 in each millisecond of a tick, or in a shorter tick, absent: 1000; a lane that "
         "needs more is frozen."
     )
@@ -198,11 +200,13 @@ class SolverTable(Record):
 class RecordingTable(Record):
     """Rows and numbers that a run keeps; see `armwright.Recording`."""
 
-    period_s: Number | None = absent("From row to row; absent: 1e-3 with auto steps and nothing sampled, else `every`.")
-    every: Whole | None = absent("Ticks from one row to the next, absent: 1; 0: the first and the last only.", ge=0)
+    period_s: Number | None = optional(
+        "From row to row; absent: 1e-3 with auto steps and nothing sampled, else `every`."
+    )
+    every: Whole | None = optional("Ticks from one row to the next, absent: 1; 0: the first and the last only.", ge=0)
     what: Literal["all", "state", "none"] = Field(default="all", description="All, q and qd alone, or no rows at all.")
     reduce: tuple[str, ...] = Field(default=(), description="Numbers computed while the loop runs, such as rms_error.")
-    reference: KindTable | None = absent(
+    reference: KindTable | None = optional(
         "What reduce measures errors from, beside [commands]; kinds as in [loop.reference]."
     )
 
@@ -213,8 +217,8 @@ class LanesTable(Record):
     kind: Literal["list", "grid", "draws"] = Field(
         description="'list': all lists are as long as there are lanes; 'grid': every combination; 'draws': at random."
     )
-    count: Whole | None = absent("Lanes to draw; goes with 'draws'.", ge=1, le=MOST_LANES)
-    seed: Whole | None = absent("Of the draws; goes with 'draws'.", ge=0)
+    count: Whole | None = optional("Lanes to draw; goes with 'draws'.", ge=1, le=MOST_LANES)
+    seed: Whole | None = optional("Of the draws; goes with 'draws'.", ge=0)
     vary: dict[str, LaneValues] = Field(
         min_length=1,
         description="By name: 'link6.mass_kg', 'loop.controller.kp[2]', 'loop.timing.command_delay_s', 'start.q[1]'.",
@@ -274,7 +278,7 @@ class ScenarioTable(Record):
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
-    title: str | None = absent("One line for whoever reads the file.")
+    title: str | None = optional("One line for whoever reads the file.")
     robot: str = Field(description="A built-in arm, or a robot file beside this one.")
     without: tuple[Literal["friction", "springs", "rotors", "efficiency"], ...] = Field(
         default=(), description="Parts of the record that this run leaves away."
@@ -282,16 +286,16 @@ class ScenarioTable(Record):
     values: dict[str, Number | tuple[Number, ...]] = Field(
         default_factory=dict, description="Other numbers than the record's: 'link6.mass_kg' = 1.2."
     )
-    duration_s: Number | None = absent("How long; absent: until a schedule's last row.")
+    duration_s: Number | None = optional("How long; absent: until a schedule's last row.")
     seed: Whole = Field(default=0, ge=0, description="Of noise, jitter and losses.")
     start: StartTable = Field(default_factory=StartTable, description="Initial positions and speeds.")
-    commands: CommandsTable | None = absent("Commands over time; or a loop.")
-    loop: LoopTable | None = absent("Controller, reference, sensors and timing.")
+    commands: CommandsTable | None = optional("Commands over time; or a loop.")
+    loop: LoopTable | None = optional("Controller, reference, sensors and timing.")
     inputs: InputsTable = Field(default_factory=InputsTable, description="What acts beside commands.")
     solver: SolverTable = Field(default_factory=SolverTable, description="Integrator and step.")
     recording: RecordingTable = Field(default_factory=RecordingTable, description="What is kept.")
-    lanes: LanesTable | None = absent("Many runs at once; absent: one.")
-    tuning: TuningTable | None = absent("What `armwright tune` searches for; no run reads it.")
+    lanes: LanesTable | None = optional("Many runs at once; absent: one.")
+    tuning: TuningTable | None = optional("What `armwright tune` searches for; no run reads it.")
 
     @model_validator(mode="after")
     def _driven(self) -> ScenarioTable:

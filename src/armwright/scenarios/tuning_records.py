@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, field_validator, model_validator
 
-from armwright.quantity import Record, absent
+from armwright.quantity import Record, optional
 from armwright.scenarios.value_records import LaneValues, Number, Whole, counted
 from armwright.validation import Invalid
 
@@ -31,19 +31,19 @@ START = Literal["scenario", "analytic", "pole-placement", "symmetric-optimum", "
 class DrawsTable(Record):
     """Differences between the lanes of a tuning, beside [lanes]; absent fields do not vary."""
 
-    mass: Number | None = absent("Share by which each link's mass differs, evenly.", gt=0, lt=1)
-    friction: Number | None = absent("Factor either way of each joint's friction, evenly in its logarithm.", gt=1)
+    mass: Number | None = optional("Share by which each link's mass differs, evenly.", gt=0, lt=1)
+    friction: Number | None = optional("Factor either way of each joint's friction, evenly in its logarithm.", gt=1)
     record: bool = Field(
         default=False, description="Numbers whose standard deviation the robot file gives are drawn by it, motors' too."
     )
-    poses: Number | None = absent(
+    poses: Number | None = optional(
         "How far start and reference are moved together either way [rad | m], within limits.", gt=0
     )
-    payload_kg: Annotated[tuple[Number, Number], counted(2, "the least and the most")] | None = absent(
+    payload_kg: Annotated[tuple[Number, Number], counted(2, "the least and the most")] | None = optional(
         "Point mass at the tip, from the least to the most."
     )
-    jitter_s: Number | None = absent("The most that any command is late, in place of loop's.", gt=0)
-    delay_s: Number | None = absent("The most that commands of a lane are late beyond the loop's.", gt=0)
+    jitter_s: Number | None = optional("The most that any command is late, in place of loop's.", gt=0)
+    delay_s: Number | None = optional("The most that commands of a lane are late beyond the loop's.", gt=0)
     vary: dict[str, LaneValues] = Field(
         default_factory=dict,
         description="Numbers of the robot file by name, drawn: 'link6.mass_kg' = { uniform = [1, 2] }.",
@@ -67,7 +67,7 @@ class TuningTable(Record):
         description="Gains to start from: the scenario's own; 'analytic' designs them, a cascade's by the symmetric optimum, "
         "others by pole placement; or the method by its name.",
     )
-    gains: dict[str, Gain] | None = absent(
+    gains: dict[str, Gain] | None = optional(
         "Factor to either side of the start, or [lowest, highest], each one number or one a joint; absent: all "
         "whose names end in kp, ki or kd, within a factor of 10."
     )
@@ -86,7 +86,7 @@ class TuningTable(Record):
     poses: Whole = Field(
         default=2000, ge=1, description="Drawn within the position limits; the margins hold where they are extreme."
     )
-    draws: DrawsTable | None = absent(
+    draws: DrawsTable | None = optional(
         "What differs between the lanes; absent: the scenario's lanes, and of a single run mass = 0.3, friction = 2 "
         "and record = true."
     )
@@ -95,7 +95,7 @@ class TuningTable(Record):
     )
     method: Literal["cma", "differential-evolution"] = Field(default="cma", description="Of the search.")
     generations: Whole = Field(default=30, ge=1, description="Of the search.")
-    candidates: Whole | None = absent("In a generation; absent: 4 + 3 ln of the gains, 8 at least.", ge=4)
+    candidates: Whole | None = optional("In a generation; absent: 4 + 3 ln of the gains, 8 at least.", ge=4)
     front: Whole = Field(
         default=0,
         ge=0,

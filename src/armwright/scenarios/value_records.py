@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field, Strict, model_validator
 
 from armwright.parameters import Draw
-from armwright.quantity import Record, absent
+from armwright.quantity import Record, optional
 
 MOST_LANES = 10**8
 Number = Annotated[float, Strict()]  # no text, and no true or false
@@ -36,13 +36,13 @@ Bounds = Annotated[tuple[Number, Number], counted(2, "a lower and an upper bound
 class LaneValues(Record):
     """Values of one number in the lanes, in one of these ways."""
 
-    values: Numbers | None = absent("These, one a lane (or one a row of the grid).", min_length=1)
-    start: Number | None = absent("From here …")
-    stop: Number | None = absent("… to here …")
-    count: Whole | None = absent("… in so many equal steps.", ge=1, le=MOST_LANES)
-    normal: Pair | None = absent("Drawn: mean and standard deviation.")
-    uniform: Bounds | None = absent("Drawn evenly between two bounds.")
-    lognormal: Pair | None = absent("Drawn: median, and standard deviation of the logarithm.")
+    values: Numbers | None = optional("These, one a lane (or one a row of the grid).", min_length=1)
+    start: Number | None = optional("From here …")
+    stop: Number | None = optional("… to here …")
+    count: Whole | None = optional("… in so many equal steps.", ge=1, le=MOST_LANES)
+    normal: Pair | None = optional("Drawn: mean and standard deviation.")
+    uniform: Bounds | None = optional("Drawn evenly between two bounds.")
+    lognormal: Pair | None = optional("Drawn: median, and standard deviation of the logarithm.")
 
     @model_validator(mode="after")
     def _one_way(self) -> LaneValues:

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BeforeValidator, Field
 
-from armwright.quantity import Record, Vector3
+from armwright.quantity import Record, Vector3, optional
 from armwright.solids.shapes import Solid
 from armwright.spatial import Placement, rotation_rpy
 from armwright.validation import Invalid
@@ -32,7 +32,7 @@ class Visual(Record):
     xyz_m: Vector3 = Field(description="Origin of the solid in the link's frame.")
     rpy_rad: Vector3 = Field(description="Angles about the link's fixed x, then y, then z.")
     hole: bool = Field(default=False, description="true: a hole in the other solids of the link.")
-    colour: Colour | None = Field(default=None, description="[red, green, blue], each from 0 to 1.")
+    colour: Colour | None = optional("[red, green, blue], each from 0 to 1.")
 
     def placement(self) -> Placement:
         """The solid's frame in the link's."""

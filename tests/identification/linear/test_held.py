@@ -10,7 +10,7 @@ import armwright as aw
 from armwright.identification import OrderSearch
 from armwright.identification.linear.held import best_held, continuous, held_polynomials
 from armwright.identification.linear.prediction_error import Orders, estimate
-from armwright.identification.linear.records import Recorded
+from armwright.identification.linear.records import RecordedStretch
 from identification.linear.random_systems import random_truth, sampled_truth
 
 POLES = np.array([-0.1, -0.2 + 0.3j, -0.2 - 0.3j])
@@ -36,13 +36,13 @@ def test_three_lags_are_found_with_their_delay():
     draw = np.random.default_rng(3)
     u = np.repeat(draw.choice([-1.0, 1.0], 400), 5)
     y = lfilter(b, a, u) + 5.0
-    stretches = [Recorded("", u[:, None], (y + 0.03 * draw.standard_normal(len(y)))[:, None])]
+    stretches = [RecordedStretch("", u[:, None], (y + 0.03 * draw.standard_normal(len(y)))[:, None])]
     free = estimate(Orders("oe", 3, 1, 0, 10, True), stretches, 20, True)
     held = best_held(free, stretches, 20, True)
     assert held is not None
     assert held.fit.orders.delay == 9
     assert held.zeros == 0
-    exact = best_held(free, [Recorded("", u[:, None], y[:, None])], 20, True)
+    exact = best_held(free, [RecordedStretch("", u[:, None], y[:, None])], 20, True)
     assert exact is not None
     assert exact.poles == pytest.approx(p, rel=1e-3)
 

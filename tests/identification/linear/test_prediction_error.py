@@ -12,7 +12,7 @@ from scipy.signal import lfilter
 import armwright as aw
 from armwright.identification import OrderSearch, SubspaceMethod
 from armwright.identification.linear.prediction_error import Orders, minimise, starts
-from armwright.identification.linear.records import Recorded
+from armwright.identification.linear.records import RecordedStretch
 from identification.linear.random_systems import random_truth, sampled_truth
 
 A, B = np.array([1.0, -1.6, 0.63]), np.array([0.0, 0.0, 0.05, 0.04])
@@ -27,7 +27,7 @@ def bench(seed, rows=1500, noise=0.1, offset=3.0, colour=(1.0,)):
 
 def test_gradients_are_those_of_differences():
     u, y = bench(0, rows=300)
-    stretches = [Recorded("", u[:, None], y[:, None])]
+    stretches = [RecordedStretch("", u[:, None], y[:, None])]
     for orders in (Orders("oe", 2, 2, 0, 2, True), Orders("armax", 2, 2, 2, 2, True)):
         theta = orders.theta(orders.polynomials(starts(orders, stretches, orders.past, True)[0]))
 

@@ -10,7 +10,7 @@ import pytest
 
 import armwright as aw
 from armwright.identification import MotorSearch
-from armwright.identification.motor.response import Inputs, Response
+from armwright.identification.motor.response import DriveInputs, Response
 from armwright.model.vary import Varied
 from identification.motor_truth import COLUMNS, LOG, PATHS, PERIOD, RECORD, SIGNALS, TRUE, commands, rounded
 
@@ -50,7 +50,7 @@ def log_of(
     path.write_text(change(RECORD.format(**TRUE)))
     arm = aw.load(path)
     response = Response(Varied(arm, [R]), ("q", "qd", "current"), 0, FINE)
-    table, p = response.table(Inputs(np.full(len(u), period), u[:, None])), np.append(response.varied.nominal, 0.0)
+    table, p = response.table(DriveInputs(np.full(len(u), period), u[:, None])), np.append(response.varied.nominal, 0.0)
     y, _ = response.run(table, p[None], np.zeros(1), response.initial(arm)[None])
     truth, rng = dict(zip(response.signals, y[0].T, strict=True)), np.random.default_rng(0)
     columns = {"t": np.arange(len(u)) * period, "u": u}

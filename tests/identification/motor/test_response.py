@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import armwright as aw
-from armwright.identification.motor.response import Inputs, Response, response_of
+from armwright.identification.motor.response import DriveInputs, Response, response_of
 from armwright.model.vary import Varied
 from identification.motor_truth import DELAY, PATHS, PERIOD, TRUE, commands, exact, true_record
 
@@ -28,7 +28,7 @@ def run(response, delay=DELAY, change=0.0, at=None, start=(0.3, 5.0)):
     p, x = np.append(response.varied.nominal, 0.0), np.array(start)
     if at is not None and at < len(p):
         p[at] += change
-    return response.run(response.table(Inputs(np.full(ROWS, PERIOD), u)), p[None], np.array([delay]), x[None])
+    return response.run(response.table(DriveInputs(np.full(ROWS, PERIOD), u)), p[None], np.array([delay]), x[None])
 
 
 def test_the_response_is_the_closed_form(response):
@@ -45,7 +45,7 @@ def test_steps_that_end_at_rest_converge_fast(arm):
     truth, errors = exact(TRUE, u)["q"], []
     for substeps in (1, 2, 4):
         response = Response(Varied(arm, [PATHS["R"]]), ["q"], 3, substeps)
-        table = response.table(Inputs(np.full(ROWS, PERIOD), u[:, None]))
+        table = response.table(DriveInputs(np.full(ROWS, PERIOD), u[:, None]))
         y, _ = response.run(table, np.array([[TRUE["R"], 0.0]]), np.array([DELAY]), np.array([[0.3, 0.0]]))
         errors.append(np.abs(y[0, :, 0] - truth).max())
     assert errors[0] / errors[1] > 4.0
@@ -80,7 +80,7 @@ def test_derivatives_by_the_initial_state(response):
 
 
 def test_lanes_are_independent(response):
-    table = response.table(Inputs(np.full(ROWS, PERIOD), commands(np.random.default_rng(1), ROWS)[:, None]))
+    table = response.table(DriveInputs(np.full(ROWS, PERIOD), commands(np.random.default_rng(1), ROWS)[:, None]))
     rng = np.random.default_rng(2)
     p = np.append(response.varied.nominal, 0.0) * rng.uniform(0.5, 2.0, (11, len(PATHS) + 1))
     delay, start = rng.uniform(0.0, 6.5, 11), rng.normal(size=(11, 2))

@@ -67,7 +67,7 @@ class Expected:
 
 
 @dataclass(frozen=True, eq=False)
-class Comparison(Result):
+class ExperimentComparison(Result):
     """Several experiments side by side; `str` gives a table.
 
     Attributes:
@@ -229,7 +229,7 @@ def compare_experiments(
     arm: Model | None = None,
     rate: float = 100.0,
     drives: Sequence[str] = DRIVES,
-) -> Comparison:
+) -> ExperimentComparison:
     """Expected precision of several experiments, side by side, before any is run.
 
     A candidate is a `Scenario`: its signals are simulated with their sensitivities. Or, with `arm`, a motion such as `Fourier`
@@ -259,7 +259,7 @@ def compare_experiments(
         others = {other: item.information for other, item in found.items() if other != name}
         sentences = experiments_that_separate(each.names, each.information, others) if others else ()
         remarks += [f"{name}: {sentence}".replace("this log", "it") for sentence in sentences[:3]]
-    return Comparison(found, tuple(remarks))
+    return ExperimentComparison(found, tuple(remarks))
 
 
 def _of_scenario(name: str, scenario: Any, by: Sequence[str], noise: Any) -> Expected:

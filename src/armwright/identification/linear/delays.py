@@ -8,15 +8,15 @@ from dataclasses import replace
 import numpy as np
 
 from armwright.fitting.profile import profile_interval
-from armwright.identification.linear.prediction_error import Fit, estimate, with_best_numerator
-from armwright.identification.linear.records import Recorded
+from armwright.identification.linear.prediction_error import PredictionFit, estimate, with_best_numerator
+from armwright.identification.linear.records import RecordedStretch
 
 LEVEL = 0.95  # of the test that keeps a delay
 GAP = 2  # successive delays that fit worse: further ones are not tried
 FEWEST = 10  # rows for each parameter: with fewer the test's distribution does not hold
 
 
-def delay_interval(fit: Fit, stretches: Sequence[Recorded], initial: bool) -> tuple[int, int] | None:
+def delay_interval(fit: PredictionFit, stretches: Sequence[RecordedStretch], initial: bool) -> tuple[int, int] | None:
     """Smallest and largest delay [samples] of models that fit the data as well as the best one; None for too few rows.
 
     Every delay d gets a model of the same poles and of as many coefficients of B, at least one for each pole: a sampled
@@ -34,7 +34,7 @@ def delay_interval(fit: Fit, stretches: Sequence[Recorded], initial: bool) -> tu
         return None
     variance = fit.cost / max(fit.equations - fit.orders.count, 1) * _inflation(fit)
 
-    def fitted(delay: int, last: Fit) -> tuple[Fit, float]:
+    def fitted(delay: int, last: PredictionFit) -> tuple[PredictionFit, float]:
         model = replace(last.orders.polynomials(last.theta), b=np.zeros(delay + orders.nb), delay=delay)
         now = replace(orders, delay=delay)
         near = with_best_numerator(now, stretches, skip, initial, model)
@@ -45,7 +45,7 @@ def delay_interval(fit: Fit, stretches: Sequence[Recorded], initial: bool) -> tu
     return min(*kept, fit.orders.delay), max(*kept, fit.orders.delay)
 
 
-def _inflation(fit: Fit) -> float:
+def _inflation(fit: PredictionFit) -> float:
     """Mean variance of B's coefficients over what it would be if the errors were white; at least 1."""
     part = slice(fit.orders.na, fit.orders.na + fit.orders.nb)
     ratio = np.diag(fit.test_covariance)[part] / np.maximum(np.diag(fit.white_covariance)[part], 1e-300)

@@ -14,22 +14,22 @@ from armwright.identification.linear.delays import delay_interval
 from armwright.identification.linear.frequency import closed_loop
 from armwright.identification.linear.measures import gain_units, simulation_measures
 from armwright.identification.linear.model import LinearModel, polynomial_core
-from armwright.identification.linear.modes import Quantity, gain_of, magnitude_std, modes, root_gradient
+from armwright.identification.linear.modes import ModelQuantity, gain_of, magnitude_std, modes, root_gradient
 from armwright.identification.linear.prediction_error import (
-    Fit,
     Orders,
     Polynomials,
+    PredictionFit,
     Structure,
     estimate,
     prediction_errors,
 )
 from armwright.identification.linear.records import LIKELIEST, LogSignals, Records, check_rows, records_of
 from armwright.identification.linear.residuals import CERTAIN, cross_correlation, feedback, whiteness
-from armwright.identification.linear.scaling import Units, scale
+from armwright.identification.linear.scaling import SignalUnits, scale
 from armwright.identification.linear.selection import (
     CRITERIA,
     USUAL,
-    Candidate,
+    OrderCandidate,
     OrderSearch,
     checked_delay,
     checked_order,
@@ -118,7 +118,7 @@ def _fit(
     noise = structure == "armax"
     n, known = checked_order(order, 2 + noise), checked_delay(delay)
     scaled, to_units = scale(records, offset)
-    tried: tuple[Candidate, ...] = ()
+    tried: tuple[OrderCandidate, ...] = ()
     if isinstance(n, tuple) or (n is not None and known is not None):
         na, nb, nc = (*n, 0)[:3] if isinstance(n, tuple) else (n, n, n * noise)
         found = first_response(scaled.fit, search.most_delay) if known is None else known
@@ -136,7 +136,7 @@ def _fit(
     return replace(model, delays=delays, remarks=remarks, tried=rows, criterion=search.select if rows else "")
 
 
-def _result(records: Records, scaled: Records, fit: Fit, units: Units, initial: bool) -> LinearModel:
+def _result(records: Records, scaled: Records, fit: PredictionFit, units: SignalUnits, initial: bool) -> LinearModel:
     """The fit in units, with everything that follows from it."""
     orders, inner = fit.orders, fit.orders.polynomials(fit.theta)
     model, change = units.polynomials(inner), units.jacobian(orders)
@@ -196,11 +196,11 @@ def _zeros(model: Polynomials, orders: Orders) -> tuple[np.ndarray, np.ndarray]:
     return zeros, gradient
 
 
-def _gain(model: Polynomials, orders: Orders, covariance: np.ndarray, unit: str) -> Quantity:
+def _gain(model: Polynomials, orders: Orders, covariance: np.ndarray, unit: str) -> ModelQuantity:
     """Gain at rest."""
     gain, by_a, by_b = gain_of(model.a, model.b)
     slope = np.concatenate([by_a, by_b[orders.delay :], np.zeros(orders.count - orders.na - orders.nb)])
-    return Quantity("gain", gain, float(np.sqrt(max(slope @ covariance @ slope, 0.0))), unit)
+    return ModelQuantity("gain", gain, float(np.sqrt(max(slope @ covariance @ slope, 0.0))), unit)
 
 
 def _method(records: Records, orders: Orders, initial: bool) -> str:
@@ -213,7 +213,7 @@ def _method(records: Records, orders: Orders, initial: bool) -> str:
     return f"{orders.structure.upper()} of {text}, delay {samples}, {offset}, {start}, {records.rows} rows"
 
 
-def _doubts(records: Records, fit: Fit, measures: Mapping[str, Mapping[str, float]]) -> list[str]:
+def _doubts(records: Records, fit: PredictionFit, measures: Mapping[str, Mapping[str, float]]) -> list[str]:
     """Sentences on why the model is not identified; none of one that is."""
     found = []
     if not _significant(fit):
@@ -238,14 +238,14 @@ def _of_delays(delays: tuple[int, int] | None) -> list[str]:
     ]
 
 
-def _row(candidate: Candidate) -> Mapping[str, float]:
+def _row(candidate: OrderCandidate) -> Mapping[str, float]:
     orders = candidate.orders
     return {"na": orders.na, "nb": orders.nb, "nc": orders.nc, "delay": orders.delay} | {
         name: candidate[name] for name in CRITERIA
     }
 
 
-def _significant(fit: Fit) -> bool:
+def _significant(fit: PredictionFit) -> bool:
     """True if the coefficients of B differ from 0 together:  bᵀ cov⁻¹ b against χ²."""
     part = slice(fit.orders.na, fit.orders.na + fit.orders.nb)
     b = fit.theta[part]
@@ -253,7 +253,9 @@ def _significant(fit: Fit) -> bool:
     return bool(chi2.sf(statistic, len(b)) < CERTAIN)
 
 
-def _remarks(scaled: Records, fit: Fit, model: Polynomials, poles: np.ndarray, pole_std: np.ndarray) -> list[str]:
+def _remarks(
+    scaled: Records, fit: PredictionFit, model: Polynomials, poles: np.ndarray, pole_std: np.ndarray
+) -> list[str]:
     """Sentences about errors, feedback and poles."""
     kind, found = fit.orders.structure, []
     test = feedback(scaled.fit, fit.orders.delay)

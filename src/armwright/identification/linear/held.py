@@ -16,14 +16,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armwright.identification.linear.prediction_error import (
-    Fit,
     Orders,
+    PredictionFit,
     admissible,
     errors_of,
     largest_radius,
     least_errors,
 )
-from armwright.identification.linear.records import Recorded
+from armwright.identification.linear.records import RecordedStretch
 from armwright.matrix_exponential import matrix_exponential
 
 MOST_POLES = 10  # of which coefficients in s still say something in doubles
@@ -36,14 +36,14 @@ SLOWEST = 1e-6  # pole in s of a start that integrates
 
 
 @dataclass(frozen=True, eq=False)
-class Held:
+class HeldFit:
     """Fit of a continuous system behind a zero-order hold.
 
     Attributes:
         fit: as one of A and a free B: its parameters, errors, derivatives.   zeros: m.   poles: (n,) p_1 … p_n.
     """
 
-    fit: Fit
+    fit: PredictionFit
     zeros: int
     poles: np.ndarray
 
@@ -78,7 +78,7 @@ def held_polynomials(p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.stack(a, axis=-1), np.stack([np.broadcast_to(each, response.shape) for each in b], axis=-1)
 
 
-def best_held(near: Fit, stretches: Sequence[Recorded], skip: int, initial: bool) -> Held | None:
+def best_held(near: PredictionFit, stretches: Sequence[RecordedStretch], skip: int, initial: bool) -> HeldFit | None:
     """The held system with the fit's number of poles and the lowest BIC over numbers of zeros and delays; None if none fits.
 
     Args:
@@ -88,7 +88,7 @@ def best_held(near: Fit, stretches: Sequence[Recorded], skip: int, initial: bool
         return None
     delay, poles, found = near.orders.delay, continuous(near.orders.polynomials(near.theta).a), []
     for zeros in reversed(range(near.orders.na)):
-        tried: dict[int, Held] = {}
+        tried: dict[int, HeldFit] = {}
         while wanted := _untried(near.orders, delay, skip, tried):
             for each in wanted:
                 start = tried[delay].poles if delay in tried else poles
@@ -101,13 +101,13 @@ def best_held(near: Fit, stretches: Sequence[Recorded], skip: int, initial: bool
     return min(found, key=bic_of)
 
 
-def bic_of(held: Held) -> float:
+def bic_of(held: HeldFit) -> float:
     """Bayes' information criterion N ln V + d ln N."""
     rows = held.fit.equations
     return rows * float(np.log(max(held.fit.cost / rows, 1e-300))) + held.count * float(np.log(rows))
 
 
-def _untried(orders: Orders, delay: int, skip: int, tried: dict[int, Held]) -> list[int]:
+def _untried(orders: Orders, delay: int, skip: int, tried: dict[int, HeldFit]) -> list[int]:
     """Delays near the best one that are to be fitted, the nearest first; later than `skip` allows none."""
     last = skip + 1 - orders.na
     near = sorted(range(max(delay - NEAR, 0), min(delay + NEAR, last) + 1), key=lambda each: abs(each - delay))
@@ -115,8 +115,8 @@ def _untried(orders: Orders, delay: int, skip: int, tried: dict[int, Held]) -> l
 
 
 def fit_held(
-    orders: Orders, zeros: int, stretches: Sequence[Recorded], skip: int, initial: bool, poles: np.ndarray
-) -> Held:
+    orders: Orders, zeros: int, stretches: Sequence[RecordedStretch], skip: int, initial: bool, poles: np.ndarray
+) -> HeldFit:
     """Least-squares fit of a held system with a given delay.
 
     Args:
@@ -168,7 +168,7 @@ def fit_held(
     theta, _ = parameters(x)
     _, jacobian = errors_of(orders, theta, stretches, skip, initial)
     freed = (len(orders.polynomials(theta).c) - 1) * sum(len(each.y) > skip + n for each in stretches)
-    return Held(Fit(orders, theta, e, jacobian, converged, len(e) - freed * initial), zeros, x[:n] * size)
+    return HeldFit(PredictionFit(orders, theta, e, jacobian, converged, len(e) - freed * initial), zeros, x[:n] * size)
 
 
 def continuous(a: np.ndarray) -> np.ndarray:

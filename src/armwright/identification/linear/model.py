@@ -16,9 +16,9 @@ from armwright.identification.estimate import Estimate
 from armwright.identification.linear.actuator import IdentifiedActuator
 from armwright.identification.linear.frequency import python_control
 from armwright.identification.linear.measures import percent
-from armwright.identification.linear.modes import Quantity
+from armwright.identification.linear.modes import ModelQuantity
 from armwright.identification.linear.prediction_error import Polynomials, filtered
-from armwright.identification.linear.records import Recorded, Records
+from armwright.identification.linear.records import RecordedStretch, Records
 from armwright.identification.linear.state_space import FilteredSensor, StateSpace, realised
 from armwright.identification.linear.subspace import initial_state
 from armwright.results.page_parts import definitions
@@ -59,7 +59,7 @@ class LinearModel(Result):
     pole_std: np.ndarray
     gain: np.ndarray
     gain_std: np.ndarray
-    quantities: tuple[Quantity, ...]
+    quantities: tuple[ModelQuantity, ...]
     fit: Mapping[str, Mapping[str, float]]
     method: str
     polynomials: Polynomials | None = None
@@ -132,7 +132,7 @@ class LinearModel(Result):
             late = np.concatenate([np.repeat(u[:1], self.wait, axis=0), u])[: len(u)]
             start = (
                 np.linalg.lstsq(np.eye(len(self.core.a)) - self.core.a, self.core.b @ late[0], rcond=None)[0]
-                if measured is None else initial_state(self.core, Recorded("", late, measured))
+                if measured is None else initial_state(self.core, RecordedStretch("", late, measured))
             )  # fmt: skip
             result = self.core.simulate(late, start)
         return result[:, 0] if np.ndim(y if y is not None else u) < 2 or len(self.outputs) == 1 else result

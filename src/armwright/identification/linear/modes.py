@@ -10,7 +10,7 @@ SAME = 1e-9  # imaginary part of a root that is real
 
 
 @dataclass(frozen=True)
-class Quantity:
+class ModelQuantity:
     """A quantity derived from a model: name, value, standard deviation, unit."""
 
     name: str
@@ -39,7 +39,7 @@ def gain_of(a: np.ndarray, b: np.ndarray) -> tuple[float, np.ndarray, np.ndarray
     return up / down, np.full(len(a) - 1, -up / down**2), np.full(len(b), 1.0 / down)
 
 
-def modes(poles: np.ndarray, gradient: np.ndarray, covariance: np.ndarray, period: float) -> list[Quantity]:
+def modes(poles: np.ndarray, gradient: np.ndarray, covariance: np.ndarray, period: float) -> list[ModelQuantity]:
     """Time constants of real poles, natural frequency and damping of pairs, slowest first, with standard deviations.
 
         p = exp(s T):  time constant -1/s,  natural frequency |s| / 2π,  damping -Re s / |s|
@@ -47,27 +47,29 @@ def modes(poles: np.ndarray, gradient: np.ndarray, covariance: np.ndarray, perio
     Args:
         poles: (n,).   gradient: (n, k) ∂poles/∂parameters.   covariance: (k, k) of the parameters.   period: T [s].
     """
-    found: list[Quantity] = []
+    found: list[ModelQuantity] = []
     for p, g in sorted(zip(poles, gradient, strict=True), key=lambda each: -abs(each[0])):
         real = abs(p.imag) <= SAME * max(abs(p), 1.0)
         if p.imag < 0 and not real:
             continue
         k = 1 + len([each for each in found if each.name.startswith(("time", "natural", "pole"))])
         if real and not 0.0 < p.real < 1.0:  # an integrator, a ringing or an unstable pole
-            found.append(Quantity(f"pole{k}", float(p.real), _std(g.real, covariance), ""))
+            found.append(ModelQuantity(f"pole{k}", float(p.real), _std(g.real, covariance), ""))
         elif real:
             log = np.log(p.real)
             slope = period / (p.real * log**2)
-            found.append(Quantity(f"time_constant{k}", float(-period / log), slope * _std(g.real, covariance), "s"))
+            found.append(
+                ModelQuantity(f"time_constant{k}", float(-period / log), slope * _std(g.real, covariance), "s")
+            )
         else:
             s, ds = np.log(p) / period, g / (p * period)
             size = abs(s)
             d_size = np.real(np.conj(s) * ds) / size
             d_damping = -np.real(ds) / size + np.real(s) * d_size / size**2
             found.append(
-                Quantity(f"natural_frequency{k}", size / (2 * np.pi), _std(d_size, covariance) / (2 * np.pi), "Hz")
+                ModelQuantity(f"natural_frequency{k}", size / (2 * np.pi), _std(d_size, covariance) / (2 * np.pi), "Hz")
             )
-            found.append(Quantity(f"damping{k}", float(-np.real(s) / size), _std(d_damping, covariance), ""))
+            found.append(ModelQuantity(f"damping{k}", float(-np.real(s) / size), _std(d_damping, covariance), ""))
     return found
 
 

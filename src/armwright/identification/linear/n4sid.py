@@ -14,17 +14,17 @@ from armwright.identification.linear import subspace
 from armwright.identification.linear.frequency import closed_loop
 from armwright.identification.linear.measures import gain_units, simulation_measures
 from armwright.identification.linear.model import LinearModel
-from armwright.identification.linear.modes import Quantity, magnitude_std, matched, modes
+from armwright.identification.linear.modes import ModelQuantity, magnitude_std, matched, modes
 from armwright.identification.linear.records import (
     LIKELIEST,
     LogSignals,
-    Recorded,
+    RecordedStretch,
     Records,
     check_rows,
     records_of,
 )
 from armwright.identification.linear.residuals import CERTAIN, feedback
-from armwright.identification.linear.scaling import Units, scale
+from armwright.identification.linear.scaling import SignalUnits, scale
 from armwright.identification.linear.selection import (
     USUAL,
     Criterion,
@@ -154,7 +154,7 @@ def _poles_and_gain(records: Records, whole: StateSpace, by_pole: np.ndarray, by
     std = np.sqrt((by_gain**2).sum(axis=-1))
     names = [[f"gain {y} by {u}" for u in records.inputs] for y in records.outputs] if gain.size > 1 else [["gain"]]
     gains = [
-        Quantity(*each)
+        ModelQuantity(*each)
         for rows in zip(names, gain.tolist(), std.tolist(), gain_units(records), strict=True)
         for each in zip(*rows, strict=True)
     ]
@@ -167,7 +167,7 @@ def _poles_and_gain(records: Records, whole: StateSpace, by_pole: np.ndarray, by
     }
 
 
-def free_errors(model: StateSpace, each: Recorded) -> np.ndarray:
+def free_errors(model: StateSpace, each: RecordedStretch) -> np.ndarray:
     """Errors (rows, outputs) of the free simulation of a stretch from the initial state that suits it best."""
     return each.y - model.simulate(each.u, subspace.initial_state(model, each))
 
@@ -187,12 +187,12 @@ class SubspaceFit:
     offset: bool
     initial: bool
 
-    def projection(self, stretches: Sequence[Recorded]) -> subspace.Projection:
+    def projection(self, stretches: Sequence[RecordedStretch]) -> subspace.Projection:
         """The projection of some stretches."""
         return subspace.project(stretches, self.rows, self.method.weighting, self.offset)
 
     def states(
-        self, projection: subspace.Projection, order: int, stretches: Sequence[Recorded] | None = None
+        self, projection: subspace.Projection, order: int, stretches: Sequence[RecordedStretch] | None = None
     ) -> tuple[StateSpace, np.ndarray, bool]:
         """Model of an order, errors (rows, outputs) of its free simulation, and True where a pole was moved.
 
@@ -233,7 +233,7 @@ class SubspaceFit:
                 total, rows = total + float((e**2).sum()), rows + e.size - order
         return total / rows if rows > 0 else float("nan")
 
-    def jackknife(self, whole: StateSpace, units: Units) -> tuple[np.ndarray, np.ndarray]:
+    def jackknife(self, whole: StateSpace, units: SignalUnits) -> tuple[np.ndarray, np.ndarray]:
         """Deviations of poles (n, blocks) and gain (outputs, inputs, blocks) whose sums of squares are variances.
 
         Each is sqrt((J - 1) / J) (estimate without block j - mean of these), J blocks. [EfronTibshirani1993], chapter 11.

@@ -21,7 +21,7 @@ from scipy import signal
 from armwright.errors import LogError
 from armwright.fitting.covariance import covariance_of
 from armwright.fitting.levenberg_marquardt import ROUNDS, USUAL, Descent, descended
-from armwright.identification.linear.records import Recorded
+from armwright.identification.linear.records import RecordedStretch
 from armwright.identification.logs.findings import number_of
 
 ONE = np.ones(1)
@@ -101,7 +101,7 @@ class Orders:
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class PredictionFit:
     """Result of `minimise`: parameters, errors and their Jacobian at the minimum.
 
     Attributes:
@@ -153,7 +153,7 @@ def filtered(b: np.ndarray, a: np.ndarray, values: np.ndarray) -> np.ndarray:
     return np.asarray(signal.lfilter(b, a, values, axis=0))
 
 
-def prediction_errors(model: Polynomials, each: Recorded, skip: int, initial: bool) -> np.ndarray:
+def prediction_errors(model: Polynomials, each: RecordedStretch, skip: int, initial: bool) -> np.ndarray:
     """Errors e (rows - skip,) = [A y - B u - c] / C of one stretch, with the effect of its initial state removed.
 
     Args:
@@ -165,7 +165,7 @@ def prediction_errors(model: Polynomials, each: Recorded, skip: int, initial: bo
     return e if base is None else e - base @ (base.T @ e)
 
 
-def _equation_errors(model: Polynomials, each: Recorded, skip: int) -> np.ndarray:
+def _equation_errors(model: Polynomials, each: RecordedStretch, skip: int) -> np.ndarray:
     return filtered(model.a, ONE, each.y[:, 0])[skip:] - filtered(model.b, ONE, each.u[:, 0])[skip:] - model.constant
 
 
@@ -187,7 +187,7 @@ def _shifts(column: np.ndarray, by: Sequence[int]) -> np.ndarray:
     return result
 
 
-def _with_gradient(orders: Orders, theta: np.ndarray, each: Recorded, skip: int, initial: bool):
+def _with_gradient(orders: Orders, theta: np.ndarray, each: RecordedStretch, skip: int, initial: bool):
     """Errors (rows,) and their derivatives (rows, k) of one stretch, initial states projected out. [Ljung1999], eq. (10.61)."""
     model = orders.polynomials(theta)
     rows = len(each.y) - skip
@@ -211,7 +211,7 @@ def _with_gradient(orders: Orders, theta: np.ndarray, each: Recorded, skip: int,
     return e, jacobian
 
 
-def errors_of(orders: Orders, theta: np.ndarray, stretches: Sequence[Recorded], skip: int, initial: bool):
+def errors_of(orders: Orders, theta: np.ndarray, stretches: Sequence[RecordedStretch], skip: int, initial: bool):
     """Errors (rows,) of all stretches and their derivatives (rows, k), initial states projected out.
 
     Raises:
@@ -240,7 +240,7 @@ def stabilised(polynomial: np.ndarray, largest: float = INSIDE) -> np.ndarray:
     return np.real(np.poly(mirrored)) if len(roots) else polynomial
 
 
-def least_squares(orders: Orders, stretches: Sequence[Recorded], skip: int) -> np.ndarray:
+def least_squares(orders: Orders, stretches: Sequence[RecordedStretch], skip: int) -> np.ndarray:
     """Parameters of the ARX model of these orders; of ARMAX orders its C is 1."""
     arx = replace(orders, structure="arx", nc=0)
     e, jacobian = errors_of(arx, np.zeros(arx.count), stretches, skip, initial=False)
@@ -248,7 +248,7 @@ def least_squares(orders: Orders, stretches: Sequence[Recorded], skip: int) -> n
     return orders.theta(replace(arx.polynomials(theta), c=np.eye(1, orders.nc + 1)[0]))
 
 
-def starts(orders: Orders, stretches: Sequence[Recorded], skip: int, initial: bool) -> list[np.ndarray]:
+def starts(orders: Orders, stretches: Sequence[RecordedStretch], skip: int, initial: bool) -> list[np.ndarray]:
     """Starting points: ARX, instrumental variables of its simulation, and Steiglitz-McBride. [Ljung1999], section 10.4."""
     found = [least_squares(orders, stretches, skip)]
     found.append(_instrumental(orders, stretches, skip, found[0]))
@@ -256,7 +256,7 @@ def starts(orders: Orders, stretches: Sequence[Recorded], skip: int, initial: bo
         theta = found[0]
         for _ in range(6):
             f = stabilised(orders.polynomials(theta).a)
-            whiter = [Recorded(s.run, filtered(ONE, f, s.u), filtered(ONE, f, s.y)) for s in stretches]
+            whiter = [RecordedStretch(s.run, filtered(ONE, f, s.u), filtered(ONE, f, s.y)) for s in stretches]
             theta = least_squares(orders, whiter, skip)
             if orders.constant:
                 theta[-1] *= f.sum()  # the constant column was not filtered
@@ -272,14 +272,15 @@ def starts(orders: Orders, stretches: Sequence[Recorded], skip: int, initial: bo
     return [with_best_numerator(orders, stretches, skip, initial, each) for each in kept]
 
 
-def _instrumental(orders: Orders, stretches: Sequence[Recorded], skip: int, theta: np.ndarray) -> np.ndarray:
+def _instrumental(orders: Orders, stretches: Sequence[RecordedStretch], skip: int, theta: np.ndarray) -> np.ndarray:
     """ARX parameters by instrumental variables: outputs simulated by the last estimate, which the noise cannot reach, twice."""
     arx = replace(orders, structure="arx", nc=0)
     model = orders.polynomials(theta)
     for _ in range(2):
         a = stabilised(model.a)
         clean = [
-            Recorded(s.run, s.u, filtered(model.b, a, s.u) + model.constant / max(a.sum(), 1e-3)) for s in stretches
+            RecordedStretch(s.run, s.u, filtered(model.b, a, s.u) + model.constant / max(a.sum(), 1e-3))
+            for s in stretches
         ]
         e, regressors = errors_of(arx, np.zeros(arx.count), stretches, skip, initial=False)
         _, instruments = errors_of(arx, np.zeros(arx.count), clean, skip, initial=False)
@@ -289,8 +290,13 @@ def _instrumental(orders: Orders, stretches: Sequence[Recorded], skip: int, thet
 
 
 def minimise(
-    orders: Orders, stretches: Sequence[Recorded], skip: int, initial: bool, theta: np.ndarray, rounds: int = ROUNDS
-) -> Fit:
+    orders: Orders,
+    stretches: Sequence[RecordedStretch],
+    skip: int,
+    initial: bool,
+    theta: np.ndarray,
+    rounds: int = ROUNDS,
+) -> PredictionFit:
     """Least squares of the errors from a starting point, by Levenberg-Marquardt; poles stay within the unit circle.
 
     Poles may pass the circle by 1/rows, so that an integrator lies inside: over all rows such a pole grows by no more than e.
@@ -299,13 +305,13 @@ def minimise(
     freed = (len(orders.polynomials(theta).c) - 1) * sum(len(each.y) > skip + orders.na for each in stretches)
     equations = len(e) - (freed if initial else 0)
     if orders.structure == "arx":
-        return Fit(orders, theta, e, jacobian, True, equations)
+        return PredictionFit(orders, theta, e, jacobian, True, equations)
     limit = largest_radius(stretches)
 
     def errors(trial: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
         return errors_of(orders, trial, stretches, skip, initial) if admissible(orders, trial, limit) else None
 
-    return Fit(orders, *least_errors(errors, theta, (e, jacobian), rounds), equations)
+    return PredictionFit(orders, *least_errors(errors, theta, (e, jacobian), rounds), equations)
 
 
 def least_errors(
@@ -333,7 +339,7 @@ def least_errors(
     return found.x[0], found.errors[0], found.jacobian[0], bool(found.ended[0])
 
 
-def largest_radius(stretches: Sequence[Recorded]) -> float:
+def largest_radius(stretches: Sequence[RecordedStretch]) -> float:
     """Largest magnitude of a pole: over all rows of a stretch it grows by no more than e."""
     return 1.0 + 1.0 / max(len(each.y) for each in stretches)
 
@@ -346,12 +352,12 @@ def admissible(orders: Orders, theta: np.ndarray, limit: float) -> bool:
 
 def estimate(
     orders: Orders,
-    stretches: Sequence[Recorded],
+    stretches: Sequence[RecordedStretch],
     skip: int,
     initial: bool,
     begin: np.ndarray | None = None,
     further: Sequence[np.ndarray] = (),
-) -> Fit:
+) -> PredictionFit:
     """The best fit from several starts: a few steps from each, then to convergence from the best.
 
     Args:
@@ -366,7 +372,7 @@ def estimate(
 
 
 def with_best_numerator(
-    orders: Orders, stretches: Sequence[Recorded], skip: int, initial: bool, model: Polynomials
+    orders: Orders, stretches: Sequence[RecordedStretch], skip: int, initial: bool, model: Polynomials
 ) -> np.ndarray:
     """Parameters with the B and constant that fit best beside a model's A and C: of these the errors are linear."""
     theta = orders.theta(model)

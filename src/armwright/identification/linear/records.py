@@ -21,7 +21,7 @@ CONSTANT = 1e-12  # range of a signal, as a share of its size
 
 
 @dataclass(frozen=True, eq=False)
-class Recorded(Stretch):
+class RecordedStretch(Stretch):
     """A stretch's inputs u (rows, inputs) and outputs y (rows, outputs)."""
 
     u: np.ndarray
@@ -54,8 +54,8 @@ class Records:
         sha256: of the log; "" of arrays.   notes: sentences about the data.
     """
 
-    fit: tuple[Recorded, ...]
-    hold_out: tuple[Recorded, ...]
+    fit: tuple[RecordedStretch, ...]
+    hold_out: tuple[RecordedStretch, ...]
     period: float
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
@@ -69,13 +69,13 @@ class Records:
         """Number of rows of the fit."""
         return sum(len(each.y) for each in self.fit)
 
-    def changed(self, change: Callable[[Recorded], Recorded]) -> Records:
+    def changed(self, change: Callable[[RecordedStretch], RecordedStretch]) -> Records:
         """The records with another stretch in the place of each."""
         return replace(self, fit=tuple(map(change, self.fit)), hold_out=tuple(map(change, self.hold_out)))
 
     def delayed(self, delay: int) -> Records:
         """The records with inputs `delay` rows later; rows before the first such input are dropped."""
-        return self.changed(lambda each: Recorded(each.run, each.u[: len(each.u) - delay], each.y[delay:]))
+        return self.changed(lambda each: RecordedStretch(each.run, each.u[: len(each.u) - delay], each.y[delay:]))
 
 
 def records_of(data: Any, y: Any = None, period: Any = None, signals: LogSignals = LIKELIEST) -> Records:
@@ -119,7 +119,7 @@ def _of_arrays(u: Any, y: Any, period: Any) -> Records:
                 )  # fmt: skip
             if np.abs(values).max() > LARGEST:
                 raise LogError(place=place, value=float(np.abs(values).max()), expected=f"at most {LARGEST:g}")
-        fit.append(Recorded(name, columns_u, columns_y))
+        fit.append(RecordedStretch(name, columns_u, columns_y))
     step = _period(period, fit)
     inputs = tuple(f"u{k + 1}" for k in range(fit[0].u.shape[1])) if fit[0].u.shape[1] > 1 else ("u",)
     outputs = tuple(f"y{k + 1}" for k in range(fit[0].y.shape[1])) if fit[0].y.shape[1] > 1 else ("y",)
@@ -146,7 +146,7 @@ def _columns(values: Any, place: str) -> np.ndarray:
     return array[:, None] if array.ndim == 1 else array
 
 
-def _period(period: Any, runs: Sequence[Recorded]) -> float:
+def _period(period: Any, runs: Sequence[RecordedStretch]) -> float:
     """The period [s] from a number or from times."""
     times = np.asarray(period, dtype=float) if not isinstance(period, str) else np.full(1, np.nan)
     if times.ndim == 0:
@@ -246,7 +246,7 @@ def _column(log: Log, signal: str, joint: str) -> int:
     return joints.index(number)
 
 
-def _stretches(log: Log, run: LogRun, inputs: Any, outputs: Any) -> list[Recorded]:
+def _stretches(log: Log, run: LogRun, inputs: Any, outputs: Any) -> list[RecordedStretch]:
     """Parts of a run without gap and without empty cells."""
     blocks = list(log.blocks(run.name))
     t = np.concatenate([block.t for block in blocks])
@@ -264,7 +264,7 @@ def _stretches(log: Log, run: LogRun, inputs: Any, outputs: Any) -> list[Recorde
         finite = np.isfinite(u[rows]).all(axis=1) & np.isfinite(y[rows]).all(axis=1)
         edges = np.flatnonzero(np.diff(np.concatenate([[False], finite, [False]]).astype(np.int8)))
         for begin, end in zip(edges[::2] + part.begin, edges[1::2] + part.begin, strict=True):
-            found.append(Recorded(run.name, u[begin:end], y[begin:end]))
+            found.append(RecordedStretch(run.name, u[begin:end], y[begin:end]))
     return found
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from armwright.fitting.autoregression import AKAIKE, autoregression, lagged_products
 from armwright.fitting.residuals import ChiSquared, autocorrelation, lagged, ljung_box
 from armwright.identification.linear.prediction_error import Orders, filtered, least_squares, prediction_errors
-from armwright.identification.linear.records import Recorded
+from armwright.identification.linear.records import RecordedStretch
 
 LAGS = 20  # samples
 MOST_PAST = 30  # rows of the past in an autoregression of errors or inputs
@@ -63,7 +63,7 @@ def _whitened(errors: Columns, inputs: Columns) -> list[tuple[np.ndarray, np.nda
     return [(white(e, models[0][0]), white(u, models[1][0])) for e, u in zip(errors, inputs, strict=True)]
 
 
-def feedback(stretches: Sequence[Recorded], delay: int) -> ChiSquared:
+def feedback(stretches: Sequence[RecordedStretch], delay: int) -> ChiSquared:
     """Test of feedback: correlation of the input with earlier disturbances of the output. [Ljung1999], section 16.6.
 
     The errors of a long ARX model are what came new into the output; without feedback no later input knows of them.

@@ -8,11 +8,11 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from armwright.identification.linear.prediction_error import Orders, Polynomials
-from armwright.identification.linear.records import Recorded, Records
+from armwright.identification.linear.records import RecordedStretch, Records
 from armwright.identification.linear.state_space import StateSpace
 
 
-class Units:
+class SignalUnits:
     """Mean and size of every signal, and the way back to units."""
 
     def __init__(self, records: Records, centred: bool):
@@ -20,9 +20,9 @@ class Units:
         self.u0, self.y0 = (u.mean(axis=0), y.mean(axis=0)) if centred else (np.zeros(u.shape[1]), np.zeros(y.shape[1]))
         self.us, self.ys = u.std(axis=0), y.std(axis=0)
 
-    def scaled(self, each: Recorded) -> Recorded:
+    def scaled(self, each: RecordedStretch) -> RecordedStretch:
         """Rows with mean 0 and size 1."""
-        return Recorded(each.run, (each.u - self.u0) / self.us, (each.y - self.y0) / self.ys)
+        return RecordedStretch(each.run, (each.u - self.u0) / self.us, (each.y - self.y0) / self.ys)
 
     def polynomials(self, model: Polynomials) -> Polynomials:
         """Polynomials of signals in units."""
@@ -51,7 +51,7 @@ class Units:
         return replace(whole, offset=offset - (gain @ self.u0 if np.isfinite(gain).all() else 0.0))
 
 
-def scale(records: Records, offset: bool) -> tuple[Records, Units]:
+def scale(records: Records, offset: bool) -> tuple[Records, SignalUnits]:
     """Records scaled, centred where an offset is estimated, and the way back."""
-    units = Units(records, offset)
+    units = SignalUnits(records, offset)
     return records.changed(units.scaled), units

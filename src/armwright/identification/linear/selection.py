@@ -10,10 +10,10 @@ from typing import Any, Literal
 import numpy as np
 
 from armwright.errors import LogError
-from armwright.identification.linear.held import Held, best_held, bic_of
+from armwright.identification.linear.held import HeldFit, best_held, bic_of
 from armwright.identification.linear.prediction_error import (
-    Fit,
     Orders,
+    PredictionFit,
     Structure,
     estimate,
     least_squares,
@@ -21,7 +21,7 @@ from armwright.identification.linear.prediction_error import (
     prediction_errors,
     with_best_numerator,
 )
-from armwright.identification.linear.records import Recorded
+from armwright.identification.linear.records import RecordedStretch
 
 Criterion = Literal["cv", "aic", "bic", "fpe", "mdl"]
 CRITERIA: tuple[Criterion, ...] = ("cv", "aic", "bic", "fpe", "mdl")
@@ -61,7 +61,7 @@ USUAL = OrderSearch()
 
 
 @dataclass(frozen=True)
-class Candidate:
+class OrderCandidate:
     """One structure with its criteria; lower is better.
 
     Attributes:
@@ -98,7 +98,7 @@ def criteria(cost: float, rows: int, count: int, variance: float = 1.0) -> dict[
     }
 
 
-def first_response(stretches: Sequence[Recorded], most: int, least: int = 0) -> int:
+def first_response(stretches: Sequence[RecordedStretch], most: int, least: int = 0) -> int:
     """Delay [samples] at which an ARX model of many coefficients first responds significantly to its input.
 
     Args:
@@ -115,8 +115,8 @@ def first_response(stretches: Sequence[Recorded], most: int, least: int = 0) -> 
 
 
 def trimmed(
-    orders: Orders, stretches: Sequence[Recorded], skip: int, initial: bool, further: Sequence[np.ndarray]
-) -> Fit:
+    orders: Orders, stretches: Sequence[RecordedStretch], skip: int, initial: bool, further: Sequence[np.ndarray]
+) -> PredictionFit:
     """A fit without the end coefficients of B that no criterion justifies: t² < ln(rows)."""
     fit = estimate(orders, stretches, skip, initial, None, further)
     while fit.orders.nb > 1:
@@ -136,7 +136,7 @@ def trimmed(
     return fit
 
 
-def cross_validation(fit: Fit, stretches: Sequence[Recorded], skip: int, initial: bool) -> np.ndarray:
+def cross_validation(fit: PredictionFit, stretches: Sequence[RecordedStretch], skip: int, initial: bool) -> np.ndarray:
     """Mean squares (folds,) of the free simulation's error on held-out blocks of rows."""
     orders, errors = fit.orders, []
     parts_of_rows = folds(stretches, skip + 2 * orders.count)
@@ -160,8 +160,8 @@ def too_short() -> LogError:
 
 
 def folds(
-    stretches: Sequence[Recorded], shortest: int, count: int = FOLDS
-) -> list[tuple[list[Recorded], list[Recorded]]]:
+    stretches: Sequence[RecordedStretch], shortest: int, count: int = FOLDS
+) -> list[tuple[list[RecordedStretch], list[RecordedStretch]]]:
     """Stretches for fit and validation: every fold holds out one block of successive rows.
 
     Args:
@@ -186,9 +186,9 @@ def folds(
 
 
 def selected(
-    structure: Structure, stretches: Sequence[Recorded], order: int | None, delay: int | None, search: OrderSearch,
+    structure: Structure, stretches: Sequence[RecordedStretch], order: int | None, delay: int | None, search: OrderSearch,
     constant: bool, initial: bool,
-) -> tuple[Orders, tuple[Candidate, ...]]:  # fmt: skip
+) -> tuple[Orders, tuple[OrderCandidate, ...]]:  # fmt: skip
     """Order and delay of a structure, and all candidates.
 
     Args:
@@ -199,7 +199,7 @@ def selected(
     variance = float(np.var(np.concatenate([each.y[:, 0] for each in stretches])))
     low = first_response(stretches, search.most_delay) if delay is None else delay
     begin = max(low - BEFORE, 0) if delay is None else delay
-    tried: list[Candidate] = []
+    tried: list[OrderCandidate] = []
     scores: dict[Orders, np.ndarray] = {}
     settled: set[Orders] = set()  # of held systems, whose delay a free B would blur
     skip, last = max(numbers) + low + 2, None
@@ -222,14 +222,14 @@ def selected(
         last = fit
         found = criteria(fit.cost, fit.equations, count, variance)
         scores[orders] = cross_validation(fit, stretches, skip, initial) if by == "cv" else np.array([np.nan])
-        tried.append(Candidate(orders, **found, cv=float(np.mean(scores[orders])) / variance))
+        tried.append(OrderCandidate(orders, **found, cv=float(np.mean(scores[orders])) / variance))
     chosen = _simplest(tried, scores, variance) if by == "cv" else min(tried, key=lambda each: each[by]).orders
     if delay is None and chosen not in settled:
         chosen = _polished(chosen, stretches, skip, initial, fixed=order is not None)
     return chosen, tuple(tried)
 
 
-def _is_held(held: Held, fit: Fit) -> bool:
+def _is_held(held: HeldFit, fit: PredictionFit) -> bool:
     """True if BIC speaks for the held system; where it has no more parameters than the free one, up to one of them is its credit.
 
     Inputs of plants are held: between two fits that the data hardly tell apart it is the likelier one.
@@ -238,7 +238,7 @@ def _is_held(held: Held, fit: Fit) -> bool:
     return bool(bic_of(held) <= _bic(fit) + credit)
 
 
-def _grown(orders: Orders, last: Fit | None) -> list[np.ndarray]:
+def _grown(orders: Orders, last: PredictionFit | None) -> list[np.ndarray]:
     """The fit of a lower order as a start of a higher one, with poles and coefficients at 0 that it did not have."""
     if last is None or last.orders.delay < orders.delay:
         return []
@@ -250,11 +250,11 @@ def _grown(orders: Orders, last: Fit | None) -> list[np.ndarray]:
     return [orders.theta(replace(model, a=a, b=b, c=c))]
 
 
-def _bic(fit: Fit) -> float:
+def _bic(fit: PredictionFit) -> float:
     return criteria(fit.cost, fit.equations, fit.orders.count)["bic"]
 
 
-def _polished(orders: Orders, stretches: Sequence[Recorded], skip: int, initial: bool, fixed: bool) -> Orders:
+def _polished(orders: Orders, stretches: Sequence[RecordedStretch], skip: int, initial: bool, fixed: bool) -> Orders:
     """The neighbour in delay and number of B's coefficients with the lowest BIC, as long as there is a lower one."""
 
     def bic(each: Orders) -> float:
@@ -271,7 +271,7 @@ def _polished(orders: Orders, stretches: Sequence[Recorded], skip: int, initial:
             return here
 
 
-def _simplest(tried: Sequence[Candidate], scores: dict[Orders, np.ndarray], variance: float) -> Orders:
+def _simplest(tried: Sequence[OrderCandidate], scores: dict[Orders, np.ndarray], variance: float) -> Orders:
     """The first structure whose held-out error is no more than a standard error of the difference above the best."""
     best = min(tried, key=lambda each: each.cv).orders
     for each in tried:

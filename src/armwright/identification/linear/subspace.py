@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from armwright.errors import LogError
-from armwright.identification.linear.records import Recorded
+from armwright.identification.linear.records import RecordedStretch
 from armwright.identification.linear.state_space import StateSpace, states
 
 FAR = 1e-10  # singular values below this share of the largest are rounding
@@ -29,7 +29,7 @@ class Projection:
     outputs: int
 
 
-def project(stretches: Sequence[Recorded], horizon: int, weighting: str, constant: bool) -> Projection:
+def project(stretches: Sequence[RecordedStretch], horizon: int, weighting: str, constant: bool) -> Projection:
     """Oblique projection of future outputs along future inputs on the past, weighted.
 
     With U_f, Y_f the block Hankel matrices of the future and W_p that of the past, the LQ factors of [U_f; W_p; Y_f] give
@@ -105,7 +105,7 @@ def dynamics(projection: Projection, order: int, limit: float) -> tuple[np.ndarr
 def inputs_of(
     a: np.ndarray,
     c: np.ndarray,
-    stretches: Sequence[Recorded],
+    stretches: Sequence[RecordedStretch],
     period: float,
     *,
     direct: bool,
@@ -150,7 +150,7 @@ def inputs_of(
     return StateSpace(a, b, c, d, offset, period), errors
 
 
-def initial_state(model: StateSpace, each: Recorded) -> np.ndarray:
+def initial_state(model: StateSpace, each: RecordedStretch) -> np.ndarray:
     """State (n,) at a stretch's first row with which its free simulation is nearest to the outputs."""
     n, rows = len(model.a), len(each.y)
     zero = np.zeros((rows, 1))

@@ -22,7 +22,7 @@ import numpy as np
 
 from armwright.errors import LogError
 from armwright.fitting.measures import r_squared
-from armwright.identification.linear.records import Recorded
+from armwright.identification.linear.records import RecordedStretch
 from armwright.identification.linear.residuals import CERTAIN as CHANCE, feedback
 from armwright.identification.motor.guess import Guess, first_order
 from armwright.identification.motor.measured import Measured
@@ -127,7 +127,7 @@ def feedback_remark(data: Measured, joint: int) -> list[str]:
     """A sentence if the command depends on earlier disturbances of the motion; empty without feedback. [Ljung1999]"""
     if not {"q", "qd", "qd_mean"} & set(data.signals):
         return []
-    stretches = [Recorded(s.run, s.inputs.command[:, [joint]], s.speed(joint)[:, None]) for s in data.stretches]
+    stretches = [RecordedStretch(s.run, s.inputs.command[:, [joint]], s.speed(joint)[:, None]) for s in data.stretches]
     if feedback(stretches, 1).p >= CHANCE:
         return []
     what = f"the {data.command} follows past disturbances of the motion (closed loop)"

@@ -17,7 +17,7 @@ from armwright.identification.motor.fitting import Fitted, without
 from armwright.identification.motor.guess import Guess
 from armwright.identification.motor.held_out import held_out
 from armwright.identification.motor.measured import Measured
-from armwright.identification.motor.output_error import Problem
+from armwright.identification.motor.output_error import DriveProblem
 from armwright.identification.motor.predictions import Measures, predictions_of
 from armwright.identification.motor.problem import sizes
 from armwright.identification.motor.report import MotorFit
@@ -132,7 +132,7 @@ def _of_measures(measures: Measures, fresh: Measures) -> tuple[list[str], list[s
     return remarks, wrong
 
 
-def covariance(problem: Problem, residuals: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
+def covariance(problem: DriveProblem, residuals: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
     """(k, k) of coordinates, for residuals that are correlated in time, each signal by itself, and a prior.
 
     Args:

@@ -12,7 +12,7 @@ from armwright.errors import ModelError
 from armwright.fitting.directions import directions, without as less
 from armwright.identification.motor.drive_record import HOLD_FIRST
 from armwright.identification.motor.measured import Measured
-from armwright.identification.motor.output_error import ROWS_OF_STARTS, Problem, many_starts, refined, starts
+from armwright.identification.motor.output_error import ROWS_OF_STARTS, DriveProblem, many_starts, refined, starts
 from armwright.identification.motor.problem import MotorSearch, sizes
 from armwright.identification.motor.unknowns import values_of
 from armwright.progress import Progress
@@ -37,7 +37,7 @@ class Fitted:
         ends: of those that ran into a bound of their search.   remarks: sentences about these.
     """
 
-    problem: Problem
+    problem: DriveProblem
     z: np.ndarray
     held: list[int]
     reasons: list[tuple[dict[int, float], int]] = field(default_factory=list)
@@ -54,7 +54,7 @@ class Fitted:
 def fitted(
     record: RobotDescription,
     data: Measured,
-    problem: Problem,
+    problem: DriveProblem,
     search: MotorSearch,
     free: Sequence[str] | None,
     progress: Progress,
@@ -160,7 +160,7 @@ def _hold_at_zero(done: Fitted, free: Sequence[str] | None) -> None:
         )
 
 
-def _scaled(problem: Problem, residuals: np.ndarray) -> np.ndarray:
+def _scaled(problem: DriveProblem, residuals: np.ndarray) -> np.ndarray:
     """RMS of the scaled residuals (signals · n,): by how much the signals' standard deviations change.
 
     One for all runs: a run's own would let the worst described run count the less, and the better ones the more, without end.
@@ -171,7 +171,7 @@ def _scaled(problem: Problem, residuals: np.ndarray) -> np.ndarray:
     return np.where(squares > 0, np.sqrt(np.maximum(squares, 1e-12) / np.maximum(counts, 1.0)), 1.0)
 
 
-def without(problem: Problem, held: Sequence[int], z: np.ndarray) -> Problem:
+def without(problem: DriveProblem, held: Sequence[int], z: np.ndarray) -> DriveProblem:
     """The problem with some unknowns fixed at coordinates z."""
     if not held:
         return problem

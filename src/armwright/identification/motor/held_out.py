@@ -17,7 +17,7 @@ from armwright.identification.logs.log import Log
 from armwright.identification.motor.bench import decoupled_record
 from armwright.identification.motor.fitting import Fitted
 from armwright.identification.motor.measured import LOGGED, Measured, MotorReading, largest_speed, measured
-from armwright.identification.motor.output_error import Places, Problem, refined
+from armwright.identification.motor.output_error import DriveProblem, UnknownPlaces, refined
 from armwright.identification.motor.predictions import MARK, Measures, predictions_of
 from armwright.identification.motor.problem import starts_of
 from armwright.identification.motor.report import MotorFit
@@ -55,7 +55,7 @@ def held_out(
     return predictions, measures, []
 
 
-def _fresh(record: RobotDescription, data: Measured, done: Fitted) -> tuple[Problem, np.ndarray]:
+def _fresh(record: RobotDescription, data: Measured, done: Fitted) -> tuple[DriveProblem, np.ndarray]:
     """The problem of new stretches in which the numbers of a fit are fixed, and where its search begins."""
     old, n = done.problem, len(data.joints)
     values, _ = values_of(old.unknowns, done.z)
@@ -78,9 +78,9 @@ def _fresh(record: RobotDescription, data: Measured, done: Fitted) -> tuple[Prob
             offsets[_joint_of(old, k)] = len(unknowns)
             unknowns.append(replace(old.unknowns[k], guess=float(values[k]), run=stretch.run))
         none = np.full(len(nominal), -1)
-        places.append(Places(none, offsets, -1, start, fixed))
+        places.append(UnknownPlaces(none, offsets, -1, start, fixed))
     moving = [d for d, at in zip(delays, old.places, strict=True) if at.start.max(initial=-1) >= 0] or delays
-    problem = Problem(
+    problem = DriveProblem(
         old.response, tuple(unknowns), data.stretches, tuple(places), old.sigma, nominal, float(np.mean(moving))
     )
     return problem, np.array([each.to_coordinate(each.guess) for each in unknowns])
@@ -132,6 +132,6 @@ def _with_remarks(fit: MotorFit, remarks: Sequence[str], doubts: Sequence[str] =
     return replace(fit, estimate=estimate)
 
 
-def _joint_of(problem: Problem, unknown: int) -> int:
+def _joint_of(problem: DriveProblem, unknown: int) -> int:
     """Number of the joint whose command has that offset."""
     return next(int(np.flatnonzero(at.offsets == unknown)[0]) for at in problem.places if unknown in at.offsets)

@@ -22,7 +22,7 @@ from armwright.identification.motor.fitting import fitted
 from armwright.identification.motor.guess import guess
 from armwright.identification.motor.held_out import judged
 from armwright.identification.motor.measured import MotorReading, measured, steady
-from armwright.identification.motor.output_error import Problem
+from armwright.identification.motor.output_error import DriveProblem
 from armwright.identification.motor.predictions import MARK
 from armwright.identification.motor.problem import MotorSearch, check_names, problem_of
 from armwright.identification.motor.report import MotorFit
@@ -137,7 +137,7 @@ def _error(fit: MotorFit) -> float:
     return float(np.exp(np.mean(np.log(np.maximum(shares, 1e-12)))))
 
 
-def _check_rows(problem: Problem, log: Log) -> None:
+def _check_rows(problem: DriveProblem, log: Log) -> None:
     """Refuses more unknowns than measurements can carry.
 
     Raises:

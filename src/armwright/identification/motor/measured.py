@@ -13,7 +13,7 @@ from armwright.errors import LogError
 from armwright.fitting.stretch import Stretch
 from armwright.identification.logs.log import Log
 from armwright.identification.logs.quantisation import quantisation_step
-from armwright.identification.motor.response import Inputs
+from armwright.identification.motor.response import DriveInputs
 
 Command = Literal["voltage", "current", "torque"]
 LOGGED = {"qd_mean": "qd"}  # signal of the log with which one of `Response` is compared, where it has another name
@@ -32,7 +32,7 @@ class Driven(Stretch):
     """
 
     t: np.ndarray
-    inputs: Inputs
+    inputs: DriveInputs
     values: dict[str, np.ndarray]
     weights: np.ndarray
 
@@ -201,7 +201,7 @@ def _stretches(
             weights["qd_mean"][0] = 0.0  # its position before is not known
         if "q" in names:
             weights["q"] /= np.sqrt(np.column_stack([rows_of_count(q) for q in values["q"].T]))
-        inputs = Inputs(np.append(np.diff(t), t[-1] - t[-2]), np.nan_to_num(command))
+        inputs = DriveInputs(np.append(np.diff(t), t[-1] - t[-2]), np.nan_to_num(command))
         yield Driven(run, t, inputs, values, np.concatenate(list(weights.values()), axis=1))
 
 
@@ -242,5 +242,5 @@ def steady(log: Log, joints: Sequence[str], data: Measured, time: float) -> Driv
     if not compared or not len(speed):
         raise LogError("the other log has no speed to compare", place="static", file=log.path)
     t = np.cumsum(period) - period
-    inputs = Inputs(period, np.repeat(command, LEVEL_TICKS, axis=0))
+    inputs = DriveInputs(period, np.repeat(command, LEVEL_TICKS, axis=0))
     return Driven("static", t, inputs, values, np.concatenate(list(weights.values()), axis=1))

@@ -32,7 +32,7 @@ GAIN = 1e-6  # of the cost: a start that gains less has arrived
 
 
 @dataclass(frozen=True)
-class Places:
+class UnknownPlaces:
     """Unknowns of one stretch: for every direction of the response the number of its unknown, -1 where it is fixed."""
 
     parameters: np.ndarray
@@ -43,7 +43,7 @@ class Places:
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
+class DriveProblem:
     """Residuals of stretches as functions of coordinates z.
 
     Attributes:
@@ -56,7 +56,7 @@ class Problem:
     response: Response
     unknowns: tuple[Unknown, ...]
     stretches: tuple[Driven, ...]
-    places: tuple[Places, ...]
+    places: tuple[UnknownPlaces, ...]
     sigma: np.ndarray
     nominal: np.ndarray
     delay: float = 0.0
@@ -128,7 +128,7 @@ class Problem:
             dy[..., numbers[direction]] += raw[..., direction]
         return y, dy * rates[:, None, None, :]
 
-    def part(self, rows: int) -> Problem:
+    def part(self, rows: int) -> DriveProblem:
         """The problem reduced to a number of rows from the beginning."""
         stretches, places = [], []
         for stretch, at in zip(self.stretches, self.places, strict=True):
@@ -141,7 +141,7 @@ class Problem:
         return replace(self, stretches=tuple(stretches), places=tuple(places))
 
 
-def starts(problem: Problem, centre: np.ndarray, count: int, seed: int) -> np.ndarray:
+def starts(problem: DriveProblem, centre: np.ndarray, count: int, seed: int) -> np.ndarray:
     """(count, k) start coordinates: the guess, then a Latin hypercube about it; offsets stay as guessed."""
     low, high = problem.bounds
     sample = 2.0 * qmc.LatinHypercube(len(centre), rng=np.random.default_rng(seed)).random(count - 1) - 1.0
@@ -160,7 +160,7 @@ def starts(problem: Problem, centre: np.ndarray, count: int, seed: int) -> np.nd
     return np.clip(np.concatenate([centre[None], drawn]), low, high)
 
 
-def many_starts(problem: Problem, z: np.ndarray, steps: int = STEPS_OF_STARTS) -> tuple[np.ndarray, np.ndarray]:
+def many_starts(problem: DriveProblem, z: np.ndarray, steps: int = STEPS_OF_STARTS) -> tuple[np.ndarray, np.ndarray]:
     """Coordinates (lanes, k) after some Levenberg-Marquardt steps, and costs (lanes,), of the starts that survived."""
     low, high = problem.bounds
     found = Descent.begin(lambda x: _finite(*problem.evaluate(x)), z, DAMPING.first)
@@ -184,7 +184,7 @@ def _finite(residuals: np.ndarray, jacobian: np.ndarray) -> tuple[np.ndarray, np
     return residuals, jacobian
 
 
-def refined(problem: Problem, z: np.ndarray) -> np.ndarray:
+def refined(problem: DriveProblem, z: np.ndarray) -> np.ndarray:
     """Coordinates (k,) of the least squares, from a start, within the bounds."""
     low, high = problem.bounds
     last: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []

@@ -9,13 +9,15 @@ import numpy as np
 
 from armwright.fitting.measures import agreement
 from armwright.identification.motor.measured import LOGGED, Measured
-from armwright.identification.motor.output_error import Problem
+from armwright.identification.motor.output_error import DriveProblem
 
 Measures = Mapping[str, Mapping[str, float]]
 MARK = " (held out, with the fitted delay)"  # behind a run's name, among measures: no record has a delay
 
 
-def predictions_of(problem: Problem, z: np.ndarray, data: Measured, mark: str = "") -> tuple[dict[str, Any], Measures]:
+def predictions_of(
+    problem: DriveProblem, z: np.ndarray, data: Measured, mark: str = ""
+) -> tuple[dict[str, Any], Measures]:
     """Datasets by run, and measures by run and signal.
 
     Args:

@@ -20,7 +20,7 @@ from armwright.identification.motor.measured import (
     largest_speed,
     rows_of_count,
 )
-from armwright.identification.motor.output_error import Places, Problem
+from armwright.identification.motor.output_error import DriveProblem, UnknownPlaces
 from armwright.identification.motor.response import Response, response_of
 from armwright.identification.motor.unknowns import RANGE, Unknown, values_of
 from armwright.model.model import Model, build_model
@@ -77,7 +77,7 @@ def check_names(place: str, value: Any) -> None:
 def problem_of(
     record: RobotDescription, data: Measured, stretches: Sequence[Driven], names: Mapping[str, tuple[str, ...]],
     guesses: Sequence[Guess], free: Sequence[str] | None, delay: float | None, search: MotorSearch,
-) -> Problem:  # fmt: skip
+) -> DriveProblem:  # fmt: skip
     """The least-squares problem.
 
     Args:
@@ -115,10 +115,10 @@ def problem_of(
         own = [number(label, stretch.run) for label, group in names.items() for _ in group]
         offsets = [number(f"{joint}: offset", stretch.run) for joint in data.joints]
         lag = -1 if stretch.run == "static" else number("delay", stretch.run)
-        places.append(Places(np.array(own, dtype=int), np.array(offsets, dtype=int), lag, start, fixed_start))
+        places.append(UnknownPlaces(np.array(own, dtype=int), np.array(offsets, dtype=int), lag, start, fixed_start))
     prior = _prior(record, unknowns) if search.priors else None
     sigma = _first_sigma(data)
-    return Problem(
+    return DriveProblem(
         response, tuple(unknowns), tuple(stretches), tuple(places), sigma, varied.nominal, fixed_delay, prior
     )
 
@@ -204,7 +204,7 @@ def largest_torque(
     return ratio * constants[0] * command / ((constants[1] or 1.0) if driven_by == "voltage" else 1.0)
 
 
-def sizes(record: RobotDescription, data: Measured, problem: Problem, z: np.ndarray) -> np.ndarray:
+def sizes(record: RobotDescription, data: Measured, problem: DriveProblem, z: np.ndarray) -> np.ndarray:
     """(k,) by how much larger the size of every unknown is, with all others as they are at z, than its scale."""
     values, _ = values_of(problem.unknowns, z)
     known = {path: float(v) for each, v in zip(problem.unknowns, values, strict=True) for path in each.paths}

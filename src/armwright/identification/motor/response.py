@@ -37,7 +37,7 @@ SIGNALS = ("q", "qd", "qd_mean", "current", "tau")  # that a log may be compared
 
 
 @dataclass(frozen=True, eq=False)
-class Inputs:
+class DriveInputs:
     """Inputs of a response: one stretch of a log.
 
     Attributes:
@@ -198,7 +198,7 @@ class Response:
         """The compiled loop."""
         return NativeLoop(self._stages(), select_target())
 
-    def table(self, inputs: Inputs) -> np.ndarray:
+    def table(self, inputs: DriveInputs) -> np.ndarray:
         """(rows, …) of the loop: this period, the last one, then commands u(k), u(k - 1), …; before the first row, the first."""
         rows, lags = len(inputs.period), self.most_delay + 1
         before = np.concatenate([inputs.period[:1], inputs.period[:-1]])

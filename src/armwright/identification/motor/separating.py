@@ -21,9 +21,9 @@ from armwright.identification.motor.drive_record import paths_of, value_at
 from armwright.identification.motor.fitting import Fitted
 from armwright.identification.motor.guess import Guess
 from armwright.identification.motor.measured import Driven, Measured, largest_command
-from armwright.identification.motor.output_error import Problem
+from armwright.identification.motor.output_error import DriveProblem
 from armwright.identification.motor.problem import sizes
-from armwright.identification.motor.response import Inputs
+from armwright.identification.motor.response import DriveInputs
 from armwright.identification.motor.unknowns import values_of
 
 CURRENT_NOISE = 0.01  # of the largest current: what a current sensor is taken to have
@@ -121,7 +121,7 @@ def _of_current(
     return found if "current" in data.signals else {"a log of the current beside the voltage": moving, **found}
 
 
-def _speeds(problem: Problem, stretch: Driven, y: np.ndarray, dy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _speeds(problem: DriveProblem, stretch: Driven, y: np.ndarray, dy: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Predicted speed (rows,) and its derivatives (rows, k)."""
     names = problem.response.signals
     for name in ("qd", "qd_mean"):
@@ -131,7 +131,7 @@ def _speeds(problem: Problem, stretch: Driven, y: np.ndarray, dy: np.ndarray) ->
     return np.gradient(y[:, 0]) / period, np.gradient(dy[:, 0], axis=0) / period[:, None]
 
 
-def _of_experiment(kind: str, data: Measured, problem: Problem, guess: Guess) -> Problem | None:
+def _of_experiment(kind: str, data: Measured, problem: DriveProblem, guess: Guess) -> DriveProblem | None:
     """The problem of an experiment instead of the log; None where it cannot be sized, or rows are too few for it."""
     most = largest_command(data.stretches)
     try:
@@ -145,7 +145,7 @@ def _of_experiment(kind: str, data: Measured, problem: Problem, guess: Guess) ->
     rows = len(u)
     values = {name: np.zeros((rows, 1)) for name in first.values}
     stretch = replace(
-        first, t=np.arange(rows) * data.period, inputs=Inputs(np.full(rows, data.period), u), values=values,
+        first, t=np.arange(rows) * data.period, inputs=DriveInputs(np.full(rows, data.period), u), values=values,
         weights=np.ones((rows, first.weights.shape[1])),
     )  # fmt: skip
     return replace(problem, stretches=(stretch,), places=(at,))
