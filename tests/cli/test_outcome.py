@@ -12,7 +12,7 @@ from armwright.errors import BusError, OutputError, ScenarioError
 
 def test_a_file_that_was_not_asked_for_is_neither_checked_nor_written(capsys):
     check_file(None, PAGE)
-    write(None, pytest.fail)
+    write(None, lambda path: pytest.fail("written"))
     assert capsys.readouterr().out == ""
 
 
