@@ -47,9 +47,11 @@ def _motors(name: str) -> Callable[[Any], list[str]]:
     return _joints(lambda body: getattr(body.drive, name) not in (None, False, ()))
 
 
-def _frictions(has: Callable[[Any], bool]) -> Callable[[Any], list[str]]:
-    """Names of the joints whose friction has something."""
-    return _joints(lambda body: body.friction is not None and has(body.friction))
+def _friction(key: str, about: str, has: Callable[[Any], bool]) -> Feature:
+    """A feature of the joints whose friction has something; its key in the table of friction."""
+    return Feature(
+        f"joints.friction.{key}", about, _joints(lambda body: body.friction is not None and has(body.friction))
+    )
 
 
 def _elasticities(name: str) -> Callable[[Any], list[str]]:
@@ -59,6 +61,15 @@ def _elasticities(name: str) -> Callable[[Any], list[str]]:
 def _by_temperature(friction: Any) -> bool:
     slopes = ("viscous_fall", "viscous_temperature_coefficient", "coulomb_temperature_coefficient")
     return any(getattr(friction, name) is not None for name in slopes)
+
+
+def _is_smoothed(friction: Any) -> bool:
+    return friction.is_dry and LAWS[friction.law].sticks and not friction.sticks
+
+
+def _by_direction(friction: Any) -> bool:
+    positive, negative = friction.coulomb_positive, friction.coulomb_negative
+    return positive is not negative and bool(positive != negative)
 
 
 def _branching(arm: Any) -> list[str]:
@@ -80,9 +91,7 @@ def _is_table(efficiency: Any) -> bool:
 def _of_laws() -> dict[str, Feature]:
     """A feature for every friction law that has one."""
     return {
-        law.feature: Feature(
-            "joints.friction.law", f"friction law {name}", _frictions(lambda friction, name=name: friction.law == name)
-        )
+        law.feature: _friction("law", f"friction law {name}", lambda friction, name=name: friction.law == name)
         for name, law in LAWS.items()
         if law.feature
     }
@@ -107,44 +116,17 @@ ARM = {
         "gear efficiency by load",
         _joints(lambda body: _is_table(body.drive.efficiency)),
     ),
-    "load coefficient": Feature(
-        "joints.friction.load_coefficient",
-        "friction by load",
-        _frictions(lambda friction: friction.load_coefficient is not None),
+    "load coefficient": _friction(
+        "load_coefficient", "friction by load", lambda each: each.load_coefficient is not None
     ),
-    "dry friction": Feature(
-        "joints.friction.coulomb_positive_n_m", "dry friction", _frictions(lambda friction: friction.sticks)
-    ),
-    "smoothed friction": Feature(
-        "joints.friction.smoothing_rad_per_s",
-        "dry friction with a smoothing speed",
-        _frictions(lambda friction: friction.is_dry and LAWS[friction.law].sticks and not friction.sticks),
-    ),
-    "friction by direction": Feature(
-        "joints.friction.coulomb_negative_n_m",
-        "friction by direction",
-        _frictions(
-            lambda friction: (
-                friction.coulomb_positive is not friction.coulomb_negative
-                and bool(friction.coulomb_positive != friction.coulomb_negative)
-            )
-        ),
-    ),
-    "friction offset": Feature(
-        "joints.friction.offset_n_m", "friction offset", _frictions(lambda friction: friction.offset != 0.0)
-    ),
-    "Stribeck friction": Feature(
-        "joints.friction.stribeck_torque_n_m",
-        "Stribeck friction",
-        _frictions(lambda friction: friction.stribeck is not None),
-    ),
+    "dry friction": _friction("coulomb_positive_n_m", "dry friction", lambda each: each.sticks),
+    "smoothed friction": _friction("smoothing_rad_per_s", "dry friction with a smoothing speed", _is_smoothed),
+    "friction by direction": _friction("coulomb_negative_n_m", "friction by direction", _by_direction),
+    "friction offset": _friction("offset_n_m", "friction offset", lambda each: each.offset != 0.0),
+    "Stribeck friction": _friction("stribeck_torque_n_m", "Stribeck friction", lambda each: each.stribeck is not None),
     **_of_laws(),
-    "motor-side friction": Feature(
-        "joints.friction.side", "friction of the motor", _frictions(lambda friction: friction.on_motor)
-    ),
-    "friction by temperature": Feature(
-        "joints.friction.viscous_fall_k", "friction by temperature", _frictions(_by_temperature)
-    ),
+    "motor-side friction": _friction("side", "friction of the motor", lambda each: each.on_motor),
+    "friction by temperature": _friction("viscous_fall_k", "friction by temperature", _by_temperature),
     "springs": Feature("joints.spring", "springs", _joints(lambda body: body.spring is not None)),
     "cylinders": Feature("cylinders", "cylinders", lambda arm: [each.name for each in arm.cylinders]),
     "elasticity": Feature("joints.elasticity", "elastic gears", _joints(lambda body: body.elasticity is not None)),
@@ -162,9 +144,10 @@ ARM = {
 }
 
 
-def _loop(has: Callable[[Any], bool], place: str) -> Callable[[Any], list[str]]:
-    """The place in a scenario whose loop has something."""
-    return lambda scenario: [place] if scenario.loop is not None and has(scenario.loop) else []
+def _reference(about: str, has: Callable[[Any], bool]) -> Feature:
+    """A feature of loops whose reference has something."""
+    place = "loop.reference"
+    return Feature(place, about, lambda each: [place] if each.loop is not None and has(each.loop.reference) else [])
 
 
 def _set(part: str, *names: str) -> Callable[[Any], list[str]]:
@@ -196,22 +179,12 @@ SCENARIO = {
     "commands over time": Feature(
         "command", "commands over time", lambda scenario: [] if scenario.command is None else ["command"]
     ),
-    "pose": Feature(
-        "loop.reference", "a pose as reference", _loop(lambda loop: _is_pose(loop.reference), "loop.reference")
+    "pose": _reference("a pose as reference", _is_pose),
+    "schedule of poses": _reference(
+        "a schedule as reference", lambda each: hasattr(each, "times") and hasattr(each, "commands")
     ),
-    "schedule of poses": Feature(
-        "loop.reference",
-        "a schedule as reference",
-        _loop(lambda loop: hasattr(loop.reference, "times") and hasattr(loop.reference, "commands"), "loop.reference"),
-    ),
-    "motion": Feature(
-        "loop.reference", "a motion as reference", _loop(lambda loop: callable(loop.reference), "loop.reference")
-    ),
-    "grips of a motion": Feature(
-        "loop.reference",
-        "what a motion grips",
-        _loop(lambda loop: bool(getattr(loop.reference, "payloads", ())), "loop.reference"),
-    ),
+    "motion": _reference("a motion as reference", callable),
+    "grips of a motion": _reference("what a motion grips", lambda each: bool(getattr(each, "payloads", ()))),
     "delays": Feature("loop.timing.command_delay", "delays", _set("loop.timing", "measurement_delay", "command_delay")),
     "jitter": Feature("loop.timing.jitter", "jitter", _set("loop.timing", "jitter")),
     "lost samples": Feature(
@@ -221,7 +194,7 @@ SCENARIO = {
     "loops at several rates": Feature(
         "loop.controller.position_every",
         "loops at several rates",
-        _loop(lambda loop: getattr(loop.controller, "position_every", 1) != 1, "loop.controller"),
+        lambda each: ["loop.controller"] if getattr(each.controller, "position_every", 1) != 1 else [],
     ),
     "encoder counts": Feature("loop.sensors.counts", "encoder counts", _set("loop.sensors", "counts", "counts_per_m")),
     "sensor noise": Feature(
@@ -251,13 +224,7 @@ GROUPS = {  # which a declaration may name together
     ),
     "gear loss": ("gear efficiency", "efficiency table", "load coefficient"),
     "friction": (
-        *(
-            "dry friction",
-            "smoothed friction",
-            "friction by direction",
-            "friction offset",
-            "Stribeck friction",
-        ),
+        *("dry friction", "smoothed friction", "friction by direction", "friction offset", "Stribeck friction"),
         *_of_laws(),
         *("motor-side friction", "friction by temperature"),
     ),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import math
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
 from typing import Any
 
@@ -185,30 +185,45 @@ def resolved(value: Any, path: str, seed: int, lanes: range) -> Any:
     Raises:
         ScenarioError: a batch that has fewer lanes.
     """
-    if isinstance(value, Draw):
-        return value.batch(seed, path, lanes)
-    if isinstance(value, Batch):
-        if len(value) < lanes.stop:
-            what, expected = f"a Batch of {len(value)} lanes", f"one that holds lane {lanes.stop - 1}"
-            raise ScenarioError(what, place=path, expected=expected)
-        return Batch(value.values[lanes.start : lanes.stop])
+
+    def of_lanes(part: Any, place: str) -> Any:
+        if isinstance(part, Draw):
+            return part.batch(seed, place, lanes)
+        if isinstance(part, Batch) and len(part) < lanes.stop:
+            what, expected = f"a Batch of {len(part)} lanes", f"one that holds lane {lanes.stop - 1}"
+            raise ScenarioError(what, place=place, expected=expected)
+        return Batch(part.values[lanes.start : lanes.stop]) if isinstance(part, Batch) else part
+
+    return with_parts(value, path, of_lanes, check=True)
+
+
+def with_parts(value: Any, path: str, change: Callable[[Any, str], Any], *, check: bool) -> Any:
+    """A value with other parts, as far as they change; dataclasses, mappings and sequences are searched.
+
+    Args:
+        value: whose parts change.   path: what errors call it.
+        change: (part, its path) → another one, or the same, whose own parts are then changed.
+        check: whether a changed dataclass checks itself anew.
+    """
+    changed = change(value, path)
+    if changed is not value or isinstance(value, Batch):
+        return changed
     if is_dataclass(value) and not isinstance(value, type):
         parts = {each.name: getattr(value, each.name) for each in fields(value)}
-        changes = {name: resolved(part, f"{path}.{name}", seed, lanes) for name, part in parts.items()}
+        changes = {name: with_parts(part, f"{path}.{name}", change, check=check) for name, part in parts.items()}
         if all(changes[name] is part for name, part in parts.items()):
             return value
-        changed = copy.copy(value)
+        copied: Any = copy.copy(value)
         for name, part in changes.items():
-            object.__setattr__(changed, name, part)
-        checked: Any = changed
-        if hasattr(checked, "__post_init__"):
-            checked.__post_init__()  # draws are checked now that they are values
-        return changed
+            object.__setattr__(copied, name, part)
+        if check and hasattr(copied, "__post_init__"):
+            copied.__post_init__()  # draws are checked now that they are values
+        return copied
     if isinstance(value, Mapping):
-        return {name: resolved(each, f"{path}[{name!r}]", seed, lanes) for name, each in value.items()}
+        return {name: with_parts(each, f"{path}[{name!r}]", change, check=check) for name, each in value.items()}
     if isinstance(value, (list, tuple)):
         parts = [
-            each if isinstance(each, (int, float)) else resolved(each, f"{path}[{k}]", seed, lanes)
+            each if isinstance(each, (int, float)) else with_parts(each, f"{path}[{k}]", change, check=check)
             for k, each in enumerate(value)
         ]
         return value if all(a is b for a, b in zip(parts, value, strict=True)) else type(value)(parts)
@@ -217,15 +232,7 @@ def resolved(value: Any, path: str, seed: int, lanes: range) -> Any:
 
 def has_draws(value: Any) -> bool:
     """True for a value that holds a draw."""
-    if isinstance(value, Draw):
-        return True
-    if is_dataclass(value) and not isinstance(value, type):
-        return any(has_draws(getattr(value, each.name)) for each in fields(value))
-    if isinstance(value, Mapping):
-        return any(has_draws(each) for each in value.values())
-    return isinstance(value, (list, tuple)) and any(
-        has_draws(each) for each in value if not isinstance(each, (int, float))
-    )
+    return any(True for _ in _found(Draw, value, ""))
 
 
 def lane_values(value: Any) -> Any:
@@ -253,18 +260,23 @@ def lane_counts(value: Any, path: str) -> dict[str, int]:
 
 def batches(value: Any, path: str) -> Iterator[tuple[str, Batch]]:
     """Every batch in a value, with its path such as `controller.kp` or `payload[1].mass`."""
-    if isinstance(value, Batch):
+    return _found(Batch, value, path)
+
+
+def _found(kind: type, value: Any, path: str) -> Iterator[tuple[str, Any]]:
+    """Every object of a kind in a value, with its path; dataclasses, mappings and sequences are searched."""
+    if isinstance(value, kind):
         yield path, value
     elif is_dataclass(value) and not isinstance(value, type):
         for each in fields(value):
-            yield from batches(getattr(value, each.name), f"{path}.{each.name}")
+            yield from _found(kind, getattr(value, each.name), f"{path}.{each.name}")
     elif isinstance(value, Mapping):
         for name, each in value.items():
-            yield from batches(each, f"{path}[{name!r}]")
+            yield from _found(kind, each, f"{path}[{name!r}]")
     elif isinstance(value, (list, tuple)):
         for k, each in enumerate(value):
             if not isinstance(each, (int, float)):
-                yield from batches(each, f"{path}[{k}]")
+                yield from _found(kind, each, f"{path}[{k}]")
 
 
 def check_counts(counts: Mapping[str, int]) -> int | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from math import isfinite, nan, pi
@@ -219,6 +219,24 @@ def numbers(
         found = []
     if not found or count not in (None, len(found)):
         raise error(place=place, value=text, expected=expected)
+    return found
+
+
+def named_numbers(place: str, texts: Iterable[str], expected: str, error: type[ArmwrightError]) -> dict[str, float]:
+    """Numbers by name of texts such as `"R=1.3"`.
+
+    Args:
+        place: name of the option.   texts: that were typed.   expected: in words.   error: type of the error.
+    Raises:
+        ArmwrightError: something else than a name and a number.
+    """
+    found = {}
+    for text in texts:
+        name, _, value = text.partition("=")
+        try:
+            found[name] = float(value)
+        except ValueError:
+            raise error(place=place, value=text, expected=expected) from None
     return found
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import armwright as aw
-from armwright.cli.arguments import argument, flag, option, output_option
+from armwright.cli.arguments import argument, flag, named_numbers, option, output_option, words
 from armwright.cli.outcome import PAGE, TOML, check_file, exit_unless, write
 from armwright.cli.tables import show
 from armwright.errors import IdentificationError
@@ -62,13 +62,8 @@ def friction(
 
 def _warming(text: str, runs: list[str]) -> dict[str, float] | None:
     """Kelvin by run of "cold=0,warm=25"; None of an empty text."""
-    found = {}
-    for each in filter(None, (part.strip() for part in text.split(","))):
-        run, _, kelvin = each.partition("=")
+    found = named_numbers("--warming", words(text), "RUN=K with K a number [K]", IdentificationError)
+    for run in found:
         if run not in runs:
             raise IdentificationError("no such run", place="--warming", value=run, choices=runs)
-        try:
-            found[run] = float(kelvin)
-        except ValueError:
-            raise IdentificationError(place="--warming", value=each, expected="RUN=K with K a number [K]") from None
     return found or None

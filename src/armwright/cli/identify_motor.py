@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Literal
 
 import armwright as aw
-from armwright.cli.arguments import argument, flag, option, output_option, refuse
+from armwright.cli.arguments import argument, flag, named_numbers, option, output_option, refuse
 from armwright.cli.identify_linear import show_linear
 from armwright.cli.outcome import PAGE, TOML, check_file, exit_unless, write
 from armwright.cli.tables import show
@@ -92,14 +92,7 @@ def _names(words: list[str] | None) -> list[str] | None:
 
 def _values(words: list[str] | None, place: str = "--fix", example: str = "R=1.3") -> dict[str, float]:
     """Names and numbers from words such as "R=1.3"."""
-    found = {}
-    for word in _names(words) or []:
-        name, _, text = word.partition("=")
-        try:
-            found[name] = float(text)
-        except ValueError:
-            raise ModelError(place=place, value=word, expected=f"NAME=VALUE, such as {example}") from None
-    return found
+    return named_numbers(place, _names(words) or [], f"NAME=VALUE, such as {example}", ModelError)
 
 
 def _load(words: list[str] | None) -> float | dict[str, float] | None:

@@ -100,16 +100,9 @@ def simulate(
     _check_log(log, output, hold_out)
     constants = {"voltage": voltage, "current": current, "torque": torque, "command": command}
     if robot.endswith(SCENARIO):
-        options = {
-            **constants,
-            "schedule": schedule,
-            "duration": duration,
-            "integrator": integrator,
-            "q0": q0,
-            "qd0": qd0,
-        }
-        recorded = {"record-every": record_every, "record-period": record_period}
-        refuse_options(robot, {**options, "step": step, **recorded, "accuracy": accuracy})
+        options = {**constants, "schedule": schedule, "duration": duration, "integrator": integrator, "step": step}
+        others = {"q0": q0, "qd0": qd0, "record-every": record_every, "record-period": record_period}
+        refuse_options(robot, {**options, **others, "accuracy": accuracy})
         scenario = aw.read_scenario(robot, allow=allow or ())
         if reference is not None:
             scenario = following(scenario, reference, robot)

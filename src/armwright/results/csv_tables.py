@@ -133,15 +133,17 @@ def write_table(path: str | os.PathLike[str] | None, columns: Mapping[str, Any],
         OutputError: the file cannot be written.
     """
     if path is None:
-        _write_rows(stream, columns)
+        write_rows(stream, columns)
         return
     with whole_file(path) as temporary, open(temporary, "w", encoding="utf-8", newline="") as file:
-        _write_rows(file, columns)
+        write_rows(file, columns)
 
 
-def _write_rows(file: Any, columns: Mapping[str, Any]) -> None:
+def write_rows(file: Any, columns: Mapping[str, Any], *, with_head: bool = True) -> None:
+    """Writes columns of equal length as CSV into an open text file, with their header or without."""
     writer = csv.writer(file, lineterminator="\n")
-    writer.writerow(columns)
+    if with_head:
+        writer.writerow(columns)
     arrays = [np.asarray(values) for values in columns.values()]
     for start in range(0, len(arrays[0]) if arrays else 0, ROWS_AT_ONCE):
         part = slice(start, start + ROWS_AT_ONCE)

@@ -22,7 +22,7 @@ from armwright.output import check_destination, whole_file
 from armwright.results.csv_tables import write_table
 from armwright.results.page_parts import plotted, said, section, shown_table, write_page
 from armwright.results.plot import PICTURES, write_figure
-from armwright.results.svg import INK, QUIET, page_svg
+from armwright.results.svg import INK, QUIET, ink_axes, page_svg
 from armwright.results.table import Table, number
 
 if TYPE_CHECKING:
@@ -175,10 +175,7 @@ def draw_bars(figure: Figure, table: Table, ink: str) -> None:
         axes.barh(range(len(labels)), np.where(np.isfinite(values), values, 0.0), color=BLUE)
         axes.set_yticks(range(len(labels)), labels)
         axes.set_xlabel(f"{name} [{table.units[name]}]" if name in table.units else name, color=ink)
-        axes.tick_params(colors=ink)
-        axes.set_facecolor("none")
-        axes.spines[["top", "right"]].set_visible(False)
-        axes.spines[["left", "bottom"]].set_color(ink)
+        ink_axes(axes, ink)
     places[0].invert_yaxis()
 
 

@@ -33,6 +33,14 @@ def curve(axis: Axes, t: np.ndarray, values: np.ndarray, colour: str, label: str
     axis.plot(t, values, color=colour, linewidth=1.0, label=label)
 
 
+def ink_axes(axis: Axes, ink: str) -> None:
+    """Draws axes in the colour of words, without a box and a background."""
+    axis.tick_params(colors=ink)
+    axis.set_facecolor("none")
+    axis.spines[["top", "right"]].set_visible(False)
+    axis.spines[["left", "bottom"]].set_color(ink)
+
+
 def words(axis: Axes, below: str, left: str) -> None:
     """Writes the axes' names in the page's colours, with a grid and without a box."""
     axis.set_xlabel(below, color=QUIET, fontsize=SIZE)

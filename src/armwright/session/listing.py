@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import io
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -16,6 +15,7 @@ from armwright import terminal
 from armwright.errors import SessionError
 from armwright.output import whole_file
 from armwright.printable import printable
+from armwright.results.csv_tables import write_rows
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -94,26 +94,17 @@ class OutputFile:
         head = tuple(listing.columns)
         if self.is_csv:
             if self.head and self.head != head:
-                expected = f"{', '.join(self.head[:3])}, … as before, or close-output-file and another file"
-                raise SessionError(
-                    place="columns", value=f"{', '.join(head[:3])}, …", expected=expected, file=self.path
-                )
-            text = self.text + _csv(listing, with_head=not self.head)
+                value, before = (f"{', '.join(heads[:3])}, …" for heads in (head, self.head))
+                expected = f"{before} as before, or close-output-file and another file"
+                raise SessionError(place="columns", value=value, expected=expected, file=self.path)
+            stream = io.StringIO()
+            write_rows(stream, listing.columns, with_head=not self.head)
+            text = self.text + stream.getvalue()
         else:
             text = self.text + "".join(plain(sheet) + "\n" for sheet in listing.sheets)
         with whole_file(self.path) as temporary:
             temporary.write_bytes(text.encode("utf-8"))
         return OutputFile(self.path, text, head)
-
-
-def _csv(listing: Listing, *, with_head: bool) -> str:
-    """Floats in the fewest digits that read back to the same number."""
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    if with_head:
-        writer.writerow(listing.columns)
-    writer.writerows(zip(*(np.asarray(values).tolist() for values in listing.columns.values()), strict=True))
-    return stream.getvalue()
 
 
 def plain(sheet: Sheet) -> str:

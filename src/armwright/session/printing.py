@@ -76,8 +76,10 @@ def chosen_rows(
     place = "print-simulation step"
     if step < spacing - slack:
         raise SessionError(place=place, value=step, expected=f"at least {spacing:g} s, the time between rows")
+    import pandas
+
     wanted = start + step * np.arange(int(np.floor((finish - start) / step + NEAR)) + 1)
-    rows = _nearest(times, wanted)
+    rows = pandas.Index(times).get_indexer(wanted, method="nearest")
     missed = np.abs(times[rows] - wanted) > slack
     if missed.any():
         what = f"there is no row at t = {wanted[missed][0]:.9g} s"
@@ -85,14 +87,6 @@ def chosen_rows(
             what, place=place, value=step, expected=f"start and step on rows, which are {spacing:g} s apart"
         )
     return rows
-
-
-def _nearest(times: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-    """The rows that are nearest to the wanted times."""
-    if len(times) == 1:
-        return np.zeros(len(wanted), dtype=int)
-    behind = np.clip(np.searchsorted(times, wanted), 1, len(times) - 1)
-    return np.where(wanted - times[behind - 1] < times[behind] - wanted, behind - 1, behind)
 
 
 def _stride(count: int, most: int | None) -> int:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import pickle
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, fields, replace
@@ -15,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from armwright.content import checksum
-from armwright.entry import as_scenario
+from armwright.entry import AnyScenario, as_scenario
 from armwright.errors import ScenarioError
 from armwright.parameters import batches
 from armwright.scenarios.file import parse_scenario
@@ -110,7 +109,7 @@ def _unpickled(values: dict[str, Any]) -> PythonSource:
     return PythonSource(Scenario(**values))
 
 
-def source_of(scenario: Scenario | str | os.PathLike[str]) -> LaneSource:
+def source_of(scenario: AnyScenario) -> LaneSource:
     """The source of a scenario's lanes.
 
     Args:

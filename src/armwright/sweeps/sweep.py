@@ -10,17 +10,17 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from armwright.entry import AnyScenario
 from armwright.errors import ArmwrightError, OutputError, ScenarioError
 from armwright.output import check_destination
-from armwright.progress import automatic
+from armwright.progress import Shown, automatic
 from armwright.results.reducers import REDUCERS
 from armwright.results.result import Result
 from armwright.scenarios.records import MOST_LANES
-from armwright.simulation.batch_runner import Progress
 from armwright.simulation.checks import check_whole
 from armwright.simulation.scenario import Scenario
 from armwright.simulation.simulation import SUPPORT as SIMULATED, simulate
@@ -66,7 +66,7 @@ class Sweep(Result):
 
 
 def sweep(
-    scenario: Scenario | str | os.PathLike[str],
+    scenario: AnyScenario,
     path: str | os.PathLike[str],
     *,
     lanes: float,
@@ -74,7 +74,7 @@ def sweep(
     chunk: int | None = None,
     rows: bool = False,
     retries: int = 2,
-    progress: Progress | Literal[False] | None = None,
+    progress: Shown = None,
 ) -> Sweep:
     """Simulates many lanes of a scenario, chunk by chunk on a Dask cluster, and stores each chunk as it finishes.
 
@@ -88,8 +88,7 @@ def sweep(
         chunk: lanes in a task, by default so many that it takes seconds; a store that is there keeps its own.
         rows: whether recorded rows are stored too; else only what the scenario reduces.
         retries: how often a chunk is tried again after an error before it is marked as failed.
-        progress: called now and then with the lanes done and those there are; by default a bar in terminals and notebooks;
-            False: none.
+        progress: True or None: a bar in terminals and notebooks; False: none; a function is called with (done, total) lanes.
     Returns:
         sweep: what was done, and what failed; `load` reads the results.
     Raises:
@@ -124,8 +123,7 @@ def sweep(
                     continue
                 store.write(which, result)
                 done += len(store.about.lanes_of(which))
-                if tell:
-                    tell(kept + done, count)
+                tell(kept + done, count)
     spent = time.perf_counter() - began
     return Sweep(path, count, done, store.lanes_done - done, dict(store.failures), store.about.chunk, spent)
 

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Mapping
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from armwright.errors import ScenarioError
-from armwright.parameters import Batch, batches
+from armwright.parameters import Batch, batches, with_parts
 from armwright.simulation.checks import check_whole
 from armwright.simulation.scenario import WITH_LANES, Scenario
 from armwright.tuning.uncertainty import USUAL, Uncertainty
@@ -53,26 +52,12 @@ def taken(scenario: Scenario, index: np.ndarray) -> Scenario:
     Args:
         scenario: whose lanes are batches.   index: (lanes,) numbers of lanes.
     """
-    parts = {name: _rows(getattr(scenario, name), index) for name in WITH_LANES}
+
+    def rows(part: Any, place: str) -> Any:
+        if not isinstance(part, Batch):
+            return part
+        numeric = isinstance(part.values, np.ndarray)
+        return Batch(part.values[index] if numeric else [part.values[k] for k in index])
+
+    parts = {name: with_parts(getattr(scenario, name), name, rows, check=False) for name in WITH_LANES}
     return replace(scenario, **parts, lanes=None, first_lane=0)
-
-
-def _rows(value: Any, index: np.ndarray) -> Any:
-    """A value with the rows of its batches."""
-    if isinstance(value, Batch):
-        numeric = isinstance(value.values, np.ndarray)
-        return Batch(value.values[index] if numeric else [value.values[k] for k in index])
-    if is_dataclass(value) and not isinstance(value, type):
-        changed = copy.copy(value)
-        for each in fields(value):
-            part = getattr(value, each.name)
-            new = _rows(part, index)
-            if new is not part:
-                object.__setattr__(changed, each.name, new)
-        return changed
-    if isinstance(value, Mapping):
-        return {name: _rows(each, index) for name, each in value.items()}
-    if isinstance(value, (list, tuple)) and not isinstance(value, str):
-        parts = [each if isinstance(each, (int, float)) else _rows(each, index) for each in value]
-        return value if all(a is b for a, b in zip(parts, value, strict=True)) else type(value)(parts)
-    return value

@@ -31,7 +31,6 @@ from armwright.tuning.lanes import taken
 from armwright.tuning.linear_measures import MEASURES
 from armwright.tuning.space import GainSpace
 
-OBJECTIVES = {"rms_error": 1.0, "saturation": 1.0}
 BEYOND = 10.0  # weight of a peak beyond its limit
 PATIENCE = 60.0  # [s] for the first worker of a cluster
 IDLE = 0.1  # of the largest joint's tracking error: a joint at rest is measured by this, not by its own small error

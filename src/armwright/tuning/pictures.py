@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from armwright.results.svg import ink_axes
 from armwright.tuning.objective import is_share
 
 if TYPE_CHECKING:
@@ -43,11 +44,7 @@ def draw_front(figure: Figure, tried: Tried, chosen: np.ndarray, ink: str, quiet
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
     for name, label in zip(tried.names, (axes.set_xlabel, axes.set_ylabel), strict=False):
         label(f"{name.replace('_', ' ')}{'' if is_share(name) else ', relative to the start'}", color=ink)
-    axes.tick_params(colors=ink)
-    axes.set_facecolor("none")
-    axes.spines[["top", "right"]].set_visible(False)
-    for edge in axes.spines.values():
-        edge.set_color(ink)
+    ink_axes(axes, ink)
     axes.legend(frameon=False, labelcolor=ink)
 
 
@@ -61,12 +58,8 @@ def draw_history(figure: Figure, history: np.ndarray, ink: str) -> None:
 
     axes = figure.subplots()
     axes.plot(np.where(np.isfinite(history), history, np.nan), color=BLUE, drawstyle="steps-post", linewidth=1.6)
-    axes.set_facecolor("none")
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.set_xlim(0, 1.01 * max(len(history) - 1, 1))
     axes.set_xlabel("generation", color=ink)
     axes.set_ylabel("best score on the tuned lanes", color=ink)
-    axes.tick_params(colors=ink)
-    axes.spines[["top", "right"]].set_visible(False)
-    for edge in axes.spines.values():
-        edge.set_color(ink)
+    ink_axes(axes, ink)

@@ -78,41 +78,25 @@ class TuningResult(Result):
     def tables(self) -> list[Table]:
         """Gains by joint; measures by joint, and objectives, at the start and with the gains on the held-out lanes."""
         arm, law, held = self.scenario.arm, self.scenario.controller, f"{self.lanes[1]} held-out lanes"
-        gains = [
-            [
-                joint,
-                name,
-                unit or "—",
-                *(number(each, ".4g") for each in (old, new)),
-                number(new / old if old > 0.0 else None, ".3g"),
-            ]
-            for name, values in self.gains.items()
-            for joint, unit, old, new in zip(
-                arm.names, gain_units(arm, law, name), self.start[name], values, strict=True
-            )
-        ]
+        gains = []
+        for name, values in self.gains.items():
+            joints = zip(arm.names, gain_units(arm, law, name), self.start[name], values, strict=True)
+            for joint, unit, old, new in joints:
+                factor = number(new / old if old > 0.0 else None, ".3g")
+                gains.append([joint, name, unit or "—", number(old, ".4g"), number(new, ".4g"), factor])
         measures = [
             [joint, name, unit, number(old, ".4g"), number(new, ".4g")]
             for name, (before, after) in self.held_out.items()
             for joint, unit, old, new in zip(arm.names, measure_units(arm, name), before, after, strict=True)
         ]
-        objectives = [
-            [
-                name,
-                number(before, ".4g"),
-                number(after, ".4g"),
-                number(100.0 * (after / before - 1.0) if before > 0.0 else None, "+.1f"),
-            ]
-            for name, (before, after) in self.objectives.items()
-        ]
+        objectives = []
+        for name, (before, after) in self.objectives.items():
+            change = number(100.0 * (after / before - 1.0) if before > 0.0 else None, "+.1f")
+            objectives.append([name, number(before, ".4g"), number(after, ".4g"), change])
+        heads = ("joint", "measure", "unit", "start", "tuned")
         return [
             Table(f"{arm.name}: gains", ("joint", "gain", "unit", "start", "tuned", "factor"), gains, ("gain", "unit")),
-            Table(
-                f"{arm.name}: means over {held}",
-                ("joint", "measure", "unit", "start", "tuned"),
-                measures,
-                ("measure", "unit"),
-            ),
+            Table(f"{arm.name}: means over {held}", heads, measures, heads[1:3]),
             Table(f"objectives over {held}; {RELATIVE}", ("objective", "start", "tuned", "change [%]"), objectives),
         ]
 
