@@ -7,6 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import armwright as aw
+from armwright import scalar
 from armwright.model.vary import Varied
 from armwright.program import call, trace
 from armwright.simulation.integrate import rosenbrock
