@@ -119,7 +119,7 @@ class BodyTable(Record):
         "Centre of mass, in the frame; of a point mass its place, absent: the frame's origin."
     )
     inertia_kg_m2: Annotated[Tensor | tuple[Number, Number, Number], counted(3, "moments about x, y and z")] | None = (
-        absent(
+        optional(
             "About the centre of mass, in the frame's axes: a table, or three principal moments; absent: 0, a point mass."
         )
     )
