@@ -84,7 +84,7 @@ def design(
     import armwright as aw
     from armwright.cli.progress import progress
     from armwright.cli.simulate import following
-    from armwright.control.design.design_gains import with_gains
+    from armwright.control.design.designer import with_gains
     from armwright.output import check_destination
 
     options = {"period": period, "controller": controller, "timing": timing, "duration": duration}

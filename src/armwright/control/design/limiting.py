@@ -7,13 +7,14 @@ A joint by itself is one whose neighbours are held still. Causes that are not th
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from armwright.control.analysis.linear_loop import LinearLoop
 from armwright.control.commands import torque_commands
-from armwright.control.design.design_gains import Designer, GainDesign, designed_controller
+from armwright.control.design.designer import Designer, designed_controller
 from armwright.control.design.joint_plants import current_driven
 from armwright.errors import ScenarioError
 from armwright.model import Model
@@ -25,6 +26,7 @@ from armwright.trajectory.limits import MotionLimits
 
 FINER = 8.0  # sampling that counts as none
 MATTERS = 1.1  # factor from which a cause is named
+Again = Callable[[Scenario, float | None], Designer]
 
 
 @dataclass(frozen=True)
@@ -58,27 +60,28 @@ class JointLimit:
         return f"{self.joint}: {self.bandwidth:.3g} rad/s, {limited}{inertia}{drive if np.isfinite(self.saturates) else ''}"
 
 
-def joint_limits(design: GainDesign) -> tuple[JointLimit, ...]:
+def joint_limits(
+    scenario: Scenario, bandwidth: np.ndarray, alone: np.ndarray | None, again: Again
+) -> tuple[JointLimit, ...]:
     """Limits of every joint of a design, in the order of the joints.
 
     Args:
-        design: as `design_gains` made it.
+        scenario, bandwidth, alone: of the `GainDesign`.   again: its rule for another scenario, and period [s] of its loop.
     """
-    scenario, arm = design.scenario, design.scenario.arm
-    own = design.bandwidth if design.alone is None else design.alone
-    factors = [{"the other joints": float(a / b)} for a, b in zip(own, design.bandwidth, strict=True)]
-    for cause, changed, period in _without(design):
-        faster = _alone(design, changed, period, own)
+    arm, designer = scenario.arm, again(scenario, None)
+    own = bandwidth if alone is None else alone
+    factors = [{"the other joints": float(a / b)} for a, b in zip(own, bandwidth, strict=True)]
+    for cause, changed, period in _without(scenario, designer.loop):
+        faster = _alone(again, changed, period, own)
         for row, a, b in zip(factors, faster, own, strict=True):
             row[cause] = max(float(a / b), 1.0)
-    designer = _designer(design, scenario, None)
     inertia = designer.task.joints.inertia
-    stiffness = designer.stiffness(design.bandwidth[None])[0]
+    stiffness = designer.stiffness(bandwidth[None])[0]
     errors = _commands(arm, designer) / stiffness
     return tuple(
         JointLimit(
             body.joint,
-            float(design.bandwidth[j]),
+            float(bandwidth[j]),
             dict(sorted(factors[j].items(), key=lambda pair: -pair[1])),
             float(errors[j]),
             body.kind.units.position,
@@ -88,11 +91,10 @@ def joint_limits(design: GainDesign) -> tuple[JointLimit, ...]:
     )
 
 
-def _without(design: GainDesign) -> Iterator[tuple[str, Scenario, float | None]]:
+def _without(scenario: Scenario, linear: LinearLoop) -> Iterator[tuple[str, Scenario, float | None]]:
     """Causes that are there, by name, with the scenario and perhaps the period [s] without them."""
-    scenario, loop = design.scenario, design.scenario.loop
+    loop = scenario.loop
     assert loop is not None
-    linear = _designer(design, scenario, None).loop
     if linear.delay > 0.0:
         name = f"the delay of {1e3 * linear.delay:.3g} ms"
         yield name, replace(scenario, loop=replace(loop, timing=Timing())), None
@@ -122,15 +124,10 @@ def _winds(drive: object) -> bool:
     return getattr(drive, "command", "") == "voltage" and getattr(drive, "inductance", None) is not None
 
 
-def _designer(design: GainDesign, scenario: Scenario, period: float | None) -> Designer:
-    law = designed_controller(scenario)
-    return Designer.of(scenario, law, design.method, design.damping, design.drawn, design.asked, period)
-
-
-def _alone(design: GainDesign, scenario: Scenario, period: float | None, own: np.ndarray) -> np.ndarray:
+def _alone(again: Again, scenario: Scenario, period: float | None, own: np.ndarray) -> np.ndarray:
     """(n,) [rad/s] bandwidths of the joints by themselves in a changed scenario, from their own on."""
     try:
-        found = _designer(design, scenario, period).alone(own)
+        found = again(scenario, period).alone(own)
     except ScenarioError:  # a loop that there is none of, such as a current loop without an inductance
         return own
     assert found is not None
