@@ -66,6 +66,7 @@ and `Adapt` cuts a trial that is good in the same way; with `within`, guesses ar
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 from armwright.program import Program
@@ -91,15 +92,43 @@ SECANTS = 10  # of a substep, to find one: enough where the state bends by as mu
 SECANTS_WITHIN = 16  # the same along the path of a longer step, which costs little
 
 
+Sizes = Iterator[tuple[str, int]]  # blocks and their entries
+Names = tuple[set[str], set[str]]  # blocks that a stage reads, and those that it writes for later ones
+
+
 @dataclass(frozen=True)
 class Call:
     """A program over blocks."""
 
     program: Program
 
+    def sizes(self) -> Sizes:
+        """Entries of its blocks, by name."""
+        return _ports(self.program)
+
+    def uses(self) -> Names:
+        """Blocks that it reads, and those that it writes."""
+        names = {port.name for port in self.program.outputs}
+        return {port.name for port in self.program.inputs}, names | {name.removesuffix(NEXT) for name in names}
+
+
+class _Source:
+    """A stage that fills one block."""
+
+    block: str
+    entries: int
+
+    def sizes(self) -> Sizes:
+        """Entries of its blocks, by name."""
+        yield self.block, self.entries
+
+    def uses(self) -> Names:
+        """Blocks that it reads, and those that it writes."""
+        return set(), {self.block}
+
 
 @dataclass(frozen=True)
-class Table:
+class Table(_Source):
     """Row k of a table that all lanes share.
 
     Attributes:
@@ -114,15 +143,21 @@ class Table:
 
 
 @dataclass(frozen=True)
-class Rows:
+class Rows(_Source):
     """Rows of the lane's own schedule, each from its time on; `Integrate` ends a step at them."""
 
     block: str
     entries: int
 
+    def sizes(self) -> Sizes:
+        """Entries of its blocks, by name."""
+        yield from super().sizes()
+        yield SINCE, 1
+        yield from ((f"{self.block}.{part}", 1) for part in CURSOR)
+
 
 @dataclass(frozen=True)
-class Draw:
+class Draw(_Source):
     """Random numbers, uniform in (0, 1), that depend on seed, lane, tick and channel and on nothing else."""
 
     block: str
@@ -140,6 +175,14 @@ class Delay:
     entries: int
     length: int
 
+    def sizes(self) -> Sizes:
+        """Entries of its blocks, by name."""
+        yield from ((self.block, self.entries), (self.to, self.entries), (self.by, 1))
+
+    def uses(self) -> Names:
+        """Blocks that it reads, and those that it writes."""
+        return {self.block, self.by}, {self.to}
+
 
 @dataclass(frozen=True)
 class Record:
@@ -149,10 +192,20 @@ class Record:
     blocks: tuple[str, ...]
     entries: tuple[int, ...]
 
+    def sizes(self) -> Sizes:
+        """Entries of its blocks, by name."""
+        return zip(self.blocks, self.entries, strict=True)
 
-class _Switching:
-    """A stage whose steps end where something switches."""
+    def uses(self) -> Names:
+        """Blocks that it reads, and those that it writes."""
+        return set(self.blocks), set()
 
+
+class _Moving:
+    """A stage that moves the plant, in steps that end at changes and where something switches."""
+
+    planned: int
+    seen: tuple[str, ...]
     touching: Program | None
     switched: Program | None
     bracket: Program | None
@@ -163,9 +216,29 @@ class _Switching:
         """The programs that find where something switches within a step, if anything does."""
         return tuple(p for p in (self.touching, self.switched, self.bracket, self.narrow) if p is not None)
 
+    def _of_changes(self, sizes: dict[str, int]) -> Sizes:
+        """Blocks by which a step ends where the command changes, or something is measured, from those of its programs."""
+        if self.planned:
+            yield from (("u_plan", self.planned * sizes["u"]), ("u_from", self.planned - 1))
+        if self.seen:
+            yield from ((name + SEEN, sizes[name]) for name in self.seen)
+            yield "see_at", 1
+        yield "frozen", 1
+
+    def _uses(self, step: Program) -> Names:
+        """Blocks that it reads, and those that it writes, with the program that advances the state."""
+        inside = {port.name.removesuffix(NEXT) for program in self.switching for port in program.outputs} | {"h"}
+        reads, writes = ({port.name for port in step.inputs} | {"frozen"}) - inside, {"x", "frozen"}
+        if self.planned:
+            reads, writes = reads | {"u_plan", "u_from"}, writes | {"u"}
+        if self.seen:
+            kept = {name + SEEN for name in self.seen}
+            reads, writes = reads | {"see_at"} | kept, writes | kept
+        return reads, writes
+
 
 @dataclass(frozen=True)
-class Integrate(_Switching):
+class Integrate(_Moving):
     """One tick of the plant: `step(x, …, h) → x_next`, in segments between changes, each in equal substeps.
 
     Attributes:
@@ -199,9 +272,28 @@ class Integrate(_Switching):
         """The programs beside the step and those of switching."""
         return tuple(p for p in (self.landing, self.grazing) if p is not None)
 
+    def sizes(self) -> Sizes:
+        """Entries of its blocks, by name."""
+        sizes = {port.name: port.size for port in self.step.inputs}
+        yield from _ports(self.step, next_too=False)
+        yield SINCE, 1
+        for program in self.switching:
+            yield from _ports(program)
+        for program in self.further:
+            yield from _ports(program, next_too=False)
+        if self.switching:
+            yield "left", 1
+        if self.grazing is not None:
+            yield from (("grazed", 1), ("x_before", sizes["x"]))
+        yield from self._of_changes(sizes)
+
+    def uses(self) -> Names:
+        """Blocks that it reads, and those that it writes."""
+        return self._uses(self.step)
+
 
 @dataclass(frozen=True)
-class Adapt(_Switching):
+class Adapt(_Moving):
     """One tick of the plant in steps that every lane chooses for itself, in segments between changes.
 
     Attributes:
@@ -257,6 +349,35 @@ class Adapt(_Switching):
         """The programs of events, if there are any."""
         return tuple(p for p in (self.cross, self.halve, self.choose, self.note) if p is not None)
 
+    def sizes(self) -> Sizes:
+        """Entries of its blocks, by name."""
+        sizes = {port.name: port.size for port in self.trial.inputs}
+        yield from _ports(self.trial, next_too=False)
+        yield SINCE, 1
+        yield from ((name, 1) for name in ADAPTING)
+        if any(port.name == "worst" for port in self.trial.outputs):
+            yield "stalled_by", 1
+        for program in (*self.events, *self.switching):
+            yield from _ports(program)
+        if self.events:
+            yield "h_land", 1
+        for program in self.further:
+            yield from _ports(program, next_too=False)
+        if self.ahead:
+            yield from (("x_end", sizes["x"]), *((name, 1) for name in AHEAD))
+        yield from self._of_changes(sizes)
+
+    def uses(self) -> Names:
+        """Blocks that it reads, and those that it writes."""
+        both = {"h_try", "trials", "repeats", "stalled"}
+        both |= {port.name.removesuffix(NEXT) for port in self.trial.outputs if port.name.endswith(NEXT)}
+        if self.events:
+            both |= {"side", "event_first", "event_count"}
+        if self.ahead:
+            both |= {port.name for port in self.ahead[0].inputs} | set(AHEAD) | {"x_end", "x_from"}
+        reads, writes = self._uses(self.trial)
+        return reads | both, writes | both
+
 
 @dataclass(frozen=True)
 class Exchange:
@@ -276,6 +397,14 @@ class Exchange:
     most: int
     ranked: int
 
+    def sizes(self) -> Sizes:
+        """Entries of its blocks, by name."""
+        return ((name, getattr(self, name, 1)) for name in (*EXCHANGED, "result"))
+
+    def uses(self) -> Names:
+        """Blocks that it reads, and those that it writes."""
+        return {"over", "result"}, set(EXCHANGED)
+
 
 Stage = Call | Table | Rows | Draw | Delay | Record | Integrate | Adapt | Exchange
 
@@ -289,110 +418,28 @@ def state_blocks(stages: tuple[Stage, ...]) -> set[str]:
     early: set[str] = set()
     scheduled = {stage.block for stage in stages if isinstance(stage, Rows)}
     for stage in stages:
-        reads, writes = _uses(stage)
+        reads, writes = stage.uses()
         early |= reads - written
         written |= writes
     return (early & written) - scheduled - {"tick", SINCE}
 
 
-def _uses(stage: Stage) -> tuple[set[str], set[str]]:
-    """Blocks that a stage reads, and those that it writes for later ones."""
-    if isinstance(stage, Call):
-        names = {port.name for port in stage.program.outputs}
-        return {port.name for port in stage.program.inputs}, names | {name.removesuffix(NEXT) for name in names}
-    if isinstance(stage, Delay):
-        return {stage.block, stage.by}, {stage.to}
-    if isinstance(stage, Record):
-        return set(stage.blocks), set()
-    if isinstance(stage, Exchange):
-        return {"over", "result"}, set(EXCHANGED)
-    if not isinstance(stage, (Integrate, Adapt)):
-        return set(), {stage.block}
-    inside = {port.name.removesuffix(NEXT) for program in stage.switching for port in program.outputs} | {"h"}
-    reads = ({port.name for port in stage.step.inputs} | {"frozen"}) - inside
-    writes = {"x", "frozen"}
-    if isinstance(stage, Adapt):
-        adaptive = {"h_try", "trials", "repeats", "stalled"}
-        adaptive |= {"side", "event_first", "event_count"} if stage.events else set()
-        adaptive |= {port.name.removesuffix(NEXT) for port in stage.trial.outputs if port.name.endswith(NEXT)}
-        adaptive |= (
-            {port.name for port in stage.ahead[0].inputs} | set(AHEAD) | {"x_end", "x_from"} if stage.ahead else set()
-        )
-        reads, writes = reads | adaptive, writes | adaptive
-    if stage.planned:
-        reads, writes = reads | {"u_plan", "u_from"}, writes | {"u"}
-    if stage.seen:
-        kept = {name + SEEN for name in stage.seen}
-        reads, writes = reads | {"see_at"} | kept, writes | kept
-    return reads, writes
-
-
 def block_sizes(stages: tuple[Stage, ...]) -> dict[str, int]:
     """Entries of every block, by name, in order of appearance."""
     sizes: dict[str, int] = {}
-
-    def add(name: str, entries: int) -> None:
-        assert sizes.setdefault(name, entries) == entries, f"block {name} of {sizes[name]} entries, not {entries}"
-
     for stage in stages:
-        if isinstance(stage, Call):
-            for port in (*stage.program.inputs, *stage.program.outputs):
-                add(port.name, port.size)
-                add(port.name.removesuffix(NEXT), port.size)
-        elif isinstance(stage, (Integrate, Adapt)):
-            for port in (*stage.step.inputs, *stage.step.outputs):
-                add(port.name, port.size)
-            add(SINCE, 1)
-            for name in ADAPTING if isinstance(stage, Adapt) else ():
-                add(name, 1)
-            if any(port.name == "worst" for port in stage.step.outputs):
-                add("stalled_by", 1)
-            events = stage.events if isinstance(stage, Adapt) else ()
-            for port in (port for p in (*events, *stage.switching) for port in (*p.inputs, *p.outputs)):
-                add(port.name, port.size)
-                add(port.name.removesuffix(NEXT), port.size)
-            if events:
-                add("h_land", 1)
-            for port in (port for p in stage.further for port in (*p.inputs, *p.outputs)):
-                add(port.name, port.size)
-            if isinstance(stage, Adapt) and stage.ahead:
-                add("x_end", sizes["x"])
-                for name in AHEAD:
-                    add(name, 1)
-            if stage.switching and isinstance(stage, Integrate):
-                add("left", 1)
-            if isinstance(stage, Integrate) and stage.grazing is not None:
-                add("grazed", 1)
-                add("x_before", sizes["x"])
-            if stage.planned:
-                commands = next(port.size for port in stage.step.inputs if port.name == "u")
-                add("u_plan", stage.planned * commands)
-                add("u_from", stage.planned - 1)
-            if stage.seen:
-                for name in stage.seen:
-                    add(name + SEEN, sizes[name])
-                add("see_at", 1)
-            add("frozen", 1)
-        elif isinstance(stage, Delay):
-            add(stage.block, stage.entries)
-            add(stage.to, stage.entries)
-            add(stage.by, 1)
-        elif isinstance(stage, Rows):
-            add(stage.block, stage.entries)
-            add(SINCE, 1)
-            for part in CURSOR:
-                add(f"{stage.block}.{part}", 1)
-        elif isinstance(stage, Record):
-            for name, entries in zip(stage.blocks, stage.entries, strict=True):
-                add(name, entries)
-        elif isinstance(stage, Exchange):
-            for name in EXCHANGED:
-                add(name, getattr(stage, name, 1))
-            add("result", stage.result)
-        else:
-            add(stage.block, stage.entries)
+        for name, entries in stage.sizes():
+            assert sizes.setdefault(name, entries) == entries, f"block {name} of {sizes[name]} entries, not {entries}"
     rows = unspread(stages)
     return {name: entries for name, entries in sizes.items() if name not in rows}
+
+
+def _ports(program: Program, *, next_too: bool = True) -> Sizes:
+    """Blocks of a program, and with `next_too` those that its outputs replace."""
+    for port in (*program.inputs, *program.outputs):
+        yield port.name, port.size
+        if next_too:
+            yield port.name.removesuffix(NEXT), port.size
 
 
 def unspread(stages: tuple[Stage, ...]) -> set[str]:
