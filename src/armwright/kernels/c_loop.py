@@ -230,9 +230,20 @@ class LoopText:
         ]
 
     def _adapt(self, stage: Adapt) -> list[str]:
-        h = self.clock.period
-        most = stage.most * (max(h * (1.0 / stage.each), 1.0) if stage.each is not None else 1.0)
-        taken = _replace(stage.trial)
+        again = f"l->{SINCE}[0] < edge && l->frozen[0] < 0.0" if stage.ahead else "1"
+        before, behind = self._about_trial(stage)
+        inner = [
+            *(self._go_on(stage) if stage.ahead else []),
+            f"int again = {again};",
+            "while (again != 0) {",
+            *_indented([*self._try(stage, before, behind), *self._follow(), *self._take(stage)]),
+            "}",
+            *(self._look_back(stage) if stage.ahead else []),
+        ]
+        return ["l->tried[0] = 0.0;", *self._segments(stage, inner)]
+
+    def _about_trial(self, stage: Adapt) -> tuple[list[str], list[str]]:
+        """Statements before a trial and behind it: contacts are held, and a good trial ends where something switches."""
         touching, cut = [], []
         if stage.switching:
             touching = [self.call(stage.switching[0])]
@@ -244,52 +255,61 @@ class LoopText:
             ]
         if stage.settle is not None:
             cut += self._run(stage.settle)
-        if stage.ahead:
-            length, then = "wanted", ["then = now + s;"]
-            begun = ["l->span[0] = s;", "memcpy(l->x_from, l->x, sizeof l->x);"]
-        else:
-            length, begun = f"(left <= wanted * {NEARLY!r}) ? left : wanted", []
-            then = ["then = now + s;", "then = (ends && cut == 0) ? edge : then;"]
-        inner = [
-            *(self._go_on(stage) if stage.ahead else []),
-            f"int again = {f'l->{SINCE}[0] < edge && l->frozen[0] < 0.0' if stage.ahead else '1'};",
-            "while (again != 0) {",
-            "    const double now = l->since_tick[0], left = edge - now;",
-            f"    const double wanted = (0.0 < l->h_try[0]) ? l->h_try[0] : {literal(h, C_DOUBLE)};",
-            "    const int active = now < edge && l->frozen[0] < 0.0;",
-            f"    double s = {length}, grow, following, then;",
-            *([] if stage.ahead else ["    const int ends = left <= s;"]),
-            "    int cut = 0, good, measured, rejected, waits, over;",
-            "    l->h[0] = s;",
-            *_indented([*touching, self.call(stage.trial), *cut]),
-            "    good = active && l->error[0] <= 1.0;",
-            *_indented(then),
-            f"    measured = l->error[0] <= {sys.float_info.max!r};",
-            f"    grow = measured ? l->grow[0] : {LOST!r};",
-            "    grow = (0.0 < l->rejected[0] && 1.0 < grow) ? 1.0 : grow; /* behind a step that was refused */",
-            "    following = s * grow;",
-            "    following = (good && s < wanted && following < wanted) ? wanted : following; /* it was cut short */",
-            "    l->h_try[0] = active ? following : wanted;",
-            "    rejected = active && !(l->error[0] <= 1.0);",
-            "    l->rejected[0] = (double)rejected;",
-            "    l->repeats[0] += (double)rejected;",
-            "    l->tried[0] += (double)active;",
-            "    l->trials[0] += (double)active;",
-            "    if (good) {",
-            *_indented([*begun, *taken, "l->since_tick[0] = then;"], 2),
-            "    }",
-            "    waits = active && l->since_tick[0] < edge;",
-            f"    over = waits && {literal(most, C_DOUBLE)} <= l->tried[0];",
-            "    if (over) {",
-            f"        l->frozen[0] = (double)l->{COUNTER};",
-            "        l->stalled[0] += (double)measured;",
-            *(["        l->stalled_by[0] = l->worst[0];"] if "worst" in self.sizes else []),
-            "    }",
-            "    again = waits && !over;",
-            "}",
-            *(self._look_back(stage) if stage.ahead else []),
+        return touching, cut
+
+    def _try(self, stage: Adapt, before: list[str], behind: list[str]) -> list[str]:
+        """A trial of the wanted length or up to the edge."""
+        length = "wanted" if stage.ahead else f"(left <= wanted * {NEARLY!r}) ? left : wanted"
+        return [
+            "const double now = l->since_tick[0], left = edge - now;",
+            f"const double wanted = (0.0 < l->h_try[0]) ? l->h_try[0] : {literal(self.clock.period, C_DOUBLE)};",
+            "const int active = now < edge && l->frozen[0] < 0.0;",
+            f"double s = {length}, grow, following, then;",
+            *([] if stage.ahead else ["const int ends = left <= s;"]),
+            "int cut = 0, good, measured, rejected, waits, over;",
+            "l->h[0] = s;",
+            *before,
+            self.call(stage.trial),
+            *behind,
+            "good = active && l->error[0] <= 1.0;",
+            "then = now + s;",
+            *([] if stage.ahead else ["then = (ends && cut == 0) ? edge : then;"]),
         ]
-        return ["l->tried[0] = 0.0;", *self._segments(stage, inner)]
+
+    def _follow(self) -> list[str]:
+        """Length of the next trial, and how many there were."""
+        return [
+            f"measured = l->error[0] <= {sys.float_info.max!r};",
+            f"grow = measured ? l->grow[0] : {LOST!r};",
+            "grow = (0.0 < l->rejected[0] && 1.0 < grow) ? 1.0 : grow; /* behind a step that was refused */",
+            "following = s * grow;",
+            "following = (good && s < wanted && following < wanted) ? wanted : following; /* it was cut short */",
+            "l->h_try[0] = active ? following : wanted;",
+            "rejected = active && !(l->error[0] <= 1.0);",
+            "l->rejected[0] = (double)rejected;",
+            "l->repeats[0] += (double)rejected;",
+            "l->tried[0] += (double)active;",
+            "l->trials[0] += (double)active;",
+        ]
+
+    def _take(self, stage: Adapt) -> list[str]:
+        """The state behind a good trial; after too many of them, the lane stays where it is."""
+        h = self.clock.period
+        most = stage.most * (max(h * (1.0 / stage.each), 1.0) if stage.each is not None else 1.0)
+        begun = ["l->span[0] = s;", "memcpy(l->x_from, l->x, sizeof l->x);"] if stage.ahead else []
+        return [
+            "if (good) {",
+            *_indented([*begun, *_replace(stage.trial), "l->since_tick[0] = then;"]),
+            "}",
+            "waits = active && l->since_tick[0] < edge;",
+            f"over = waits && {literal(most, C_DOUBLE)} <= l->tried[0];",
+            "if (over) {",
+            f"    l->frozen[0] = (double)l->{COUNTER};",
+            "    l->stalled[0] += (double)measured;",
+            *(["    l->stalled_by[0] = l->worst[0];"] if "worst" in self.sizes else []),
+            "}",
+            "again = waits && !over;",
+        ]
 
     def _go_on(self, stage: Adapt) -> list[str]:
         """A lane on which the same acts goes on behind its last step; else it begins anew, in steps as long as that lasted."""

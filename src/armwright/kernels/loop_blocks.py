@@ -73,6 +73,11 @@ class BlockPrinter:
         m.begin(f"{label}.none")
 
 
+def at_lane(**blocks: str) -> str:
+    """Places of lane %l in blocks of one entry, as %NAME.at."""
+    return "\n".join(f"  %{name}.at = getelementptr double, ptr %{block}, i64 %l" for name, block in blocks.items())
+
+
 def _advance(name: str, w: int, entries: int) -> str:
     """For each lane of a tile: while its next row is due at (tick, since), that row's values, and on to the next row."""
     return f"""define internal void @"{name}"(double %tick, ptr %since, ptr %values, ptr %due_tick, ptr %due_offset, ptr %cursor,
@@ -81,11 +86,7 @@ entry:
   br label %lane
 lane:
   %l = phi i64 [ 0, %entry ], [ %l.next, %next ]
-  %tick.at = getelementptr double, ptr %due_tick, i64 %l
-  %offset.at = getelementptr double, ptr %due_offset, i64 %l
-  %cursor.at = getelementptr double, ptr %cursor, i64 %l
-  %end.at = getelementptr double, ptr %end, i64 %l
-  %since.at = getelementptr double, ptr %since, i64 %l
+{at_lane(tick="due_tick", offset="due_offset", cursor="cursor", end="end", since="since")}
   %now = load double, ptr %since.at, align 8
   %last = load double, ptr %end.at, align 8
   br label %check

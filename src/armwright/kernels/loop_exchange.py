@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from armwright.kernels.loop_blocks import at_lane
 from armwright.kernels.stages import Exchange
 
 POINTERS = ("queue", "tasks", "attempts", "ranks", "results")  # of numbers that all lanes share, and how many attempts
@@ -20,10 +21,7 @@ entry:
 lane:
   %l = phi i64 [ 0, %entry ], [ %l.next, %next ]
   %busy = phi i64 [ 0, %entry ], [ %busy.next, %next ]
-  %over.at = getelementptr double, ptr %over, i64 %l
-  %number.at = getelementptr double, ptr %task_number, i64 %l
-  %attempt.at = getelementptr double, ptr %attempt_number, i64 %l
-  %fresh.at = getelementptr double, ptr %fresh, i64 %l
+{at_lane(over="over", number="task_number", attempt="attempt_number", fresh="fresh")}
   %ended = load double, ptr %over.at, align 8
   %number = load double, ptr %number.at, align 8
   %attempt.last = load double, ptr %attempt.at, align 8
@@ -34,15 +32,34 @@ keep:
   %counts = zext i1 %works to i64
   %busy.kept = add i64 %busy, %counts
   br label %next
-look:
+{_look(stage)}
+{_next_task(w, stage)}
+{_begin(w, stage)}
+next:
+  %busy.next = phi i64 [ %busy.kept, %keep ], [ %busy, %idle ], [ %busy.more, %row.entry ]
+  %l.next = add i64 %l, 1
+  %l.more = icmp ult i64 %l.next, {w}
+  br i1 %l.more, label %lane, label %done.all
+done.all:
+  ret i64 %busy.next
+}}"""
+
+
+def _look(stage: Exchange) -> str:
+    """An attempt that is over: another one of the same task, or the next task."""
+    return f"""look:
   store double 0.0, ptr %over.at, align 8
   %attempt.after = fadd double %attempt.last, 1.0
   %may = fcmp olt double %attempt.after, {float(stage.most):e}
   %failed = fcmp olt double %ended, 2.0
   %again.failed = and i1 %failed, %may
   %again = and i1 %again.failed, %works
-  br i1 %again, label %begin, label %ends
-ends:
+  br i1 %again, label %begin, label %ends"""
+
+
+def _next_task(w: int, stage: Exchange) -> str:
+    """Stores the result of a lane's task, and gives it the next one, if there is one."""
+    return f"""ends:
   br i1 %works, label %store, label %take
 store:
   %done = fptosi double %number to i64
@@ -67,8 +84,12 @@ fill:
   %tasks.at = getelementptr double, ptr %tasks, i64 %task.first
   %task.at = getelementptr double, ptr %task, i64 %l
   br label %fill.entry
-{_copy("fill", "tasks.at", 1, "task.at", w, stage.task, "begin")}
-begin:
+{_copy("fill", "tasks.at", 1, "task.at", w, stage.task, "begin")}"""
+
+
+def _begin(w: int, stage: Exchange) -> str:
+    """Gives a lane its attempt: one that the task ranks, or the next of all in their order."""
+    return f"""begin:
   %new = phi double [ 1.0, %look ], [ 2.0, %fill.entry ]
   %which = phi double [ %attempt.after, %look ], [ 0.0, %fill.entry ]
   %of = phi double [ %number, %look ], [ %number.new, %fill.entry ]
@@ -96,15 +117,7 @@ row:
   %attempts.at = getelementptr double, ptr %attempts, i64 %row.first
   %to.at = getelementptr double, ptr %attempt, i64 %l
   br label %row.entry
-{_copy("row", "attempts.at", 1, "to.at", w, stage.attempt, "next")}
-next:
-  %busy.next = phi i64 [ %busy.kept, %keep ], [ %busy, %idle ], [ %busy.more, %row.entry ]
-  %l.next = add i64 %l, 1
-  %l.more = icmp ult i64 %l.next, {w}
-  br i1 %l.more, label %lane, label %done.all
-done.all:
-  ret i64 %busy.next
-}}"""
+{_copy("row", "attempts.at", 1, "to.at", w, stage.attempt, "next")}"""
 
 
 def _copy(label: str, source: str, source_step: int, to: str, to_step: int, entries: int, after: str) -> str:

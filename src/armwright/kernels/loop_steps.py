@@ -6,6 +6,7 @@ Steps end where a schedule has a row, where another planned command comes into f
 from __future__ import annotations
 
 import sys
+from dataclasses import dataclass
 
 from armwright.kernels.loop_blocks import BlockPrinter
 from armwright.kernels.machine import Value
@@ -27,6 +28,18 @@ NEARLY = 1.01  # a step that would leave less than a hundredth of itself to the 
 CLOSER, REMAINDER = 4, 2.0**-6  # steps up to where something switches, and what each but the last leaves
 BEYOND = 2.0**-24  # of a step: how far behind a place where something switches it then ends
 LOST = 0.1  # how much shorter the next trial is where the state is infinite or NaN
+
+
+@dataclass(frozen=True)
+class _Trial:
+    """Values of a trial, one a lane."""
+
+    length: Value
+    then: Value  # time in the tick behind it
+    error: Value  # above 1: it was too long
+    grow: Value  # length of the next trial by that of this one
+    good: Value  # lanes in which it was not too long
+    located: Value | None  # lanes in which an event was found within it; None of a stage without events
 
 
 class StepPrinter(BlockPrinter):
@@ -172,8 +185,7 @@ class StepPrinter(BlockPrinter):
     def _adapt(self, stage: Adapt, label: str) -> None:
         """Trials while any lane has not reached its edge; a lane's state is written only where its own trial was good."""
         m = self.m
-        zero, one = m.constant(0.0), m.constant(1.0)
-        self._store("tried", 0, zero)
+        self._store("tried", 0, m.constant(0.0))
         t, edge = self._segment(stage, label)
         if stage.ahead:
             self._go_on(stage, t)
@@ -183,12 +195,36 @@ class StepPrinter(BlockPrinter):
             m.jump(f"{label}.trial")
         m.begin(f"{label}.trial")
         now, wanted = self._load(SINCE), self._load("h_try")
-        wanted = m.select(m.lt(zero, wanted), wanted, self._splat("%h"))
+        wanted = m.select(m.lt(m.constant(0.0), wanted), wanted, self._splat("%h"))
         active = m.both(m.lt(now, edge), self._not_frozen())
+        trial = self._try(stage, label, now, wanted, edge, active)
+        measured = self._follow(trial, wanted, active)
+        tried = m.add(self._load("tried"), m.truth(active))
+        self._store("tried", 0, tried)
+        self._store("trials", 0, m.add(self._load("trials"), m.truth(active)))
+        self._take(stage, trial)
+        now = m.select(trial.good, trial.then, now)
+        self._store(SINCE, 0, now)
+        waits = m.both(active, m.lt(now, edge))
+        over = m.both(waits, m.le(self._most(stage), tried))
+        self._store("frozen", 0, m.select(over, self._splat("%tick"), self._load("frozen")))
+        self._store("stalled", 0, m.add(self._load("stalled"), m.truth(m.both(over, measured))))
+        if "worst" in self.sizes:
+            self._store("stalled_by", 0, m.select(over, self._load("worst"), self._load("stalled_by")))
+        again = m.any(m.both(waits, m.inverse(over)))
+        m.branch(again, f"{label}.trial", f"{label}.reached")
+        m.begin(f"{label}.reached")
+        if stage.ahead:
+            self._look_back(stage, edge)
+        self._end_segment(stage, label, t, edge)
+
+    def _try(self, stage: Adapt, label: str, now: Value, wanted: Value, edge: Value, active: Value) -> _Trial:
+        """A trial of the wanted length or up to the edge, cut where something switches."""
+        m, one = self.m, self.m.constant(1.0)
         left = m.sub(edge, now)
         s = wanted if stage.ahead else m.select(m.le(left, m.mul(wanted, m.constant(NEARLY))), left, wanted)
         if stage.events:
-            s = m.select(m.lt(zero, self._load("landed")), self._load("h_land"), s)
+            s = m.select(m.lt(m.constant(0.0), self._load("landed")), self._load("h_land"), s)
         ends = m.le(left, s)
         self._store("h", 0, s)
         if stage.switching:
@@ -204,28 +240,36 @@ class StepPrinter(BlockPrinter):
         error, grow = self._load("error"), self._load("grow")
         good = m.both(active, m.le(error, one))
         then = m.add(now, s) if stage.ahead else m.select(ends, edge, m.add(now, s))
-        crossed = None
+        located = None
         if stage.events:
-            good, crossed = self._find_events(stage, label, now, then, active, good)
+            good, located = self._find_events(stage, label, now, then, active, good)
+        return _Trial(s, then, error, grow, good, located)
+
+    def _follow(self, trial: _Trial, wanted: Value, active: Value) -> Value:
+        """Puts down the length of the next trial; lanes in which this one's error is a number."""
+        m, zero, one = self.m, self.m.constant(0.0), self.m.constant(1.0)
+        s, error = trial.length, trial.error
         measured = m.le(error, m.constant(sys.float_info.max))
-        grow = m.select(measured, grow, m.constant(LOST))
+        grow = m.select(measured, trial.grow, m.constant(LOST))
         # Behind a step that was refused, the next one does not grow.
         grow = m.select(m.both(m.lt(zero, self._load("rejected")), m.lt(one, grow)), one, grow)
         following = m.mul(s, grow)
         # A step that was cut short does not shorten the next.
-        short = m.both(good, m.both(m.lt(s, wanted), m.lt(following, wanted)))
+        short = m.both(trial.good, m.both(m.lt(s, wanted), m.lt(following, wanted)))
         following = m.select(short, wanted, following)
-        if crossed is not None:
-            following = m.select(crossed, wanted, following)
+        if trial.located is not None:
+            following = m.select(trial.located, wanted, following)
         self._store("h_try", 0, m.select(active, following, wanted))
         rejected = m.truth(m.both(active, m.inverse(m.le(error, one))))
         self._store("rejected", 0, rejected)
         self._store("repeats", 0, m.add(self._load("repeats"), rejected))
-        tried = m.add(self._load("tried"), m.truth(active))
-        self._store("tried", 0, tried)
-        self._store("trials", 0, m.add(self._load("trials"), m.truth(active)))
+        return measured
+
+    def _take(self, stage: Adapt, trial: _Trial) -> None:
+        """The state behind a trial, and all else that it computed, in lanes in which it was good."""
+        m, good = self.m, trial.good
         if stage.ahead:
-            self._store("span", 0, m.select(good, s, self._load("span")))
+            self._store("span", 0, m.select(good, trial.length, self._load("span")))
             for k in range(self.sizes["x"]):
                 self._store("x_from", k, m.select(good, self._load("x", k), self._load("x_from", k)))
         for port in stage.trial.outputs:
@@ -233,20 +277,6 @@ class StepPrinter(BlockPrinter):
                 block = port.name.removesuffix(NEXT)
                 for k in range(port.size):
                     self._store(block, k, m.select(good, self._load(port.name, k), self._load(block, k)))
-        now = m.select(good, then, now)
-        self._store(SINCE, 0, now)
-        waits = m.both(active, m.lt(now, edge))
-        over = m.both(waits, m.le(self._most(stage), tried))
-        self._store("frozen", 0, m.select(over, self._splat("%tick"), self._load("frozen")))
-        self._store("stalled", 0, m.add(self._load("stalled"), m.truth(m.both(over, measured))))
-        if "worst" in self.sizes:
-            self._store("stalled_by", 0, m.select(over, self._load("worst"), self._load("stalled_by")))
-        again = m.any(m.both(waits, m.inverse(over)))
-        m.branch(again, f"{label}.trial", f"{label}.reached")
-        m.begin(f"{label}.reached")
-        if stage.ahead:
-            self._look_back(stage, edge)
-        self._end_segment(stage, label, t, edge)
 
     def _go_on(self, stage: Adapt, t: Value) -> None:
         """Lanes on which the same acts go on behind their last step; others begin anew, in steps as long as that lasted."""
