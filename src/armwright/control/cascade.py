@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from armwright import scalar
-from armwright.control.anti_windup import RULES, Stage, limited_stage, shortfall, within
+from armwright.control.anti_windup import RULES, LimitedStage, shortfall, within
 from armwright.control.commands import command_signs
 from armwright.control.gains import check_delay_ticks, check_whole, per_joint, positive_limit
 from armwright.control.joint_pid import check_tracking
@@ -133,30 +133,22 @@ class Cascade:
         wanted = within(wanted, self.speed_limit)
         speed = _held(due.get("position", 1.0), wanted, speed)
         last = self.current_kp is None
-        stage = self._stage(
-            speed - y.qd, integral, self.speed_kp, self.speed_ki, self.effort_limit, self.period * self.speed_every,
-            missing if last else 0.0, 0.0 if last else cut,
-        )  # fmt: skip
+        stage = self._stage(self.speed_kp, self.speed_ki, self.effort_limit, self.period * self.speed_every)
+        done = stage.step(speed - y.qd, integral, missing=missing if last else 0.0, ahead=0.0 if last else cut)
         turn = due.get("speed", 1.0)
-        effort, integral = _held(turn, stage.output, effort), _held(turn, stage.integral, integral)
+        effort, integral = _held(turn, done.output, effort), _held(turn, done.integral, integral)
         u = effort
         if not last:
-            final = self._stage(
-                effort - signs * y.current, inner, self.current_kp, self.current_ki, self.voltage_limit, self.period,
-                missing, 0.0,
-            )  # fmt: skip
+            stage = self._stage(self.current_kp, self.current_ki, self.voltage_limit, self.period)
+            final = stage.step(effort - signs * y.current, inner, missing=missing)
             u, inner, cut = final.output, final.integral, final.cut
         u = scalar.array(signs * u)
         pairs = zip(slower, waits, strict=True)
         waits = [scalar.where(due[loop], getattr(self, f"{loop}_every") - 1.0, wait - 1.0) for loop, wait in pairs]
         return u, scalar.array(np.concatenate([waits, speed, integral, effort, inner, cut, asked[n:], u]))
 
-    def _stage(
-        self, error: Array, integral: Array, kp: Array, ki: Array, limit: Array, period: float, missing: Any, ahead: Any
-    ) -> Stage:
-        return limited_stage(
-            error, integral, kp, ki, limit, period, self.anti_windup, self.tracking_time, missing=missing, ahead=ahead
-        )
+    def _stage(self, kp: Array, ki: Array, limit: Array, period: float) -> LimitedStage:
+        return LimitedStage(kp, ki, limit, period, self.anti_windup, self.tracking_time)
 
     @property
     def _slower(self) -> list[str]:

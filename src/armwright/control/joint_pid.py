@@ -10,7 +10,7 @@ import numpy as np
 
 from armwright import scalar
 from armwright.actuators.coupling import from_joints, shares_of
-from armwright.control.anti_windup import RULES, limited_stage, shortfall
+from armwright.control.anti_windup import RULES, LimitedStage, shortfall
 from armwright.control.commands import command_signs, torque_commands
 from armwright.control.gains import check_delay_ticks, check_model, check_time, per_joint, positive_limit
 from armwright.dynamics import holding_torques
@@ -117,12 +117,10 @@ class JointPID:
             weight = from_joints(shares_of(self.model), holding_torques(simplified(self.model), y.q))
             feedforward = feedforward + signs * torque_commands(self.model, scalar.zeros(n), weight)
         missing = signs * shortfall(y.applied, asked[:n], self.slack)
-        stage = limited_stage(
-            r.q - y.q, integral, self.kp, self.ki, self.limit, h, self.anti_windup, self.tracking_time,
-            feedforward=feedforward, missing=missing,
-        )  # fmt: skip
-        u = scalar.array(signs * stage.output)
-        return u, scalar.array(np.concatenate([stage.integral, asked[n:], u, rest]))
+        stage = LimitedStage(self.kp, self.ki, self.limit, h, self.anti_windup, self.tracking_time)
+        done = stage.step(r.q - y.q, integral, feedforward=feedforward, missing=missing)
+        u = scalar.array(signs * done.output)
+        return u, scalar.array(np.concatenate([done.integral, asked[n:], u, rest]))
 
 
 def check_tracking(law: str, rule: str, tracking_time: float | None) -> None:

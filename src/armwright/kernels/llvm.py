@@ -32,6 +32,7 @@ class Module:
     functions: dict[str, str] = field(default_factory=dict)
     declarations: set[str] = field(default_factory=set)
     definitions: dict[str, str] = field(default_factory=dict)
+    _programs: dict[str, Program] = field(default_factory=dict)
 
     def machine(self) -> LlvmMachine:
         """A machine that prints a function of this module."""
@@ -47,6 +48,9 @@ class Module:
         Inputs named in `rows` are one number an entry, the same for all lanes.
         """
         name = f"{program.name}.block"
+        known = self._programs.setdefault(program.name, program)
+        same = known == program or known.instructions == program.instructions
+        assert same, f"two programs named {program.name!r} in one module"
         if name not in self.functions:
             m = self.machine()
             inputs = [

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from armwright.control.anti_windup import limited_stage
+from armwright.control.anti_windup import LimitedStage
 from armwright.dynamics import mass_matrix
 from armwright.model import Model
 from armwright.twin.units import Units
@@ -72,11 +72,10 @@ class Servo:
     ) -> np.ndarray:
         """Commands (n,) [A | N m | N] that follow positions (n,) and speeds (n,) within limits (n,), with commands (n,) added."""
         speed, more = self._kp * (wanted - q) + wanted_speed, self._signs * feedforward
-        stage = limited_stage(
-            speed - qd, self.integral, self._kv, self._ki, limit, self._period, "clamping", None, feedforward=more
-        )
-        self.integral = np.asarray(stage.integral, dtype=float)
-        return self._signs * np.asarray(stage.output, dtype=float)
+        stage = LimitedStage(self._kv, self._ki, limit, self._period, "clamping")
+        done = stage.step(speed - qd, self.integral, feedforward=more)
+        self.integral = np.asarray(done.integral, dtype=float)
+        return self._signs * np.asarray(done.output, dtype=float)
 
     def begin(self, joint: int, command: float) -> None:
         """Starts a joint's loop at the present command, without a jump at the motor."""

@@ -18,7 +18,7 @@ from armwright.actuators.motor import check_command
 from armwright.actuators.stops import stop_depths, stopped
 from armwright.actuators.thermal import warmed, warming_rates
 from armwright.actuators.winding import Winding, driven_winding, is_limit
-from armwright.model import Body, Model
+from armwright.model import Body, Brake, Model
 from armwright.scalar import Array, Scalar
 
 STANDING = 1e-9  # of the speed that friction is smoothed over, or [rad/s | m/s]: a joint that is slower stands
@@ -138,18 +138,14 @@ def driven_joint(
     winding = _winding(body, states, at.motor_speed, u, volts)
     if winding.change is not None:
         change["current"], rates["current"] = winding.change, winding.rate
-    torque = winding.torque
+    torque, ratio = winding.torque, body.drive.gear_ratio
     if body.drive.cogging is not None:
-        ratio = body.drive.gear_ratio
         torque = torque + ratio * cogging_torque(body.drive.cogging, ratio * at.motor)
-    loss = 0.0
+    loss, spring = 0.0, None
     warming = _warming(body, states, winding.heat, change)
-    spring = None
     if body.elasticity is not None:
         flanks = (touching[-2], touching[-1]) if len(touching) > of_stops else None
-        spring = transmitted(
-            body.elasticity, body.drive.gear_ratio, at.motor, at.motor_speed, at.link, at.link_speed, flanks
-        )
+        spring = transmitted(body.elasticity, ratio, at.motor, at.motor_speed, at.link, at.link_speed, flanks)
         loss, switching = loss + spring.loss, [*switching, *_felt(spring.pushes, touching[of_stops:])]
     turning = None if directions is None else directions[1]
     of_gear = gear_loss(body.drive, at.motor_speed, None if _knows_its_load(body) else body.friction, turning)
@@ -158,22 +154,17 @@ def driven_joint(
         leaving = spring.slope * spring.torque
         entering = leaving if of_gear is None else of_gear.input(leaving)
         load = entering if body.friction is not None and body.friction.on_motor else spring.torque
-    before, behind, rubbed = _friction(
-        body, states, at, load if _knows_its_load(body) else None, warming, change, rates, directions
-    )
+    known = load if _knows_its_load(body) else None
+    before, behind, rubbed = _friction(body, states, at, known, warming, change, rates, directions)
     link_friction, loss = behind, loss + rubbed
     if body.friction is not None and has_corner(body.friction):
         switching.append(_turning(body, at.motor_speed if body.friction.on_motor else at.qd))
     if applied is not None:
         assert body.brake is not None
         speed = at.motor_speed if body.brake.on_motor else at.qd
-        if body.brake.is_rigid:
-            direction = scalar.sign(speed) if directions is None else directions[body.brake.on_motor]
-            braking = applied * body.brake.holding * direction
-        else:
+        braking = _braking(body.brake, states, speed, applied, change, rates, directions)
+        if not body.brake.is_rigid:
             switching.append(_turning(body, speed))
-            brake = holding(body.brake, speed, states.brake, applied)
-            change["brake"], rates["brake"], braking = brake.speed, brake.rate, brake.torque
         loss = loss + braking * speed
         if body.brake.on_motor:
             before = before + braking
@@ -185,7 +176,7 @@ def driven_joint(
         switching += _felt(stop.pushes, touching)
     acceleration, gear = None, torque - before
     if spring is not None:
-        acceleration = body.drive.gear_ratio * (gear - entering) / body.drive.reflected
+        acceleration = ratio * (gear - entering) / body.drive.reflected
         if directions is not None and sticks_on_motor(body, applied is not None):
             acceleration = scalar.where(scalar.equal(directions[1], 0.0), 0.0, acceleration)
         if of_gear is not None:
@@ -257,6 +248,18 @@ def _friction(
         bent = bristle_friction(friction, speed, states.bristle, load, warming)
         torque, change["bristle"], rates["bristle"] = bent.torque, bent.speed, bent.rate
     return (torque, 0.0, torque * speed) if friction.on_motor else (0.0, torque, torque * speed)
+
+
+def _braking(
+    brake: Brake, states: JointStates, speed: Scalar, applied: Scalar, change: dict[str, Scalar], rates: dict[str, Scalar],
+    directions: tuple[Scalar, Scalar] | None,
+) -> Scalar:  # fmt: skip
+    """Torque of a brake [N m | N] at the speed of its side."""
+    if brake.is_rigid:
+        return applied * brake.holding * (scalar.sign(speed) if directions is None else directions[brake.on_motor])
+    held = holding(brake, speed, states.brake, applied)
+    change["brake"], rates["brake"] = held.speed, held.rate
+    return held.torque
 
 
 def stored(body: Body, states: JointStates, at: JointMotion) -> Scalar:
