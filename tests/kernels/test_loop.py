@@ -8,7 +8,17 @@ import pytest
 from armwright import scalar
 from armwright.kernels.loop import LoopArrays, NativeLoop, Schedules
 from armwright.kernels.philox import philox, uniform
-from armwright.kernels.stages import NEVER, Adapt, Call, Delay, Draw, Integrate, Record, Rows, Table
+from armwright.kernels.stages import (
+    NEVER,
+    Adapt,
+    Call,
+    DelayStage,
+    DrawStage,
+    Integrate,
+    RecordStage,
+    RowsStage,
+    TableStage,
+)
 from armwright.kernels.target import select_target
 from armwright.program import trace
 
@@ -73,10 +83,10 @@ def test_delay_and_draws_are_what_numpy_makes_of_them(width):
     sense = trace("sense", lambda x: x[1:], {"x": (2,)}, ("y",))
     plan = (
         Call(sense),
-        Delay("y", "y_old", "lag", entries=1, length=4),
-        Draw("w", 3, channel=7),
+        DelayStage("y", "y_old", "lag", entries=1, length=4),
+        DrawStage("w", 3, channel=7),
         Call(control),
-        Record("run", ("x", "y", "y_old", "w", "u"), (2, 1, 1, 3, 1)),
+        RecordStage("run", ("x", "y", "y_old", "w", "u"), (2, 1, 1, 3, 1)),
         Integrate(STEP),
     )
     loop = NativeLoop(plan, replace(select_target("x86-64-v3"), width=width))
@@ -98,7 +108,7 @@ def test_delay_and_draws_are_what_numpy_makes_of_them(width):
 
 def test_a_table_is_read_row_by_row_and_memory_is_kept():
     count = trace("count", lambda r, m: m + r, {"r": (1,), "m": (1,)}, ("m_next",))
-    loop = NativeLoop((Table("r", 1), Call(count), Record("run", ("r", "m"), (1, 1))), select_target())
+    loop = NativeLoop((TableStage("r", 1), Call(count), RecordStage("run", ("r", "m"), (1, 1))), select_target())
     table = np.arange(7.0).reshape(-1, 1) ** 2
     found = recorded(loop, loop.lanes(3), 6, 2, tables={"r": table})
     np.testing.assert_array_equal(found[:, 1, 0], table[:, 0])
@@ -110,7 +120,7 @@ def test_a_row_that_programs_read_in_place_is_no_block():
     table = np.random.default_rng(0).normal(size=(7, 2))
     sums = []
     for spread in (True, False):
-        loop = NativeLoop((Table("r", 2, spread=spread), Call(count)), select_target())
+        loop = NativeLoop((TableStage("r", 2, spread=spread), Call(count)), select_target())
         lanes = loop.lanes(11)
         assert ("r" in lanes.blocks) == spread
         loop.run(lanes, 0.0, (1, 7), LoopArrays({"r": table}))
@@ -130,7 +140,7 @@ def segments(x, changes, substeps=1):
 
 @pytest.mark.parametrize("substeps", [1, 3])
 def test_planned_commands_act_from_their_time_and_the_newest_wins(substeps):
-    loop = NativeLoop((Record("run", ("x",), (2,)), Integrate(STEP, planned=3)), select_target())
+    loop = NativeLoop((RecordStage("run", ("x",), (2,)), Integrate(STEP, planned=3)), select_target())
     lanes = loop.lanes(4)
     lanes.set("x", starts(4))
     lanes.set("u_plan", np.array([1.0, -2.0, 3.0]))
@@ -148,7 +158,7 @@ def test_planned_commands_act_from_their_time_and_the_newest_wins(substeps):
 
 
 def test_the_state_at_a_time_within_the_tick_is_seen():
-    loop = NativeLoop((Record("run", ("x", "x_seen"), (2, 2)), Integrate(STEP, seen=("x",))), select_target())
+    loop = NativeLoop((RecordStage("run", ("x", "x_seen"), (2, 2)), Integrate(STEP, seen=("x",))), select_target())
     lanes = loop.lanes(3)
     lanes.set("x", starts(3))
     lanes.set("x_seen", starts(3))
@@ -163,7 +173,7 @@ def test_the_state_at_a_time_within_the_tick_is_seen():
 def test_the_command_at_a_time_within_the_tick_is_seen():
     """That of the segment which ends there: what acts from then on is not yet seen."""
     loop = NativeLoop(
-        (Record("run", ("u", "u_seen"), (1, 1)), Integrate(STEP, planned=3, seen=("x", "u"))), select_target()
+        (RecordStage("run", ("u", "u_seen"), (1, 1)), Integrate(STEP, planned=3, seen=("x", "u"))), select_target()
     )
     lanes = loop.lanes(4)
     lanes.set("see_at", np.array([[0.002], [0.004], [0.005], [H]]))
@@ -174,7 +184,7 @@ def test_the_command_at_a_time_within_the_tick_is_seen():
 
 
 def test_schedules_land_between_ticks():
-    loop = NativeLoop((Rows("u", 1), Record("run", ("x", "u"), (2, 1)), Integrate(STEP)), select_target())
+    loop = NativeLoop((RowsStage("u", 1), RecordStage("run", ("x", "u"), (2, 1)), Integrate(STEP)), select_target())
     lanes = loop.lanes(2)
     lanes.set("x", starts(2))
     times = (np.array([0.0, 0.0, 1.0]), np.array([0.0, 0.003, 0.0]))
@@ -206,7 +216,7 @@ def test_two_loops_take_turns_over_the_same_lanes():
 
 def test_a_lane_that_leaves_the_finite_numbers_is_frozen_and_the_others_go_on():
     step = trace("grow", lambda x, u, h: x * x + u * h, {"x": (1,), "u": (1,), "h": ()}, ("x_next",))
-    loop = NativeLoop((Record("run", ("x",), (1,)), Integrate(step)), select_target())
+    loop = NativeLoop((RecordStage("run", ("x",), (1,)), Integrate(step)), select_target())
     lanes = loop.lanes(3)
     lanes.set("x", np.array([[0.5], [1e100], [3.0]]))
     found = recorded(loop, lanes, 12, 1)
@@ -251,7 +261,7 @@ def adapted(x, changes, wanted, edges, most=1000):
 @pytest.mark.parametrize("most", [1000, 5])
 def test_lanes_that_choose_their_steps_do_what_numpy_does(most):
     ticks = 3
-    plan = (Record("run", ("x", "trials"), (2, 1)), Adapt(TRIAL, most=most, planned=2))
+    plan = (RecordStage("run", ("x", "trials"), (2, 1)), Adapt(TRIAL, most=most, planned=2))
     loop = NativeLoop(plan, select_target())
     lanes = loop.lanes(LANES)
     pushes = np.geomspace(0.01, 1000.0, LANES).reshape(-1, 1)

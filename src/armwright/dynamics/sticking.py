@@ -113,7 +113,7 @@ class DryElement:
     forward: Side
     backward: Side
 
-    def jump(self, speed: Scalar, h: Scalar, stiffness: Scalar, place: Scalar) -> Jump:
+    def jump(self, speed: Scalar, h: Scalar, stiffness: Scalar, place: Scalar) -> TorqueJump:
         """The element as Newton's method takes it, by the speed after the step.
 
         Args:
@@ -139,11 +139,11 @@ class DryElement:
             *(scalar.maximum(knot + width, ends) for knot in others),
         ]
         slopes, offsets = zip(*lines, strict=True)
-        return Jump(self.row, BrokenLine(tuple(bends), slopes, offsets), begins, ends)
+        return TorqueJump(self.row, BrokenLine(tuple(bends), slopes, offsets), begins, ends)
 
 
 @dataclass(frozen=True, eq=False)
-class Jump:
+class TorqueJump:
     """An element as a lossy gear without a rotor, entered by t = -s⁺."""
 
     row: Row
@@ -245,7 +245,7 @@ def _after(
 def as_gears(
     mass: Array, bias: Array, speeds: Array, h: Scalar, elements: Sequence[DryElement], gears: Sequence[Gear],
     places: Sequence[Scalar],
-) -> tuple[np.ndarray, np.ndarray, list[Jump], list[Gear]]:  # fmt: skip
+) -> tuple[np.ndarray, np.ndarray, list[TorqueJump], list[Gear]]:  # fmt: skip
     """The problem as one of lossy gears, with speeds in place of accelerations: matrix, bias, jumps, and other gears."""
     matrix = scalar.array(mass / h)
     jumps = []

@@ -18,7 +18,7 @@ import numpy as np
 
 from armwright.errors import ModelError
 from armwright.kernels.c_syntax import identifier
-from armwright.kernels.signatures import SIGNATURES, Argument, Signature, trace_kernel
+from armwright.kernels.signatures import SIGNATURES, Operand, Signature, trace_kernel
 from armwright.model import Model
 from armwright.program import Program
 
@@ -35,7 +35,7 @@ class Form:
     """
 
     signature: Signature
-    optional: tuple[Argument, ...] = ()
+    optional: tuple[Operand, ...] = ()
     options: tuple[tuple[str, str], ...] = ()
 
     @property
@@ -50,12 +50,12 @@ class Form:
         return (self.signature.name, *(a.name for a in self.optional), *(value for _, value in self.options))
 
     @property
-    def arguments(self) -> tuple[Argument, ...]:
+    def arguments(self) -> tuple[Operand, ...]:
         """Names, shapes and units of its arrays, inputs first."""
         return (*self.signature.inputs, *self.optional, *self.signature.outputs)
 
     @property
-    def left_out(self) -> tuple[Argument, ...]:
+    def left_out(self) -> tuple[Operand, ...]:
         """Optional inputs that are left out."""
         return tuple(argument for argument in self.signature.optional if argument not in self.optional)
 

@@ -9,7 +9,7 @@ import numpy as np
 from armwright import scalar
 from armwright.ik.chain import TURN, Chain
 from armwright.kernels.loop import LoopArrays, NativeLoop
-from armwright.kernels.stages import Call, Table
+from armwright.kernels.stages import Call, TableStage
 from armwright.kernels.target import Target
 from armwright.program import Program, trace
 from armwright.scalar import Array, Scalar
@@ -83,7 +83,9 @@ class Starts:
         turns = (positions[:, :1] - azimuths - middle) / TURN
         table = np.concatenate([features, square, turns], axis=1)
         self._table = np.ascontiguousarray(table[:NEAREST_OF])
-        self._loop = NativeLoop((Table("row", AT_ONCE * (FEATURES + 2), spread=False), Call(ranking(chain))), target)
+        self._loop = NativeLoop(
+            (TableStage("row", AT_ONCE * (FEATURES + 2), spread=False), Call(ranking(chain))), target
+        )
 
     def ranked(self, tasks: np.ndarray, features: np.ndarray) -> np.ndarray:
         """(k, RANKED) numbers of the rows that are nearest to each pose, as floats."""

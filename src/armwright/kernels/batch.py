@@ -22,7 +22,7 @@ from armwright.scalar import real_numbers
 if TYPE_CHECKING:  # a kernel from the cache, called for a few states, needs neither threads nor what prints code
     from concurrent.futures import ThreadPoolExecutor
 
-    from armwright.kernels.llvm import Module
+    from armwright.kernels.llvm import LlvmModule
 
 ndarray = np.ndarray
 POINTER = ctypes.c_void_p
@@ -202,7 +202,7 @@ def _empty(shape: tuple[int, ...], dtype: np.dtype) -> np.ndarray:
     return room[start : start + size].reshape(shape)
 
 
-def batch_module(width: int, program: Program, dtype: str) -> Module:
+def batch_module(width: int, program: Program, dtype: str) -> LlvmModule:
     """The module of a program's batch functions, as `llvm` prints it."""
     from armwright.kernels import llvm
 

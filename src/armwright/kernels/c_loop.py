@@ -28,8 +28,8 @@ from armwright.kernels.stages import (
     SWITCHES,
     Adapt,
     Call,
-    Delay,
-    Draw,
+    DelayStage,
+    DrawStage,
     Integrate,
     Stage,
     block_sizes,
@@ -83,7 +83,7 @@ COUNTER = "tick_number"  # the member that counts ticks
 
 
 @dataclass(frozen=True)
-class Clock:
+class LoopClock:
     """Numbers of a loop that are constants of its code.
 
     Attributes:
@@ -105,7 +105,7 @@ class LoopText:
         rings: length and entries of every delay's ring, by the block that it fills.
     """
 
-    def __init__(self, unit: Unit, stages: Sequence[Stage], struct: str, clock: Clock):
+    def __init__(self, unit: Unit, stages: Sequence[Stage], struct: str, clock: LoopClock):
         """Text of those stages.
 
         Raises:
@@ -113,7 +113,7 @@ class LoopText:
         """
         self.unit, self.struct, self.clock, self._plan = unit, struct, clock, tuple(stages)
         self.sizes = {name: size for name, size in block_sizes(self._plan).items() if size}
-        self.rings = {stage.to: (stage.length, stage.entries) for stage in stages if isinstance(stage, Delay)}
+        self.rings = {stage.to: (stage.length, stage.entries) for stage in stages if isinstance(stage, DelayStage)}
         for stage in stages:
             if isinstance(stage, Adapt) and stage.events:
                 raise ProgramError("looks for events", place="loop", expected="a solver without events")
@@ -138,7 +138,7 @@ class LoopText:
         """`static void name(struct *l)`: the stages in order; `advances`: the counter goes on to the next tick at the end."""
         body = []
         for stage in stages:
-            body += getattr(self, f"_{type(stage).__name__.lower()}")(stage)
+            body += getattr(self, f"_{type(stage).__name__.removesuffix('Stage').lower()}")(stage)
         if "tick" in self.sizes:
             body.insert(0, f"l->tick[0] = (double)l->{COUNTER};")
         if advances:
@@ -163,13 +163,13 @@ class LoopText:
     def _call(self, stage: Call) -> list[str]:
         return self._run(stage.program)
 
-    def _draw(self, stage: Draw) -> list[str]:
+    def _draw(self, stage: DrawStage) -> list[str]:
         name, clock = f"{self.unit.prefix}draw", self.clock
         self.unit.functions[name] = _PHILOX.format(prefix=self.unit.prefix)
         keys = f"UINT64_C({clock.lane}), l->{COUNTER}, UINT64_C({stage.channel}), UINT64_C({clock.seed})"
         return [f"{name}({keys}, {stage.entries}, l->{identifier(stage.block)});"]
 
-    def _delay(self, stage: Delay) -> list[str]:
+    def _delay(self, stage: DelayStage) -> list[str]:
         block, to, by = identifier(stage.block), identifier(stage.to), identifier(stage.by)
         slot = f"(l->{COUNTER} + {stage.length}u - (uint64_t)l->{by}[0]) % {stage.length}u"
         return [

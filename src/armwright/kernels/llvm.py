@@ -24,7 +24,7 @@ CACHE_LINE = 64  # bytes; a guess that is too small or too large costs a little 
 
 
 @dataclass
-class Module:
+class LlvmModule:
     """LLVM text in the making: functions, each printed once, and what they declare."""
 
     width: int
@@ -336,8 +336,8 @@ def _port_sizes(program: Program) -> dict[str, int]:
     return sizes | {f"%out{k}": port.size for k, port in enumerate(program.outputs)}
 
 
-def batch_module(width: int, program: Program, dtype: str = DOUBLE.name) -> Module:
+def batch_module(width: int, program: Program, dtype: str = DOUBLE.name) -> LlvmModule:
     """The module of a program's batch functions over numbers of a format."""
-    module = Module(width, FORMATS[dtype])
+    module = LlvmModule(width, FORMATS[dtype])
     module.add_batch_function(program)
     return module

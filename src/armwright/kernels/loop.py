@@ -12,7 +12,17 @@ import numpy as np
 from armwright.kernels.engine import Engine
 from armwright.kernels.loop_exchange import POINTERS
 from armwright.kernels.loop_printer import NUMBERS, argument_names, loop_module
-from armwright.kernels.stages import CURSOR, NEVER, Delay, Exchange, Record, Rows, Stage, Table, block_sizes
+from armwright.kernels.stages import (
+    CURSOR,
+    NEVER,
+    DelayStage,
+    Exchange,
+    RecordStage,
+    RowsStage,
+    Stage,
+    TableStage,
+    block_sizes,
+)
 from armwright.kernels.target import Target
 
 ENDLESS = 2**62  # a last tick that does not come
@@ -70,7 +80,7 @@ NO_ARRAYS = LoopArrays()
 
 
 @dataclass(eq=False)
-class Lanes:
+class LaneGroup:
     """Memory of the loop for one group of lanes, in whole tiles of W; the last tile is filled up with lane 0.
 
     Attributes:
@@ -138,13 +148,13 @@ class NativeLoop:
         self._names = argument_names(stages)
         self._run = Engine(target, loop_module, *stages).function("loop", ctypes.c_void_p) if runs else None
 
-    def lanes(self, count: int, first: int = 0) -> Lanes:
+    def lanes(self, count: int, first: int = 0) -> LaneGroup:
         """Blocks of zeros for a group of lanes, none frozen."""
-        lanes = Lanes(count, self.target.width, first)
+        lanes = LaneGroup(count, self.target.width, first)
         self.extend(lanes)
         return lanes
 
-    def extend(self, lanes: Lanes) -> None:
+    def extend(self, lanes: LaneGroup) -> None:
         """Adds the blocks of this loop that the lanes do not have yet: two loops may take turns over the same lanes."""
         for name, entries in self.sizes.items():
             if name not in lanes.blocks:
@@ -152,10 +162,10 @@ class NativeLoop:
                 if name == "frozen":
                     lanes.blocks[name].fill(-1.0)
         for stage in self.stages:
-            if isinstance(stage, Delay) and stage.to not in lanes.rings:
+            if isinstance(stage, DelayStage) and stage.to not in lanes.rings:
                 lanes.rings[stage.to] = _aligned((lanes.tiles, stage.length, stage.entries, lanes.width))
 
-    def begin_rows(self, lanes: Lanes, name: str, schedules: Schedules, tick: int = 0) -> None:
+    def begin_rows(self, lanes: LaneGroup, name: str, schedules: Schedules, tick: int = 0) -> None:
         """Sets the cursors of a schedule stage to the first row of every lane that does not come before a tick.
 
         The block holds the row in force until then, if there is one.
@@ -177,7 +187,7 @@ class NativeLoop:
 
     def run(
         self,
-        lanes: Lanes,
+        lanes: LaneGroup,
         h: float,
         ticks: tuple[int, int],
         arrays: LoopArrays = NO_ARRAYS,
@@ -217,19 +227,19 @@ class NativeLoop:
         assert self._run is not None
         self._run(ctypes.addressof(table))
 
-    def _pointers(self, lanes: Lanes, arrays: LoopArrays) -> Iterator[int]:
+    def _pointers(self, lanes: LaneGroup, arrays: LoopArrays) -> Iterator[int]:
         """Addresses of the arrays, and strides, in the order of `argument_names`."""
         for name in self.sizes:
             yield lanes.blocks[name].ctypes.data
         for stage in self.stages:
-            if isinstance(stage, Table):
+            if isinstance(stage, TableStage):
                 yield arrays.tables[stage.block].ctypes.data
-            elif isinstance(stage, Rows):
+            elif isinstance(stage, RowsStage):
                 rows = arrays.schedules[stage.block]
                 yield from (each.ctypes.data for each in (rows.tick, rows.offset, rows.values))
-            elif isinstance(stage, Delay):
+            elif isinstance(stage, DelayStage):
                 yield lanes.rings[stage.to].ctypes.data
-            elif isinstance(stage, Record):
+            elif isinstance(stage, RecordStage):
                 record = arrays.records[stage.name]
                 yield from (record.ctypes.data, record.strides[0] // 8)
             elif isinstance(stage, Exchange):

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from armwright.kernels.llvm import Module
+from armwright.kernels.llvm import LlvmModule
 from armwright.kernels.llvm_machine import LlvmMachine
 from armwright.kernels.machine import Value
-from armwright.kernels.stages import CURSOR, NEVER, NEXT, SINCE, Rows, Stage, block_sizes, unspread
+from armwright.kernels.stages import CURSOR, NEVER, NEXT, SINCE, RowsStage, Stage, block_sizes, unspread
 from armwright.program import Program
 
 ROWS = ("tick", "offset", "values")  # of all lanes' schedules, one behind another
@@ -19,11 +19,11 @@ class BlockPrinter:
             the integration stops at.   rows: tables' rows that are no blocks; `%"NAME.at"` is then one number an entry.
     """
 
-    def __init__(self, module: Module, plan: tuple[Stage, ...]):
+    def __init__(self, module: LlvmModule, plan: tuple[Stage, ...]):
         self.module, self.plan, self.w = module, plan, module.width
         self.m: LlvmMachine = module.machine()
         self.sizes = block_sizes(plan)
-        self.schedules = [stage for stage in plan if isinstance(stage, Rows)]
+        self.schedules = [stage for stage in plan if isinstance(stage, RowsStage)]
         self.rows = unspread(plan)
 
     def _out(self, line: str) -> None:
@@ -57,7 +57,7 @@ class BlockPrinter:
     def _int_splat(self, value: Value) -> Value:
         return self.m.spread(value, "i64", self.m.integer)
 
-    def _rows(self, rows: Rows, label: str) -> None:
+    def _rows(self, rows: RowsStage, label: str) -> None:
         """Rows that are due now replace the block, where any lane has one in this tick."""
         m, block = self.m, rows.block
         due = m.any(m.eq(self._load(f"{block}.due_tick"), self._splat("%tick")))

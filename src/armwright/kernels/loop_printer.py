@@ -6,12 +6,23 @@ Lanes that have nothing to do in a segment keep their state by a select, so a la
 from __future__ import annotations
 
 from armwright.kernels import philox
-from armwright.kernels.llvm import Module
+from armwright.kernels.llvm import LlvmModule
 from armwright.kernels.loop_blocks import ROWS
 from armwright.kernels.loop_exchange import BLOCKS, POINTERS, exchange
 from armwright.kernels.loop_steps import StepPrinter
 from armwright.kernels.machine import Value
-from armwright.kernels.stages import SINCE, Call, Delay, Draw, Exchange, Record, Rows, Stage, Table, block_sizes
+from armwright.kernels.stages import (
+    SINCE,
+    Call,
+    DelayStage,
+    DrawStage,
+    Exchange,
+    RecordStage,
+    RowsStage,
+    Stage,
+    TableStage,
+    block_sizes,
+)
 from armwright.kernels.tiles import store_tile
 
 NUMBERS = ("tile0", "tile1", "tick0", "tick1", "last", "every", "h", "lane0", "seed", "origin", "substeps", "part")
@@ -22,22 +33,22 @@ def argument_names(plan: tuple[Stage, ...]) -> list[str]:
     """Names of the 64-bit arguments in the native function's table, in order: numbers, then pointers."""
     names = [*NUMBERS, *(f"{block}.block" for block in block_sizes(plan))]
     for stage in plan:
-        if isinstance(stage, Table):
+        if isinstance(stage, TableStage):
             names.append(f"{stage.block}.table")
-        elif isinstance(stage, Rows):
+        elif isinstance(stage, RowsStage):
             names += [f"{stage.block}.rows.{part}" for part in ROWS]
-        elif isinstance(stage, Delay):
+        elif isinstance(stage, DelayStage):
             names.append(f"{stage.to}.ring")
-        elif isinstance(stage, Record):
+        elif isinstance(stage, RecordStage):
             names += [f"{stage.name}.record", f"{stage.name}.stride"]
         elif isinstance(stage, Exchange):
             names += [f"{pointer}.shared" for pointer in POINTERS] + ["attempts.stride"]
     return names
 
 
-def loop_module(width: int, *stages: Stage) -> Module:
+def loop_module(width: int, *stages: Stage) -> LlvmModule:
     """The module of `void loop(table)`."""
-    module = Module(width)
+    module = LlvmModule(width)
     module.functions["loop"] = _Printer(module, stages).text()
     module.declarations.add("declare void @llvm.memcpy.p0.p0.i64(ptr, ptr, i64, i1)")
     return module
@@ -71,7 +82,7 @@ class _Printer(StepPrinter):
         if SINCE in self.sizes:
             self._store(SINCE, 0, m.constant(0.0))
         for number, stage in enumerate(self.plan):
-            getattr(self, f"_{type(stage).__name__.lower()}")(stage, f"s{number}")
+            getattr(self, f"_{type(stage).__name__.removesuffix('Stage').lower()}")(stage, f"s{number}")
         m.jump("tick.end")
         m.begin("tick.end")
         self._out("  %k.next = add i64 %k, 1")
@@ -92,7 +103,7 @@ class _Printer(StepPrinter):
         self._program(stage.program)
         self._replace_blocks(stage.program)
 
-    def _table(self, stage: Table, label: str) -> None:
+    def _table(self, stage: TableStage, label: str) -> None:
         m = self.m
         first = m.emit(f"mul i64 %row, {stage.entries}")
         if not stage.spread:
@@ -103,7 +114,7 @@ class _Printer(StepPrinter):
             place = m.emit(f'getelementptr double, ptr %"{stage.block}.table", i64 {index}')
             self._store(stage.block, entry, self._splat(m.emit(f"load double, ptr {place}, align 8")))
 
-    def _draw(self, stage: Draw, label: str) -> None:
+    def _draw(self, stage: DrawStage, label: str) -> None:
         m, w = self.m, self.w
         shifted = m.emit(f"mul i64 %tile, {w}")
         first = m.emit(f"add i64 %lane0, {shifted}")
@@ -146,7 +157,7 @@ class _Printer(StepPrinter):
             k1 = op("and", op("add", k1, m.int_constant(philox.W1)), low)
         return [c0, c1, c2, c3]
 
-    def _delay(self, stage: Delay, label: str) -> None:
+    def _delay(self, stage: DelayStage, label: str) -> None:
         """The newest into its slot of the ring, then for each lane the slot it asks for, lane by lane."""
         m, w, e, n = self.m, self.w, stage.entries, stage.length
         tile = m.emit(f"mul i64 %tile, {n * e * w}")
@@ -169,7 +180,7 @@ class _Printer(StepPrinter):
                 to = m.emit(f'getelementptr double, ptr %"{stage.to}.at", i64 {m.emit(f"add i64 {lane}, {entry * w}")}')
                 self._out(f"  store double {m.emit(f'load double, ptr {source}, align 8')}, ptr {to}, align 8")
 
-    def _record(self, stage: Record, label: str) -> None:
+    def _record(self, stage: RecordStage, label: str) -> None:
         m = self.m
         phase = m.emit("urem i64 %row, %every")
         due = m.emit(f"icmp eq i64 {phase}, 0")

@@ -5,7 +5,7 @@ does for the usual call: exact `ndarray`s of the kernel's dtype, aligned and C-c
 every other call (lists, other types, broadcasting, `out=`, keywords, large batches) on to the method, so that there is one
 general path, with one set of errors.
 
-The function is the LLVM text in `native_text`, compiled once for all kernels; a `Table` describes one kernel to it. It uses
+The function is the LLVM text in `native_text`, compiled once for all kernels; a `CallTable` describes one kernel to it. It uses
 Python's stable ABI, and of NumPy what every compiled extension uses: `PyArray_New` from the table `_ARRAY_API`, and the fields of
 an array, which the macros of NumPy's headers read too. That takes some 2 ns an array; `PyObject_GetBuffer`, for which NumPy
 describes the array anew in every call, takes 50 to 100. Where Python or NumPy has another layout there is no native call.
@@ -42,13 +42,13 @@ FUNCTIONS = (
 )
 
 
-class Axes(ctypes.Structure):
+class ArrayAxes(ctypes.Structure):
     """The axes of one input or output behind the leading ones."""
 
     _fields_ = (("count", ctypes.c_int64), ("lengths", ctypes.c_int64 * AXES))
 
 
-class Table(ctypes.Structure):
+class CallTable(ctypes.Structure):
     """All that the native function knows of a kernel; `%Table` in its text.
 
     Fields:
@@ -61,7 +61,7 @@ class Table(ctypes.Structure):
     _fields_ = (
         *((name, ctypes.c_void_p) for name in ("entry", "general", "new", "array_type", "dtype")),
         *((name, ctypes.c_int64) for name in ("number", "inputs", "outputs", "most", "hold")),
-        ("axes", Axes * PORTS),
+        ("axes", ArrayAxes * PORTS),
     )
 
 
@@ -111,7 +111,7 @@ def native_call(kernel: Kernel, arm: Any, general: Callable[..., Any], signature
         return None
     width, operations = kernel.target.width, max(1, program.operation_counts().total())
     entry = kernel.bound_entry
-    table = Table(
+    table = CallTable(
         *(_address(entry), id(general), api, id(np.ndarray), id(kernel.dtype), kernel.dtype.num),
         *(len(program.inputs), len(program.outputs), states, HOLD // operations * width),
         tuple((len(port.shape), tuple(port.shape)) for port in ports),

@@ -19,7 +19,7 @@ class NativeText:
 
 
 TEXT = """
-; The layouts of `Axes`, `Table` and `ArrayFields`.
+; The layouts of `ArrayAxes`, `CallTable` and `ArrayFields`.
 %Axes = type { i64, [2 x i64] }
 %Table = type { ptr, ptr, ptr, ptr, ptr, i64, i64, i64, i64, i64, [8 x %Axes] }
 %Array = type { [HEADER x i8], ptr, ptr, i32, ptr, ptr, ptr, ptr, i32 }

@@ -21,7 +21,7 @@ Size = int | str  # "n", "2n", …: number of coordinates, or a multiple of it; 
 
 
 @dataclass(frozen=True)
-class Argument:
+class Operand:
     """An input or output: its name, shape and unit."""
 
     name: str
@@ -54,9 +54,9 @@ class Signature:
     """
 
     function: Callable[..., Any]
-    inputs: tuple[Argument, ...]
-    outputs: tuple[Argument, ...]
-    optional: tuple[Argument, ...] = ()
+    inputs: tuple[Operand, ...]
+    outputs: tuple[Operand, ...]
+    optional: tuple[Operand, ...] = ()
     options: tuple[str, ...] = ()
     regroup: bool = False
     inverted: bool = False
@@ -73,16 +73,16 @@ class Signature:
         return self.function.__name__
 
 
-Q = Argument("q", ("n",), "rad | m")
-QD = Argument("qd", ("n",), "rad/s | m/s")
-QDD = Argument("qdd", ("n",), "rad/s² | m/s²")
-TAU = Argument("tau", ("n",), "N m | N")
-VOLTAGE = Argument("voltage", ("n",), "V")
-U = Argument("u", ("n",), "V | A | N m | N")
-MASS = Argument("M", ("n", "n"), "kg m² | kg m | kg")
+Q = Operand("q", ("n",), "rad | m")
+QD = Operand("qd", ("n",), "rad/s | m/s")
+QDD = Operand("qdd", ("n",), "rad/s² | m/s²")
+TAU = Operand("tau", ("n",), "N m | N")
+VOLTAGE = Operand("voltage", ("n",), "V")
+U = Operand("u", ("n",), "V | A | N m | N")
+MASS = Operand("M", ("n", "n"), "kg m² | kg m | kg")
 PER_POSITION = "N m/rad | N m/m, N/rad | N/m"
 PER_SPEED = "N m s/rad | N m s/m, N s/rad | N s/m"
-WRENCH = Argument("wrench", (6,), "N, N m")
+WRENCH = Operand("wrench", (6,), "N, N m")
 MOST_DIFFERENTIATED = 30  # joints
 
 SIGNATURES: dict[str, Signature] = {
@@ -91,11 +91,11 @@ SIGNATURES: dict[str, Signature] = {
         Signature(dynamics.inverse_dynamics, (Q, QD, QDD), (TAU,), (WRENCH,), regroup=True),
         Signature(dynamics.forward_dynamics, (Q, QD, TAU), (QDD,), (WRENCH,), regroup=True),
         Signature(dynamics.mass_matrix, (Q,), (MASS,), regroup=True),
-        Signature(dynamics.bias_torques, (Q, QD), (Argument("h", ("n",), "N m | N"),), (WRENCH,), regroup=True),
-        Signature(dynamics.gravity_torques, (Q,), (Argument("g", ("n",), "N m | N"),), regroup=True),
-        Signature(dynamics.spring_torques, (Q,), (Argument("s", ("n",), "N m | N"),), regroup=True),
-        Signature(kinematics.forward_kinematics, (Q,), (Argument("T", (4, 4), "- | m"),), options=("frame",)),
-        Signature(kinematics.jacobian, (Q,), (Argument("J", (6, "n"), "m/rad | -, - | 1/m"),), options=("frame",)),
+        Signature(dynamics.bias_torques, (Q, QD), (Operand("h", ("n",), "N m | N"),), (WRENCH,), regroup=True),
+        Signature(dynamics.gravity_torques, (Q,), (Operand("g", ("n",), "N m | N"),), regroup=True),
+        Signature(dynamics.spring_torques, (Q,), (Operand("s", ("n",), "N m | N"),), regroup=True),
+        Signature(kinematics.forward_kinematics, (Q,), (Operand("T", (4, 4), "- | m"),), options=("frame",)),
+        Signature(kinematics.jacobian, (Q,), (Operand("J", (6, "n"), "m/rad | -, - | 1/m"),), options=("frame",)),
         Signature(actuators.motor_voltage, (QD, TAU), (VOLTAGE,)),
         Signature(actuators.motor_torque, (QD, VOLTAGE), (TAU,)),
         Signature(dynamics.forward_arm, (Q, QD, U), (QDD,), regroup=True),
@@ -103,9 +103,9 @@ SIGNATURES: dict[str, Signature] = {
             dynamics.inverse_dynamics_derivatives,
             (Q, QD, QDD),
             (
-                Argument("dtau_dq", ("n", "n"), PER_POSITION),
-                Argument("dtau_dqd", ("n", "n"), PER_SPEED),
-                Argument("dtau_dqdd", ("n", "n"), MASS.unit),
+                Operand("dtau_dq", ("n", "n"), PER_POSITION),
+                Operand("dtau_dqd", ("n", "n"), PER_SPEED),
+                Operand("dtau_dqdd", ("n", "n"), MASS.unit),
             ),
             (WRENCH,),
             regroup=True,
@@ -115,9 +115,9 @@ SIGNATURES: dict[str, Signature] = {
             dynamics.forward_dynamics_derivatives,
             (Q, QD, TAU),
             (
-                Argument("dqdd_dq", ("n", "n"), "1/s² | rad/(m s²), m/(rad s²)"),
-                Argument("dqdd_dqd", ("n", "n"), "1/s | rad/(m s), m/(rad s)"),
-                Argument("dqdd_dtau", ("n", "n"), "1/(kg m²) | 1/(kg m) | 1/kg"),
+                Operand("dqdd_dq", ("n", "n"), "1/s² | rad/(m s²), m/(rad s²)"),
+                Operand("dqdd_dqd", ("n", "n"), "1/s | rad/(m s), m/(rad s)"),
+                Operand("dqdd_dtau", ("n", "n"), "1/(kg m²) | 1/(kg m) | 1/kg"),
             ),
             (WRENCH,),
             regroup=True,
@@ -126,39 +126,42 @@ SIGNATURES: dict[str, Signature] = {
         Signature(
             dynamics.forward_arm_linearised,
             (Q, QD, U),
-            (Argument("A", ("2n", "2n"), "1 | 1/s | 1/s²"), Argument("B", ("2n", "n"), "rad/s² | m/s², per unit of u")),
+            (
+                Operand("A", ("2n", "2n"), "1 | 1/s | 1/s²"),
+                Operand("B", ("2n", "n"), "rad/s² | m/s², per unit of u"),
+            ),
             regroup=True,
             most_joints=MOST_DIFFERENTIATED,
         ),
         Signature(
             dynamics.regressor,
             (Q, QD, QDD),
-            (Argument("Y", ("n", "10N"), "N m | N, per kg, kg m, kg m²"),),
+            (Operand("Y", ("n", "10N"), "N m | N, per kg, kg m, kg m²"),),
             most_joints=MOST_DIFFERENTIATED,
         ),
         Signature(
             dynamics.regressor_drive,
             (QD, QDD),
-            (Argument("Y_drive", ("n", "7N"), "N m | N, per unit of arm.drive_parameters"),),
+            (Operand("Y_drive", ("n", "7N"), "N m | N, per unit of arm.drive_parameters"),),
         ),
         Signature(
             dynamics.coriolis_matrix,
             (Q, QD),
-            (Argument("C", ("n", "n"), PER_SPEED),),
+            (Operand("C", ("n", "n"), PER_SPEED),),
             regroup=True,
             most_joints=MOST_DIFFERENTIATED,
         ),
-        Signature(dynamics.energy, (Q, QD), (Argument("kinetic", (), "J"), Argument("potential", (), "J"))),
-        Signature(dynamics.centre_of_mass, (Q,), (Argument("p", (3,), "m"),)),
+        Signature(dynamics.energy, (Q, QD), (Operand("kinetic", (), "J"), Operand("potential", (), "J"))),
+        Signature(dynamics.centre_of_mass, (Q,), (Operand("p", (3,), "m"),)),
         Signature(
             dynamics.operational_inertia,
             (Q,),
-            (Argument("Lambda", (6, 6), "kg | kg m | kg m²"),),
+            (Operand("Lambda", (6, 6), "kg | kg m | kg m²"),),
             options=("frame",),
             regroup=True,
             inverted=True,
         ),
-        Signature(kinematics.jacobian_dot_qd, (Q, QD), (Argument("a", (6,), "m/s², rad/s²"),), options=("frame",)),
+        Signature(kinematics.jacobian_dot_qd, (Q, QD), (Operand("a", (6,), "m/s², rad/s²"),), options=("frame",)),
     )
 }
 
@@ -198,7 +201,7 @@ def trace_kernel(
     place = len(signature.inputs)
     arguments = [*signature.inputs, *(a for a in signature.optional if a.name in optional)]
     if varied is not None:
-        arguments.insert(place, Argument(PARAMETERS, (len(varied.parameters),), "as each is named"))
+        arguments.insert(place, Operand(PARAMETERS, (len(varied.parameters),), "as each is named"))
 
     def function(*values: Any) -> Any:
         arm = model

@@ -4,12 +4,12 @@ Between stages, numbers wait in *blocks*: named, of some entries a lane, keeping
 of traced programs, whose inputs and outputs are blocks by name. The others are what a trace cannot hold. In NumPy, for one
 lane in tick k of h seconds, with `b` the dict of its blocks:
 
-    Call(program):             b.update(program(**b)); an output called "m_next" is the new b["m"]
-    Table("r", 6):             b["r"] = table[k - origin]                               (the same for all lanes)
-    Rows("u", 6):              while due <= (k, 0): b["u"], due = next row              (a schedule of the lane's own)
-    Draw("w", 2, channel=0):   b["w"] = philox(seed, lane, k, channel)                  in (0, 1)
-    Delay("y", "y_old", …):    ring[k % length] = b["y"]; b["y_old"] = ring[(k - b["lag"]) % length]
-    Record("run", ("x", "u"), …): row = k - origin; if row % every == 0: run[row // every] = b["x"], b["u"]
+    Call(program):               b.update(program(**b)); an output called "m_next" is the new b["m"]
+    TableStage("r", 6):          b["r"] = table[k - origin]                               (the same for all lanes)
+    RowsStage("u", 6):           while due <= (k, 0): b["u"], due = next row              (a schedule of the lane's own)
+    DrawStage("w", 2, channel=0): b["w"] = philox(seed, lane, k, channel)                  in (0, 1)
+    DelayStage("y", "y_old", …): ring[k % length] = b["y"]; b["y_old"] = ring[(k - b["lag"]) % length]
+    RecordStage("run", ("x", "u"), …): row = k - origin; if row % every == 0: run[row // every] = b["x"], b["u"]
     Integrate(step):           t = 0
                                while t < h:
                                    rows that are due at (k, t) replace their blocks
@@ -128,7 +128,7 @@ class _Source:
 
 
 @dataclass(frozen=True)
-class Table(_Source):
+class TableStage(_Source):
     """Row k of a table that all lanes share.
 
     Attributes:
@@ -143,7 +143,7 @@ class Table(_Source):
 
 
 @dataclass(frozen=True)
-class Rows(_Source):
+class RowsStage(_Source):
     """Rows of the lane's own schedule, each from its time on; `Integrate` ends a step at them."""
 
     block: str
@@ -157,7 +157,7 @@ class Rows(_Source):
 
 
 @dataclass(frozen=True)
-class Draw(_Source):
+class DrawStage(_Source):
     """Random numbers, uniform in (0, 1), that depend on seed, lane, tick and channel and on nothing else."""
 
     block: str
@@ -166,7 +166,7 @@ class Draw(_Source):
 
 
 @dataclass(frozen=True)
-class Delay:
+class DelayStage:
     """The block's value some whole ticks ago: block `by` says how many for each lane, up to length - 1."""
 
     block: str
@@ -185,7 +185,7 @@ class Delay:
 
 
 @dataclass(frozen=True)
-class Record:
+class RecordStage:
     """Blocks that are recorded, side by side, in every so-many-th tick."""
 
     name: str
@@ -406,7 +406,7 @@ class Exchange:
         return {"over", "result"}, set(EXCHANGED)
 
 
-Stage = Call | Table | Rows | Draw | Delay | Record | Integrate | Adapt | Exchange
+Stage = Call | TableStage | RowsStage | DrawStage | DelayStage | RecordStage | Integrate | Adapt | Exchange
 
 
 def state_blocks(stages: tuple[Stage, ...]) -> set[str]:
@@ -416,7 +416,7 @@ def state_blocks(stages: tuple[Stage, ...]) -> set[str]:
     """
     written: set[str] = set()
     early: set[str] = set()
-    scheduled = {stage.block for stage in stages if isinstance(stage, Rows)}
+    scheduled = {stage.block for stage in stages if isinstance(stage, RowsStage)}
     for stage in stages:
         reads, writes = stage.uses()
         early |= reads - written
@@ -444,4 +444,4 @@ def _ports(program: Program, *, next_too: bool = True) -> Sizes:
 
 def unspread(stages: tuple[Stage, ...]) -> set[str]:
     """Names of the table rows that programs read in place."""
-    return {stage.block for stage in stages if isinstance(stage, Table) and not stage.spread}
+    return {stage.block for stage in stages if isinstance(stage, TableStage) and not stage.spread}

@@ -44,7 +44,7 @@ WHOLE = ("bus_voltage",)  # of the whole arm, not of a joint
 
 
 @dataclass(frozen=True, eq=False)
-class Recorded:
+class RecordedLanes:
     """Results of the compiled loop.
 
     Attributes:
@@ -82,7 +82,7 @@ def _parts(simulation: LoopRunner, rows: np.ndarray) -> dict[str, np.ndarray]:
     return dict(zip(sizes, np.split(rows, np.cumsum(list(sizes.values()))[:-1], axis=-1), strict=True))
 
 
-def run_dataset(simulation: LoopRunner, recorded: Recorded) -> xarray.Dataset:
+def run_dataset(simulation: LoopRunner, recorded: RecordedLanes) -> xarray.Dataset:
     """The dataset of a run."""
     scenario, arm, finished = simulation.scenario, simulation.arm, recorded.finished
     attrs: dict[str, Any] = {"integrator": scenario.solver.rule, "step_s": simulation.step_length}
@@ -109,7 +109,7 @@ def run_dataset(simulation: LoopRunner, recorded: Recorded) -> xarray.Dataset:
 
 
 def _with_rows(
-    simulation: LoopRunner, recorded: Recorded, record: np.ndarray, attrs: dict[str, Any], notes: list[str]
+    simulation: LoopRunner, recorded: RecordedLanes, record: np.ndarray, attrs: dict[str, Any], notes: list[str]
 ) -> xarray.Dataset:
     """Rows of the lanes that came that far, with what follows from them."""
     scenario, arm, n, finished = simulation.scenario, simulation.arm, simulation.arm.n, recorded.finished
@@ -190,7 +190,7 @@ def _output(arm: Model, name: str, values: np.ndarray, dims: tuple[str, ...]) ->
     return (dims, values[..., 0], attributes) if name in WHOLE else ((*dims, "joint"), values, attributes)
 
 
-def _reduced(simulation: LoopRunner, dataset: xarray.Dataset, recorded: Recorded) -> None:
+def _reduced(simulation: LoopRunner, dataset: xarray.Dataset, recorded: RecordedLanes) -> None:
     """Adds what the reducers came to, (lane, joint) or (joint,) each."""
     assert simulation.reduction is not None
     assert simulation.reference is not None

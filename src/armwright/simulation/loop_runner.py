@@ -11,7 +11,7 @@ import numpy as np
 
 from armwright.entry import as_scenario
 from armwright.errors import ScenarioError
-from armwright.kernels.loop import Lanes, LoopArrays, NativeLoop
+from armwright.kernels.loop import LaneGroup, LoopArrays, NativeLoop
 from armwright.kernels.stages import SEEN, state_blocks
 from armwright.program.turns import alone
 from armwright.results.reducers import Reduction, check_known
@@ -222,11 +222,11 @@ class LoopRunner:
 
     # Lanes.
 
-    def lanes(self, count: int, first: int = 0) -> Lanes:
+    def lanes(self, count: int, first: int = 0) -> LaneGroup:
         """Memory of a group of lanes without blocks, from a place among those that are run."""
-        return Lanes(count, self.width, first, self.scenario.first_lane)
+        return LaneGroup(count, self.width, first, self.scenario.first_lane)
 
-    def begin(self, lanes: Lanes, state: LoopState | None) -> None:
+    def begin(self, lanes: LaneGroup, state: LoopState | None) -> None:
         """Fills the blocks of a group of lanes with initial values, then with those of a state to go on from."""
         for loop in self.loop.loops:
             loop.extend(lanes)
@@ -250,7 +250,7 @@ class LoopRunner:
         if self._in_python is not None:
             self._in_python.begin(lanes, values["y"])
 
-    def acting(self, lanes: Lanes) -> tuple[np.ndarray, np.ndarray]:
+    def acting(self, lanes: LaneGroup) -> tuple[np.ndarray, np.ndarray]:
         """Payload and wrench (count or 1, entries) that act on a group of lanes in the tick that comes next."""
         payload, wrench = (
             self._in_force(name, lanes) if name in self.config.inputs else np.zeros((1, 0))
@@ -258,12 +258,12 @@ class LoopRunner:
         )
         return payload, wrench
 
-    def _in_force(self, name: str, lanes: Lanes) -> np.ndarray:
+    def _in_force(self, name: str, lanes: LaneGroup) -> np.ndarray:
         """Values (count or 1, entries) of an input's schedule that act on a group of lanes in the tick that comes next."""
         at = np.array([float(self.tick)])
         return lanes.own(values_at_ticks(self.inputs[name], at, self.period)[:, 0])
 
-    def initial_blocks(self, lanes: Lanes) -> dict[str, np.ndarray]:
+    def initial_blocks(self, lanes: LaneGroup) -> dict[str, np.ndarray]:
         """Initial values of blocks for a group of lanes, (count, …) each, or (1, …) where they are the same for all."""
         values = self.initialisation.blocks(lanes, *self.acting(lanes), sampling=self.config.sampling)
         values |= {"p": lanes.own(self.scenario.parameters), "q_first": self.plant.part(values["x"], "q")}
@@ -281,7 +281,7 @@ class LoopRunner:
         """Initial values of the first lane's blocks, (entries,) each."""
         return {name: rows[0] for name, rows in self.initial_blocks(self.lanes(1)).items()}
 
-    def _restore(self, lanes: Lanes, state: LoopState) -> None:
+    def _restore(self, lanes: LaneGroup, state: LoopState) -> None:
         """Fills the blocks of a group of lanes with those of a state, as far as this loop has them."""
         anew = self._anew(state)
         group = (
@@ -333,7 +333,7 @@ class LoopRunner:
             return []
         return [f"controller {self.controller.name!r} began anew at t = {state.time:g} s, behind {state.controller!r}"]
 
-    def state_of(self, groups: list[Lanes]) -> LoopState:
+    def state_of(self, groups: list[LaneGroup]) -> LoopState:
         """The state of all lanes, which stand between two ticks."""
         first = groups[0]
         blocks = {name: np.concatenate([each.get(name) for each in groups]) for name in sorted(self._keep)}
@@ -345,7 +345,7 @@ class LoopRunner:
 
     def advance(
         self,
-        lanes: Lanes,
+        lanes: LaneGroup,
         tick: int,
         end: int,
         last: int,
@@ -380,7 +380,12 @@ class LoopRunner:
                 self._solver.tick(lanes, k, self.period, self.rows, steady)
 
     def run_loop(
-        self, loop: NativeLoop, lanes: Lanes, ticks: tuple[int, int], records: Mapping[str, np.ndarray], **counts: int
+        self,
+        loop: NativeLoop,
+        lanes: LaneGroup,
+        ticks: tuple[int, int],
+        records: Mapping[str, np.ndarray],
+        **counts: int,
     ) -> None:
         """Takes lanes through ticks of a loop in native code with this scenario's reference, schedules and random numbers.
 

@@ -18,8 +18,8 @@ from armwright.entry import AnyScenario, as_scenario
 from armwright.errors import DivergenceError, ScenarioError
 from armwright.features import Support
 from armwright.kernels.batch import Kernel
-from armwright.kernels.loop import Lanes, NativeLoop
-from armwright.kernels.stages import NEXT, SWITCHES, TOO_MANY, Call, Delay, Integrate, Record, Stage
+from armwright.kernels.loop import LaneGroup, NativeLoop
+from armwright.kernels.stages import NEXT, SWITCHES, TOO_MANY, Call, DelayStage, Integrate, RecordStage, Stage
 from armwright.kernels.target import select_target
 from armwright.model.vary import Varied
 from armwright.parameters import Batch, LaneFields, lane_values
@@ -78,10 +78,10 @@ def sensitivities(scenario: AnyScenario, by: Sequence[str]) -> xarray.Dataset:
     loop = NativeLoop(stages, select_target(opened.solver.target))
     ticks = opened.ticks
     every = opened.every or ticks
-    lanes = Lanes(simulation.count, loop.target.width, 0, opened.first_lane)
+    lanes = LaneGroup(simulation.count, loop.target.width, 0, opened.first_lane)
     loop.extend(lanes)
     _begin(simulation, loop, lanes, seeds, active, count)
-    blocks = next(stage.blocks for stage in stages if isinstance(stage, Record))
+    blocks = next(stage.blocks for stage in stages if isinstance(stage, RecordStage))
     record = np.empty((ticks // every + 1, lanes.tiles * lanes.width, sum(loop.sizes[name] for name in blocks)))
     simulation.reference = simulation.reference_of_ticks(ticks)
     first, counts = simulation.tick, {"every": every, "substeps": opened.substeps}
@@ -107,7 +107,7 @@ def _simulation(
     return simulation, seeds, names
 
 
-def _end_stopped(simulation: Simulation, lanes: Lanes, record: np.ndarray, every: int, single: bool) -> None:
+def _end_stopped(simulation: Simulation, lanes: LaneGroup, record: np.ndarray, every: int, single: bool) -> None:
     """Refuses a run that stopped; of several lanes, rows of those are NaN from there on, and a note says so.
 
     Args:
@@ -292,19 +292,19 @@ def _augmented(simulation: Simulation, seeds: dict[str, np.ndarray], count: int)
     for stage in stages:
         if isinstance(stage, Call):
             active |= {port.name.removesuffix("_next") for port in stage.program.outputs}
-        elif isinstance(stage, Delay):
+        elif isinstance(stage, DelayStage):
             active.add(stage.to)
     inner = {name: seed for name, seed in seeds.items() if name != "start"}
     found: list[Stage] = []
     for stage in stages:
         if isinstance(stage, Call):
             stage = Call(with_tangents(stage.program, active, inner, count))
-        elif isinstance(stage, Delay):
+        elif isinstance(stage, DelayStage):
             stage = replace(stage, entries=stage.entries * (1 + count))
-        elif isinstance(stage, Record):
+        elif isinstance(stage, RecordStage):
             sizes = dict(zip(stage.blocks, stage.entries, strict=True))
             stored = {name: sizes[name] * (1 + count * (name in active)) for name in STORED if name in sizes}
-            stage = Record(stage.name, tuple(stored), tuple(stored.values()))
+            stage = RecordStage(stage.name, tuple(stored), tuple(stored.values()))
         elif isinstance(stage, Integrate):
             seen = {f"x{NEXT}", *active}
             carried = {name: getattr(stage, name) for name in ("step", "landing")}
@@ -317,7 +317,12 @@ def _augmented(simulation: Simulation, seeds: dict[str, np.ndarray], count: int)
 
 
 def _begin(
-    simulation: Simulation, loop: NativeLoop, lanes: Lanes, seeds: dict[str, np.ndarray], active: set[str], count: int
+    simulation: Simulation,
+    loop: NativeLoop,
+    lanes: LaneGroup,
+    seeds: dict[str, np.ndarray],
+    active: set[str],
+    count: int,
 ) -> None:
     """Fills the blocks of all lanes with initial values, and their tangents."""
     values = simulation.initial_blocks(lanes)

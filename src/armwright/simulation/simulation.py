@@ -15,7 +15,7 @@ from armwright.entry import AnyScenario, as_scenario
 from armwright.errors import ScenarioError
 from armwright.features import Support
 from armwright.interfaces import JointReference, Measurement
-from armwright.kernels.loop import ENDLESS, Lanes
+from armwright.kernels.loop import ENDLESS, LaneGroup
 from armwright.progress import Shown, automatic
 from armwright.results.notes import notes_of
 from armwright.results.provenance import provenance
@@ -23,7 +23,7 @@ from armwright.signals import Values
 from armwright.simulation.batch_runner import Finished, Work, handed_out, run_groups
 from armwright.simulation.checks import check_whole
 from armwright.simulation.companion import FINER, GlobalError, lanes_again
-from armwright.simulation.dataset import Recorded, run_dataset
+from armwright.simulation.dataset import RecordedLanes, run_dataset
 from armwright.simulation.fixed_steps import COARSE, coarse_step_note
 from armwright.simulation.inputs.input_schedule import lane_numbers
 from armwright.simulation.integrate.integrators import INTEGRATORS
@@ -68,7 +68,7 @@ class Simulation(LoopRunner):
 
     def __init__(self, scenario: Scenario, *, loop: CompiledLoop | None = None, lands: bool = False):
         super().__init__(scenario, loop=loop, lands=lands)
-        self._lanes: Lanes | None = None  # of a loop that is stepped
+        self._lanes: LaneGroup | None = None  # of a loop that is stepped
         self._measured = self.measured_in(self._started)  # whether the tick that comes next has its measurement
         self._paced: tuple[int, float] | None = None  # tick and clock [s] that steps in real time count from
 
@@ -141,7 +141,7 @@ class Simulation(LoopRunner):
         """True where Python does something in every tick."""
         return self.untraced is not None or self._solver is not None
 
-    def _examined(self, recorded: Recorded, state: LoopState | None, real_time: bool) -> GlobalError | None:
+    def _examined(self, recorded: RecordedLanes, state: LoopState | None, real_time: bool) -> GlobalError | None:
         """Estimated errors of a run, where there is an estimate; a step that is coarse is noted.
 
         Raises:
@@ -160,7 +160,7 @@ class Simulation(LoopRunner):
         return self._global_error(recorded, state)
 
     def _dataset(
-        self, recorded: Recorded, errors: GlobalError | None, end: LoopState | None, *, whole: bool
+        self, recorded: RecordedLanes, errors: GlobalError | None, end: LoopState | None, *, whole: bool
     ) -> xarray.Dataset:
         """The dataset of a run with all that says where it comes from; `whole`: it has the scenario's own duration."""
         scenario, run = self.scenario, run_dataset(self, recorded)
@@ -176,7 +176,7 @@ class Simulation(LoopRunner):
             run.attrs["scenario"] = scenario.document
         return run
 
-    def _global_error(self, recorded: Recorded, state: LoopState | None) -> GlobalError | None:
+    def _global_error(self, recorded: RecordedLanes, state: LoopState | None) -> GlobalError | None:
         """How wrong a run is as a whole, from a few lanes that are simulated again, where `Solver.global_error` asks for it.
 
         None where quantisers decide: errors then jump from one count to the next.
@@ -272,7 +272,7 @@ class Simulation(LoopRunner):
         self._paced = (first, began) if -LATE < early < LATE + self.period else (self.tick, now)
         clock.sleep(min(max(early, 0.0), self.period))
 
-    def _stepped(self) -> Lanes:
+    def _stepped(self) -> LaneGroup:
         """The lanes of a loop that is stepped, all in one group."""
         if self._lanes is None:
             self._forget()
@@ -292,7 +292,7 @@ class Simulation(LoopRunner):
             self.origin = self.tick
             self.reference = self.reference_of_ticks(AHEAD)
 
-    def _measure(self, lanes: Lanes) -> None:
+    def _measure(self, lanes: LaneGroup) -> None:
         """Does the stages before the controller for the tick that comes next, once."""
         if not self._measured and len(self.loop.loops) > 1:
             self._reach_ahead()
@@ -311,7 +311,7 @@ class Simulation(LoopRunner):
         lanes = self._sampled("reference_now")
         return reference_of(self.controller.r, self._one(lanes.get("r")))
 
-    def _sampled(self, asked: str) -> Lanes:
+    def _sampled(self, asked: str) -> LaneGroup:
         """The lanes of a sampled loop, measured."""
         if self.config.sampling is None:
             expected = "a scenario with a controller or without commands"
@@ -411,10 +411,10 @@ class _Groups:
 
         return advance, finish
 
-    def recorded(self, finished: Finished) -> Recorded:
+    def recorded(self, finished: Finished) -> RecordedLanes:
         """Results of the lanes and ticks that were finished."""
         origin = self._simulation.origin
-        return Recorded(self._record, self._every, self._ticks, finished, self._status, self._reduced, origin)
+        return RecordedLanes(self._record, self._every, self._ticks, finished, self._status, self._reduced, origin)
 
 
 def simulate(

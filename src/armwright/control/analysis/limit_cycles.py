@@ -19,7 +19,7 @@ import numpy as np
 
 from armwright.control.analysis.linear_loop import LinearLoop
 from armwright.control.analysis.noise import measured_entries
-from armwright.control.analysis.small_signal import Slopes
+from armwright.control.analysis.small_signal import LoopSlopes
 from armwright.entry import expect
 from armwright.errors import ScenarioError
 from armwright.results.result import Result
@@ -102,7 +102,7 @@ def _coulomb(loop: LinearLoop, joint: int) -> tuple[float, int]:
 
 
 def _growth(
-    loop: LinearLoop, slopes: Slopes, joint: int, amplitudes: np.ndarray, count: float, force: float, speed: int
+    loop: LinearLoop, slopes: LoopSlopes, joint: int, amplitudes: np.ndarray, count: float, force: float, speed: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """(k,) growth a tick and frequency [rad/s] of the oscillation at each amplitude."""
     factor = rounding_factor(amplitudes, count)

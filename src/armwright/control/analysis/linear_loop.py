@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from armwright.control.analysis.hold import Held, split_delay, zero_order_hold
-from armwright.control.analysis.small_signal import SUPPORT, Slopes, SmallPlant, SmallSignal
+from armwright.control.analysis.small_signal import SUPPORT, LoopSlopes, SmallPlant, SmallSignal
 from armwright.control.analysis.workspace import checked_poses
 from armwright.entry import as_scenario
 from armwright.errors import ScenarioError
@@ -111,7 +111,7 @@ class LinearLoop:
         """(lanes, k) values of the controller's batches, side by side."""
         return self._small.gains
 
-    def slopes(self, q: Any, gains: Any = None, joint: int | None = None, free: bool = False) -> Slopes:
+    def slopes(self, q: Any, gains: Any = None, joint: int | None = None, free: bool = False) -> LoopSlopes:
         """Matrices of plant, sensors and controller at poses q (…, n) [rad | m], without states that do not matter.
 
         Args:
@@ -131,7 +131,7 @@ class LinearLoop:
         slopes = self._small.slopes(q, gains)
         return self._moving(slopes if joint is None else slopes.alone(joint, self.states_of(joint), free))
 
-    def _moving(self, slopes: Slopes) -> Slopes:
+    def _moving(self, slopes: LoopSlopes) -> LoopSlopes:
         """Slopes without memories that decide nothing."""
         size, n = slopes.b.shape[-2:]
         ones = np.ones(slopes.b.shape)  # of a plant in which everything moves everything
@@ -140,7 +140,9 @@ class LinearLoop:
         moving = moving_states(maps, size)
         kept = moving[(moving >= size) & (moving < size + memory)] - size
         rows, columns = np.r_[0:n, n + kept], np.r_[0:size, size + kept, size + memory : size + memory + n]
-        return Slopes(slopes.e, slopes.a, slopes.b, tuple(tick[..., rows[:, None], columns] for tick in slopes.ticks))
+        return LoopSlopes(
+            slopes.e, slopes.a, slopes.b, tuple(tick[..., rows[:, None], columns] for tick in slopes.ticks)
+        )
 
     def positions(self, joint: int) -> list[int]:
         """Indices of a joint's measured positions in the plant's state."""
@@ -151,13 +153,13 @@ class LinearLoop:
         """Indices of a joint's states in the plant's state."""
         return self.plant.states_of(joint)
 
-    def held(self, slopes: Slopes, extra: float = 0.0) -> Held:
+    def held(self, slopes: LoopSlopes, extra: float = 0.0) -> Held:
         """The plant from tick to tick with all delays of the loop, and `extra` [s] on top."""
         ticks, part = split_delay(self._periods + extra / self.period)
         a, b = np.linalg.solve(slopes.e, slopes.a), np.linalg.solve(slopes.e, slopes.b)
         return zero_order_hold(a, b, self.period, (ticks + part) * self.period)
 
-    def maps(self, slopes: Slopes, held: Held, factors: np.ndarray | None = None) -> list[np.ndarray]:
+    def maps(self, slopes: LoopSlopes, held: Held, factors: np.ndarray | None = None) -> list[np.ndarray]:
         """Maps of one cycle's ticks, (…, Z, Z) each, for plant states, controller memory, and commands under way.
 
         Args:
@@ -197,7 +199,7 @@ class LinearLoop:
         slopes = self.slopes(q, gains, joint, free)
         return self._radius(slopes, self.held(slopes))
 
-    def _radius(self, slopes: Slopes, held: Held, factors: np.ndarray | None = None) -> np.ndarray:
+    def _radius(self, slopes: LoopSlopes, held: Held, factors: np.ndarray | None = None) -> np.ndarray:
         maps = self.maps(slopes, held, factors)
         product = maps[0]
         for each in maps[1:]:
@@ -221,11 +223,11 @@ class LinearLoop:
         up, down, phase = np.moveaxis(np.array(rows), 0, -1)
         return Margins(up, down, phase, radius)
 
-    def keeps(self, slopes: Slopes, gain: float, phase: float) -> np.ndarray:
+    def keeps(self, slopes: LoopSlopes, gain: float, phase: float) -> np.ndarray:
         """(…,) True if the loop is stable, and remains so with a factor `gain`, 1/gain or e^{-j phase} in any one command."""
         return self.largest_radius(slopes, gain, phase) < 1.0
 
-    def largest_radius(self, slopes: Slopes, gain: float, phase: float) -> np.ndarray:
+    def largest_radius(self, slopes: LoopSlopes, gain: float, phase: float) -> np.ndarray:
         """(…,) largest spectral radius per tick of the loop, with 1, `gain`, 1/gain or e^{-j phase} in any one command."""
         plant, n = self.held(slopes), slopes.b.shape[-1]
         largest = self._radius(slopes, plant)
@@ -236,7 +238,7 @@ class LinearLoop:
                 largest = np.maximum(largest, self._radius(slopes, plant, factors))
         return largest
 
-    def _margins(self, slopes: Slopes, command: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _margins(self, slopes: LoopSlopes, command: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Gain margins above and below, and the phase margin [rad], of one command; NaN where the loop is not stable."""
         plant, one = self.held(slopes), np.arange(slopes.b.shape[-1]) == command
 

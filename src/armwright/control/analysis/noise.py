@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from armwright.control.analysis.linear_loop import GAINS, LinearLoop, first_lost
-from armwright.control.analysis.small_signal import Slopes
+from armwright.control.analysis.small_signal import LoopSlopes
 from armwright.errors import ScenarioError
 from armwright.results.result import Result
 
@@ -122,7 +122,7 @@ def quantisation(loop: LinearLoop, q: Any, *, gains: Any = None) -> Quantisation
 
 def _measured(
     loop: LinearLoop, q: Any, gains: Any, joint: int | None = None
-) -> tuple[Slopes, list[np.ndarray], list[list[int]]]:
+) -> tuple[LoopSlopes, list[np.ndarray], list[list[int]]]:
     """Slopes and maps of a loop, and for each joint the places in the state that its encoder may see."""
     if not isinstance(loop, LinearLoop):
         raise ScenarioError(place="loop", value=loop, expected="an aw.loops.LinearLoop of a scenario")
@@ -133,7 +133,9 @@ def _measured(
     return slopes, loop.maps(slopes, loop.held(slopes)), columns
 
 
-def measured_entries(loop: LinearLoop, slopes: Slopes, maps: list[np.ndarray], places: list[int]) -> list[np.ndarray]:
+def measured_entries(
+    loop: LinearLoop, slopes: LoopSlopes, maps: list[np.ndarray], places: list[int]
+) -> list[np.ndarray]:
     """(…, Z, places) of each tick: what it makes of measured positions, without what the plant makes of true ones.
 
     Args:

@@ -77,7 +77,7 @@ def small_signal_arm(arm: Model) -> Model:
 
 
 @dataclass(frozen=True, eq=False)
-class Slopes:
+class LoopSlopes:
     """Matrices of a loop, linearised about poses (…).
 
     With x the plant's state, E dx/dt = A x + B u; in tick k, u_k and the next memories of sensors and controller are linear in
@@ -92,7 +92,7 @@ class Slopes:
     b: np.ndarray
     ticks: tuple[np.ndarray, ...]
 
-    def alone(self, joint: int, states: np.ndarray, free: bool = False) -> Slopes:
+    def alone(self, joint: int, states: np.ndarray, free: bool = False) -> LoopSlopes:
         """The loop of one joint by itself; `states` are the joint's indices in x.
 
         The others are held still, or `free`, without torque: then E = ((E⁻¹)_ss)⁻¹, which holds 1/(H⁻¹)_jj in place of H_jj.
@@ -105,7 +105,7 @@ class Slopes:
         e, a = (matrix[..., states[:, None], states] for matrix in (self.e, self.a))
         if free:
             e = np.linalg.inv(np.linalg.inv(self.e)[..., states[:, None], states])
-        return Slopes(e, a, self.b[..., states, joint : joint + 1], ticks)
+        return LoopSlopes(e, a, self.b[..., states, joint : joint + 1], ticks)
 
 
 class SmallPlant:
@@ -254,13 +254,13 @@ class SmallSignal:
 
         return tick
 
-    def slopes(self, q: Any, gains: Any = None) -> Slopes:
+    def slopes(self, q: Any, gains: Any = None) -> LoopSlopes:
         """Slopes at poses q (…, n) [rad | m], with gains (…, k) in place of the controller's batched fields."""
         q = np.asarray(q, dtype=float)
         gains = self._adapter.values[0] if gains is None else np.asarray(gains, dtype=float)
         ticks = interpret(self.program, q, gains)
         e, a, b = self.small.slopes(q)
-        return Slopes(e, a, b, ticks if isinstance(ticks, tuple) else (ticks,))
+        return LoopSlopes(e, a, b, ticks if isinstance(ticks, tuple) else (ticks,))
 
 
 def cycle_of(control: Any) -> int:

@@ -12,7 +12,7 @@ from armwright.control.analysis.linear_loop import LinearLoop
 from armwright.control.cascade import Cascade
 from armwright.control.computed_torque import ComputedTorque
 from armwright.control.design.joint_plants import JointPlants, current_lag
-from armwright.control.design.rules import RULES, SYMMETRIC, JointGains, Task
+from armwright.control.design.rules import RULES, SYMMETRIC, DesignTask, JointGains
 from armwright.control.joint_pid import JointPID
 from armwright.errors import ScenarioError
 from armwright.parameters import Batch, numbers_by_lane
@@ -38,7 +38,7 @@ class Designer:
     law: Any
     method: str
     loop: LinearLoop
-    task: Task
+    task: DesignTask
     asked: tuple[float, float]
     order: list[int]  # of the poses: those where candidates failed come first
     known: dict[tuple[tuple[int, ...], bytes], JointGains] = field(default_factory=dict)
@@ -65,7 +65,7 @@ class Designer:
         if isinstance(law, ComputedTorque):  # the model's inverse dynamics leaves double integrators
             joints = replace(joints, inertia=np.ones_like(joints.inertia), damping=0.0 * joints.damping)
         integral = bool(np.any(numbers_by_lane(law.speed_ki if isinstance(law, Cascade) else law.ki) > 0.0))
-        task = Task(scenario.arm, joints, zeta, integral, loop.period, loop.delay)
+        task = DesignTask(scenario.arm, joints, zeta, integral, loop.period, loop.delay)
         return cls(scenario, bare, law, method, loop, task, asked, list(range(len(joints.poses))))
 
     @property

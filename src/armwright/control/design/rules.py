@@ -34,7 +34,7 @@ class JointGains:
 
 
 @dataclass(frozen=True, eq=False)
-class Task:
+class DesignTask:
     """Arm, joint models and loop timing of a design.
 
     Attributes:
@@ -56,10 +56,10 @@ class Task:
         return np.linalg.solve(e, a), np.linalg.solve(e, b)
 
 
-Rule = Callable[[Task, np.ndarray], JointGains]
+Rule = Callable[[DesignTask, np.ndarray], JointGains]
 
 
-def pole_placement(task: Task, bandwidth: np.ndarray) -> JointGains:
+def pole_placement(task: DesignTask, bandwidth: np.ndarray) -> JointGains:
     """Poles at  s² + 2ζω s + ω²,  with an integral a third one at -ω/10, for the joint at its largest inertia.
 
     Without integral  k_s = 2ζωm - b,  k_p k_s = m ω².  With it, of the two k_p of
@@ -81,7 +81,7 @@ def pole_placement(task: Task, bandwidth: np.ndarray) -> JointGains:
     return JointGains(position, speed, third / position)
 
 
-def symmetric_optimum(task: Task, bandwidth: np.ndarray) -> JointGains:
+def symmetric_optimum(task: DesignTask, bandwidth: np.ndarray) -> JointGains:
     """Speed PI by the symmetric optimum, position P by the speed loop's equivalent time constant.  [Kessler1958], [Leonhard2001]
 
         a = 1 / (ω T),   c = max(ω / a, b / m),   k_s = m ω,   k_i = k_s c,   k_p = c / (4 ζ² (1 + b / (m ω) - b / (m c)))
@@ -103,7 +103,7 @@ def symmetric_optimum(task: Task, bandwidth: np.ndarray) -> JointGains:
     return JointGains(position, speed, speed * corner)
 
 
-def loop_shaping(task: Task, bandwidth: np.ndarray) -> JointGains:
+def loop_shaping(task: DesignTask, bandwidth: np.ndarray) -> JointGains:
     """Crossover of the sampled loop at ω with the phase margin φ of damping ζ: two gains from magnitude and phase.
 
         (k_s k_p + j ω k_s e^{-jωT_q}) P(e^{jωh}) = -e^{jφ},   tan φ = 2ζ / √(√(1 + 4ζ⁴) - 2ζ²)
@@ -130,7 +130,7 @@ def loop_shaping(task: Task, bandwidth: np.ndarray) -> JointGains:
     return JointGains((stiffness / speed).reshape(shape), speed.reshape(shape), integral.reshape(shape))
 
 
-def _sampled_joint(task: Task, joint: int, w: np.ndarray) -> np.ndarray:
+def _sampled_joint(task: DesignTask, joint: int, w: np.ndarray) -> np.ndarray:
     """(k,) response of a joint, the others held, at its pose of largest inertia, at frequencies w (k,) [rad/s]."""
     m, b = (each[joint] for each in task.joints.largest)
     a = np.array([[0.0, 1.0], [0.0, -b / m]])  # weight is compensated, or held by the integral
@@ -138,7 +138,7 @@ def _sampled_joint(task: Task, joint: int, w: np.ndarray) -> np.ndarray:
     return np.asarray(system(np.exp(1j * w * task.period))).reshape(w.shape)
 
 
-def lqr(task: Task, bandwidth: np.ndarray) -> JointGains:
+def lqr(task: DesignTask, bandwidth: np.ndarray) -> JointGains:
     """Linear-quadratic regulator of the coupled arm, reduced to each joint's own position and speed.
 
         min ∫ Σ_j (q_j² + u_j² / (m_j ω_j²)²) dt

@@ -17,7 +17,7 @@ from armwright.export.fmu.model import CREATE, model_header, variable_table
 from armwright.export.fmu.sampled import UnrecordedLoop, acting_layout, lane_values, plant_alone
 from armwright.export.fmu.variables import Variable, variables_of
 from armwright.kernels.c import Unit, c_text
-from armwright.kernels.c_loop import Clock, LoopText
+from armwright.kernels.c_loop import LoopClock, LoopText
 from armwright.kernels.c_syntax import C_DOUBLE, identifier
 from armwright.kernels.stages import SEEN, Call
 from armwright.model import Model
@@ -186,7 +186,7 @@ def continuous_source(model: ContinuousModel, token: str) -> dict[str, str]:
     """The texts of model.h and model.c of a model for model exchange."""
     unit = Unit(C_DOUBLE, "model_")
     programs = [model.begin, model.dynamics, *([] if model.contacts is None else [model.contacts])]
-    loop = LoopText(unit, [Call(program) for program in programs], "model_state", Clock(1.0))
+    loop = LoopText(unit, [Call(program) for program in programs], "model_state", LoopClock(1.0))
     event = "(void)l;" if model.contacts is None else loop.call(model.contacts)
     outputs = loop.call(model.dynamics)
     unit.functions["model_outputs"] = f"void model_outputs(model_state *l)\n{{\n    {outputs}\n}}"

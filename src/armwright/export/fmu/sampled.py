@@ -18,8 +18,8 @@ import numpy as np
 from armwright.errors import ScenarioError
 from armwright.export.controller.stages import check_one_arm, traced_beginning
 from armwright.export.fmu.variables import Variable, quoted, variables_of
-from armwright.kernels.c_loop import Clock
-from armwright.kernels.stages import SEEN, Call, Delay, Record, Rows, Stage, Table
+from armwright.kernels.c_loop import LoopClock
+from armwright.kernels.stages import SEEN, Call, DelayStage, RecordStage, RowsStage, Stage, TableStage
 from armwright.model import Model
 from armwright.model.joint_signals import joint_signal
 from armwright.program import Program
@@ -65,7 +65,7 @@ class SampledModel:
 
     part: str
     arm: Model
-    clock: Clock
+    clock: LoopClock
     about: str
     begin: Program
     arguments: Mapping[str, str]
@@ -169,7 +169,7 @@ def sampled_model(scenario: Scenario, part: str) -> SampledModel:
     controller = part == "controller"
     kept = {"y_old": "y_kept", "u": "u", "u_queued": "u"}
     stages = (*([] if part == "plant" else [*control, shape]), *([] if controller else [*move, *measure]))
-    rings = [stage.to for stage in stages if isinstance(stage, Delay)]
+    rings = [stage.to for stage in stages if isinstance(stage, DelayStage)]
     blocks = {name: lanes.get(name)[0] for name in lanes.blocks}
     extra = {name: first[name] for name in ("c", "p", "c_sensors") if name in first and name not in blocks}
     begin, begun = loop.initialisation.program, BEGUN
@@ -179,7 +179,7 @@ def sampled_model(scenario: Scenario, part: str) -> SampledModel:
     return SampledModel(
         part,
         loop.arm,
-        Clock(loop.period, scenario.substeps, scenario.seed, scenario.first_lane),
+        LoopClock(loop.period, scenario.substeps, scenario.seed, scenario.first_lane),
         _about(scenario, part, loop),
         begin,
         {port.name: arguments[port.name] for port in begin.inputs if port.size},
@@ -231,7 +231,7 @@ def _split(stages: tuple[Stage, ...]) -> tuple[Sequence[Stage], Call, Sequence[S
     names = [stage.program.name if isinstance(stage, Call) else "" for stage in stages]
     shape = names.index("shape")
     output = names.index("tell")
-    inside = [stage for stage in stages if not isinstance(stage, (Rows, Table, Record))]
+    inside = [stage for stage in stages if not isinstance(stage, (RowsStage, TableStage, RecordStage))]
     place = {id(stage): k for k, stage in enumerate(stages)}
     control = [stage for stage in inside if output < place[id(stage)] < shape and _name(stage) == "control"]
     measure = [stage for stage in inside if place[id(stage)] <= output]

@@ -18,8 +18,8 @@ import numpy as np
 
 from armwright import scalar
 from armwright.description.paths import with_values
-from armwright.kernels.loop import Lanes, LoopArrays, NativeLoop
-from armwright.kernels.stages import Call, Record, Stage, Table
+from armwright.kernels.loop import LaneGroup, LoopArrays, NativeLoop
+from armwright.kernels.stages import Call, RecordStage, Stage, TableStage
 from armwright.kernels.target import select_target
 from armwright.model.model import Model
 from armwright.model.vary import Varied
@@ -167,7 +167,12 @@ class Response:
             )  # 2 * substeps copies compile for seconds
             measure = with_tangents(measure, {"x", "q_before"}, seeds, self.directions)
         sampled = trace("sample", sample(step), {"x": (self.size * size,), **row}, ("x_next",))
-        return Table("row", 2 + n * (lags + 1)), Call(measure), Record("run", ("y",), (count * size,)), Call(sampled)
+        return (
+            TableStage("row", 2 + n * (lags + 1)),
+            Call(measure),
+            RecordStage("run", ("y",), (count * size,)),
+            Call(sampled),
+        )
 
     def initial(self, arm: Model) -> np.ndarray:
         """(size,) state at rest at 0 of an arm of this structure."""
@@ -216,7 +221,7 @@ class Response:
             y: (lanes, rows, signals · n).   dy: (lanes, rows, signals · n, directions), or None.
         """
         loop = self.loop(slopes)
-        lanes = Lanes(len(p), loop.target.width)
+        lanes = LaneGroup(len(p), loop.target.width)
         loop.extend(lanes)
         whole = np.clip(np.ceil(delay).astype(int) - 1, 0, self.most_delay)
         fraction = np.clip(delay - whole, LEAST_PART, 1.0 - LEAST_PART)

@@ -14,7 +14,7 @@ import numpy as np
 
 from armwright.errors import ScenarioError
 from armwright.features import Support
-from armwright.kernels.loop import Lanes, Schedules
+from armwright.kernels.loop import LaneGroup, Schedules
 from armwright.kernels.stages import CURSOR, NEVER, SECANTS, SEEN
 from armwright.program import trace
 from armwright.scalar import Array
@@ -179,7 +179,7 @@ class Cvodes:
             self._solvers[count, method] = casadi.integrator("plant", "cvodes", problem, 0.0, times, options)
         return self._solvers[count, method]
 
-    def extend(self, lanes: Lanes) -> None:
+    def extend(self, lanes: LaneGroup) -> None:
         """Adds the blocks that `tick` needs, none of the lanes frozen, where the loop has not made them."""
         for name, entries in self._other_sizes.items():
             lanes.blocks.setdefault(name, np.zeros((lanes.tiles, entries, lanes.width)))
@@ -187,7 +187,7 @@ class Cvodes:
         for name in names:
             lanes.blocks.setdefault(name, np.full((lanes.tiles, 1, lanes.width), -1.0))
 
-    def tick(self, lanes: Lanes, k: int, h: float, schedules: Mapping[str, Schedules], steady: int = 1) -> None:
+    def tick(self, lanes: LaneGroup, k: int, h: float, schedules: Mapping[str, Schedules], steady: int = 1) -> None:
         """Does the work of `kernels.stages.Integrate` in tick k of h seconds, on the same blocks.
 
         Args:

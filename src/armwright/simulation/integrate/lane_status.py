@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from armwright.errors import DivergenceError
-from armwright.kernels.loop import Lanes
+from armwright.kernels.loop import LaneGroup
 from armwright.results.notes import notes_of
 from armwright.simulation.integrate.stepping import Adaptivity
 
@@ -44,7 +44,7 @@ class LaneStatus:
         blocks = {name: np.full(lanes, value) for name, value in BLOCKS.items()}
         return cls(**blocks, first=np.full((lanes, events), np.nan), count=np.zeros((lanes, events), dtype=int))
 
-    def read(self, lanes: Lanes) -> None:
+    def read(self, lanes: LaneGroup) -> None:
         """Takes over the status of a group of lanes from their blocks."""
         group = slice(lanes.first, lanes.first + lanes.count)
         for name in BLOCKS:

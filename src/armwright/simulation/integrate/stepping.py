@@ -11,7 +11,7 @@ import numpy as np
 
 from armwright import scalar
 from armwright.errors import ScenarioError
-from armwright.kernels.loop import Lanes
+from armwright.kernels.loop import LaneGroup
 from armwright.kernels.stages import HELD, NEXT, Adapt
 from armwright.program import Program, call, interpret, trace
 from armwright.scalar import Array, Scalar
@@ -280,7 +280,9 @@ def _landing(grow: Scalar, share: Scalar, part: Scalar, smooth: Scalar) -> Scala
     return scalar.where(lands, scalar.minimum(scalar.minimum(part, CLOSEST), smooth), grow)
 
 
-def begin_adaptive(lanes: Lanes, adaptivity: Adaptivity, layout: Layout, x0: np.ndarray, horizon: float | None) -> None:
+def begin_adaptive(
+    lanes: LaneGroup, adaptivity: Adaptivity, layout: Layout, x0: np.ndarray, horizon: float | None
+) -> None:
     """Fills the blocks that `adaptive_stage` adds, for lanes that begin in x0 (lanes, nx) at t = 0.
 
     `horizon`: [s] that one budget is for; None: every step has its own.

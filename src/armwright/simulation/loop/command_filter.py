@@ -12,7 +12,7 @@ import numpy as np
 
 from armwright import scalar
 from armwright.errors import ScenarioError
-from armwright.kernels.stages import NEVER, NEXT, Call, Delay, Stage
+from armwright.kernels.stages import NEVER, NEXT, Call, DelayStage, Stage
 from armwright.model import Model
 from armwright.program import trace
 from armwright.scalar import Array
@@ -126,7 +126,7 @@ def command_stages(n: int, period: float, command_filter: CommandFilter, delays:
     stages: list[Stage] = [Call(trace("shape", shape, {"u_asked": (n,), last: (n,)}, outputs))]
     if late:
         stages.append(
-            Delay("u_issued", "u_queued" if fractional else "u", "d_commanded", n, int(delays.commanded.max()) + 1)
+            DelayStage("u_issued", "u_queued" if fractional else "u", "d_commanded", n, int(delays.commanded.max()) + 1)
         )
         issued = "u_queued"
     if not fractional:

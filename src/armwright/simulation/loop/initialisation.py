@@ -10,7 +10,7 @@ from armwright.dynamics import holding_torques
 from armwright.errors import HiddenStateError
 from armwright.interfaces import UNTRACEABLE, why
 from armwright.kernels.batch import Kernel
-from armwright.kernels.loop import Lanes
+from armwright.kernels.loop import LaneGroup
 from armwright.kernels.stages import NEVER
 from armwright.kernels.target import select_target
 from armwright.parameters import LaneFields
@@ -136,7 +136,7 @@ class Initialisation:
         return trace("begin", begin, {**shapes, "payload": (10 * len(config.payload_frames),)}, ("s_0",))
 
     def blocks(
-        self, lanes: Lanes, payload: np.ndarray, wrench: np.ndarray, sampling: Sampling | None
+        self, lanes: LaneGroup, payload: np.ndarray, wrench: np.ndarray, sampling: Sampling | None
     ) -> dict[str, np.ndarray]:
         """Initial values of blocks for a group of lanes, (count, …) each, or (1, …) where they are the same for all.
 
@@ -166,7 +166,7 @@ class Initialisation:
             "c_sensors": arguments[5],
         }
 
-    def arguments(self, lanes: Lanes, payload: np.ndarray, wrench: np.ndarray) -> list[np.ndarray]:
+    def arguments(self, lanes: LaneGroup, payload: np.ndarray, wrench: np.ndarray) -> list[np.ndarray]:
         """Arguments of the program for a group of lanes, (count, entries) each; payload, wrench: as `blocks`."""
         sensors = np.zeros((1, 0)) if self._sensors is None else self._sensors.values
         varying = (self._start, self._controller.values, self._parameters, None, None, sensors)

@@ -14,7 +14,7 @@ import numpy as np
 
 from armwright import scalar
 from armwright.errors import ArmwrightError, ScenarioError, SymbolError
-from armwright.kernels.loop import Lanes
+from armwright.kernels.loop import LaneGroup
 from armwright.model import Model
 from armwright.simulation.loop.controller import (
     ControlLaw,
@@ -43,7 +43,7 @@ class PythonController:
         self.states: dict[int, Any] = {}
         self._checked = False
 
-    def begin(self, lanes: Lanes, y: np.ndarray) -> None:
+    def begin(self, lanes: LaneGroup, y: np.ndarray) -> None:
         """Asks for the states of a group of lanes, from what is measured before the first tick (count or 1, size).
 
         Those of lanes that go on from an earlier state are there already.
@@ -57,7 +57,7 @@ class PythonController:
                     self._ask(control.init, self.arm, first) if hasattr(control, "init") else np.zeros(0)
                 )
 
-    def memories(self, groups: Sequence[Lanes]) -> dict[int, Any]:
+    def memories(self, groups: Sequence[LaneGroup]) -> dict[int, Any]:
         """Memory of every lane; by the first lane of a group where a group's memory has no row a lane."""
         memories: dict[int, Any] = {}
         for lanes in groups:
@@ -68,7 +68,7 @@ class PythonController:
                 memories |= {lane: copy.deepcopy(self.states[lane]) for lane, _ in self._calls(lanes)}
         return memories
 
-    def restore(self, lanes: Lanes, memories: Mapping[int, Any]) -> None:
+    def restore(self, lanes: LaneGroup, memories: Mapping[int, Any]) -> None:
         """Takes what is remembered of the lanes of a group, as `memories` gave it."""
         if self.adapter.vectorised and len(memories) == lanes.count and lanes.count > 0:
             rows = [memories[lane] for lane in sorted(memories)]
@@ -77,7 +77,7 @@ class PythonController:
                 return
         self.states |= copy.deepcopy(dict(memories))
 
-    def step(self, lanes: Lanes, tick: int) -> None:
+    def step(self, lanes: LaneGroup, tick: int) -> None:
         """One tick of a group of lanes: block "u_asked" from blocks "r" and "y"; lanes that are frozen are asked no more."""
         u = np.array(lanes.get("u_asked"))
         r, y = np.array(lanes.get("r")), np.array(lanes.get("y"))  # the law's own: it may write into them
@@ -91,7 +91,7 @@ class PythonController:
                 u[of], self.states[lane] = self._answer(lane, tick * self.period, r[of], y[of], self.states[lane])
         lanes.set("u_asked", u)
 
-    def _calls(self, lanes: Lanes) -> list[tuple[int, Any]]:
+    def _calls(self, lanes: LaneGroup) -> list[tuple[int, Any]]:
         """Calls of a tick: the number of each, and its rows of the group's blocks."""
         if self.adapter.vectorised:
             return [(lanes.first, slice(None))]

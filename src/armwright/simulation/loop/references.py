@@ -12,7 +12,7 @@ import numpy as np
 from armwright import scalar
 from armwright.errors import ScenarioError, ShapeError
 from armwright.interfaces import UNTRACEABLE, JointReference, called, why
-from armwright.kernels.stages import Call, Rows, Stage, Table
+from armwright.kernels.stages import Call, RowsStage, Stage, TableStage
 from armwright.model import Model
 from armwright.model.joint_signals import motion_layout
 from armwright.parameters import Batch, LaneFields
@@ -99,7 +99,7 @@ class LoopReference:
         """The stage that fills block "r"."""
         if self.program is not None:
             return Call(self.program)
-        return Table("r", self.layout.size) if self.rows is None else Rows("r", self.layout.size)
+        return TableStage("r", self.layout.size) if self.rows is None else RowsStage("r", self.layout.size)
 
 
 def reference_layout(arm: Model, reference: Any) -> Layout:

@@ -23,7 +23,7 @@ import numpy as np
 from armwright import scalar
 from armwright.errors import ScenarioError
 from armwright.interfaces import UNTRACEABLE, why
-from armwright.kernels.stages import NEXT, SEEN, Call, Delay, Draw, Record, Rows, Stage
+from armwright.kernels.stages import NEXT, SEEN, Call, DelayStage, DrawStage, RecordStage, RowsStage, Stage
 from armwright.program import Program, trace
 from armwright.scalar import Array
 from armwright.simulation.loop.command_filter import command_stages
@@ -59,9 +59,9 @@ def make_tick(config: LoopConfig) -> Tick:
     seen: tuple[str, ...] = ()
     before: list[Stage] = []
     after: list[Stage] = []
-    inputs: list[Stage] = [Rows(name, entries) for name, entries in config.inputs.items()]
+    inputs: list[Stage] = [RowsStage(name, entries) for name, entries in config.inputs.items()]
     if sampling is None:
-        before += [Rows("u", config.arm.n)]
+        before += [RowsStage("u", config.arm.n)]
     elif len(sampling.sensors.sensors) > 1:  # which may look at what acts on the plant
         before, inputs = inputs, []
     if sampling is not None:
@@ -83,7 +83,7 @@ def make_tick(config: LoopConfig) -> Tick:
     after += inputs
     if config.recorded:
         blocks = zip(*((name, layout.size) for name, layout in config.recorded.items()), strict=True)
-        after.append(Record("run", *blocks))
+        after.append(RecordStage("run", *blocks))
     if config.reduction is not None:
         after.append(Call(config.reduction.program(config)))
     return Tick(tuple(before), (*after, *plant_stages(config, seen)), untraced, seen)
@@ -96,13 +96,13 @@ def measuring_stages(config: LoopConfig, sampling: Sampling) -> tuple[list[Stage
     seen = _seen(config, sampling)
     late, lossy = bool(np.any(delays.measured)), bool(np.any(delays.measurement_loss))
     queue = "y_new" if late or lossy else "y_now"
-    stages: list[Stage] = [Draw("w_sensors", draws, SENSING)] if draws else []
+    stages: list[Stage] = [DrawStage("w_sensors", draws, SENSING)] if draws else []
     stages.append(Call(_sensing(config, sampling, seen, (queue, f"m_sensors{NEXT}"))))
     if late:
-        stages.append(Delay(queue, "y_old", "d_measured", size, int(delays.measured.max()) + 1))
+        stages.append(DelayStage(queue, "y_old", "d_measured", size, int(delays.measured.max()) + 1))
         queue = "y_old"
     if delays.fractional or lossy:
-        stages.append(Draw("w_timing", 3, TIMING))
+        stages.append(DrawStage("w_timing", 3, TIMING))
     if lossy:
 
         def keep(y: Array, kept: Array, d: Array, w: Array) -> tuple[Array, Array]:

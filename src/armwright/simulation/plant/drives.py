@@ -20,8 +20,8 @@ from armwright.scalar import Array, Scalar
 from armwright.signals import Layout
 from armwright.simulation.plant.inputs import PlantInputs
 from armwright.simulation.plant.joint_drive import (
+    DriveMotion,
     DrivenJoint,
-    JointMotion,
     JointStates,
     at_rest,
     contact_depths,
@@ -156,12 +156,12 @@ class PlantDrives:
             for (i, body), at in zip(enumerate(self.model.coordinates), self.motions(x), strict=True)
         ]
 
-    def motions(self, x: Array) -> list[JointMotion]:
+    def motions(self, x: Array) -> list[DriveMotion]:
         """Positions and speeds of every joint and its motor."""
         n = self.model.n
         q, qd = x[:n], x[n : 2 * n]
         columns = (q, qd, *self._motors(x), to_motors(self.shares, q), to_motors(self.shares, qd))
-        return [JointMotion(*row) for row in zip(*columns, strict=True)]
+        return [DriveMotion(*row) for row in zip(*columns, strict=True)]
 
     def _motors(self, x: Array) -> tuple[Array, Array]:
         """Positions and speeds of all motors, θ_motor / n."""

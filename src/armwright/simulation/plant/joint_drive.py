@@ -36,7 +36,7 @@ class JointStates:
 
 
 @dataclass(frozen=True, eq=False)
-class JointMotion:
+class DriveMotion:
     """Positions and speeds of one joint and its motor; of the motor as θ_motor / n, on the joint side."""
 
     q: Scalar  # of the joint [rad | m]
@@ -93,7 +93,7 @@ def _sticks(body: Body, brakes: bool, *, on_motor: bool) -> bool:
     )
 
 
-def contact_depths(body: Body, at: JointMotion) -> list[Scalar]:
+def contact_depths(body: Body, at: DriveMotion) -> list[Scalar]:
     """Depths [rad | m] in the joint's stops, upper and lower, and of its gear's flanks, forward and back."""
     depths: list[Scalar] = []
     if body.stops is not None:
@@ -114,7 +114,7 @@ def contact_names(body: Body) -> list[str]:
 def driven_joint(
     body: Body,
     states: JointStates,
-    at: JointMotion,
+    at: DriveMotion,
     u: Scalar,
     volts: Scalar | None,
     applied: Scalar | None,
@@ -232,7 +232,7 @@ def _knows_its_load(body: Body) -> bool:
 
 
 def _friction(
-    body: Body, states: JointStates, at: JointMotion, load: Scalar | None, warming: Scalar | None,
+    body: Body, states: JointStates, at: DriveMotion, load: Scalar | None, warming: Scalar | None,
     change: dict[str, Scalar], rates: dict[str, Scalar], directions: tuple[Scalar, Scalar] | None,
 ) -> tuple[Scalar, Scalar, Scalar]:  # fmt: skip
     """Friction torque before the gear's spring and behind it [N m | N], and its power [W]."""
@@ -262,7 +262,7 @@ def _braking(
     return held.torque
 
 
-def stored(body: Body, states: JointStates, at: JointMotion) -> Scalar:
+def stored(body: Body, states: JointStates, at: DriveMotion) -> Scalar:
     """Energy [J] in the joint's drive: the rotor's motion, field, springs of gear and stops, magnets."""
     drive = body.drive
     total = 0.5 * drive.reflected * at.motor_speed * at.motor_speed
