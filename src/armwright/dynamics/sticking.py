@@ -25,10 +25,8 @@ from armwright.dynamics.gears import Gear, linearised, solved, through_gears
 from armwright.scalar import Array, Scalar
 
 STEEP = 1e9  # of what inertia asks for: a joint that sticks would give way by that part of what the load would move it
-HELD, HELD_TOGETHER = (
-    1e20,
-    1e8,
-)  # of the inertia: added where one speed sticks, or a sum of speeds, whose digits it costs
+# Of the inertia: added where one speed sticks, or a sum of speeds, whose digits it costs.
+HELD, HELD_TOGETHER = 1e20, 1e8
 MOST = (
     24  # solves: of 7·10⁵ adversarial states five end after 12, by 14, and six stand at the limit, one of them marked
 )

@@ -173,9 +173,8 @@ class CompiledArm(KernelMethods[Real]):
         return trace_kernel(self.arm, SIGNATURES[name], optional, varied=self.varied, **options)
 
     def _compiled(self, name: str, program: Any) -> Any:
-        from armwright.kernels.batch import (
-            Kernel,
-        )  # brings LLVM, which an arm that is compiled and not used does without
+        # This brings LLVM, which an arm that is compiled and not used does without.
+        from armwright.kernels.batch import Kernel
 
         check = None if self.varied is None else _checked(self.varied, len(SIGNATURES[name].inputs))
         return Kernel(program, self.target, check, self.format)

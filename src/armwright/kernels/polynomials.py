@@ -180,9 +180,8 @@ def expm1(m: Machine, x: Value) -> Value:
     # Half of it first: 2^n overflows for the largest results.
     power = _power_of_two(m, m.sub(n, m.constant(1.0)))
     half = m.fma(power, reduced, m.sub(power, m.constant(0.5)))
-    tiny = m.lt(
-        m.fabs(x), m.constant(2.0 ** -(m.format.mantissa + 2))
-    )  # where e^x - 1 rounds to x; also keeps -0 and subnormals
+    # Where e^x - 1 rounds to x; this also keeps -0 and subnormals.
+    tiny = m.lt(m.fabs(x), m.constant(2.0 ** -(m.format.mantissa + 2)))
     return m.select(tiny, x, m.add(half, half))
 
 

@@ -74,12 +74,8 @@ from armwright.program import Program
 NEXT = "_next"  # ending of an output that replaces the block it is named after
 SEEN = "_seen"  # ending of a block that is kept for a measurement between ticks
 SINCE = "since_tick"  # [s] how far a lane is in the tick
-CURSOR = (
-    "due_tick",
-    "due_offset",
-    "row",
-    "end",
-)  # of a lane's schedule: when its next row comes, which it is, the one behind its last
+# Of a lane's schedule: when its next row comes, which it is, the one behind its last.
+CURSOR = ("due_tick", "due_offset", "row", "end")
 NEVER = 2.0**62  # a tick that does not come
 ADAPTING = ("h_try", "tried", "rejected", "trials", "repeats", "stalled")  # of a lane that chooses its steps
 AHEAD = ("ahead", "span")  # [s] of a lane's last step: how far it reaches beyond the tick, and how long it is

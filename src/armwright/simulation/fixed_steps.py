@@ -19,10 +19,8 @@ from armwright.simulation.scenario import Scenario
 
 COARSE = "is coarse"
 OR_NONE = ", or no step given, which lets every lane choose its own"
-PART, MOST_PART = (
-    0.25,
-    0.5,
-)  # of the largest step that follows the arm's fastest modes: for an accuracy of 1e-3, and at most
+# Of the largest step that follows the arm's fastest modes: for an accuracy of 1e-3, and at most.
+PART, MOST_PART = 0.25, 0.5
 
 
 def with_fixed_steps(scenario: Scenario, finer: int = 1) -> Scenario:

@@ -140,9 +140,8 @@ class LoopRunner:
         state = {} if self._started is None else self._started.blocks
         start = state.get("r", scenario.initial_state)[:, : self.arm.n]
         if not first and _is_table(reference):
-            rows = (
-                np.arange(numbers.start, numbers.stop) - self.begun
-            )  # from where the scenario starts; the last one stays
+            # Rows count from where the scenario starts; the last one stays.
+            rows = np.arange(numbers.start, numbers.stop) - self.begun
             reference = np.asarray(reference)[np.clip(rows, 0, len(reference) - 1)]
         try:
             return LoopReference.of(self.arm, reference, start, numbers, self.period)

@@ -400,9 +400,8 @@ class _Groups:
             if end == last:
                 if self._keep_state:
                     self.ends[first] = replace(simulation.state_of([lanes]), tick=last)
-                simulation.advance(
-                    lanes, last, last + 1, last, rows, self._every
-                )  # the last row: nothing moves in its tick
+                # The last row, in whose tick nothing moves.
+                simulation.advance(lanes, last, last + 1, last, rows, self._every)
 
         def finish() -> None:
             self._status.read(lanes)

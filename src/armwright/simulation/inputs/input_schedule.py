@@ -34,9 +34,8 @@ class LaneRows:
     values: np.ndarray
 
 
-InputSchedule = (
-    list[Schedule] | np.ndarray | LaneRows
-)  # of all lanes or one a lane; an array (lanes or 1, entries) is constant
+# Of all lanes or one a lane; an array (lanes or 1, entries) is constant.
+InputSchedule = list[Schedule] | np.ndarray | LaneRows
 
 
 def lane_numbers(place: str, value: Any, columns: Sequence[str]) -> np.ndarray:

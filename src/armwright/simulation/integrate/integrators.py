@@ -133,9 +133,8 @@ INTEGRATORS = {
     ),
 }
 
-PAIR = Integrator(
-    rk3_pair, 3, INTEGRATORS["rk3"].growth, stages=3, exponential=rk3_exponential_pair
-)  # steps with errors
+# Steps with errors.
+PAIR = Integrator(rk3_pair, 3, INTEGRATORS["rk3"].growth, stages=3, exponential=rk3_exponential_pair)
 ORDER_OF_ERROR = 3  # in h, of a pair's
 
 TOLERANCES = {  # (rtol, atol) of rules that choose their own steps, if nothing else is said

@@ -23,10 +23,8 @@ from armwright.simulation.integrate.integrators import STEPPING, TOLERANCES
 from armwright.simulation.integrate.step_control import ROUNDING, Allowed, floors, growth, quick_growth, share_of_range
 from armwright.simulation.plant.switching import Watched, switching_programs
 
-MOST_SUBSTEPS, EACH = (
-    1000,
-    1e-3,
-)  # trials in each so many seconds of a tick (or in a shorter tick), if nothing else is said
+# Trials in each so many seconds of a tick (or in a shorter tick), if nothing else is said.
+MOST_SUBSTEPS, EACH = 1000, 1e-3
 ACCURACY = 1e-3  # of each quantity's range, at the end of a run
 LEAST_TOLERANCE = 1e-14  # below it an estimate is rounding
 LEAST_ACCURACY = 1e-12  # of a run, of which one step has a small part

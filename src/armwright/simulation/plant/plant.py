@@ -79,9 +79,8 @@ class Plant(PlantOutputs):
             x_next: (size,).
         """
         inputs = self._held(x, inputs)
-        if (
-            self.sticking is not None and inputs.directions is not None
-        ):  # a speed of 0 that has a derivative has none here
+        if self.sticking is not None and inputs.directions is not None:
+            # A speed of 0 that has a derivative has none here.
             x = self.sticking.at_rest(x, inputs.directions)
         if self.sticking is None or inputs.directions is not None:
             return self.settled(self._stepped(rule, x, inputs, h))

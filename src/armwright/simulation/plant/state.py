@@ -24,12 +24,8 @@ def state_layout(model: Model, brakes: bool) -> Layout:
     rows = (
         ("q", "q", every, ""),
         ("qd", "qd", every, ""),
-        (
-            "motor_q",
-            "rad",
-            elastic,
-            "position of the motor behind its elastic gear",
-        ),  # θ_motor, in the motor's own radians
+        # θ_motor, in the motor's own radians.
+        ("motor_q", "rad", elastic, "position of the motor behind its elastic gear"),
         ("motor_qd", "rad/s", elastic, "velocity of the motor behind its elastic gear"),
         ("current", "current", wound, ""),
         ("bristle", "q", bristle, "deflection of the bristles"),

@@ -200,9 +200,8 @@ def _limit(rates: np.ndarray, integrator: Integrator) -> tuple[float, float, int
     size = np.abs(rates)
     dies = (-np.real(rates) > np.abs(np.imag(rates))) & (size > 0.0)
     reach = np.where(size > 0.0, TURNING, np.inf)  # h |λ| up to which each mode is as it should be
-    ways, which = np.unique(
-        rates[dies] / size[dies], return_inverse=True
-    )  # of modes that do not swing all the same one
+    # Modes that do not swing have all the same way.
+    ways, which = np.unique(rates[dies] / size[dies], return_inverse=True)
     unstable = np.where(integrator.growth(np.outer(ways, REACH * RAYS)) > 1.0, REACH * RAYS, np.inf)
     reach[dies] = unstable.min(axis=1, initial=np.inf)[which]
     with np.errstate(divide="ignore"):

@@ -89,10 +89,8 @@ class VariedStepLimit:
 
     def _fastest(self, slopes: Program, lanes: np.ndarray, loaded: list[np.ndarray]) -> list[int]:
         """Numbers of the lanes whose modes are the fastest, of those that swing or grow as of those that die away."""
-        for states, count in (
-            (FEW_STATES, ROUGHLY),
-            (STATES, FULLY),
-        ):  # eigenvalues take time: the slow are left out early
+        # Eigenvalues take time: the slow are left out early.
+        for states, count in ((FEW_STATES, ROUGHLY), (STATES, FULLY)):
             if len(lanes) > 2 * count:
                 speeds = []
                 for eigenvalues in (each for command in loaded for each in self._modes(slopes, lanes, command, states)):
