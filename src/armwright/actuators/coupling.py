@@ -11,9 +11,8 @@ from armwright import scalar
 from armwright.model import Model
 from armwright.scalar import Array, Scalar
 
-Shares = list[
-    list[tuple[int, Scalar]]
-]  # for every motor, which other joints turn it and by how much: the rows of B - 1
+# For every motor, which other joints turn it and by how much: the rows of B - 1.
+Shares = list[list[tuple[int, Scalar]]]
 
 
 def shares_of(arm: Model) -> Shares:

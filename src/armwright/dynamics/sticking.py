@@ -228,9 +228,8 @@ def _after(
     pieces = [*(jump.gear for jump in jumps), *gears]
     near, _, ended = solved(matrix, right, pieces, speeds, MOST)
     sticks = [jump.sticks(near) for jump in jumps]
-    sliding = [
-        jump.sliding(stuck) for jump, stuck in zip(jumps, sticks, strict=True)
-    ]  # what sticks is held instead, exactly
+    # What sticks is held instead, exactly.
+    sliding = [jump.sliding(stuck) for jump, stuck in zip(jumps, sticks, strict=True)]
     rows = [each.row for each in elements]
     after, _ = _held(*linearised(matrix, right, [*sliding, *gears], near), rows, sticks)
     backward = [scalar.less(at_row(row, near), 0.0) for row in rows]

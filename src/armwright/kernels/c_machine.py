@@ -176,9 +176,8 @@ class CMachine(Machine):
         sign = self._pure("p", f"({i} >> {self.format.bits - 1}) != 0")
         return self._pure("i", f"({i} >> {count}) | ({sign} ? {ones} : {self.int_constant(0)})")
 
-    def int_lt(
-        self, i, j
-    ):  # integers are unsigned, as C defines their overflow: the top bit is flipped to compare signs
+    def int_lt(self, i, j):
+        # Integers are unsigned, as C defines their overflow: the top bit is flipped to compare signs.
         top = self.int_constant(1 << (self.format.bits - 1))
         return self._pure("p", f"({i} ^ {top}) < ({j} ^ {top})")
 

@@ -18,11 +18,18 @@ class NativeText:
         return TEXT.replace("HEADER", str(self.header - 8)).replace("LEADS", str(LEADS)).replace("ROOM", str(LEADS + 2))
 
 
-TEXT = """
+def member(name: str, kind: str, struct: str, pointer: str, number: int, at: str = "") -> str:
+    """%NAME: the member of that number of a structure; its address is %NAME.at, or `at`."""
+    at = at or f"{name}.at"
+    place = f"  %{at} = getelementptr %{struct}, ptr %{pointer}, i64 0, i32 {number}"
+    return f"{place}\n  %{name} = load {kind}, ptr %{at}"
+
+
+TEXT = f"""
 ; The layouts of `ArrayAxes`, `CallTable` and `ArrayFields`.
-%Axes = type { i64, [2 x i64] }
-%Table = type { ptr, ptr, ptr, ptr, ptr, i64, i64, i64, i64, i64, [8 x %Axes] }
-%Array = type { [HEADER x i8], ptr, ptr, i32, ptr, ptr, ptr, ptr, i32 }
+%Axes = type {{ i64, [2 x i64] }}
+%Table = type {{ ptr, ptr, ptr, ptr, ptr, i64, i64, i64, i64, i64, [8 x %Axes] }}
+%Array = type {{ [HEADER x i8], ptr, ptr, i32, ptr, ptr, ptr, ptr, i32 }}
 
 declare ptr @PyTuple_GetItem(ptr, i64)
 declare ptr @PyTuple_New(i64)
@@ -34,7 +41,7 @@ declare ptr @PyEval_SaveThread()
 declare void @PyEval_RestoreThread(ptr)
 
 ; True if n lengths of two shapes are the same.
-define internal i1 @same(ptr %a, ptr %b, i64 %n) nounwind {
+define internal i1 @same(ptr %a, ptr %b, i64 %n) nounwind {{
 entry:
   br label %next
 next:
@@ -53,29 +60,23 @@ yes:
   ret i1 true
 no:
   ret i1 false
-}
+}}
 
 ; True if an object is an array of the kernel's dtype, aligned and C-contiguous, of the shape (lead, axes).
-define internal i1 @fits(ptr %table, ptr %array, ptr %axes, ptr %lead, i64 %leads) nounwind {
+define internal i1 @fits(ptr %table, ptr %array, ptr %axes, ptr %lead, i64 %leads) nounwind {{
 entry:
-  %type.at = getelementptr %Array, ptr %array, i64 0, i32 1
-  %type = load ptr, ptr %type.at
-  %wanted.type.at = getelementptr %Table, ptr %table, i64 0, i32 3
-  %wanted.type = load ptr, ptr %wanted.type.at
+{member("type", "ptr", "Array", "array", 1)}
+{member("wanted.type", "ptr", "Table", "table", 3)}
   %is.array = icmp eq ptr %type, %wanted.type
   br i1 %is.array, label %numbers, label %no
 numbers:
-  %dtype.at = getelementptr %Array, ptr %array, i64 0, i32 7
-  %dtype = load ptr, ptr %dtype.at
-  %wanted.dtype.at = getelementptr %Table, ptr %table, i64 0, i32 4
-  %wanted.dtype = load ptr, ptr %wanted.dtype.at
+{member("dtype", "ptr", "Array", "array", 7)}
+{member("wanted.dtype", "ptr", "Table", "table", 4)}
   %is.number = icmp eq ptr %dtype, %wanted.dtype
-  %flags.at = getelementptr %Array, ptr %array, i64 0, i32 8
-  %flags = load i32, ptr %flags.at
+{member("flags", "i32", "Array", "array", 8)}
   %both = and i32 %flags, 257 ; C-contiguous 1, aligned 256
   %is.plain = icmp eq i32 %both, 257
-  %count.at = getelementptr %Array, ptr %array, i64 0, i32 3
-  %count32 = load i32, ptr %count.at
+{member("count32", "i32", "Array", "array", 3, at="count.at")}
   %count = sext i32 %count32 to i64
   %own = load i64, ptr %axes
   %wanted.count = add i64 %leads, %own
@@ -84,8 +85,7 @@ numbers:
   %b = and i1 %a, %is.deep
   br i1 %b, label %leading, label %no
 leading:
-  %shape.at = getelementptr %Array, ptr %array, i64 0, i32 4
-  %shape = load ptr, ptr %shape.at
+{member("shape", "ptr", "Array", "array", 4)}
   %same.lead = call i1 @same(ptr %shape, ptr %lead, i64 %leads)
   br i1 %same.lead, label %trailing, label %no
 trailing:
@@ -95,10 +95,10 @@ trailing:
   ret i1 %same.own
 no:
   ret i1 false
-}
+}}
 
 ; Drops n new results.
-define internal void @drop(ptr %results, i64 %n) nounwind {
+define internal void @drop(ptr %results, i64 %n) nounwind {{
 entry:
   br label %next
 next:
@@ -113,27 +113,22 @@ one:
   br label %next
 done:
   ret void
-}
+}}
 
 ; METH_FASTCALL | METH_KEYWORDS
-define ptr @call(ptr %self, ptr %args, i64 %given, ptr %names) nounwind {
+define ptr @call(ptr %self, ptr %args, i64 %given, ptr %names) nounwind {{
 entry:
   %shape = alloca [ROOM x i64]         ; leading axes, then those of a result
   %results = alloca [8 x ptr]
   %pointers = alloca [9 x i64]         ; number of states, inputs, outputs: what the kernel's entry takes
   %number = call ptr @PyTuple_GetItem(ptr %self, i64 0)
   %table = call ptr @PyLong_AsVoidPtr(ptr %number)
-  %general.at = getelementptr %Table, ptr %table, i64 0, i32 1
-  %general = load ptr, ptr %general.at
-  %inputs.at = getelementptr %Table, ptr %table, i64 0, i32 6
-  %inputs = load i64, ptr %inputs.at
-  %outputs.at = getelementptr %Table, ptr %table, i64 0, i32 7
-  %outputs = load i64, ptr %outputs.at
-  %most.at = getelementptr %Table, ptr %table, i64 0, i32 8
-  %most = load i64, ptr %most.at
+{member("general", "ptr", "Table", "table", 1)}
+{member("inputs", "i64", "Table", "table", 6)}
+{member("outputs", "i64", "Table", "table", 7)}
+{member("most", "i64", "Table", "table", 8)}
   %axes = getelementptr %Table, ptr %table, i64 0, i32 10
-  %array.type.at = getelementptr %Table, ptr %table, i64 0, i32 3
-  %array.type = load ptr, ptr %array.type.at
+{member("array.type", "ptr", "Table", "table", 3)}
   %unnamed = icmp eq ptr %names, null
   %complete = icmp eq i64 %given, %inputs
   %usual = and i1 %unnamed, %complete
@@ -142,19 +137,16 @@ entry:
 ; The leading axes of the first array are those of the call.
 first:
   %array0 = load ptr, ptr %args
-  %type.at = getelementptr %Array, ptr %array0, i64 0, i32 1
-  %type = load ptr, ptr %type.at
+{member("type", "ptr", "Array", "array0", 1)}
   %is.array = icmp eq ptr %type, %array.type
   br i1 %is.array, label %deep, label %otherwise
 deep:
-  %count.at = getelementptr %Array, ptr %array0, i64 0, i32 3
-  %count32 = load i32, ptr %count.at
+{member("count32", "i32", "Array", "array0", 3, at="count.at")}
   %count = sext i32 %count32 to i64
   %own0 = load i64, ptr %axes
   %leads = sub i64 %count, %own0
   %few = icmp ule i64 %leads, LEADS    ; unsigned: too few axes are refused too
-  %shape0.at = getelementptr %Array, ptr %array0, i64 0, i32 4
-  %shape0 = load ptr, ptr %shape0.at
+{member("shape0", "ptr", "Array", "array0", 4)}
   br i1 %few, label %lead, label %otherwise
 lead:
   %j = phi i64 [ 0, %deep ], [ %j.next, %longer ]
@@ -190,10 +182,8 @@ checked:
 
 ; New arrays for the results.
 allocate:
-  %new.at = getelementptr %Table, ptr %table, i64 0, i32 2
-  %new = load ptr, ptr %new.at
-  %type.number.at = getelementptr %Table, ptr %table, i64 0, i32 5
-  %type.number64 = load i64, ptr %type.number.at
+{member("new", "ptr", "Table", "table", 2)}
+{member("type.number64", "i64", "Table", "table", 5, at="type.number.at")}
   %type.number = trunc i64 %type.number64 to i32
   %tail = getelementptr i64, ptr %shape, i64 %leads
   store i64 %states, ptr %pointers
@@ -217,8 +207,7 @@ one:
   %failed = icmp eq ptr %made, null
   br i1 %failed, label %failure, label %allocated
 allocated:
-  %made.data.at = getelementptr %Array, ptr %made, i64 0, i32 2
-  %made.data = load ptr, ptr %made.data.at
+{member("made.data", "ptr", "Array", "made", 2)}
   %slot = add i64 %port, 1
   %slot.at = getelementptr ptr, ptr %pointers, i64 %slot
   store ptr %made.data, ptr %slot.at
@@ -237,18 +226,15 @@ retake:
   %still = call i1 @fits(ptr %table, ptr %in, ptr %in.axes, ptr %shape, i64 %leads)
   br i1 %still, label %taken, label %changed
 taken:
-  %in.data.at = getelementptr %Array, ptr %in, i64 0, i32 2
-  %in.data = load ptr, ptr %in.data.at
+{member("in.data", "ptr", "Array", "in", 2)}
   %r.next = add i64 %r, 1
   %in.slot = getelementptr ptr, ptr %pointers, i64 %r.next
   store ptr %in.data, ptr %in.slot
   br label %again
 
 compute:
-  %entry.at = getelementptr %Table, ptr %table, i64 0, i32 0
-  %kernel = load ptr, ptr %entry.at
-  %hold.at = getelementptr %Table, ptr %table, i64 0, i32 9
-  %hold = load i64, ptr %hold.at
+{member("kernel", "ptr", "Table", "table", 0, at="entry.at")}
+{member("hold", "i64", "Table", "table", 9)}
   %short = icmp ule i64 %states, %hold
   br i1 %short, label %held, label %released
 held:
@@ -292,5 +278,5 @@ changed:
 otherwise:
   %answer = call ptr @PyObject_Vectorcall(ptr %general, ptr %args, i64 %given, ptr %names)
   ret ptr %answer
-}
+}}
 """

@@ -51,9 +51,8 @@ def linearised(model: Model, varied: Varied | Weakened | None = None) -> Program
         arguments = dict(zip(list(names)[2:], rest, strict=True))
         built = bare if varied is None else Plant.of(varied.model(arguments["p"]), brakes=True)
         inputs = PlantInputs.named(u, arguments)
-        if (
-            built.sticking is not None
-        ):  # slopes of what slides; where it stops or turns round, steps are of another kind
+        if built.sticking is not None:
+            # Slopes of what slides; where it stops or turns round, steps are of another kind.
             inputs = replace(inputs, directions=np.ones(len(built.sticking.places)))
         return built.split(x, inputs)
 
