@@ -7,10 +7,16 @@ from typing import Any
 import numpy as np
 
 from armwright import scalar
+from armwright.actuators.cogging import cogging_energy
+from armwright.actuators.elasticity import transmitted
+from armwright.actuators.stops import stopped
+from armwright.dynamics import energy
+from armwright.dynamics.gears import without_rotors
 from armwright.kernels.loop import NativeLoop
 from armwright.kernels.stages import Integrate
 from armwright.kernels.target import select_target
-from armwright.model import Model
+from armwright.kinematics import jacobian
+from armwright.model import Body, Model
 from armwright.program import trace
 from armwright.signals import Layout
 from armwright.simulation.integrate.exponential import Split
@@ -18,10 +24,60 @@ from armwright.simulation.integrate.integrators import INTEGRATORS
 from armwright.simulation.integrate.step_control import Allowed
 from armwright.simulation.integrate.stepping import Adaptivity, adaptive_stage, dormand_prince_trial, speed_pairs
 from armwright.simulation.plant.inputs import PlantInputs
+from armwright.simulation.plant.joint_drive import DriveMotion, JointStates
 from armwright.simulation.plant.plant import Plant
 from armwright.simulation.plant.switching import Watched, switching_programs
 
 WAYS = ("electrical", "heat", "friction", "mechanical")
+
+
+def energy_rates(plant: Plant, x: Any, inputs: Any) -> dict[str, Any]:
+    """Powers [W]; what comes in is  electrical = heat + friction + mechanical + d/dt `stored_energy`.
+
+    Electrical comes out of the supply's source, or goes into the drives where it is not told; heat is that of windings, source
+    and braking resistor; friction all that rubs, dampens or slips, bent bristles included; mechanical goes into the environment.
+    """
+    inputs = PlantInputs.of(inputs)
+    flow, wrench, n = plant._flow(x, inputs), inputs.wrench, plant.model.n
+    heat = sum(joint.heat for joint in flow.joints if joint.heat is not None)
+    power = sum(joint.power for joint in flow.joints)
+    mechanical: Any = 0.0
+    if wrench is not None:
+        mechanical = -(wrench @ (jacobian(plant.model, x[:n]) @ x[n : 2 * n]))
+    if flow.fed is not None:
+        power, heat = flow.fed.source, heat + flow.fed.loss
+    friction = sum(joint.loss for joint in flow.joints) + sum(plant._followers_loss(x))
+    return dict(zip(WAYS, (power, heat, friction, mechanical), strict=True))
+
+
+def stored_energy(plant: Plant, x: Any) -> Any:
+    """Energy [J] that the plant can give back: motion, height, springs, magnets, windings' fields, the bus capacitor."""
+    n, model = plant.model.n, plant.model
+    total = sum(energy(without_rotors(model, model.names), x[:n], x[n : 2 * n]))
+    motions = plant.motions(x)
+    for i, body in enumerate(model.coordinates):
+        total = total + _of_drive(body, plant._states(x, i), motions[i])
+    if model.supply is not None:
+        volts = plant.part(x, "bus_voltage")[0]
+        total = total + 0.5 * model.supply.capacitance * volts * volts
+    return total
+
+
+def _of_drive(body: Body, states: JointStates, at: DriveMotion) -> Any:
+    """Energy [J] in a joint's drive: the rotor's motion, field, springs of gear and stops, magnets."""
+    drive = body.drive
+    total = 0.5 * drive.reflected * at.motor_speed * at.motor_speed
+    if states.current is not None:
+        assert drive.inductance is not None
+        total = total + 0.5 * drive.inductance * states.current * states.current
+    if drive.cogging is not None:
+        total = total + cogging_energy(drive.cogging, drive.gear_ratio * at.motor)
+    if body.elasticity is not None:
+        spring = transmitted(body.elasticity, drive.gear_ratio, at.motor, at.motor_speed, at.link, at.link_speed)
+        total = total + spring.energy
+    if body.stops is not None:
+        total = total + stopped(body.stops, *body.limits.position, at.q, at.qd).energy
+    return total
 
 
 class Balance:
@@ -39,7 +95,7 @@ class Balance:
 
         def slopes(y: Any, u: Any, touching: Any = None) -> tuple[Any, Any]:
             inputs = PlantInputs(u, contacts=touching)
-            rates = plant.energy_rates(y[:size], inputs)
+            rates = energy_rates(plant, y[:size], inputs)
             xd, fast = plant.split(y[:size], inputs)
             return scalar.array([*xd, *(rates[way] for way in WAYS)]), fast
 
@@ -94,6 +150,6 @@ class Balance:
 
     def lacking(self, begun: np.ndarray, last: np.ndarray, went: dict[str, float]) -> float:
         """The same, from the states at both ends and what went each way."""
-        stored = float(self.plant.stored_energy(last)) - float(self.plant.stored_energy(begun))
+        stored = float(stored_energy(self.plant, last)) - float(stored_energy(self.plant, begun))
         lack = went["electrical"] - went["heat"] - went["friction"] - went["mechanical"] - stored
         return abs(lack) / max(abs(value) for value in went.values())

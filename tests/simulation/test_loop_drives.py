@@ -10,6 +10,7 @@ from armwright.actuators.coupling import from_joints, shares_of
 from armwright.errors import ABSENT, ScenarioError
 from armwright.simulation.plant.plant import Plant
 from physics.arms import arm
+from simulation.energies import stored_energy
 from simulation.fields import scenario_of
 from simulation.plants import BRAKE, ELASTIC, MOTOR, chain, pendulum
 
@@ -97,7 +98,7 @@ def test_a_controller_cannot_move_what_is_braked_and_goes_on_when_it_is_not():
     flows = {name: np.trapezoid(run[name].values[:, 0], t) for name in ("electrical_power", "heat", "friction_loss")}
     plant = Plant.of(model, brakes=True)
     states = np.stack([run[part.name].values[[0, -1], 0] for part in plant.layout], axis=1)
-    stored = [float(plant.stored_energy(x)) for x in states]
+    stored = [float(stored_energy(plant, x)) for x in states]
     balance = flows["electrical_power"] - flows["heat"] - flows["friction_loss"]
     assert balance == pytest.approx(stored[1] - stored[0], abs=2e-2 * flows["electrical_power"])
 
@@ -236,7 +237,7 @@ def test_power_balances_with_coupled_motors_under_a_controller(elastic):
     }
     plant = Plant.of(model)
     rows = [np.concatenate([run[part.name].values[k][list(part.joints)] for part in plant.layout]) for k in (0, -1)]
-    stored = [float(plant.stored_energy(x)) for x in rows]
+    stored = [float(stored_energy(plant, x)) for x in rows]
     balance = flows["electrical_power"] - flows["heat"] - flows["friction_loss"]
     assert balance == pytest.approx(stored[1] - stored[0], abs=2e-3 * flows["electrical_power"])
     assert flows["electrical_power"] > 0.5

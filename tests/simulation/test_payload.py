@@ -12,6 +12,7 @@ from armwright import scalar
 from armwright.errors import ArmwrightError
 from armwright.simulation.plant.plant import Plant
 from physics.arms import arm
+from simulation.energies import energy_rates, stored_energy
 from simulation.fields import scenario_of
 from simulation.plants import MOTOR, pendulum
 
@@ -123,7 +124,7 @@ def test_the_hand_keeps_its_speed_and_energy_jumps_by_the_bodys_own():
     plants = {False: Plant.of(model), True: Plant.of(model.with_payload(*HELD))}
 
     def stored(holding, k):
-        return float(plants[holding].stored_energy(states[k]))
+        return float(stored_energy(plants[holding], states[k]))
 
     power, jumps = 0.0, 0.0
     for first, last, holding in ((0, 1000, False), (1000, 2500, True), (2500, 4000, False)):
@@ -151,7 +152,7 @@ def carried_energy(model, x):
 
 def balance(plant, x, u):
     """Electrical power in, less what becomes heat and friction [W]."""
-    rates = plant.energy_rates(x, np.asarray(u))
+    rates = energy_rates(plant, x, np.asarray(u))
     return float(rates["electrical"] - rates["heat"] - rates["friction"])
 
 

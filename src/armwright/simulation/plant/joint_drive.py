@@ -9,7 +9,7 @@ from typing import Any
 from armwright import scalar
 from armwright.actuators.backlash import flank_depths
 from armwright.actuators.brake import holding
-from armwright.actuators.cogging import cogging_energy, cogging_torque
+from armwright.actuators.cogging import cogging_torque
 from armwright.actuators.elasticity import bent, transmitted
 from armwright.actuators.friction import has_corner, joint_friction, sliding_friction
 from armwright.actuators.gear import GearLoss, gear_loss, holds_by_loss
@@ -260,23 +260,6 @@ def _braking(
     held = holding(brake, speed, states.brake, applied)
     change["brake"], rates["brake"] = held.speed, held.rate
     return held.torque
-
-
-def stored(body: Body, states: JointStates, at: DriveMotion) -> Scalar:
-    """Energy [J] in the joint's drive: the rotor's motion, field, springs of gear and stops, magnets."""
-    drive = body.drive
-    total = 0.5 * drive.reflected * at.motor_speed * at.motor_speed
-    if states.current is not None:
-        assert drive.inductance is not None
-        total = total + 0.5 * drive.inductance * states.current * states.current
-    if drive.cogging is not None:
-        total = total + cogging_energy(drive.cogging, drive.gear_ratio * at.motor)
-    if body.elasticity is not None:
-        spring = transmitted(body.elasticity, drive.gear_ratio, at.motor, at.motor_speed, at.link, at.link_speed)
-        total = total + spring.energy
-    if body.stops is not None:
-        total = total + stopped(body.stops, *body.limits.position, at.q, at.qd).energy
-    return total
 
 
 def at_rest(model: Model, q: Array, qd: Array, motor: Array, motor_speed: Array) -> dict[str, Any]:

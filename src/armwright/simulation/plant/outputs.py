@@ -10,13 +10,9 @@ import numpy as np
 from armwright import scalar
 from armwright.actuators import friction_torques
 from armwright.actuators.coupling import to_joints, to_motors
-from armwright.dynamics import energy
-from armwright.dynamics.gears import without_rotors
-from armwright.kinematics import jacobian
 from armwright.scalar import Array, Scalar
 from armwright.simulation.plant.flow import Flow, PlantFlow
 from armwright.simulation.plant.inputs import PlantInputs
-from armwright.simulation.plant.joint_drive import stored
 from armwright.simulation.plant.state import has_effect
 
 TOLD = ("motor_q", "motor_qd", "bristle", "brake", "winding_temperature", "housing_temperature")  # states told as such
@@ -82,43 +78,6 @@ class PlantOutputs(PlantFlow):
         bodies = self.model.coordinates  # what holds a joint behind an elastic gear acts after the gear
         held = [hold if body.elasticity is None else 0.0 for body, hold in zip(bodies, flow.holding, strict=True)]
         return torques + scalar.array(held)
-
-    def energy_rates(self, x: Array, inputs: PlantInputs | Array) -> dict[str, Scalar]:
-        """Powers [W]; what comes in is  electrical = heat + friction + mechanical + d/dt `stored_energy`.
-
-        Returns:
-            electrical: out of the supply's source, or into the drives where it is not told.
-            heat: in windings, source and braking resistor.   friction: in all that rubs, dampens or slips, bent bristles
-            included.   mechanical: into the environment, against the wrench.
-        """
-        inputs = PlantInputs.of(inputs)
-        flow, wrench = self._flow(x, inputs), inputs.wrench
-        n = self.model.n
-        heat = sum(joint.heat for joint in flow.joints if joint.heat is not None)
-        power = sum(joint.power for joint in flow.joints)
-        mechanical: Scalar = 0.0
-        if wrench is not None:
-            mechanical = -(wrench @ (jacobian(self.model, x[:n]) @ x[n : 2 * n]))
-        if flow.fed is not None:
-            power, heat = flow.fed.source, heat + flow.fed.loss
-        return {
-            "electrical": power,
-            "heat": heat,
-            "friction": sum(joint.loss for joint in flow.joints) + sum(self._followers_loss(x)),
-            "mechanical": mechanical,
-        }
-
-    def stored_energy(self, x: Array) -> Scalar:
-        """Energy [J] that the plant can give back: motion, height, springs, magnets, windings' fields, the bus capacitor."""
-        n, model = self.model.n, self.model
-        total = sum(energy(without_rotors(model, model.names), x[:n], x[n : 2 * n]))
-        motions = self.motions(x)
-        for i, body in enumerate(model.coordinates):
-            total = total + stored(body, self._states(x, i), motions[i])
-        if model.supply is not None:
-            volts = self.part(x, "bus_voltage")[0]
-            total = total + 0.5 * model.supply.capacitance * volts * volts
-        return total
 
     def _followers_loss(self, x: Array) -> list[Scalar]:
         """Power [W] that rubs in the joints that follow each coordinate."""
