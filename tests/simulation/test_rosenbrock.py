@@ -7,11 +7,12 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import armwright as aw
+from armwright import scalar
 from armwright.model.vary import Varied
 from armwright.program import call, trace
 from armwright.simulation.integrate import rosenbrock
 from armwright.simulation.integrate.dormand_prince import along
-from armwright.simulation.integrate.rosenbrock import GAMMA, as_program, hermite_path, rodas3_step, slopes_of
+from armwright.simulation.integrate.rosenbrock import GAMMA, as_program, hermite_path, rodas3_step
 from armwright.simulation.plant.inputs import PlantInputs
 from armwright.simulation.plant.plant import Plant
 from armwright.simulation.plant.slopes import plant_slopes
@@ -27,6 +28,11 @@ CONTACTS = {
 }
 ARMS = ("cmu-dd", "puma560", "lwa4p", "panda", "gripper", "workshop", "sprung")
 PLANTS = {**MANY, **CONTACTS, "elastic gripper": elastic_gripper(), **{name: arm_of(name) for name in ARMS}}
+
+
+def slopes_of(f):
+    """(x, …) → dx/dt, A = ∂f/∂x and E = 1 of a system whose function f (x, …) can be traced."""
+    return lambda x, *rest: (f(x, *rest), scalar.jacobian(lambda at: f(at, *rest), x), scalar.eye(len(x)))
 
 
 def classical():

@@ -99,11 +99,6 @@ def hermite_path(x: Array, new: Array, rate: Array, rate_new: Array, h: Scalar) 
     return scalar.stack([moved, bent, moved - h * rate_new - bent, scalar.zeros(len(x))])
 
 
-def slopes_of(f: Derivative) -> Slopes:
-    """(x, …) → dx/dt, A = ∂f/∂x and E = 1 of a system whose function f (x, …) can be traced."""
-    return lambda x, *rest: (f(x, *rest), scalar.jacobian(lambda at: f(at, *rest), x), scalar.eye(len(x)))
-
-
 def as_program(slopes: Slopes, shapes: Mapping[str, tuple[int, ...]]) -> Slopes:
     """The same by a call of one program, never inlined, that returns the entries of A and E that are no constants.
 
