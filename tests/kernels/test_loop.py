@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from armwright import scalar
+from armwright.kernels.llvm import LlvmModule
 from armwright.kernels.loop import LoopArrays, NativeLoop, Schedules
 from armwright.kernels.philox import philox, uniform
 from armwright.kernels.stages import (
@@ -283,3 +284,11 @@ def test_lanes_that_choose_their_steps_do_what_numpy_does(most):
     np.testing.assert_array_equal(lanes.get("stalled")[:, 0], stopped)
     assert stopped.any() == (most == 5)
     assert not stopped.all()
+
+
+def test_two_programs_of_one_name_do_not_share_a_module():
+    module, shapes = LlvmModule(4), {"x": (2,)}
+    module.add_block_function(trace("p", lambda x: 2.0 * x, shapes, ("y",)))
+    module.add_block_function(trace("p", lambda x: 2.0 * x, shapes, ("y",)))  # the same, traced again
+    with pytest.raises(AssertionError, match="two programs"):
+        module.add_block_function(trace("p", lambda x: 3.0 * x, shapes, ("y",)))
