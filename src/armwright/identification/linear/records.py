@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from armwright.errors import LogError
-from armwright.fitting.stretch import Stretch
+from armwright.fitting.stretch import LogStretch
 from armwright.identification.logs.blocks import LARGEST
 from armwright.identification.logs.log import Log, LogRun
 
@@ -20,7 +20,7 @@ CONSTANT = 1e-12  # range of a signal, as a share of its size
 
 
 @dataclass(frozen=True, eq=False)
-class Recorded(Stretch):
+class Recorded(LogStretch):
     """A stretch's inputs u (rows, inputs) and outputs y (rows, outputs)."""
 
     u: np.ndarray
