@@ -9,7 +9,7 @@ import numpy as np
 
 
 @dataclass(frozen=True, eq=False)
-class Stretch:
+class LogStretch:
     """Rows of a run; each room adds what a row holds, as arrays (rows, …), mappings of these or data of these.
 
     Attributes:

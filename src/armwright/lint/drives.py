@@ -107,7 +107,7 @@ ON_A_SLIDE = {"effort": "limits.force_n", "speed": "limits.velocity_m_per_s"}
 
 
 @dataclass(frozen=True)
-class Comparison:
+class DriveComparison:
     """One product of a drive's numbers beside another: `one / other` lies within `band` in any sound record.
 
     Attributes:
@@ -165,23 +165,23 @@ class Comparison:
 
 
 COMPARISONS = (
-    Comparison(
+    DriveComparison(
         *("kt", "the torque constant (DC-equivalent)", lambda d: d.kt, "N m/A", (0.9, 1.0, 1.1)),
         *("the back-EMF constant", lambda d: d.ke, EQUAL),
     ),
-    Comparison(
+    DriveComparison(
         *("effort", "the limit of torque", lambda d: d.effort, "N m | N", (0.02, 1.0, 1.15)),
         *("n Kt I at the limit of current", lambda d: d.n * d.kt * d.current, EQUAL),
     ),
-    Comparison(
+    DriveComparison(
         *("effort", "the limit of torque", lambda d: d.effort, "N m", (1 - CLOSE, 1.0, 1 + CLOSE)),
         *("Kt I without the gear", lambda d: nan if d.slides or d.n < GEARED else d.kt * d.current, 1.0, True),
     ),
-    Comparison(
+    DriveComparison(
         *("speed", "the limit of speed", lambda d: d.speed, "rad/s | m/s", (1e-3, 0.5, 2.0)),
         *("the no-load speed V / (n Ke)", lambda d: d.voltage / (d.n * d.ke)),
     ),
-    Comparison(
+    DriveComparison(
         *(
             "rotor",
             "the rotor's inertia at the joint n² J",
@@ -191,48 +191,48 @@ COMPARISONS = (
         ),
         *("that of all links", lambda d: d.links, LOOSE),
     ),
-    Comparison(
+    DriveComparison(
         *("r", "R I at the limit of current", lambda d: d.r * d.current, "V", (1e-4, 0.3, 10.0)),
         *("the limit of voltage", lambda d: d.voltage),
     ),
-    Comparison(
+    DriveComparison(
         *("kt", "the no-load speed V / (n Ke)", lambda d: nan if d.slides else d.voltage / (d.n * d.ke), "rad/s"),
         (0.03, 5.0, inf),
     ),
-    Comparison(
+    DriveComparison(
         *("kt", "the no-load speed V / (n Ke)", lambda d: d.voltage / (d.n * d.ke) if d.slides else nan, "m/s"),
         (1e-3, 0.3, inf),
     ),
-    Comparison(
+    DriveComparison(
         *("rotor", "the rotor's time constant R J / (Kt Ke)", lambda d: d.r * d.rotor / (d.kt * d.ke), "s"),
         (2e-5, 0.01, 3.0),
     ),
-    Comparison(
+    DriveComparison(
         *("rotor", "the time in which the rotor alone reaches the limit of speed, J n q̇ / (Kt I),"),
         *(lambda d: d.rotor * d.n * d.speed / (d.kt * d.current), "s", (1e-6, 0.03, 10.0)),
     ),
-    Comparison("rotor", "the rotor's inertia", lambda d: d.rotor, "kg m²", (0.0, 1e-4, 10.0), weight=LOOSE),
-    Comparison("inductance", "the time constant L / R", lambda d: d.inductance / d.r, "s", (1e-7, 1e-3, 0.2)),
-    Comparison(
+    DriveComparison("rotor", "the rotor's inertia", lambda d: d.rotor, "kg m²", (0.0, 1e-4, 10.0), weight=LOOSE),
+    DriveComparison("inductance", "the time constant L / R", lambda d: d.inductance / d.r, "s", (1e-7, 1e-3, 0.2)),
+    DriveComparison(
         *("winding_c", "the winding's time constant, capacity times resistance,"),
         *(lambda d: d.winding_c * d.winding_r, "s", (0.3, 30.0, 2e4)),
     ),
-    Comparison(
+    DriveComparison(
         *("housing_c", "the housing's time constant, capacity times resistance,"),
         *(lambda d: d.housing_c * d.housing_r, "s", (10.0, 1e3, 1e5)),
     ),
-    Comparison(
+    DriveComparison(
         *("winding_c", "the winding's time constant", lambda d: d.winding_c * d.winding_r, "s", (0.0, 0.03, 1.5)),
         *("the housing's", lambda d: d.housing_c * d.housing_r),
     ),
-    Comparison(
+    DriveComparison(
         *("winding_r", "the winding's warming at the limit of current, R I² times its resistance,"),
         *(lambda d: d.r * d.current**2 * d.winding_r, "K", (1e-3, 200.0, 1e5)),
     ),
-    Comparison("ambient", "the ambient temperature", lambda d: d.ambient, "°C", (-100.0, 25.0, 150.0)),
-    Comparison("reference", "the reference temperature", lambda d: d.reference, "°C", (-100.0, 25.0, 150.0)),
-    Comparison("copper", "the coefficient of the resistance", lambda d: d.copper, "1/K", (0.0, 0.004, 0.02)),
-    Comparison("magnet", "the coefficient of the magnets", lambda d: d.magnet, "1/K", (0.0, 0.001, 0.02)),
+    DriveComparison("ambient", "the ambient temperature", lambda d: d.ambient, "°C", (-100.0, 25.0, 150.0)),
+    DriveComparison("reference", "the reference temperature", lambda d: d.reference, "°C", (-100.0, 25.0, 150.0)),
+    DriveComparison("copper", "the coefficient of the resistance", lambda d: d.copper, "1/K", (0.0, 0.004, 0.02)),
+    DriveComparison("magnet", "the coefficient of the magnets", lambda d: d.magnet, "1/K", (0.0, 0.001, 0.02)),
 )
 
 
@@ -391,7 +391,7 @@ class _Explanation:
 
     mistakes: tuple[Mistake, ...]
     numbers: DriveNumbers
-    fixed: list[Comparison]
+    fixed: list[DriveComparison]
     distance: float
 
 

@@ -26,7 +26,7 @@ from armwright.identification.arm.physical import (
     pseudo_inertias,
 )
 from armwright.identification.arm.spring_record import SPRINGS, spring_keys
-from armwright.identification.arm.torque_model import Column, TorqueModel
+from armwright.identification.arm.torque_model import TorqueColumn, TorqueModel
 from armwright.identification.estimate import Estimate, write_into
 from armwright.joint_kinds import ROTARY
 
@@ -141,7 +141,7 @@ def _coupled(model: TorqueModel) -> list[str]:
     return list(dict.fromkeys(column.joint for column in model.columns if len(column.turned) > 1))
 
 
-def _is_drive(column: Column) -> bool:
+def _is_drive(column: TorqueColumn) -> bool:
     return column.kind not in ("inertial", *SPRINGS)
 
 

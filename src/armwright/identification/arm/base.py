@@ -13,7 +13,7 @@ import numpy as np
 
 from armwright.errors import IdentificationError
 from armwright.identification.arm.equations import Equations, Samples, equations_of
-from armwright.identification.arm.torque_model import ZERO, Column, TorqueModel, random_states
+from armwright.identification.arm.torque_model import ZERO, TorqueColumn, TorqueModel, random_states
 
 DEPENDENT = 1e-8  # sine of the angle between a column and the space of those before it: below, it depends on them
 # The same, of an arm's structure: real ones have 0.03 or more. What is left below are angles that a file rounds, such as a right
@@ -36,7 +36,7 @@ class BaseParameters:
         regroup: K (b, d).
     """
 
-    columns: tuple[Column, ...]
+    columns: tuple[TorqueColumn, ...]
     independent: np.ndarray
     dependent: np.ndarray
     absent: np.ndarray
@@ -113,7 +113,7 @@ def base_parameters(model: TorqueModel, without: Sequence[int] = ()) -> BasePara
     return regrouped(model.columns, _without_dust(model.columns, factor), NEARLY)
 
 
-def _without_dust(columns: Sequence[Column], factor: np.ndarray) -> np.ndarray:
+def _without_dust(columns: Sequence[TorqueColumn], factor: np.ndarray) -> np.ndarray:
     """R with columns of 0 where they are less than `NEARLY` of the largest of the same unit."""
     size = np.linalg.norm(factor, axis=0)
     largest: dict[str, float] = {}
@@ -152,7 +152,7 @@ def structural_factor(model: TorqueModel) -> np.ndarray:
     return equations.factor[: len(model)]
 
 
-def regrouped(columns: tuple[Column, ...], factor: np.ndarray, dependent: float = DEPENDENT) -> BaseParameters:
+def regrouped(columns: tuple[TorqueColumn, ...], factor: np.ndarray, dependent: float = DEPENDENT) -> BaseParameters:
     """Base parameters from R of the columns.
 
     Columns below 1e-10 of the largest are zero, before any scaling. Of the others, each one that depends on those before

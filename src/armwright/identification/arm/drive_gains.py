@@ -33,7 +33,7 @@ from armwright.identification.arm.payload import (
 from armwright.identification.arm.physical import PER_LINK
 from armwright.identification.arm.remarks import joints_that_move
 from armwright.identification.arm.samples import checked, needed_source, stream_of
-from armwright.identification.arm.torque_model import Column, TorqueModel, torque_model
+from armwright.identification.arm.torque_model import TorqueColumn, TorqueModel, torque_model
 from armwright.identification.estimate import HALF_95, Estimate
 from armwright.identification.logs.log import Log
 from armwright.identification.logs.preparation import Preparation, choose_preparation
@@ -212,7 +212,7 @@ def _motor(arm: Model, joint: str) -> Motor | None:
 def _gain_model(own: TorqueModel, frame: str | None, loaded: bool) -> GainModel:
     n = own.arm.n
     carrying = replace(payload_model(own.arm, frame, own), loaded=loaded)
-    springs = Column("known", "1", "", "known", "torques of the record's springs", None)
+    springs = TorqueColumn("known", "1", "", "known", "torques of the record's springs", None)
     prior, of_joint = np.append(carrying.prior, 1.0), np.column_stack([carrying.of_joint, np.full(n, own.sprung)])
     return GainModel(own.arm, (*carrying.columns, springs), prior, of_joint, own.dyn, own.sprung, carrying)
 

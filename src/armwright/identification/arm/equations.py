@@ -14,7 +14,7 @@ from math import inf
 import numpy as np
 
 from armwright.errors import IdentificationError
-from armwright.fitting.stretch import Stretch
+from armwright.fitting.stretch import LogStretch
 from armwright.fitting.triangular import triangle
 from armwright.identification.arm.torque_model import TorqueModel
 
@@ -27,7 +27,7 @@ RowWeights = Callable[[np.ndarray], np.ndarray]  # residuals (rows, n) → weigh
 
 
 @dataclass(frozen=True, eq=False)
-class Samples(Stretch):
+class Samples(LogStretch):
     """Some prepared rows of a log for an arm.
 
     Attributes:
@@ -100,7 +100,7 @@ class Factor:
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class LogPart:
     """Consecutive rows of a run.
 
     Attributes:
@@ -124,7 +124,7 @@ class Equations:
     """
 
     model: TorqueModel
-    parts: tuple[Part, ...]
+    parts: tuple[LogPart, ...]
     factors: tuple[Factor, ...] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -146,7 +146,7 @@ def part_seconds(runs: Sequence[str], seconds: float) -> float:
     return inf if len(runs) >= MANY_RUNS else max(seconds / FOLDS, 1e-9)
 
 
-def joined(parts: Sequence[Part]) -> tuple[Factor, ...]:
+def joined(parts: Sequence[LogPart]) -> tuple[Factor, ...]:
     """A factor for each joint, over all rows of the parts."""
     factors = list(parts[0].factors)
     for part in parts[1:]:
@@ -190,14 +190,14 @@ def equations_of(
         IdentificationError: there are no rows.
     """
     chunk = rows or max(CHUNK_VALUES // (model.arm.n * len(model)), 1)
-    parts: list[Part] = []
+    parts: list[LogPart] = []
     last: tuple[str, float] | None = None
     for block in _chunks(samples, chunk):
         for key, piece in _by_part(block, part_seconds):
             if key != last:
                 last = key
                 begin = float(piece.t[0])
-                parts.append(Part(piece.run, begin, begin, tuple(_empty(model)), np.zeros(model.arm.n)))
+                parts.append(LogPart(piece.run, begin, begin, tuple(_empty(model)), np.zeros(model.arm.n)))
             values, tau = piece.regressor(model), piece.unknown_torque(model)
             weights = None
             if row_weights is not None and parameters is not None:
@@ -207,7 +207,7 @@ def equations_of(
                 for j, factor in enumerate(parts[-1].factors)
             ]
             motion = parts[-1].motion + (piece.qd**2).sum(axis=0)
-            parts[-1] = Part(piece.run, parts[-1].begin, float(piece.t[-1]), tuple(factors), motion)
+            parts[-1] = LogPart(piece.run, parts[-1].begin, float(piece.t[-1]), tuple(factors), motion)
     if not parts:
         raise IdentificationError("no rows to fit", place="log", expected="prepared rows of a run")
     return Equations(model, tuple(parts))

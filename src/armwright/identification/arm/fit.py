@@ -20,7 +20,15 @@ from armwright.fitting.covariance import correlated
 from armwright.fitting.measures import r_squared
 from armwright.fitting.triangular import triangle
 from armwright.identification.arm.base import BaseParameters
-from armwright.identification.arm.equations import Equations, Factor, Part, Samples, SampleSource, equations_of, stacked
+from armwright.identification.arm.equations import (
+    Equations,
+    Factor,
+    LogPart,
+    Samples,
+    SampleSource,
+    equations_of,
+    stacked,
+)
 
 MOST_ITERATIONS = 50
 SETTLED = 1e-6  # relative change of the joints' variances
@@ -327,7 +335,7 @@ def cross_validated(fit: ArmFit) -> list[HeldOut]:
     return result
 
 
-def held_out(part: Part, parameters: np.ndarray, fit: ArmFit) -> HeldOut:
+def held_out(part: LogPart, parameters: np.ndarray, fit: ArmFit) -> HeldOut:
     """Errors of parameters (p,) on a part of a log, relative to the torques and speeds of the fitted log."""
     speed = np.sqrt(sum((p.motion for p in fit.equations.parts), np.zeros(1)) / np.maximum(fit.equations.rows, 1))
     rms, _, r2 = measures_of(part.factors, parameters)

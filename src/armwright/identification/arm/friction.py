@@ -27,7 +27,7 @@ from armwright.identification.arm.friction_law import (
     Choice,
     FrictionLaw,
     FrictionRows,
-    Term,
+    FrictionTerm,
     choose_terms,
     fitted_law,
     level_of,
@@ -234,7 +234,7 @@ def _untold(joint: str, rows: FrictionRows, error: float) -> list[str]:
     ]
 
 
-OFFSET = Term("offset", "torque", level_of, -np.inf)
+OFFSET = FrictionTerm("offset", "torque", level_of, -np.inf)
 
 
 def _is_shifted(law: FrictionLaw) -> bool:
@@ -242,7 +242,7 @@ def _is_shifted(law: FrictionLaw) -> bool:
     return min(law.values.get("coulomb_positive", 0.0), law.values.get("coulomb_negative", 0.0)) < 0
 
 
-def _recorded(rows: FrictionRows, law: FrictionLaw) -> list[tuple[Term, float, bool]]:
+def _recorded(rows: FrictionRows, law: FrictionLaw) -> list[tuple[FrictionTerm, float, bool]]:
     """Every number of a law as a record has it, and whether it is at its bound."""
     values = dict(law.values)
     terms = list(terms_of(law.terms))
@@ -280,7 +280,7 @@ OF_SPRING = {
 }  # stem → value of `spring_keys`
 
 
-def _name(body: Body, term: Term) -> str:
+def _name(body: Body, term: FrictionTerm) -> str:
     if term.dimension == "spring":
         return f"{body.joint}: {term.stem}{SPRING}"
     key = term.stem if term.dimension is None else body.kind.units.key(term.stem, term.dimension)

@@ -50,7 +50,7 @@ class FrictionRows:
 
 
 @dataclass(frozen=True)
-class Term:
+class FrictionTerm:
     """One parameter of a friction law.
 
     Attributes:
@@ -76,37 +76,37 @@ def _speed(share: float, rows: FrictionRows) -> float:
     return share * float(np.abs(rows.speed).max())
 
 
-def _of_law(law: FileLaw) -> tuple[Term, ...]:
+def _of_law(law: FileLaw) -> tuple[FrictionTerm, ...]:
     """The own numbers of a law of robot files, and its offset."""
 
     def started(start: Any) -> Any:
         return lambda rows: start(level_of(rows), _speed(1.0, rows))
 
-    own = (Term(key.stem, key.dimension, started(key.start), key.low) for key in law.own)
-    return (*own, Term("offset", "torque", lambda rows: float(rows.torque.mean()), -np.inf))
+    own = (FrictionTerm(key.stem, key.dimension, started(key.start), key.low) for key in law.own)
+    return (*own, FrictionTerm("offset", "torque", lambda rows: float(rows.torque.mean()), -np.inf))
 
 
-VISCOUS = Term("viscous", "damping", _slope)
-TERMS: dict[str, tuple[Term, ...]] = {
+VISCOUS = FrictionTerm("viscous", "damping", _slope)
+TERMS: dict[str, tuple[FrictionTerm, ...]] = {
     "viscous": (VISCOUS,),
     "coulomb": (
-        Term("coulomb_positive", "torque", level_of, -np.inf),
-        Term("coulomb_negative", "torque", level_of, -np.inf),
+        FrictionTerm("coulomb_positive", "torque", level_of, -np.inf),
+        FrictionTerm("coulomb_negative", "torque", level_of, -np.inf),
     ),
     "stribeck": (
-        Term("stribeck_torque", "torque", level_of),
-        Term("stribeck_speed", "speed", partial(_speed, 0.1), 1e-6),
+        FrictionTerm("stribeck_torque", "torque", level_of),
+        FrictionTerm("stribeck_speed", "speed", partial(_speed, 0.1), 1e-6),
     ),
-    "load": (Term("load_coefficient", None, lambda _: 0.01),),
-    "coulomb by temperature": (Term("coulomb_temperature_coefficient_per_k", None, lambda _: -1e-3, -np.inf),),
-    "viscous by temperature": (Term("viscous_temperature_coefficient_per_k", None, lambda _: -1e-3, -np.inf),),
+    "load": (FrictionTerm("load_coefficient", None, lambda _: 0.01),),
+    "coulomb by temperature": (FrictionTerm("coulomb_temperature_coefficient_per_k", None, lambda _: -1e-3, -np.inf),),
+    "viscous by temperature": (FrictionTerm("viscous_temperature_coefficient_per_k", None, lambda _: -1e-3, -np.inf),),
     **{name: _of_law(law) for name, law in LAWS.items() if law.is_candidate},
     "spring": (
-        Term("stiffness", "spring", level_of),
+        FrictionTerm("stiffness", "spring", level_of),
     ),  # its torque at 0 is in the levels of Coulomb, or the sigmoid's offset
     "counterbalance": (
-        Term("sine", "spring", level_of, -np.inf),
-        Term("cosine", "spring", level_of, -np.inf),
+        FrictionTerm("sine", "spring", level_of, -np.inf),
+        FrictionTerm("cosine", "spring", level_of, -np.inf),
     ),
 }
 USUAL = ("viscous", "coulomb")
@@ -155,7 +155,7 @@ def own_law(terms: Sequence[str]) -> FileLaw | None:
     return next((LAWS[name] for name in terms if name in LAWS and LAWS[name].is_candidate), None)
 
 
-def terms_of(names: Sequence[str]) -> tuple[Term, ...]:
+def terms_of(names: Sequence[str]) -> tuple[FrictionTerm, ...]:
     """Parameters of some terms; a law of its own keys replaces the Coulomb levels."""
     return tuple(term for name in names for term in TERMS[name])
 

@@ -23,7 +23,7 @@ from armwright.errors import IdentificationError
 from armwright.fitting.levenberg_marquardt import Descent, descended
 from armwright.identification.arm.base import regrouped
 from armwright.identification.arm.equations import Factor
-from armwright.identification.arm.torque_model import Column
+from armwright.identification.arm.torque_model import TorqueColumn
 
 ITERATIONS = 100
 SETTLED = 1e-7  # of the residual's deviation: a step that changes predictions less ends the iteration
@@ -42,7 +42,7 @@ class GainProblem:
         known: (p,) parameters of the known columns, others 0.   joints: numbers of the joints that take part.
     """
 
-    columns: Sequence[Column]
+    columns: Sequence[TorqueColumn]
     factors: Sequence[Factor]
     candidates: np.ndarray
     known: np.ndarray

@@ -26,7 +26,7 @@ from armwright.errors import IdentificationError
 from armwright.identification.arm.base import BaseParameters, base_parameters
 from armwright.identification.arm.equations import Equations, Samples
 from armwright.identification.arm.fit import ArmFit, fit_arm
-from armwright.identification.arm.torque_model import Column, TorqueModel
+from armwright.identification.arm.torque_model import TorqueColumn, TorqueModel
 from armwright.identification.estimate import HALF_95
 from armwright.model import Body, EfficiencyTable
 
@@ -192,7 +192,7 @@ def lossy_model(linear: TorqueModel, fitted: Collection[str] | Literal["all"] = 
     ]  # fmt: skip
     behind = np.array([_is_behind(linear.columns[k], bodies.get(linear.columns[k].joint)) for k in kept])
     etas = tuple(
-        Column(
+        TorqueColumn(
             f"eta{i + 1}", "1", body.joint, EFFICIENCY, f"gear efficiency of {body.joint}",
             f"{path_name(body.joint)}.motor.gear_efficiency", ((i, 1.0),),
         )
@@ -236,14 +236,14 @@ def on_motor(body: Body) -> bool:
     return body.friction is not None and body.friction.on_motor
 
 
-def _is_of_other_side(column: Column, body: Body) -> bool:
+def _is_of_other_side(column: TorqueColumn, body: Body) -> bool:
     """True of a coupled motor's or its joint's friction where the record has it on the other side."""
     if column.kind in ("inertial", "rotor", "offset", "spring", "sine", "cosine") or not body.drive.coupling:
         return False
     return (len(column.turned) > 1) != on_motor(body)
 
 
-def _is_behind(column: Column, body: Body | None) -> bool:
+def _is_behind(column: TorqueColumn, body: Body | None) -> bool:
     """True of a column whose torque the gear delivers: links, springs, what is behind a coupled motor, friction of the joint."""
     if body is None or column.kind in ("inertial", "spring", "sine", "cosine"):
         return True

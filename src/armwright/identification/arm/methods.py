@@ -158,7 +158,7 @@ METHODS = {
 
 
 @dataclass(frozen=True, eq=False)
-class Fitted:
+class FittedLog:
     """A fit of a stream's rows.
 
     Attributes:
@@ -180,7 +180,7 @@ def fitted(
     feedback: Feedback | tuple[Any, Any, float] | None = None,
     forgetting: float = 1.0,
     strict: bool = True,
-) -> Fitted:
+) -> FittedLog:
     """The fit of a log by a method; of an arm with gear loss about its own solution.
 
     Args:
@@ -216,7 +216,7 @@ def fitted(
         model = model.at(fit.parameters)
         rows, equations = read(model)
         fit = METHODS[method].fit(FitProblem(rows, equations, base, seconds, loop, forgetting))
-    return Fitted(rows, fit, base, structural, untold)
+    return FittedLog(rows, fit, base, structural, untold)
 
 
 def check_losses(model: LossyModel, method: str, lacks: Collection[str]) -> None:

@@ -42,7 +42,7 @@ from armwright.identification.arm.torque_model import (
     INERTIAL,
     INERTIAL_UNITS,
     MEASURED,
-    Column,
+    TorqueColumn,
     TorqueModel,
     torque_model,
 )
@@ -101,7 +101,7 @@ def is_lossy(arm: Model) -> bool:
     return any(loses_power(body) for body in arm.coordinates)
 
 
-def replace_columns(model: TorqueModel, columns: tuple[Column, ...]) -> TorqueModel:
+def replace_columns(model: TorqueModel, columns: tuple[TorqueColumn, ...]) -> TorqueModel:
     """The plain model of some of the columns."""
     count = len(columns)
     return TorqueModel(model.arm, columns, model.prior[:count], model.of_joint[:, :count], model.dyn, model.sprung)
@@ -121,7 +121,7 @@ def payload_model(arm: Model, frame: str | None = None, own: TorqueModel | None 
     H = (arm.bodies[placed.body].link_frame.inverse() @ placed.placement).matrix().astype(float)
     moved = inertial_parameters(H @ BASIS @ H.T).T
     columns = tuple(
-        Column(f"{name}L", unit, "", "inertial", f"{name} of the payload", None)
+        TorqueColumn(f"{name}L", unit, "", "inertial", f"{name} of the payload", None)
         for name, unit in zip(INERTIAL, INERTIAL_UNITS, strict=True)
     )
     before = () if own is None else own.columns

@@ -15,7 +15,7 @@ from armwright.identification.arm.arm_record import RecordParameters
 from armwright.identification.arm.equations import Equations, Samples
 from armwright.identification.arm.fit import AT_REST, ArmFit, HeldOut
 from armwright.identification.arm.gear_loss import doubtful_losses, loss_remarks
-from armwright.identification.arm.methods import Fitted
+from armwright.identification.arm.methods import FittedLog
 from armwright.identification.arm.misread import late_torques, misread_columns
 from armwright.identification.arm.spring_record import SPRINGS
 from armwright.identification.arm.torque_model import SUPPORT
@@ -178,7 +178,7 @@ def _verdict(fit: ArmFit, told: int, structural: int) -> Literal["identified", "
 
 
 def with_remarks(
-    result: ArmEstimate, found: Fitted, directions: Sequence[str], cutoff: float, said: Sequence[str]
+    result: ArmEstimate, found: FittedLog, directions: Sequence[str], cutoff: float, said: Sequence[str]
 ) -> Estimate:
     """The estimate of a result with remarks, measures of the joints and a verdict.
 
@@ -210,7 +210,7 @@ def with_remarks(
     )
 
 
-def _identifiability(result: ArmEstimate, found: Fitted) -> Iterator[str]:
+def _identifiability(result: ArmEstimate, found: FittedLog) -> Iterator[str]:
     """Sentences about what the log identifies of the arm."""
     fit, base, structural = result.fit, found.base, found.structural
     yield f"{len(base)} of {len(structural)} base parameters, condition number {fit.condition:.3g}"

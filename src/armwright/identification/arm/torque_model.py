@@ -57,7 +57,7 @@ PROBES = 50  # random states that show which joint's torque a column is part of
 
 
 @dataclass(frozen=True)
-class Kind:
+class ColumnKind:
     """A kind of drive or spring column: torque `law(x)` for a parameter of 1, x the joint's or motor's `state`.
 
     Attributes:
@@ -79,16 +79,16 @@ def _sign(speed: np.ndarray, smoothing: float) -> np.ndarray:
 
 
 KINDS = {
-    "rotor": Kind("Ia", "rotor inertia", "qdd", lambda x, _: x, "kg m²", "kg", "rotors"),
-    "viscous": Kind("fv", "viscous friction", "qd", lambda x, _: x, "N m s/rad", "N s/m", "viscous"),
-    "coulomb": Kind("fc", "Coulomb friction", "qd", _sign, "N m", "N", "coulomb"),
-    "coulomb+": Kind(
+    "rotor": ColumnKind("Ia", "rotor inertia", "qdd", lambda x, _: x, "kg m²", "kg", "rotors"),
+    "viscous": ColumnKind("fv", "viscous friction", "qd", lambda x, _: x, "N m s/rad", "N s/m", "viscous"),
+    "coulomb": ColumnKind("fc", "Coulomb friction", "qd", _sign, "N m", "N", "coulomb"),
+    "coulomb+": ColumnKind(
         "fc+", "Coulomb friction forward", "qd", lambda x, s: np.maximum(_sign(x, s), 0), "N m", "N", "coulomb"
     ),
-    "coulomb-": Kind(
+    "coulomb-": ColumnKind(
         "fc-", "Coulomb friction backward", "qd", lambda x, s: np.minimum(_sign(x, s), 0), "N m", "N", "coulomb"
     ),
-    "stribeck": Kind(
+    "stribeck": ColumnKind(
         "fs",
         "friction at standstill above Coulomb's",
         "qd",
@@ -97,15 +97,15 @@ KINDS = {
         "N",
         "coulomb",
     ),
-    "offset": Kind("off", "constant torque", "qd", lambda x, _: np.ones_like(x), "N m", "N", "offset"),
-    "spring": Kind("k", "spring stiffness", "q", lambda x, _: x, "N m/rad", "N/m", "springs"),
-    "sine": Kind("ks", "counterbalance by sin q", "q", lambda x, _: np.sin(x), "N m", "N", "springs"),
-    "cosine": Kind("kc", "counterbalance by cos q", "q", lambda x, _: np.cos(x), "N m", "N", "springs"),
+    "offset": ColumnKind("off", "constant torque", "qd", lambda x, _: np.ones_like(x), "N m", "N", "offset"),
+    "spring": ColumnKind("k", "spring stiffness", "q", lambda x, _: x, "N m/rad", "N/m", "springs"),
+    "sine": ColumnKind("ks", "counterbalance by sin q", "q", lambda x, _: np.sin(x), "N m", "N", "springs"),
+    "cosine": ColumnKind("kc", "counterbalance by cos q", "q", lambda x, _: np.cos(x), "N m", "N", "springs"),
 }
 
 
 @dataclass(frozen=True)
-class Column:
+class TorqueColumn:
     """One parameter of the model.
 
     Attributes:
@@ -137,7 +137,7 @@ class TorqueModel:
     """
 
     arm: Model
-    columns: tuple[Column, ...]
+    columns: tuple[TorqueColumn, ...]
     prior: np.ndarray
     of_joint: np.ndarray
     dyn: CompiledArm
@@ -189,7 +189,9 @@ class TorqueModel:
         return None
 
 
-def rows_of(dyn: CompiledArm, columns: Sequence[Column], q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
+def rows_of(
+    dyn: CompiledArm, columns: Sequence[TorqueColumn], q: np.ndarray, qd: np.ndarray, qdd: np.ndarray
+) -> np.ndarray:
     """Values (rows, n, p) of columns, as `TorqueModel.rows`."""
     arm = dyn.arm
     inertial = 10 * len(arm.bodies)
@@ -203,7 +205,7 @@ def rows_of(dyn: CompiledArm, columns: Sequence[Column], q: np.ndarray, qd: np.n
     return values
 
 
-def _law(column: Column, states: Mapping[str, np.ndarray]) -> np.ndarray:
+def _law(column: TorqueColumn, states: Mapping[str, np.ndarray]) -> np.ndarray:
     """A column's law (rows,) at the state of the joint or motor that it belongs to."""
     kind = KINDS[column.kind]
     x = sum(share * states[kind.state][:, j] for j, share in column.turned)
@@ -269,13 +271,13 @@ def _check(
         raise IdentificationError(place="stribeck_speed", value=speed, expected="a speed above 0 [rad/s | m/s]")
 
 
-def _inertial(arm: Model) -> list[Column]:
+def _inertial(arm: Model) -> list[TorqueColumn]:
     words = ["mass", *[f"first moment along {axis}" for axis in "xyz"], *[f"inertia {e[1:]}" for e in INERTIAL[4:]]]
     columns = []
     for i, body in enumerate(arm.bodies, start=1):
         for name, unit, word in zip(INERTIAL, INERTIAL_UNITS, words, strict=True):
             path = f"{path_name(body.link)}.mass_kg" if name == "m" else None
-            columns.append(Column(f"{name}{i}", unit, body.joint, "inertial", f"{word} of {body.link}", path))
+            columns.append(TorqueColumn(f"{name}{i}", unit, body.joint, "inertial", f"{word} of {body.link}", path))
     return columns
 
 
@@ -293,7 +295,7 @@ def _shares(arm: Model, gears: np.ndarray | None) -> list[list[tuple[int, float]
 
 def _drives(
     arm: Model, shares: list[list[tuple[int, float]]], friction: Collection[str], stribeck_speed: float | None
-) -> list[Column]:
+) -> list[TorqueColumn]:
     """Rotor and friction of every joint; a motor that several joints turn has columns of its own beside its joint's."""
     wanted = ["rotor"]
     for each in friction:
@@ -309,7 +311,7 @@ def _drives(
 
 def _drive(
     arm: Model, kind: str, i: int, turned: tuple[tuple[int, float], ...], stribeck_speed: float | None, coupled: bool
-) -> Column:
+) -> TorqueColumn:
     """A column of joint i, or of its motor where several joints turn it; `coupled`: its motor has one of its own."""
     body, law = arm.coordinates[i], KINDS[kind]
     unit = law.sliding_unit if body.kind.units.linear else law.unit
@@ -324,10 +326,10 @@ def _drive(
     smoothing = 0.0 if body.friction is None or body.friction.smoothing is None else float(body.friction.smoothing)
     speed = {"stribeck": stribeck_speed or 0.0, "coulomb": smoothing, "coulomb+": smoothing, "coulomb-": smoothing}
     path = f"{path_name(body.joint)}.motor.rotor_inertia_kg_m2" if kind == "rotor" and not coupled else None
-    return Column(name, unit, body.joint, kind, about, path, turned, speed.get(kind, 0.0))
+    return TorqueColumn(name, unit, body.joint, kind, about, path, turned, speed.get(kind, 0.0))
 
 
-def _springs(arm: Model, springs: Collection[str]) -> list[Column]:
+def _springs(arm: Model, springs: Collection[str]) -> list[TorqueColumn]:
     columns = []
     for kind in ("spring", "sine", "cosine"):
         for i, body in enumerate(arm.coordinates):
@@ -336,7 +338,7 @@ def _springs(arm: Model, springs: Collection[str]) -> list[Column]:
     return columns
 
 
-def _prior(arm: Model, columns: Sequence[Column]) -> np.ndarray:
+def _prior(arm: Model, columns: Sequence[TorqueColumn]) -> np.ndarray:
     """The record's values: inertial ones, rotors and friction; NaN where it has none."""
     prior = np.full(len(columns), np.nan)
     values = np.asarray(arm.inertial_parameters, dtype=float)
@@ -364,7 +366,7 @@ def _prior(arm: Model, columns: Sequence[Column]) -> np.ndarray:
     return prior
 
 
-def _of_joint(dyn: CompiledArm, columns: Sequence[Column]) -> np.ndarray:
+def _of_joint(dyn: CompiledArm, columns: Sequence[TorqueColumn]) -> np.ndarray:
     """(n, p) bool: columns that are not zero in a joint's torque, from random states."""
     q, qd, qdd = random_states(dyn.arm, PROBES)
     size = np.abs(rows_of(dyn, columns, q, qd, qdd)).max(axis=0)

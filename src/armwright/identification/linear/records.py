@@ -10,7 +10,7 @@ import numpy as np
 
 from armwright.entry import expect
 from armwright.errors import LogError
-from armwright.fitting.stretch import Stretch
+from armwright.fitting.stretch import LogStretch
 from armwright.identification.logs.blocks import LARGEST
 from armwright.identification.logs.log import Log, LogRun
 
@@ -21,7 +21,7 @@ CONSTANT = 1e-12  # range of a signal, as a share of its size
 
 
 @dataclass(frozen=True, eq=False)
-class RecordedStretch(Stretch):
+class RecordedStretch(LogStretch):
     """A stretch's inputs u (rows, inputs) and outputs y (rows, outputs)."""
 
     u: np.ndarray

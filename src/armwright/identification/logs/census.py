@@ -26,15 +26,15 @@ SHORTEST = 64  # rows of an excerpt
 
 
 @dataclass(frozen=True)
-class Places:
+class EventPlaces:
     """Events of one kind: how many, and the rows of the first few."""
 
     count: int = 0
     rows: tuple[int, ...] = ()
 
-    def plus(self, rows: np.ndarray) -> Places:
+    def plus(self, rows: np.ndarray) -> EventPlaces:
         """With further events."""
-        return Places(self.count + len(rows), (*self.rows, *(int(r) for r in rows[: FEW - len(self.rows)])))
+        return EventPlaces(self.count + len(rows), (*self.rows, *(int(r) for r in rows[: FEW - len(self.rows)])))
 
 
 @dataclass
@@ -46,7 +46,7 @@ class SignalCensus:
         repeats: rows that equal the row before, elsewhere.   counted: rows that had one before them.
     """
 
-    missing: list[Places]
+    missing: list[EventPlaces]
     low: np.ndarray
     high: np.ndarray
     at_low: np.ndarray
@@ -58,7 +58,7 @@ class SignalCensus:
     def of(cls, joints: int) -> SignalCensus:
         """An empty one."""
         infinite, none = np.full(joints, np.inf), np.zeros(joints, dtype=int)
-        return cls([Places()] * joints, infinite, -infinite, none, none.copy(), none.copy())
+        return cls([EventPlaces()] * joints, infinite, -infinite, none, none.copy(), none.copy())
 
     def add(self, values: np.ndarray, row: int) -> None:
         """Counts a block (rows, joints) that begins at a row."""
@@ -105,13 +105,13 @@ class Census:
     last: float = np.nan
     period: float = 0.0
     resolution: float = 0.0
-    gaps: Places = Places()
+    gaps: EventPlaces = EventPlaces()
     lost: int = 0
     widest: float = 0.0
-    same_time: Places = Places()
-    backwards: Places = Places()
-    no_time: Places = Places()
-    whole_repeats: Places = Places()
+    same_time: EventPlaces = EventPlaces()
+    backwards: EventPlaces = EventPlaces()
+    no_time: EventPlaces = EventPlaces()
+    whole_repeats: EventPlaces = EventPlaces()
     repeat_runs: int = 0
     stretches: list[Span] = field(default_factory=list)
     excerpt: Block = field(default_factory=lambda: Block(0, np.zeros(0), {}))

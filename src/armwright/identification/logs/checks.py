@@ -20,7 +20,7 @@ from armwright.errors import LogError
 from armwright.identification.logs.census import Census
 from armwright.identification.logs.columns import check_gears
 from armwright.identification.logs.effort_checks import power, torque_delays
-from armwright.identification.logs.findings import Finding, Found
+from armwright.identification.logs.findings import Found, LogFinding
 from armwright.identification.logs.log import Log, LogRun
 from armwright.identification.logs.row_checks import cells, clock, motion
 from armwright.identification.logs.smoothed import Smoothed, smoothed
@@ -36,7 +36,7 @@ OF_ROWS: dict[str, tuple[Callable[[Log, LogRun, Census], Found], ...]] = {
 OF_MOTION: dict[str, Callable[[Log, Smoothed], Found]] = {"units": speeds, "delays": torque_delays, "power": power}
 
 
-def check_log(log: Log) -> list[Finding]:
+def check_log(log: Log) -> list[LogFinding]:
     """All findings of the checks of a log with a census of its runs."""
     findings = []
     for run in log.runs:
@@ -51,7 +51,7 @@ def check_log(log: Log) -> list[Finding]:
         smooth = smoothed(log, run)
         if smooth is not None:
             found += [(name, each) for name, check in OF_MOTION.items() for each in check(log, smooth)]
-        findings += [Finding(level, name, run.name, problem) for name, (level, problem) in found]
+        findings += [LogFinding(level, name, run.name, problem) for name, (level, problem) in found]
     return _once(_of_joints(findings, log), log)
 
 
@@ -67,7 +67,7 @@ def of_robot(log: Log, arm: Model) -> Log:
     known, found = replace(log, arm=arm), []
     for run in log.runs:
         if run.census is not None:
-            found += [Finding(level, "units", run.name, each) for level, each in limits(known, run, run.census)]
+            found += [LogFinding(level, "units", run.name, each) for level, each in limits(known, run, run.census)]
     fresh = [each for each in _once(found, log) if each not in log.findings]
     errors = [each.problem.within(each.run and f"run {each.run!r}") for each in fresh if each.level == "error"]
     if errors:
@@ -75,9 +75,9 @@ def of_robot(log: Log, arm: Model) -> Log:
     return replace(known, findings=(*log.findings, *fresh))
 
 
-def _of_joints(findings: list[Finding], log: Log) -> list[Finding]:
+def _of_joints(findings: list[LogFinding], log: Log) -> list[LogFinding]:
     """Findings with the notes that columns of a signal share in a run, but for their numbers, as one with the first one's."""
-    alike: dict[Any, list[Finding]] = {}
+    alike: dict[Any, list[LogFinding]] = {}
     for k, each in enumerate(findings):
         signal, _, joint = each.problem.place.partition(" ")
         shared = each.level == "note" and joint in log.joints
@@ -92,9 +92,9 @@ def _of_joints(findings: list[Finding], log: Log) -> list[Finding]:
     return kept
 
 
-def _once(findings: list[Finding], log: Log) -> list[Finding]:
+def _once(findings: list[LogFinding], log: Log) -> list[LogFinding]:
     """Findings that several runs share, but for their numbers, as one, with the first run's numbers."""
-    alike: dict[tuple[Any, ...], list[Finding]] = {}
+    alike: dict[tuple[Any, ...], list[LogFinding]] = {}
     for each in findings:
         key = (each.level, each.check, each.problem.place, NUMBERS.sub("#", each.problem.what))
         before = sum(other.run == each.run for k, group in alike.items() if k[:4] == key for other in group)

@@ -18,7 +18,7 @@ ROUNDS = 5  # of the refinement; each reduces the error about tenfold
 
 
 @dataclass(frozen=True)
-class Delay:
+class SignalDelay:
     """Result of `delay_between`.
 
     Attributes:
@@ -33,7 +33,7 @@ class Delay:
     correlation: float
 
 
-def delay_between(first: np.ndarray, second: np.ndarray) -> Delay | None:
+def delay_between(first: np.ndarray, second: np.ndarray) -> SignalDelay | None:
     """Delay of the second signal behind the first:  second(k) = gain · first(k − d) + offset.
 
     The largest cross-correlation says d to a sample; Gauss-Newton steps on the least squares problem, whose derivative with
@@ -74,10 +74,10 @@ def delay_between(first: np.ndarray, second: np.ndarray) -> Delay | None:
     aligned = np.interp(k - d, k, a)[inside]
     correlation = float(np.corrcoef(aligned, b[inside])[0, 1]) if aligned.std() > 0 else 0.0
     gain = np.sign(correlation) * b[inside].std() / aligned.std() if aligned.std() > 0 else 0.0
-    return Delay(d, std, float(gain) * float(sizes[1] / sizes[0]), abs(correlation))
+    return SignalDelay(d, std, float(gain) * float(sizes[1] / sizes[0]), abs(correlation))
 
 
-def delay_of(measured: np.ndarray, predicted: np.ndarray, parts: Sequence[slice]) -> Delay | None:
+def delay_of(measured: np.ndarray, predicted: np.ndarray, parts: Sequence[slice]) -> SignalDelay | None:
     """Delay of the measured signal behind the predicted one, in rows; of several stretches the mean weighted by 1 / std².
 
     A stretch counts where the shift takes away a fifth at least of what the unshifted signals do not have in common: else
@@ -103,4 +103,4 @@ def delay_of(measured: np.ndarray, predicted: np.ndarray, parts: Sequence[slice]
     samples, gain, correlation = np.average(
         [(d.samples, d.gain, d.correlation) for d in delays], axis=0, weights=weights
     )
-    return Delay(float(samples), float(weights.sum() ** -0.5), float(gain), float(correlation))
+    return SignalDelay(float(samples), float(weights.sum() ** -0.5), float(gain), float(correlation))

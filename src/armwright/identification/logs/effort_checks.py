@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import signal as sp
 
-from armwright.identification.logs.delay import Delay
+from armwright.identification.logs.delay import SignalDelay
 from armwright.identification.logs.findings import Found, error, note, warning
 from armwright.identification.logs.log import Log
 from armwright.identification.logs.preparation import settling
@@ -77,7 +77,7 @@ def torque_delays(log: Log, smooth: Smoothed) -> Found:
             yield note(what, f"{name} {log.joints[j]}")
 
 
-def motion_delay(q: np.ndarray, effort: np.ndarray, period: float, sections: np.ndarray) -> Delay | None:
+def motion_delay(q: np.ndarray, effort: np.ndarray, period: float, sections: np.ndarray) -> SignalDelay | None:
     """Delay of a torque or current behind the motion with the best fit of a one-joint model.
 
     effort(k) ≈ a q̈ + b q̇ + c q̇/√(q̇² + v²) + d sin q + e cos q + f, all at k − d, least squares for each of 13 delays and a
@@ -118,4 +118,4 @@ def motion_delay(q: np.ndarray, effort: np.ndarray, period: float, sections: np.
     samples = lags[k] + 0.5 * (left - right) / curvature
     # independent rows are far fewer than rows: motion is smooth
     std = float(np.sqrt(2 * middle / curvature / max(len(target) / 50, 1)))
-    return Delay(float(samples), std, 1.0, float(explained))
+    return SignalDelay(float(samples), std, 1.0, float(explained))

@@ -14,7 +14,7 @@ Found = Iterator[tuple[Level, Problem]]
 
 
 @dataclass(frozen=True)
-class Finding:
+class LogFinding:
     """One result of the checks of a log.
 
     Attributes:

@@ -18,7 +18,7 @@ import numpy as np
 from armwright.errors import LogError
 from armwright.identification.logs.blocks import ROWS, Block, run_blocks
 from armwright.identification.logs.columns import joint_numbers
-from armwright.identification.logs.findings import Finding
+from armwright.identification.logs.findings import LogFinding
 from armwright.identification.logs.log_file import LogTable
 from armwright.identification.logs.stretches import EvenRows, Span
 from armwright.identification.logs.tables import open_table
@@ -93,7 +93,7 @@ class Log:
     layout: Layout
     held: frozenset[str]
     runs: tuple[LogRun, ...]
-    findings: tuple[Finding, ...] = ()
+    findings: tuple[LogFinding, ...] = ()
 
     @property
     def title(self) -> str:
@@ -125,17 +125,17 @@ class Log:
         return tuple(dict.fromkeys(term for signal in self.table.signals for term in signal.lacks))
 
     @property
-    def errors(self) -> tuple[Finding, ...]:
+    def errors(self) -> tuple[LogFinding, ...]:
         """Findings that make the log unusable."""
         return tuple(each for each in self.findings if each.level == "error")
 
     @property
-    def warnings(self) -> tuple[Finding, ...]:
+    def warnings(self) -> tuple[LogFinding, ...]:
         """Findings that may falsify the numbers of a fit; every fit repeats them among its remarks."""
         return tuple(each for each in self.findings if each.level == "warning")
 
     @property
-    def notes(self) -> tuple[Finding, ...]:
+    def notes(self) -> tuple[LogFinding, ...]:
         """All findings but errors."""
         return tuple(each for each in self.findings if each.level != "error")
 

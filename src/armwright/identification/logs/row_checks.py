@@ -7,7 +7,7 @@ from math import pi
 
 import numpy as np
 
-from armwright.identification.logs.census import Census, Places, SignalCensus
+from armwright.identification.logs.census import Census, EventPlaces, SignalCensus
 from armwright.identification.logs.findings import Found, error, note, number_of, warning
 from armwright.identification.logs.log import Log, LogRun
 from armwright.identification.logs.quantisation import quantisation_step
@@ -23,7 +23,7 @@ REPEATED, LONG = 0.005, 20  # share of repeated rows that is noted; rows at a ti
 FEWEST = 32  # rows of a stretch that can be used
 
 
-def _rows(places: Places) -> str:
+def _rows(places: EventPlaces) -> str:
     """`row 12, row 90 and 3 more`; rows from 1."""
     first = ", ".join(f"row {row + 1}" for row in places.rows)
     more = places.count - len(places.rows)

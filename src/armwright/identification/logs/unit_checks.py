@@ -8,7 +8,7 @@ from math import pi
 import numpy as np
 
 from armwright.identification.logs.census import Census
-from armwright.identification.logs.delay import Delay, delay_between
+from armwright.identification.logs.delay import SignalDelay, delay_between
 from armwright.identification.logs.findings import Found, error, note, warning
 from armwright.identification.logs.log import Log, LogRun
 from armwright.identification.logs.smoothed import Smoothed
@@ -133,7 +133,7 @@ def speeds(log: Log, smooth: Smoothed) -> Found:
             yield note(f"{samples} {late} the derivative of the position", place)
 
 
-def _mixed_up(log: Log, place: str, speed: np.ndarray, rates: Mapping[int, np.ndarray], found: Delay) -> Found:
+def _mixed_up(log: Log, place: str, speed: np.ndarray, rates: Mapping[int, np.ndarray], found: SignalDelay) -> Found:
     """A speed that does not follow its position: perhaps it follows another one."""
     others = {}
     for joint, rate in rates.items():
@@ -149,7 +149,7 @@ def _mixed_up(log: Log, place: str, speed: np.ndarray, rates: Mapping[int, np.nd
         yield warning(what, place)
 
 
-def _wrong_gain(log: Log, joint: int, place: str, found: Delay) -> Found:
+def _wrong_gain(log: Log, joint: int, place: str, found: SignalDelay) -> Found:
     """A speed that is a multiple of the derivative of its position."""
     gain, problem = found.gain, f"{found.gain:.4g} times the derivative of the position"
     if gain < 0 and abs(-gain - 1) < CLOSE:

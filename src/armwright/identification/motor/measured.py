@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from armwright.errors import LogError
-from armwright.fitting.stretch import Stretch
+from armwright.fitting.stretch import LogStretch
 from armwright.identification.logs.log import Log
 from armwright.identification.logs.quantisation import quantisation_step
 from armwright.identification.motor.response import DriveInputs
@@ -23,7 +23,7 @@ SAME = 0.02  # of a speed's standard deviation: how far it may be from the diffe
 
 
 @dataclass(frozen=True, eq=False)
-class Driven(Stretch):
+class Driven(LogStretch):
     """A stretch of motors that are driven.
 
     Attributes:

@@ -18,7 +18,7 @@ TERMS = ("offset", "Coulomb", "viscous", "inertia", "Stribeck")
 
 
 @dataclass(frozen=True)
-class Term:
+class SignatureTerm:
     """A term of friction or inertia in residual torques.
 
     Attributes:
@@ -49,7 +49,7 @@ class FrictionSignature:
         speed, mean, std: (k,) means of the residual in bins of speed.   least: RMS of a term that is worth its name.
     """
 
-    terms: tuple[Term, ...]
+    terms: tuple[SignatureTerm, ...]
     explained: float
     speed: np.ndarray
     mean: np.ndarray
@@ -57,7 +57,7 @@ class FrictionSignature:
     least: float = 0.0
 
     @property
-    def missing(self) -> tuple[Term, ...]:
+    def missing(self) -> tuple[SignatureTerm, ...]:
         """Terms that the record lacks or has too much of, the largest first."""
         found = [term for term in self.terms if term.is_missing and term.rms >= self.least]
         return tuple(sorted(found, key=lambda term: -term.share))
@@ -111,7 +111,9 @@ def friction_signature(
     return FrictionSignature(*_terms(e, columns, units), *_by_speed(e, v), WORTH * size)
 
 
-def _terms(e: np.ndarray, columns: dict[str, np.ndarray], units: dict[str, str]) -> tuple[tuple[Term, ...], float]:
+def _terms(
+    e: np.ndarray, columns: dict[str, np.ndarray], units: dict[str, str]
+) -> tuple[tuple[SignatureTerm, ...], float]:
     """Every column's coefficient with its standard deviation and share of the power of e, and the share of all together."""
     matrix = np.stack(list(columns.values()), axis=1)
     scales = np.linalg.norm(matrix, axis=0)
@@ -128,7 +130,7 @@ def _terms(e: np.ndarray, columns: dict[str, np.ndarray], units: dict[str, str])
     powers = (e[:, None] ** 2 * acts).sum(axis=0)
     shares = np.divide(rises, powers, out=np.zeros_like(rises), where=powers > 0)
     terms = tuple(
-        Term(name, float(c), float(s), units[name], float(min(share, 1.0)), float(size))
+        SignatureTerm(name, float(c), float(s), units[name], float(min(share, 1.0)), float(size))
         for name, c, s, share, size in zip(
             columns, solution / scales, std, shares, np.abs(solution) / len(e) ** 0.5, strict=True
         )

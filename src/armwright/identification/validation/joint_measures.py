@@ -17,11 +17,11 @@ from armwright.fitting.residuals import (
     parts_of,
     residual_spectrum,
 )
-from armwright.identification.logs.delay import Delay, delay_of
+from armwright.identification.logs.delay import SignalDelay, delay_of
 from armwright.identification.logs.log import Log
 from armwright.identification.logs.quantisation import quantisation_step
 from armwright.identification.logs.spectrum import longest_finite, motion_band
-from armwright.identification.validation.friction_signature import FrictionSignature, Term, friction_signature
+from armwright.identification.validation.friction_signature import FrictionSignature, SignatureTerm, friction_signature
 from armwright.identification.validation.prediction import Prediction, Quantity
 
 STILL = 1e-3  # of the joint's largest range over all runs: less is rest
@@ -77,7 +77,7 @@ class JointMeasures:
     whiteness: ChiSquared | None
     cross: Correlation | None
     input_name: str
-    delay: Delay | None
+    delay: SignalDelay | None
     period: float
     spectrum: tuple[np.ndarray, np.ndarray, np.ndarray] | None
     friction: FrictionSignature | None
@@ -272,7 +272,7 @@ def _friction(signature: FrictionSignature) -> list[str]:
     return [f"friction differs from the record's: {differs}; {together}", *others]
 
 
-def _missing(term: Term) -> str:
+def _missing(term: SignatureTerm) -> str:
     """A term of friction that a record lacks, or has too much of, as a sentence."""
     words = {
         "offset": "a constant torque (an offset of the current sensor, or a weight)",
