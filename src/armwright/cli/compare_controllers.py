@@ -63,7 +63,7 @@ def compare_controllers(
     from armwright.cli.progress import progress
     from armwright.control.comparison.compare import ENDINGS
     from armwright.output import check_destination
-    from armwright.results.result import PICTURES
+    from armwright.results.plot import PICTURES
 
     for path, endings in ((plot, PICTURES), (output, ENDINGS)):
         if path is not None:

@@ -84,15 +84,15 @@ def arm(
     import armwright as aw
     from armwright.cli.arguments import vector
     from armwright.cli.progress import progress
-    from armwright.identification.experiments.plot import check_experiment_plot
     from armwright.model.joint_signals import joint_units
     from armwright.output import check_destination
+    from armwright.results.plot import check_picture
 
     check_destination(output, (".csv",))
     if not 0.1 <= rate <= 1e6:
         raise ScenarioError(place="--rate", value=rate, expected="0.1 … 1e6 Hz")
     if plot is not None:
-        check_experiment_plot(plot)
+        check_picture(plot)
     model = aw.load(robot, kinematics_only=kinematics_only)
     given = {"velocity": ("qd", velocity), "acceleration": ("qdd", acceleration), "torque": ("tau", torque)}
     most = {
@@ -157,12 +157,12 @@ def motor(
       armwright excite motor staircase -o static.csv --robot cmu-dd --joint joint1 --travel 1
     """
     import armwright as aw
-    from armwright.identification.experiments.plot import check_experiment_plot
     from armwright.output import check_destination
+    from armwright.results.plot import check_picture
 
     check_destination(output, (".csv",))
     if plot is not None:
-        check_experiment_plot(plot)
+        check_picture(plot)
     options = {
         "gain": gain, "time_constant": time_constant, "most": most, "dead_zone": dead_zone, "speed": speed, "travel": travel,
         "unit": unit,

@@ -71,8 +71,9 @@ def show_linear(
     import armwright as aw
     from armwright.errors import LogError
     from armwright.identification.linear.choice import check_model, fit_linear
-    from armwright.identification.linear.plot import check_linear_plot, plot_linear
+    from armwright.identification.linear.plot import plot_linear
     from armwright.output import check_destination
+    from armwright.results.plot import check_picture
 
     check_model(model)
     if report is not None:
@@ -82,7 +83,7 @@ def show_linear(
             )
         check_destination(report, (".html",))
     if picture is not None:
-        check_linear_plot(picture)
+        check_picture(picture)
     log = aw.identification.read_log(file)
     found = fit_linear(log, model, signals, order=order, delay=delay, select=select)
     say(found)

@@ -57,7 +57,7 @@ def loops(
     import armwright as aw
     from armwright.cli.progress import progress
     from armwright.output import check_destination
-    from armwright.results.result import PICTURES
+    from armwright.results.plot import PICTURES
 
     for path, endings in ((plot, PICTURES), (report, (".html",))):
         if path is not None:

@@ -88,7 +88,7 @@ def tune(
     import armwright as aw
     from armwright.cli.progress import progress
     from armwright.output import check_destination
-    from armwright.results.result import PICTURES
+    from armwright.results.plot import PICTURES
     from armwright.sweeps.cluster import connected
 
     check_destination(out, (".toml",), read=(scenario,))

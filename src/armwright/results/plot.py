@@ -25,7 +25,8 @@ if TYPE_CHECKING:
     Runs = AnyRun | Mapping[str, AnyRun] | Sequence[AnyRun]
     Names = str | Sequence[str] | None
 
-ENDINGS = (".png", ".svg", ".pdf", ".html")
+PICTURES = (".png", ".svg", ".pdf")
+ENDINGS = (*PICTURES, ".html")
 TEXT, GRID, EDGE = "#222222", "#D9D9D9", "#888888"
 LEVEL = 1e-9  # relative: curves that differ by less are level, and their rounding is not blown up to the panel's height
 UNDATED = {"svg": {"Date": None}, "pdf": {"CreationDate": None}, "png": {"Software": None}}  # equal runs: equal bytes
@@ -98,6 +99,25 @@ def save_figure(figure: Figure, path: Path, ending: str) -> None:
 
     with matplotlib.rc_context({"svg.hashsalt": "armwright"}):
         figure.savefig(path, format=ending, metadata=UNDATED[ending])
+
+
+def check_picture(path: str | os.PathLike[str]) -> Path:
+    """The path, if `write_picture` can write there.
+
+    Raises:
+        OutputError: an unknown ending, a missing folder, no permission.
+    """
+    return check_destination(path, PICTURES)
+
+
+def write_picture(figure: Figure, path: str | os.PathLike[str]) -> None:
+    """Writes a still picture, whole or not at all.
+
+    Raises:
+        OutputError: as `check_picture`, or a full disk.
+    """
+    with whole_file(path, PICTURES) as temporary:
+        save_figure(figure, temporary, temporary.suffix[1:].lower())
 
 
 def check_plot(path: str | os.PathLike[str]) -> Path:

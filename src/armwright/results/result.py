@@ -21,14 +21,13 @@ from armwright.errors import ArmwrightError
 from armwright.output import check_destination, whole_file
 from armwright.results.csv_tables import write_table
 from armwright.results.page_parts import plotted, said, section, shown_table, write_page
-from armwright.results.plot import save_figure
+from armwright.results.plot import check_picture, write_picture
 from armwright.results.svg import INK, QUIET, page_svg
 from armwright.results.table import Table, number
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-PICTURES = (".png", ".svg", ".pdf")
 ENDINGS = (".csv", ".json")
 ON_PAPER = ("#222222", "#777777")  # words and points of a picture in a file
 BLUE = "#2a7fc9"  # seen on white and on black
@@ -92,13 +91,12 @@ class Result:
         """
         from armwright.results.inline_figure import InlineFigure
 
-        target = None if path is None else check_destination(path, PICTURES)
+        target = None if path is None else check_picture(path)
         figure = InlineFigure(figsize=(WIDTH, self.height), dpi=150, layout="constrained", facecolor="white")
         self.draw(figure, *ON_PAPER)
         if target is None:
             return figure
-        with whole_file(target, PICTURES) as temporary:
-            save_figure(figure, temporary, target.suffix[1:].lower())
+        write_picture(figure, target)
         return None
 
     def report(self, path: str | os.PathLike[str]) -> Path:

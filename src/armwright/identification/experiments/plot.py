@@ -9,24 +9,12 @@ import numpy as np
 
 from armwright.identification.experiments.excitation import Excitation
 from armwright.identification.experiments.motor import MotorExperiment
-from armwright.output import check_destination, whole_file
-from armwright.results.plot import GRID, TEXT, save_figure
+from armwright.results.plot import GRID, TEXT, check_picture, write_picture
 from armwright.results.plot_curves import COLOURS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-ENDINGS = (".png", ".svg", ".pdf")
-
-
-def check_experiment_plot(path: str | os.PathLike[str]) -> None:
-    """Refuses a path to which `plot_experiment` cannot write.
-
-    Raises:
-        OutputError: an unknown ending, a missing folder, no permission.
-    """
-    check_destination(path, ENDINGS)
 
 
 def plot_experiment(experiment: Excitation | MotorExperiment, path: str | os.PathLike[str]) -> None:
@@ -37,10 +25,9 @@ def plot_experiment(experiment: Excitation | MotorExperiment, path: str | os.Pat
     Raises:
         OutputError: the file cannot be written.
     """
-    check_experiment_plot(path)
+    check_picture(path)
     figure = draw_motion(experiment) if isinstance(experiment, Excitation) else draw_command(experiment)
-    with whole_file(path, ENDINGS) as temporary:
-        save_figure(figure, temporary, temporary.suffix[1:].lower())
+    write_picture(figure, path)
 
 
 def draw_motion(excitation: Excitation) -> Figure:

@@ -13,27 +13,16 @@ from armwright.identification.linear.frequency import FrequencyResponse, frequen
 from armwright.identification.linear.model import LinearModel
 from armwright.identification.linear.records import LogSignals, Records, records_of
 from armwright.identification.logs.log import Log
-from armwright.output import check_destination, whole_file
-from armwright.results.plot import GRID, TEXT, save_figure
+from armwright.results.plot import GRID, TEXT, check_picture, write_picture
 from armwright.results.plot_curves import COLOURS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-ENDINGS = (".png", ".svg", ".pdf")
 POINTS = 20_000  # of a curve: more do not show
 MOST_RUNS = 8  # that are drawn
 MEASURED, MODEL = COLOURS[0], COLOURS[1]
-
-
-def check_linear_plot(path: str | os.PathLike[str]) -> None:
-    """Refuses a path to which `plot_linear` cannot write.
-
-    Raises:
-        OutputError: an unknown ending, a missing folder, no permission.
-    """
-    check_destination(path, ENDINGS)
 
 
 def plot_linear(
@@ -50,10 +39,9 @@ def plot_linear(
     Raises:
         LogError: signals of the model that the log does not have.   OutputError: the file cannot be written.
     """
-    check_linear_plot(path)
+    check_picture(path)
     figure = draw_linear(log, found, joint)
-    with whole_file(path, ENDINGS) as temporary:
-        save_figure(figure, temporary, temporary.suffix[1:].lower())
+    write_picture(figure, path)
 
 
 def draw_linear(log: Log, found: LinearModel | FrequencyResponse, joint: str | Sequence[str] | None = None) -> Figure:
