@@ -18,13 +18,8 @@ from armwright.validation import Invalid
 KINDS: tuple[str, ...] = SourceKind.__args__  # type: ignore[attr-defined]
 LARGEST_RATIO = 1e9  # of a gear: squares and products with torques stay far from overflow
 WORST_COUPLING = 1e6  # condition of the motors' ratios
-OF_A_DRIVE = (
-    "command",
-    "bus_period_s",
-    "elasticity",
-    "stops",
-    "brake",
-)  # a joint that mimics another has none of these
+# none of these has a joint that mimics another
+OF_A_DRIVE = ("command", "bus_period_s", "elasticity", "stops", "brake")
 OF_A_ROTOR = ("gear_ratio", "rotor_inertia_kg_m2", "source", "basis")  # all that the motor of such a joint may have
 OF_DRIVEN = ("load_coefficient", *BY_TEMPERATURE)  # friction that needs a drive's torque or temperature
 
@@ -37,8 +32,11 @@ def check_robot(robot: Any) -> None:
     Raises:
         Invalid: names the joint, link or frame, the key and what it needs, for everything that is wrong.
     """
-    found = list(robot_problems(robot))
-    if found:
+    _refuse(robot_problems(robot))
+
+
+def _refuse(problems: Iterable[Problem]) -> None:
+    if found := list(problems):
         raise Invalid.of(*found)
 
 
@@ -95,9 +93,7 @@ def check_sources(robot: Any) -> None:
     Raises:
         Invalid: names the number.
     """
-    found = list(source_problems(robot))
-    if found:
-        raise Invalid.of(*found)
+    _refuse(source_problems(robot))
 
 
 def source_problems(robot: Any) -> Iterator[Problem]:
@@ -136,9 +132,7 @@ def _names(robot: Any) -> Iterator[Problem]:
 
 def check_unique(kind: str, names: list[str]) -> None:
     """Refuses a name that occurs twice; `kind` is the plural of the things."""
-    found = list(twice(kind, names))
-    if found:
-        raise Invalid.of(*found)
+    _refuse(twice(kind, names))
 
 
 def twice(kind: str, names: list[str]) -> Iterator[Problem]:

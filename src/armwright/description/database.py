@@ -54,18 +54,11 @@ def read_description(
         if tip not in names:
             raise DescriptionError("no frame or link", place="tip", value=tip, choices=names, file=name_or_path)
         return robot.model_copy(update={"tip": tip})
-    end = end_of_chain(robot) if robot.tip is None and Path(name_or_path).suffix.lower() in XML_ENDINGS else None
+    end = robot.end_of_chain if robot.tip is None and Path(name_or_path).suffix.lower() in XML_ENDINGS else None
     if end is None:
         return robot
     remark = f"no tip is named: it is {end!r}, the last link of the chain; tip = … names another frame or link"
     return robot.model_copy(update={"remarks": (*robot.remarks, remark)})
-
-
-def end_of_chain(robot: RobotDescription) -> str | None:
-    """The last link of a chain; None of a tree."""
-    parents = {joint.parent for joint in robot.joints}
-    ends = [link.name for link in robot.links if link.name not in parents]
-    return ends[0] if len(ends) == 1 else None
 
 
 def _read(name_or_path: str | os.PathLike[str], reading: dict[str, Any]) -> RobotDescription:

@@ -322,6 +322,13 @@ class RobotDescription(Record):
         """The joints that move, in the file's order."""
         return tuple(joint for joint in self.joints if isinstance(joint, MovingJoint))
 
+    @property
+    def end_of_chain(self) -> str | None:
+        """The last link of a chain; None of a tree."""
+        parents = {joint.parent for joint in self.joints}
+        ends = [link.name for link in self.links if link.name not in parents]
+        return ends[0] if len(ends) == 1 else None
+
     def link(self, name: str) -> Link:
         """The link of that name."""
         for link in self.links:

@@ -21,13 +21,8 @@ from armwright.quantity import Quantity, Record
 from armwright.solids.mesh import Mesh
 
 FIRST = ("source", "name", "type", "parent", "child")  # of a table, whatever the order of its record
-TABLES = (
-    "motor",
-    "friction",
-    "limits",
-    "spring",
-    "built_from",
-)  # that have a heading of their own; others stand in one line
+# that have a heading of their own; others stand in one line
+TABLES = ("motor", "friction", "limits", "spring", "built_from")
 LISTS = ("joints", "links", "frames", "cylinders")
 
 

@@ -1,45 +1,24 @@
 """The frozen numeric tree that the algorithms read, and how it is built from a description."""
 
-from armwright.model.arguments import one_state, one_state_with_masses
+from armwright.model.arguments import one_state as one_state, one_state_with_masses as one_state_with_masses
 from armwright.model.drive import (
-    Brake,
-    Cogging,
-    Drive,
-    EfficiencyTable,
-    Elasticity,
-    Friction,
-    Limits,
-    Stops,
-    Supply,
-    Thermal,
+    Brake as Brake,
+    Cogging as Cogging,
+    Drive as Drive,
+    EfficiencyTable as EfficiencyTable,
+    Elasticity as Elasticity,
+    Friction as Friction,
+    Limits as Limits,
+    Stops as Stops,
+    Supply as Supply,
+    Thermal as Thermal,
 )
-from armwright.model.mimics import Mimics, on_tree
-from armwright.model.model import Model, build_model
-from armwright.model.springs import Cylinder, LinearSpring, Spring, TableSpring
-from armwright.model.tree import BASE, Body, Frame
-
-__all__ = [
-    "BASE",
-    "Body",
-    "Brake",
-    "Cogging",
-    "Cylinder",
-    "Drive",
-    "EfficiencyTable",
-    "Elasticity",
-    "Frame",
-    "Friction",
-    "Limits",
-    "LinearSpring",
-    "Mimics",
-    "Model",
-    "Spring",
-    "Stops",
-    "Supply",
-    "TableSpring",
-    "Thermal",
-    "build_model",
-    "on_tree",
-    "one_state",
-    "one_state_with_masses",
-]
+from armwright.model.mimics import Mimics as Mimics, on_tree as on_tree
+from armwright.model.model import Model as Model, build_model as build_model
+from armwright.model.springs import (
+    Cylinder as Cylinder,
+    LinearSpring as LinearSpring,
+    Spring as Spring,
+    TableSpring as TableSpring,
+)
+from armwright.model.tree import BASE as BASE, Body as Body, Frame as Frame

@@ -88,7 +88,7 @@ def tree_of(robot: RobotDescription) -> Tree:
     if not bodies:
         raise DescriptionError(place=robot.name, expected="at least one joint that moves")
     gravity = scalar.array(STANDARD_GRAVITY) if robot.gravity_m_s2 is None else vector(robot.gravity_m_s2)
-    tip = robot.tip if robot.tip is not None else _end_of_chain(robot)
+    tip = robot.tip if robot.tip is not None else robot.end_of_chain
     followers = {joint.name: joint.mimic for joint in robot.moving_joints if joint.mimic is not None}
     mimics = Mimics.of([body.joint for body in bodies], followers)
     cylinders = tuple(_cylinder(frames, cylinder) for cylinder in robot.cylinders)
@@ -117,13 +117,6 @@ def _parents_first(robot: RobotDescription) -> list[Any]:
         placed.add(joint.child)
         order.append(joint)
     return order
-
-
-def _end_of_chain(robot: RobotDescription) -> str | None:
-    """The last link, where there is just one."""
-    parents = {joint.parent for joint in robot.joints}
-    ends = [link.name for link in robot.links if link.name not in parents]
-    return ends[0] if len(ends) == 1 else None
 
 
 def vector(quantity: Quantity) -> Array:

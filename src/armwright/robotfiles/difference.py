@@ -23,17 +23,8 @@ SUPPORT = Support("diff")
 
 Arm = str | os.PathLike[str] | Model | RobotDescription
 WHOLE = ("joints", "links", "frames", "cylinders")  # whose items come and go as a whole
-NOT_PHYSICAL = (
-    "sources",
-    "built_from",
-    "fits",
-    "remarks",
-    "without_masses",
-    "notes",
-    "title",
-    "name",
-    "source",
-)  # of the description itself
+# of the description itself
+NOT_PHYSICAL = ("sources", "built_from", "fits", "remarks", "without_masses", "notes", "title", "name", "source")
 
 
 @dataclass(frozen=True)

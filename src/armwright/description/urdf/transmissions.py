@@ -31,11 +31,8 @@ def _add_reduction(
     _check(reading, transmission, name, read=("joint", "actuator"))
     for end in ends:
         _check(reading, end, name)
-    places = (
-        *transmission.all("actuator"),
-        transmission,
-        *transmission.all("joint"),
-    )  # the first that says it holds
+    # the first that says it holds
+    places = (*transmission.all("actuator"), transmission, *transmission.all("joint"))
     ratios = [ratio for place in places for ratio in _ratios(place)]
     strangers = [joint for joint in joints if joint not in known]
     if strangers:

@@ -91,6 +91,11 @@ class LinearModel(Result):
         )
 
     @property
+    def std(self) -> np.ndarray:
+        """Standard deviations of the coefficients that have a name."""
+        return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+
+    @property
     def order(self) -> int:
         """Number of poles, without those of the delay."""
         return len(self.poles)
@@ -215,11 +220,9 @@ class LinearModel(Result):
 
     def tables(self) -> list[Table]:
         """Quantities and coefficients with standard deviations; fits of the free simulation."""
-        std = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
         rows = [[each.name, number(each.value), number(each.std, ".2g"), each.unit] for each in self.quantities]
-        rows += [
-            [n, number(v, ".6g"), number(s, ".2g"), ""] for n, v, s in zip(self.names, self.values, std, strict=True)
-        ]
+        coefficients = zip(self.names, self.values, self.std, strict=True)
+        rows += [[name, number(value, ".6g"), number(std, ".2g"), ""] for name, value, std in coefficients]
         fits = [[name, *(number(each[key]) for key in ("fit_percent", "r2", "rms"))] for name, each in self.fit.items()]
         return [
             Table(f"{self.kind} of order {self.order}", ("quantity", "value", "± std", "unit"), rows, ("unit",)),
@@ -238,8 +241,7 @@ class LinearModel(Result):
         """
         from armwright.identification.validation.report import write_report  # which draws
 
-        std = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
-        pairs = [(name, f"{v:.6g} ± {s:.2g}") for name, v, s in zip(self.names, self.values, std, strict=True)]
+        pairs = [(name, f"{v:.6g} ± {s:.2g}") for name, v, s in zip(self.names, self.values, self.std, strict=True)]
         return write_report(path, self.method, self.estimate(), sections=definitions("Coefficients", pairs))
 
     def __str__(self) -> str:
@@ -248,8 +250,7 @@ class LinearModel(Result):
         for each in self.quantities:
             unit = f" {each.unit}" if each.unit else ""
             lines.append(f"  {each.name:<20} {each.value:12.5g} ± {_half_95(each.std)}{unit}  (95 %)")
-        variances = np.maximum(np.diag(self.covariance), 0.0)
-        for name, value, std in zip(self.names, self.values, np.sqrt(variances), strict=True):
+        for name, value, std in zip(self.names, self.values, self.std, strict=True):
             lines.append(f"  {name:<20} {value:12.6g} ± {_half_95(float(std))}")
         for name, measures in self.fit.items():
             lines.append(

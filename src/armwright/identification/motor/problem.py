@@ -26,9 +26,8 @@ from armwright.identification.motor.unknowns import RANGE, Unknown, values_of
 from armwright.model.model import Model, build_model
 from armwright.model.vary import Varied
 
-SHARE_OF_TIME = (
-    0.05  # of the motor's time constant: the longest substep, 1e-3 of a count wrong in position at a reversal
-)
+# of the motor's time constant: the longest substep, 1e-3 of a count wrong in position at a reversal
+SHARE_OF_TIME = 0.05
 MOST_SUBSTEPS = 16
 LOGARITHMIC = ("R", "L", "Kt", "Ke", "J", "stribeck_speed")  # above 0 by their nature, of unknown order of magnitude
 LOGARITHMIC_TABLES = (".elasticity.", ".thermal.winding_", ".thermal.housing_")
