@@ -6,6 +6,8 @@ from collections.abc import Collection
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from armwright.entry import as_arm, as_log, expect
 from armwright.errors import IdentificationError
 from armwright.identification.arm.arm_estimate import ArmEstimate
@@ -17,7 +19,7 @@ from armwright.identification.arm.held_out import judged_record
 from armwright.identification.arm.methods import METHODS, check_losses, fitted
 from armwright.identification.arm.options import ArmTerms, FitRows
 from armwright.identification.arm.remarks import with_remarks
-from armwright.identification.arm.samples import Stream, stream_of
+from armwright.identification.arm.samples import stream_of
 from armwright.identification.arm.sensitivity import sensitive_parameters
 from armwright.identification.arm.separating import sentences
 from armwright.identification.arm.torque_model import USUAL_FRICTION, TorqueModel, torque_model
@@ -77,7 +79,8 @@ def identify_arm(
         expected = "an arm, or kinematics alone, here or in the log's file"
         raise IdentificationError("missing", place="arm", expected=expected)
     stream = stream_of(log, arm, rows.runs, cutoff=rows.cutoff, decimate=rows.decimate)
-    model = _model(stream, arm, method, friction, terms)
+    lacks = stream.lacks if terms.lacks is None else terms.lacks
+    model = _model(arm, method, friction, replace(terms, lacks=lacks), stream.gears)
     found = fitted(stream, model, method, feedback, forgetting, strict=terms.fit_efficiency != "all")
     fit, by_parts = found.fit, METHODS[method].parts
     held_out = tuple(cross_validated(fit)) if by_parts and len(fit.equations.parts) > 1 else ()
@@ -107,16 +110,16 @@ def identify_arm(
     return replace(result, estimate=with_remarks(result, found, directions, cutoff, [*stream.warnings, *said]))
 
 
-def _model(stream: Stream, arm: Model, method: str, friction: Collection[str], terms: ArmTerms) -> TorqueModel:
+def _model(
+    arm: Model, method: str, friction: Collection[str], terms: ArmTerms, gears: np.ndarray | None
+) -> TorqueModel:
     """The torque model of an arm, with its gear loss if it has one.
 
     Raises:
         IdentificationError: unknown terms, or gear loss that the method does not know.
     """
-    lacks, speed = stream.lacks if terms.lacks is None else terms.lacks, terms.stribeck_speed
-    model = torque_model(
-        arm, friction=friction, springs=terms.springs, lacks=lacks, stribeck_speed=speed, gears=stream.gears
-    )
+    lacks, speed = terms.lacks or (), terms.stribeck_speed
+    model = torque_model(arm, friction=friction, springs=terms.springs, lacks=lacks, stribeck_speed=speed, gears=gears)
     lossy = lossy_model(model, terms.fit_efficiency)
     if lossy is None:
         return model

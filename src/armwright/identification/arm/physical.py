@@ -239,13 +239,7 @@ def physical_by_log_cholesky(
         J[len(b) + rows, rows] = pull * _slopes_of_divergence(theta[: links.size])
         return J
 
-    low, high = np.full(links.size + len(others), -np.inf), np.full(links.size + len(others), np.inf)
-    exponents = (np.arange(links.size) % PER_LINK) < 4
-    low[: links.size][exponents], high[: links.size][exponents] = -STEEPEST, STEEPEST
-    positive = np.isin(others, np.asarray(bounds.nonnegative, dtype=int))
-    low[links.size :][positive] = 0.0
-    start = np.concatenate([np.zeros(links.size), prior[others] / unit[others]])
-    start[links.size :][positive] = np.maximum(start[links.size :][positive], ACTIVE)
+    low, high, start = _search_range(bounds, others, prior[others] / unit[others])
     # Weak priors have long flat valleys at the edge of the possible: from a strong one on they are short ways.
     weights = np.append(np.geomspace(STRONG, weight, STAGES)[:-1], weight) if weight < STRONG else [weight]
     found: Any = None
@@ -256,6 +250,23 @@ def physical_by_log_cholesky(
         start = found.x
     remark = () if found.status > 0 else (f"the search by log-Cholesky did not settle in {STEPS} steps",)
     return _estimate("log-cholesky", bodies(found.x)[1], R, z, bounds, unit, given, remark)
+
+
+def _search_range(
+    bounds: PhysicalBounds, others: np.ndarray, start: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Bounds and start of a search over the shapes of all links, then over other parameters.
+
+    Args:
+        bounds: of the parameters.   others: numbers of those that are no link's.   start: their values to begin with.
+    """
+    count = bounds.links.size
+    low, high = np.full(count + len(others), -np.inf), np.full(count + len(others), np.inf)
+    exponents = (np.arange(count) % PER_LINK) < 4
+    low[:count][exponents], high[:count][exponents] = -STEEPEST, STEEPEST
+    positive = np.isin(others, np.asarray(bounds.nonnegative, dtype=int))
+    low[count:][positive] = 0.0
+    return low, high, np.concatenate([np.zeros(count), np.where(positive, np.maximum(start, ACTIVE), start)])
 
 
 DIAGONAL = np.arange(4)

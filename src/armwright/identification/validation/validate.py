@@ -5,7 +5,7 @@ from __future__ import annotations
 import datetime
 import hashlib
 import os
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -208,11 +208,7 @@ def validate(
             dyn = compile_arm(as_logged(model, matched.lacks))
             motions = (logged_motion(data, run, preparation) for run in chosen)
             predictions = [predict_torque(model, data, motion, dyn, matched) for motion in motions]
-            if matched.lacks:
-                lacks = ", ".join(matched.lacks)
-                notes.append(f"the logged torques lack {lacks}, as the log says: the record is compared without")
-            rows = f"a row every {1e3 / predictions[0].rate:.3g} ms"
-            notes += [f"torque prediction: signals filtered without delay, {rows}", *SUPPORT.notes(model)]
+            notes += _torque_notes(model, matched.lacks, predictions[0].rate)
         tell(1, 3)
         if simulation or scenario is not None:
             predictions += _motions(model, scenario, data, matched, chosen, window, bool(predictions), notes)
@@ -227,13 +223,8 @@ def validate(
             for k, joint in enumerate(model.names)
             if any(np.isfinite(each.measured[:, k]).any() for each in group)  # some joints' torques may not be logged
         ]
-        found: list[Quantity] = list(dict.fromkeys(each.quantity for each in measures))
-        judged: Collection[str] = QUANTITIES
-        if limits is None:
-            judged = _judged_by_default(found, matched.source, "voltage" in matched.signals, scenario is not None)
-        else:
-            _check_predicted(asked, found)
-        checks = _checks(asked, measures, judged)
+        default = None if limits is not None else _default_order(matched.source, scenario is not None)
+        checks = _checks(asked, measures, default, matched.source == "current" and "voltage" in matched.signals)
         if any(each.at_rest for each in measures if each.quantity == "torque"):
             notes.append(
                 "rows in which a joint stands still are left out of its torque's measures: friction there has any value"
@@ -337,23 +328,44 @@ def _logged(predictions: Sequence[Prediction], quantity: Quantity) -> list[Predi
     return [each for each in predictions if each.quantity == quantity]
 
 
-def _judged_by_default(
-    found: Sequence[Quantity], source: Source | None, has_voltages: bool, closed_loop: bool
-) -> list[str]:
-    """Quantities that the default limits judge, of those that were predicted.
+def _torque_notes(arm: Model, lacks: Sequence[str], rate: float) -> list[str]:
+    """Notes on predicted torques: terms that the log lacks, the filter, and effects that inverse dynamics leaves out."""
+    said = (
+        [f"the logged torques lack {', '.join(lacks)}, as the log says: the record is compared without"]
+        if lacks
+        else []
+    )
+    rows = f"a row every {1e3 / rate:.3g} ms"
+    return [*said, f"torque prediction: signals filtered without delay, {rows}", *SUPPORT.notes(arm)]
 
-    One decides: torques where they or currents were logged, else positions, else speeds. Where currents and voltages were
-    logged, two do: currents judge masses and friction, the motion under the voltages also R and Ke.
+
+def _default_order(source: Source | None, closed_loop: bool) -> tuple[Quantity, ...]:
+    """Quantities in the order in which the default limits judge the first that was predicted.
+
+    Torques where they or currents were logged, else positions, else speeds.
     """
-
-    motion: list[Quantity] = ["position", "speed"]
-    order: list[Quantity] = [*motion, "torque"] if closed_loop or source == "voltage" else ["torque", *motion]
-    judged = [quantity for quantity in order if quantity in found][:1]
-    return judged + [quantity for quantity in motion if quantity in found][: source == "current" and has_voltages]
+    return ("position", "speed", "torque") if closed_loop or source == "voltage" else QUANTITIES
 
 
-def _checks(limits: Limits, measures: Sequence[JointMeasures], judged: Collection[str]) -> list[Check]:
-    """Every limit against its measure; joints at rest are not judged."""
+def _checks(
+    limits: Limits, measures: Sequence[JointMeasures], default: Sequence[Quantity] | None, both_logged: bool
+) -> list[Check]:
+    """Every limit against its measure; joints at rest are not judged.
+
+    Args:
+        limits: asked for.   measures: of all joints.   default: order of the default limits; None: all quantities are judged.
+        both_logged: currents and voltages. Then both judge by default: currents masses and friction, the motion under the
+            voltages also R and Ke.
+    Raises:
+        LogError: limits of a quantity that was not predicted.
+    """
+    found = list(dict.fromkeys(each.quantity for each in measures))
+    judged = list(QUANTITIES) if default is None else [each for each in default if each in found][:1]
+    if default is not None and both_logged:
+        judged += [each for each in ("position", "speed") if each in found][:1]
+    for quantity in QUANTITIES if default is None else ():
+        if limits.limited(quantity) and quantity not in found:
+            raise LogError("was not predicted for this log", place="limits", value=quantity, choices=found)
     return [
         check
         for each in measures
@@ -361,14 +373,3 @@ def _checks(limits: Limits, measures: Sequence[JointMeasures], judged: Collectio
         for limit in [limits.of(each.joint, each.quantity, each.unit)]
         for check in checks_of(limit, each.joint, each.quantity, each.overall, each.diverged > 0)
     ]
-
-
-def _check_predicted(limits: Limits, found: Collection[Quantity]) -> None:
-    """Refuses limits of a quantity that was not predicted.
-
-    Raises:
-        LogError: names it.
-    """
-    for quantity in QUANTITIES:
-        if limits.limited(quantity) and quantity not in found:
-            raise LogError("was not predicted for this log", place="limits", value=quantity, choices=tuple(found))
