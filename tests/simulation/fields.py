@@ -6,6 +6,7 @@ from dataclasses import fields, replace
 from typing import Any
 
 import armwright as aw
+from armwright import scalar
 
 STARTS = {"q0": "q", "qd0": "qd"}
 PARTS = {"loop": aw.Loop, "inputs": aw.Inputs, "solver": aw.Solver, "recording": aw.Recording}
@@ -42,3 +43,8 @@ def with_fields(scenario: aw.Scenario, **values: Any) -> aw.Scenario:
     parts = by_part(values, looped=scenario.sampled)
     changed = {name: replace(getattr(scenario, name), **parts[name]) for name in (*PARTS, "start") if name in parts}
     return replace(scenario, **changed, **parts.get("", {}))
+
+
+def slopes_of(f):
+    """(x, …) → dx/dt, A = ∂f/∂x and E = 1 of a system whose function f (x, …) can be traced."""
+    return lambda x, *rest: (f(x, *rest), scalar.jacobian(lambda at: f(at, *rest), x), scalar.eye(len(x)))

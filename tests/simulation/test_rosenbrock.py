@@ -7,7 +7,6 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import armwright as aw
-from armwright import scalar
 from armwright.model.vary import Varied
 from armwright.program import call, trace
 from armwright.simulation.integrate import rosenbrock
@@ -17,6 +16,7 @@ from armwright.simulation.plant.inputs import PlantInputs
 from armwright.simulation.plant.plant import Plant
 from armwright.simulation.plant.slopes import plant_slopes
 from physics.arms import arm as arm_of
+from simulation.fields import slopes_of
 from simulation.plants import BRAKE, COULOMB, ELASTIC, MANY, MOTOR, STOPS, exact, pendulum
 from simulation.test_mimics import elastic_gripper
 
@@ -28,11 +28,6 @@ CONTACTS = {
 }
 ARMS = ("cmu-dd", "puma560", "lwa4p", "panda", "gripper", "workshop", "sprung")
 PLANTS = {**MANY, **CONTACTS, "elastic gripper": elastic_gripper(), **{name: arm_of(name) for name in ARMS}}
-
-
-def slopes_of(f):
-    """(x, …) → dx/dt, A = ∂f/∂x and E = 1 of a system whose function f (x, …) can be traced."""
-    return lambda x, *rest: (f(x, *rest), scalar.jacobian(lambda at: f(at, *rest), x), scalar.eye(len(x)))
 
 
 def classical():

@@ -16,13 +16,13 @@ from armwright.kernels.stages import Integrate
 from armwright.kernels.target import select_target
 from armwright.program import trace
 from armwright.signals import Layout
-from armwright.simulation.integrate.rosenbrock import ORDER, rodas3_step, slopes_of
+from armwright.simulation.integrate.rosenbrock import ORDER, rodas3_step
 from armwright.simulation.integrate.step_control import Allowed
 from armwright.simulation.integrate.stepping import Adaptivity, adaptive_stage
 from armwright.simulation.plant.inputs import PlantInputs
 from armwright.simulation.plant.plant import Plant
 from armwright.simulation.plant.slopes import plant_slopes
-from simulation.fields import scenario_of
+from simulation.fields import scenario_of, slopes_of
 from simulation.plants import COULOMB, ELASTIC, LUGRE, MANY, MOTOR, SUPPLY, chain, pendulum
 
 SHARP = {

@@ -9,6 +9,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Set
 from dataclasses import dataclass, field
+from operator import attrgetter
 
 from armwright.kernels.format import DOUBLE, FORMATS, Format
 from armwright.kernels.llvm_machine import LlvmMachine
@@ -48,9 +49,9 @@ class LlvmModule:
         Inputs named in `rows` are one number an entry, the same for all lanes.
         """
         name = f"{program.name}.block"
-        known = self._programs.setdefault(program.name, program)
-        same = known == program or known.instructions == program.instructions
-        assert same, f"two programs named {program.name!r} in one module"
+        assert _alike(self._programs.setdefault(program.name, program), program), (
+            f"two programs are named {program.name!r}"
+        )
         if name not in self.functions:
             m = self.machine()
             inputs = [
@@ -341,3 +342,14 @@ def batch_module(width: int, program: Program, dtype: str = DOUBLE.name) -> Llvm
     module = LlvmModule(width, FORMATS[dtype])
     module.add_batch_function(program)
     return module
+
+
+def _alike(one: Program, other: Program) -> bool:
+    """Whether two programs do the same, also where they were traced apart."""
+    parts = attrgetter("operation", "results", "arguments", "place", "constant")
+    if one is other or len(one.instructions) != len(other.instructions):
+        return one is other
+    return all(
+        parts(a) == parts(b) and (a.callee is b.callee or (a.callee and b.callee and _alike(a.callee, b.callee)))
+        for a, b in zip(one.instructions, other.instructions, strict=True)
+    )

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Any
 
 from armwright.entry import expect
@@ -72,14 +71,14 @@ class Loop:
         if sum(isinstance(each, Sensors) for each in self.sensor_list) > 1:
             raise ScenarioError("two aw.Sensors", place="loop.sensors", expected="one, and other sensors beside it")
 
-    @cached_property
+    @property
     def sensor_list(self) -> tuple[Sensor, ...]:
         """All sensors, those of the joints first."""
         sensors = tuple(self.sensors) if isinstance(self.sensors, (list, tuple)) else (self.sensors,)
         joints = [each for each in sensors if isinstance(each, Sensors)] or [Sensors()]
         return (joints[0], *(each for each in sensors if each is not joints[0]))  # type: ignore[return-value]
 
-    @cached_property
+    @property
     def joint_sensors(self) -> Sensors:
         """Sensors of the joints."""
         return next(each for each in self.sensor_list if isinstance(each, Sensors))
