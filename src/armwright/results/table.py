@@ -101,10 +101,9 @@ class Table:
         from rich.text import Text
 
         shown = table.Table(box=None, header_style="dim", pad_edge=False, padding=(0, 2, 0, 0))
+        wide = sum(2 + max(map(len, [self.heads[k], *(str(row[k]) for row in self.cells)])) for k in self.used)
         for k in self.used:
-            head = self.heads[k]
-            if len(head) > max((len(str(row[k])) for row in self.cells), default=0):
-                head = head.replace(" [", "\n[")  # the unit, below
+            head = self.heads[k].replace(" [", "\n[") if wide > options.max_width else self.heads[k]  # the unit below
             shown.add_column(Text(head), justify="left" if k in self.words else "right", overflow="fold")
         for row in self.cells:
             shown.add_row(*(Text(str(row[k])) for k in self.used))
