@@ -8,13 +8,8 @@ import numpy as np
 import armwright as aw
 
 arm = aw.load("two-link")
-designed = aw.identification.design_excitation(
-    arm,
-    limits=aw.trajectories.MotionLimits.of(arm, velocity=[2.0, 3.0], torque=[60.0, 30.0]),
-    cycle=5.0,
-    harmonics=4,
-    starts=2,
-)
+limits = aw.trajectories.MotionLimits.of(arm, velocity=[2.0, 3.0], torque=[60.0, 30.0])
+designed = aw.identification.design_excitation(arm, limits=limits, cycle=5.0, harmonics=4, starts=2)
 print(f"condition number {designed.condition:.3g}, torques up to {designed.used['torque'].max():.1%} of their limits")
 draw = np.random.default_rng(0)
 sine, cosine = 0.1 * draw.normal(size=(2, 2, 4))
