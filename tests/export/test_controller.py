@@ -309,6 +309,7 @@ def test_in_float_the_commands_are_near(tmp_path, which, most):
     assert done.returncode == 0, done.stdout
 
 
+@pytest.mark.study
 def test_nothing_is_allocated_and_nothing_recurses(exported):
     """Only functions of <math.h> and memcpy are called from outside; a function calls those that stand before it."""
     code = exported("computed_torque").paths[1]

@@ -58,7 +58,7 @@ def library(request, tmp_path_factory) -> ctypes.CDLL:
     return ctypes.CDLL(str(folder / "operations.so"))
 
 
-@pytest.mark.sample(17)
+@pytest.mark.sample(6)
 @pytest.mark.parametrize("name", COMPUTED)
 def test_every_operation_has_llvm_s_bits(library, name):
     """All special values and six thousand others; where the row is exact these are NumPy's bits too."""

@@ -23,7 +23,7 @@ def held(whole: aw.Model, part: aw.Model, positions: dict[str, float], q: np.nda
     return np.array([positions[name] if name in positions else left[name] for name in whole.names])
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", NAMES)
 @given(data=st.data())
 @settings(max_examples=5, deadline=None)

@@ -19,7 +19,7 @@ from trajectory.motions import check_continuous, check_within
 EXAMPLES = sorted((Path(__file__).parents[2] / "examples" / "motions").glob("*.motion.toml"))
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("file", EXAMPLES, ids=lambda path: path.stem.partition(".")[0])
 def test_examples_keep_their_limits(file):
     if 'curve = "ruckig"' in file.read_text(encoding="utf-8"):

@@ -174,6 +174,7 @@ def test_of_one_joint_the_colours_are_runs(run, browser, tmp_path):
     assert browser.faults() == []
 
 
+@pytest.mark.study
 def test_references_are_named_and_hidden(run, browser, tmp_path):
     only = run.assign(q_reference=2.0 * run["q"])
     aw.plot({"run": only}, tmp_path / "reference.html", joints=["joint2"])

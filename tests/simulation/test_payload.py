@@ -114,6 +114,7 @@ def test_it_is_there_before_the_first_tick():
     np.testing.assert_allclose(held.q.values, np.broadcast_to(q0, held.q.shape), atol=1e-9)
 
 
+@pytest.mark.study
 def test_the_hand_keeps_its_speed_and_energy_jumps_by_the_bodys_own():
     """½ m v² + ½ ω I ω + m g z come and go with the body; in between, power balances."""
     model = arm("cmu-dd").replace(efficiency=None)

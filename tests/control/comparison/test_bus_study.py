@@ -31,6 +31,7 @@ def test_errors_stay_within_those_stated(followed):
     assert (data["peak_share"] <= 1.0 + 1e-9).all()  # 75.5 and 40 N m are the most that any drive did
 
 
+@pytest.mark.study
 def test_arms_differ(followed):
     """Masses, friction and repeated samples of the runs are drawn: they spread, and half the rate errs more."""
     data = followed.data.isel(motion=0, payload=0)

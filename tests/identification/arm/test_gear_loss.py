@@ -329,6 +329,7 @@ def test_errors_of_forty_seeds_beside_those_without_loss(tmp_path, seeds):
     assert row.failures == []
 
 
+@pytest.mark.study
 def test_the_study_finds_a_fit_without_the_loss(tmp_path, seeds):
     """With an efficiency that the record does not know, errors are too large."""
     case = seeds.cases(tmp_path)["four-joint"]

@@ -59,6 +59,7 @@ def solved(model, path, near):
         return str(error)
 
 
+@pytest.mark.study
 @settings(max_examples=9)
 @given(st.sampled_from(sorted(HOME)), st.integers(0, 2**32 - 1))
 def test_random_lines_are_straight(name, seed):
@@ -96,6 +97,7 @@ def test_limits_hold_on_a_denser_grid_at_random(seed):
     assert np.abs(joints).max() <= 500.0 * (1.0 + 1e-4)  # by differences
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", sorted(HOME))
 def test_the_tool_stays_on_its_path_as_pinocchio_has_it(name):
     pytest.importorskip("pinocchio", reason="Pinocchio is the oracle here: pip install pin")
@@ -291,6 +293,7 @@ def test_a_path_out_of_reach_says_where_and_how_far():
     assert "s = 0 of" in error.value.place
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("name", "q", "way", "off"),
     [
