@@ -200,7 +200,7 @@ def _joints(arm: Any) -> str:
             "voltage ≤ [V]": limits.voltage,
             "current ≤ [A]": limits.current,
             "torque ≤ [N m]": limits.torque,
-            "speed ≤ [rad/s]": limits.velocity,
+            "velocity ≤ [rad/s]": limits.velocity,
         }
         for head, value in known.items():
             columns.setdefault(head, []).append("" if value in (None, float("inf")) else number(value))

@@ -17,7 +17,7 @@ def test_friction_is_found_and_written(tmp_path):
     page = str(tmp_path / "friction.html")
     shown = run("identify", "friction", log, "--robot", "two-link", "--table", "-o", output, "--report", page).stdout
     assert "viscous" in (tmp_path / "friction.html").read_text(encoding="utf-8")
-    assert "Friction over speed" in shown
+    assert "Friction over velocity" in shown
     assert "friction.viscous_n_m_s_per_rad" in shown
     assert aw.load(output).record.fits["friction"].verdict == "identified"
     refused = run("identify", "friction", log, "--robot", "lwa4p", code=2)

@@ -75,7 +75,7 @@ def _one(source: str, output: Path | None, unused: dict[str, Any]) -> None:
     for body in arm.bodies:
         limits = (body.limits.torque, body.limits.velocity)
         rows.append([body.joint, body.link, number(body.mass), number(body.drive.gear_ratio), *map(number, limits)])
-    heads = ("joint", "moves", "mass behind it [kg]", "gear", "torque ≤ [N m | N]", "speed ≤ [rad/s | m/s]")
+    heads = ("joint", "moves", "mass behind it [kg]", "gear", "torque ≤ [N m | N]", "velocity ≤ [rad/s | m/s]")
     shown = table("", heads, rows, left=("moves",))
     if output is None and shown is not None:
         console.print(shown)

@@ -54,7 +54,7 @@ def arm(
     harmonics: int = option("N", "Of each joint's Fourier series, 5 by default.", 5),
     starts: int = option("N", "Random starts of the optimisation, 4 by default.", 4),
     criterion: str = option("WHAT", "condition (default), condition_si or logdet: of the base regressor.", "condition"),
-    velocity: str | None = option("V1,V2,…", "Largest speeds; by default the record's."),
+    velocity: str | None = option("V1,V2,…", "Largest joint velocities; by default the record's."),
     acceleration: str | None = option("A1,A2,…", "Largest accelerations; by default the record's."),
     torque: str | None = option("T1,T2,…", "Largest torques; by default the record's."),
     floor: float | None = option("Z", "Lowest height of the tip in base axes, in m."),

@@ -10,7 +10,7 @@ from armwright.cli.outcome import PAGE, TOML, check_file, exit_unless, write
 from armwright.cli.tables import show
 from armwright.errors import IdentificationError
 
-HEADS = ("joint", "speed [rad/s | m/s]", "friction [N m | N]", "± std", "rows")
+HEADS = ("joint", "velocity [rad/s | m/s]", "friction [N m | N]", "± std", "rows")
 
 
 def friction(
@@ -50,7 +50,7 @@ def friction(
             for body, moved in zip(arm.coordinates, friction_rows(log, arm, preparation, warm), strict=True)
             for line in friction_over_speed(moved).tolist()
         ]
-        console_for_tables().print(shown_table("Friction over speed", HEADS, rows, HEADS[:1]))
+        console_for_tables().print(shown_table("Friction over velocity", HEADS, rows, HEADS[:1]))
     show(found)
     write(
         output,

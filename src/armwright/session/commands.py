@@ -134,7 +134,7 @@ TABLE = (
             "T = ½ θ̇ᵀ M(θ) θ̇,  U = − Σ m gᵀ c", "[Featherstone2008]", "energy"),
     SessionCommand("pose", "where the hand is: position and orientation in the base", dynamics.pose, (FRAME,),
             "T = A₁ A₂ … A_N", "[DenavitHartenberg1955]", "pose"),
-    SessionCommand("jacobian", "speeds of the hand for a unit of each joint's speed", dynamics.jacobian, (FRAME,),
+    SessionCommand("jacobian", "velocities of the hand for a unit of each joint's velocity", dynamics.jacobian, (FRAME,),
             "[v; ω] = J(θ) θ̇", "[Whitney1972]", "jacobian"),
     SessionCommand(
         "watch", "show the arm in a page of this machine's browser, which follows theta and plays each simulation",

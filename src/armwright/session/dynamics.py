@@ -135,7 +135,7 @@ def pose(session: Workspace, arguments: dict[str, Any]) -> list[Output]:
 
 
 def jacobian(session: Workspace, arguments: dict[str, Any]) -> list[Output]:
-    """`jacobian`, `jacobian FRAME`: speed and turning of the hand for a unit of each joint's speed."""
+    """`jacobian`, `jacobian FRAME`: velocity and turning of the hand for a unit of each joint's velocity."""
     state, frame = session.state, arguments["frame"]
     state.arm.frame(frame)
     matrix = np.asarray(state.loaded.dyn.jacobian(state.q, frame=frame))

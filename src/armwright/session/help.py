@@ -49,7 +49,7 @@ SOURCES = {
 """Key → the entry, without marks of Markdown."""
 
 SYMBOLS = (
-    ("θ, θ̇, θ̈", "rad, rad/s, rad/s²", "theta, omega, alpha: position, speed and acceleration of a joint; m for one that slides"),
+    ("θ, θ̇, θ̈", "rad, rad/s, rad/s²", "theta, omega, alpha: position, velocity and acceleration of a joint; m for one that slides"),
     ("τ", "N m", "torque of the motors, referred to the joints; N for one that slides"),
     ("V, i", "V, A", "voltage and current of a motor"),
     ("M(θ)", "kg m²", "mass matrix: torques for a unit of each joint's acceleration; the report's H"),
@@ -64,7 +64,7 @@ SYMBOLS = (
     ("T, U", "J", "in energy: kinetic and potential energy"),
     ("m, c, g", "kg, m, m/s²", "in energy: mass of a link, its centre of mass, gravitational acceleration"),
     ("A₁ … A_N, T", "–", "in pose: where each joint's frame is in the one before it, and the hand in the base; N joints"),
-    ("J(θ)", "m or –", "Jacobian: speed of the hand for a unit of each joint's speed"),
+    ("J(θ)", "m or –", "Jacobian: velocity of the hand for a unit of each joint's velocity"),
     ("v, ω", "m/s, rad/s", "speed of the hand, and how fast it turns"),
     ("v̇₀", "m/s²", "acceleration of the base, by which gravity enters"),
     ("t, T", "s", "in DACOut: time, and DACSampTimePeriod, by which k counts"),

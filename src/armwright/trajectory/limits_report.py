@@ -167,7 +167,7 @@ class LimitsReport(Result):
             for (quantity, share), when in zip(self.share.items(), self.times.values(), strict=True):
                 value, unit = number(self.worst(quantity, k)), self.limits.unit(quantity, k)
                 rows.append([name, quantity, value, unit, number(100.0 * share[k]), number(when[k])])
-        heads = ("joint", "quantity", "value", "unit", "share of the limit [%]", "time [s]")
+        heads = ("joint", "quantity", "value", "unit", "limit utilisation [%]", "time [s]")
         return [Table(self.heading, heads, rows, ("quantity", "unit"))]
 
     def __str__(self) -> str:

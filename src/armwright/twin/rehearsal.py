@@ -97,7 +97,7 @@ class Rehearsal(Result):
             [b.limits.velocity for b in arm.coordinates],
         )
         columns = (*columns, 100.0 * self.largest_command, self.largest_error)
-        heads = ("joint", "lowest [rad | m]", "highest [rad | m]", "speed [rad/s | m/s]", "allowed [rad/s | m/s]")
+        heads = ("joint", "lowest [rad | m]", "highest [rad | m]", "velocity [rad/s | m/s]", "allowed [rad/s | m/s]")
         heads = (*heads, "command [% of rated]", "error [rad | m]")
         if self.full is not None:
             columns = (*columns, self.full.largest_speed, 100.0 * self.full.largest_command)
