@@ -19,7 +19,7 @@ from armwright.identification.arm.base import BaseParameters, regrouped
 from armwright.identification.arm.equations import equations_of, stacked
 from armwright.identification.arm.fit import fit_arm, with_correlation
 from armwright.identification.arm.friction import _covariance
-from armwright.identification.arm.friction_law import FrictionLaw, FrictionRows, fitted_law
+from armwright.identification.arm.friction_law import FittedFriction, FrictionRows, fitted_law
 from armwright.identification.arm.payload import payload_model
 from armwright.identification.arm.samples import Samples
 from armwright.identification.arm.torque_model import TorqueModel, torque_model
@@ -52,7 +52,7 @@ def friction(values: dict[str, float], rho: float, seed: int) -> tuple[np.ndarra
     t = np.linspace(0.0, 80.0, ROWS)
     speed = 2 * np.sin(t) + 0.8 * np.sin(2.3 * t + 1)
     rows = FrictionRows(np.cumsum(speed) * 0.02, speed, 0 * t, 20 * np.sin(0.7 * t) ** 2, np.full(ROWS, np.nan))
-    torque = FrictionLaw(terms, values)(rows) + 0.3 * ar1(rho, ROWS, 1, seed)[:, 0]
+    torque = FittedFriction(terms, values)(rows) + 0.3 * ar1(rho, ROWS, 1, seed)[:, 0]
     rows = FrictionRows(rows.q, speed, torque, rows.load, rows.warming).part(np.abs(speed) > 0.06)
     law = fitted_law(rows, terms)
     return np.array(list(law.values.values())), np.sqrt(np.diag(_covariance(rows, law)))

@@ -6,7 +6,7 @@ import pytest
 from armwright.errors import ModelError
 from armwright.kinematics import forward_kinematics
 from armwright.kinematics.reach import reach
-from armwright.model import Limits
+from armwright.model import DriveLimits
 from physics.arms import NAMES, OWN, arm
 from simulation.runs import mixed_arm
 
@@ -36,7 +36,7 @@ def test_a_slide_without_limits_has_no_end(tmp_path):
     import dataclasses
 
     model = mixed_arm(tmp_path)
-    endless = tuple(dataclasses.replace(body, limits=Limits()) for body in model.bodies)
+    endless = tuple(dataclasses.replace(body, limits=DriveLimits()) for body in model.bodies)
     assert reach(dataclasses.replace(model, bodies=endless)) == np.inf
 
 

@@ -205,19 +205,24 @@ def run_controller(
                 missing=missing,
                 permission=permission,
             )
-    console_for_tables().print(run.tables()[0])
-    if real_time or not is_virtual(bus):  # in lock-step a SYNC comes when it may
-        _show_cycles("the master's cycles", run.cycles)
-    say("positions and commands are those of the simulation, to the bit" if run.equal else _how_it_differs(run, faults))
+    in_lock_step = is_virtual(bus) and not real_time  # where nothing but the twin can differ
+    _show_run(run, faults, rehearsal.recording.ticks, in_lock_step)
     if not is_virtual(bus):
         say(str(run.ending))
-    if permission.reduced and not is_virtual(bus) and run.complete and not run.counts:
-        incomplete = f"{run.cycles.incomplete} of {run.cycles.cycles} cycles were incomplete"
-        say(f"this run is no rehearsal: {incomplete}, 0.1 % are allowed")
-    if not run.complete:
-        say(f"stopped after {len(run.time)} of {rehearsal.recording.ticks} cycles: the key was let go")
-    in_lock_step = is_virtual(bus) and not real_time  # where nothing but the twin can differ
+        if permission.reduced and run.complete and not run.counts:
+            incomplete = f"{run.cycles.incomplete} of {run.cycles.cycles} cycles were incomplete"
+            say(f"this run is no rehearsal: {incomplete}, 0.1 % are allowed")
     exit_unless(run.complete and (run.equal or not in_lock_step))
+
+
+def _show_run(run: BusRun, faults: Sequence[Fault], ticks: int, in_lock_step: bool) -> None:
+    """The run's table, its cycles where a clock made them, and how it differs from the simulation."""
+    console_for_tables().print(run.tables()[0])
+    if not in_lock_step:
+        _show_cycles("the master's cycles", run.cycles)
+    say("positions and commands are those of the simulation, to the bit" if run.equal else _how_it_differs(run, faults))
+    if not run.complete:
+        say(f"stopped after {len(run.time)} of {ticks} cycles: the key was let go")
 
 
 def _how_it_differs(run: BusRun, faults: Sequence[Fault]) -> str:

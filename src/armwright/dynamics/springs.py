@@ -8,7 +8,7 @@ from armwright import scalar
 from armwright.actuators.springs import spring_energy, spring_torque
 from armwright.kinematics.forward_kinematics import body_placements
 from armwright.kinematics.joint_motion import JointMotion, joint_motions
-from armwright.model import Cylinder, Mimics, Model, on_tree, one_state
+from armwright.model import Mimics, Model, SpringCylinder, on_tree, one_state
 from armwright.scalar import Array, Scalar
 from armwright.spatial import cross
 
@@ -42,7 +42,7 @@ def sprung_torques(arm: Model, q: Array, nudge: Array | None = None) -> np.ndarr
     return scalar.array(s)
 
 
-def _add_cylinder(s: np.ndarray, arm: Model, cylinder: Cylinder, motion: list[JointMotion]) -> None:
+def _add_cylinder(s: np.ndarray, arm: Model, cylinder: SpringCylinder, motion: list[JointMotion]) -> None:
     """Adds a cylinder's torques to s (n,), in the frame of the last body that carries both ends."""
     paths = [arm.path(body) for body in cylinder.bodies]
     common = sum(a == b for a, b in zip(*paths, strict=False))  # both begin at the base and part once
@@ -64,7 +64,7 @@ def _add_cylinder(s: np.ndarray, arm: Model, cylinder: Cylinder, motion: list[Jo
                 force = motion[i].to_body(force)
 
 
-def _force_over_length(cylinder: Cylinder, length: Scalar) -> Scalar:
+def _force_over_length(cylinder: SpringCylinder, length: Scalar) -> Scalar:
     """F/ℓ = (preload + stiffness length₀)/ℓ - stiffness  [N/m]; infinite where the ends meet."""
     return (cylinder.preload + cylinder.stiffness * cylinder.length) / length - cylinder.stiffness
 

@@ -5,10 +5,10 @@ from armwright.model.drive import (
     Brake as Brake,
     Cogging as Cogging,
     Drive as Drive,
+    DriveLimits as DriveLimits,
     EfficiencyTable as EfficiencyTable,
     Elasticity as Elasticity,
     Friction as Friction,
-    Limits as Limits,
     Stops as Stops,
     Supply as Supply,
     Thermal as Thermal,
@@ -16,9 +16,9 @@ from armwright.model.drive import (
 from armwright.model.mimics import Mimics as Mimics, on_tree as on_tree
 from armwright.model.model import Model as Model, build_model as build_model
 from armwright.model.springs import (
-    Cylinder as Cylinder,
     LinearSpring as LinearSpring,
     Spring as Spring,
+    SpringCylinder as SpringCylinder,
     TableSpring as TableSpring,
 )
 from armwright.model.tree import BASE as BASE, Body as Body, Frame as Frame

@@ -25,7 +25,7 @@ from armwright.model.joint_side import (
     supply_of,
 )
 from armwright.model.mimics import Mimics
-from armwright.model.springs import Cylinder
+from armwright.model.springs import SpringCylinder
 from armwright.model.tree import BASE, Body, Frame, Tree
 from armwright.quantity import Quantity
 from armwright.scalar import Array, Scalar
@@ -101,11 +101,11 @@ def _is_bare(link: Any) -> bool:
     return not scalar.is_symbolic(link.mass_kg.number) and link.mass_kg.number == 0.0
 
 
-def _cylinder(frames: dict[str, Frame], record: Any) -> Cylinder:
+def _cylinder(frames: dict[str, Frame], record: Any) -> SpringCylinder:
     a, b = frames[record.link_a], frames[record.link_b]
     ends = scalar.stack([a.placement.point(vector(record.anchor_a_m)), b.placement.point(vector(record.anchor_b_m))])
     numbers = (getattr(record, key).number for key in ("force_n", "length_m", "stiffness_n_per_m"))
-    return Cylinder(record.name, (a.body, b.body), ends, *numbers)
+    return SpringCylinder(record.name, (a.body, b.body), ends, *numbers)
 
 
 def _parents_first(robot: RobotDescription) -> list[Any]:

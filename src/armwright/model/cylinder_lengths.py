@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 import numpy as np
 
 from armwright.errors import Problem
-from armwright.model.springs import Cylinder
+from armwright.model.springs import SpringCylinder
 from armwright.model.tree import BASE, Body, Tree
 from armwright.spatial import Placement, rotation_z
 
@@ -19,7 +19,7 @@ NEAREST = 3  # poses from which the nearest one is looked for: between samples e
 ROUNDING = 1e-9  # of the distances from the base: a length that changes by less does not change
 
 
-def is_stretched(model: Tree, cylinder: Cylinder, held: Mapping[str, float] | None = None) -> bool:
+def is_stretched(model: Tree, cylinder: SpringCylinder, held: Mapping[str, float] | None = None) -> bool:
     """True if the joints change a cylinder's length.
 
     Args:
@@ -65,7 +65,9 @@ def _nearest(between: Callable[[np.ndarray], np.ndarray], shares: np.ndarray) ->
     return float(np.linalg.norm(least_squares(between, shares, bounds=(0.0, 1.0)).fun))
 
 
-def _between(model: Tree, cylinder: Cylinder, low: np.ndarray, high: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+def _between(
+    model: Tree, cylinder: SpringCylinder, low: np.ndarray, high: np.ndarray
+) -> Callable[[np.ndarray], np.ndarray]:
     """The vector from a cylinder's one end to the other [m] by the shares of their ranges at which the joints stand."""
 
     def between(shares: np.ndarray) -> np.ndarray:
@@ -81,7 +83,7 @@ def _far(body: Body) -> tuple[float, float]:
     return -half, half
 
 
-def _ends(model: Tree, cylinder: Cylinder, q: np.ndarray) -> list[np.ndarray]:
+def _ends(model: Tree, cylinder: SpringCylinder, q: np.ndarray) -> list[np.ndarray]:
     """A cylinder's two ends (3,) [m] in base axes, body i's joint at q[i]."""
     points = []
     for at, point in zip(cylinder.bodies, cylinder.ends, strict=True):

@@ -173,7 +173,7 @@ class Drive:
 
 
 @dataclass(frozen=True, eq=False)
-class Limits:
+class DriveLimits:
     """Limits of a joint and its drive; infinite where unknown."""
 
     position: tuple[float, float] = (-np.inf, np.inf)  # [rad | m]

@@ -15,10 +15,10 @@ from armwright.model.drive import (
     Brake,
     Cogging,
     Drive,
+    DriveLimits,
     EfficiencyTable,
     Elasticity,
     Friction,
-    Limits,
     Stops,
     Supply,
     Thermal,
@@ -206,7 +206,7 @@ def supply_of(record: Any) -> Supply | None:
     return Supply(plain[0], plain[1], plain[2], None if chopper[0] is None else (chopper[0], chopper[1], chopper[2]))
 
 
-def limits_of(joint: MovingJoint) -> Limits:
+def limits_of(joint: MovingJoint) -> DriveLimits:
     """Limits of a joint, infinite where the record gives none."""
     factor = DC_EQUIVALENT[joint.motor.basis if joint.motor is not None else "dc"]
 
@@ -215,7 +215,7 @@ def limits_of(joint: MovingJoint) -> Limits:
 
     position = joint.limit("position")
     low, high = (-np.inf, np.inf) if position is None else position.numbers
-    return Limits(
+    return DriveLimits(
         position=(low, high),
         velocity=bound(joint.limit("velocity")),
         acceleration=bound(joint.limit("acceleration")),

@@ -8,7 +8,7 @@ import numpy as np
 
 from armwright import scalar
 from armwright.model.model import Model
-from armwright.model.springs import Cylinder
+from armwright.model.springs import SpringCylinder
 from armwright.model.tree import BASE, Body, Frame
 from armwright.scalar import Array
 from armwright.spatial import (
@@ -168,7 +168,7 @@ def _reframed(body: Body, frame: Placement) -> Body:
     )
 
 
-def _reframed_cylinders(model: Model, displacements: list[Placement]) -> tuple[Cylinder, ...]:
+def _reframed_cylinders(model: Model, displacements: list[Placement]) -> tuple[SpringCylinder, ...]:
     """The cylinders with their ends in their bodies' new frames."""
 
     def moved(body: int, end: Array) -> Array:

@@ -31,7 +31,7 @@ Spring = LinearSpring | TableSpring
 
 
 @dataclass(frozen=True, eq=False)
-class Cylinder(Frozen):
+class SpringCylinder(Frozen):
     """A gas spring or counterbalance cylinder between two bodies:  force = preload - stiffness (ℓ - length), above 0 it pushes.
 
     An end is a body (BASE: the base) and a point in that body's frame; ℓ is the distance of the two.

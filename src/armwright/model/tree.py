@@ -11,9 +11,9 @@ from armwright import scalar
 from armwright.errors import ModelError
 from armwright.friction_laws import linear_parameters
 from armwright.joint_kinds import JointKind
-from armwright.model.drive import Brake, Drive, Elasticity, Friction, Limits, Stops, Supply
+from armwright.model.drive import Brake, Drive, DriveLimits, Elasticity, Friction, Stops, Supply
 from armwright.model.mimics import Mimics
-from armwright.model.springs import Cylinder, Spring
+from armwright.model.springs import Spring, SpringCylinder
 from armwright.scalar import Array, Scalar
 from armwright.spatial import Frozen, Placement, displaced_inertia, parallel_axes, rotated
 
@@ -41,7 +41,7 @@ class Body(Frozen):
     inertia: Array  # (3, 3) [kg m²], about the body's origin, in the body's axes
     drive: Drive
     friction: Friction | None = None
-    limits: Limits = field(default_factory=Limits)
+    limits: DriveLimits = field(default_factory=DriveLimits)
     elasticity: Elasticity | None = None
     stops: Stops | None = None
     brake: Brake | None = None
@@ -105,7 +105,7 @@ class Tree(Frozen):
     tip: str | None = None
     supply: Supply | None = None
     mimics: Mimics | None = None  # None: every joint moves by itself
-    cylinders: tuple[Cylinder, ...] = ()  # between bodies
+    cylinders: tuple[SpringCylinder, ...] = ()  # between bodies
     without_masses: tuple[str, ...] = ()  # links whose mass properties are not known, and stand as 0
 
     @property

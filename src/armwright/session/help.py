@@ -49,7 +49,7 @@ SOURCES = {
 """Key → the entry, without marks of Markdown."""
 
 SYMBOLS = (
-    ("θ, θ̇, θ̈", "rad, rad/s, rad/s²", "theta, omega, alpha: position, velocity and acceleration of a joint; m for one that slides"),
+    ("θ, θ̇, θ̈", "rad, rad/s, rad/s²", "theta, omega, alpha: position, velocity, acceleration of a joint; m for one that slides"),
     ("τ", "N m", "torque of the motors, referred to the joints; N for one that slides"),
     ("V, i", "V, A", "voltage and current of a motor"),
     ("M(θ)", "kg m²", "mass matrix: torques for a unit of each joint's acceleration; the report's H"),

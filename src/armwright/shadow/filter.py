@@ -18,7 +18,7 @@ SAME = 1e-9  # [s]; periods nearer to each other have the same transition matrix
 
 
 @dataclass(frozen=True, eq=False)
-class Filtered:
+class FilteredRows:
     """Filtered rows of one block.
 
     Attributes:
@@ -56,7 +56,7 @@ class SignalFilter:
 
     def rows(
         self, t: np.ndarray, q: np.ndarray, tau: np.ndarray, qd: np.ndarray | None, begins: np.ndarray
-    ) -> Filtered:
+    ) -> FilteredRows:
         """Filtered rows.
 
         Args:
@@ -74,8 +74,8 @@ class SignalFilter:
         x, rate = states[:, 0], states[:, 1]
         if qd is None:
             acceleration = self._w**2 * (q - x[:, 0]) - 2.0 * self._w * rate[:, 0]
-            return Filtered(x[:, 0], rate[:, 0], acceleration, x[:, 1], settled)
-        return Filtered(x[:, 0], x[:, 2], rate[:, 2], x[:, 1], settled)
+            return FilteredRows(x[:, 0], rate[:, 0], acceleration, x[:, 1], settled)
+        return FilteredRows(x[:, 0], x[:, 2], rate[:, 2], x[:, 1], settled)
 
     def _next(self, now: float, u: np.ndarray, begins: bool) -> np.ndarray:
         """State (2, signals, n) at the next row."""

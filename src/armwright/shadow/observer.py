@@ -30,7 +30,7 @@ from armwright.errors import ScenarioError, ShapeError
 from armwright.identification.validation.torque import motor_shares
 from armwright.kernels.compiled import CompiledArm, compile_arm
 from armwright.model import BASE, Model
-from armwright.shadow.filter import Filtered, SignalFilter, critically_damped
+from armwright.shadow.filter import FilteredRows, SignalFilter, critically_damped
 from armwright.shadow.rest import RestingFriction
 from armwright.shadow.rows import AT_ONCE, RowCheck, ShadowEvent
 
@@ -173,7 +173,7 @@ class MomentumObserver:
         torque, position, speed, kilogram, moving, resting = found
         return Residuals(checked.t, torque, position, speed, kilogram, moving, resting, step)
 
-    def _observed(self, t: np.ndarray, rows: Filtered) -> np.ndarray:
+    def _observed(self, t: np.ndarray, rows: FilteredRows) -> np.ndarray:
         """The recursion over filtered rows, from where the last block ended: (6, rows, n) in the order of `Residuals`."""
         terms = [self._terms(model, rows) for model in self._models]
         momentum, known = (np.stack([each[k] for each in terms], axis=1) for k in (0, 1))  # (rows, models, n)
@@ -222,7 +222,7 @@ class MomentumObserver:
         self._last = last
         return found
 
-    def _terms(self, model: CompiledArm, rows: Filtered) -> tuple[np.ndarray, ...]:
+    def _terms(self, model: CompiledArm, rows: FilteredRows) -> tuple[np.ndarray, ...]:
         """p, Cᵀ q̇ - g - f, M, C and the motors' torques.
 
         f includes what gears lose, so that p alone holds the inertia: f = ID(q, q̇, q̈) - M q̈ - …

@@ -8,7 +8,7 @@ import pytest
 import armwright as aw
 from armwright.errors import IdentificationError
 from armwright.identification.arm.friction import friction_over_speed, identify_friction, with_identified_friction
-from armwright.identification.arm.friction_law import FrictionLaw, FrictionRows, choose_terms, fitted_law
+from armwright.identification.arm.friction_law import FittedFriction, FrictionRows, choose_terms, fitted_law
 from armwright.model import build_model
 from armwright.results.csv_tables import write_table
 from identification.arm.moved_arm import moved, multisine, written_log
@@ -23,7 +23,7 @@ def rows(terms, values, seed=0, noise=0.2, count=3000) -> FrictionRows:
     speed = 2 * np.sin(t) + 0.8 * np.sin(2.3 * t + 1)
     q, load, warming = np.cumsum(speed) * 0.02, 20 * np.sin(0.7 * t) ** 2, 20 * (1 - np.exp(-t / 20))
     empty = FrictionRows(q, speed, 0 * t, load, warming)
-    torque = FrictionLaw(tuple(terms), values)(empty) + noise * rng.normal(size=count)
+    torque = FittedFriction(tuple(terms), values)(empty) + noise * rng.normal(size=count)
     return FrictionRows(q, speed, torque, load, warming)
 
 

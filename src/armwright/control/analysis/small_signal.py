@@ -16,7 +16,7 @@ from armwright.dynamics import holding_torques
 from armwright.errors import ScenarioError
 from armwright.features import Support
 from armwright.interfaces import UNTRACEABLE, why
-from armwright.model import Limits, Model
+from armwright.model import DriveLimits, Model
 from armwright.model.drive import Friction
 from armwright.program import Program, trace
 from armwright.program.interpret import interpret
@@ -68,7 +68,7 @@ def small_signal_arm(arm: Model) -> Model:
         drive = replace(
             body.drive, efficiency=None, smoothing=None, thermal=None, cogging=None, coasts=False, dead_zone=None
         )
-        limits = Limits(position=body.limits.position)
+        limits = DriveLimits(position=body.limits.position)
         return replace(
             body, drive=drive, friction=friction, elasticity=elasticity, limits=limits, stops=None, brake=None
         )

@@ -25,7 +25,7 @@ from armwright.identification.arm.friction_law import (
     CANDIDATES,
     WORTH,
     Choice,
-    FrictionLaw,
+    FittedFriction,
     FrictionRows,
     FrictionTerm,
     choose_terms,
@@ -237,12 +237,12 @@ def _untold(joint: str, rows: FrictionRows, error: float) -> list[str]:
 OFFSET = FrictionTerm("offset", "torque", level_of, -np.inf)
 
 
-def _is_shifted(law: FrictionLaw) -> bool:
+def _is_shifted(law: FittedFriction) -> bool:
     """True if a Coulomb level is below 0, which no record allows: then one level with an offset is used."""
     return min(law.values.get("coulomb_positive", 0.0), law.values.get("coulomb_negative", 0.0)) < 0
 
 
-def _recorded(rows: FrictionRows, law: FrictionLaw) -> list[tuple[FrictionTerm, float, bool]]:
+def _recorded(rows: FrictionRows, law: FittedFriction) -> list[tuple[FrictionTerm, float, bool]]:
     """Every number of a law as a record has it, and whether it is at its bound."""
     values = dict(law.values)
     terms = list(terms_of(law.terms))
@@ -259,7 +259,7 @@ def _recorded(rows: FrictionRows, law: FrictionLaw) -> list[tuple[FrictionTerm, 
     return result
 
 
-def _spread(law: FrictionLaw, covariance: np.ndarray) -> np.ndarray:
+def _spread(law: FittedFriction, covariance: np.ndarray) -> np.ndarray:
     """Covariance of `_recorded`."""
     if not _is_shifted(law):
         return covariance
@@ -291,7 +291,7 @@ def _unit(name: str) -> str:
     return unit_at(name) if ".friction." in name else "N m/rad" if "stiffness" in name else "N m"
 
 
-def _said(joint: str, law: FrictionLaw, choice: Choice, worth: float) -> list[str]:
+def _said(joint: str, law: FittedFriction, choice: Choice, worth: float) -> list[str]:
     """Held-out errors of all candidates, in words."""
     said = []
     for name, share in choice.tried.items():
@@ -305,14 +305,14 @@ def _said(joint: str, law: FrictionLaw, choice: Choice, worth: float) -> list[st
     ]
 
 
-def _covariance(rows: FrictionRows, law: FrictionLaw) -> np.ndarray:
+def _covariance(rows: FrictionRows, law: FittedFriction) -> np.ndarray:
     """Covariance of a law's numbers, for residuals that are correlated in time; NaN of numbers without effect."""
     stems = [term.stem for term in terms_of(law.terms)]
     x = np.array([law.values[stem] for stem in stems])
     J = np.zeros((len(rows.speed), len(x)))
     for k in range(len(x)):
         h = 1e-6 * max(abs(x[k]), 1e-3)
-        ends = [FrictionLaw(law.terms, {**law.values, stems[k]: x[k] + sign * h})(rows) for sign in (1, -1)]
+        ends = [FittedFriction(law.terms, {**law.values, stems[k]: x[k] + sign * h})(rows) for sign in (1, -1)]
         J[:, k] = (ends[0] - ends[1]) / (2 * h)
     at = rows.number - rows.number[0]
     X, rest = np.zeros((at[-1] + 1, 1, len(x))), np.full((at[-1] + 1, 1), np.nan)  # rows that are left out are missing

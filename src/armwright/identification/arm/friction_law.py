@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares
 
-from armwright.friction_laws import LAWS, FrictionLaw as FileLaw
+from armwright.friction_laws import LAWS, FrictionLaw
 
 WORTH = 0.01  # share of the held-out error that a candidate must take away
 FOLDS = 8  # parts of the log, each held out once
@@ -76,7 +76,7 @@ def _speed(share: float, rows: FrictionRows) -> float:
     return share * float(np.abs(rows.speed).max())
 
 
-def _of_law(law: FileLaw) -> tuple[FrictionTerm, ...]:
+def _of_law(law: FrictionLaw) -> tuple[FrictionTerm, ...]:
     """The own numbers of a law of robot files, and its offset."""
 
     def started(start: Any) -> Any:
@@ -122,7 +122,7 @@ CANDIDATES = (
 
 
 @dataclass(frozen=True, eq=False)
-class FrictionLaw:
+class FittedFriction:
     """A friction law with parameter values.
 
     Attributes:
@@ -150,7 +150,7 @@ class FrictionLaw:
         return torque + v.get("sine", 0.0) * np.sin(rows.q) + v.get("cosine", 0.0) * np.cos(rows.q)
 
 
-def own_law(terms: Sequence[str]) -> FileLaw | None:
+def own_law(terms: Sequence[str]) -> FrictionLaw | None:
     """The law that replaces Coulomb's in a choice of terms; None without one."""
     return next((LAWS[name] for name in terms if name in LAWS and LAWS[name].is_candidate), None)
 
@@ -160,17 +160,17 @@ def terms_of(names: Sequence[str]) -> tuple[FrictionTerm, ...]:
     return tuple(term for name in names for term in TERMS[name])
 
 
-def fitted_law(rows: FrictionRows, names: Sequence[str], start: Mapping[str, float] | None = None) -> FrictionLaw:
+def fitted_law(rows: FrictionRows, names: Sequence[str], start: Mapping[str, float] | None = None) -> FittedFriction:
     """The law of these terms that fits rows best, by least squares with its bounds."""
     terms = terms_of(names)
     stems = [term.stem for term in terms]
     low = np.array([term.low for term in terms])
     x0 = np.array([(start or {}).get(term.stem, term.start(rows)) for term in terms])
     scale = np.maximum(np.abs(np.array([term.start(rows) for term in terms])), 1e-3)
-    residuals = lambda x: FrictionLaw(tuple(names), dict(zip(stems, x, strict=True)))(rows) - rows.torque  # noqa: E731
+    residuals = lambda x: FittedFriction(tuple(names), dict(zip(stems, x, strict=True)))(rows) - rows.torque  # noqa: E731
     inside = np.maximum(x0, low + 1e-9 * scale)
     found: Any = least_squares(residuals, inside, bounds=(low, np.inf), x_scale=scale, max_nfev=100)
-    return FrictionLaw(tuple(names), dict(zip(stems, map(float, found.x), strict=True)))
+    return FittedFriction(tuple(names), dict(zip(stems, map(float, found.x), strict=True)))
 
 
 def held_out_error(rows: FrictionRows, names: Sequence[str], folds: int = FOLDS) -> float:

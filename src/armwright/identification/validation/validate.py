@@ -201,14 +201,8 @@ def validate(
         matched = match(model, data)
         notes += map(str, data.warnings)
         tell(0, 3)
-        predictions: list[Prediction] = []
-        if reason := matched.without_torques(model):
-            notes.append(f"{reason}: no torque prediction")
-        else:
-            dyn = compile_arm(as_logged(model, matched.lacks))
-            motions = (logged_motion(data, run, preparation) for run in chosen)
-            predictions = [predict_torque(model, data, motion, dyn, matched) for motion in motions]
-            notes += _torque_notes(model, matched.lacks, predictions[0].rate)
+        predictions, remarks = _torques(model, data, matched, chosen, preparation)
+        notes += remarks
         tell(1, 3)
         if simulation or scenario is not None:
             predictions += _motions(model, scenario, data, matched, chosen, window, bool(predictions), notes)
@@ -216,13 +210,7 @@ def validate(
             expected = "torques, currents or voltages beside positions or speeds"
             raise LogError("; ".join(notes) or "nothing to predict", place="signals", expected=expected, file=data.path)
         tell(2, 3)
-        measures = [
-            joint_measures(group, k, resting(data, joint, chosen))
-            for quantity in QUANTITIES
-            for group in [_logged(predictions, quantity)]
-            for k, joint in enumerate(model.names)
-            if any(np.isfinite(each.measured[:, k]).any() for each in group)  # some joints' torques may not be logged
-        ]
+        measures = _measures(model, data, chosen, predictions)
         default = None if limits is not None else _default_order(matched.source, scenario is not None)
         checks = _checks(asked, measures, default, matched.source == "current" and "voltage" in matched.signals)
         if any(each.at_rest for each in measures if each.quantity == "torque"):
@@ -246,6 +234,29 @@ def validate(
         tuple(notes),
         datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
     )
+
+
+def _torques(
+    model: Model, log: Log, matched: Match, runs: Sequence[str], preparation: Preparation | None
+) -> tuple[list[Prediction], list[str]]:
+    """Torque predictions of runs, and notes on them or why there are none."""
+    if reason := matched.without_torques(model):
+        return [], [f"{reason}: no torque prediction"]
+    dyn = compile_arm(as_logged(model, matched.lacks))
+    motions = (logged_motion(log, run, preparation) for run in runs)
+    predictions = [predict_torque(model, log, motion, dyn, matched) for motion in motions]
+    return predictions, _torque_notes(model, matched.lacks, predictions[0].rate)
+
+
+def _measures(model: Model, log: Log, runs: Sequence[str], predictions: Sequence[Prediction]) -> list[JointMeasures]:
+    """Measures of every quantity and joint that has numbers; torques of some joints may not be logged."""
+    return [
+        joint_measures(group, k, resting(log, joint, runs))
+        for quantity in QUANTITIES
+        for group in [_logged(predictions, quantity)]
+        for k, joint in enumerate(model.names)
+        if any(np.isfinite(each.measured[:, k]).any() for each in group)
+    ]
 
 
 def record_sha256(path: Path, scenario: Scenario | None = None) -> str:
