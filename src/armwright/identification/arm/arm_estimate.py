@@ -18,7 +18,7 @@ from armwright.results.page_parts import definitions, sentence
 from armwright.results.result import Result
 from armwright.results.table import Table, number
 
-JOINTS = ("joint", "R²", "RMS", "of the torque [%]", "held out [%]", "unit")
+JOINTS = ("joint", "R²", "RMS", "of the torque [%]", "cross-validated [%]", "unit")
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +86,7 @@ class ArmEstimate(Result):
 
         formulas = [pair for pair in zip(self.estimate.names, self.formulas, strict=True) if pair[0] != pair[1]]
         grouped = definitions("Regrouping", formulas)
-        return write_report(path, f"{self.estimate.log}: arm", self.estimate, validation, grouped)
+        return write_report(path, f"{self.estimate.log}: arm", self.estimate, validation, grouped, self.tables()[1:])
 
     def write(self, output: str | os.PathLike[str], key: str = "fit") -> Path:
         """Writes the robot's record with the fitted links, rotors and friction, source of kind `fit`.

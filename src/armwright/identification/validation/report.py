@@ -23,6 +23,7 @@ from armwright.results.page_parts import bullets, html_table, section, sentence,
 if TYPE_CHECKING:
     from armwright.identification.estimate import Estimate
     from armwright.identification.validation.validate import Validation
+    from armwright.results.table import Table
 
 MOST_PLACES = 6  # behind the point
 STRONG = 0.95  # correlation from which on two parameters are named
@@ -46,6 +47,7 @@ def write_report(
     estimate: Estimate | None = None,
     validation: Validation | None = None,
     sections: Sequence[tuple[str, str]] = (),
+    fits: Sequence[Table] | None = None,
 ) -> Path:
     """Writes a report: verdict and summary first, then what to do next, parameters, joints with their plots, and the method.
 
@@ -53,19 +55,21 @@ def write_report(
         path: ending in .html.   title: of the page.   estimate: of the parameters, if some were fitted.
         validation: on a log, if there was one.
         sections: further ones, each a heading and its HTML: what a fit adds of its own.
+        fits: tables of how well it fits; by default the estimate's.
     Returns:
         path: of the page, one file that needs no network; light or dark as the reader's system is.
     Raises:
         OutputError: the file cannot be written.
     """
     of = "" if validation is None or validation.log.title in title else validation.log.title
-    return write_page(path, title, report_blocks(estimate, validation, sections), of)
+    return write_page(path, title, report_blocks(estimate, validation, sections, fits), of)
 
 
 def report_blocks(
     estimate: Estimate | None = None,
     validation: Validation | None = None,
     sections: Sequence[tuple[str, str]] = (),
+    fits: Sequence[Table] | None = None,
 ) -> list[str]:
     """Sections of the page as HTML; see `write_report`."""
     blocks = [_summary(estimate, validation)] if estimate is not None or validation is not None else []
@@ -75,7 +79,7 @@ def report_blocks(
     if next_steps:
         blocks.append(section("What to do next", bullets(map(sentence, next_steps))))
     if estimate is not None:
-        blocks.append(section("Parameters", _parameters(estimate)))
+        blocks.append(section("Parameters", _parameters(estimate, fits)))
     blocks += [section(heading, html) for heading, html in sections]
     if validation is not None:
         blocks += [_joint(validation, joint) for joint in validation.arm.names]
@@ -210,16 +214,16 @@ def _at_rest(found: JointMeasures) -> str:
     )
 
 
-def _parameters(estimate: Estimate) -> str:
+def _parameters(estimate: Estimate, fits: Sequence[Table] | None) -> str:
     """Table of the estimated numbers, then strong correlations and measures of the fit."""
-    parameters, *fits = estimate.tables()
+    parameters, *own = estimate.tables()
     parts = [shown_table(parameters)]
     matrix = estimate.correlation
     pairs = sorted(np.argwhere(np.triu(np.abs(matrix), 1) > STRONG), key=lambda pair: -abs(matrix[tuple(pair)]))
     if pairs:
         named = [f"{estimate.names[i]} and {estimate.names[j]}: {matrix[i, j]:.3f}" for i, j in pairs[:PAIRS]]
         parts.append(f"<h3>Strong correlations</h3>{bullets(named)}")
-    parts += [f"<h3>Fit to the log</h3>{shown_table(each)}" for each in fits]
+    parts += [f"<h3>Fit to the log</h3>{shown_table(each)}" for each in (own if fits is None else fits)]
     if np.isfinite(estimate.condition):
         parts.append(f'<p class="quiet">Condition number {estimate.condition:.4g}.</p>')
     return "".join(parts)
