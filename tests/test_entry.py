@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import traceback
-from dataclasses import replace
+from dataclasses import is_dataclass, replace
 
 import numpy as np
 import pydantic
@@ -32,6 +32,7 @@ GOOD = {  # of parameters behind the first that have no default
     "joint": "a", "period": 1e-3, "gains": {"kp": 1.0}, "noise": 0.1, "position": [0.0, 0.0, 0.0], "direction": [0.0, 0.0, 1.0],
     "targets": np.eye(4), "lanes": 4, "rows": [],
 }  # fmt: skip
+OPTIONS = {each.__name__ for each in PUBLIC.values() if isinstance(each, type) and is_dataclass(each)}
 FORMS = {f"Any{kind.capitalize()}": kind for kind in ENTRIES}
 
 
@@ -46,7 +47,7 @@ def log(tmp_path_factory):
 
 
 def parameters(name):
-    """Parameters of a public name that are walked: the first, and all that take one of the entries; None of what takes none."""
+    """Parameters of a public name that are walked: the first, and all that take one of the entries or an option type."""
     function = PUBLIC[name]
     if not callable(function):
         return []
@@ -55,11 +56,15 @@ def parameters(name):
     except (TypeError, ValueError):
         return []
     positional = [each for each in found if each.kind not in (each.VAR_POSITIONAL, each.VAR_KEYWORD)]
-    return [each for k, each in enumerate(positional) if k == 0 or _kind(each) is not None]
+    return [each for k, each in enumerate(positional) if k == 0 or _kind(each) is not None or _type(each) in OPTIONS]
+
+
+def _type(parameter):
+    return str(parameter.annotation).removesuffix(" | None").strip()
 
 
 def _kind(parameter):
-    return FORMS.get(str(parameter.annotation).removesuffix(" | None").strip())
+    return FORMS.get(_type(parameter))
 
 
 CASES = [(name, each) for name in sorted(PUBLIC) for each in parameters(name)]

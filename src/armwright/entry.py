@@ -10,6 +10,7 @@ import functools
 import importlib
 import os
 from dataclasses import dataclass
+from types import UnionType
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from armwright.errors import ArmwrightError, LogError, ModelError, RunError, ScenarioError, ScheduleError
@@ -149,11 +150,14 @@ def as_path(value: Any, place: str = "path", error: type[ArmwrightError] = Armwr
     raise error(place=place, value=value, expected="a path")
 
 
-def expect(value: Any, kind: type, place: str, expected: str, error: type[ArmwrightError] = ArmwrightError) -> None:
+def expect(
+    value: Any, kind: type | UnionType, place: str, expected: str, error: type[ArmwrightError] = ArmwrightError
+) -> None:
     """Refuses a value that is not of a type.
 
     Args:
-        value: the argument.   kind: its type.   place: what it is called.   expected: what it may be.   error: that is raised.
+        value: the argument.   kind: its type, or several with `|`.
+        place: what it is called.   expected: what it may be.   error: that is raised.
     Raises:
         ArmwrightError: it is something else.
     """

@@ -48,7 +48,6 @@ from armwright.identification.motor.problem import MotorSearch as MotorSearch
 from armwright.identification.motor.report import MotorFit as MotorFit
 from armwright.identification.validation.joint_measures import JointMeasures as JointMeasures
 from armwright.identification.validation.limits import Limits as Limits
-from armwright.identification.validation.report import write_report as write_report
 from armwright.identification.validation.validate import Validation as Validation, validate as validate
 from armwright.identification.validation.verdict import (
     StoredVerdict as StoredVerdict,

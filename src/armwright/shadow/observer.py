@@ -26,6 +26,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from armwright.entry import expect
 from armwright.errors import ScenarioError, ShapeError
 from armwright.identification.validation.torque import motor_shares
 from armwright.kernels.compiled import CompiledArm, compile_arm
@@ -124,6 +125,7 @@ class MomentumObserver:
         heavier: Model | None = None,
         whole: Model | None = None,
     ):
+        expect(bandwidths, ShadowBandwidths | None, "bandwidths", "an aw.shadow.ShadowBandwidths(…)", ScenarioError)
         self.arm, self.bandwidths, self._held = arm, bandwidths or ShadowBandwidths(), held
         self._models = [compile_arm(each) for each in (arm, heavier) if each is not None]
         self._shares, self._check = motor_shares(arm), RowCheck(whole or arm)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from armwright.entry import as_scenario
+from armwright.entry import as_scenario, expect
 from armwright.errors import ScenarioError
 from armwright.kernels.loop import LaneGroup, LoopArrays, NativeLoop
 from armwright.kernels.stages import SEEN, state_blocks
@@ -62,6 +62,7 @@ class LoopRunner:
 
         `lands`: as of `LoopConfig`.
         """
+        expect(loop, CompiledLoop | None, "loop", "the `loop` of another simulation", ScenarioError)
         self.scenario = scenario = as_scenario(scenario).resolved
         self.arm, self.count = scenario.arm, scenario.lane_count or 1
         self.period, self.step_length, self.substeps = scenario.tick, scenario.integration_step, scenario.substeps

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from armwright.entry import AnyArm, AnyMotion, as_arm, as_motion
+from armwright.entry import AnyArm, AnyMotion, as_arm, as_motion, expect
 from armwright.errors import ScenarioError
 from armwright.kernels.compiled import KERNELS, compile_arm
 from armwright.model import Model
@@ -217,6 +217,7 @@ def limits_report(
     """
     arm = as_arm(arm)
     motion = as_motion(motion, arm)
+    expect(limits, MotionLimits | None, "limits", "MotionLimits.of(arm, velocity=…)", ScenarioError)
     stated = limits is None
     limits = MotionLimits.of(arm) if limits is None else limits
     if motion.n != arm.n or limits.n != arm.n:

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from armwright.entry import expect
 from armwright.errors import BusError, OutputError, Problem, RunStopped
 from armwright.results.result import Result
 from armwright.results.table import Table, number
@@ -142,6 +143,7 @@ def run_controller(
             such drives, two devices with one number, an arm that must not move or stands elsewhere.
     """
     check_bus(bus)
+    expect(permission, Permission, "permission", "an aw.bus.Permission(…)", BusError)
     if isinstance(scenario, Rehearsal):
         rehearsal = scenario
     else:

@@ -9,6 +9,7 @@ from typing import Any, Literal, TypedDict, Unpack
 import numpy as np
 from scipy.stats import chi2
 
+from armwright.entry import expect
 from armwright.errors import LogError
 from armwright.identification.linear.delays import delay_interval
 from armwright.identification.linear.frequency import closed_loop
@@ -111,6 +112,7 @@ def _fit(
     structure: Structure, data: Any, y: Any, period: Any, signals: LogSignals = LIKELIEST, order: Any = "auto",
     delay: int | Literal["auto"] = "auto", search: OrderSearch = USUAL, offset: bool = True, initial: bool = True,
 ) -> LinearModel:  # fmt: skip
+    expect(search, OrderSearch, "search", "an aw.identification.OrderSearch", LogError)
     records = records_of(data, y, period, signals)
     if len(records.inputs) > 1 or len(records.outputs) > 1:
         what = f"{len(records.inputs)} inputs, {len(records.outputs)} outputs"

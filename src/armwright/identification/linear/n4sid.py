@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from armwright.entry import expect
 from armwright.errors import LogError
 from armwright.identification.linear import subspace
 from armwright.identification.linear.frequency import closed_loop
@@ -100,6 +101,8 @@ def fit_n4sid(
     Raises:
         LogError: as `fit_oe`; an input that excites too few frequencies.
     """
+    expect(search, OrderSearch, "search", "an aw.identification.OrderSearch", LogError)
+    expect(method, SubspaceMethod, "method", "an aw.identification.SubspaceMethod", LogError)
     records = records_of(data, y, period, signals)
     n, late, most_order = checked_order(order, 1), checked_delay(delay), search.most_order or MOST_ORDER
     assert not isinstance(n, tuple)

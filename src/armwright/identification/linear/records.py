@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from armwright.entry import expect
+from armwright.entry import as_log, expect
 from armwright.errors import LogError
 from armwright.fitting.stretch import LogStretch
 from armwright.identification.logs.blocks import LARGEST
@@ -82,12 +83,13 @@ def records_of(data: Any, y: Any = None, period: Any = None, signals: LogSignals
     """Checked records from a log, or from arrays.
 
     Args:
-        data: a `Log`, or u: (rows,) or (rows, inputs), or a list of such, one a run.   y: outputs in the same form.
+        data: a log or its path, or u: (rows,) or (rows, inputs), or a list of such, one a run.   y: outputs in the same form.
         period: [s], or times (rows,) [s] of one run.   signals: of a log.
     Raises:
         LogError: names the signal, run and row: not a number, constant, unevenly sampled, two clocks, too short.
     """
     expect(signals, LogSignals, "signals", "LogSignals(input=…, output=…, joint=…)", LogError)
+    data = as_log(data) if isinstance(data, (str, os.PathLike)) else data
     if isinstance(data, Log):
         if y is not None or period is not None:
             raise LogError("a log has its outputs and its clock", place="y" if y is not None else "period")

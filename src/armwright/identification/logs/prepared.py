@@ -10,7 +10,7 @@ import numpy as np
 from scipy import signal as sp
 from scipy.interpolate import CubicSpline
 
-from armwright.entry import AnyLog, as_log
+from armwright.entry import AnyLog, as_log, expect
 from armwright.errors import LogError
 from armwright.fitting.residuals import parts_of
 from armwright.identification.logs.blocks import ROWS, Block, run_blocks
@@ -49,9 +49,10 @@ def prepare_log(log: AnyLog, run: str | None = None, preparation: Preparation | 
     Raises:
         LogError: no stretch is long enough.
     """
-    log = as_log(log)
     import xarray as xr
 
+    log = as_log(log)
+    expect(preparation, Preparation | None, "preparation", "an aw.identification.Preparation", LogError)
     chosen = log.run(run)
     preparation = preparation or choose_preparation(log, chosen.name)
     parts = list(prepared_blocks(log, chosen.name, preparation))

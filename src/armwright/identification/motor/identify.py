@@ -11,7 +11,7 @@ import numpy as np
 
 from armwright.description.paths import path_name
 from armwright.description.robot import RobotDescription
-from armwright.entry import as_log
+from armwright.entry import as_log, expect
 from armwright.errors import LogError, ModelError
 from armwright.features import Support
 from armwright.identification.logs.log import Log
@@ -73,6 +73,8 @@ def identify_motor(
         LogError: the log lacks what a fit needs.   ModelError: no such joint or parameter, an arm that does not match the log.
         DescriptionError: the robot cannot be believed.
     """
+    expect(reading, MotorReading, "reading", "an aw.identification.MotorReading", LogError)
+    expect(search, MotorSearch, "search", "an aw.identification.MotorSearch", ModelError)
     log = as_log(log)
     static = None if reading.static is None else as_log(reading.static, "static")
     known = dict(fixed or {})

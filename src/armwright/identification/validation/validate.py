@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from armwright.description import builtin_names
-from armwright.entry import as_log
+from armwright.entry import as_log, expect
 from armwright.errors import ArmwrightError, LogError
 from armwright.identification.arm.torque_model import MEASURED
 from armwright.identification.logs.log import Log
@@ -191,6 +191,7 @@ def validate(
         LogError: an arm that does not match the log, a log without what is needed, unknown joints in the limits.
         ArmwrightError: a record or a scenario that cannot be believed, or run.
     """
+    expect(preparation, Preparation | None, "preparation", "an aw.identification.Preparation", LogError)
     with automatic(progress, "validating") as tell:
         scenario = arm if isinstance(arm, Scenario) else None
         model, path = _record(arm, record)
