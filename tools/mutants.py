@@ -92,11 +92,8 @@ def make_map(arguments: list[str]) -> None:
     """Runs all tests under the plugin. More words are pytest's: `map tests/twin`, `map -m study`."""
     shutil.rmtree(KEPT, ignore_errors=True)
     KEPT.mkdir(parents=True)
-    environment = {
-        **os.environ,
-        "MUTANTS_MAP": "1",
-        "PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), *sys.path[1:]]),
-    }
+    paths = os.pathsep.join([str(ROOT / "tools"), str(ROOT / "src")])
+    environment = {**os.environ, "MUTANTS_MAP": "1", "PYTHONPATH": paths}
     command = [sys.executable, "-m", "pytest", "-p", "mutants", "-n", "2", "--dist", "loadfile", "-q", *arguments]
     subprocess.run(command, cwd=ROOT, env=environment, check=False)
     from coverage import Coverage
