@@ -80,7 +80,7 @@ class ReleaseSegment(Record):
 
 
 class TimeOptimalSegment(Record):
-    """A smooth path from the present pose through waypoints, as fast as the motors allow; see `armwright.time_optimal`."""
+    """A smooth path from the present pose through waypoints, as fast as the motors allow; see `aw.trajectories.time_optimal`."""
 
     kind: Literal["time_optimal"] = Field(description="Which kind of segment.")
     points: Points = Field(description="Waypoints [rad | m], the arm's own pose before them left away.")
@@ -121,7 +121,7 @@ class CirclePiece(Record):
 
 
 class ToolSegment(Record):
-    """The tool moved along lines and arcs at a constant speed; see `armwright.follow_path`."""
+    """The tool moved along lines and arcs at a constant speed; see `aw.trajectories.follow_path`."""
 
     kind: Literal["tool"] = Field(description="Which kind of segment.")
     path: Annotated[

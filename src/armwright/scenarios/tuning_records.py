@@ -60,7 +60,7 @@ class DrawsTable(Record):
 
 
 class TuningTable(Record):
-    """Search for gains by `armwright tune`; see `armwright.tune`. Options of the command line come first."""
+    """Search for gains by `armwright tune`; see `aw.tuning.tune`. Options of the command line come first."""
 
     start: START = Field(
         default="scenario",
@@ -119,5 +119,5 @@ class TuningTable(Record):
         return value
 
     def asked(self) -> dict[str, object]:
-        """Values of the file by name as `armwright.tune` calls them; only those that it states."""
+        """Values of the file by name as `aw.tuning.tune` calls them; only those that it states."""
         return {name.removesuffix("_rad"): getattr(self, name) for name in self.model_fields_set}

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from armwright import scalar
+from armwright.entry import AnyArm, as_arm
 from armwright.errors import ScenarioError
 from armwright.model import Model
 from armwright.model.joint_signals import UNITS
@@ -42,7 +43,7 @@ class MotionLimits:
     prismatic: tuple[bool, ...]
 
     @classmethod
-    def of(cls, arm: Model, **overrides: Any) -> MotionLimits:
+    def of(cls, arm: AnyArm, **overrides: Any) -> MotionLimits:
         """Limits of the record, or given ones in their place.
 
         A limit of the current is one of the torque as well, also beside a finite one that is given.
@@ -54,6 +55,7 @@ class MotionLimits:
         Raises:
             ScenarioError: an unknown quantity or joint, a limit that is no number above 0, bounds that do not increase.
         """
+        arm = as_arm(arm)
         limits = [body.limits for body in arm.coordinates]
         record = {name: np.array([getattr(each, name, np.inf) for each in limits], dtype=float) for name in QUANTITIES}
         record["torque"] = np.minimum(record["torque"], current_torques(arm))

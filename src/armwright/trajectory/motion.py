@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
+from armwright.entry import AnyArm, as_arm
 from armwright.program import interpret, trace
 from armwright.scalar import Array, Scalar
 
@@ -72,7 +73,7 @@ class Motion(ABC):
 
         return motion_dataset(arm, self, rate, payload)
 
-    def save(self, arm: Model, path: str | os.PathLike[str], rate: float = 500.0) -> None:
+    def save(self, arm: AnyArm, path: str | os.PathLike[str], rate: float = 500.0) -> None:
         """Writes the motion as .csv (t, q, qd, qdd of every joint) or .nc, for `load_motion`.
 
         Args:
@@ -82,14 +83,14 @@ class Motion(ABC):
         """
         from armwright.trajectory.motion_rows import save_motion
 
-        save_motion(arm, self, path, rate)
+        save_motion(as_arm(arm), self, path, rate)
 
     def from_file(self, path: str | os.PathLike[str]) -> Self:
         """The motion, which knows from now on the file that it was read from."""
         object.__setattr__(self, "file", os.fspath(path))
         return self
 
-    def plot(self, arm: Model, path: str | os.PathLike[str] | None = None, payload: Any = None) -> Figure | None:
+    def plot(self, arm: AnyArm, path: str | os.PathLike[str] | None = None, payload: Any = None) -> Figure | None:
         """Figure of positions, speeds, accelerations, torques and voltages, written to a path if one is given.
 
         Args:
@@ -100,4 +101,4 @@ class Motion(ABC):
         """
         from armwright.trajectory.motion_rows import plot_motion
 
-        return plot_motion(arm, self, path, payload)
+        return plot_motion(as_arm(arm), self, path, payload)

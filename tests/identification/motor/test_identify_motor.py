@@ -116,7 +116,9 @@ def test_a_parameter_of_each_run_and_its_drift(tmp_path):
     assert "drifts by" in str(estimate)
 
 
-@pytest.mark.parametrize("options", [{"starts": 0}, {"most_delay": -1}, {"per_run": "coulomb"}])
+@pytest.mark.parametrize(
+    "options", [{"starts": 0}, {"most_delay": -1}, {"per_run": "coulomb"}, {"seed": -1}, {"pwm": "x"}]
+)
 def test_a_search_that_cannot_be_is_refused(options):
     with pytest.raises(ModelError) as caught:
         MotorSearch(**options)
@@ -146,7 +148,11 @@ def test_bad_input_is_refused(tmp_path):
         {"reading": MotorReading(static=log.parent / "nowhere.log.toml")},
         {"fixed": {"R": -1.0}},
         {"fixed": {"delay": 3.0}},
+        {"fixed": {"delay": -0.01}},
+        {"fixed": {"R": 1.0}, "search": MotorSearch(per_run=["R"])},
     ]
+    with pytest.raises(LogError, match="speed = 'instantly'"):
+        MotorReading(speed="instantly")
     for options in wrong:
         with pytest.raises(ArmwrightError):
             aw.identification.identify_motor(log, **options)

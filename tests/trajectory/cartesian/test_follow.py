@@ -389,3 +389,19 @@ def test_a_run_is_planned_time_optimally_and_stays_on_the_path():
     dense = path.at(np.linspace(0.0, path.length, 20001))[0][:, :3, 3]
     gaps = np.linalg.norm(reached[:, None, :3, 3] - dense, axis=2).min(axis=1)
     assert gaps.max() < 2.0 * path.length / 20000
+
+
+def test_a_solution_is_for_its_arm_and_within_the_limits():
+    """Of another arm with joints of the same names, and beyond limits that are given later."""
+    lwa4p, q = aw.load("lwa4p"), [0.2, 0.4, 0.6, 0.1, 0.5, 0.2]
+    end = (start := aw.compile(lwa4p).forward_kinematics(q)).copy()
+    end[2, 3] -= 0.05
+    solution = aw.trajectories.solve_path(
+        lwa4p, aw.trajectories.CartesianPath([aw.trajectories.Line(end)], start), near=q
+    )
+    assert aw.trajectories.follow_path(lwa4p, solution, 0.05, 0.5).duration > 1.0
+    with pytest.raises(ScenarioError, match="solved for lwa4p"):
+        aw.trajectories.follow_path(aw.load("cmu-dd"), solution, 0.05, 0.5)
+    limits = aw.trajectories.MotionLimits.of("lwa4p", position=0.1)
+    with pytest.raises(ScenarioError, match="leaves its limits"):
+        aw.trajectories.follow_path(lwa4p, solution, 0.05, 0.5, limits=limits)

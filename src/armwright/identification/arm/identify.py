@@ -70,7 +70,7 @@ def identify_arm(
     """
     if method not in METHODS:
         raise IdentificationError(place="method", value=method, choices=tuple(METHODS))
-    terms, rows = terms or ArmTerms(), rows or FitRows()
+    terms, rows = ArmTerms() if terms is None else terms, FitRows() if rows is None else rows
     expect(terms, ArmTerms, "terms", "an aw.identification.ArmTerms", IdentificationError)
     expect(rows, FitRows, "rows", "an aw.identification.FitRows", IdentificationError)
     log = as_log(log)

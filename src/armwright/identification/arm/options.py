@@ -6,6 +6,8 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from armwright.errors import IdentificationError
+
 
 @dataclass(frozen=True)
 class FitRows:
@@ -19,6 +21,9 @@ class FitRows:
     runs: Sequence[str] | None = None
     cutoff: float | None = None
     decimate: int | None = None
+
+    def __post_init__(self) -> None:
+        _check_names("runs", self.runs)
 
 
 @dataclass(frozen=True)
@@ -36,3 +41,13 @@ class ArmTerms:
     stribeck_speed: float | None = None
     lacks: Collection[str] | None = None
     fit_efficiency: Collection[str] | Literal["all"] = ()
+
+    def __post_init__(self) -> None:
+        _check_names("springs", self.springs)
+        _check_names("lacks", self.lacks)
+        _check_names("fit_efficiency", None if self.fit_efficiency == "all" else self.fit_efficiency)
+
+
+def _check_names(place: str, value: object) -> None:
+    if isinstance(value, str):
+        raise IdentificationError(place=place, value=value, expected="a list of names")

@@ -62,6 +62,8 @@ class SubspaceMethod:
     def __post_init__(self) -> None:
         if self.weighting not in ("cva", "moesp"):
             raise LogError(place="weighting", value=self.weighting, choices=("cva", "moesp"))
+        if not isinstance(self.direct, bool):
+            raise LogError(place="direct", value=self.direct, expected="True or False")
 
     def rows(self, order: int | None, most_order: int) -> int:
         """Rows of the horizon for an order, or for one that is chosen up to the largest.

@@ -76,7 +76,7 @@ class LogRun:
 
 @dataclass(frozen=True, eq=False)
 class Log:
-    """Measurements of an arm or of a motor, mapped to signals; `armwright.read_log` reads and checks one.
+    """Measurements of an arm or of a motor, mapped to signals; `aw.identification.read_log` reads and checks one.
 
     Attributes:
         path: of the `*.log.toml`.   title: from it.   joints: names.   arm: the robot; None if the file names none.

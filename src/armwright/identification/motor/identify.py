@@ -78,7 +78,7 @@ def identify_motor(
     log = as_log(log)
     static = None if reading.static is None else as_log(reading.static, "static")
     known = dict(fixed or {})
-    _check(free, known)
+    _check(free, known, search.per_run)
     asked = [log.run(name).name for name in reading.runs] if reading.runs is not None else list(log.fit)
     if search.priors and arm is None and log.arm is None:
         raise ModelError("goes with a robot, whose record states deviations", place="priors", value=True)
@@ -152,7 +152,7 @@ def _check_rows(problem: DriveProblem, log: Log) -> None:
         raise LogError(what, place="rows", expected=expected, file=log.path)
 
 
-def _check(free: Any, fixed: Mapping[str, Any]) -> None:
+def _check(free: Any, fixed: Mapping[str, Any], per_run: Sequence[str]) -> None:
     check_names("free", free)
     if free is not None and not [name for name in free if name]:
         raise ModelError(place="free", value=list(free), expected="one name or more, or None: all that the record has")
@@ -161,6 +161,8 @@ def _check(free: Any, fixed: Mapping[str, Any]) -> None:
         if number is None or not np.isfinite(number) or (name in POSITIVE and number <= 0.0):
             expected = "a number above 0" if name in POSITIVE else "a finite number"
             raise ModelError(place=f"fixed {name}", value=value, expected=f"{expected}, in the record's unit")
-    twice = set(free or ()) & set(fixed)
+    if fixed.get("delay", 0.0) < 0.0:
+        raise ModelError(place="fixed delay", value=fixed["delay"], expected="0 or more, in s")
+    twice = {*(free or ()), *per_run} & set(fixed)
     if twice:
-        raise ModelError("free and fixed", place="fixed", value=sorted(twice)[0], expected="one of the two")
+        raise ModelError("free or per_run, and fixed", place="fixed", value=sorted(twice)[0], expected="one of the two")

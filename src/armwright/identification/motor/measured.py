@@ -62,6 +62,9 @@ def largest_speed(stretches: Sequence[Driven]) -> float:
     return float(max(np.abs(each.speeds).max() for each in stretches))
 
 
+SPEEDS = ("auto", "difference", "instant")
+
+
 @dataclass(frozen=True)
 class MotorReading:
     """Part of a log of motors that is compared.
@@ -76,6 +79,10 @@ class MotorReading:
     signals: Sequence[str] | None = None
     speed: Literal["auto", "difference", "instant"] = "auto"
     static: Log | str | os.PathLike[str] | None = None
+
+    def __post_init__(self) -> None:
+        if self.speed not in SPEEDS:
+            raise LogError(place="speed", value=self.speed, choices=SPEEDS)
 
 
 @dataclass(frozen=True, eq=False)

@@ -58,9 +58,19 @@ class MotorSearch:
 
     def __post_init__(self) -> None:
         check_names("per_run", self.per_run)
-        for place, value, least in (("starts", self.starts, 1), ("most_delay", self.most_delay, 0)):
-            if not isinstance(value, (int, np.integer)) or isinstance(value, bool) or not least <= value <= 1000:
-                raise ModelError(place=place, value=value, expected=f"a whole number from {least} to 1000")
+        numbers = (
+            ("starts", self.starts, 1, 1000),
+            ("most_delay", self.most_delay, 0, 1000),
+            ("seed", self.seed, 0, 2**32 - 1),
+        )
+        for place, value, least, most in numbers:
+            if not isinstance(value, (int, np.integer)) or isinstance(value, bool) or not least <= value <= most:
+                raise ModelError(place=place, value=value, expected=f"a whole number from {least} to {most}")
+        if self.pwm not in PWM:
+            raise ModelError(place="pwm", value=self.pwm, choices=tuple(filter(None, PWM)))
+
+
+PWM = (None, "brake", "coast", "compare")
 
 
 def check_names(place: str, value: Any) -> None:
@@ -91,8 +101,8 @@ def problem_of(
     lags = 0 if delay == 0.0 else search.most_delay
     fixed_delay = 0.0 if delay is None else delay / data.period
     if fixed_delay > lags + 1:
-        expected = f"at most {(lags + 1) * data.period:g} s"
-        raise ModelError("longer than the longest delay", place="delay", value=delay, expected=expected)
+        expected = f"at most {(lags + 1) * data.period:g} s, or a larger most_delay of the search"
+        raise ModelError("longer than the longest delay", place="fixed delay", value=delay, expected=expected)
     time = min(each.time for each in guesses)
     substeps = int(np.clip(np.ceil(data.period / (SHARE_OF_TIME * time)), 1, MOST_SUBSTEPS))
     response = response_of(varied, data.signals, lags, substeps)

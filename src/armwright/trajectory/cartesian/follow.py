@@ -10,17 +10,21 @@ import numpy as np
 from armwright import scalar
 from armwright.entry import AnyArm, as_arm, expect
 from armwright.errors import ScenarioError
+from armwright.kinematics.forward_kinematics import forward_kinematics
 from armwright.model import Model
 from armwright.trajectory.cartesian.motion import CartesianMotion, SlowStretch
 from armwright.trajectory.cartesian.path import CartesianPath
 from armwright.trajectory.cartesian.slowing import Pace, locally_slowed
-from armwright.trajectory.cartesian.solve import ToolPathSolution, checked_limits, place, solve_path
+from armwright.trajectory.cartesian.solve import BEYOND, ToolPathSolution, checked_limits, past_limit, place, solve_path
+from armwright.trajectory.cartesian.tool import Tool
 from armwright.trajectory.cartesian.uses import MARGIN, uses_of
 from armwright.trajectory.limits import LARGEST, SMALLEST, MotionLimits
 from armwright.trajectory.piecewise import LAST, PiecewisePolynomial
 from armwright.trajectory.s_curve import s_curve_jerks, s_curve_times
 
 SLOWEST = 100.0  # a motion that must be slower than requested by more is next to a singularity
+CHECKED = 2000  # places of a given solution at which it is compared with limits of position
+SAME = 1e-9  # [m] between poses of two models that are one arm
 JERK_TIME = 0.1  # [s] in which an acceleration is reached where no jerk is given
 Slow = Literal["everywhere", "where needed", "nowhere"]
 SLOW = get_args(Slow)
@@ -122,16 +126,30 @@ def _solved(arm: Model, path: Any, near: Any, limits: MotionLimits) -> ToolPathS
     """The path's solution, or the given one.
 
     Raises:
-        ScenarioError: as `solve_path`; a solution of another arm, or one that is to begin elsewhere.
+        ScenarioError: as `solve_path`; a solution of another arm, beyond limits of position, or one that is to begin elsewhere.
     """
     if not isinstance(path, ToolPathSolution):
         return solve_path(arm, path, near=near, limits=limits)
-    if path.tool.arm.names != arm.names:
+    s = np.linspace(0.0, path.path.length, CHECKED)
+    q = path.at(s)[0]
+    if path.tool.arm.names != arm.names or not _alike(arm, path.tool, q[:: CHECKED // 4]):
         what, expected = f"solved for {path.tool.arm.name}", f"a path, or one that is solved for {arm.name}"
         raise ScenarioError(what, place="path", expected=expected)
     if near is not None:
         raise ScenarioError("with a solution", place="near", expected="it given to solve_path")
+    low, high = limits.position.T
+    beyond = np.maximum(low - q, q - high)
+    if (beyond > BEYOND).any():
+        row, joint = np.argwhere(beyond > BEYOND)[0]
+        worst = int(beyond[:, joint].argmax())
+        raise past_limit(path.path, limits, int(joint), float(s[row]), q[worst, joint], s[worst])
     return path
+
+
+def _alike(arm: Model, tool: Tool, positions: np.ndarray) -> bool:
+    """Whether the tool of another model stands at positions (k, n) where that of the arm does."""
+    poses = ([forward_kinematics(each, q, frame=tool.frame) for q in positions] for each in (arm, tool.arm))
+    return np.allclose(*poses, rtol=0.0, atol=SAME)
 
 
 def _above_zero(name: str, value: Any) -> float:

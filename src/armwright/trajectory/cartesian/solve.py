@@ -277,15 +277,14 @@ def _within(
     if (beyond > BEYOND).any():
         row, joint = np.argwhere(beyond > BEYOND)[0]
         worst = int(beyond[:, joint].argmax())
-        raise _Outside(
-            float(s[row]), _past_limit(path, limits, int(joint), float(s[row]), rows[worst, joint], s[worst])
-        )
+        raise _Outside(float(s[row]), past_limit(path, limits, int(joint), float(s[row]), rows[worst, joint], s[worst]))
     return runs
 
 
-def _past_limit(
+def past_limit(
     path: CartesianPath, limits: MotionLimits, joint: int, first: float, worst: float, at: float
 ) -> ScenarioError:
+    """The error of a joint that first leaves its limits at one place of a path and is farthest outside at another."""
     low, high = limits.position[joint]
     unit = limits.unit("position", joint)
     beyond = max(low - worst, worst - high)
@@ -336,7 +335,7 @@ def _splined(
         if beyond.max() > 1e3 * BEYOND:
             joint, end = np.unravel_index(int(beyond.argmax()), beyond.shape)
             at = nodes[0] + float(places[joint, end])
-            error = _past_limit(follower.path, limits, int(joint), at, float(extremes[joint, end]), at)
+            error = past_limit(follower.path, limits, int(joint), at, float(extremes[joint, end]), at)
             raise _Outside(at, error)
         if clearance is not None:
             dense = np.unique(np.linspace(each.breaks[:-1], each.breaks[1:], IN_A_PIECE))
