@@ -132,7 +132,7 @@ class Map:
     def of(self, mutant: Mutant) -> list[str]:
         """The tests of a mutant, the quickest first."""
         if mutant.constant:
-            word = re.compile(rf"\b{mutant.constant}\b")
+            word = re.compile(rf"\b{re.escape(mutant.constant)}\b")
             found = set()
             for file, lines in self.lines.items():
                 text = (PACKAGE / file).read_text("utf-8").splitlines()
@@ -258,7 +258,7 @@ def drawn(count: int, seed: int) -> list[Mutant]:
     found: list[Mutant] = []
     for k, folders in enumerate(ROOMS.values()):
         paths = [path for folder in folders for path in sorted((PACKAGE / folder).rglob("*.py"))]
-        every = [each for path in paths if path.name not in LOOKS for each in mutants_of(path)]
+        every = [each for path in paths if path.name not in LOOKS for each in mutants_of(path) if each.constant != "?"]
         found += source.sample(every, count // len(ROOMS) + (k < count % len(ROOMS)))
     return found
 
