@@ -46,7 +46,7 @@ BLOCKS = 10  # that the jackknife leaves out, one after the other
 
 @dataclass(frozen=True)
 class SubspaceMethod:
-    """How a subspace method works.
+    """Options of a subspace method.
 
     Args:
         horizon: rows of past and future; None: 2 `order` + 2, at least 15.   weighting: "cva" or "moesp".
