@@ -28,6 +28,7 @@ def validate(
     window: float | None = option(
         "S", "Time in s after which a free simulation starts again from the log; default 0.5."
     ),
+    cutoff: float | None = option("HZ", "Cut-off of the low-pass; by default that of the record's fit."),
     no_simulation: bool = flag("--no-simulation", "Predict torques only."),
     report: Path | None = option("FILE.html", "Write a page with plots, which needs no network."),
     allow: Allow = None,
@@ -53,13 +54,14 @@ def validate(
         refuse_without_file(allow)
         subject, record = robot, None
     check_verdict(record or robot)
-    with as_options("window", "run"), progress(f"comparing {robot} with {log.name}") as tell:
+    with as_options("window", "run", "cutoff"), progress(f"comparing {robot} with {log.name}") as tell:
         found = aw.identification.validate(
             subject,
             log,
             limits=limits,
             runs=run,
             window=window,
+            cutoff=cutoff,
             simulation=not no_simulation,
             record=record,
             progress=tell,

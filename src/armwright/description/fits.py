@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
 from armwright.description.built_from import Sha256
-from armwright.quantity import Number, Record
+from armwright.quantity import Number, Record, optional
 from armwright.validation import Invalid
 
 SLACK = 1e-6  # of a correlation's smallest eigenvalue: its numbers are rounded
@@ -29,6 +29,18 @@ def _below_diagonal(rows: object) -> object:
 
 
 Correlation = Annotated[tuple[tuple[float, ...], ...], BeforeValidator(_below_diagonal)]
+
+
+class PreparationRecord(Record):
+    """Low-pass of a log's rows before a fit; a comparison with a log takes the same one."""
+
+    cutoff_hz: float = Field(gt=0.0, description="Where amplitudes are halved.")
+    order: int = Field(
+        default=4, ge=1, le=10, description="Of the Butterworth filter, which runs forward and backward."
+    )
+    differentiation: Literal["central", "savgol", "three rows"] = Field(
+        default="central", description="Of positions or speeds."
+    )
 
 
 class FitRecord(Record):
@@ -66,6 +78,7 @@ class FitRecord(Record):
     measures: dict[str, dict[str, float]] = Field(
         default_factory=dict, description="How well it predicts, by signal or joint: fit_percent, r2, rms."
     )
+    preparation: PreparationRecord | None = optional("Of the log; `armwright validate` takes the same.")
     remarks: tuple[str, ...] = Field(default=(), description="What a user of these numbers should know.")
 
     @model_validator(mode="after")

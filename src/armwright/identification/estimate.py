@@ -46,6 +46,7 @@ class Estimate(Result):
         remarks: sentences for the user: indistinguishable numbers, numbers at a bound, and remedies.
         condition: number of the scaled Jacobian or regressor.   fit: measures by signal or joint: fit_percent, r2, rms.
         sha256: of the log.   method: one line.   verdict: "identified" or "not identified".   log: its file's name.
+        preparation: of the log, as `[fits]` keeps it; empty: none.
     """
 
     names: tuple[str, ...]
@@ -61,6 +62,7 @@ class Estimate(Result):
     fit: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     verdict: Verdict = "identified"
     log: str = ""
+    preparation: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if not isinstance(self.names, Sequence) or not all(isinstance(name, str) for name in self.names):
@@ -351,9 +353,9 @@ def _add_tables(parts: list[Any], estimate: Estimate, key: str, written: list[in
         signal: {name: float(f"{v:.6g}") for name, v in each.items() if np.isfinite(v)}
         for signal, each in estimate.fit.items()
     }
-    empty = {name: value for name, value in (("others", others), ("measures", measures)) if value}
-    for name, value in {**empty, "remarks": list(estimate.remarks)}.items():
-        fit[name] = _inline(value) if name == "measures" else value
+    tables = (("others", others), ("measures", _inline(measures)), ("preparation", _inline(estimate.preparation)))
+    for name, value in {**{name: each for name, each in tables if each}, "remarks": list(estimate.remarks)}.items():
+        fit[name] = value
     for name in ("at_bound", "unidentified", "remarks"):
         if not fit[name]:
             del fit[name]

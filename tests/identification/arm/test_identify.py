@@ -41,7 +41,7 @@ def test_record_with_fitted_numbers_moves_as_the_truth(tmp_path):
     expected = aw.compile(arm).inverse_dynamics(q, qd, qdd)
     error = aw.compile(again).inverse_dynamics(q, qd, qdd) - expected
     assert (error.std(axis=0) < 0.03 * expected.std(axis=0)).all()
-    prepared = aw.identification.choose_preparation(log)
+    prepared = aw.identification.choose_preparation(log, cutoff=found.estimate.preparation["cutoff_hz"])
     prediction = predict_torque(
         again, log, logged_motion(log, None, prepared)
     )  # dry friction leaves the low-pass as in the fit

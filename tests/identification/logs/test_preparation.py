@@ -186,7 +186,7 @@ def test_gaps_of_a_few_rows_are_bridged(tmp_path, change):
     if change is None:
         table["m2"] = np.where(rng.random(len(t)) < 0.01, np.nan, table["m2"])
     log = aw.identification.read_log(written(tmp_path, TWO, {"arm.csv": table}))
-    assert len(log.run().stretches) > 20
+    assert log.run().census.pieces > 20
     assert any("preparation makes 1" in str(each) for each in log.findings)
     chosen = aw.identification.choose_preparation(log, cutoff=10.0)
     data = aw.identification.prepare_log(log, None, chosen)

@@ -80,7 +80,7 @@ def test_empty_cells_are_nan_and_a_cut(tmp_path):
         lines[line] = ",".join(cells)
     (tmp_path / "arm.csv").write_text("\n".join(lines))
     log = aw.identification.read_log(path)
-    assert [stretch.rows for stretch in log.runs[0].stretches] == [499, 2498, 1001]
+    assert [(stretch.rows, stretch.pieces) for stretch in log.runs[0].stretches] == [(4001, 3)]
     (note,) = [each for each in log.notes if "empty" in str(each)]
     assert "qd elbow" in str(note)
     assert "arm.csv:501" in str(note)

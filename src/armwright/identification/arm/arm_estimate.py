@@ -10,6 +10,7 @@ import numpy as np
 
 from armwright.errors import IdentificationError
 from armwright.identification.arm.arm_record import RecordParameters, write_record
+from armwright.identification.arm.cutoff import CutoffCurve
 from armwright.identification.arm.fit import ArmFit, HeldOut
 from armwright.identification.estimate import Estimate
 from armwright.identification.validation.comparison import RecordComparison
@@ -32,6 +33,7 @@ class ArmEstimate(Result):
         hold_out: the record judged on the runs that the log holds out, by the measures of `validate`; None where there are none.
         sensitive: names of parameters that leave their 95 % interval at another cut-off.
         record: physically possible parameters for a record; None where it was not asked for.   gears: N of the log, or None.
+        cutoffs: held-out errors by the cut-off of the low-pass; None where it was given.
     """
 
     estimate: Estimate
@@ -43,6 +45,7 @@ class ArmEstimate(Result):
     sensitive: tuple[str, ...]
     record: RecordParameters | None
     gears: np.ndarray | None
+    cutoffs: CutoffCurve | None = None
 
     @property
     def verdict(self) -> str:
@@ -85,8 +88,10 @@ class ArmEstimate(Result):
         from armwright.identification.validation.report import write_report  # which draws
 
         formulas = [pair for pair in zip(self.estimate.names, self.formulas, strict=True) if pair[0] != pair[1]]
-        grouped = definitions("Regrouping", formulas)
-        return write_report(path, f"{self.estimate.log}: arm", self.estimate, validation, grouped, self.tables()[1:])
+        grouped, fits = definitions("Regrouping", formulas), self.tables()[1:]
+        if self.cutoffs is not None:
+            fits.append(self.cutoffs.table(self.fit.equations.model.arm.names))
+        return write_report(path, f"{self.estimate.log}: arm", self.estimate, validation, grouped, fits)
 
     def write(self, output: str | os.PathLike[str], key: str = "fit") -> Path:
         """Writes the robot's record with the fitted links, rotors and friction, source of kind `fit`.

@@ -300,6 +300,7 @@ class HeldOut:
     Attributes:
         run, begin, end: which rows [s].   relative: (n,) residual's root mean square by that of the whole log's torque.
         r2: (n,) on these rows.   at_rest: nothing moves there, so that friction is not in a known direction.
+        squares: (n,) sum of the residuals' squares.
     """
 
     run: str
@@ -308,6 +309,7 @@ class HeldOut:
     relative: np.ndarray
     r2: np.ndarray
     at_rest: bool
+    squares: np.ndarray
 
     @property
     def error(self) -> float:
@@ -343,4 +345,5 @@ def held_out(part: LogPart, parameters: np.ndarray, fit: ArmFit) -> HeldOut:
         relative = np.where(fit.torque_rms > 0, rms / fit.torque_rms, np.nan)
     rows = np.maximum([factor.rows for factor in part.factors], 1)
     at_rest = bool((np.sqrt(part.motion / rows) <= AT_REST * speed).all())
-    return HeldOut(part.run, part.begin, part.end, relative, r2, at_rest)
+    squares = np.array([factor.residual(parameters) for factor in part.factors])
+    return HeldOut(part.run, part.begin, part.end, relative, r2, at_rest, squares)

@@ -42,7 +42,15 @@ def judged_record(
         noise = error_by_noise(fit, fresh)
         with TemporaryDirectory() as folder:
             written = load(write_record(fit, values, stream.gears, estimate, Path(folder) / "arm.toml"))
-        found = compare_records(written, arm, stream.log, list(stream.fresh), simulation=False, noise=noise)
+        found = compare_records(
+            written,
+            arm,
+            stream.log,
+            list(stream.fresh),
+            simulation=False,
+            noise=noise,
+            cutoff=next(iter(stream.fresh.values())).narrow.cutoff,
+        )
     except ArmwrightError as error:
         return None, [f"the runs held out do not judge the record: {error}"]
     return found, found.remarks

@@ -13,6 +13,7 @@ from armwright.errors import IdentificationError
 from armwright.identification.arm.arm_estimate import ArmEstimate
 from armwright.identification.arm.arm_record import record_parameters
 from armwright.identification.arm.closed_loop import Feedback
+from armwright.identification.arm.cutoff import cutoff_curve
 from armwright.identification.arm.fit import cross_validated
 from armwright.identification.arm.gear_loss import lossy_model
 from armwright.identification.arm.held_out import judged_record
@@ -81,16 +82,17 @@ def identify_arm(
     stream = stream_of(log, arm, rows.runs, cutoff=rows.cutoff, decimate=rows.decimate)
     lacks = stream.lacks if terms.lacks is None else terms.lacks
     model = _model(arm, method, friction, replace(terms, lacks=lacks), stream.gears)
+    curve = cutoff_curve(stream, model) if rows.cutoff is None else None
+    stream = stream if curve is None else stream.at(curve.chosen, rows.decimate, curve.reason)
     found = fitted(stream, model, method, feedback, forgetting, strict=terms.fit_efficiency != "all")
     fit, by_parts = found.fit, METHODS[method].parts
     held_out = tuple(cross_validated(fit)) if by_parts and len(fit.equations.parts) > 1 else ()
     sensitive = sensitive_parameters(stream, fit) if by_parts and sensitivity else ()
     values = record_parameters(fit, stream.kept) if record or stream.fresh else None
-    cutoff = next(iter(stream.filters.values())).narrow.cutoff
-    about = f"{METHODS[method].about} of {fit.equations.rows.max()} rows, {model.arm.n} joints, cut-off {cutoff:.4g} Hz"
+    about = f"{METHODS[method].about} of {fit.equations.rows.max()} rows, {model.arm.n} joints, cut-off {stream.cutoff:.4g} Hz"
     estimate = Estimate(
         tuple(fit.base.names), fit.values, fit.covariance, stream.sha256, about, tuple(fit.base.units),
-        condition=fit.condition, log=stream.name,
+        condition=fit.condition, log=stream.name, preparation=stream.settings,
     )  # fmt: skip
     comparison, said = None, [NO_HOLD_OUT]
     if values is not None and stream.fresh:
@@ -105,9 +107,10 @@ def identify_arm(
         sensitive,
         values,
         stream.gears,
+        curve,
     )
     directions = sentences(fit, found.rows(), found.base, found.structural)
-    return replace(result, estimate=with_remarks(result, found, directions, cutoff, [*stream.warnings, *said]))
+    return replace(result, estimate=with_remarks(result, found, directions, stream.cutoff, [*stream.warnings, *said]))
 
 
 def _model(

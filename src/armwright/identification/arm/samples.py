@@ -21,17 +21,20 @@ import numpy as np
 from armwright.errors import IdentificationError, LogError
 from armwright.identification.arm.equations import Samples, SampleSource
 from armwright.identification.arm.torque_model import TorqueModel
+from armwright.identification.logs.blocks import Block
 from armwright.identification.logs.checks import of_robot
 from armwright.identification.logs.log import Log
 from armwright.identification.logs.preparation import (
+    HIGHEST,
     Preparation,
     RunFilters,
     choose_preparation,
+    fewest_rows,
     filters_of,
     settling,
     shared_preparations,
 )
-from armwright.identification.logs.prepared import SEAM, prepared_blocks, too_short, zero_phase
+from armwright.identification.logs.prepared import SEAM, prepared_blocks, prepared_excerpt, too_short, zero_phase
 from armwright.identification.logs.torques import Source, torque_source, torques_on_joints
 from armwright.model import Model
 
@@ -66,6 +69,28 @@ class Stream:
     sha256: str
     lacks: tuple[str, ...]
     warnings: tuple[str, ...]
+
+    @property
+    def cutoff(self) -> float:
+        """Of the first run's low-pass [Hz]."""
+        return next(iter(self.filters.values())).narrow.cutoff
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Of the first run's preparation."""
+        return next(iter(self.filters.values())).narrow.settings
+
+    def at(self, cutoff: float, decimate: int | None = None, reason: str = "as asked for") -> Stream:
+        """The stream with another cut-off [Hz] of its low-passes, or the highest below it that a run's rate allows."""
+        filters, fresh = (
+            filters_of(
+                self.log,
+                {name: _at(each.narrow, cutoff, decimate, reason) for name, each in some.items()},
+                self.order,
+            )
+            for some in (self.filters, self.fresh)
+        )
+        return replace(self, filters=filters, fresh=fresh)
 
     def kept(self, model: TorqueModel, memory: Memory | None = None) -> SampleSource:
         """Samples for a model at each call: in memory where they are few, else read again.
@@ -124,10 +149,22 @@ class Stream:
         if self.source == "current":
             _check_torque_constants(model.arm)
         for stretch, block in prepared_blocks(self.log, run, self.filters[run].wide, rows):
-            values = {name: each[:, self.order] for name, each in block.values.items()}
-            states = {name: values[name] for name in ("q", "qd", "qdd", "temperature") if name in values}
-            states["tau"] = torques_on_joints(model.arm, self.source, values[self.source], values["qd"], model.dyn)
-            yield stretch, block.t, states
+            yield stretch, block.t, self._states(model, block, block)
+
+    def _states(self, model: TorqueModel, block: Block, measured: Block) -> dict[str, np.ndarray]:
+        """Motion and temperatures (rows, n) of a block, and the motor torques of another one of the same rows."""
+        values = {name: each[:, self.order] for name, each in block.values.items()}
+        states = {name: values[name] for name in ("q", "qd", "qdd", "temperature") if name in values}
+        efforts = measured.values[self.source][:, self.order]
+        return {**states, "tau": torques_on_joints(model.arm, self.source, efforts, values["qd"], model.dyn)}
+
+    def as_measured(self, model: TorqueModel) -> Iterator[Samples]:
+        """Rows of the runs' excerpts behind the narrow low-pass, beside torques that pass no filter."""
+        for run, filters in self.filters.items():
+            for stretch, block, measured in prepared_excerpt(self.log, run, filters.narrow):
+                states = self._states(model, block, measured)
+                states["qd"] = np.where(np.abs(states["qd"]) < filters.resting, 0.0, states["qd"])
+                yield Samples(run, stretch, block.t, **states, fitted=model.known_rows(states["qd"], states["qd"]))
 
 
 def stream_of(
@@ -156,6 +193,12 @@ def stream_of(
     rows = sum(counts[name] / each.decimate for name, each in prepared.items())
     filters, others = (filters_of(log, each, order) for each in (prepared, shared_preparations(log, fresh)))
     return Stream(log, filters, others, needed_source(log), order, gears, seconds, rows, *facts)
+
+
+def _at(prepared: Preparation, cutoff: float, decimate: int | None, reason: str) -> Preparation:
+    """A preparation at another cut-off [Hz], with no fewer rows than the rate allows."""
+    cutoff = min(cutoff, HIGHEST * prepared.rate)
+    return prepared.at(cutoff, None if decimate is None else min(decimate, fewest_rows(prepared.rate, cutoff)), reason)
 
 
 @dataclass(frozen=True, eq=False)

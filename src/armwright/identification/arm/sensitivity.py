@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from armwright.errors import IdentificationError
@@ -11,29 +9,19 @@ from armwright.identification.arm.equations import equations_of
 from armwright.identification.arm.fit import ArmFit, fit_arm
 from armwright.identification.arm.samples import Stream
 from armwright.identification.estimate import HALF_95
-from armwright.identification.logs.preparation import Preparation, choose_preparation, filters_of
 
 SMALLER, LARGER = 0.7, 1.3  # cut-offs that the fit is compared at
 
 
 def sensitive_parameters(stream: Stream, fit: ArmFit) -> tuple[str, ...]:
     """Names of parameters that leave their 95 % interval where the cut-off is 30 % lower or higher."""
+    decimate = next(iter(stream.filters.values())).narrow.decimate
     model, moved = fit.equations.model, np.zeros(len(fit.base), dtype=bool)
     for factor in (SMALLER, LARGER):
-        other = {run: _at_other_cutoff(stream, run, each.narrow, factor) for run, each in stream.filters.items()}
-        rows = replace(stream, filters=filters_of(stream.log, other, stream.order)).samples(model)
+        rows = stream.at(factor * stream.cutoff, decimate).samples(model)
         try:
             again = fit_arm(equations_of(rows, model), fit.base, "wls", fit.weights)
         except IdentificationError:  # a filter so slow that too few rows are left
             continue
         moved |= np.abs(again.values - fit.values) > HALF_95 * fit.std
     return tuple(name for name, out in zip(fit.base.names, moved, strict=True) if out)
-
-
-def _at_other_cutoff(stream: Stream, run: str, prepared: Preparation, factor: float) -> Preparation:
-    cutoff = min(factor * prepared.cutoff, 0.45 * prepared.rate)
-    most = max(int(prepared.rate / (2 * cutoff)), 1)
-    return choose_preparation(
-        stream.log, run, cutoff=cutoff, order=prepared.order, decimate=min(prepared.decimate, most),
-        differentiation=prepared.differentiation,
-    )  # fmt: skip

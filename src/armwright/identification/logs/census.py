@@ -2,24 +2,29 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from armwright.errors import LogError
 from armwright.identification.logs.blocks import Block
+from armwright.identification.logs.even_rows import EvenStretch, excerpt_rows
 from armwright.identification.logs.findings import number_of
+from armwright.identification.logs.sampling import (
+    BRIEFEST,
+    SampleClock,
+    Sampling,
+    repeated_rows,
+    sampling_of,
+    with_following,
+)
 from armwright.identification.logs.stretches import Span
 
 if TYPE_CHECKING:
     from armwright.identification.logs.log import Log, LogRun
 
-GAP = 1.5  # times the usual period: a longer step of time is a gap
-BRIEFEST = 1e-9  # [s] from row to row: less is no clock
-OFTEN = 0.05  # share of steps
-COARSE = 1 / 16  # of a period: finer digits of times do not count
-DIGITS = (1.0, 0.1, 0.01, 1e-3, 1e-4, 1e-5, 1e-6)  # [s] that times may be rounded to
 FEW = 5  # places of a kind of event that are kept
 MOST_BREAKS = 100_000  # of a run: more is no run
 SHORTEST = 64  # rows of an excerpt
@@ -87,24 +92,25 @@ class Census:
     """Numbers about all rows of a run, while they go by and in the end.
 
     Attributes:
-        rows: of the run.   first, last: times [s].   period: usual time from row to row [s].
-        resolution: to which times are rounded [s]; 0 where that is fine.
+        bridges: short gaps are bridged.   rows: of the run.   first, last: times [s].   sampling: as the first rows tell it.
         gaps: rows after a step longer than 1.5 periods.
         lost: rows that gaps would hold.   widest: of the gaps [s].   same_time: rows at the time of the row before.
         backwards: rows earlier than the row before.   no_time: rows without time.
         whole_repeats: rows that repeat all signals but temperatures.
         repeat_runs: how many groups of such rows, one behind the other.
-        stretches: rows without gaps and missing cells.   signals: by name.
-        excerpt: block of rows with the most motion.   motion: of it.   squares, steps: of the jitter [s²], and their number.
-        open_begin, open_start: row and time [s] at which the open stretch begins; None: none is open.
+        none: rows that are none.   stretches: rows without gaps and missing cells that are not bridged.   signals: by name.
+        excerpt: block of rows with the most motion.   sampled: times of its samples [s].   motion: of it.
+        squares, steps: of the jitter [s²], and their number.
+        open_begin, open_start: row and time [s] at which the open stretch begins; None: none is open.   stop: time of its
+            last row [s].
     """
 
     signals: dict[str, SignalCensus]
+    bridges: bool = True
     rows: int = 0
     first: float = np.nan
     last: float = np.nan
-    period: float = 0.0
-    resolution: float = 0.0
+    sampling: Sampling = field(default_factory=Sampling)
     gaps: EventPlaces = EventPlaces()
     lost: int = 0
     widest: float = 0.0
@@ -113,13 +119,46 @@ class Census:
     no_time: EventPlaces = EventPlaces()
     whole_repeats: EventPlaces = EventPlaces()
     repeat_runs: int = 0
+    none: int = 0
     stretches: list[Span] = field(default_factory=list)
     excerpt: Block = field(default_factory=lambda: Block(0, np.zeros(0), {}))
+    sampled: np.ndarray = field(default_factory=lambda: np.zeros(0))
     motion: float = -1.0
     squares: float = 0.0
     steps: int = 0
     open_begin: int | None = None
     open_start: float = np.nan
+    stop: float = np.nan
+
+    @property
+    def period(self) -> float:
+        """Usual time from row to row [s]."""
+        return self.sampling.period
+
+    @property
+    def resolution(self) -> float:
+        """To which times are rounded [s]; 0 where that is fine."""
+        return self.sampling.resolution
+
+    @cached_property
+    def even(self) -> list[EvenStretch]:
+        """Even rows of the excerpt, stretch by stretch; of a run of a block or less they are all."""
+        return excerpt_rows(replace(self.excerpt, t=self.sampled), self.stretches, self.sampling)
+
+    @property
+    def excerpt_seconds(self) -> float:
+        """Time from the excerpt's first row to its last [s]."""
+        return float(np.ptp(self.excerpt.t[np.isfinite(self.excerpt.t)]))
+
+    @property
+    def longest(self) -> EvenStretch | None:
+        """Even rows of the excerpt's longest stretch; None where there is none."""
+        return max(self.even, key=lambda each: len(each.t), default=None)
+
+    @property
+    def pieces(self) -> int:
+        """Of the run, with every gap."""
+        return sum(each.pieces for each in self.stretches)
 
     @property
     def jitter(self) -> float:
@@ -133,75 +172,73 @@ def census_of(log: Log, run: LogRun) -> Census:
     Raises:
         LogError: as `read_log`; numbers beyond all sizes, fewer than two rows, or times that are all the same.
     """
-    state = Census({signal.name: SignalCensus.of(signal.size) for signal in log.layout})
-    for block in log.blocks(run.name):
-        _add_times(state, block)
+    # what was commanded in a gap is not known: logs of voltages or of held commands stay cut, and may repeat rows
+    mends = "voltage" not in log.layout and not log.held
+    state = Census({signal.name: SignalCensus.of(signal.size) for signal in log.layout}, mends)
+    clock = SampleClock(state.sampling)
+    for block, following in with_following(log.blocks(run.name)):
+        if not state.period:
+            state.sampling = sampling_of(block, mends)
+            clock = SampleClock(state.sampling)
+        t = clock.times(block, following)
+        _add_times(state, block, t)
         for name, values in block.values.items():
             state.signals[name].add(values, block.row)
-        _add_excerpt(state, block)
+        _add_stretches(state, block, t)
         state.rows += len(block.t)
         if len(state.stretches) > MOST_BREAKS:
             what = f"falls into more than {MOST_BREAKS} pieces"
             raise LogError(what, place=f"run {run.name!r}", expected="rows one after the other", file=log.path)
-    _close(state, state.rows, state.last)
+    _close(state, state.rows)
     if state.rows < 2 or not state.period or state.motion < 0.0:
         what = number_of(state.rows, "row") if state.rows < 2 else f"rows less than {BRIEFEST:g} s after each other"
         raise LogError(what, place=f"run {run.name!r}", expected="at least two rows over time", file=log.path)
     return state
 
 
-def _add_times(state: Census, block: Block) -> None:
-    """Counts the steps of time, and cuts stretches where a step or a cell is missing."""
-    t, row = block.t, block.row
+def _add_times(state: Census, block: Block, sampled: np.ndarray) -> None:
+    """Counts the stamps as they are, jitter of those rows alone that were sampled at some time (rows,) [s], and repeated rows."""
+    t, row, fresh = block.t, block.row, np.isfinite(sampled)
     known = np.isfinite(t)
     if not known.all():
         state.no_time = state.no_time.plus(row + np.flatnonzero(~known))
-    if not state.period:
-        steps = np.diff(t[known])
-        period = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
-        state.period = period if period > BRIEFEST else 0.0
-        state.resolution = resolution_of(t[known], state.period)
-        if state.resolution:  # then a usual step is a digit too long or too short
-            state.period = float(np.mean(steps[(steps >= 0) & (steps <= _longest_step(period, state.resolution))]))
-        state.first = float(t[known][0]) if known.any() else np.nan
+    if not np.isfinite(state.first) and known.any():
+        state.first = float(t[known][0])
     steps = np.diff(t, prepend=state.last)
-    gap, same, back = steps > _longest_step(state.period, state.resolution), steps == 0, steps < 0
-    state.gaps = state.gaps.plus(row + np.flatnonzero(gap))
+    same, back = steps == 0, steps < 0
     state.same_time = state.same_time.plus(row + np.flatnonzero(same))
     state.backwards = state.backwards.plus(row + np.flatnonzero(back))
-    if gap.any() and state.period:
-        state.lost += int(np.round(steps[gap] / state.period - 1).sum())
-        state.widest = max(state.widest, float(steps[gap].max()))
-    usual = np.isfinite(steps) & ~gap & ~same & ~back
+    usual = np.isfinite(steps) & ~(steps > state.sampling.longest_step + state.resolution) & ~same & ~back
+    usual &= fresh & np.concatenate([[True], fresh[:-1]])
     state.squares += float(((steps[usual] - state.period) ** 2).sum())
     state.steps += int(usual.sum())
-    whole = np.concatenate(list(block.values.values()), axis=1)
-    fast = [values for name, values in block.values.items() if name != "temperature"] or [whole]
-    repeated = np.flatnonzero((np.diff(np.concatenate(fast, axis=1), axis=0) == 0).all(axis=1)) + 1
+    repeated = np.flatnonzero(repeated_rows(block.values))
     state.whole_repeats = state.whole_repeats.plus(row + repeated)
     state.repeat_runs += int((np.diff(repeated, prepend=-1) > 1).sum())
-    good = known & np.isfinite(whole).all(axis=1)
-    _cut(state, t, row, good, gap | back)
     if known.any():
         state.last = float(t[known][-1])
 
 
-def _longest_step(period: float, resolution: float) -> float:
-    """Longest step of time [s] without a gap; rounding alone makes steps a digit longer."""
-    return GAP * period + resolution * (0.5 if period > GAP * resolution else 1.0) + BRIEFEST
-
-
-def resolution_of(t: np.ndarray, period: float) -> float:
-    """Digit [s] to which times (rows,) [s] were rounded; 0 if fine beside the period or without effect on the steps."""
-    steps = np.diff(t)
-    for digit in DIGITS if period else ():
-        if digit <= COARSE * period:
-            break
-        whole = np.abs(steps / digit - np.round(steps / digit)).max(initial=0.0) < 1e-4
-        shorter, longer = (np.abs(steps - (period + off)) < 0.5 * digit for off in (-digit, digit))
-        if whole and (shorter.any() or longer.mean() > OFTEN):  # a lost row or two make steps longer too
-            return digit
-    return 0.0
+def _add_stretches(state: Census, block: Block, t: np.ndarray) -> None:
+    """Cuts stretches where a step of the samples' times t (rows,) [s], or a cell, is missing."""
+    row, known = block.row, np.isfinite(t)
+    before = np.maximum.accumulate(np.where(known, np.arange(len(t)), -1))
+    earlier = np.concatenate([[-1], before[:-1]])
+    steps = t - np.where(earlier >= 0, t[earlier], state.stop)  # from the last row that has a time
+    gap, back = steps > state.sampling.longest_step, steps < 0
+    if gap.any() and state.period:
+        lost = np.where(
+            gap, np.round(steps / state.period - 1) - (np.arange(len(t)) - earlier - 1), 0
+        )  # less rows that are none
+        state.gaps = state.gaps.plus(row + np.flatnonzero(lost > 0))
+        state.lost += int(lost[lost > 0].sum())
+        state.widest = max(state.widest, float(steps[lost > 0].max(initial=0.0)))
+    state.none += int((np.isfinite(block.t) & ~known).sum())
+    good = known & np.isfinite(np.concatenate(list(block.values.values()), axis=1)).all(axis=1)
+    _cut(state, t, row, good, gap | back)
+    if known.any():
+        state.stop = float(t[known][-1])
+    _add_excerpt(state, block, t)
 
 
 def _cut(state: Census, t: np.ndarray, row: int, good: np.ndarray, breaks: np.ndarray) -> None:
@@ -210,27 +247,29 @@ def _cut(state: Census, t: np.ndarray, row: int, good: np.ndarray, breaks: np.nd
     ends, begins = before & (~good | breaks), good & (~before | breaks)
     for k in np.flatnonzero(ends | begins):
         if ends[k]:
-            _close(state, row + int(k), float(t[k - 1] if k else state.last))
+            _close(state, row + int(k), float(t[k - 1]) if k else state.stop)
         if begins[k]:
             state.open_begin, state.open_start = row + int(k), float(t[k])
 
 
-def _close(state: Census, end: int, stop: float) -> None:
-    """Ends the open stretch before a row."""
+def _close(state: Census, end: int, stop: float | None = None) -> None:
+    """Ends the open stretch before a row, at the time `stop` [s]; a short gap before it is bridged."""
     if state.open_begin is not None and end > state.open_begin:
-        state.stretches.append(Span(state.open_begin, end, state.open_start, stop))
+        span = Span(state.open_begin, end, state.open_start, state.stop if stop is None else stop)
+        joined = state.stretches[-1].joined(span, state.period) if state.stretches and state.bridges else None
+        state.stretches[-1:] = [*state.stretches[-1:], span] if joined is None else [joined]
     state.open_begin = None
 
 
-def _add_excerpt(state: Census, block: Block) -> None:
-    """Keeps the block in which signals change most from row to row."""
+def _add_excerpt(state: Census, block: Block, t: np.ndarray) -> None:
+    """Keeps the block in which signals change most from row to row, with the times t (rows,) [s] of its samples."""
     if len(block.t) < SHORTEST and state.motion >= 0.0:
         return
     name = next((name for name in ("q", "qd") if name in block.values), next(iter(block.values)))
     with np.errstate(invalid="ignore"):
         motion = float(np.nan_to_num(np.abs(np.diff(block.values[name], axis=0))).sum())
     if motion > state.motion:
-        state.excerpt, state.motion = block, motion
+        state.excerpt, state.sampled, state.motion = block, t, motion
 
 
 def longest(happens: np.ndarray) -> int:

@@ -41,7 +41,7 @@ class LogRun:
     Attributes:
         name, use: "fit" or "hold-out".   paths: of its files, by key.   sha256: of each file, by key.
         census: numbers about all of its rows; None before the log was checked.
-        begin, end: of its part of the files [s], from their first row.   even: its rows as preparation takes them.
+        begin, end: of its part of the files [s], from their first row.
     """
 
     name: str
@@ -51,7 +51,6 @@ class LogRun:
     census: Census | None = None
     begin: float = 0.0
     end: float = inf
-    even: tuple[EvenRows, ...] = ()
 
     @property
     def rows(self) -> int:
@@ -60,8 +59,13 @@ class LogRun:
 
     @property
     def stretches(self) -> tuple[Span, ...]:
-        """Rows without gaps."""
+        """Rows without gaps but those that are bridged."""
         return () if self.census is None else tuple(self.census.stretches)
+
+    @property
+    def even(self) -> tuple[EvenRows, ...]:
+        """Its rows as preparation takes them, stretch by stretch."""
+        return tuple(EvenRows.of(each, self.period) for each in self.stretches)
 
     @property
     def duration(self) -> float:

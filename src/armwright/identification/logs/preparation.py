@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import ceil, log
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from scipy import signal as sp
@@ -17,6 +17,7 @@ from scipy import signal as sp
 from armwright.entry import AnyLog, as_log
 from armwright.errors import LogError
 from armwright.identification.logs.log import Log, LogRun
+from armwright.identification.logs.merged_speeds import corners
 from armwright.identification.logs.quantisation import quantisation_step
 from armwright.identification.logs.spectrum import ABOVE, HIGHEST, LOWEST, longest_finite, motion_band
 
@@ -46,6 +47,7 @@ class Preparation:
         decimate: every how many rows are kept.   differentiation: "central" differences of nine rows, or of "three rows";
             "savgol", a cubic through 9 rows.
         edge: rows that are dropped at either end of a stretch.   rate: of the log, in Hz.   reasons: the choices in words.
+        corners: for each joint of the log, where logged speeds take over from positions, in Hz; empty: nowhere.
     """
 
     cutoff: float
@@ -55,11 +57,26 @@ class Preparation:
     edge: int
     rate: float
     reasons: tuple[str, ...] = ()
+    corners: tuple[float, ...] = ()
 
     @property
     def sections(self) -> np.ndarray:
         """The filter as second-order sections."""
         return low_pass(self.order, self.cutoff, self.rate)
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """What makes the same preparation of another log, as `[fits]` of a record keeps it."""
+        return {
+            "cutoff_hz": self.cutoff,
+            "order": self.order,
+            "differentiation": self.differentiation,
+        }
+
+    def at(self, cutoff: float, decimate: int | None = None, reason: str = "as asked for") -> Preparation:
+        """The preparation with another cut-off [Hz], and as many rows as it needs, or every `decimate`-th."""
+        why = [f"cut-off {cutoff:.4g} Hz: {reason}"]
+        return _preparation(cutoff, self.order, decimate, self.differentiation, self.rate, why, self.corners)
 
     @property
     def of_motion(self) -> Preparation:
@@ -130,17 +147,33 @@ def choose_preparation(
     differentiation = differentiation or ("three rows" if log.held else "central")
     if differentiation not in BESIDE:
         raise LogError(place="differentiation", value=differentiation, choices=tuple(BESIDE))
-    most = max(int(rate / (ROOM * cutoff)), 1)
-    if decimate is not None and (
-        not isinstance(decimate, int) or not 1 <= decimate <= max(int(rate / (2 * cutoff)), 1)
-    ):
-        expected = f"1 to {max(int(rate / (2 * cutoff)), 1)}: a rate of twice the cut-off at least"
+    if decimate is not None and (not isinstance(decimate, int) or not 1 <= decimate <= fewest_rows(rate, cutoff)):
+        expected = f"1 to {fewest_rows(rate, cutoff)}: a rate of twice the cut-off at least"
         raise LogError(place="decimate", value=decimate, expected=expected)
-    factor = most if decimate is None else decimate
+    return _preparation(float(cutoff), order, decimate, differentiation, rate, reasons, corners(log, chosen))
+
+
+def fewest_rows(rate: float, cutoff: float) -> int:
+    """Largest decimation of rows of a rate [Hz] behind a low-pass: Nyquist's."""
+    return max(int(rate / (2 * cutoff)), 1)
+
+
+def _preparation(
+    cutoff: float,
+    order: int,
+    decimate: int | None,
+    differentiation: Differentiation,
+    rate: float,
+    reasons: Sequence[str],
+    corners: tuple[float, ...],
+) -> Preparation:
+    """A preparation with its choices in words; `decimate` None: chosen."""
+    factor = max(int(rate / (ROOM * cutoff)), 1) if decimate is None else decimate
     sections = low_pass(order, cutoff, rate)
     wide = low_pass(order, _wider(cutoff, rate), rate)
     edge = settling(sections, EDGE) + settling(wide, EDGE) + BESIDE[differentiation]
-    reasons += [
+    words = (
+        *reasons,
         f"Butterworth of order {order}, forward and backward: no delay; amplitudes halved at the cut-off, "
         f"{_gain(sections, 0.5 * cutoff, rate):.1%} of them left at half of it",
         f"Savitzky-Golay: the derivative of a cubic through {SAVGOL} rows"
@@ -151,8 +184,22 @@ def choose_preparation(
         if factor > 1
         else "all rows are kept: fewer would not carry the signal",
         f"{edge} rows ({1e3 * edge / rate:.3g} ms) at either end of a stretch are dropped: the filter has not settled there",
-    ]
-    return Preparation(float(cutoff), order, factor, differentiation, edge, rate, tuple(reasons))
+    )
+    return Preparation(cutoff, order, factor, differentiation, edge, rate, words, corners)
+
+
+def stored_preparations(log: Log, runs: Sequence[str], settings: Mapping[str, Any]) -> dict[str, Preparation]:
+    """Preparations of runs by name, as of a fit; of a slower log with the highest cut-off that it allows.
+
+    Args:
+        log: a checked log.   runs: names.   settings: `Preparation.settings`.
+    """
+    order, differentiation = settings["order"], settings["differentiation"]
+    cutoffs = {name: min(settings["cutoff_hz"], HIGHEST / log.run(name).period) for name in runs}
+    return {
+        name: choose_preparation(log, name, cutoff=cutoff, order=order, differentiation=differentiation)
+        for name, cutoff in cutoffs.items()
+    }
 
 
 def shared_preparations(log: Log, runs: Sequence[str], decimate: int | None = None) -> dict[str, Preparation]:
@@ -197,18 +244,17 @@ def _cutoff(log: Log, run: LogRun, rate: float) -> tuple[float, str]:
     """The cut-off in Hz that the joint with the fastest motion needs, and the reason for it."""
     assert run.census is not None
     name = next((name for name in ("q", "qd") if name in log.layout), log.layout.names[0])
-    signal, values = log.layout[name], run.census.excerpt.values[name]
+    signal, raw, rows = log.layout[name], run.census.excerpt.values[name], run.census.longest
     best, reason = (
         LOWEST * rate,
         f"cut-off {LOWEST * rate:.4g} Hz: no motion stands above the noise; the lowest that the rate allows",
     )
     for k, joint in enumerate(signal.joints or ()):
-        column = longest_finite(values[:, k])
-        if len(column) < SHORTEST or column.std() == 0:
+        if rows is None or len(rows.t) < SHORTEST or rows.values[name][:, k].std() == 0:
             continue
-        valley, is_valley = motion_band(column, rate, 2 if name == "q" else 1)
+        step = quantisation_step(longest_finite(raw[:, k]))
+        valley, is_valley = motion_band(rows.values[name][:, k], rate, 2 if name == "q" else 1, step)
         if valley > best:
-            step = quantisation_step(column)
             noise = f"noise (quantised in steps of {step:.3g} {signal.units[k]})" if step else "noise"
             why = (
                 f"there the acceleration's spectrum has its valley: below it is motion, above it {noise}"

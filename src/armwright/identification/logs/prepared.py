@@ -4,18 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import signal as sp
-from scipy.interpolate import CubicSpline
 
 from armwright.entry import AnyLog, as_log, expect
 from armwright.errors import LogError
 from armwright.fitting.residuals import parts_of
-from armwright.identification.logs.blocks import ROWS, Block, run_blocks
+from armwright.identification.logs.blocks import ROWS, Block
+from armwright.identification.logs.even_rows import SampledRows, sampled_rows
 from armwright.identification.logs.findings import number_of
 from armwright.identification.logs.log import Log, LogRun
+from armwright.identification.logs.merged_speeds import LOWEST, merged
 from armwright.identification.logs.preparation import (
     EDGE,
     FIRST_DIFFERENCE,
@@ -32,9 +34,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
 SEAM = 1e-9  # what is left of a disturbance where windows of rows meet
-ROUNDED = 2.0  # digits that times are off even ones, where a clock was rounded, in the row and where the stretch begins
-UNEVEN = 1e-3  # of a period: rows further from even times are interpolated
-BESIDE_GAP = 8  # rows beyond a window that a spline goes through
 RATES = {"q": ("qd", "qdd"), "qd": ("qdd",)}  # what follows from a signal by differentiation, in order
 
 
@@ -145,7 +144,7 @@ def prepared_blocks(log: Log, run: str, preparation: Preparation, rows: int = RO
     filter needs to settle to 1e-9, so that their seams do not show.
     """
     chosen, first = log.run(run), 0
-    reader = _Rows(log, chosen)
+    reader = sampled_rows(log, chosen)
     seam = settling(preparation.sections, SEAM) + SAVGOL
     window = max(rows // preparation.decimate, 1) * preparation.decimate
     for number, stretch in enumerate(chosen.even):
@@ -154,37 +153,60 @@ def prepared_blocks(log: Log, run: str, preparation: Preparation, rows: int = RO
             continue
         for begin in range(low, high, window):
             end = min(begin + window, high)
-            yield number, _window(reader, stretch, preparation, begin, end, seam, first)
+            yield number, _window(log, reader, stretch, preparation, begin, end, seam, first)
             first += len(range(begin, end, preparation.decimate))
 
 
+def prepared_excerpt(log: Log, run: str, preparation: Preparation) -> Iterator[tuple[int, Block, Block]]:
+    """Prepared rows of a run's excerpt, stretch by stretch: its number, the rows, and the same ones as they were measured."""
+    census = log.run(run).census
+    for number, rows in enumerate(() if census is None else census.even):
+        kept = slice(preparation.edge, max(len(rows.t) - preparation.edge, 0), preparation.decimate)
+        if len(rows.t[kept]):
+            both = filtered(log, rows.values, rows.period, preparation), rows.values
+            of_joints = ({name: of_all_joints(log, name, v[kept]) for name, v in each.items()} for each in both)
+            yield number, *(Block(0, rows.t[kept], each) for each in of_joints)
+
+
 def _window(
-    reader: _Rows, stretch: EvenRows, preparation: Preparation, begin: int, end: int, seam: int, first: int
+    log: Log,
+    reader: SampledRows,
+    stretch: EvenRows,
+    preparation: Preparation,
+    begin: int,
+    end: int,
+    seam: int,
+    first: int,
 ) -> Block:
     """Prepared rows `begin` to `end` of a stretch, from rows beyond them either way."""
     low, high = max(begin - seam, 0), min(end + seam, stretch.rows)
-    even = stretch.start + stretch.period * np.arange(low, high)
-    if stretch.has_gaps:
-        times, values = even, reader.between(stretch, even)
-    else:
-        times, values = reader.rows(stretch.begin + low, stretch.begin + high)
-    if np.abs(times - even).max() > max(UNEVEN * stretch.period, ROUNDED * reader.resolution):
-        even = np.clip(even, times[0], times[-1])
-        values = {n: np.stack([np.interp(even, times, c) for c in v.T], axis=1) for n, v in values.items()}
-    values = {name: _around_rows(each) if name in reader.log.held else each for name, each in values.items()}
-    filtered = {name: zero_phase(preparation, each) for name, each in values.items()}
-    for source, rates in RATES.items():
-        if source in filtered:
-            for order, name in enumerate(rates, start=1):
-                filtered.setdefault(name, _derivative(filtered[source], stretch.period, order, preparation))
+    even, period, values = reader.even(stretch, low, high)
     kept = slice(begin - low, end - low, preparation.decimate)
-    return Block(
-        first, even[kept], {name: _of_all_joints(reader.log, name, each[kept]) for name, each in filtered.items()}
-    )
+    prepared = filtered(log, values, period, preparation)
+    return Block(first, even[kept], {name: of_all_joints(log, name, each[kept]) for name, each in prepared.items()})
 
 
-def _of_all_joints(log: Log, name: str, values: np.ndarray) -> np.ndarray:
+def filtered(
+    log: Log, values: Mapping[str, np.ndarray], period: float, preparation: Preparation
+) -> dict[str, np.ndarray]:
+    """Signals (rows, joints) of even rows, this period [s] apart, behind the low-pass, and those that are their derivatives."""
+    values = {name: _around_rows(each) if name in log.held else each for name, each in values.items()}
+    found = {name: zero_phase(preparation, each) for name, each in values.items()}
+    if {"q", "qd"} <= set(found):
+        slope, curvature = (partial(_derivative, period=period, order=k, preparation=preparation) for k in (1, 2))
+        limits = np.maximum(preparation.corners, LOWEST * preparation.cutoff)
+        found["qd"], found["qdd"] = merged(log, found["q"], found["qd"], 1.0 / period, limits, slope, curvature)
+    for source, rates in RATES.items():
+        if source in found:
+            for order, name in enumerate(rates, start=1):
+                found.setdefault(name, _derivative(found[source], period, order, preparation))
+    return found
+
+
+def of_all_joints(log: Log, name: str, values: np.ndarray) -> np.ndarray:
     """A prepared signal (rows, joints of the log), NaN for joints that do not have it."""
+    if values.shape[1] == len(log.joints):
+        return values
     full = np.full((len(values), len(log.joints)), np.nan)
     full[:, list(log.layout[_source(log, name)].joints or ())] = values
     return full
@@ -221,58 +243,3 @@ def _derivative(values: np.ndarray, period: float, order: int, preparation: Prep
     result[beside:-beside] = windows @ weights / period**order
     result[:beside], result[-beside:] = result[beside], result[-beside - 1]
     return result
-
-
-class _Rows:
-    """Rows of a run by number; rows long before the last request are dropped."""
-
-    def __init__(self, log: Log, run: LogRun):
-        self.log = log
-        self.resolution = 0.0 if run.census is None else run.census.resolution
-        self._blocks = run_blocks(log, run, ROWS)
-        self._begin = 0
-        self._t = np.zeros(0)
-        self._values: dict[str, np.ndarray] = {}
-
-    def between(self, stretch: EvenRows, times: np.ndarray) -> dict[str, np.ndarray]:
-        """Signals at some times of a stretch with short gaps, by cubic splines through the cells that are there."""
-        while self._begin + len(self._t) < stretch.end and not (len(self._t) and self._t[-1] > times[-1]):
-            late = self._begin + int(np.searchsorted(_increasing(self._t), times[0])) - BESIDE_GAP
-            self._add(next(self._blocks), late)
-        first, end = (min(max(row - self._begin, 0), len(self._t)) for row in (stretch.begin, stretch.end))
-        low, high = np.searchsorted(_increasing(self._t[first:end]), times[[0, -1]])
-        part = slice(first + max(int(low) - BESIDE_GAP, 0), min(first + int(high) + BESIDE_GAP, end))
-        t = self._t[part]
-        newer = np.isfinite(t) & (np.diff(_increasing(t), prepend=-np.inf) > 0)
-        found = {}
-        for name, values in self._values.items():
-            columns = []
-            for column in values[part].T:
-                known = newer & np.isfinite(column)
-                columns.append(CubicSpline(t[known], column[known])(np.clip(times, t[known][0], t[known][-1])))
-            found[name] = np.stack(columns, axis=1)
-        return found
-
-    def rows(self, begin: int, end: int) -> tuple[np.ndarray, Mapping[str, np.ndarray]]:
-        """Times and signals of rows `begin` to `end`; `begin` may go back only a limited distance."""
-        while self._begin + len(self._t) < end:
-            self._add(next(self._blocks), begin)
-        part = slice(begin - self._begin, end - self._begin)
-        return self._t[part], {name: each[part] for name, each in self._values.items()}
-
-    def _add(self, block: Block, begin: int) -> None:
-        """Adds rows and forgets those before `begin`."""
-        count = min(max(begin - self._begin, 0), len(self._t))
-        self._begin += count
-        self._t = self._t[count:]
-        self._values = {name: each[count:] for name, each in self._values.items()}
-        self._t = np.concatenate([self._t, block.t])
-        self._values = {
-            name: np.concatenate([self._values[name], each]) if name in self._values else each
-            for name, each in block.values.items()
-        }
-
-
-def _increasing(t: np.ndarray) -> np.ndarray:
-    """Times (rows,), those that are missing or go back as the latest before them."""
-    return np.maximum.accumulate(np.where(np.isfinite(t), t, -np.inf))

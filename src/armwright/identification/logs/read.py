@@ -23,7 +23,6 @@ from armwright.identification.logs.columns import check_gears, gears_of, layout_
 from armwright.identification.logs.findings import LEVELS
 from armwright.identification.logs.log import Log, LogRun
 from armwright.identification.logs.log_file import GearsTable, LogTable, SignalTable
-from armwright.identification.logs.stretches import evenly_timed
 from armwright.identification.logs.tables import open_table
 from armwright.identification.logs.units import QUANTITIES
 from armwright.model import Model
@@ -68,10 +67,7 @@ def read_log(
         for k, run in enumerate(log.runs):
             tell(k, len(log.runs))
             sums = {key: _sha256(file) for key, file in run.paths.items()}
-            census = census_of(log, run)
-            # what was commanded in a gap is not known: logs of voltages or of held commands stay cut
-            even = evenly_timed(census.stretches, census.period, bridge="voltage" not in log.layout and not log.held)
-            begun.append(replace(run, sha256=sums, census=census, even=even))
+            begun.append(replace(run, sha256=sums, census=census_of(log, run)))
         tell(len(log.runs), len(log.runs))
     log = replace(log, runs=tuple(begun))
     findings = sorted(check_log(log), key=lambda each: LEVELS.index(each.level))

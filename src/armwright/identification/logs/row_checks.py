@@ -11,8 +11,9 @@ from armwright.identification.logs.census import Census, EventPlaces, SignalCens
 from armwright.identification.logs.findings import Found, error, note, number_of, warning
 from armwright.identification.logs.log import Log, LogRun
 from armwright.identification.logs.quantisation import quantisation_step
+from armwright.identification.logs.sampling import is_restless
 from armwright.identification.logs.spectrum import longest_finite
-from armwright.identification.logs.stretches import BRIDGED
+from armwright.identification.logs.stretches import bridged_rows
 
 UNEVEN, WILD = 0.01, 0.3  # jitter as a share of the period that is noted, and that no interpolation mends
 STAY = 5  # rows at an extreme that look like a limit
@@ -61,7 +62,9 @@ def clock(log: Log, run: LogRun, census: Census) -> Found:
             yield note(f"{what}: rows count as evenly spaced", "time")
     elif share > UNEVEN:
         what = f"uneven: {rate:.5g} Hz, from row to row {1e3 * census.period:.4g} ms ± {1e3 * census.jitter:.2g} ms ({share:.1%})"
-        if share > WILD:
+        if census.sampling.even:
+            yield note(f"{what}; the motion is even: stamps are late, rows stand at whole periods", "time")
+        elif share > WILD:
             yield error(what, "time", "steps of time that are nearly equal; is it the clock of the samples?")
         else:
             yield note(f"{what}; preparation interpolates at even times", "time")
@@ -69,9 +72,10 @@ def clock(log: Log, run: LogRun, census: Census) -> Found:
 
 def _stretches(run: LogRun) -> str:
     """`3 stretches`, and how many are left for the fit of an arm."""
-    count, joined = len(run.stretches), len(run.even)
+    count, joined = (0, 0) if run.census is None else (run.census.pieces, len(run.census.stretches))
     cut = f"{count} stretch{'es' * (count != 1)}"
-    return cut if joined == count else f"{cut}, of which preparation makes {joined}: it bridges up to {BRIDGED} rows"
+    bridged = bridged_rows(run.period)
+    return cut if joined == count else f"{cut}, of which preparation makes {joined}: it bridges up to {bridged} rows"
 
 
 def _columns(log: Log, census: Census) -> Iterator[tuple[str, str, str, SignalCensus, int]]:
@@ -115,26 +119,12 @@ def _repeats(census: Census) -> Found:
     repeats, runs = census.whole_repeats.count, census.repeat_runs
     columns = [column for name, values in census.excerpt.values.items() if name != "temperature" for column in values.T]
     changing = [column for column in columns if np.ptp(column) > 0]
-    if (
-        not any(_is_restless(column) for column in changing)
-        or repeats < REPEATED * census.rows
-        or repeats > LONG * max(runs, 1)
-    ):
+    if not any(map(is_restless, changing)) or repeats < REPEATED * census.rows or repeats > LONG * max(runs, 1):
         return
-    fresh = census.rows - repeats
-    rate = fresh / census.rows / census.period
+    rate = (census.rows - repeats) / max(census.last - census.first, census.period)
     what = f"{repeats} rows ({repeats / census.rows:.0%}) repeat the row before in all signals, {repeats / runs:.1f} at a time"
-    yield warning(f"{what}: samples were lost, or held by a loop of about {rate:.4g} Hz", "rows")
-
-
-def _is_restless(column: np.ndarray) -> bool:
-    """True of a signal that does not repeat by itself, as commands of few levels or long holds and slow encoders do."""
-    steps = np.abs(np.diff(column[np.isfinite(column)]))
-    steps = steps[steps > 0]
-    if len(np.unique(column)) <= LEVELS or len(steps) * LONG < len(column):
-        return False
-    count = quantisation_step(column[np.isfinite(column)])
-    return not count or float(np.median(steps)) > 1.5 * count
+    left = f"; {number_of(census.none, 'row')} left out" if census.none else ""
+    yield warning(f"{what}: samples were lost, or held by a loop of about {rate:.4g} Hz{left}", "rows")
 
 
 def _stays(counted: SignalCensus, k: int, place: str, unit: str) -> Found:

@@ -48,24 +48,16 @@ class Smoothed:
 
 def smoothed(log: Log, run: LogRun) -> Smoothed | None:
     """The excerpt's longest part without gaps, all signals through one zero-phase low-pass; None if too short."""
-    census = run.census
-    assert census is not None
-    begin = census.excerpt.row
-    end = begin + len(census.excerpt.t)
-    parts = [(max(s.begin, begin) - begin, min(s.end, end) - begin) for s in census.stretches]
-    low, high = max(parts, key=lambda part: part[1] - part[0], default=(0, 0))
-    if high - low < FEWEST or census.excerpt.t[high - 1] <= census.excerpt.t[low]:
+    rows = None if run.census is None else run.census.longest
+    if rows is None or len(rows.t) < FEWEST or rows.period <= 0.0:
         return None
     try:
         preparation = choose_preparation(log, run.name)
     except LogError:
         return None
-    t = census.excerpt.t[low:high]
-    period = float(t[-1] - t[0]) / (len(t) - 1)
-    even, edge = t[0] + period * np.arange(len(t)), min(settling(preparation.sections, EDGE) + 1, (high - low) // 8)
+    edge = min(settling(preparation.sections, EDGE) + 1, len(rows.t) // 8)
     values = {}
-    for name, logged in census.excerpt.values.items():
-        columns = np.stack([np.interp(even, t, column[low:high]) for column in logged.T], axis=1)
+    for name, columns in rows.values.items():
         filtered = sp.sosfiltfilt(preparation.sections, columns, axis=0, padlen=min(len(columns) - 1, 300))
         values[name] = filtered[edge : len(filtered) - edge]
-    return Smoothed(log, values, period, preparation.sections)
+    return Smoothed(log, values, rows.period, preparation.sections)

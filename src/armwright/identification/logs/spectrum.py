@@ -32,7 +32,7 @@ def spectrum(values: np.ndarray, rate: float) -> tuple[np.ndarray, np.ndarray]:
     return f[1:], power[1:] / (2 * np.sin(np.pi * f[1:] / rate)) ** 2
 
 
-def motion_band(values: np.ndarray, rate: float, derivatives: int) -> tuple[float, bool]:
+def motion_band(values: np.ndarray, rate: float, derivatives: int, step: float | None = None) -> tuple[float, bool]:
     """Highest frequency in Hz of the motion in a signal's accelerations, and True if it is a valley of their spectrum.
 
     Motion fades with frequency, while noise of positions grows with its fourth power in accelerations: the spectrum has a valley
@@ -41,6 +41,7 @@ def motion_band(values: np.ndarray, rate: float, derivatives: int) -> tuple[floa
 
     Args:
         values: (rows,).   rate: in Hz.   derivatives: from the signal to accelerations: 2 of positions, 1 of speeds.
+        step: of its quantisation; None: looked for.
     """
     f, power = spectrum(values, rate)
     smooth = _smooth(f, power)
@@ -65,7 +66,7 @@ def motion_band(values: np.ndarray, rate: float, derivatives: int) -> tuple[floa
         ]  # of the valley: rather some noise than less motion
         valley = f[peak + int(far_end)]
     # quantisation of a periodic motion has lines too: of less power than a step's variance, and up to the highest frequencies
-    noise = (quantisation_step(values) or 0.0) ** 2 / 12.0 / (f[1] - f[0])
+    noise = (step or quantisation_step(values) or 0.0) ** 2 / 12.0 / (f[1] - f[0])
     least = max(noise, ABOVE * float(power[f > 0.25 * rate].max()))
     last = BEYOND_LINES * highest_line(f, power, derivatives, least)
     if last > min(valley, end):

@@ -137,22 +137,22 @@ class RecordComparison:
 
 def compare_records(
     written: Model, before: Model | None, log: Log, runs: Sequence[str], *, simulation: bool = True, reason: str = "",
-    noise: Mapping[str, FitNoise] | None = None,
+    noise: Mapping[str, FitNoise] | None = None, cutoff: float | None = None,
 ) -> RecordComparison:  # fmt: skip
     """Both records on some runs of a log, by the quantities that `validate` judges by default.
 
     Args:
         written: the fitted arm.   before: the arm that came in; None: there was none, for this reason.   log: with these runs.
         runs: names.   simulation: False: torques alone.
-        noise: of the fit, by joint, on these rows; None: not known.
+        noise: of the fit, by joint, on these rows; None: not known.   cutoff: of both [Hz]; None: what each would take.
     Raises:
         ArmwrightError: as `validate`, of the fitted record; if the other one cannot predict, its error is the `reason`.
     """
-    after = validate(written, log, runs=runs, simulation=simulation, progress=False)
+    after = validate(written, log, runs=runs, simulation=simulation, cutoff=cutoff, progress=False)
     first = None
     if before is not None:
         try:
-            first = validate(before, log, runs=runs, simulation=simulation, progress=False)
+            first = validate(before, log, runs=runs, simulation=simulation, cutoff=cutoff, progress=False)
         except ArmwrightError as error:
             reason = f"the record that came in does not predict them, {error}"
     judged = {check.quantity for check in after.checks}

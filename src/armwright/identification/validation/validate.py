@@ -5,7 +5,7 @@ from __future__ import annotations
 import datetime
 import hashlib
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,12 @@ from armwright.entry import as_log, expect
 from armwright.errors import ArmwrightError, LogError
 from armwright.identification.arm.torque_model import MEASURED
 from armwright.identification.logs.log import Log
-from armwright.identification.logs.preparation import Preparation
+from armwright.identification.logs.preparation import (
+    Preparation,
+    choose_preparation,
+    shared_preparations,
+    stored_preparations,
+)
 from armwright.identification.logs.prepared import logged_motion
 from armwright.identification.logs.torques import Source
 from armwright.identification.validation.free_simulation import (
@@ -168,6 +173,7 @@ def validate(
     window: float | None = None,
     simulation: bool = True,
     preparation: Preparation | None = None,
+    cutoff: float | None = None,
     record: str | os.PathLike[str] | None = None,
     progress: Shown = None,
 ) -> Validation:
@@ -182,7 +188,9 @@ def validate(
         runs: names, instead of the choice above.
         window: [s] after which a free simulation starts again from the log; default 0.5 s, or whole stretches of logged speeds
             without positions.
-        simulation: False leaves the simulation out.   preparation: of the log, instead of what `choose_preparation` says.
+        simulation: False leaves the simulation out.
+        preparation: of the log; None: as of the record's last fit that states one, else what `choose_preparation` says.
+        cutoff: of the low-pass [Hz], instead of that.
         record: path of what `arm` was read from, where that is a `Model` or a `Scenario`.
         progress: True or None: a bar where it is seen; False: none; a function is called with steps done, and all.
     Returns:
@@ -202,7 +210,10 @@ def validate(
         matched = match(model, data)
         notes += map(str, data.warnings)
         tell(0, 3)
-        predictions, remarks = _torques(model, data, matched, chosen, preparation)
+        prepared = {} if preparation is None else dict.fromkeys(chosen, preparation)
+        predictions, remarks = _torques(
+            model, data, matched, chosen, prepared or _preparations(model, data, chosen, cutoff)
+        )
         notes += remarks
         tell(1, 3)
         if simulation or scenario is not None:
@@ -238,15 +249,24 @@ def validate(
 
 
 def _torques(
-    model: Model, log: Log, matched: Match, runs: Sequence[str], preparation: Preparation | None
+    model: Model, log: Log, matched: Match, runs: Sequence[str], prepared: Mapping[str, Preparation]
 ) -> tuple[list[Prediction], list[str]]:
     """Torque predictions of runs, and notes on them or why there are none."""
     if reason := matched.without_torques(model):
         return [], [f"{reason}: no torque prediction"]
     dyn = compile_arm(as_logged(model, matched.lacks))
-    motions = (logged_motion(log, run, preparation) for run in runs)
+    motions = (logged_motion(log, run, prepared[run]) for run in runs)
     predictions = [predict_torque(model, log, motion, dyn, matched) for motion in motions]
     return predictions, _torque_notes(model, matched.lacks, predictions[0].rate)
+
+
+def _preparations(model: Model, log: Log, runs: Sequence[str], cutoff: float | None) -> dict[str, Preparation]:
+    """Preparations of the runs: with a cut-off that was asked for, as of the record's last fit, or as the log suggests."""
+    if cutoff is not None:
+        return {run: choose_preparation(log, run, cutoff=cutoff) for run in runs}
+    fits = () if model.description is None else model.description.fits.values()
+    stored = [fit.preparation for fit in fits if fit.preparation is not None]
+    return stored_preparations(log, runs, stored[-1].model_dump()) if stored else shared_preparations(log, runs)
 
 
 def _measures(model: Model, log: Log, runs: Sequence[str], predictions: Sequence[Prediction]) -> list[JointMeasures]:
