@@ -106,7 +106,8 @@ def read_toml(path: Path, kinematics_only: bool = False) -> RobotDescription:
     """The description in a TOML database.
 
     Args:
-        path: of the file.   kinematics_only: links that state no mass property are massless, with a remark.
+        path: of the file.   kinematics_only: links that state no mass property are massless, with a remark; motors may lack
+            the rotor's inertia, and the file a command.
     """
     with toml_tables(path, DescriptionError) as tables:
         if "robot" in tables and "joints" not in tables:
@@ -115,6 +116,7 @@ def read_toml(path: Path, kinematics_only: bool = False) -> RobotDescription:
             raise DescriptionError(f"is a {kind}", place="robot", value=tables["robot"], expected=expected)
         if kinematics_only:
             _without_masses(tables)
+            _without_drives(tables)
         return parse(tables, str(path), folder=path.parent)
 
 
@@ -143,6 +145,24 @@ def _without_masses(document: dict[str, Any]) -> None:
         text = f"links {names}: no mass properties are known: kinematics only, dynamics are refused"
         document["remarks"] = [*document.get("remarks", ()), text]
         document["without_masses"] = [link.get("name") for link in bare]
+
+
+def _without_drives(document: dict[str, Any]) -> None:
+    """Gives motors that state no rotor's inertia none, and a file without a command torques, with remarks that say so."""
+    joints, remarks = document.get("joints"), []
+    tables = [joint for joint in joints if isinstance(joint, dict)] if isinstance(joints, list) else []
+    if "command" not in document and any("command" not in joint for joint in tables):
+        document["command"] = "torque"
+        remarks.append("no command is stated: kinematics only, joints take torques")
+    motors = {joint.get("name"): joint["motor"] for joint in tables if isinstance(joint.get("motor"), dict)}
+    bare = [name for name, motor in motors.items() if "rotor_inertia_kg_m2" not in motor]
+    for name in bare:
+        motors[name]["rotor_inertia_kg_m2"] = {"value": 0.0, "source": "definition"}
+    if bare:
+        names = ", ".join(map(repr, bare))
+        remarks.append(f"motors of {names}: no rotor inertia is known: kinematics only")
+    if remarks:
+        document["remarks"] = [*document.get("remarks", ()), *remarks]
 
 
 def parse(data: dict[str, Any], place: str, folder: Path | None = None) -> RobotDescription:

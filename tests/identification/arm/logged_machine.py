@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import armwright as aw
+from armwright.identification.arm.torque_model import TorqueModel, torque_model
 from armwright.identification.logs.log import Log
 from armwright.results.csv_tables import write_table
 from identification.arm.moved_arm import FILE, SIGNAL
@@ -104,6 +105,24 @@ class Machine:
         links = np.array([pin.rnea(model, data, *row) for row in zip(q, qd, qdd, strict=True)])
         own = self.rotor * qdd + self.viscous * qd + self.coulomb * np.sign(qd) + self.offset
         return links if link_only else links + own
+
+    def truth(self, model: TorqueModel) -> np.ndarray:
+        """(p,) true parameters of a model's columns; 0 of those that this machine has not."""
+        full = torque_model(aw.load(self.path), friction=())
+        own = {
+            column.name: value
+            for column, value in zip(full.columns, full.prior, strict=True)
+            if column.kind == "inertial"
+        }
+        drives = {kind: getattr(self, kind) for kind in ("rotor", "viscous", "coulomb", "offset")}
+        return np.array(
+            [
+                drives[column.kind][self.names.index(column.joint)]
+                if column.kind in drives
+                else own.get(column.name, 0.0)
+                for column in model.columns
+            ]
+        )
 
     def controlled(
         self, motion: Motion, t: np.ndarray, noise: float, seed: int, steps: int = 4

@@ -127,7 +127,7 @@ def _columns_of_record(equations: Equations, weights: np.ndarray, independent: n
         several = [k for k in of_joint if len(model.columns[k].turned) > 1]
         own = [k for k in of_joint if len(model.columns[k].turned) == 1]
         rotors = [k for k in own if model.columns[k].kind == "rotor"]
-        friction = [k for k in own if model.columns[k].kind not in ("rotor", "offset", EFFICIENCY)]
+        friction = [k for k in own if model.columns[k].kind not in ("rotor", "offset", "zero", EFFICIENCY)]
         of_motor = [k for k in several if model.columns[k].kind != "rotor"]
         choices = [rotors + drop for drop in (friction, of_motor)]
         kept = min(
@@ -264,7 +264,7 @@ class _Written:
 
     def friction(self, joint: Any, columns: dict[str, int], ratio: float) -> dict[str, Any]:
         """Keys of a joint's friction; none where no friction was fitted."""
-        fitted = {kind: k for kind, k in columns.items() if kind not in ("rotor", EFFICIENCY)}
+        fitted = {kind: k for kind, k in columns.items() if kind not in ("rotor", "zero", EFFICIENCY)}
         if not fitted:
             return {}
         model, old, found = self.model, joint.friction, self.found.values

@@ -54,7 +54,8 @@ def identify_arm(
         method: least squares "ols"; "wls", every joint weighted by its residuals; "irls" or "tukey", which also let outliers
             count less; "essential", which leaves out what the log hardly tells; "recursive", row by row. Or by a simulated loop:
             "iv", instruments against the bias of feedback; "didim", from torques alone; "cloe", from positions alone.
-        friction: terms, of "viscous", "coulomb", "offset", "asymmetric" (Coulomb's level by direction) and "stribeck".
+        friction: terms, of "viscous", "coulomb", "offset", "asymmetric" (Coulomb's level by direction) and "stribeck"; link
+            torques, measured behind the gears, have the sensors' zeros in their place.
         terms: springs, a Stribeck speed, gear efficiencies to fit, and terms that the measured torques lack; None: those of the
             log's file, and nothing else.
         rows: runs to fit, cut-off of the low-pass and decimation; None: the log's runs, and a chosen low-pass.
@@ -81,6 +82,8 @@ def identify_arm(
         raise IdentificationError("missing", place="arm", expected=expected)
     stream = stream_of(log, arm, rows.runs, cutoff=rows.cutoff, decimate=rows.decimate)
     lacks = stream.lacks if terms.lacks is None else terms.lacks
+    if stream.source == "tau_link":
+        arm, friction = _behind_gears(arm, friction)
     model = _model(arm, method, friction, replace(terms, lacks=lacks), stream.gears)
     curve = cutoff_curve(stream, model) if rows.cutoff is None else None
     stream = stream if curve is None else stream.at(curve.chosen, rows.decimate, curve.reason)
@@ -111,6 +114,18 @@ def identify_arm(
     )
     directions = sentences(fit, found.rows(), found.base, found.structural)
     return replace(result, estimate=with_remarks(result, found, directions, stream.cutoff, [*stream.warnings, *said]))
+
+
+def _behind_gears(arm: Model, friction: Collection[str]) -> tuple[Model, tuple[str, ...]]:
+    """The arm as sensors behind its gears see it, without loss, and their zeros in place of friction.
+
+    Raises:
+        IdentificationError: friction was asked for.
+    """
+    if tuple(friction) != USUAL_FRICTION:
+        expected = "none: torques behind the gears are without the motors' friction"
+        raise IdentificationError(place="friction", value=", ".join(friction), expected=expected)
+    return arm.replace(efficiency=None), ("zero",)
 
 
 def _model(

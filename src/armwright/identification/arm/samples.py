@@ -35,7 +35,7 @@ from armwright.identification.logs.preparation import (
     shared_preparations,
 )
 from armwright.identification.logs.prepared import SEAM, prepared_blocks, prepared_excerpt, too_short, zero_phase
-from armwright.identification.logs.torques import Source, torque_source, torques_on_joints
+from armwright.identification.logs.torques import Source, missing_terms, torque_source, torques_on_joints
 from armwright.model import Model
 
 CHUNK_VALUES = 2**21  # of the columns that pass the filter at once: 16 MB
@@ -187,12 +187,13 @@ def stream_of(
     fresh = [name for name in log.hold_out if name not in names]
     gears = None if log.gears is None else log.gears[np.ix_(order, order)]
     seconds, counts = sum(log.run(name).duration for name in names), {name: log.run(name).rows for name in names}
-    facts = (log.path.name, log.sha256, log.lacks, tuple(map(str, log.warnings)))
+    source = needed_source(log)
+    facts = (log.path.name, log.sha256, missing_terms(log.lacks, source), tuple(map(str, log.warnings)))
     own = preparation if isinstance(preparation, Mapping) else dict.fromkeys(names, preparation)
     prepared = {name: own[name] or choose_preparation(log, name, **choices) for name in names}
     rows = sum(counts[name] / each.decimate for name, each in prepared.items())
     filters, others = (filters_of(log, each, order) for each in (prepared, shared_preparations(log, fresh)))
-    return Stream(log, filters, others, needed_source(log), order, gears, seconds, rows, *facts)
+    return Stream(log, filters, others, source, order, gears, seconds, rows, *facts)
 
 
 def _at(prepared: Preparation, cutoff: float, decimate: int | None, reason: str) -> Preparation:

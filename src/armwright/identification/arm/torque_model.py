@@ -49,7 +49,7 @@ SUPPORT = replace(
 )
 INERTIAL = ("m", "mcx", "mcy", "mcz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
 INERTIAL_UNITS = ("kg", "kg m", "kg m", "kg m", *["kg m²"] * 6)
-FRICTION = ("viscous", "coulomb", "offset", "asymmetric", "stribeck")
+FRICTION = ("viscous", "coulomb", "offset", "asymmetric", "stribeck", "zero")
 USUAL_FRICTION = ("viscous", "coulomb", "offset")
 LACKS = ("gravity", "springs", "rotors", "viscous", "coulomb", "offset")  # terms that a measured torque may be without
 ZERO = 1e-10  # of the largest column: smaller ones are rounding
@@ -98,6 +98,7 @@ KINDS = {
         "coulomb",
     ),
     "offset": ColumnKind("off", "constant torque", "qd", lambda x, _: np.ones_like(x), "N m", "N", "offset"),
+    "zero": ColumnKind("zero", "zero of the torque sensor", "qd", lambda x, _: np.ones_like(x), "N m", "N"),
     "spring": ColumnKind("k", "spring stiffness", "q", lambda x, _: x, "N m/rad", "N/m", "springs"),
     "sine": ColumnKind("ks", "counterbalance by sin q", "q", lambda x, _: np.sin(x), "N m", "N", "springs"),
     "cosine": ColumnKind("kc", "counterbalance by cos q", "q", lambda x, _: np.cos(x), "N m", "N", "springs"),
@@ -226,7 +227,7 @@ def torque_model(
     Args:
         arm: a full record, or kinematics alone.
         friction: of "viscous", "coulomb", "offset", "asymmetric" (Coulomb's level by direction, instead of "coulomb" and
-            "offset") and "stribeck".
+            "offset"), "stribeck" and "zero", a torque sensor's, which no record has.
         springs: names of joints that get a spring and a counterbalance as candidates.
         lacks: terms that the measured torque is without: "gravity", "springs", "rotors", "viscous", "coulomb", "offset".
         stribeck_speed: of the Stribeck column [rad/s | m/s], at the joint.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Literal
 
@@ -14,13 +15,23 @@ from armwright.kernels.compiled import CompiledArm
 from armwright.model import Model
 from armwright.signals import Layout
 
-Source = Literal["tau", "current", "voltage"]
-SOURCES: tuple[Source, ...] = ("tau", "current", "voltage")
+Source = Literal["tau", "current", "voltage", "tau_link"]
+SOURCES: tuple[Source, ...] = ("tau", "current", "voltage", "tau_link")
+BEHIND_GEARS = ("rotors", "viscous", "coulomb")  # what a torque sensor behind the gear does not feel
 
 
 def torque_source(layout: Layout) -> Source | None:
-    """The signal of a log that torques are known from: "tau", else "current", else "voltage"; None if it has none."""
+    """The signal of a log that torques are known from: the first of `SOURCES`; None if it has none."""
     return next((signal for signal in SOURCES if signal in layout), None)
+
+
+def missing_terms(lacks: Sequence[str], source: Source | None) -> tuple[str, ...]:
+    """Terms that the torques of a source are without.
+
+    Args:
+        lacks: as the log's file has them, of torques.   source: as of `torque_source`.
+    """
+    return {"tau": tuple(lacks), "tau_link": tuple(dict.fromkeys([*lacks, *BEHIND_GEARS]))}.get(source or "", ())
 
 
 def torques_on_joints(
@@ -34,7 +45,7 @@ def torques_on_joints(
     Raises:
         ModelError: a motor without the constants that the signal needs.
     """
-    if source == "tau":
+    if source in ("tau", "tau_link"):
         return values
     if source == "voltage" and dyn is not None:
         of_motors = dyn.motor_torque(qd, values).T

@@ -9,7 +9,7 @@ import numpy as np
 from armwright.errors import LogError
 from armwright.identification.logs.columns import check_gears
 from armwright.identification.logs.log import Log
-from armwright.identification.logs.torques import Source, torque_source
+from armwright.identification.logs.torques import Source, missing_terms, torque_source
 from armwright.kernels.compiled import CompiledArm
 from armwright.model import Model
 
@@ -62,7 +62,7 @@ def match(arm: Model, log: Log) -> Match:
     source = torque_source(log.layout)
     source = None if source == "voltage" and "q" not in logged else source
     columns = [log.joints.index(name) for name in arm.names]
-    lacks = log.lacks if source == "tau" else ()
+    lacks = missing_terms(log.lacks, source)
     return Match(columns, logged, source, frozenset(log.layout.names), lacks)
 
 

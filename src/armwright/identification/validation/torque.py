@@ -60,8 +60,10 @@ def predict_torque(
     qd = np.where(np.abs(qd) < resting_speeds(log, run.name)[order], 0.0, qd)
     measured = _filtered(motion, torques_on_joints(arm, source, data[source].values[:, order], qd))
     predicted = _filtered(motion, dyn.inverse_dynamics(q, qd, qdd)) @ motor_shares(arm)
+    if source == "tau_link":
+        predicted = predicted + sensor_zeros(arm)
     direction, qd, qdd = (_filtered(motion, each) for each in (np.sign(qd), qd, qdd))
-    how = {"tau": "", "current": " from currents", "voltage": " from voltages"}[source]
+    how = {"tau": "", "tau_link": " behind the gears", "current": " from currents", "voltage": " from voltages"}[source]
     return Prediction(
         "torque",
         f"inverse dynamics along the log, torques measured{how}{', held from row to row' * (source in log.held)}",
@@ -83,6 +85,15 @@ def predict_torque(
     )
 
 
+def sensor_zeros(arm: Model) -> np.ndarray:
+    """(n,) [N m | N] zeros of the torque sensors behind the gears, as the last fit of the record that found them; else 0."""
+    zeros = np.zeros(arm.n)
+    for fit in () if arm.description is None else arm.description.fits.values():
+        for k in range(arm.n):
+            zeros[k] = fit.others[f"zero{k + 1}"].number if f"zero{k + 1}" in fit.others else zeros[k]
+    return zeros
+
+
 def _filtered(motion: LoggedMotion, values: np.ndarray) -> np.ndarray:
     """Values (rows, n) of all rows behind the filter that measured torques have passed, stretch by stretch, at the kept rows."""
     return np.concatenate([zero_phase(motion.preparation, values[part]) for part in motion.parts])[motion.kept]
@@ -94,7 +105,9 @@ def check_constants(arm: Model, source: str, log: Log) -> None:
     Raises:
         LogError: names joint and key.
     """
-    needed = {"tau": (), "current": ("torque_constant",), "voltage": ("torque_constant", "resistance")}[source]
+    needed = {"tau": (), "tau_link": (), "current": ("torque_constant",), "voltage": ("torque_constant", "resistance")}[
+        source
+    ]
     keys = {"torque_constant": "torque_constant_n_m_per_a", "resistance": "resistance_ohm"}
     for body in arm.coordinates:
         for name in needed:
