@@ -108,7 +108,15 @@ def at_rest(speed: np.ndarray, largest: float, rate: float) -> np.ndarray:
     Args:
         speed: (rows,) of one joint in one run.   largest: its speed over all runs, magnitude.   rate: rows in a second.
     """
-    slow = np.abs(speed) < SLOW * largest
+    return periods_of_rest(np.abs(speed) < SLOW * largest, rate)
+
+
+def periods_of_rest(slow: np.ndarray, rate: float) -> np.ndarray:
+    """(rows,) True for rows of a period of rest: slow (rows,) ones that last a while; a joint that turns back does not rest.
+
+    Args:
+        slow: bool, of one joint in one run.   rate: rows in a second.
+    """
     edges = np.flatnonzero(np.diff(slow, prepend=False, append=False))
     mask = np.zeros(len(slow), dtype=bool)
     for begin, end in zip(edges[::2], edges[1::2], strict=True):

@@ -97,10 +97,16 @@ class Machine:
         """Kinematics alone, as a user has them."""
         return aw.load(self.path, kinematics_only=True)
 
-    def torque(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, link_only: bool = False) -> np.ndarray:
-        """Torques (rows, n) [N m] of the motors, or of links alone, as sensors behind the gears measure them."""
+    def _pinocchio(self):
+        """The module, and the arm without drives under standard gravity."""
         pin = pytest.importorskip("pinocchio", reason="no Pinocchio here")
         model = pin.buildModelFromUrdf(str(self.path))
+        model.gravity.linear = np.array([0.0, 0.0, -9.80665])
+        return pin, model
+
+    def torque(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, link_only: bool = False) -> np.ndarray:
+        """Torques (rows, n) [N m] of the motors, or of links alone, as sensors behind the gears measure them."""
+        pin, model = self._pinocchio()
         data = model.createData()
         links = np.array([pin.rnea(model, data, *row) for row in zip(q, qd, qdd, strict=True)])
         own = self.rotor * qdd + self.viscous * qd + self.coulomb * np.sign(qd) + self.offset
@@ -125,11 +131,10 @@ class Machine:
         )
 
     def controlled(
-        self, motion: Motion, t: np.ndarray, noise: float, seed: int, steps: int = 4
+        self, motion: Motion, t: np.ndarray, noise: float, seed: int, steps: int = 5
     ) -> tuple[np.ndarray, ...]:
         """q and held torques at times t of a loop with gains in proportion to inertia and noisy encoders."""
-        pin = pytest.importorskip("pinocchio", reason="no Pinocchio here")
-        model = pin.buildModelFromUrdf(str(self.path))
+        pin, model = self._pinocchio()
         model.armature = self.rotor
         data, rng, h = model.createData(), np.random.default_rng([seed, 4]), (t[1] - t[0]) / steps
         wanted, speeds, accelerations = motion.at(t)
@@ -145,12 +150,23 @@ class Machine:
             tau = tau + size * (400 * (wanted[k] - measured) + 30 * (speeds[k] - speed))
             tau = tau + self.coulomb * np.sign(speeds[k]) + self.viscous * speeds[k]
             logged[0, k], logged[1, k] = measured, tau
-            for _ in range(steps):
-                dry = self.coulomb * np.tanh(qd / 1e-3)
-                qdd = pin.aba(model, data, q, qd, tau - dry - self.viscous * qd - self.offset)
-                qd = qd + h * np.clip(qdd, -1e4, 1e4)
-                q = q + h * qd
+            for _ in range(steps):  # Heun's, friction's direction that of the predicted middle
+                q, qd = _heun(
+                    lambda q, qd, dry: pin.aba(model, data, q, qd, tau - dry - self.viscous * qd - self.offset),
+                    q,
+                    qd,
+                    h,
+                    self.coulomb,
+                )
         return logged[0], logged[1]
+
+
+def _heun(acceleration, q: np.ndarray, qd: np.ndarray, h: float, coulomb: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """q and q̇ after a step h [s]; dry friction has the direction of the speed in the middle."""
+    dry = coulomb * np.sign(qd + 0.5 * h * acceleration(q, qd, coulomb * np.sign(qd)))
+    first = acceleration(q, qd, dry)
+    second = acceleration(q + h * qd, qd + h * first, dry)
+    return q + h * qd + 0.5 * h * h * first, qd + 0.5 * h * (first + second)
 
 
 def counted(values: np.ndarray, step: float, rng: np.random.Generator, truncated: bool = False) -> np.ndarray:
@@ -160,14 +176,17 @@ def counted(values: np.ndarray, step: float, rng: np.random.Generator, truncated
     return whole * step - (0 if truncated else shift)
 
 
-def written(folder: Path, name: str, joints: list[str], columns: Mapping[str, np.ndarray]) -> Path:
-    """A log of quantities (rows, n) beside the times "t", as CSV with its description."""
+def written(
+    folder: Path, name: str, joints: list[str], columns: Mapping[str, np.ndarray], held: str | None = None
+) -> Path:
+    """A log of quantities (rows, n) beside the times "t", as CSV with its description; one of them held until the next row."""
     table, text = {"t": columns["t"]}, FILE.format(name=name, joints=joints)
     for quantity, values in columns.items():
         if quantity != "t":
             heads = [f"{quantity.replace(' ', '_')}{k + 1}" for k in range(values.shape[1])]
             table |= dict(zip(heads, values.T, strict=True))
-            text += SIGNAL.format(quantity=quantity, columns=heads, unit=UNITS[quantity], side='side = "joint"')
+            side = 'side = "joint"' + "\nheld = true" * (quantity == held)
+            text += SIGNAL.format(quantity=quantity, columns=heads, unit=UNITS[quantity], side=side)
     write_table(folder / f"{name}.csv", table)
     path = folder / f"{name}.log.toml"
     path.write_text(text, encoding="utf-8")

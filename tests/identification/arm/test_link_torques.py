@@ -18,14 +18,14 @@ name = "j1"
 type = "revolute"
 parent = "base"
 child = "l1"
-dh = { a_m = 0.0, alpha_rad = 0.0, d_m = 0.4, theta_rad = 0.0 }
+dh = { a_m = 0.0, alpha_rad = 0.0, r_m = 0.4, offset_rad = 0.0 }
 motor = { gear_ratio = 50 }
 [[joints]]
 name = "j2"
 type = "revolute"
 parent = "l1"
 child = "l2"
-dh = { a_m = 0.3, alpha_rad = 0.0, d_m = 0.0, theta_rad = 0.0 }
+dh = { a_m = 0.3, alpha_rad = 0.0, r_m = 0.0, offset_rad = 0.0 }
 """
 
 

@@ -109,6 +109,10 @@ class LossyModel(TorqueModel):
             columns[:, :, k] = by_eta[:, i, None] * B[i]
         return columns, known + entering @ B
 
+    def directed(self, rows: np.ndarray, speeds: np.ndarray) -> np.ndarray:
+        """The columns as they are: friction behind a lossy gear has its slope, row by row."""
+        return rows
+
     def known_rows(self, qd: np.ndarray, smoother: np.ndarray) -> np.ndarray | None:
         """(rows, n) False where the direction of the joint's lossy gear is not sure: at rest, and where two low-passes differ."""
         B = motor_shares(self.arm)

@@ -33,6 +33,7 @@ from armwright.identification.logs.preparation import (
     filters_of,
     settling,
     shared_preparations,
+    without_rest,
 )
 from armwright.identification.logs.prepared import SEAM, prepared_blocks, prepared_excerpt, too_short, zero_phase
 from armwright.identification.logs.torques import Source, missing_terms, torque_source, torques_on_joints
@@ -163,7 +164,8 @@ class Stream:
         for run, filters in self.filters.items():
             for stretch, block, measured in prepared_excerpt(self.log, run, filters.narrow):
                 states = self._states(model, block, measured)
-                states["qd"] = np.where(np.abs(states["qd"]) < filters.resting, 0.0, states["qd"])
+                rate = filters.narrow.rate / filters.narrow.decimate
+                states["qd"] = without_rest(states["qd"], filters.resting, rate)
                 yield Samples(run, stretch, block.t, **states, fitted=model.known_rows(states["qd"], states["qd"]))
 
 
@@ -230,10 +232,13 @@ class _Behind:
         if not len(numbers):
             return
         q, qd, qdd = (self.values[name] for name in ("q", "qd", "qdd"))
-        motion = q, np.where(np.abs(qd) < filters.resting, 0.0, qd), qdd
+        qd = without_rest(qd, filters.resting, second.rate)
+        motion = q, qd, qdd
         used = model.of_joint
         columns = np.zeros((len(numbers), *used.shape))
         rows, known = model.terms(*motion)
+        if wide.decimate > 1:
+            rows = model.directed(rows, between_rows(qd, wide.decimate))
         columns[:, used] = zero_phase(second, rows[:, used])[numbers]
         values = {**self.values, "known": known}
         filtered = {name: zero_phase(second, each)[numbers] for name, each in values.items()}
@@ -245,6 +250,12 @@ class _Behind:
         cut = max(len(self.t) - 2 * seam, 0)
         rest = {name: each[cut:] for name, each in self.values.items()}
         return _Behind(self.stretch, self.t[cut:], rest, len(self.t) - seam - cut, self.first + cut)
+
+
+def between_rows(qd: np.ndarray, count: int) -> np.ndarray:
+    """Speeds (count, rows, n) at as many times, half a row before each row to half a row after it, of speeds (rows, n)."""
+    k, rows = np.arange(len(qd)), np.arange(len(qd))[None, :] + ((np.arange(count) + 0.5) / count - 0.5)[:, None]
+    return np.stack([np.interp(rows, k, each) for each in qd.T], axis=2)
 
 
 def joints_of(log: Log, names: Sequence[str]) -> list[int]:

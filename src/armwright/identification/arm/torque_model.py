@@ -185,6 +185,15 @@ class TorqueModel:
         """`rows` and `known_torques` together."""
         return self.rows(q, qd, qdd), self.known_torques(q, qd, qdd)
 
+    def directed(self, rows: np.ndarray, speeds: np.ndarray) -> np.ndarray:
+        """Columns (rows, n, p) with dry friction as its mean over the speeds (k, rows, n) around each row: it jumps between rows."""
+        for k, column in enumerate(self.columns):
+            if column.kind != "inertial" and KINDS[column.kind].lack == "coulomb":
+                torque = _law(column, {"qd": speeds}).mean(axis=0)
+                for j, share in column.turned:
+                    rows[:, j, k] = share * torque
+        return rows
+
     def known_rows(self, qd: np.ndarray, smoother: np.ndarray) -> np.ndarray | None:
         """(rows, n) False where the measured torque is none of this model's, by two estimates of the speed; None: nowhere."""
         return None
@@ -207,9 +216,9 @@ def rows_of(
 
 
 def _law(column: TorqueColumn, states: Mapping[str, np.ndarray]) -> np.ndarray:
-    """A column's law (rows,) at the state of the joint or motor that it belongs to."""
+    """A column's law (…, rows) at states (…, rows, n) of the joint or motor that it belongs to."""
     kind = KINDS[column.kind]
-    x = sum(share * states[kind.state][:, j] for j, share in column.turned)
+    x = sum(share * states[kind.state][..., j] for j, share in column.turned)
     return kind.law(np.asarray(x), column.speed)
 
 

@@ -16,6 +16,7 @@ from scipy import signal as sp
 
 from armwright.entry import AnyLog, as_log
 from armwright.errors import LogError
+from armwright.fitting.measures import periods_of_rest
 from armwright.identification.logs.log import Log, LogRun
 from armwright.identification.logs.merged_speeds import corners
 from armwright.identification.logs.quantisation import quantisation_step
@@ -226,6 +227,17 @@ def resting_speeds(log: Log, run: str) -> np.ndarray:
         counted = chosen.census.signals["q"]
         speeds[list(log.layout["q"].joints or ())] = REST * np.subtract(counted.high, counted.low) / chosen.duration
     return speeds
+
+
+def without_rest(qd: np.ndarray, resting: np.ndarray, rate: float) -> np.ndarray:
+    """Speeds (rows, n) of consecutive rows, 0 in periods of rest, where noise would decide the sign of friction.
+
+    Args:
+        resting: (n,) [rad/s | m/s] speeds of `resting_speeds`.   rate: of the rows, in Hz.
+    """
+    slow = np.abs(qd) < resting
+    rests = [periods_of_rest(each, rate) if each.any() else each for each in slow.T]
+    return np.where(np.stack(rests, axis=1), 0.0, qd)
 
 
 def filters_of(log: Log, prepared: Mapping[str, Preparation], order: Sequence[int]) -> dict[str, RunFilters]:

@@ -10,7 +10,7 @@ import numpy as np
 from armwright.actuators.coupling import motor_shares
 from armwright.errors import LogError
 from armwright.identification.logs.log import Log
-from armwright.identification.logs.preparation import resting_speeds
+from armwright.identification.logs.preparation import resting_speeds, without_rest
 from armwright.identification.logs.prepared import LoggedMotion, zero_phase
 from armwright.identification.logs.torques import torques_on_joints
 from armwright.identification.validation.match import Match, check_pose_free, match
@@ -57,7 +57,7 @@ def predict_torque(
         check_pose_free(arm, dyn, log)
     qd, qdd = (data[name].values[:, order] for name in ("qd", "qdd"))
     q = data["q"].values[:, order] if "q" in matched.logged else np.zeros_like(qd)
-    qd = np.where(np.abs(qd) < resting_speeds(log, run.name)[order], 0.0, qd)
+    qd = without_rest(qd, resting_speeds(log, run.name)[order], motion.preparation.rate)
     measured = _filtered(motion, torques_on_joints(arm, source, data[source].values[:, order], qd))
     predicted = _filtered(motion, dyn.inverse_dynamics(q, qd, qdd)) @ motor_shares(arm)
     if source == "tau_link":
