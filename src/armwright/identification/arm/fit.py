@@ -38,6 +38,7 @@ NORMAL_MEDIAN = 0.6744897501960817  # of |x|, x normal with deviation 1
 ROBUST_PASSES = 10  # over the rows
 CHANGE = 1e-2  # of a standard deviation: less is settled
 BINS = 4096  # of the histogram of residuals
+MOST_NOISE = 0.8  # share of a direction's information that is taken for noise of the columns, at most
 AT_REST = 0.01  # of the whole log's root mean square speed: slower parts rest
 
 
@@ -87,13 +88,18 @@ class ArmFit:
 
 
 def fit_arm(
-    equations: Equations, base: BaseParameters, method: str = "wls", weights: np.ndarray | None = None
+    equations: Equations,
+    base: BaseParameters,
+    method: str = "wls",
+    weights: np.ndarray | None = None,
+    errors: np.ndarray | None = None,
 ) -> ArmFit:
     """Base parameters by ordinary or weighted least squares, from factors alone.
 
     Args:
         equations: of a log.   base: regrouping of the model's columns.   method: "ols" or "wls".
         weights: w_j (n,) kept as they are, instead of the method's.
+        errors: (n, p, p) what noise of the motion adds to the normal matrix, by row and joint (`regressor_errors`); None: 0.
     Returns:
         fit: its covariance is (YᵀWY)⁻¹ with the residuals' variances, as if they were white: `with_correlation` counts more.
     Raises:
@@ -106,13 +112,13 @@ def fit_arm(
         raise IdentificationError(what, place="log", expected=expected)
     known = rows > 0
     chosen = known.astype(float) if weights is None else weights
-    values, information = _solved(factors, base, chosen)
+    values, information = _solved(factors, base, chosen, errors)
     variance = _variances(factors, base, values)
     if method != "ols" and weights is None:
         for _ in range(MOST_ITERATIONS):
             floor = 1e-12 * max(variance.max(), np.finfo(float).tiny)  # of a log that the model explains exactly
             last, chosen = chosen, np.where(known, 1.0 / np.maximum(variance, floor), 0.0)
-            values, information = _solved(factors, base, chosen)
+            values, information = _solved(factors, base, chosen, errors)
             variance = _variances(factors, base, values)
             if (np.abs(chosen - last)[known] <= SETTLED * chosen[known]).all():
                 break
@@ -150,8 +156,10 @@ def _gram(factor: Factor, base: BaseParameters) -> np.ndarray:
     return values.T @ values
 
 
-def _solved(factors: Sequence[Factor], base: BaseParameters, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """β (b,) and R (b, b) of the weighted problem.
+def _solved(
+    factors: Sequence[Factor], base: BaseParameters, weights: np.ndarray, errors: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """β (b,) and R (b, b) of the weighted problem, RᵀR less what errors (n, p, p) of the columns add to it.
 
     Raises:
         IdentificationError: columns that the rows cannot distinguish.
@@ -169,8 +177,22 @@ def _solved(factors: Sequence[Factor], base: BaseParameters, weights: np.ndarray
             place="log",
             expected="the base parameters of the log itself",
         )
-    values = scipy.linalg.solve_triangular(factor[:b, :b], factor[:b, -1]) * size[-1] / size[:b]
-    return values, factor[:b, :b] * size[:b]
+    R, z = factor[:b, :b], factor[:b, -1]
+    if errors is not None:
+        rows = np.array([each.rows for each in factors])
+        added = np.tensordot(weights * rows, errors, axes=1)[np.ix_(base.independent, base.independent)]
+        added = added / np.outer(size[:b], size[:b])
+        share, vectors = np.linalg.eigh(_divided(R, _divided(R, added).T))
+        less = (vectors * np.sqrt(1.0 - np.clip(share, 0.0, MOST_NOISE))) @ vectors.T  # RᵀR − E = (less R)ᵀ(less R)
+        Q, R = np.linalg.qr(less @ R)
+        z = Q.T @ np.linalg.solve(less, z)
+    values = scipy.linalg.solve_triangular(R, z) * size[-1] / size[:b]
+    return values, R * size[:b]
+
+
+def _divided(R: np.ndarray, matrix: np.ndarray) -> np.ndarray:
+    """R⁻ᵀ times a matrix."""
+    return scipy.linalg.solve_triangular(R, matrix, trans="T")
 
 
 def fit_robust(

@@ -31,11 +31,13 @@ from armwright.identification.arm.fit import (
 )
 from armwright.identification.arm.gear_loss import GearProblem, LossyModel, distance, fit_gears
 from armwright.identification.arm.recursive import RecursiveEstimate
+from armwright.identification.arm.regressor_errors import regressor_errors
 from armwright.identification.arm.samples import Memory, Stream
 from armwright.identification.arm.spring_record import SPRINGS
 from armwright.identification.arm.torque_model import TorqueModel
 
 GAIN = 0.01  # of the held-out error, that a spring must bring
+CORRECTED = ("ols", "wls")  # methods that are corrected for noise of the columns
 MOST_PASSES, SETTLED = 5, 0.05  # fits of a lossy arm about the last one, until it moves by less than so many deviations
 
 
@@ -46,6 +48,7 @@ class FitProblem:
     Attributes:
         source: gives the samples, anew at each call.   equations: of these samples.   base: regrouping of the log.
         part_seconds: length of a part [s].   feedback: of the log's loop, or None.   forgetting: λ of a row, at most 1.
+        errors: (n, p, p) of the columns, as of `regressor_errors`, for "ols" and "wls".
     """
 
     source: SampleSource
@@ -54,6 +57,7 @@ class FitProblem:
     part_seconds: float
     feedback: Feedback | None = None
     forgetting: float = 1.0
+    errors: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -73,7 +77,7 @@ class Method:
 
 
 def _least_squares(method: str, problem: FitProblem) -> ArmFit:
-    return with_correlation(problem.source, fit_arm(problem.equations, problem.base, method))
+    return with_correlation(problem.source, fit_arm(problem.equations, problem.base, method, errors=problem.errors))
 
 
 def _robust(weight: str, problem: FitProblem) -> ArmFit:
@@ -209,13 +213,14 @@ def fitted(
     base = regrouped_further(structural, equations.factor)
     first = next(iter(stream.filters.values())).narrow
     loop = None if feedback is None else feedback_of(feedback, rows, first, model.arm.n)
-    fit = METHODS[method].fit(FitProblem(rows, equations, base, seconds, loop, forgetting))
+    errors = regressor_errors(stream, model) if method in CORRECTED else None
+    fit = METHODS[method].fit(FitProblem(rows, equations, base, seconds, loop, forgetting, errors))
     for _ in range(MOST_PASSES):
         if not isinstance(model, LossyModel) or distance(fit) < SETTLED:
             break
         model = model.at(fit.parameters)
         rows, equations = read(model)
-        fit = METHODS[method].fit(FitProblem(rows, equations, base, seconds, loop, forgetting))
+        fit = METHODS[method].fit(FitProblem(rows, equations, base, seconds, loop, forgetting, errors))
     return FittedLog(rows, fit, base, structural, untold)
 
 

@@ -11,7 +11,7 @@ the noise of accelerations and torques away: parallel filtering. [Gautier1997]
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -23,6 +23,7 @@ from armwright.identification.arm.equations import Samples, SampleSource
 from armwright.identification.arm.torque_model import TorqueModel
 from armwright.identification.logs.blocks import Block
 from armwright.identification.logs.checks import of_robot
+from armwright.identification.logs.even_rows import EvenStretch
 from armwright.identification.logs.log import Log
 from armwright.identification.logs.preparation import (
     HIGHEST,
@@ -114,14 +115,27 @@ class Stream:
         """
         is_empty = True
         for run in self.filters:
-            for block in self._parallel_filtered(run, model, memory):
+            moving: Iterable[Moving] = self._moving(run, model)
+            if memory is not None:
+                moving = memory[run] = memory.get(run) or list(moving)
+            for block in self._parallel_filtered(run, model, moving):
                 is_empty = False
                 yield block
         if is_empty:
             last = list(self.filters)[-1]
             raise too_short(self.log, self.log.run(last), self.filters[last].narrow)
 
-    def _parallel_filtered(self, run: str, model: TorqueModel, memory: Memory | None) -> Iterator[Samples]:
+    def of_excerpts(
+        self, model: TorqueModel, disturbed: Callable[[str, EvenStretch], EvenStretch] | None = None
+    ) -> Iterator[Samples]:
+        """Samples of the runs' excerpts, with further noise where a function of run and rows adds it."""
+        for run, filters in self.filters.items():
+            more = None if disturbed is None else partial(disturbed, run)
+            rows = prepared_excerpt(self.log, run, filters.wide, more)
+            moving = ((stretch, block.t, self._states(model, block, block)) for stretch, block, _ in rows)
+            yield from self._parallel_filtered(run, model, moving)
+
+    def _parallel_filtered(self, run: str, model: TorqueModel, moving: Iterable[Moving]) -> Iterator[Samples]:
         """Samples of a run: the wide low-pass, torques and columns, the preparation's low-pass, its decimation.
 
         Rows on either side of a block are kept until the filter has settled.
@@ -129,10 +143,6 @@ class Stream:
         filters = self.filters[run]
         second = replace(filters.narrow, rate=filters.narrow.rate / filters.wide.decimate)
         seam = settling(second.sections, SEAM)
-        rows = max(CHUNK_VALUES // max(int(model.of_joint.sum()), 1), 4 * seam) * filters.wide.decimate
-        moving: Iterable[Moving] = self._moving(run, model, rows)
-        if memory is not None:
-            moving = memory[run] = memory.get(run) or list(moving)
         through, behind = (run, model, second, filters), None
         for stretch, t, states in moving:
             if behind is not None and behind.stretch != stretch:
@@ -145,8 +155,12 @@ class Stream:
         if behind is not None:
             yield from behind.samples(0, *through)
 
-    def _moving(self, run: str, model: TorqueModel, rows: int) -> Iterator[Moving]:
+    def _moving(self, run: str, model: TorqueModel) -> Iterator[Moving]:
         """Motion, motor torques and temperatures of a run that passed the wide low-pass, some rows of it at once."""
+        filters = self.filters[run]
+        second = replace(filters.narrow, rate=filters.narrow.rate / filters.wide.decimate)
+        most = max(CHUNK_VALUES // max(int(model.of_joint.sum()), 1), 4 * settling(second.sections, SEAM))
+        rows = most * filters.wide.decimate
         if self.source == "current":
             _check_torque_constants(model.arm)
         for stretch, block in prepared_blocks(self.log, run, self.filters[run].wide, rows):

@@ -186,7 +186,7 @@ class TorqueModel:
         return self.rows(q, qd, qdd), self.known_torques(q, qd, qdd)
 
     def directed(self, rows: np.ndarray, speeds: np.ndarray) -> np.ndarray:
-        """Columns (rows, n, p) with dry friction as its mean over the speeds (k, rows, n) around each row: it jumps between rows."""
+        """Columns (rows, n, p) with dry friction as its mean over speeds (k, rows, n) around each row: it jumps between rows."""
         for k, column in enumerate(self.columns):
             if column.kind != "inertial" and KINDS[column.kind].lack == "coulomb":
                 torque = _law(column, {"qd": speeds}).mean(axis=0)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -14,7 +14,7 @@ from armwright.entry import AnyLog, as_log, expect
 from armwright.errors import LogError
 from armwright.fitting.residuals import parts_of
 from armwright.identification.logs.blocks import ROWS, Block
-from armwright.identification.logs.even_rows import SampledRows, sampled_rows
+from armwright.identification.logs.even_rows import EvenStretch, SampledRows, sampled_rows
 from armwright.identification.logs.findings import number_of
 from armwright.identification.logs.log import Log, LogRun
 from armwright.identification.logs.merged_speeds import LOWEST, merged
@@ -157,10 +157,17 @@ def prepared_blocks(log: Log, run: str, preparation: Preparation, rows: int = RO
             first += len(range(begin, end, preparation.decimate))
 
 
-def prepared_excerpt(log: Log, run: str, preparation: Preparation) -> Iterator[tuple[int, Block, Block]]:
-    """Prepared rows of a run's excerpt, stretch by stretch: its number, the rows, and the same ones as they were measured."""
+def prepared_excerpt(
+    log: Log, run: str, preparation: Preparation, disturbed: Callable[[EvenStretch], EvenStretch] | None = None
+) -> Iterator[tuple[int, Block, Block]]:
+    """Prepared rows of a run's excerpt, stretch by stretch: its number, the rows, and the same ones as they were measured.
+
+    Args:
+        disturbed: rows with further noise; None: as they are.
+    """
     census = log.run(run).census
-    for number, rows in enumerate(() if census is None else census.even):
+    for number, even in enumerate(() if census is None else census.even):
+        rows = even if disturbed is None else disturbed(even)
         kept = slice(preparation.edge, max(len(rows.t) - preparation.edge, 0), preparation.decimate)
         if len(rows.t[kept]):
             both = filtered(log, rows.values, rows.period, preparation), rows.values
