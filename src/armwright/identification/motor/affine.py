@@ -14,6 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from armwright import scalar
+from armwright.program.where_needed import WhereNeeded
 from armwright.scalar import Array, Scalar
 from armwright.simulation.integrate.exponential import phi
 from armwright.simulation.plant.inputs import PlantInputs
@@ -115,13 +116,22 @@ def event(A: Array, forth: Array, back: Array, y: Array, way: Scalar, left: Scal
     """
     c = _of(way, forth, back)
     sliding = scalar.less(0.0, scalar.abs(way))
-
-    def speed(t: Scalar) -> Scalar:
-        return way * moved(A, c, y, t)[0][0]
-
-    low, high, end = 0.0 * left, left, speed(left)
+    begin, end = scalar.maximum(way * y[0], 0.0), way * moved(A, c, y, left)[0][0]
     stops = sliding * scalar.less(end, 0.0)
-    begin = scalar.maximum(way * y[0], 0.0)
+    given = {"A": A, "c": c, "y": y, "way": way, "left": left, "begin": begin, "end": end}
+    stop = WhereNeeded("stop", _stop, {name: np.shape(value) for name, value in given.items()})
+    (t,) = stop(stops, scalar.array([left]), *given.values())
+    time = scalar.where(stops, t, left)
+    if len(y) == 1:
+        return time, 0.0 * way
+    loose, ways = _loose(A, forth, back, y, left)
+    breaks = (1.0 - sliding) * scalar.less(0.0, scalar.abs(ways))
+    return scalar.where(breaks, loose, time), scalar.where(breaks, ways, 0.0)
+
+
+def _stop(A: Array, c: Array, y: Array, way: Scalar, left: Scalar, begin: Scalar, end: Scalar) -> np.ndarray:
+    """Time (1,) at which a speed along `way` falls from `begin` through 0 to `end`."""
+    low, high = 0.0 * left, left
     t = left * begin / scalar.where(scalar.less(0.0, begin - end), begin - end, 1.0)
     for _ in range(TRIALS):
         after, _ = moved(A, c, y, t)
@@ -130,12 +140,7 @@ def event(A: Array, forth: Array, back: Array, y: Array, way: Scalar, left: Scal
         trial = t - now / scalar.where(scalar.less(slope, 0.0), slope, -1.0)
         inside = scalar.less(slope, 0.0) * scalar.less_equal(low, trial) * scalar.less_equal(trial, high)
         t = scalar.where(inside, trial, 0.5 * (low + high))
-    time = scalar.where(stops, t, left)
-    if len(y) == 1:
-        return time, 0.0 * way
-    loose, ways = _loose(A, forth, back, y, left)
-    breaks = (1.0 - sliding) * scalar.less(0.0, scalar.abs(ways))
-    return scalar.where(breaks, loose, time), scalar.where(breaks, ways, 0.0)
+    return scalar.array([t])
 
 
 def _loose(A: Array, forth: Array, back: Array, y: Array, left: Scalar) -> tuple[Scalar, Scalar]:

@@ -28,6 +28,7 @@ from armwright.model.model import Model
 from armwright.model.vary import Varied
 from armwright.program.derivative import with_tangents
 from armwright.program.trace import call, trace
+from armwright.program.where_needed import WhereNeeded
 from armwright.simulation.integrate.integrators import INTEGRATORS, Integrator
 from armwright.simulation.plant.inputs import PlantInputs
 from armwright.simulation.plant.plant import Plant
@@ -197,7 +198,8 @@ class Response:
         def event_of(x, command, p, part, way):
             A, forth, back, left = known(x, command, p, part)
             now = direction(A, forth, back, x[1:-1], way[0])
-            return scalar.array([now, *event(A, forth, back, x[1:-1], now, left)])
+            time, behind = event(A, forth, back, x[1:-1], now, left)
+            return scalar.array([now, time, behind, scalar.less(time, left)])
 
         def segment_of(last):
             def moved(x, command, p, part, found):
@@ -211,18 +213,32 @@ class Response:
         events = trace("event", event_of, {**shapes, "way": (1,)}, ("found",), noinline=True)
         segments = [
             with_tangents(
-                trace("segment", segment_of(last), {**shapes, "found": (3,)}, ("x_next",)),
+                trace(("segment", "last_segment")[last], segment_of(last), {**shapes, "found": (3,)}, ("x_next",)),
                 {"x"}, seeds, self.directions, noinline=True,
             )
             for last in (False, True)
         ]  # fmt: skip
 
-        def held(x, command, p, part):
-            zero, way = 0.0 * x[0], 0.0 * x[:1]
-            x = scalar.array([*x[: self.size], zero, *x[self.size :], *([zero] * self.directions)])
-            for number in range(SEGMENTS):
+        def further(last):
+            """Segment behind the first: x and its tangents, direction behind it, and 1 if time is left."""
+
+            def moved(x, command, p, part, way):
                 found = call(events, x[:size], command, p, part, way)
-                x, way = call(segments[number == SEGMENTS - 1], x, command, p, part, found), found[2:]
+                return scalar.array([*call(segments[last], x, command, p, part, found[:3]), *found[2:]])
+
+            return moved
+
+        shapes |= {"x": (size * (1 + self.directions),), "way": (1,)}
+
+        def held(x, command, p, part):
+            zero = 0.0 * x[0]
+            x = scalar.array([*x[: self.size], zero, *x[self.size :], *([zero] * self.directions)])
+            whole = further(False)(x, command, p, part, scalar.array([zero]))
+            for number in range(1, SEGMENTS):
+                needed = WhereNeeded(f"further{number}", further(number == SEGMENTS - 1), shapes)
+                none = scalar.array([*whole[:-2], zero, zero])
+                whole = needed(whole[-1], none, whole[:-2], command, p, part, whole[-2:-1])
+            x = whole[:-2]
             return scalar.array([*x[: self.size], *x[size : -self.directions]])
 
         return held
