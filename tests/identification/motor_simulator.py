@@ -39,7 +39,7 @@ SIGNALS = {
     "q": 'quantity = "position", columns = "q", unit = "counts", counts_per_turn = {counts}, side = "motor"',
     "w": 'quantity = "speed", columns = "w", unit = "rad/s", side = "motor"',
 }
-PARTS = 8  # of a row, at whose ends events are looked for
+PARTS = 4  # of a row, at whose ends events are looked for
 
 
 @dataclass(frozen=True)

@@ -33,7 +33,7 @@ BLOCKS = 20  # of a log
 SHARES = (0.02, 0.1, 0.3, 1.0, 3.0)  # of a sample: time constants of the winding from which its search begins
 NEGLIGIBLE = 1e-6  # of a sample: a time constant of a winding that is none
 LARGEST = 100.0  # samples
-MATTERS = 1.1  # factor of a standard deviation by which a term that was left out is worth a word
+MATTERS = 1.5  # factor of a standard deviation by which a term that was left out is worth a word
 Problems = Callable[[RobotDescription, Mapping[str, tuple[str, ...]], tuple[str, ...]], DriveProblem]
 
 
