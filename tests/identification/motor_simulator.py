@@ -166,3 +166,34 @@ def write_log(folder: Path, motor: Motor, bench: Bench, seed: int, name: str = "
     path = folder / f"{name}.log.toml"
     path.write_text(FILE.format(name=name, gear=motor.gear, signals=signals))
     return path
+
+
+CASES = {  # by what they try
+    "L/R 0.33 ms": (Motor(), Bench()),
+    "L/R 0.05 ms": (Motor(L=6e-5), Bench()),
+    "L/R 3 ms": (Motor(L=3.6e-3), Bench()),
+    "no inductance": (Motor(L=1e-7), Bench()),
+    "speed logged": (Motor(), Bench(signals=("i", "w"))),
+    "loop": (Motor(), Bench(loop=True)),
+    "5 kHz": (Motor(), Bench(period=2e-4, rows=8000, hold=(50, 500))),
+    "200 Hz": (Motor(R=2.5, L=2e-3, K=0.03, J=8e-5, B=5e-5, C=0.004), Bench(period=5e-3, hold=(8, 50))),
+    "gear of 50": (
+        Motor(R=8.0, L=1e-3, K=0.02, J=2e-6, B=1e-6, C=1e-3, gear=50.0),
+        Bench(period=2e-3, counts=1024, most=12.0),
+    ),
+    "no delay": (Motor(), Bench(delay=0.0)),
+    "heavy rotor": (
+        Motor(R=0.5, L=5e-4, K=0.08, J=3e-4, B=1e-4, C=0.02),
+        Bench(rows=4000, hold=(30, 300), most=24.0),
+    ),
+}
+
+
+def deviations(estimate, motor: Motor, bench: Bench) -> dict[str, float]:
+    """Errors in stated standard deviations, by the names of `PATHS`; NaN where none is stated."""
+    found = {}
+    for name, truth in motor.numbers(bench.delay * bench.period).items():
+        path = PATHS[name]
+        given = path in estimate.names
+        found[name] = (estimate[path] - truth) / estimate.std[estimate.number(path)] if given else np.nan
+    return found
