@@ -172,7 +172,7 @@ CASES = {  # by what they try
     "L/R 0.33 ms": (Motor(), Bench()),
     "L/R 0.05 ms": (Motor(L=6e-5), Bench()),
     "L/R 3 ms": (Motor(L=3.6e-3), Bench()),
-    "no inductance": (Motor(L=1e-7), Bench()),
+    "no inductance": (Motor(L=1e-6), Bench()),
     "speed logged": (Motor(), Bench(signals=("i", "w"))),
     "loop": (Motor(), Bench(loop=True)),
     "5 kHz": (Motor(), Bench(period=2e-4, rows=8000, hold=(50, 500))),

@@ -31,6 +31,7 @@ from armwright.simulation.plant.plant import Plant
 
 BLOCKS = 20  # of a log
 SHARES = (0.02, 0.1, 0.3, 1.0, 3.0)  # of a sample: time constants of the winding from which its search begins
+STEPS = 6  # from each of these
 NEGLIGIBLE = 1e-6  # of a sample: a time constant of a winding that is none
 LARGEST = 100.0  # samples
 MATTERS = 1.5  # factor of a standard deviation by which a term that was left out is worth a word
@@ -155,7 +156,7 @@ def _fitted(problem: DriveProblem, lanes: np.ndarray, model: Candidate, data: Me
     )
     z = lanes[:, done.kept]
     if len(lanes) > 1:
-        z, cost = many_starts(without(problem.part(ROWS_OF_STARTS), held, first), z)
+        z, cost = many_starts(without(problem.part(ROWS_OF_STARTS), held, first), z, STEPS)
         z = z[np.argsort(cost)]
     done.z[done.kept] = z[0]
     return settled(model.record, data, done, first, None, progress)
@@ -202,7 +203,7 @@ def _widened(done: Fitted, other: Fitted, term: str) -> Fitted:
     names = dict.fromkeys(
         each.short
         for k, each in enumerate(done.problem.unknowns)
-        if each.label != "start" and after[k] > MATTERS * before[k]
+        if each.label != "start" and after[k] > MATTERS * before[k] > 0.0
     )
     remarks = [*done.remarks]
     if names:
