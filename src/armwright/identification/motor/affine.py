@@ -35,10 +35,10 @@ def is_affine(plant: Plant) -> bool:
         return False
     x = scalar.array([scalar.Symbol.named(f"x{k}") for k in range(plant.size)])
     command = scalar.array([scalar.Symbol.named("u")])
-    slopes = [scalar.jacobian(lambda at, w=way: plant.derivative(at, _held(command, w)), x) for way in (1.0, -1.0)]
-    if scalar.is_symbolic(*slopes):
+    forth, back = (scalar.jacobian(lambda at, w=way: plant.derivative(at, _held(command, w)), x) for way in (1.0, -1.0))
+    if scalar.is_symbolic(forth, back):
         return False
-    return bool(np.array_equal(*slopes) and not slopes[0][:, 0].any())
+    return bool(np.array_equal(forth, back) and not forth[:, 0].any())
 
 
 def _held(command: Array, way: Scalar) -> PlantInputs:

@@ -57,9 +57,13 @@ def chosen(
 ) -> tuple[RobotDescription, Fitted]:
     """Record and fit with those terms that predict rows held out better, and wider intervals for what might be there.
 
+    Of one motor that is driven by a voltage and integrated exactly; all others stay as they are.
+
     Args:
         model: without them.   data: what is fitted.   problems: (record, names, of_log) → problem.   known: names that are fixed.
     """
+    if data.command != "voltage" or not is_affine(Plant.of(build_model(model.record))):
+        return model.record, model.done
     wider: list[tuple[str, Fitted]] = []
     for term, larger in (("L", _with_inductance), ("offset", _with_offset)):
         if term in known:
@@ -79,9 +83,7 @@ def chosen(
     return model.record, done
 
 
-def _with_offset(model: Candidate, data: Measured, problems: Problems, progress: Progress) -> Candidate | None:
-    if data.command != "voltage":
-        return None
+def _with_offset(model: Candidate, data: Measured, problems: Problems, progress: Progress) -> Candidate:
     before = {_key(each): each for each in model.done.problem.unknowns}
     problem = problems(model.record, model.names, (*model.of_log, "offset"))
     problem = replace(problem, unknowns=tuple(before.get(_key(each), each) for each in problem.unknowns))
@@ -90,16 +92,14 @@ def _with_offset(model: Candidate, data: Measured, problems: Problems, progress:
 
 
 def _with_inductance(model: Candidate, data: Measured, problems: Problems, progress: Progress) -> Candidate | None:
-    """None where the record has one, or another effect that keeps it from being integrated exactly."""
+    """None where the record has an inductance, or may have none, as with a bridge that opens while it is off."""
     (joint,), old = data.joints, model.done
     label, (path,) = f"{joint}:L", paths_of(model.record, joint, "L")
-    if data.command != "voltage" or value_at(model.record, path) is not None:
+    if value_at(model.record, path) is not None:
         return None
     size = _resistance(model, joint) * data.period
     try:
         record = with_numbers(model.record, {path: size})
-        if not is_affine(Plant.of(build_model(record))):
-            return None
     except DescriptionError:
         return None
     problem = problems(record, {**model.names, label: (path,)}, model.of_log)
