@@ -23,6 +23,7 @@ from armwright.simulation.plant.plant import Plant
 STATES = ("q", "qd", "current")
 TRIALS = 12  # of Newton's method within a bracket
 NEAR = 1e-2  # |D t²| below which C and S are summed as series
+ROUNDING = 1e-9  # by which the matrices of the two directions may differ
 SEGMENTS = 3  # of a held command: a stop, a rest, and a start
 
 
@@ -38,7 +39,7 @@ def is_affine(plant: Plant) -> bool:
     forth, back = (scalar.jacobian(lambda at, w=way: plant.derivative(at, _held(command, w)), x) for way in (1.0, -1.0))
     if scalar.is_symbolic(forth, back):
         return False
-    return bool(np.array_equal(forth, back) and not forth[:, 0].any())
+    return bool(np.allclose(forth, back, rtol=ROUNDING, atol=0.0) and not forth[:, 0].any())
 
 
 def _held(command: Array, way: Scalar) -> PlantInputs:
