@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import armwright as aw
-from identification.motor_simulator import CASES, deviations, write_log
+from identification.motor_simulator import CASES, PATHS, Bench, Motor, deviations, write_log
 
 INDUCTANCE = "motor.motor.inductance_h"
 FEW = 3  # seeds
@@ -41,6 +41,15 @@ def test_an_inductance_that_rows_do_not_tell_widens_the_delay(tmp_path):
     period = CASES["no inductance"][1].period
     assert estimate.std[estimate.number("delay_s")] > 2e-3 * period
     assert "an inductance is not found, nor ruled out" in str(estimate)
+
+
+def test_a_motor_without_dry_friction_is_fitted_like_any(tmp_path):
+    """Its coarse guess has none; a search that began there could not stick, nor would it look for an inductance."""
+    motor, bench = Motor(C=1e-9), Bench(rows=1000)
+    estimate = aw.identification.identify_motor(write_log(tmp_path, motor, bench, 0), progress=False).estimate
+    assert estimate[INDUCTANCE] == pytest.approx(motor.L, rel=0.1)
+    assert estimate[PATHS["coulomb"]] == pytest.approx(0.0, abs=2e-5)
+    assert estimate[PATHS["R"]] == pytest.approx(motor.R, rel=0.02)
 
 
 @pytest.mark.study
