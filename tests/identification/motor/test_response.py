@@ -64,13 +64,16 @@ def test_a_winding_is_the_matrix_exponential(tmp_path, inductance):
     path = tmp_path / "motor.toml"
     line = f"[joints.motor]\ninductance_h = {inductance}"
     path.write_text(RECORD.format(**numbers).replace("[joints.motor]", line))
-    response = Response(Varied(aw.load(path), [PATHS["R"]]), ["q", "qd", "current"], 2, 1)
+    response = Response(Varied(aw.load(path), ["motor.motor.inductance_h"]), ["q", "qd", "current"], 2, 1)
     table = response.table(DriveInputs(np.full(bench.rows, bench.period), truth["u"][:, None]))
-    start = np.array([[truth["true_q"][0], 0.0, 0.0]])
-    y, _ = response.run(table, np.append(response.varied.nominal, 0.0)[None], np.array([bench.delay]), start)
+    start = np.tile([truth["true_q"][0], 0.0, 0.0], (3, 1))
+    lanes = np.array([[inductance, 0.0], [inductance * (1 + 1e-5), 0.0], [inductance * (1 - 1e-5), 0.0]])
+    y, slopes = response.run(table, lanes, np.full(3, bench.delay), start)
     assert (truth["true_w"] == 0.0).sum() > 20
     for k, name in enumerate(("true_q", "true_w", "true_i")):
         np.testing.assert_allclose(y[0, :, k], truth[name], atol=1e-8 * np.abs(truth[name]).max())
+        expected = (y[1, :, k] - y[2, :, k]) / (2e-5 * inductance)
+        np.testing.assert_allclose(slopes[0, :, k, 0], expected, atol=1e-3 * np.abs(expected).max(), err_msg=name)
 
 
 @pytest.mark.parametrize("name", [*PATHS, "offset"])
