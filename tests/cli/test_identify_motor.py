@@ -1,5 +1,7 @@
 """`armwright identify motor`: a table, a record, and exit codes 0, 1 and 2."""
 
+import pytest
+
 import armwright as aw
 from cli.test_commands import run
 from identification.motor_truth import PATHS, TRUE, write_log
@@ -69,3 +71,21 @@ def test_deviations_count_what_nobody_knows(tmp_path):
     number = found.number(PATHS["Kt"])
     assert not found.identifiable[found.number(PATHS["viscous"])]
     assert abs(found.values[number] - TRUE["Kt"]) < 3.0 * found.std[number]
+
+
+@pytest.mark.parametrize(
+    ("options", "refused"),
+    [
+        *((["--model", "arx", *each], each[0]) for each in (
+            ["--run", "a"], ["--static", "b.log.toml"], ["--pwm", "coast"], ["--starts", "2"], ["--free", "R"], ["--locked"],
+        )),
+        (["--order", "2"], "--order"),
+        (["--delay", "1"], "--delay"),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)  # fmt: skip
+def test_options_of_another_kind_of_model_are_refused_by_name(tmp_path, options, refused):
+    log = write_log(tmp_path, 0, ("qd",), rows=200)
+    shown = run("identify", "motor", str(log), *options, code=2)
+    assert refused in shown.output
+    assert "one of the two" in " ".join(shown.output.split())

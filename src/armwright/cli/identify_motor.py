@@ -37,7 +37,7 @@ def motor(
     static: Path | None = option("LOG.log.toml", "Steady states, a row each, as additional data."),
     pwm: str | None = option("brake|coast|compare", "What the bridge does while off; compare: by the fit."),
     priors: bool = flag("--priors", "The record's own standard deviations count as measurements."),
-    starts: int = option("N", "First guesses; 16 by default.", 16),
+    starts: int | None = option("N", "First guesses; 16 by default."),
     output: Path | None = output_option("ARM.toml", "Write the record with the fitted numbers and their deviations."),
     report: Path | None = option("FILE.html", "Write a page with the numbers and with plots of every run."),
 ) -> None:
@@ -58,10 +58,13 @@ def motor(
     if model != "dc":
         beside = {"robot": robot, "free": free, "fix": fix, "per-run": per_run, "output": output, "report": report}
         beside |= {"load": load, "locked": locked or None, "priors": priors or None}
+        beside |= {"run": runs, "static": static, "pwm": pwm, "starts": starts}
         what = f"belongs to --model dc, not to a black box: {model}"
         refuse(beside, what, error=LogError, expected="one of the two")
         return show_linear(file, model, aw.identification.LogSignals(joint=joint), order=order, delay=delay)
 
+    black_box = {name: None if value == "auto" else value for name, value in (("order", order), ("delay", delay))}
+    refuse(black_box, "belongs to a black box, not to --model dc", error=LogError, expected="one of the two")
     check_file(output, TOML, (file, robot, static))
     check_file(report, PAGE, (file, robot, static))
     with progress("fitting") as tell:
@@ -75,7 +78,7 @@ def motor(
             fixed=_values(fix),
             reading=aw.identification.MotorReading(runs=_names(runs), static=static),
             search=aw.identification.MotorSearch(
-                per_run=_names(per_run) or (), pwm=_pwm(pwm), priors=priors, starts=starts
+                per_run=_names(per_run) or (), pwm=_pwm(pwm), priors=priors, starts=16 if starts is None else starts
             ),
             progress=tell,
         )

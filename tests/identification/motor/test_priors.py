@@ -29,6 +29,7 @@ def test_a_prior_tells_what_the_log_does_not(tmp_path):
     fit = aw.identification.identify_motor(
         log,
         with_prior(tmp_path, 1.25, 0.05),
+        free=["R", "Kt", "J", "coulomb", "delay"],
         fixed={"viscous": TRUE["viscous"]},
         search=MotorSearch(priors=True, starts=1),
     )

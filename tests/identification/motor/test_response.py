@@ -8,7 +8,8 @@ import pytest
 import armwright as aw
 from armwright.identification.motor.response import DriveInputs, Response, response_of
 from armwright.model.vary import Varied
-from identification.motor_truth import DELAY, PATHS, PERIOD, TRUE, commands, exact, true_record
+from identification import motor_simulator
+from identification.motor_truth import DELAY, PATHS, PERIOD, RECORD, TRUE, commands, exact, true_record
 
 ROWS = 600
 
@@ -34,13 +35,15 @@ def run(response, delay=DELAY, change=0.0, at=None, start=(0.3, 5.0)):
 def test_the_response_is_the_closed_form(response):
     y, _ = run(response, start=(0.3, 0.0))
     truth = exact(TRUE, commands(np.random.default_rng(1), ROWS))
-    for k, (name, error) in enumerate({"q": 2e-5, "qd": 2e-3, "current": 2e-4}.items()):
+    for k, (name, error) in enumerate({"q": 1e-11, "qd": 1e-9, "current": 1e-10}.items()):
         np.testing.assert_allclose(y[0, :, k], truth[name], atol=error)
     assert (truth["qd"] == 0.0).sum() > 50, "the motor sticks in some rows"
     np.testing.assert_array_equal(y[0, :, 1] == 0.0, truth["qd"] == 0.0)
 
 
-def test_steps_that_end_at_rest_converge_fast(arm):
+def test_steps_that_end_at_rest_converge_fast(arm, monkeypatch):
+    """Of drives that are not affine, which go by substeps."""
+    monkeypatch.setattr("armwright.identification.motor.response.is_affine", lambda plant: False)
     u = commands(np.random.default_rng(1), ROWS)
     truth, errors = exact(TRUE, u)["q"], []
     for substeps in (1, 2, 4):
@@ -50,6 +53,27 @@ def test_steps_that_end_at_rest_converge_fast(arm):
         errors.append(np.abs(y[0, :, 0] - truth).max())
     assert errors[0] / errors[1] > 4.0
     assert errors[2] < 5e-6
+
+
+@pytest.mark.parametrize("inductance", [1e-6, 4e-4, 4e-3], ids=["stiff", "real poles", "complex poles"])
+def test_a_winding_is_the_matrix_exponential(tmp_path, inductance):
+    """Of a simulator on SciPy alone; the delay has a fraction, and the rotor stops, rests and breaks loose."""
+    motor, bench = motor_simulator.Motor(L=inductance), motor_simulator.Bench(rows=400)
+    truth = motor_simulator.simulated(motor, bench, 1)
+    numbers = {"R": motor.R, "Kt": motor.K, "J": motor.J, "viscous": motor.B, "coulomb": motor.C}
+    path = tmp_path / "motor.toml"
+    line = f"[joints.motor]\ninductance_h = {inductance}"
+    path.write_text(RECORD.format(**numbers).replace("[joints.motor]", line))
+    response = Response(Varied(aw.load(path), ["motor.motor.inductance_h"]), ["q", "qd", "current"], 2, 1)
+    table = response.table(DriveInputs(np.full(bench.rows, bench.period), truth["u"][:, None]))
+    start = np.tile([truth["true_q"][0], 0.0, 0.0], (3, 1))
+    lanes = np.array([[inductance, 0.0], [inductance * (1 + 1e-5), 0.0], [inductance * (1 - 1e-5), 0.0]])
+    y, slopes = response.run(table, lanes, np.full(3, bench.delay), start)
+    assert (truth["true_w"] == 0.0).sum() > 20
+    for k, name in enumerate(("true_q", "true_w", "true_i")):
+        np.testing.assert_allclose(y[0, :, k], truth[name], atol=1e-8 * np.abs(truth[name]).max())
+        expected = (y[1, :, k] - y[2, :, k]) / (2e-5 * inductance)
+        np.testing.assert_allclose(slopes[0, :, k, 0], expected, atol=1e-3 * np.abs(expected).max(), err_msg=name)
 
 
 @pytest.mark.parametrize("name", [*PATHS, "offset"])

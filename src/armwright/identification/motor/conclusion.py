@@ -9,15 +9,13 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from armwright.description.robot import RobotDescription
-from armwright.fitting.covariance import covariance_of
 from armwright.fitting.directions import listed
 from armwright.identification.estimate import Estimate
 from armwright.identification.logs.log import Log
-from armwright.identification.motor.fitting import Fitted, without
+from armwright.identification.motor.fitting import Fitted, covariance, without
 from armwright.identification.motor.guess import Guess
 from armwright.identification.motor.held_out import held_out
 from armwright.identification.motor.measured import Measured
-from armwright.identification.motor.output_error import DriveProblem
 from armwright.identification.motor.predictions import Measures, predictions_of
 from armwright.identification.motor.problem import sizes
 from armwright.identification.motor.report import MotorFit
@@ -56,6 +54,8 @@ def concluded(
     residuals, (jacobian,) = inner.evaluate(done.z[kept][None])
     values, rates = values_of(problem.unknowns, done.z)
     spread = covariance(inner, residuals[0], jacobian)
+    if done.more is not None:
+        spread = spread + done.more[np.ix_(kept, kept)]
     if bench:
         spread = spread + _of_held(done, record, data, jacobian)
     whole = np.full((len(values), len(values)), np.nan)
@@ -130,22 +130,6 @@ def _of_measures(measures: Measures, fresh: Measures) -> tuple[list[str], list[s
             what = f"{name} is described worse than what was fitted: something differs from run to run, such as the friction"
             remarks.append(f"{what}; fit both runs and give it to --per-run (per_run=…), which gives the drift")
     return remarks, wrong
-
-
-def covariance(problem: DriveProblem, residuals: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
-    """(k, k) of coordinates, for residuals that are correlated in time, each signal by itself, and a prior.
-
-    Args:
-        residuals: (m,).   jacobian: (m, k), as `Problem.evaluate` gives them.
-    """
-    blocks, begin, k = [], 0, jacobian.shape[1]
-    for stretch in problem.stretches:
-        shape = stretch.weights.shape
-        rows = slice(begin, begin + stretch.weights.size)
-        errors = np.where(stretch.weights > 0.0, residuals[rows].reshape(shape), np.nan)
-        blocks.append((jacobian[rows].reshape(*shape, k), errors))
-        begin = rows.stop
-    return covariance_of(blocks, None if problem.prior is None else np.diag(problem.prior[1] ** -2.0))
 
 
 def _of_held(done: Fitted, record: RobotDescription, data: Measured, jacobian: np.ndarray) -> np.ndarray:

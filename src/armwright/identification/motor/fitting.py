@@ -9,6 +9,7 @@ import numpy as np
 
 from armwright.description.robot import RobotDescription
 from armwright.errors import ModelError
+from armwright.fitting.covariance import covariance_of
 from armwright.fitting.directions import directions, without as less
 from armwright.identification.motor.drive_record import HOLD_FIRST
 from armwright.identification.motor.measured import Measured
@@ -35,6 +36,7 @@ class Fitted:
         held: numbers of the unknowns that were held.   reasons: exponents of a product that the log does not tell,
         by the numbers of its factors, and which of these was held for that.   zero: numbers of those that are 0.
         ends: of those that ran into a bound of their search.   remarks: sentences about these.
+        more: (k, k) covariance of the coordinates by terms that were left out, but that the log does not rule out.
     """
 
     problem: DriveProblem
@@ -44,6 +46,7 @@ class Fitted:
     zero: list[int] = field(default_factory=list)
     ends: list[int] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
+    more: np.ndarray | None = None
 
     @property
     def kept(self) -> list[int]:
@@ -83,6 +86,22 @@ def fitted(
         what = "nothing could be simulated from any start"
         raise ModelError(what, place="starts", value=search.starts, expected=expected)
     done.z[done.kept] = z[int(np.argmin(cost))]
+    return settled(record, data, done, first, free, progress)
+
+
+def settled(
+    record: RobotDescription,
+    data: Measured,
+    done: Fitted,
+    first: np.ndarray,
+    free: Sequence[str] | None,
+    progress: Progress,
+) -> Fitted:
+    """Least squares from one start, in turn with the signals' standard deviations and with what the log does not determine.
+
+    Args:
+        done: where it begins.   first: (k,) coordinates at which numbers are held.
+    """
     for number in range(ROUNDS):
         progress(number, ROUNDS)
         done.z[done.kept] = refined(without(done.problem, done.held, done.z), done.z[done.kept])
@@ -192,3 +211,19 @@ def without(problem: DriveProblem, held: Sequence[int], z: np.ndarray) -> DriveP
     prior = None if problem.prior is None else problem.prior[:, kept]
     unknowns = tuple(problem.unknowns[k] for k in kept)
     return replace(problem, unknowns=unknowns, places=tuple(places), nominal=nominal, prior=prior)
+
+
+def covariance(problem: DriveProblem, residuals: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
+    """(k, k) of coordinates, for residuals that are correlated in time, each signal by itself, and a prior.
+
+    Args:
+        residuals: (m,).   jacobian: (m, k), as `Problem.evaluate` gives them.
+    """
+    blocks, begin, k = [], 0, jacobian.shape[1]
+    for stretch in problem.stretches:
+        shape = stretch.weights.shape
+        rows = slice(begin, begin + stretch.weights.size)
+        errors = np.where(stretch.weights > 0.0, residuals[rows].reshape(shape), np.nan)
+        blocks.append((jacobian[rows].reshape(*shape, k), errors))
+        begin = rows.stop
+    return covariance_of(blocks, None if problem.prior is None else np.diag(problem.prior[1] ** -2.0))

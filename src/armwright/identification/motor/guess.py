@@ -12,6 +12,7 @@ from armwright.fitting.measures import r_squared
 from armwright.identification.motor.measured import Measured
 
 CONSTANTS = 24  # of time that are tried
+LEAST_BAND = 1e-3  # of the largest command: a record whose dry friction is 0 cannot stick, and a search that begins there neither
 
 
 @dataclass(frozen=True)
@@ -80,7 +81,8 @@ def first_order(u: Sequence[np.ndarray], w: Sequence[np.ndarray], period: float,
     if True not in best:
         return Guess(1.0, 20 * period, 0.0, 0, r2_against=r2.get(False, 0.0))
     _, time, delay, solution = best[True]
-    gain, band = float(solution[0]), max(float(-solution[1] / solution[0]), 0.0)
+    least = LEAST_BAND * max(float(np.abs(each).max()) for each in u)
+    gain, band = float(solution[0]), max(float(-solution[1] / solution[0]), least)
     return Guess(gain, time, band, delay, r2=r2[True], r2_against=r2.get(False, 0.0))
 
 

@@ -15,6 +15,7 @@ from armwright.entry import as_log, expect
 from armwright.errors import LogError, ModelError
 from armwright.features import Support
 from armwright.identification.logs.log import Log
+from armwright.identification.motor.candidates import Candidate, chosen
 from armwright.identification.motor.channels import check_channels, feedback_remark
 from armwright.identification.motor.conclusion import concluded
 from armwright.identification.motor.drive_record import value_at, with_numbers
@@ -98,9 +99,17 @@ def identify_motor(
         if static is not None:
             stretches.append(steady(static, joints, data, max(each.time for each in guesses)))
         names, record = names_to_fit(record, free, set(known), guesses, data, locked)
-        problem = problem_of(record, data, stretches, names, guesses, free, delay, search)
+
+        def problems(
+            record: RobotDescription, names: Mapping[str, tuple[str, ...]], free: Sequence[str] | None
+        ) -> DriveProblem:
+            return problem_of(record, data, stretches, names, guesses, free, delay, search)
+
+        problem = problems(record, names, free)
         _check_rows(problem, log)
         done = fitted(record, data, problem, search, free, tell)
+        if free is None and not locked and len(joints) == 1:
+            record, done = chosen(Candidate(record, names, ("delay",), done), data, problems, set(known), tell)
         fit = concluded(log, record, data, done, free, bench=base is None, locked=locked, first=guesses[0])
         if base is None:
             return fit

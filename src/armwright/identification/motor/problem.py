@@ -221,7 +221,7 @@ def sizes(record: RobotDescription, data: Measured, problem: DriveProblem, z: np
     sizes = np.ones(len(z))
     for k, each in enumerate(problem.unknowns):
         joint, _, name = each.label.partition(":")
-        if each.nuisance or each.logarithmic or joint not in data.joints or name in ("efficiency", "dead_zone"):
+        if each.nuisance or each.logarithmic or joint not in data.joints or name in ("L", "efficiency", "dead_zone"):
             continue
         torque = SIZE * largest_torque(record, joint, command, known)
         size = torque / max(speed, 1e-9) if name == "viscous" else torque

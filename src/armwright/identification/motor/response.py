@@ -2,7 +2,8 @@
 
 Between two rows of a log the command is held. With a delay of  d = (m + φ) samples, 0 < φ ≤ 1, the plant sees command
 u(k - m - 1) for the first φ of sample k and u(k - m) for the rest; both parts are integrated in equal substeps whose length
-holds φ, so that the derivative by the delay is exact, and continuous where d passes a whole number.
+holds φ, so that the derivative by the delay is exact, and continuous where d passes a whole number. One motor with Coulomb and
+viscous friction is integrated exactly instead, whatever its inductance (`affine`).
 
 Dry friction without a smoothing speed sticks as in every simulation (`plant.sticking`). The state is a continuous function of
 parameters there, and its derivative that of the branch taken.
@@ -10,7 +11,7 @@ parameters there, and its derivative that of the branch taken.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -19,6 +20,7 @@ import numpy as np
 
 from armwright import scalar
 from armwright.description.paths import with_values
+from armwright.identification.motor.affine import SEGMENTS, direction, equations, event, is_affine, segment
 from armwright.kernels.loop import LaneGroup, LoopArrays, NativeLoop
 from armwright.kernels.stages import Call, RecordStage, Stage, TableStage
 from armwright.kernels.target import select_target
@@ -26,6 +28,7 @@ from armwright.model.model import Model
 from armwright.model.vary import Varied
 from armwright.program.derivative import with_tangents
 from armwright.program.trace import call, trace
+from armwright.program.where_needed import WhereNeeded
 from armwright.simulation.integrate.integrators import INTEGRATORS, Integrator
 from armwright.simulation.plant.inputs import PlantInputs
 from armwright.simulation.plant.plant import Plant
@@ -119,7 +122,9 @@ class Response:
             return _substep(plant, rule, x, u, h)
 
         x_p = {"x": (self.size,), "command": (n,), "p": (self.columns,)}
-        self._inner = trace("substep", substep, {**x_p, "part": (2,)}, ("x_next",))
+        self._affine = is_affine(nominal)
+        if not self._affine:
+            self._inner = trace("substep", substep, {**x_p, "part": (2,)}, ("x_next",))
         self._substeps = substeps
 
     def _carried(self, plant: Plant) -> np.ndarray:
@@ -136,17 +141,16 @@ class Response:
 
     def _stages(self) -> tuple[Stage, ...]:
         """Stages of the loop over the rows, with derivatives."""
-        n, varied, most_delay, substeps = self.n, self.varied, self.most_delay, self._substeps
+        n, varied, most_delay = self.n, self.varied, self.most_delay
         own = len(varied.parameters)
 
-        def sample(carried_step):
+        def sample(held):
             def taken(x, row, lag, p):
                 before, now = self._acting(row, lag)
-                h, zero = row[0] / substeps, 0.0 * row[0]
+                h, zero = row[0], 0.0 * row[0]
                 parts = [(now, (h, zero))] if most_delay == 0 else [(before, (zero, h)), (now, (h, -h))]
                 for command, part in parts:
-                    for _ in range(substeps):
-                        x = call(carried_step, x, command, p, scalar.array(list(part)))
+                    x = held(x, command, p, scalar.array(list(part)))
                 return scalar.array(list(x))
 
             return taken
@@ -161,16 +165,83 @@ class Response:
         count, size = len(self.signals) * n, 1 + self.directions
         measure = trace("measured", measured, {"x": (self.size,), "q_before": (n,), **row}, ("y", "q_before_next"))
         seeds = {"p": np.eye(self.columns, self.directions)}
-        # 2 * substeps copies compile for seconds
-        step = with_tangents(self._inner, {"x"}, seeds, self.directions, noinline=True)
         measure = with_tangents(measure, {"x", "q_before"}, seeds, self.directions)
-        sampled = trace("sample", sample(step), {"x": (self.size * size,), **row}, ("x_next",))
+        held = self._by_segments(seeds) if self._affine else self._by_substeps(seeds)
+        sampled = trace("sample", sample(held), {"x": (self.size * size,), **row}, ("x_next",))
         return (
             TableStage("row", 2 + n * (lags + 1)),
             Call(measure),
             RecordStage("run", ("y",), (count * size,)),
             Call(sampled),
         )
+
+    def _by_substeps(self, seeds: dict[str, np.ndarray]) -> Callable[..., Any]:
+        """(x with tangents, command, p, part) → x with tangents behind a part of a sample, in equal substeps."""
+        # 2 * substeps copies compile for seconds
+        step = with_tangents(self._inner, {"x"}, seeds, self.directions, noinline=True)
+
+        def held(x, command, p, part):
+            for _ in range(self._substeps):
+                x = call(step, x, command, p, part / self._substeps)
+            return x
+
+        return held
+
+    def _by_segments(self, seeds: dict[str, np.ndarray]) -> Callable[..., Any]:
+        """The same, exactly from one change of direction to the next; the state has the time that is spent behind it."""
+        own, size = len(self.varied.parameters), self.size + 1
+
+        def known(x, command, p, part):
+            plant, u = _InlinePlant.of(self.varied.model(p[:own])), command + p[own + 1 :]
+            return *equations(plant, u), part[0] + part[1] * p[own] - x[-1]
+
+        def event_of(x, command, p, part, way):
+            A, forth, back, left = known(x, command, p, part)
+            now = direction(A, forth, back, x[1:-1], way[0])
+            time, behind = event(A, forth, back, x[1:-1], now, left)
+            return scalar.array([now, time, behind, scalar.less(time, left)])
+
+        def segment_of(last):
+            def moved(x, command, p, part, found):
+                A, forth, back, left = known(x, command, p, part)
+                after, time = segment(A, forth, back, x[:-1], left, tuple(found), last)
+                return scalar.array([*after, x[-1] + time])
+
+            return moved
+
+        shapes = {"x": (size,), "command": (self.n,), "p": (self.columns,), "part": (2,)}
+        events = trace("event", event_of, {**shapes, "way": (1,)}, ("found",), noinline=True)
+        segments = [
+            with_tangents(
+                trace(("segment", "last_segment")[last], segment_of(last), {**shapes, "found": (3,)}, ("x_next",)),
+                {"x"}, seeds, self.directions, noinline=True,
+            )
+            for last in (False, True)
+        ]  # fmt: skip
+
+        def further(last):
+            """Segment behind the first: x and its tangents, direction behind it, and 1 if time is left."""
+
+            def moved(x, command, p, part, way):
+                found = call(events, x[:size], command, p, part, way)
+                return scalar.array([*call(segments[last], x, command, p, part, found[:3]), *found[2:]])
+
+            return moved
+
+        shapes |= {"x": (size * (1 + self.directions),), "way": (1,)}
+
+        def held(x, command, p, part):
+            zero = 0.0 * x[0]
+            x = scalar.array([*x[: self.size], zero, *x[self.size :], *([zero] * self.directions)])
+            whole = further(False)(x, command, p, part, scalar.array([zero]))
+            for number in range(1, SEGMENTS):
+                needed = WhereNeeded(f"further{number}", further(number == SEGMENTS - 1), shapes)
+                none = scalar.array([*whole[:-2], zero, zero])
+                whole = needed(whole[-1], none, whole[:-2], command, p, part, whole[-2:-1])
+            x = whole[:-2]
+            return scalar.array([*x[: self.size], *x[size : -self.directions]])
+
+        return held
 
     def initial(self, arm: Model) -> np.ndarray:
         """(size,) state at rest at 0 of an arm of this structure."""
