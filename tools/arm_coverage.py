@@ -2,9 +2,10 @@
 
     python tools/arm_coverage.py [--seeds 40] [--joints 3 6 7] [--cases noise quantised both loop] [--cutoff HZ]
 
-Each seed is a random arm with rotors and friction on a random multisine, 20 s at 500 Hz. `noise`: 3 % of the torques; `quantised`:
-positions in steps of 0.1 mrad and torque noise of 0.2 %, `truncated`: the same, cut to whole counts; `both`: white noise of 0.1 mrad
-and 0.2 %; `loop`: a controller holds the arm to the motion, positions with noise of 0.02 mrad go into its torques. Default fits.
+Each seed is a random arm with rotors and friction on a random multisine, 20 s at 500 Hz. `noise`: 3 % of the torques;
+`quantised`: positions in steps of 0.1 mrad and torque noise of 0.2 %, `truncated`: the same, cut to whole counts; `both`: white
+noise of 0.1 mrad and 0.2 %; `loop`: a controller holds the arm to the motion, positions with noise of 0.02 mrad go into its
+torques, which act until the next row. Default fits.
 """
 
 from __future__ import annotations
@@ -20,8 +21,8 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
 
-import armwright as aw  # noqa: E402
-from identification.arm.logged_machine import Machine, Motion, counted, read, written  # noqa: E402
+import armwright as aw
+from identification.arm.logged_machine import Machine, Motion, counted, read, written
 
 RATE, SECONDS = 500.0, 20.0
 STEP = 1e-4  # [rad] of encoders

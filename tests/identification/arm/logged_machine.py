@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -130,6 +131,10 @@ class Machine:
             ]
         )
 
+    def _acceleration(self, pin, model, data, tau, q: np.ndarray, qd: np.ndarray, dry: np.ndarray) -> np.ndarray:
+        """q̈ (n,) under torques of the motors and dry friction."""
+        return pin.aba(model, data, q, qd, tau - dry - self.viscous * qd - self.offset)
+
     def controlled(
         self, motion: Motion, t: np.ndarray, noise: float, seed: int, steps: int = 5
     ) -> tuple[np.ndarray, ...]:
@@ -151,13 +156,8 @@ class Machine:
             tau = tau + self.coulomb * np.sign(speeds[k]) + self.viscous * speeds[k]
             logged[0, k], logged[1, k] = measured, tau
             for _ in range(steps):  # Heun's, friction's direction that of the predicted middle
-                q, qd = _heun(
-                    lambda q, qd, dry: pin.aba(model, data, q, qd, tau - dry - self.viscous * qd - self.offset),
-                    q,
-                    qd,
-                    h,
-                    self.coulomb,
-                )
+                forward = partial(self._acceleration, pin, model, data, tau)
+                q, qd = _heun(forward, q, qd, h, self.coulomb)
         return logged[0], logged[1]
 
 

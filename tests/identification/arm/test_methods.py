@@ -78,7 +78,9 @@ def test_instruments_are_nearer_to_the_truth_than_least_squares(arm, log, feedba
     assert errors[1] < 0.5 * errors[0]
 
 
-def test_recursive_is_the_batch_at_its_end(arm, log):
+def test_recursive_is_the_batch_at_its_end(arm, log, monkeypatch):
+    """It takes rows as they are: the batch is corrected for noise of its columns, which here brings it to the truth."""
+    monkeypatch.setattr("armwright.identification.arm.methods.CORRECTED", ())
     batch, recursive = (
         aw.identification.identify_arm(log, arm, method=each, record=False, **OPTIONS).fit
         for each in ("wls", "recursive")
@@ -87,6 +89,13 @@ def test_recursive_is_the_batch_at_its_end(arm, log):
     late = aw.identification.identify_arm(log, arm, method="recursive", forgetting=0.99, record=False, **OPTIONS).fit
     assert np.abs(late.values - batch.values).max() > 1e-3
     assert np.median(late.std / batch.std) > 1.0
+
+
+def test_the_correction_for_noise_of_the_columns_brings_least_squares_to_the_truth(arm, log, every, truth, monkeypatch):
+    monkeypatch.setattr("armwright.identification.arm.methods.CORRECTED", ())
+    plain = aw.identification.identify_arm(log, arm, record=False, **OPTIONS)
+    errors = [np.abs(each.fit.values - truth).max() for each in (every, plain)]
+    assert errors[0] < 0.3 * errors[1], errors
 
 
 def test_essential_leaves_out_what_the_log_hardly_tells(tmp_path):

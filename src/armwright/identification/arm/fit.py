@@ -38,6 +38,8 @@ NORMAL_MEDIAN = 0.6744897501960817  # of |x|, x normal with deviation 1
 ROBUST_PASSES = 10  # over the rows
 CHANGE = 1e-2  # of a standard deviation: less is settled
 BINS = 4096  # of the histogram of residuals
+FEWEST_PARTS, CERTAINLY = 4, 3.0  # parts that tell an effect of their own, and deviations of r
+MOST_ALIKE = 0.75  # correlation of effects of neighbouring parts
 MOST_NOISE = 0.8  # share of a direction's information that is taken for noise of the columns, at most
 AT_REST = 0.01  # of the whole log's root mean square speed: slower parts rest
 
@@ -52,6 +54,7 @@ class ArmFit:
         torque_rms: (n,) of the measured torques.   r2: (n,) 1 - residual variance over torque variance; NaN without torque.
         condition: of the weighted regressor, its columns scaled to length 1.   information: R (b, b), weighted.
         outliers: weights of single torques; None: 1.   weighted: the problem with these weights.
+        part_effect: r, by how much the variance between parts of the log is larger than that of noise; 1: no more.
         freedom: degrees of freedom of the covariance: βᵀ C⁻¹ β of errors β is Hotelling's T², nearly; infinite: not counted.
     """
 
@@ -69,6 +72,7 @@ class ArmFit:
     outliers: OutlierWeights | None = None
     weighted: Equations | None = None
     freedom: float = inf
+    part_effect: float = 1.0
 
     @property
     def std(self) -> np.ndarray:
@@ -312,7 +316,48 @@ def with_correlation(source: SampleSource, fit: ArmFit) -> ArmFit:
         fit.weights,
         inverse @ inverse.T / slope,
     )
-    return replace(fit, covariance=found.covariance, freedom=found.freedom)
+    return _with_part_effects(replace(fit, covariance=found.covariance, freedom=found.freedom))
+
+
+def _with_part_effects(fit: ArmFit) -> ArmFit:
+    """The fit with a covariance that has a random effect of each part of the log, where parts differ by more than noise.
+
+    Parts with the scores g_k = Σ XᵀWe, less their mean, move the parameters by  a_k = C^(−1/2) H⁻¹ g_k, in deviations. Of K parts
+    of noise alone  r = Σ a_kᵀa_k K / (b (K − 1))  is 1 ± √(2/(b (K − 1))), and neighbours are not alike. Where r or Σ a_kᵀa_{k+1}
+    is larger by three deviations, the effects' variance (1 − 1/r) Σ H⁻¹ g_k g_kᵀ H⁻¹ is added, times (1 + ρ)/(1 − ρ) if they
+    are alike from part to part, as those of a drift are, with the correlation ρ.
+    """
+    parts = [part for part in (fit.weighted or fit.equations).parts if sum(each.rows for each in part.factors) > 0]
+    b, count = len(fit.base), len(parts)
+    if count < FEWEST_PARTS:
+        return fit
+    scores = np.array([_score(part, fit) for part in parts])
+    moves = scipy.linalg.solve_triangular(
+        fit.information, _divided(fit.information, (scores - scores.mean(axis=0)).T)
+    ).T
+    size = np.sqrt(np.maximum(np.diag(fit.covariance), np.finfo(float).tiny))
+    values, vectors = np.linalg.eigh(fit.covariance / np.outer(size, size))
+    a = (moves / size) @ vectors / np.sqrt(np.maximum(values, 1e-9 * values[-1]))
+    squares, products = float(np.sum(a * a)), float(np.sum(a[1:] * a[:-1]))
+    ratio = squares * count / (b * (count - 1))
+    alike = (products + b * (count - 1) / count**2) * count / np.sqrt(b * (count - 1))
+    if ratio < 1.0 + CERTAINLY * np.sqrt(2.0 / (b * (count - 1))) and alike < CERTAINLY:
+        return fit
+    excess = max(squares - b * (count - 1) / count, 1e-3 * squares)
+    rho = float(np.clip((products + b * (count - 1) / count**2) / excess, 0.0, MOST_ALIKE))
+    added = excess / squares * (1.0 + rho) / (1.0 - rho) * count / (count - 1) * moves.T @ moves
+    return replace(fit, covariance=fit.covariance + added, part_effect=max(ratio, 1.0 + np.sqrt(2.0 / b)))
+
+
+def _score(part: LogPart, fit: ArmFit) -> np.ndarray:
+    """Σ XᵀWe (b,) over a part of the log."""
+    total = np.zeros(len(fit.base))
+    for weight, factor in zip(fit.weights, part.factors, strict=True):
+        own = np.zeros((len(factor.matrix), len(fit.base.columns)))
+        own[:, factor.columns] = factor.matrix[:, :-1]
+        own = own[:, fit.base.independent]
+        total += weight * own.T @ (factor.matrix[:, -1] - own @ fit.values)
+    return total
 
 
 @dataclass(frozen=True)

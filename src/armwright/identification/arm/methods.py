@@ -37,7 +37,7 @@ from armwright.identification.arm.spring_record import SPRINGS
 from armwright.identification.arm.torque_model import TorqueModel
 
 GAIN = 0.01  # of the held-out error, that a spring must bring
-CORRECTED = ("ols", "wls")  # methods that are corrected for noise of the columns
+CORRECTED = ("ols", "wls")  # methods that are corrected for noise of the columns, of arms without gear loss
 MOST_PASSES, SETTLED = 5, 0.05  # fits of a lossy arm about the last one, until it moves by less than so many deviations
 
 
@@ -213,7 +213,7 @@ def fitted(
     base = regrouped_further(structural, equations.factor)
     first = next(iter(stream.filters.values())).narrow
     loop = None if feedback is None else feedback_of(feedback, rows, first, model.arm.n)
-    errors = regressor_errors(stream, model) if method in CORRECTED else None
+    errors = regressor_errors(stream, model) if method in CORRECTED and not isinstance(model, LossyModel) else None
     fit = METHODS[method].fit(FitProblem(rows, equations, base, seconds, loop, forgetting, errors))
     for _ in range(MOST_PASSES):
         if not isinstance(model, LossyModel) or distance(fit) < SETTLED:

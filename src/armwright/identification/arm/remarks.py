@@ -261,6 +261,11 @@ def _about_joints(result: ArmEstimate, cutoff: float) -> Iterator[str]:
     for joint in model.sprung_joints:
         what, share = ("stay", "1 % or more") if joint in kept else ("are left out", "less than 1 %")
         yield f"{joint}: its spring and counterbalance {what}: they lower the held-out error by {share}"
+    if fit.part_effect > 1.0:
+        yield (
+            f"parts of the log differ by {fit.part_effect**0.5:.2g} times what noise explains: something changes that is not in "
+            "the model, as friction does that warms up; deviations are larger for it"
+        )
     if fit.outliers is not None and fit.outliers.dropped > 0:
         yield f"{fit.outliers.dropped:.1%} of the torques count less than half as outliers"
 

@@ -86,7 +86,8 @@ class SampledRows:
         low, high = np.searchsorted(_increasing(self._t[first:end]), times[[0, -1]])
         part = slice(first + max(int(low) - BESIDE, 0), min(first + int(high) + BESIDE, end))
         t = self._t[part]
-        newer = np.isfinite(t) & (np.diff(_increasing(t), prepend=-np.inf) > 0)
+        with np.errstate(invalid="ignore"):  # before the first time
+            newer = np.isfinite(t) & (np.diff(_increasing(t), prepend=-np.inf) > 0)
         found = {}
         for name, values in self._values.items():
             columns = []
