@@ -20,7 +20,7 @@ from armwright.identification.logs.even_rows import EvenStretch
 from armwright.identification.logs.quantisation import quantisation_step
 from armwright.identification.logs.spectrum import longest_finite, spectrum
 
-DRAWS = 3
+DRAWS, ROWS = 2, 10_000  # draws of noise, and rows of the log that they disturb
 FEWEST = 64  # rows that noise is told from
 
 
@@ -63,11 +63,14 @@ def regressor_errors(stream: Stream, model: TorqueModel) -> np.ndarray:
     """E[δᵀδ] (n, p, p) of a row's errors δ in the columns of each joint, from the excerpts of the stream's runs."""
     total, rows = np.zeros((model.arm.n, len(model), len(model))), 0
     smooth = np.array([column.kind == "inertial" or KINDS[column.kind].lack != "coulomb" for column in model.columns])
-    clean = [each.regressor(model) for each in stream.of_excerpts(model)]
+    count = sum(len(run.census.even) for run in map(stream.log.run, stream.filters) if run.census is not None)
+    settles = max(each.narrow.edge for each in stream.filters.values())
+    most = max(ROWS // max(count, 1), 4 * settles)
+    clean = [each.regressor(model) for each in stream.of_excerpts(model, lambda _, rows: rows.middle(most))]
     noise = {run: MotionNoise.of(census) for run in stream.filters if (census := stream.log.run(run).census)}
     for draw in range(DRAWS):
         rng = np.random.default_rng(draw)
-        disturbed = stream.of_excerpts(model, lambda run, each, rng=rng: noise[run].disturbed(each, rng))
+        disturbed = stream.of_excerpts(model, lambda run, rows, rng=rng: noise[run].disturbed(rows.middle(most), rng))
         for before, after in zip(clean, disturbed, strict=True):
             errors = (after.regressor(model) - before) * smooth
             total += np.einsum("tji,tjk->jik", errors, errors)

@@ -125,13 +125,10 @@ class Stream:
             last = list(self.filters)[-1]
             raise too_short(self.log, self.log.run(last), self.filters[last].narrow)
 
-    def of_excerpts(
-        self, model: TorqueModel, disturbed: Callable[[str, EvenStretch], EvenStretch] | None = None
-    ) -> Iterator[Samples]:
-        """Samples of the runs' excerpts, with further noise where a function of run and rows adds it."""
+    def of_excerpts(self, model: TorqueModel, changed: Callable[[str, EvenStretch], EvenStretch]) -> Iterator[Samples]:
+        """Samples of the runs' excerpts, each stretch as a function of run and rows changes it."""
         for run, filters in self.filters.items():
-            more = None if disturbed is None else partial(disturbed, run)
-            rows = prepared_excerpt(self.log, run, filters.wide, more)
+            rows = prepared_excerpt(self.log, run, filters.wide, partial(changed, run))
             moving = ((stretch, block.t, self._states(model, block, block)) for stretch, block, _ in rows)
             yield from self._parallel_filtered(run, model, moving)
 

@@ -29,6 +29,12 @@ class EvenStretch:
     period: float
     values: Mapping[str, np.ndarray]
 
+    def middle(self, most: int) -> EvenStretch:
+        """Its middle rows, so many at most."""
+        first = max(len(self.t) - most, 0) // 2
+        part = slice(first, first + most)
+        return EvenStretch(self.t[part], self.period, {name: each[part] for name, each in self.values.items()})
+
 
 def excerpt_rows(excerpt: Block, stretches: Sequence[Span], sampling: Sampling) -> list[EvenStretch]:
     """Even rows of an excerpt in memory, stretch by stretch.

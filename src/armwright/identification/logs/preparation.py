@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from math import ceil, log
 from typing import Any, Literal
 
@@ -299,6 +300,11 @@ def _gain(sections: np.ndarray, frequency: float, rate: float) -> float:
 
 def low_pass(order: int, cutoff: float, rate: float) -> np.ndarray:
     """A Butterworth filter as second-order sections (k, 6); frequencies in Hz."""
+    return _butterworth(order, cutoff, rate).copy()
+
+
+@lru_cache(maxsize=256)
+def _butterworth(order: int, cutoff: float, rate: float) -> np.ndarray:
     return np.asarray(sp.butter(order, cutoff, fs=rate, output="sos"))
 
 

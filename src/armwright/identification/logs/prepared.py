@@ -158,16 +158,16 @@ def prepared_blocks(log: Log, run: str, preparation: Preparation, rows: int = RO
 
 
 def prepared_excerpt(
-    log: Log, run: str, preparation: Preparation, disturbed: Callable[[EvenStretch], EvenStretch] | None = None
+    log: Log, run: str, preparation: Preparation, changed: Callable[[EvenStretch], EvenStretch] | None = None
 ) -> Iterator[tuple[int, Block, Block]]:
     """Prepared rows of a run's excerpt, stretch by stretch: its number, the rows, and the same ones as they were measured.
 
     Args:
-        disturbed: rows with further noise; None: as they are.
+        changed: what to do with the even rows first, such as adding noise; None: nothing.
     """
     census = log.run(run).census
     for number, even in enumerate(() if census is None else census.even):
-        rows = even if disturbed is None else disturbed(even)
+        rows = even if changed is None else changed(even)
         kept = slice(preparation.edge, max(len(rows.t) - preparation.edge, 0), preparation.decimate)
         if len(rows.t[kept]):
             both = filtered(log, rows.values, rows.period, preparation), rows.values
