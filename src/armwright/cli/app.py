@@ -17,6 +17,7 @@ from typer.core import TyperGroup
 from armwright import __version__
 from armwright.cli.animate import animate
 from armwright.cli.assemble import assemble
+from armwright.cli.calibrate import calibrate
 from armwright.cli.check import check
 from armwright.cli.compare_controllers import compare_controllers
 from armwright.cli.convert import convert
@@ -165,7 +166,7 @@ PANELS: dict[str, tuple[Callable[..., None] | typer.Typer, ...]] = {
     "Describe an arm": (robots, info, new, check, show, diff, convert, parts, assemble),
     "Compute": (inverse_dynamics, forward_dynamics, ik, workspace, plan),
     "Simulate": (simulate, sim, plot, animate, step_study, reproduce),
-    "Identify": (excite, log, identify, validate),
+    "Identify": (excite, log, identify, calibrate, validate),
     "Control": (design, loops, tune, sweep, compare_controllers),
     "Deploy": (export, twin, run_controller, shadow),
     "Learn": (examples,),

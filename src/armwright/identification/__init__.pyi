@@ -21,6 +21,10 @@ from armwright.identification.experiments.motor import (
     motor_experiment as motor_experiment,
 )
 from armwright.identification.experiments.plot import plot_experiment as plot_experiment
+from armwright.identification.geometry.calibrate import calibrate as calibrate
+from armwright.identification.geometry.calibration import Calibration as Calibration
+from armwright.identification.geometry.measurement_file import read_measurements as read_measurements
+from armwright.identification.geometry.measurements import Measured as Measured, Measurements as Measurements
 from armwright.identification.linear.actuator import IdentifiedActuator as IdentifiedActuator
 from armwright.identification.linear.fit import fit_armax as fit_armax, fit_arx as fit_arx, fit_oe as fit_oe
 from armwright.identification.linear.frequency import (
