@@ -102,11 +102,11 @@ class ArmChains:
         self.arm.frame(name)
         named = next((each for each in record.frames if each.name == name), None)
         link = name if named is None else named.link
-        factors: list[Factor] = []
-        by_child = {joint.child: joint for joint in record.joints}
+        path, by_child = [], {joint.child: joint for joint in record.joints}
         while link in by_child:
-            factors = [*self.joint(by_child[link]), *factors]
-            link = by_child[link].parent
+            path.append(by_child[link])
+            link = path[-1].parent
+        factors: list[Factor] = [factor for joint in reversed(path) for factor in self.joint(joint)]
         if named is not None:
             placed = Placement(rotation_rpy(*named.rpy_rad.numbers), np.asarray(named.xyz_m))
             factors.append(Constant(matrix_of(placed)))

@@ -111,10 +111,12 @@ def _loaded(measurements: Measurements, name: str | os.PathLike[str] | None) -> 
 
 
 def _errors(group: str, before: Rows, fit: GeometryFit, after: Rows) -> HeldOutError:
-    """Errors of a group under the record as it is, in the fit, and held out."""
-    sizes = [lengths(rows)[group] for rows in (before, fit.rows, after)]
-    record, fitted_to, held = (float(np.sqrt((each**2).mean())) for each in sizes)
-    return HeldOutError(group, record, fitted_to, held, float(sizes[2].max()))
+    """Errors of a group in the fit, and of poses held out under the record as it is and calibrated."""
+    fitted_to, record, held = (lengths(rows)[group] for rows in (fit.rows, before, after))
+    poses = fit.rows.pose[fit.rows.group == group][:: 1 if group == DISTANCE else 3]
+    counted = fit.weights[poses] > 0.0
+    rms = [float(np.sqrt((each**2).mean())) for each in (fitted_to, record[counted], held[counted], record, held)]
+    return HeldOutError(group, *rms, most=float(held[counted].max()))  # type: ignore[misc]
 
 
 def _by_pose(rows: Rows, poses: int) -> np.ndarray:
@@ -152,7 +154,7 @@ def _estimate(fit: GeometryFit, plain: GeometryFit, loss: Loss, errors: Sequence
     setting, measurements = fit.setting, fit.setting.measurements
     kept = setting.kept
     condition = directions(scaled(plain.rows.jacobian)[0])[0].condition if kept else 1.0
-    verdict: Verdict = "identified" if errors[0].held_out < errors[0].before else "not identified"
+    verdict: Verdict = "identified" if errors[0].calibrated < errors[0].record else "not identified"
     return Estimate(
         tuple(column.name for column in kept),
         fit.values,
@@ -161,7 +163,7 @@ def _estimate(fit: GeometryFit, plain: GeometryFit, loss: Loss, errors: Sequence
         f"kinematic calibration: least squares, {loss}, prior of {fit.strength:g} σ/τ",
         units=tuple(column.unit for column in kept),
         condition=condition,
-        fit={each.group: {"rms": each.fit, "held_out": each.held_out} for each in errors},
+        fit={each.group: {"rms": each.fit, "held_out": each.calibrated} for each in errors},
         verdict=verdict,
         log=measurements.name or "measurements",
     )

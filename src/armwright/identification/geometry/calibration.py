@@ -26,19 +26,31 @@ if TYPE_CHECKING:
 ORANGE = "#d9822b"  # seen on white and on black
 
 
+ERRORS = {
+    "record": "record",
+    "calibrated": "calibrated",
+    "most": "largest",
+    "record_all": "record, outliers too",
+    "calibrated_all": "calibrated, outliers too",
+}
+
+
 @dataclass(frozen=True)
 class HeldOutError:
     """Errors of one kind of measurement: rms lengths in m, of rotations in rad.
 
     Attributes:
-        group: "position", "rotation" or "distance".   before: of poses held out, with the record as it is.
-        fit: of the calibrated arm on the poses that it was fitted to.   held_out, most: rms and largest of poses held out.
+        group: "position", "rotation" or "distance".   fit: of the calibrated arm on all poses, which it was fitted to.
+        record, calibrated: of poses held out, with the record as it is and calibrated, of those that count.
+        record_all, calibrated_all: the same of all poses, those that are far off included.   most: the largest that counts.
     """
 
     group: str
-    before: float
     fit: float
-    held_out: float
+    record: float
+    calibrated: float
+    record_all: float
+    calibrated_all: float
     most: float
 
 
@@ -122,11 +134,11 @@ class Calibration(Result):
         if placed:
             found.append(Table("frames", ("number", "value", "± std", "unit"), placed, ("unit",)))
         errors = [
-            [each.group, *(number(1e3 * v, ".3g") for v in (each.before, each.fit, each.held_out, each.most)), unit]
+            [each.group, *(number(1e3 * getattr(each, key), ".3g") for key in ERRORS), unit]
             for each in self.errors
             for unit in ("mrad" if each.group == ROTATION else "mm",)
         ]
-        words = ("rms", "record, held out", "calibrated, fitted", "calibrated, held out", "largest", "unit")
+        words = ("rms, poses held out", *ERRORS.values(), "unit")
         found.append(Table("errors", words, errors, ("unit",)))
         terms = [
             [

@@ -78,10 +78,13 @@ class GeometryRecord:
         either = [[np.array([*self.numbers(values + sign * step).values()]) for sign in (1.0, -1.0)] for step in steps]
         slopes = np.array([(up - down) / (2.0 * STEP) for up, down in either]).reshape(len(values), -1).T
         slopes[self._without_deviation(numbers)] = np.nan
-        changed = [k for k, slope in enumerate(slopes) if not (np.abs(slope) < ROUNDING).all()]
+        names = [*numbers]
+        whole = [name.partition("[")[0] for name in names]  # the same rotation may have other angles: all or none
+        still = (np.abs(slopes) < ROUNDING).all(axis=1)
+        moved_by = {name for name, each in zip(whole, still, strict=True) if not each}
+        changed = [k for k, name in enumerate(whole) if name in moved_by]
         own = [k for k, column in enumerate(self.fit.setting.kept) if column.joint]
         both = np.concatenate([slopes[changed], np.eye(len(values))[own]])
-        names = [*numbers]
         return replace(
             estimate,
             names=(*(names[k] for k in changed), *(estimate.names[k] for k in own)),
