@@ -25,6 +25,7 @@ from armwright.identification.geometry.calibrate import calibrate as calibrate
 from armwright.identification.geometry.calibration import Calibration as Calibration
 from armwright.identification.geometry.measurement_file import read_measurements as read_measurements
 from armwright.identification.geometry.measurements import Measured as Measured, Measurements as Measurements
+from armwright.identification.geometry.poses import CalibrationPoses as CalibrationPoses, design_poses as design_poses
 from armwright.identification.linear.actuator import IdentifiedActuator as IdentifiedActuator
 from armwright.identification.linear.fit import fit_armax as fit_armax, fit_arx as fit_arx, fit_oe as fit_oe
 from armwright.identification.linear.frequency import (

@@ -192,7 +192,7 @@ def _columns(table: MeasuredTable, columns: tuple[int | str, ...]) -> np.ndarray
     blocks = [np.stack(block, axis=1) for block in table.blocks(list(columns), BLOCK)]
     if not blocks:
         raise LogError("no rows", file=table.path, expected="a pose a row")
-    return np.concatenate(blocks)
+    return np.concatenate(blocks).astype(float)
 
 
 def _sha256(path: Path) -> str:

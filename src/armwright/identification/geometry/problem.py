@@ -104,7 +104,7 @@ def sensitivities(targets: Sequence[Target], q: np.ndarray, values: np.ndarray) 
     for target in targets:
         for group, _, jacobian in target.rows(q, values, np.zeros(len(q), dtype=int), carriers[id(target.factors)]):
             pose = np.repeat(np.arange(len(q)), jacobian.shape[1])
-            found.append((jacobian.reshape(-1, len(values)), pose, np.full(len(pose), group)))
+            found.append((jacobian.reshape(len(pose), len(values)), pose, np.full(len(pose), group)))
     jacobian, pose, group = (np.concatenate(parts) for parts in zip(*found, strict=True))
     return Rows(np.zeros(len(pose)), jacobian, pose, group)
 
@@ -126,7 +126,7 @@ def _of_target(target: Target, q: np.ndarray, values: np.ndarray, carrier: Chain
         else:
             error = predicted - measured[:, : predicted.shape[1]]
         errors.append(error.ravel())
-        jacobians.append(jacobian.reshape(-1, len(values)))
+        jacobians.append(jacobian.reshape(error.size, len(values)))
         poses.append(np.repeat(seen, error.shape[1]))
         groups.append(np.full(error.size, group))
     return tuple(map(np.concatenate, (errors, jacobians, poses, groups)))
