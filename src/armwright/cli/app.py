@@ -33,6 +33,7 @@ from armwright.cli.info import info
 from armwright.cli.json_output import with_json
 from armwright.cli.log import log
 from armwright.cli.loops import loops
+from armwright.cli.measure import measure
 from armwright.cli.new import new
 from armwright.cli.parts import parts
 from armwright.cli.plan import plan
@@ -166,7 +167,7 @@ PANELS: dict[str, tuple[Callable[..., None] | typer.Typer, ...]] = {
     "Describe an arm": (robots, info, new, check, show, diff, convert, parts, assemble),
     "Compute": (inverse_dynamics, forward_dynamics, ik, workspace, plan),
     "Simulate": (simulate, sim, plot, animate, step_study, reproduce),
-    "Identify": (excite, log, identify, calibrate, validate),
+    "Identify": (excite, log, identify, calibrate, measure, validate),
     "Control": (design, loops, tune, sweep, compare_controllers),
     "Deploy": (export, twin, run_controller, shadow),
     "Learn": (examples,),
@@ -190,7 +191,7 @@ for panel, entries in PANELS.items():
         else:
             app.command(rich_help_panel=panel)(entry)
             ORDER.append(entry.__name__.replace("_", "-"))
-for commands in (app, examples, excite, export, identify, new, parts):
+for commands in (app, examples, excite, export, identify, measure, new, parts):
     for command in commands.registered_commands:
         assert command.callback is not None
         command.help = _unwrapped(command.callback.__doc__ or "")

@@ -60,3 +60,12 @@ from armwright.identification.validation.verdict import (
     stored_verdict as stored_verdict,
     write_verdict as write_verdict,
 )
+from armwright.identification.weighing.measured_number import MeasuredNumber as MeasuredNumber
+from armwright.identification.weighing.record import write_measured as write_measured
+from armwright.identification.weighing.rules import (
+    measured_centre as measured_centre,
+    measured_inertia_bifilar as measured_inertia_bifilar,
+    measured_inertia_pendulum as measured_inertia_pendulum,
+    measured_mass as measured_mass,
+    measured_tensor as measured_tensor,
+)

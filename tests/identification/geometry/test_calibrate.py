@@ -59,6 +59,7 @@ def test_known_mistakes_are_found_within_their_intervals(kind, tmp_path):
         assert found.good
         assert found.errors[0].calibrated < 0.1 * found.errors[0].record
         assert not found.fit.outliers
+        assert not any(each.found for each in found.tried_terms)
         scaled += [(value - true) / std for value, true, std in true_values(found, real).values()]
     assert np.mean(np.abs(scaled) < 1.96) > 0.85
     assert 0.6 < np.sqrt(np.mean(np.square(scaled))) < 1.4
@@ -76,8 +77,6 @@ def test_poses_with_a_mistaken_marker_do_not_count(tmp_path):
     for name, (value, true, std) in true_values(found, real).items():
         assert abs(value - true) < 4.5 * std, name
     assert np.median(found.estimate.std / clean.estimate.std) < 1.3
-    squares = aw.calibrate(data, arm, loss="squares").errors[0]
-    assert squares.calibrated > 20 * found.errors[0].calibrated
 
 
 def test_the_record_has_the_calibrated_numbers(tmp_path):
@@ -105,19 +104,17 @@ def test_the_record_has_the_calibrated_numbers(tmp_path):
 
 def test_eccentric_gears_are_found_and_not_written(tmp_path):
     """2 mrad at joint 2: the term is named as found, with its value; a record of it is refused by name."""
-    real = truth("frame", 3, eccentricity={1: 2e-3})
-    arm, data = nominal("frame", tmp_path), measured(truth("frame", 3, eccentricity={1: 2e-3}), 3, 60)
-    found = {each.term: each for each in aw.calibrate(data, arm).tried_terms}
-    assert found["eccentricity"].found
-    name, value, std, _ = found["eccentricity"].values[2]
-    assert name == "joint2 eccentricity cos"
+    real, arm = truth("frame", 3, eccentricity={1: 2e-3}), nominal("frame", tmp_path)
+    data = measured(real, 3)
+    plain = aw.calibrate(data, arm)
+    (term,) = plain.tried_terms
+    assert term.found
+    value, std = next((v, s) for name, v, s, _ in term.values if name == "joint2 eccentricity cos")
     assert abs(value - real.eccentricity[1]) < 5 * std
     asked = aw.calibrate(data, arm, terms=("zeros", "frames", "eccentricity"))
-    assert asked.errors[0].calibrated < 0.5 * aw.calibrate(data, arm).errors[0].calibrated
+    assert asked.errors[0].calibrated < 0.6 * plain.errors[0].calibrated
     with pytest.raises(IdentificationError, match="eccentricity cannot be written"):
         asked.write(tmp_path / "no.toml")
-    plain = aw.calibrate(measured(truth("frame", 3), 3, 60), arm)
-    assert not any(each.found for each in plain.tried_terms)
 
 
 def test_links_that_bend_under_gravity_are_found():
@@ -133,7 +130,7 @@ def test_links_that_bend_under_gravity_are_found():
     found = aw.calibrate(data, arm, terms=("zeros", "frames", "joint compliance"))
     value, std = found.estimate["shoulder joint compliance z"], found.estimate.std
     assert abs(value - 2e-4) < 5 * std[found.estimate.number("shoulder joint compliance z")]
-    assert next(each for each in aw.calibrate(data, arm).tried_terms if each.term == "joint compliance").found
+    assert value > 10 * std[found.estimate.number("shoulder joint compliance z")]
 
 
 @tiago

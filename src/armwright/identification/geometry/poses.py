@@ -19,7 +19,7 @@ from armwright.entry import AnyArm, as_arm, expect
 from armwright.errors import IdentificationError, ModelError
 from armwright.identification.arm.base import NEARLY, regrouped
 from armwright.identification.geometry.arm_chain import STORED, ArmChains, Columns, checked_terms
-from armwright.identification.geometry.chain import Constant, moved
+from armwright.identification.geometry.chain import Constant, Correction, moved
 from armwright.identification.geometry.measurements import Measured
 from armwright.identification.geometry.problem import Target, sensitivities
 from armwright.identification.geometry.setting import random_positions, shifted
@@ -260,7 +260,8 @@ def _candidates(
         least = free.distances(q).min(axis=1)
         kept &= least > free.least
     if corners is not None:
-        values = np.zeros(1 + max(each.parameter for t in targets for each in t.tool if hasattr(each, "parameter")))
+        numbers = [each.parameter for target in targets for each in target.tool if isinstance(each, Correction)]
+        values = np.zeros(1 + max(numbers))
         for target in targets:
             at = moved([*target.factors, *target.tool], q, values).placement[:, :3, 3]
             kept &= (at >= corners[0]).all(axis=1) & (at <= corners[1]).all(axis=1)

@@ -80,8 +80,8 @@ class GeometryRecord:
         slopes[self._without_deviation(numbers)] = np.nan
         names = [*numbers]
         whole = [name.partition("[")[0] for name in names]  # the same rotation may have other angles: all or none
-        still = (np.abs(slopes) < ROUNDING).all(axis=1)
-        moved_by = {name for name, each in zip(whole, still, strict=True) if not each}
+        moves = [not (np.abs(slope) < ROUNDING).all() for slope in slopes]
+        moved_by = {name for name, moving in zip(whole, moves, strict=True) if moving}
         changed = [k for k, name in enumerate(whole) if name in moved_by]
         own = [k for k, column in enumerate(self.fit.setting.kept) if column.joint]
         both = np.concatenate([slopes[changed], np.eye(len(values))[own]])
