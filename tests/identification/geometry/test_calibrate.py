@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
-
 import numpy as np
 import pytest
 from typer.testing import CliRunner
@@ -151,20 +149,44 @@ def test_tiago_is_predicted_better_than_by_an_independent_search(tmp_path):
     assert aw.load(path, on_impossible="warn").provenance("arm_3_joint.frame.xyz_m").kind == "fit"
 
 
-@tiago
 def test_the_command_says_and_writes(tmp_path):
-    """Exit 0, the page and the picture; an unknown term ends in one line and exit 2."""
-    file = tiago_file(tmp_path)
+    """Exit 0, the record, the page and the picture; an unknown term or column ends in one line and exit 2."""
+    real, arm = truth("frame", 5), nominal("frame", tmp_path)
+    data = measured(real, 5, 20)
+    columns = [*(f"joint{k}" for k in range(1, 7)), *(f"{axis}{k}" for k in (1, 2, 3) for axis in "xyz")]
+    table = np.c_[data.q, *(each.values for each in data.measured)]
+    np.savetxt(tmp_path / "points.csv", table, delimiter=",", header=",".join(columns), comments="")
+    file, text = tmp_path / "tx40.calibration.toml", f'robot = "{arm.file}"\nfile.path = "points.csv"\n'
+    text += f"[[joints]]\ncolumns = {columns[:6]}\n"
+    for k in (1, 2, 3):
+        text += f'[[measured]]\nname = "marker{k}"\nkind = "point"\ncolumns = ["x{k}", "y{k}", "z{k}"]\n'
+    file.write_text(text)
     out = [str(tmp_path / name) for name in ("a.toml", "a.html", "a.png")]
     result = CliRunner().invoke(app, ["calibrate", str(file), "-o", out[0], "--report", out[1], "--plot", out[2]])
     assert result.exit_code == 0, result.output
-    assert "marker4 repeats" in result.output
+    assert "calibrated" in result.output
+    assert aw.load(out[0], kinematics_only=True).record.fits["geometry"].verdict == "identified"
     wrong = CliRunner().invoke(app, ["calibrate", str(file), "--terms", "zeros,nothing"])
     assert wrong.exit_code == 2
     assert "--terms" in wrong.output
-    shutil.copy(file, tmp_path / "b.calibration.toml")
-    text = file.read_text().replace('"x1"', '"x9"')
-    (tmp_path / "b.calibration.toml").write_text(text)
-    wrong = CliRunner().invoke(app, ["calibrate", str(tmp_path / "b.calibration.toml")])
+    file.write_text(text.replace('"x1"', '"x9"'))
+    wrong = CliRunner().invoke(app, ["calibrate", str(file)])
     assert wrong.exit_code == 2
     assert "x9" in wrong.output
+    poses = [
+        "excite",
+        "poses",
+        arm.file,
+        "-n",
+        "12",
+        "--point",
+        "0.1,0,0.1",
+        "--candidates",
+        "60",
+        "-o",
+        str(tmp_path / "p.csv"),
+    ]
+    result = CliRunner().invoke(app, [*poses, "--point", "0,0.1,0.1", "--radius", "0.02"])
+    assert result.exit_code == 0, result.output
+    assert len((tmp_path / "p.csv").read_text().splitlines()) == 13
+    assert CliRunner().invoke(app, [*poses, "--point", "0,0.1"]).exit_code == 2

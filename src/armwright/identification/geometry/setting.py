@@ -18,7 +18,8 @@ from armwright.identification.geometry.problem import Rows, Target, errors_at, s
 from armwright.model import Model
 from armwright.spatial import Placement, rotation_rpy
 
-RANDOM = 100  # poses that show the structure
+RANDOM = 30  # poses at least that show the structure
+ROWS = 3  # numbers by column in them
 WIDE = np.pi  # [rad | m] to either side, of a joint without limits
 
 
@@ -71,7 +72,9 @@ def setting_of(arm: Model, measurements: Measurements, terms: tuple[str, ...]) -
     targets, base = _targets(replace(first, columns=Columns(columns)), measurements, q)
     zero = np.zeros(len(columns))
     fixed, remarks = _held_scale(columns, measurements)
-    at_random = sensitivities(targets, random_positions(arm, RANDOM), zero).jacobian
+    at_random = sensitivities(
+        targets, random_positions(arm, max(RANDOM, ROWS * len(columns) // len(targets))), zero
+    ).jacobian
     every: Any = tuple(columns)  # of which names, kinds and units are read
     structural = regrouped(every, _triangular(at_random, fixed), NEARLY)
     here = errors_at(targets, q, zero).jacobian
