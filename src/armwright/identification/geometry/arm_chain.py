@@ -4,7 +4,7 @@
 |---------------------|-----------------------------------------------------------------------------------------|
 | dh, modified_dh     | its four numbers; the zero is the offset                                                |
 | frame               | in the frame whose z is the axis: zero, shifts along x, y, z, tilts about x, y          |
-| any that turns      | on request: eccentricity of its gear (cos q, sin q)                                     |
+| any that turns      | on request: eccentricity of its gear (cos q, sin q) [JuddKnasinski1990]                 |
 | any                 | on request: give of joint and link by the moment of gravity [GongYuanNi2000]            |
 """
 

@@ -1,4 +1,4 @@
-"""Mass by a scale, centre of mass by two supports, moments of inertia by pendulums. [Schedlinski2001], [Genta1994]"""
+"""Mass by a scale, centre of mass by two supports, moments of inertia by pendulums. [SchedlinskiLink2001], [GentaDelprete1994]"""
 
 from __future__ import annotations
 
