@@ -54,15 +54,10 @@ PUMA = ((pi / 2, 0, 0), (0, 0, 0.4318), (-pi / 2, 0.15005, 0.0203), (pi / 2, 0.4
 def joint_of_row(k: int, q: float, mistakes: dict[str, float]) -> np.ndarray:
     """Joint k of the PUMA 560: Rz(θ) Tz(r) Tx(a) Rx(α) of [Corke1996]."""
     alpha, r, a = (
-        number + mistakes.get(f"{PUMA_JOINTS[k]}.dh.{key}", 0.0)
-        for number, key in zip(PUMA[k], ("alpha_rad", "r_m", "a_m"), strict=True)
+        number + mistakes.get(f"{PUMA_JOINTS[k]} {word}", 0.0)
+        for number, word in zip(PUMA[k], ("alpha", "r", "a"), strict=True)
     )
-    return (
-        turn(2, q + mistakes.get(f"{PUMA_JOINTS[k]}.dh.offset_rad", 0.0))
-        @ shift(0, 0, r)
-        @ shift(a, 0, 0)
-        @ turn(0, alpha)
-    )
+    return turn(2, q + mistakes.get(f"{PUMA_JOINTS[k]} zero", 0.0)) @ shift(0, 0, r) @ shift(a, 0, 0) @ turn(0, alpha)
 
 
 @dataclass(frozen=True)
@@ -98,8 +93,8 @@ def truth(kind: str, seed: int, **more: object) -> Truth:
     if kind == "frame":
         names = {f"joint{k} {w}": u for k in range(1, 7) for w, u in _frame_words().items()}
     else:
-        words = {"alpha_rad": ANGLE, "r_m": LENGTH, "a_m": LENGTH, "offset_rad": ANGLE}
-        names = {f"{joint}.dh.{w}": u for joint in PUMA_JOINTS for w, u in words.items()}
+        words = {"alpha": ANGLE, "r": LENGTH, "a": LENGTH, "zero": ANGLE}
+        names = {f"{joint} {w}": u for joint in PUMA_JOINTS for w, u in words.items()}
     mistakes = {name: float(size * rng.normal()) for name, size in names.items()}
     tracker = shift(*rng.uniform(-2, 2, 3)) @ rpy(*rng.uniform(-1, 1, 3))
     return Truth(kind, mistakes, tracker, **more)  # type: ignore[arg-type]

@@ -2,7 +2,7 @@
 
 | joint of the record | corrections                                                                             |
 |---------------------|-----------------------------------------------------------------------------------------|
-| dh, modified_dh     | its four numbers; the zero is the offset                                                |
+| dh, modified_dh     | its four numbers: zero (the offset), r, a, alpha                                            |
 | frame               | in the frame whose z is the axis: zero, shifts along x, y, z, tilts about x, y          |
 | any that turns      | on request: eccentricity of its gear (cos q, sin q) [JuddKnasinski1990]                 |
 | any                 | on request: give of joint and link by the moment of gravity [GongYuanNi2000]            |
@@ -43,7 +43,7 @@ class GeometryColumn:
     """A parameter of the geometry.
 
     Attributes:
-        name: path of the record, or words.   kind: one of `ORDER`.   unit: of the parameter.   joint: whose it is, if any.
+        name: in words.   kind: one of `ORDER`.   unit: of the parameter.   joint: whose it is, if any.
         path: of the record's number that it adds to; "" for one that changes a whole frame.
     """
 
@@ -145,8 +145,11 @@ class ArmChains:
             turns = name.endswith("_rad")
             kind = "zero" if term == "zero" else "angle" if turns else "length"
             if self._asked(kind):
+                word = "zero" if term == "zero" else name.partition("_")[0]
                 path = f"{path_name(joint.name)}.{key}.{name}"
-                number = self.columns.add(path, kind, "rad" if turns else "m", joint.name, path)
+                number = self.columns.add(
+                    f"{path_name(joint.name)} {word}", kind, "rad" if turns else "m", joint.name, path
+                )
                 found.append(Correction(number, axis, turns))
         return [each for each in found if each.axis == 2], [each for each in found if each.axis == 0]
 

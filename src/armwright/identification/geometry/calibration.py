@@ -167,24 +167,21 @@ class Calibration(Result):
         return definitions("Regrouping", [pair for pair in pairs if pair[0] != pair[1]])
 
     def draw(self, figure: Figure, ink: str, quiet: str) -> None:
-        """Draws the error of every pose held out, with the record as it is and calibrated."""
+        """Draws the error of every pose held out, with the record as it is and calibrated; crosses do not count."""
         axes, poses = figure.subplots(), np.arange(1, self.by_pose.shape[1] + 1)
-        for values, colour, label in zip(
-            1e3 * self.by_pose, (ORANGE, BLUE), ("record as it is", "calibrated"), strict=True
-        ):
-            axes.plot(
-                poses,
-                values,
-                "o",
-                color=colour,
-                label=f"{label}, held out: rms {np.sqrt(np.nanmean(values**2)):.3g} mm",
-            )
-        axes.vlines(poses, *np.sort(1e3 * self.by_pose, axis=0), color=quiet, linewidth=0.8)
+        out = np.isin(poses - 1, self.fit.outliers)
+        axes.vlines(poses, *(1e3 * self.by_pose), color=quiet, linewidth=0.8)
+        names = (("record as it is", ORANGE, "record"), ("calibrated", BLUE, "calibrated"))
+        for values, (words, colour, key) in zip(1e3 * self.by_pose, names, strict=True):
+            label = f"{words}, held out: rms {1e3 * getattr(self.errors[0], key):.3g} mm"
+            axes.plot(poses[~out], values[~out], "o", color=colour, label=label)
+            axes.plot(poses[out], values[out], "x", color=colour)
+        axes.set_yscale("log")
+        axes.yaxis.set_major_formatter("{x:g}")
         axes.set_xlabel("pose", color=ink)
         axes.set_ylabel("error [mm]", color=ink)
-        axes.set_ylim(0.0)
         ink_axes(axes, ink)
-        axes.legend(frameon=False, labelcolor=ink)
+        figure.legend(loc="outside upper right", ncols=2, frameon=False, labelcolor=ink)
 
     def write(self, output: str | os.PathLike[str], key: str = "geometry") -> Path:
         """Writes the robot's record with the calibrated geometry, numbers of kind `fit`.

@@ -1,4 +1,4 @@
-"""Fit of a calibration: robust least squares with a prior that its held-out error chooses, and deviations that hold.
+"""Fit of a calibration: robust least squares [Huber1981], a prior that its held-out error chooses, and deviations that hold.
 
     min Σ_i w_i |e_i(δ)|² + σ²/τ² Σ_k (s_k δ_k)²,      s_k the rms effect of δ_k on what is measured
 
@@ -30,7 +30,7 @@ FREEDOM = {
 }  # of a pose's error, by its richest group: markers of a tool move together
 CHI2_MEDIAN = {1: 0.4549, 3: 2.366, 6: 5.348}  # of so many degrees of freedom
 CHI2_95 = {1: 3.841, 3: 7.815, 6: 12.59}
-TUKEY, HUBER = 4.685, 1.345  # of an error in deviations, for 95 % efficiency in one dimension [Huber1981]
+TUKEY, HUBER = 4.685, 1.345  # of an error in deviations, for 95 % efficiency in one dimension
 PASSES, SETTLED = 30, 1e-2  # of weights, until none changes by more
 GAIN = 1e-8  # of the squares, by which the last step lowers them
 

@@ -141,6 +141,8 @@ def read_measurements(path: str | os.PathLike[str]) -> Measurements:
         file = validated(MeasurementFile, tables, file=path, error=LogError)
         if file.file.path is None:
             raise LogError("missing", place="file.path", file=path, expected="the path of the table")
+        if file.file.time is not None:
+            raise LogError("poses have no clock", place="file.time", file=path, expected="a pose a row")
         table = open_table(path.parent / file.file.path, file.file)
         joints = [name for each in file.joints for name in map(str, each.names or each.columns)]
         q = np.concatenate([_joints(table, each) for each in file.joints], axis=1)
