@@ -35,7 +35,8 @@ seen[7, 1] += [0.03, 0.0, -0.02]  # a reflection that was taken for a marker
 measured = [Measured(f"marker{k + 1}", "point", seen[:, k]) for k in range(3)]
 
 found = aw.calibrate(Measurements(arm.names, poses.q, measured), arm)
-print(found)
+print(found.tables()[1])
+print("\n".join(found.sentences()))
 found.plot(folder / "calibration.png")
 found.write(folder / "calibrated.toml")
 

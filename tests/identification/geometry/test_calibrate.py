@@ -111,6 +111,8 @@ def test_eccentric_gears_are_found_and_not_written(tmp_path):
     assert abs(value - real.eccentricity[1]) < 5 * std
     asked = aw.calibrate(data, arm, terms=("zeros", "frames", "eccentricity"))
     assert asked.errors[0].calibrated < 0.6 * plain.errors[0].calibrated
+    assert "joint2 eccentricity cos" in str(asked)
+    asked.report(tmp_path / "asked.html")
     with pytest.raises(IdentificationError, match="eccentricity cannot be written"):
         asked.write(tmp_path / "no.toml")
 

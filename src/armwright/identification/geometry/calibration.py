@@ -15,7 +15,7 @@ from armwright.identification.estimate import Estimate
 from armwright.identification.geometry.fitting import GeometryFit, Noise
 from armwright.identification.geometry.problem import ROTATION
 from armwright.identification.geometry.record import GeometryRecord
-from armwright.results.page_parts import definitions, sentence
+from armwright.results.page_parts import definitions, sentence, shown_table
 from armwright.results.result import BLUE, Result
 from armwright.results.svg import ink_axes
 from armwright.results.table import Table, number
@@ -123,16 +123,6 @@ class Calibration(Result):
                 rows.append([name, number(value, ".4g"), number(std, ".2g"), column.unit, share])
         heads = ("correction", "value", "± std", "unit", "|value| / std")
         found = [Table(self.heading, heads, rows, ("unit",))]
-        frames = GeometryRecord(self.fit, "geometry").estimate(estimate)
-        joints = tuple(f"{path_name(joint.name)}." for joint in setting.arm.record.joints)
-        numbers = zip(frames.names, frames.values, frames.std, frames.units, strict=True)
-        placed = [
-            [name, number(value, ".6g"), number(std, ".2g"), unit]
-            for name, value, std, unit in numbers
-            if name.endswith("]") and not name.startswith(joints)
-        ]
-        if placed:
-            found.append(Table("frames", ("number", "value", "± std", "unit"), placed, ("unit",)))
         errors = [
             [each.group, *(number(1e3 * getattr(each, key), ".3g") for key in ERRORS), unit]
             for each in self.errors
@@ -161,10 +151,24 @@ class Calibration(Result):
             found.append(Table("of the terms that were found", ("number", "value", "± std", "unit"), seen, ("unit",)))
         return found
 
+    def frames(self) -> Table:
+        """Measuring frame, points of the tool and points that do not move: numbers of the named frames that the record gets."""
+        joints = tuple(f"{path_name(joint.name)}." for joint in self.fit.setting.arm.record.joints)
+        record = GeometryRecord(self.fit, "geometry").estimate(self.estimate)
+        numbers = zip(record.names, record.values, record.std, record.units, strict=True)
+        rows = [
+            [name, number(value, ".6g"), number(std, ".2g"), unit]
+            for name, value, std, unit in numbers
+            if name.endswith("]") and not name.startswith(joints)
+        ]
+        return Table("frames", ("number", "value", "± std", "unit"), rows, ("unit",))
+
     def sections(self) -> list[tuple[str, str]]:
-        """What each correction stands for."""
+        """Frames, and what each correction stands for."""
         pairs = zip(self.fit.setting.grouped.names, self.formulas, strict=True)
-        return definitions("Regrouping", [pair for pair in pairs if pair[0] != pair[1]])
+        grouped = definitions("Regrouping", [pair for pair in pairs if pair[0] != pair[1]])
+        frames = self.frames()
+        return [("Frames", shown_table(frames)), *grouped] if frames.cells else grouped
 
     def draw(self, figure: Figure, ink: str, quiet: str) -> None:
         """Draws the error of every pose held out, with the record as it is and calibrated; crosses do not count."""

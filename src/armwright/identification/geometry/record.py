@@ -169,7 +169,7 @@ class GeometryRecord:
         return every
 
     def _is_of(self, correction: Correction, joint: str) -> bool:
-        return self.fit.setting.columns[correction.parameter].joint == joint
+        return correction.weight is None and self.fit.setting.columns[correction.parameter].joint == joint
 
     def _passes(self, target: Target, joint: str) -> bool:
         return any(isinstance(each, Correction) and self._is_of(each, joint) for each in target.factors)
