@@ -8,6 +8,7 @@ import armwright as aw
 from armwright.cli.arguments import argument, as_options, option, output_option, words
 from armwright.cli.outcome import PAGE, PICTURE, TOML, check_file, exit_unless, write
 from armwright.cli.tables import show
+from armwright.errors import IdentificationError
 
 
 def calibrate(
@@ -38,6 +39,10 @@ def calibrate(
     check_file(output, TOML, (file, robot))
     check_file(report, PAGE)
     check_file(plot, PICTURE)
+    lost = [term for term in words(terms) if term not in ("zeros", "frames")] if output is not None else []
+    if lost:
+        what = f"a record has no number for {lost[0]}, which could not be written"
+        raise IdentificationError(what, place="--terms", expected="zeros, frames, or no --output")
     with as_options("terms", "loss", "folds"):
         found = aw.calibrate(file, robot, terms=words(terms), loss=loss, folds=folds)  # type: ignore[arg-type]
     show(found)

@@ -171,6 +171,9 @@ def test_the_command_says_and_writes(tmp_path):
     wrong = CliRunner().invoke(app, ["calibrate", str(file), "--terms", "zeros,nothing"])
     assert wrong.exit_code == 2
     assert "--terms" in wrong.output
+    wrong = CliRunner().invoke(app, ["calibrate", str(file), "--terms", "zeros,eccentricity", "-o", out[0]])
+    assert wrong.exit_code == 2
+    assert "eccentricity" in wrong.output
     file.write_text(text.replace('"x1"', '"x9"'))
     wrong = CliRunner().invoke(app, ["calibrate", str(file)])
     assert wrong.exit_code == 2

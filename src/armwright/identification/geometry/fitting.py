@@ -215,28 +215,37 @@ def noise_of(fit: GeometryFit) -> Noise:
     r = rows.errors[counted] / fit.scales[counted]
     q, _ = np.linalg.qr(rows.jacobian[counted] / fit.scales[counted, None])
     r = r - q @ (q.T @ r)
-    Z = _common_parts(rows, counted)
+    shared = _shared(rows, counted)
     left = len(r) - q.shape[1]
-    if left <= 0 or not Z.shape[1]:
+    if left <= 0 or not (shared >= 0).any():
         return Noise(float(r @ r) / max(left, 1), 0.0)
-    of_fit = q.T @ Z
-    inner = Z.T @ Z - of_fit.T @ of_fit  # Zᵀ (1 − H) Z
-    matrix = np.array([[left, np.trace(inner)], [np.trace(inner), (inner**2).sum()]])
-    own, common = np.linalg.solve(matrix, [r @ r, ((Z.T @ r) ** 2).sum()])
+    count = np.bincount(shared[shared >= 0]).astype(float)  # diagonal of Zᵀ Z
+    of_fit = _sums(shared, q)  # Zᵀ Q, of  H = Q Qᵀ
+    inner = count.sum() - (of_fit**2).sum()  # tr Zᵀ(1−H)Z, and the squares of its entries
+    squares = (count**2).sum() - 2.0 * count @ (of_fit**2).sum(axis=1) + ((of_fit.T @ of_fit) ** 2).sum()
+    matrix = np.array([[left, inner], [inner, squares]])
+    own, common = np.linalg.solve(matrix, [r @ r, (_sums(shared, r[:, None]) ** 2).sum()])
     if own <= 0.0 or common <= 0.0:
         return Noise(float(r @ r) / left, 0.0)
     return Noise(float(own), float(common))
 
 
-def _common_parts(rows: Rows, counted: np.ndarray) -> np.ndarray:
-    """(rows, k) Z: 1 where a row is the same coordinate of the same pose as others; none where each pose has one point."""
+def _shared(rows: Rows, counted: np.ndarray) -> np.ndarray:
+    """(counted rows,) number of the coordinate of a pose that a row shares with those of other points; -1 of others."""
     positions = np.flatnonzero(rows.group == POSITION)
     axis = np.zeros(len(rows.pose), dtype=int)
     axis[positions] = np.arange(len(positions)) % 3  # x, y, z of one point after the other
-    label = np.where((rows.group == POSITION) & counted, 3 * rows.pose + axis, -1)[counted]
+    label = np.where(rows.group == POSITION, 3 * rows.pose + axis, -1)[counted]
     names, which, count = np.unique(label, return_inverse=True, return_counts=True)
-    shared = np.flatnonzero((names >= 0) & (count > 1))
-    return (which[:, None] == shared).astype(float)
+    kept = (names >= 0) & (count[names >= 0].max(initial=0) > 1)  # a single point of some poses has the common part too
+    return np.where(kept, np.cumsum(kept) - 1, -1)[which]
+
+
+def _sums(shared: np.ndarray, matrix: np.ndarray) -> np.ndarray:
+    """Zᵀ A (k, columns): sums of the rows of A (rows, columns) that share a coordinate."""
+    sums = np.zeros((int(shared.max(initial=-1)) + 1, matrix.shape[1]))
+    np.add.at(sums, shared[shared >= 0], matrix[shared >= 0])
+    return sums
 
 
 def covariance_of(fit: GeometryFit, noise: Noise) -> np.ndarray:
@@ -250,12 +259,9 @@ def covariance_of(fit: GeometryFit, noise: Noise) -> np.ndarray:
     prior = np.diag((fit.strength * fit.sizes) ** 2)
     A = J.T @ (weights[:, None] * J) + prior
     weighted = weights[:, None] * J
-    Z = _common_parts(rows, np.ones(len(weights), dtype=bool))
-    common = Z.T @ weighted
-    sigma2 = noise.own + noise.common
-    middle = noise.own * weighted.T @ weighted + noise.common * common.T @ common + sigma2 * prior
-    if not Z.shape[1]:
-        middle = sigma2 * (weighted.T @ weighted + prior)
+    common = _sums(_shared(rows, np.ones(len(weights), dtype=bool)), weighted)
+    middle = noise.own * weighted.T @ weighted + noise.common * common.T @ common
+    middle += (noise.own + noise.common) * prior
     size = np.sqrt(np.diag(A))
     inverse = np.linalg.pinv(A / np.outer(size, size)) / np.outer(size, size)
     return inverse @ middle @ inverse
