@@ -88,10 +88,12 @@ def test_a_point_that_is_touched_from_many_sides(tmp_path):
     found = aw.calibrate(data, nominal("frame", tmp_path))
     assert any("say nothing about the arm's size" in each for each in found.estimate.remarks)
     assert found.good
-    assert found.errors[0].calibrated < 0.1 * found.errors[0].record
+    assert found.errors[0].calibrated < 0.05 * found.errors[0].record
+    assert not any("cannot be distinguished" in each for each in found.estimate.remarks)
+    assert np.abs(found.estimate.values).max() < 0.01  # the arm does not shrink into the point
     known = aw.load(found.write(tmp_path / "out.toml"), kinematics_only=True)
     between = [aw.forward_kinematics(known, np.zeros(6), frame=f"probe point {k}")[:3, 3] for k in (0, 1)]
-    assert np.linalg.norm(np.subtract(*between)) == pytest.approx(np.linalg.norm(np.subtract(*sockets)), abs=2e-3)
+    assert np.linalg.norm(np.subtract(*between)) == pytest.approx(np.linalg.norm(np.subtract(*sockets)), rel=0.015)
 
 
 def test_a_known_tracker_and_known_points_leave_the_base_to_the_record(tmp_path):

@@ -102,7 +102,8 @@ def sensitivities(targets: Sequence[Target], q: np.ndarray, values: np.ndarray) 
     """Derivatives of what could be measured at any positions q (poses, joints), errors 0."""
     carriers, found = _carriers(targets, q, values), []
     for target in targets:
-        for group, _, jacobian in target.rows(q, values, np.zeros(len(q), dtype=int), carriers[id(target.factors)]):
+        ends = np.arange(len(q)) % max(len(target.ends), 1)  # each of the fixed points in turn
+        for group, _, jacobian in target.rows(q, values, ends, carriers[id(target.factors)]):
             pose = np.repeat(np.arange(len(q)), jacobian.shape[1])
             found.append((jacobian.reshape(len(pose), len(values)), pose, np.full(len(pose), group)))
     jacobian, pose, group = (np.concatenate(parts) for parts in zip(*found, strict=True))

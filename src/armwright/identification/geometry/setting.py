@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from armwright.description.paths import quantities
 from armwright.errors import IdentificationError
 from armwright.identification.arm.base import NEARLY, BaseParameters, regrouped, regrouped_further
 from armwright.identification.geometry import start
-from armwright.identification.geometry.arm_chain import ORDER, ArmChains, Columns, GeometryColumn
-from armwright.identification.geometry.chain import Constant, Factor, moved
+from armwright.identification.geometry.arm_chain import AXES, ORDER, ArmChains, Columns, GeometryColumn
+from armwright.identification.geometry.chain import Constant, Correction, Factor, Motion, moved
 from armwright.identification.geometry.measurements import Measured, Measurements
 from armwright.identification.geometry.problem import Rows, Target, errors_at, sensitivities
 from armwright.model import Model
+from armwright.model.build import joint_placement
 from armwright.spatial import Placement, rotation_rpy
 
 RANDOM = 30  # poses at least that show the structure
@@ -71,17 +74,20 @@ def setting_of(arm: Model, measurements: Measurements, terms: tuple[str, ...]) -
     columns = sorted(first.columns.found, key=lambda column: ORDER.index(column.kind))  # who stays stands first
     targets, base = _targets(replace(first, columns=Columns(columns)), measurements, q)
     zero = np.zeros(len(columns))
-    fixed, remarks = _held_scale(columns, measurements)
-    at_random = sensitivities(
-        targets, random_positions(arm, max(RANDOM, ROWS * len(columns) // len(targets))), zero
-    ).jacobian
+    several = random_positions(arm, max(RANDOM, ROWS * len(columns) // len(targets)))
+    at_random = sensitivities(targets, several, zero).jacobian
     every: Any = tuple(columns)  # of which names, kinds and units are read
-    structural = regrouped(every, _triangular(at_random, fixed), NEARLY)
+    structural = regrouped(every, np.asarray(np.linalg.qr(at_random, mode="r")), NEARLY)
+    structural = _without(structural, _base_corrections(measurements, targets))
+    lengths = _held_length(arm, measurements, structural)
+    structural = _without(structural, lengths)
     here = errors_at(targets, q, zero).jacobian
     if len(here) <= len(structural):
         what = f"{len(here)} measured numbers for {len(structural)} identifiable parameters"
         raise IdentificationError(what, place="measurements", expected="more poses, or fewer terms")
-    grouped = regrouped_further(structural, _triangular(here, fixed), NEARLY)
+    grouped = regrouped_further(structural, np.asarray(np.linalg.qr(here, mode="r")), NEARLY)
+    why = "is kept: points that are touched say nothing about the arm's size"
+    remarks = tuple(f"{columns[k].name} {why}" for k in lengths)
     return Setting(arm, measurements, q, terms, tuple(columns), targets, base, structural, grouped, remarks)
 
 
@@ -182,19 +188,44 @@ def shifted(place: np.ndarray | None) -> np.ndarray:
     return matrix
 
 
-def _held_scale(columns: Sequence[GeometryColumn], measurements: Measurements) -> tuple[list[int], tuple[str, ...]]:
-    """The longest length of the record where nothing but fixed points was measured: these say nothing about its size."""
+def _base_corrections(measurements: Measurements, targets: Sequence[Target]) -> list[int]:
+    """Corrections before the first motion, which place the arm as a whole, where points are touched whose place is not known.
+
+    An arm that is turned as a whole touches points that are turned with it. Derivatives show that only where errors are 0.
+    """
+    known = measurements.placed is not None or any(each.anchor is not None for each in measurements.measured)
+    touched = next((each for each in targets if each.measured.kind == "fixed point"), None)
+    if known or touched is None:
+        return []
+    before = itertools.takewhile(lambda factor: not isinstance(factor, Motion), touched.factors)
+    return [factor.parameter for factor in before if isinstance(factor, Correction)]
+
+
+def _held_length(arm: Model, measurements: Measurements, base: BaseParameters) -> list[int]:
+    """The longest identifiable length, where nothing but touched points was measured: an arm of another size does the same.
+
+    With all lengths l of the record larger by a share, the identifiable parameters change along A l.
+    """
     if any(each.kind != "fixed point" or each.place is not None for each in measurements.measured):
-        return [], ()
-    lengths = [k for k, column in enumerate(columns) if column.kind == "length"]
-    if not lengths:
-        return [], ()
-    return lengths[-1:], (
-        f"{columns[lengths[-1]].name} is kept: points that are touched say nothing about the arm's size",
-    )
+        return []
+    by_size = base.of(np.array([_length(arm, column) for column in base.columns]))
+    kept = [(abs(by_size[b]), int(k)) for b, k in enumerate(base.independent) if base.columns[k].kind == "length"]
+    return [max(kept)[1]] if kept else []
 
 
-def _triangular(jacobian: np.ndarray, fixed: Sequence[int]) -> np.ndarray:
-    """R of derivatives, without some columns."""
-    jacobian[:, list(fixed)] = 0.0
-    return np.asarray(np.linalg.qr(jacobian, mode="r"))
+def _length(arm: Model, column: Any) -> float:
+    """Number of the record that a correction adds to [m]; 0 of one that is no length."""
+    if column.kind != "length":
+        return 0.0
+    if column.path:
+        return float(next(quantity for path, quantity, _ in quantities(arm.record) if path == column.path))
+    joint = next(each for each in arm.record.joints if each.name == column.joint)
+    before, _ = joint_placement(joint)
+    return float((before.rotation.T @ before.position)[AXES.index(column.name[-1])])
+
+
+def _without(base: BaseParameters, held: Sequence[int]) -> BaseParameters:
+    """The identifiable parameters without those of some columns, which keep the record's value with all that is regrouped."""
+    kept = ~np.isin(base.independent, held)
+    absent = np.sort(np.concatenate([base.absent, base.independent[~kept]]))
+    return BaseParameters(base.columns, base.independent[kept], base.dependent, absent, base.regroup[kept])
