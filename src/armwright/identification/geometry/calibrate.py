@@ -96,7 +96,7 @@ def calibrate(
         errors,
         noise_of(plain),
         tried,
-        tuple(each for each in (_tried(fit, term, loss, parts) for term in others) if each is not None),
+        tuple(_tried_terms(fit, others, loss, parts)),
         np.stack([_by_pose(each, len(setting.q)) for each in (before, after)]),
     )
     return replace(found, estimate=replace(found.estimate, remarks=tuple(_remarks(found))))
@@ -127,16 +127,38 @@ def _by_pose(rows: Rows, poses: int) -> np.ndarray:
     return np.sqrt(np.divide(squares, points, out=np.full(poses, np.nan), where=points > 0))
 
 
-def _tried(fit: GeometryFit, term: str, loss: Loss, parts: Sequence[np.ndarray]) -> TriedTerm | None:
-    """A further term by what it does to the squares of poses held out; None where the poses are too few for it."""
-    setting = fit.setting
+def _tried_terms(
+    fit: GeometryFit, terms: Sequence[str], loss: Loss, parts: Sequence[np.ndarray]
+) -> Iterator[TriedTerm]:
+    """Further terms, each beside those that were found before it: the one that gains most comes first."""
+    now, left = fit, list(terms)
+    while left:
+        pairs = [pair for pair in (_tried(fit, now, term, loss, parts) for term in left) if pair is not None]
+        found = [pair for pair in pairs if pair[0].found]
+        if not found:
+            yield from (term for term, _ in pairs)
+            return
+        best, now = min(found, key=lambda pair: pair[0].held_out)
+        yield best
+        left.remove(best.term)
+
+
+def _tried(
+    fit: GeometryFit, now: GeometryFit, term: str, loss: Loss, parts: Sequence[np.ndarray]
+) -> tuple[TriedTerm, GeometryFit] | None:
+    """A further term by what it does to the squares of poses held out; None where the poses are too few for it.
+
+    Args:
+        fit: of the calibration, whose poses count.   now: with the terms that were found.   term: to try beside them.
+        loss: what large errors cost.   parts: of the poses.
+    """
+    setting = now.setting
     try:
         wider = setting_of(setting.arm, setting.measurements, (*setting.terms, term))
     except IdentificationError:
         return None
-    with_term = fitted(wider, loss, fit.strength)
-    with_term = replace(with_term, scales=fit.scales)
-    squares = [squares_of_poses(fit, nearly_held_out(each, parts)) for each in (fit, with_term)]
+    with_term = replace(fitted(wider, loss, fit.strength), scales=fit.scales)
+    squares = [squares_of_poses(fit, nearly_held_out(each, parts)) for each in (now, with_term)]
     gain = squares[0] - squares[1]
     sure = bool(gain.mean() > SURE * gain.std(ddof=1) / np.sqrt(len(gain)))
     spread = np.sqrt(np.diag(covariance_of(with_term, noise_of(with_term))))
@@ -146,7 +168,7 @@ def _tried(fit: GeometryFit, term: str, loss: Loss, parts: Sequence[np.ndarray])
         if column.kind == term
     )
     without, held = (float(np.sqrt(each.mean())) for each in squares)
-    return TriedTerm(term, sure and bool(values), without, held, values)
+    return TriedTerm(term, sure and bool(values), without, held, values), with_term
 
 
 def _estimate(fit: GeometryFit, plain: GeometryFit, loss: Loss, errors: Sequence[HeldOutError]) -> Estimate:

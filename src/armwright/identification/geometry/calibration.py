@@ -59,7 +59,7 @@ class TriedTerm:
     """A further term of the geometry, and whether poses held out are predicted better with it.
 
     Attributes:
-        term: its name.   found: True if it lowers their mean square by more than two standard errors.
+        term: its name.   found: True if it lowers their mean square by more than two standard errors, beside those found before.
         without, held_out: rms of a coordinate without and with it [m].   values: name, value, deviation and unit of each number.
     """
 
