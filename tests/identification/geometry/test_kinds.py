@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 import armwright as aw
 from armwright.errors import IdentificationError, LogError
-from identification.geometry.measured_arm import Truth, nominal, rpy, shift, true_values, truth
+from identification.geometry.measured_arm import Truth, measured, nominal, rpy, shift, true_values, truth
 
 JOINTS = [f"joint{k}" for k in range(1, 7)]
 TOOL = shift(0.03, -0.02, 0.12) @ rpy(0.2, -0.1, 0.4)
@@ -173,6 +173,25 @@ def test_mistakes_of_a_file_are_named(tmp_path, old, new, said):
         aw.identification.read_measurements(path)
     assert said in str(caught.value)
     assert str(tmp_path) in str(caught.value)
+
+
+def test_the_verdict_is_not_given_to_a_good_record_or_to_few_poses(tmp_path):
+    """An arm as its record has it, and eight poses of one that is off by less than the noise."""
+    arm = nominal("frame", tmp_path)
+    for real, poses, noise in ((Truth("frame", {}, shift(1.0, 0.5, 0.2)), 40, 1e-4), (truth("frame", 3), 12, 2e-2)):
+        found = aw.calibrate(measured(real, 3, poses, noise=noise), arm)
+        assert not found.good
+        assert found.verdict == "not identified"
+
+
+def test_points_that_are_not_rigid_are_named():
+    """A marker in millimetres that was read as metres, and one that slipped are told by their distance."""
+    q = _poses(20, 1)
+    points = np.array([truth("frame", 1).points(each) for each in q])
+    given = [Measured("a", "point", points[:, 0]), Measured("b", "point", 1e-3 * points[:, 1])]
+    assert any("a and b are fixed to one frame" in each for each in Measurements(JOINTS, q, given).findings)
+    good = [Measured(name, "point", points[:, k]) for k, name in enumerate("abc")]
+    assert not Measurements(JOINTS, q, good).findings
 
 
 def test_what_cannot_be_calibrated_is_refused(tmp_path):

@@ -42,6 +42,7 @@ FOLDS = 10
 SURE = 2.0  # standard errors by which a term must lower the held-out squares
 WEAKEST = 3  # directions that are named
 PARALLEL = 1e-3  # sine of the twist between axes
+ENOUGH = 2.0  # measured numbers by parameter, below which no further term is tried
 FEW = 3.0  # measured numbers by parameter, below which a user should know
 
 
@@ -90,8 +91,9 @@ def calibrate(
     before, after = held_out(bare, parts), held_out(fit, parts)
     errors = tuple(_errors(group, before, fit, after) for group in lengths(fit.rows))
     others = [term for term in TERMS if term not in terms and ("compliance" not in term or has_masses(model))]
+    squares = [squares_of_poses(fit, each) for each in (before, after)]
     found = Calibration(
-        _estimate(fit, plain, loss, errors),
+        _estimate(fit, plain, loss, errors, _surely_lower(*squares)),
         fit,
         errors,
         noise_of(plain),
@@ -127,6 +129,12 @@ def _by_pose(rows: Rows, poses: int) -> np.ndarray:
     return np.sqrt(np.divide(squares, points, out=np.full(poses, np.nan), where=points > 0))
 
 
+def _surely_lower(before: np.ndarray, after: np.ndarray) -> bool:
+    """True if squares of poses held out (poses,) fall by more than two standard errors of their mean difference."""
+    gain = before - after
+    return bool(gain.mean() > SURE * gain.std(ddof=1) / np.sqrt(len(gain)))
+
+
 def _tried_terms(
     fit: GeometryFit, terms: Sequence[str], loss: Loss, parts: Sequence[np.ndarray]
 ) -> Iterator[TriedTerm]:
@@ -157,10 +165,11 @@ def _tried(
         wider = setting_of(setting.arm, setting.measurements, (*setting.terms, term))
     except IdentificationError:
         return None
+    if len(fit.rows.errors) < ENOUGH * len(wider.grouped):
+        return None
     with_term = replace(fitted(wider, loss, fit.strength), scales=fit.scales)
     squares = [squares_of_poses(fit, nearly_held_out(each, parts)) for each in (now, with_term)]
-    gain = squares[0] - squares[1]
-    sure = bool(gain.mean() > SURE * gain.std(ddof=1) / np.sqrt(len(gain)))
+    sure = _surely_lower(*squares)
     spread = np.sqrt(np.diag(covariance_of(with_term, noise_of(with_term))))
     values = tuple(
         (column.name, float(value), float(std), column.unit)
@@ -171,12 +180,14 @@ def _tried(
     return TriedTerm(term, sure and bool(values), without, held, values), with_term
 
 
-def _estimate(fit: GeometryFit, plain: GeometryFit, loss: Loss, errors: Sequence[HeldOutError]) -> Estimate:
+def _estimate(
+    fit: GeometryFit, plain: GeometryFit, loss: Loss, errors: Sequence[HeldOutError], better: bool
+) -> Estimate:
     """Corrections with their covariance."""
     setting, measurements = fit.setting, fit.setting.measurements
     kept = setting.kept
     condition = directions(scaled(plain.rows.jacobian)[0])[0].condition if kept else 1.0
-    verdict: Verdict = "identified" if errors[0].calibrated < errors[0].record else "not identified"
+    verdict: Verdict = "identified" if better else "not identified"
     return Estimate(
         tuple(column.name for column in kept),
         fit.values,
@@ -213,7 +224,7 @@ def _remarks(found: Calibration) -> Iterator[str]:
         if each.found:
             yield f"{each.term} is seen in the poses; a record has no number for it, so IK and plans do not count it"
     if not found.good:
-        yield "poses held out are predicted no better than by the record as it is"
+        yield "poses held out are predicted no better than by the record as it is, or not surely so"
 
 
 def _parallel(setting: Setting) -> Iterator[str]:

@@ -96,7 +96,7 @@ class Calibration(Result):
 
     @property
     def good(self) -> bool:
-        """True if poses held out are predicted better than by the record as it is."""
+        """True if poses held out are predicted better than by the record as it is, by two standard errors of their squares."""
         return self.estimate.good
 
     @property

@@ -25,6 +25,7 @@ MEANINGS = {
 }
 STILL = 1e-9  # [rad | m] by which the readings of a joint that stands still differ at most
 LEAST = 4  # poses
+RIGID = 0.05  # of the distance of two points, by which half of the poses may differ from the middle
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,8 +163,19 @@ def _checked(
     still = [name for name, low, high in zip(joints, q.min(axis=0), q.max(axis=0), strict=True) if high - low < STILL]
     findings += [f"joint {name} stands still in all poses: nothing about it can be found" for name in still]
     kept = tuple(each for each in measured if each.name not in copies)
-    findings += _repeats(q, kept)
+    findings += [*_repeats(q, kept), *_not_rigid(kept)]
     return kept, findings
+
+
+def _not_rigid(measured: Sequence[Measured]) -> Iterator[str]:
+    """Sentences on points of one frame whose distance is not the same in all poses: half of them differ by more than a share."""
+    for one, two in combinations([each for each in measured if each.kind == "point"], 2):
+        if one.frame == two.frame and (both := one.seen & two.seen).any():
+            distance = np.linalg.norm(one.values[both] - two.values[both], axis=1)
+            spread = np.median(np.abs(distance - np.median(distance))) / max(np.median(distance), np.finfo(float).tiny)
+            if spread > RIGID:
+                what = f"{one.name} and {two.name} are fixed to one frame, but their distance varies by {spread:.0%}"
+                yield f"{what}: units, columns or frames?"
 
 
 def _same(one: Measured, two: Measured) -> bool:
