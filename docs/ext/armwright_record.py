@@ -16,6 +16,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from armwright.description import built_from, drive, drive_effects, fits, robot, springs
+from armwright.identification.geometry import measurement_file as geometry
 from armwright.identification.logs import log_file as log
 from armwright.lazy_schema import Later
 from armwright.modules import assembly, library, task
@@ -119,6 +120,13 @@ LOG_TABLES: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...] = (
     ("[time]", "", (log.TimeTable,)),
     ("[gears]", "", (log.GearsTable,)),
     ("[[signals]]", "", (log.SignalTable,)),
+)
+CALIBRATION_TABLES: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...] = (
+    ("The file itself", "", (geometry.MeasurementFile,)),
+    ("[file]", "", (log.FileTable,)),
+    ("[[joints]]", "", (geometry.JointTable,)),
+    ("[[measured]]", "", (geometry.QuantityTable,)),
+    ("[measuring_frame]", "", (geometry.FrameTable,)),
 )
 MODULE_TABLES: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...] = (
     ("A module library, `*.modules.toml`", "", (library.ModuleLibrary,)),
@@ -282,6 +290,11 @@ def log_file() -> str:
     return _sections(LOG_TABLES)
 
 
+def calibration_file() -> str:
+    """A section for every table of a file of measurements for a calibration."""
+    return _sections(CALIBRATION_TABLES)
+
+
 def _sections(tables: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...]) -> str:
     parts = []
     for title, about, records in tables:
@@ -322,6 +335,7 @@ GENERATORS = {
     "units": units,
     "robot-file": robot_file,
     "log-file": log_file,
+    "calibration-file": calibration_file,
     "module-files": module_files,
     "parts-file": parts_file,
     "scenario-file": scenario_file,

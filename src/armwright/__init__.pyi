@@ -41,6 +41,7 @@ from armwright.dynamics import (
 )
 from armwright.errors import ArmwrightError as ArmwrightError
 from armwright.examples import copy_examples as copy_examples
+from armwright.identification.geometry.calibrate import calibrate as calibrate
 from armwright.ik.solve import inverse_kinematics as inverse_kinematics
 from armwright.interfaces import (
     Controller as Controller,

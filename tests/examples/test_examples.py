@@ -42,6 +42,7 @@ SAYS = {  # lines that must come out, and files that must be there
         ["time_optimal.png"],
     ),
     "17": (["slower where needed: 3.58 s", "2.39 times too fast, joint 'wrist_roll'"], ["slowed_path.png"]),
+    "19": (["Pose 8: errors far beyond", "by 0.01 mm calibrated"], ["calibration.png", "calibrated.toml"]),
     "09": (["the winding reached 107 °C"], ["hot_motor.png"]),
 }
 

@@ -17,6 +17,7 @@ from typer.core import TyperGroup
 from armwright import __version__
 from armwright.cli.animate import animate
 from armwright.cli.assemble import assemble
+from armwright.cli.calibrate import calibrate
 from armwright.cli.check import check
 from armwright.cli.compare_controllers import compare_controllers
 from armwright.cli.convert import convert
@@ -32,6 +33,7 @@ from armwright.cli.info import info
 from armwright.cli.json_output import with_json
 from armwright.cli.log import log
 from armwright.cli.loops import loops
+from armwright.cli.measure import measure
 from armwright.cli.new import new
 from armwright.cli.parts import parts
 from armwright.cli.plan import plan
@@ -165,7 +167,7 @@ PANELS: dict[str, tuple[Callable[..., None] | typer.Typer, ...]] = {
     "Describe an arm": (robots, info, new, check, show, diff, convert, parts, assemble),
     "Compute": (inverse_dynamics, forward_dynamics, ik, workspace, plan),
     "Simulate": (simulate, sim, plot, animate, step_study, reproduce),
-    "Identify": (excite, log, identify, validate),
+    "Identify": (excite, log, identify, calibrate, measure, validate),
     "Control": (design, loops, tune, sweep, compare_controllers),
     "Deploy": (export, twin, run_controller, shadow),
     "Learn": (examples,),
@@ -189,7 +191,7 @@ for panel, entries in PANELS.items():
         else:
             app.command(rich_help_panel=panel)(entry)
             ORDER.append(entry.__name__.replace("_", "-"))
-for commands in (app, examples, excite, export, identify, new, parts):
+for commands in (app, examples, excite, export, identify, measure, new, parts):
     for command in commands.registered_commands:
         assert command.callback is not None
         command.help = _unwrapped(command.callback.__doc__ or "")

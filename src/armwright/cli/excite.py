@@ -1,4 +1,4 @@
-"""`armwright excite`: experiments for identification, of a whole arm or of one motor."""
+"""`armwright excite`: experiments for identification, of a whole arm, of one motor, or of an arm's geometry."""
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ import typer
 from typer.core import TyperGroup
 
 import armwright as aw
-from armwright.cli.arguments import Robot, argument, as_options, flag, option, output_option, vector
+from armwright.cli.arguments import Robot, argument, as_options, flag, numbers, option, output_option, vector
 from armwright.cli.outcome import PICTURE, check_file, write
+from armwright.cli.tables import show
 from armwright.errors import ScenarioError
 from armwright.progress import progress
 from armwright.terminal import say
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 
 
 class ArmByDefault(TyperGroup):
-    """Commands `arm` and `motor`; `excite ROBOT` is `excite arm ROBOT`."""
+    """Commands `arm`, `motor` and `poses`; `excite ROBOT` is `excite arm ROBOT`."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Puts "arm" before a robot if no command is named."""
@@ -42,7 +43,7 @@ def _about() -> None:
     """Design experiments for identification.
 
     `excite ROBOT -o MOTION.csv` is short for `excite arm ROBOT -o MOTION.csv`: a motion of the whole arm. `excite motor KIND`
-    makes a command of one motor.
+    makes a command of one motor, `excite poses ROBOT` chooses poses for a kinematic calibration.
     """
 
 
@@ -146,6 +147,47 @@ def motor(
     say(found)
     write(output, found.save)
     write(plot, lambda path: aw.identification.plot_experiment(found, path))
+
+
+@excite.command()
+def poses(
+    robot: Robot,
+    count: int = option("N", "Of poses.", ..., names="--count -n"),
+    point: list[str] = option("X,Y,Z", "Of a marker on the tool, in m in the frame; may be repeated.", ...),
+    output: Path = output_option("POSES.csv", "The poses to write: one a row, a column for each joint.", ...),
+    frame: str | None = option("NAME", "Frame that carries the markers; by default the tip."),
+    radius: float | None = option("M", "Of links without shapes, for collisions."),
+    clearance: float = option("M", "Least distance between links, 0 by default.", 0.0),
+    floor: float | None = option("Z", "Height of a floor in base axes, in m, that the links stay above."),
+    candidates: int = option("N", "Random poses that they are chosen from, 400 by default.", 400),
+    kinematics_only: bool = flag("--kinematics-only", "Links of a TOML file may lack mass properties."),
+    plot: Picture = None,
+    seed: Seed = 0,
+) -> None:
+    """Choose poses for a kinematic calibration: reachable, free of collisions, and telling most of the geometry.
+
+    \b
+    Examples:
+      armwright excite poses lwa4p -n 40 --point 0.1,0,0.05 -o poses.csv
+      armwright excite poses arm.urdf -n 30 --point 0.1,0,0 --point 0,0.1,0.05 --floor 0 --clearance 0.02 -o poses.csv
+    """
+    check_file(output, (".csv",))
+    check_file(plot, PICTURE)
+    model = aw.load(robot, kinematics_only=kinematics_only)
+    expected = "three numbers with commas between, in m"
+    points = [numbers("--point", each, expected, count=3) for each in point]
+    room: Any = None
+    if radius is not None or floor is not None or clearance != 0.0:
+        obstacles = [] if floor is None else [aw.collision.PlaneObstacle([0.0, 0.0, floor], [0.0, 0.0, 1.0], "floor")]
+        with as_options("radius", least="--clearance"):
+            room = aw.collision.clearance(model, obstacles, radius=radius, least=clearance)
+    with as_options("count", "candidates", "seed", "frame", points="--point"):
+        found = aw.identification.design_poses(
+            model, count, points, frame=frame, clearance=room, candidates=candidates, seed=seed
+        )
+    show(found)
+    write(output, found.save)
+    write(plot, found.plot)
 
 
 def _guess(robot: str | None, joint: str | None, given: dict[str, Any]) -> MotorGuess:

@@ -21,6 +21,11 @@ from armwright.identification.experiments.motor import (
     motor_experiment as motor_experiment,
 )
 from armwright.identification.experiments.plot import plot_experiment as plot_experiment
+from armwright.identification.geometry.calibrate import calibrate as calibrate
+from armwright.identification.geometry.calibration import Calibration as Calibration
+from armwright.identification.geometry.measurement_file import read_measurements as read_measurements
+from armwright.identification.geometry.measurements import Measured as Measured, Measurements as Measurements
+from armwright.identification.geometry.poses import CalibrationPoses as CalibrationPoses, design_poses as design_poses
 from armwright.identification.linear.actuator import IdentifiedActuator as IdentifiedActuator
 from armwright.identification.linear.fit import fit_armax as fit_armax, fit_arx as fit_arx, fit_oe as fit_oe
 from armwright.identification.linear.frequency import (
@@ -54,4 +59,13 @@ from armwright.identification.validation.verdict import (
     passing_verdict as passing_verdict,
     stored_verdict as stored_verdict,
     write_verdict as write_verdict,
+)
+from armwright.identification.weighing.measured_number import MeasuredNumber as MeasuredNumber
+from armwright.identification.weighing.record import write_measured as write_measured
+from armwright.identification.weighing.rules import (
+    measured_centre as measured_centre,
+    measured_inertia_bifilar as measured_inertia_bifilar,
+    measured_inertia_pendulum as measured_inertia_pendulum,
+    measured_mass as measured_mass,
+    measured_tensor as measured_tensor,
 )

@@ -19,11 +19,12 @@ from armwright.description import builtin_names
 from armwright.description.database import parse, read_description
 from armwright.description.paths import quantities, split_path, unit_at
 from armwright.description.record_of import Arm, record_of
-from armwright.description.robot import RobotDescription
+from armwright.description.robot import RobotDescription, Source
 from armwright.description.toml_file import read_text
 from armwright.description.writer import for_folder, to_toml
 from armwright.entry import expect
-from armwright.errors import IdentificationError, ModelError, OutputError
+from armwright.errors import DescriptionError, IdentificationError, ModelError, OutputError
+from armwright.lint.feasibility import body_problems
 from armwright.output import check_destination, whole_file
 from armwright.results.result import Result
 from armwright.results.table import Table, number
@@ -239,6 +240,50 @@ def updated_text(
     return text
 
 
+def write_numbers(
+    arm: str | os.PathLike[str] | Arm | RobotDescription,
+    numbers: Mapping[str, tuple[float, float]],
+    source: Source,
+    output: str | os.PathLike[str],
+    key: str,
+) -> Path:
+    """Writes the robot's file with other numbers of a source; fits that gave these numbers before name them no more.
+
+    Args:
+        arm: an arm, its description, its name or the path of its file.   numbers: value and deviation by path of the record.
+        source: of them.   output: path of the file to write, ending in .toml.   key: of the source.
+    Returns:
+        path: of the file.
+    Raises:
+        OutputError: the file cannot be written.   IdentificationError: a path without a number.
+        DescriptionError: the robot cannot be believed with these numbers; then nothing is written.
+    """
+    path = check_destination(output, (".toml",))
+    text, _ = _text_of(arm, path.parent)
+    record = parse(tomlkit.parse(text).unwrap(), "robot", path.parent)
+    known = {name for name, _, _ in quantities(record)}
+    for name in numbers:
+        if name.partition("[")[0] not in known:
+            raise IdentificationError("no number of the robot", place="path", value=name, choices=tuple(known))
+    if any(set(fit.names) & numbers.keys() for fit in record.fits.values()):
+        record = record.replace(fits={each: fit.without(tuple(numbers)) for each, fit in record.fits.items()})
+        text = to_toml(record, path.parent)
+    parts = _parts(text)
+    for name, (value, std) in numbers.items():
+        _set_number(parts, record, name, value, std, key)
+    table = tomlkit.table()
+    table["kind"], table["text"] = source.kind, source.text
+    _add_table(parts, "sources", key, table)
+    text = "".join(tomlkit.dumps(part) for part in parts)
+    changed = parse(tomlkit.parse(text).unwrap(), "the robot with its numbers", path.parent)
+    faults = [fault for fault in body_problems(changed) if fault not in body_problems(record)]
+    if faults:
+        raise DescriptionError.of(*faults)
+    with whole_file(path) as temporary:
+        temporary.write_text(text, encoding="utf-8", newline="\n")
+    return path
+
+
 def _text_of(arm: Any, folder: Path) -> tuple[str, tuple[str, ...]]:
     """The robot's own file if its text is valid in that folder, else the description as TOML; and what that loses."""
     if isinstance(arm, (str, os.PathLike)):
@@ -360,11 +405,16 @@ def _add_tables(parts: list[Any], estimate: Estimate, key: str, written: list[in
         if not fit[name]:
             del fit[name]
     for name, table in (("sources", source), ("fits", fit)):
-        document: Any = next((part for part in parts if name in part), parts[0])
-        if name not in document:
-            document[name] = tomlkit.table(is_super_table=True)
-        table.add(tomlkit.nl())
-        document[name][key] = table
+        _add_table(parts, name, key, table)
+
+
+def _add_table(parts: list[Any], name: str, key: str, table: Any) -> None:
+    """`[NAME.KEY]`, in place of an older one."""
+    document: Any = next((part for part in parts if name in part), parts[0])
+    if name not in document:
+        document[name] = tomlkit.table(is_super_table=True)
+    table.add(tomlkit.nl())
+    document[name][key] = table
 
 
 def _inline(values: Mapping[str, Any]) -> Any:

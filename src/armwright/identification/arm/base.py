@@ -123,14 +123,14 @@ def _without_dust(columns: Sequence[TorqueColumn], factor: np.ndarray) -> np.nda
     return np.where(size < least, 0.0, factor)
 
 
-def regrouped_further(structural: BaseParameters, factor: np.ndarray) -> BaseParameters:
+def regrouped_further(structural: BaseParameters, factor: np.ndarray, dependent: float = DEPENDENT) -> BaseParameters:
     """Base parameters identifiable from a log: those of the structure, regrouped if their columns coincide in its motion.
 
     Args:
-        structural: of the arm.   factor: R (r, p) of the log's columns.
+        structural: of the arm.   factor: R (r, p) of the log's columns.   dependent: as of `regrouped`.
     """
     kept, columns = structural.independent, structural.columns
-    own = regrouped(tuple(columns[k] for k in kept), factor[:, kept])
+    own = regrouped(tuple(columns[k] for k in kept), factor[:, kept], dependent)
     if len(own) == len(structural):
         return structural
     matrix = own.matrix @ structural.matrix
