@@ -15,7 +15,7 @@ import armwright as aw
 from identification.arm.logged_machine import Machine, Motion, read, written
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "tools"))
-import arm_coverage  # noqa: E402
+import arm_coverage
 
 
 def cover(case: str, joints: int, seeds: int) -> tuple[float, float]:

@@ -184,7 +184,7 @@ def _solved(
     R, z = factor[:b, :b], factor[:b, -1]
     if errors is not None:
         rows = np.array([each.rows for each in factors])
-        added = np.tensordot(weights * rows, errors, axes=1)[np.ix_(base.independent, base.independent)]
+        added = np.tensordot(weights * rows, errors, axes=1)[base.independent][:, base.independent]
         added = added / np.outer(size[:b], size[:b])
         share, vectors = np.linalg.eigh(_divided(R, _divided(R, added).T))
         less = (vectors * np.sqrt(1.0 - np.clip(share, 0.0, MOST_NOISE))) @ vectors.T  # RᵀR − E = (less R)ᵀ(less R)
@@ -196,7 +196,7 @@ def _solved(
 
 def _divided(R: np.ndarray, matrix: np.ndarray) -> np.ndarray:
     """R⁻ᵀ times a matrix."""
-    return scipy.linalg.solve_triangular(R, matrix, trans="T")
+    return scipy.linalg.solve_triangular(R, matrix, trans=1)
 
 
 def fit_robust(

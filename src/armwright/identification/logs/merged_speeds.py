@@ -12,7 +12,7 @@ noisy; N_q is the floor of the positions' spectrum.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 from scipy import signal as sp
@@ -56,7 +56,7 @@ def merged(
     q: np.ndarray,
     qd: np.ndarray,
     rate: float,
-    limits: Sequence[float],
+    limits: np.ndarray,
     slope: Derivative,
     curvature: Derivative,
 ) -> tuple[np.ndarray, np.ndarray]:

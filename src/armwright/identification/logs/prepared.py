@@ -171,8 +171,11 @@ def prepared_excerpt(
         kept = slice(preparation.edge, max(len(rows.t) - preparation.edge, 0), preparation.decimate)
         if len(rows.t[kept]):
             both = filtered(log, rows.values, rows.period, preparation), rows.values
-            of_joints = ({name: of_all_joints(log, name, v[kept]) for name, v in each.items()} for each in both)
-            yield number, *(Block(0, rows.t[kept], each) for each in of_joints)
+            first, second = (
+                Block(0, rows.t[kept], {name: of_all_joints(log, name, v[kept]) for name, v in each.items()})
+                for each in both
+            )
+            yield number, first, second
 
 
 def _window(
