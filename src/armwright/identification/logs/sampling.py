@@ -24,6 +24,7 @@ from armwright.identification.logs.stretches import GAP
 
 BRIEFEST = 1e-9  # [s] from row to row: less is no clock
 OFTEN = 0.05  # share of steps
+REGULAR = 0.6  # deviation of the rows between longer steps, by their mean; 1 by chance
 COARSE = 1 / 16  # of a period: finer digits of times do not count
 DIGITS = (1.0, 0.1, 0.01, 1e-3, 1e-4, 1e-5, 1e-6)  # [s] that times may be rounded to
 LEVELS = 32  # different values: a signal of so few steps or stays by its nature
@@ -32,6 +33,7 @@ SHORT = 3  # rows that repeat: of longer groups the motion says whether the arm 
 JUMPS = 1.5  # times the steps beside a group of repeated rows: the arm has moved meanwhile
 COUNTS = 2.0  # of an encoder that a joint must move in a period if its position is to change
 UNEVEN = 0.01  # jitter by the period: less is of the clock's digits
+SPANS = (32, 256)  # rows apart that a mean period is taken from
 BESIDE = 2  # steps on either side of one over which its speed is meant
 CERTAIN = 0.15  # of a period: deviation of d that still tells a whole number
 FEWEST = 64  # rows that a clock is told from
@@ -102,10 +104,14 @@ def _motion(block: Block) -> tuple[np.ndarray, np.ndarray | None]:
 
 
 def _mean_period(found: Sampling, t: np.ndarray) -> float:
-    """Mean time [s] between samples, of all stamps: those of repeated rows alone come early."""
-    steps = np.diff(t[np.isfinite(t)])
-    mean = float(np.mean(steps[(steps > 0) & (steps <= found.longest_step)]))
-    return mean * max(round(found.period / mean), 1)
+    """Mean time [s] between samples, by the stamps of rows far apart; repeated rows count, as they alone come early."""
+    t = t[np.isfinite(t)]
+    steps = np.diff(t)
+    period = float(np.median(steps[steps > 0]))
+    for count in (each for each in SPANS if each < len(t) // 4):
+        spans = t[count:] - t[:-count]
+        period = float(np.median(spans / np.maximum(np.round(spans / period), 1.0)))
+    return period * max(round(found.period / period), 1)
 
 
 def _clock(t: np.ndarray) -> Sampling:
@@ -128,9 +134,15 @@ def resolution_of(t: np.ndarray, period: float) -> float:
             break
         whole = np.abs(steps / digit - np.round(steps / digit)).max(initial=0.0) < 1e-4
         shorter, longer = (np.abs(steps - (period + off)) < 0.5 * digit for off in (-digit, digit))
-        if whole and (shorter.any() or longer.mean() > OFTEN):  # a lost row or two make steps longer too
+        if whole and (shorter.any() or (longer.mean() > OFTEN and _is_regular(longer))):  # lost rows make steps longer too
             return digit
     return 0.0
+
+
+def _is_regular(longer: np.ndarray) -> bool:
+    """True of longer steps (rows,) that come in turn, as rounding makes them; rows are lost by chance."""
+    apart = np.diff(np.flatnonzero(longer))
+    return len(apart) > 1 and float(apart.std()) < REGULAR * float(apart.mean())
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,7 +172,9 @@ class _Steps:
     def periods(self, sampling: Sampling) -> tuple[np.ndarray, np.ndarray]:
         """(k,) whole periods, by the motion where it tells, else by the stamps; and where it tells."""
         dt = self.dt / sampling.period
-        by_stamps = np.where(self.dt > sampling.longest_step + sampling.resolution, np.round(dt), 1.0)
+        late = self.dt > sampling.longest_step + sampling.resolution
+        three = np.convolve(np.pad(dt, 1, mode="edge"), np.ones(3), "valid") if len(dt) else dt
+        by_stamps = np.where(late & ((three > 3.5) | (dt > 2.5)), np.round(dt), 1.0)  # else the stamps beside it are early
         if len(sampling.weights) != self.motion.shape[1]:
             return np.maximum(by_stamps, 1.0), np.zeros(len(dt), dtype=bool)
         d, size = self.times(sampling.weights)
@@ -300,6 +314,8 @@ class SampleClock:
         q, qd = _motion(part)
         periods, _ = _Steps.of(part.t, q, qd if self.sampling.by_speeds else None).periods(self.sampling)
         times = (part.t[0] if self._sample is None else self._time) + self.sampling.period * np.cumsum([0.0, *periods])
+        if self._sample is None:
+            times += np.median(part.t - times)  # the first stamp is as late as any
         times = np.where(np.diff(part.t, prepend=part.t[0]) < 0, part.t, times)
         even = t.copy()
         even[known] = times[-len(known) :]
