@@ -17,6 +17,7 @@ from armwright.identification.arm.fit import AT_REST, ArmFit, HeldOut
 from armwright.identification.arm.gear_loss import doubtful_losses, loss_remarks
 from armwright.identification.arm.methods import FittedLog
 from armwright.identification.arm.misread import late_torques, misread_columns
+from armwright.identification.arm.score_tests import score_tests, suspicions
 from armwright.identification.arm.spring_record import SPRINGS
 from armwright.identification.arm.torque_model import SUPPORT
 from armwright.identification.estimate import HALF_95, Estimate
@@ -198,7 +199,8 @@ def with_remarks(
         unseen = [*unexplained(fit, comparison), *comparison.worse]
         measures |= comparison.measures
     verdict = "not identified" if unseen else _verdict(fit, len(found.base), len(found.structural))
-    remarks += late_torques(fit, some)
+    late = late_torques(fit, some)
+    remarks += [*late, *suspicions(score_tests(fit, found.rows()), all_late=bool(late))]
     doubts += [*([] if driving else misread_columns(fit, some)), *impossible]
     remarks += [*loss_remarks(fit, found.untold), *SUPPORT.notes(fit.equations.model.arm)]
     doubts = [*doubtful_losses(fit), *doubts]

@@ -1,0 +1,173 @@
+"""Tests for mistakes of single columns of a log, joint by joint, on the residuals that a fit leaves.
+
+A mistake of size a that is not in the model adds a d to the torques Y π. With d̃ the part of d that Y does not explain,
+
+    a = Σ d̃ᵀWe / Σ d̃ᵀWd̃,   var a = var(Σ d̃ᵀWe) / (Σ d̃ᵀWd̃)²
+
+with the scores' correlation in time (`fitting.covariance`). [BreuschPagan1980]  A mistake that may be there is taken out of the
+residuals before its deviation is estimated, which it would make larger. What Y explains wholly is invisible: the log says nothing
+about it, and its deviation is infinite.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from armwright.fitting.covariance import correlated
+from armwright.identification.arm.equations import Samples
+from armwright.identification.arm.fit import ArmFit
+from armwright.identification.arm.torque_model import TorqueModel
+
+ROWS = 1500  # that the tests are made on, nearly
+FALSE_ALARMS = 0.01  # share of clean logs
+STEP = 1e-4  # of a position, for derivatives [rad | m], and of its scale
+LIKELY = 2.0  # deviations from which a mistake is taken out
+INVISIBLE = 1e-9  # share of a column's squares that the model leaves
+FRICTION = ("viscous", "coulomb", "coulomb+", "coulomb-", "stribeck")
+BESIDE = 0.7  # of the largest |z|: mistakes with less follow from that one
+
+Torques = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+
+
+@dataclass(frozen=True)
+class Mistake:
+    """A kind of mistake: in words with its size, the least size that counts, and its unit."""
+
+    words: str
+    least: float
+
+
+MISTAKES = {
+    "torque scale": Mistake(
+        "its torques are {size:+.0%} off in scale: is the torque constant, or the unit, right?", 0.05
+    ),
+    "lateness": Mistake("its torques come {size:.3g} s after its motion", 2e-3),
+    "friction": Mistake("its friction changes by {size:+.0%} over the log", 0.1),
+    "position zero": Mistake("the zero of its position is {size:+.3g} {unit} off", 0.02),
+    "position scale": Mistake("its positions are {size:+.1%} off in scale: are counts and gear ratio right?", 0.02),
+}
+
+
+@dataclass(frozen=True)
+class Score:
+    """A mistake of a joint: size a, its deviation, and a by it; infinite deviation: the log says nothing about it.
+
+    Attributes:
+        unit: of the joint's position.
+    """
+
+    joint: str
+    unit: str
+    mistake: str
+    size: float
+    std: float
+    z: float
+
+
+def score_tests(fit: ArmFit, samples: Iterable[Samples]) -> list[Score]:
+    """All mistakes of all joints, each tested alone.
+
+    Args:
+        fit: of the samples.   samples: prepared rows, in order.
+    """
+    model, base = fit.equations.model, fit.base
+    blocks, count = [], 0
+    for block in samples:
+        blocks.append(block.part(slice(0, ROWS - count)))
+        count += len(blocks[-1].t)
+        if count >= ROWS:
+            break
+    times = np.concatenate([block.t for block in blocks])
+    middle, span = float(times.mean()), max(float(np.ptp(times)), np.finfo(float).tiny)
+    root = np.sqrt(fit.weights)[:, None]
+    columns, effects, errors = [], [], []
+    for block in blocks:
+        Y = block.regressor(model)[:, :, base.independent]
+        e = block.unknown_torque(model) - Y @ fit.values
+        known = np.isfinite(e)[:, :, None]
+        columns.append(np.where(known, Y, 0.0))
+        effects.append(np.where(known, _effects(model, fit.parameters, block, middle, span), 0.0))
+        errors.append(e)
+    if count < 2 * len(base):
+        return []
+    X, D = (
+        np.concatenate([(root * each).reshape(-1, each.shape[2]) for each in every]) for every in (columns, effects)
+    )
+    Q, _ = np.linalg.qr(X)
+    taken = Q.T @ D
+    sizes = (D * D).sum(axis=0)
+    left = sizes - (taken * taken).sum(axis=0)
+    visible = left > INVISIBLE * np.maximum(sizes, np.finfo(float).tiny)
+    rest = D - Q @ taken
+    parts = np.split(rest, np.cumsum([each.shape[0] * each.shape[1] for each in errors])[:-1])
+    clean = [each.reshape(*e.shape, -1)[:, :, visible] / root for each, e in zip(parts, errors, strict=True)]
+    bread = np.diag(1.0 / left[visible])
+    found = correlated(lambda: zip(clean, errors, strict=True), fit.weights, bread)
+    scores = sum(
+        np.einsum("tjk,tj->k", d * fit.weights[:, None], np.nan_to_num(e)) for d, e in zip(clean, errors, strict=True)
+    )
+    size, std = np.zeros(len(visible)), np.full(len(visible), np.inf)
+    size[visible], std[visible] = scores / left[visible], np.sqrt(np.diag(found.covariance))
+    for at, k in enumerate(np.flatnonzero(visible)):
+        if abs(size[k]) > LIKELY * std[k]:
+            own = [(d[:, :, [at]], e - size[k] * d[:, :, at]) for d, e in zip(clean, errors, strict=True)]
+            alone = correlated(lambda own=own: own, fit.weights, bread[[at]][:, [at]])
+            std[k] = float(np.sqrt(alone.covariance[0, 0]))
+    return [
+        Score(
+            joint.joint,
+            joint.kind.units.position,
+            mistake,
+            float(size[k]),
+            float(std[k]),
+            float(size[k] / std[k]) if std[k] > 0.0 else 0.0,
+        )
+        for k, (joint, mistake) in enumerate(
+            (joint, mistake) for joint in model.arm.coordinates for mistake in MISTAKES
+        )
+    ]
+
+
+def suspicions(scores: list[Score], all_late: bool = False) -> Iterator[str]:
+    """Sentences about mistakes that are there, on one in a hundred clean logs.
+
+    Args:
+        scores: of all joints.   all_late: the lateness of all joints together is said already.
+    """
+    limit = float(stats.norm.isf(FALSE_ALARMS / max(2 * len(scores), 1)))
+    seen = [each for each in scores if abs(each.z) > limit and abs(each.size) > MISTAKES[each.mistake].least]
+    largest = max((abs(each.z) for each in seen), default=0.0)
+    for each in seen:
+        if abs(each.z) >= BESIDE * largest and not (all_late and each.mistake == "lateness"):
+            words = MISTAKES[each.mistake].words.format(size=each.size, unit=each.unit)
+            yield f"{each.joint}: {words} ({abs(each.z):.0f} deviations)"
+
+
+def _effects(model: TorqueModel, parameters: np.ndarray, block: Samples, middle: float, span: float) -> np.ndarray:
+    """Columns d (rows, n, 5 n) of the mistakes of each joint, in the order of `MISTAKES`; times [s] about their middle."""
+    n = model.arm.n
+    motion = block.q, block.qd, block.qdd
+
+    def torques(q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
+        return model.rows(q, qd, qdd) @ parameters + model.known_torques(q, qd, qdd)
+
+    rub = [k for k, column in enumerate(model.columns) if column.kind in FRICTION]
+    friction = block.regressor(model)[:, :, rub] @ parameters[rub]
+    late = -np.gradient(block.tau, block.t, axis=0) if len(block.t) > 2 else np.zeros_like(block.tau)
+    later = (block.t - middle) / span
+    found = np.zeros((len(block.t), n, n, len(MISTAKES)))
+    for j in range(n):
+        found[:, j, j, 0], found[:, j, j, 1], found[:, j, j, 2] = block.tau[:, j], late[:, j], later * friction[:, j]
+        for place, moves in ((3, [np.ones(len(block.t)), 0.0, 0.0]), (4, [each[:, j] for each in motion])):
+            either = []
+            for sign in (1.0, -1.0):
+                moved = [each.copy() for each in motion]
+                for each, by in zip(moved, moves, strict=True):
+                    each[:, j] += sign * STEP * by
+                either.append(torques(*moved))
+            found[:, :, j, place] = (either[0] - either[1]) / (2 * STEP)
+    return found.reshape(len(block.t), n, -1)
