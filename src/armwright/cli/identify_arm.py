@@ -21,7 +21,7 @@ def arm(
     ),
     feedback: str = option(
         "KP1,…;KD1,…;S",
-        "Controller for iv, didim, cloe: gains at the joints [N m/rad] and [N m s/rad], period [s].",
+        "Controller for iv, didim, cloe: gains at the joints N m/rad and N m s/rad, period in s.",
         "",
     ),
     forgetting: float = option("SHARE", "What a row still counts one row later, of recursive.", 1.0),

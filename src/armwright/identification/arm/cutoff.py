@@ -20,6 +20,7 @@ from armwright.identification.arm.equations import equations_of, part_seconds
 from armwright.identification.arm.fit import cross_validated, fit_arm
 from armwright.identification.arm.samples import Stream
 from armwright.identification.arm.torque_model import TorqueModel
+from armwright.identification.logs.preparation import ROOM
 from armwright.identification.logs.spectrum import HIGHEST, LOWEST
 from armwright.results.table import Table, number
 
@@ -27,6 +28,7 @@ STEP, WIDEST = 1.6, 2.0  # from one cut-off of the grid to the next; the highest
 MOST_CUTOFFS = 12
 ROWS = 5_000  # that the errors are taken from, nearly
 LEFT = 0.5  # of the rows that the highest cut-off leaves, at least
+FEWEST, MANY = 100, 400  # rows that the lowest cut-off leaves, for intervals that hold, and that the highest one leaves
 NEAR = 1.01  # times the least error is as good
 
 
@@ -115,14 +117,16 @@ def _grid(stream: Stream) -> list[float]:
     """Falling cut-offs [Hz] that leave at least half of the rows that the highest one leaves."""
     highest = max(each.narrow.cutoff for each in stream.filters.values())
     slowest = min(each.narrow.rate for each in stream.filters.values())
-    cutoff, found, most = _three_digits(min(WIDEST * highest, HIGHEST * slowest)), [], 0
+    rows = sum(len(each.t) for run in stream.filters for each in stream.log.run(run).census.even)  # type: ignore[union-attr]
+    highest = max(WIDEST * highest, MANY * slowest / (ROOM * max(rows, 1)))
+    cutoff, found, most = _three_digits(min(highest, HIGHEST * slowest)), [], 0
     while len(found) < MOST_CUTOFFS and cutoff > LOWEST * slowest:
         left = 0
         for run, each in stream.at(cutoff).filters.items():
             lengths = [len(rows.t) for rows in stream.log.run(run).census.even]  # type: ignore[union-attr]
             left += sum(max(length - 2 * each.narrow.edge, 0) for length in lengths)
         most = most or left
-        if left < LEFT * most or not left:
+        if left < LEFT * most or left * ROOM * cutoff < FEWEST * slowest:
             break
         found.append(cutoff)
         cutoff = _three_digits(cutoff / STEP)

@@ -33,6 +33,7 @@ from armwright.identification.geometry.measurement_file import read_measurements
 from armwright.identification.geometry.measurements import Measurements
 from armwright.identification.geometry.problem import DISTANCE, Rows
 from armwright.identification.geometry.setting import Setting, setting_of
+from armwright.kinematics.forward_kinematics import forward_kinematics
 from armwright.model import Model
 from armwright.model.load import load
 from armwright.scalar import real_number
@@ -40,6 +41,7 @@ from armwright.scalar import real_number
 AnyMeasurements: TypeAlias = Measurements | str | os.PathLike[str]
 FOLDS = 10
 SURE = 2.0  # standard errors by which a term must lower the held-out squares
+ABSURD = 0.05  # error of poses held out by the arm's reach, from which measurements are in doubt
 WEAKEST = 3  # directions that are named
 PARALLEL = 1e-3  # sine of the twist between axes
 ENOUGH = 2.0  # measured numbers by parameter, below which no further term is tried
@@ -93,7 +95,7 @@ def calibrate(
     others = [term for term in TERMS if term not in terms and ("compliance" not in term or has_masses(model))]
     squares = [squares_of_poses(fit, each) for each in (before, after)]
     found = Calibration(
-        _estimate(fit, plain, loss, errors, _surely_lower(*squares)),
+        _estimate(fit, plain, loss, errors, _surely_lower(*squares) and not _absurd(setting, errors)),
         fit,
         errors,
         noise_of(plain),
@@ -223,8 +225,21 @@ def _remarks(found: Calibration) -> Iterator[str]:
     for each in found.tried_terms:
         if each.found:
             yield f"{each.term} is seen in the poses; a record has no number for it, so IK and plans do not count it"
-    if not found.good:
+    absurd = _absurd(setting, found.errors)
+    yield from absurd
+    if not found.good and not absurd:
         yield "poses held out are predicted no better than by the record as it is, or not surely so"
+
+
+def _absurd(setting: Setting, errors: Sequence[HeldOutError]) -> list[str]:
+    """A sentence where poses held out are missed by so much that no arm is off so far: the measurements are misread."""
+    reach = max(float(np.linalg.norm(forward_kinematics(setting.arm, q)[:3, 3])) for q in setting.q)
+    return [
+        f"poses held out are missed by {each.calibrated:.3g} m, of a reach of {reach:.3g} m: are units, columns, joints and the "
+        "order of the poses right?"
+        for each in errors
+        if each.group == "position" and each.calibrated > ABSURD * reach
+    ]
 
 
 def _parallel(setting: Setting) -> Iterator[str]:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import chain
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from armwright.errors import LogError
-from armwright.identification.logs.blocks import Block
+from armwright.identification.logs.blocks import ROWS, Block
 from armwright.identification.logs.even_rows import EvenStretch, excerpt_rows
 from armwright.identification.logs.findings import number_of
 from armwright.identification.logs.sampling import (
@@ -25,6 +26,7 @@ from armwright.identification.logs.stretches import Span
 if TYPE_CHECKING:
     from armwright.identification.logs.log import Log, LogRun
 
+MOVES = 0.2  # share of rows
 FEW = 5  # places of a kind of event that are kept
 MOST_BREAKS = 100_000  # of a run: more is no run
 SHORTEST = 64  # rows of an excerpt
@@ -178,7 +180,7 @@ def census_of(log: Log, run: LogRun) -> Census:
     clock = SampleClock(state.sampling)
     for block, following in with_following(log.blocks(run.name)):
         if not state.period:
-            state.sampling = sampling_of(block, mends)
+            state.sampling = sampling_of(_moving(log, run, block) if mends else block, mends)
             clock = SampleClock(state.sampling)
         t = clock.times(block, following)
         _add_times(state, block, t)
@@ -194,6 +196,18 @@ def census_of(log: Log, run: LogRun) -> Census:
         what = number_of(state.rows, "row") if state.rows < 2 else f"rows less than {BRIEFEST:g} s after each other"
         raise LogError(what, place=f"run {run.name!r}", expected="at least two rows over time", file=log.path)
     return state
+
+
+def _moving(log: Log, run: LogRun, first: Block) -> Block:
+    """The first block in which positions change in a fifth of the rows; a run's first block, if none does."""
+    further = log.blocks(run.name) if len(first.t) >= ROWS else ()
+    for block in chain((first,), further):
+        moved = [
+            (np.diff(values, axis=0) != 0).any(axis=1).mean() for n, values in block.values.items() if n in ("q", "qd")
+        ]
+        if not moved or max(moved) > MOVES:
+            return block
+    return first
 
 
 def _add_times(state: Census, block: Block, sampled: np.ndarray) -> None:

@@ -78,6 +78,13 @@ def _stretches(run: LogRun) -> str:
     return cut if joined == count else f"{cut}, of which preparation makes {joined}: it bridges up to {bridged} rows"
 
 
+def none(log: Log, run: LogRun, census: Census) -> Found:
+    """A finding about rows that are none, where no other finding says how many."""
+    if census.none and not any(True for _ in _repeats(census)):
+        what = f"{number_of(census.none, 'row')} ({census.none / census.rows:.2%}) left out"
+        yield warning(f"{what}: they repeat the row before, or its positions, though the arm moves", "rows")
+
+
 def _columns(log: Log, census: Census) -> Iterator[tuple[str, str, str, SignalCensus, int]]:
     """(signal, place in words, unit, its census, entry) of every column."""
     for signal in log.layout:

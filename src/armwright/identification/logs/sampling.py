@@ -271,16 +271,18 @@ def _stale(sampling: Sampling, block: Block, following: Block | None) -> np.ndar
 
 def _of_motion(repeated: np.ndarray, q: np.ndarray | None) -> np.ndarray:
     """Repeated rows (rows,) without the long groups in which the arm rests: positions (rows, joints) go on as before there."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], repeated, [False]]).astype(np.int8)))
-    found = repeated.copy()
-    for begin, end in zip(edges[::2], edges[1::2], strict=True):
-        if end - begin <= SHORT:
-            continue
-        if q is None or begin < 2 or end + 1 >= len(q):
-            found[begin:end] = False
-            continue
-        beside = np.maximum(np.abs(q[begin - 1] - q[begin - 2]), np.abs(q[end + 1] - q[end]))
-        found[begin:end] = bool((np.abs(q[end] - q[begin - 1]) > JUMPS * beside).any())
+    fresh, found = np.flatnonzero(~repeated), repeated.copy()
+    rows = np.diff(fresh)  # from one fresh row to the next
+    if q is None:
+        speeds = np.zeros((len(rows), 0))
+    else:
+        speeds = np.abs(np.diff(q[fresh], axis=0)) / rows[:, None]  # a row
+    for k in np.flatnonzero(rows - 1 > SHORT):
+        beside = [speeds[j] for j in (k - 1, k + 1) if 0 <= j < len(speeds)]
+        moved = len(beside) == 2 and (speeds[k] * rows[k] > JUMPS * np.max(beside, axis=0)).any()
+        found[fresh[k] + 1 : fresh[k + 1]] = moved
+    if len(fresh):
+        found[fresh[-1] + 1 :] &= len(found) - fresh[-1] - 1 <= SHORT
     return found
 
 

@@ -17,7 +17,7 @@ from armwright.signals import Layout
 
 Source = Literal["tau", "current", "voltage", "tau_link"]
 SOURCES: tuple[Source, ...] = ("tau", "current", "voltage", "tau_link")
-BEHIND_GEARS = ("rotors", "viscous", "coulomb")  # what a torque sensor behind the gear does not feel
+BEHIND_GEARS = ("rotors", "viscous", "coulomb", "offset")  # what a torque sensor behind the gear does not feel
 
 
 def torque_source(layout: Layout) -> Source | None:
