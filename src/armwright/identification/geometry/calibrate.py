@@ -33,7 +33,7 @@ from armwright.identification.geometry.measurement_file import read_measurements
 from armwright.identification.geometry.measurements import Measurements
 from armwright.identification.geometry.problem import DISTANCE, Rows
 from armwright.identification.geometry.setting import Setting, setting_of
-from armwright.kinematics.forward_kinematics import forward_kinematics
+from armwright.kinematics.forward_kinematics import body_placements
 from armwright.model import Model
 from armwright.model.load import load
 from armwright.scalar import real_number
@@ -233,7 +233,8 @@ def _remarks(found: Calibration) -> Iterator[str]:
 
 def _absurd(setting: Setting, errors: Sequence[HeldOutError]) -> list[str]:
     """A sentence where poses held out are missed by so much that no arm is off so far: the measurements are misread."""
-    reach = max(float(np.linalg.norm(forward_kinematics(setting.arm, q)[:3, 3])) for q in setting.q)
+    placed = (each for q in setting.q for each in body_placements(setting.arm, q).values())
+    reach = max(float(np.linalg.norm(each.matrix()[:3, 3].astype(float))) for each in placed)
     return [
         f"poses held out are missed by {each.calibrated:.3g} m, of a reach of {reach:.3g} m: are units, columns, joints and the "
         "order of the poses right?"
