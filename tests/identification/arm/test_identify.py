@@ -336,7 +336,8 @@ def test_tx40_predicts_seconds_that_it_has_not_seen(tx40):
 
 
 @pytest.mark.study
-def test_lwa_4p_joint_2_is_found_to_fit_poorly(tmp_path):
+def test_lwa_4p_is_predicted_on_runs_held_out(tmp_path):
+    """Joint 2 least: its R² was below 0.5 with the cut-off of the motion's band, and is 0.70 with the one that predicts best."""
     folders = sorted((DATA / "schunk_lwa4p").glob("measurement_*[1234]"))
     if not folders:
         pytest.skip(f"the measurements are not here: {DATA}")
@@ -348,6 +349,5 @@ def test_lwa_4p_joint_2_is_found_to_fit_poorly(tmp_path):
     assert found.hold_out is not None
     found_r2 = np.array([each.written.r2 for each in found.hold_out.rows])
     assert (found_r2[[0, 2, 3, 4, 5]] > 0.7).all()
-    assert found_r2[1] < 0.6
-    assert found.verdict == "not identified"
-    assert [r.split(":")[0] for r in found.estimate.remarks if "on the runs held out, below 0.5" in r] == ["joint2"]
+    assert found_r2.argmin() == 1
+    assert found_r2[1] > 0.65

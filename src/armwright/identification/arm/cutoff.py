@@ -37,7 +37,7 @@ class CutoffCurve:
     """Held-out errors of the unfiltered torques by the cut-off.
 
     Attributes:
-        hz: (k,) cut-offs, falling.   unexplained: (k, n) 1 − R² of the joints; NaN of those without torques.   chosen: [Hz].
+        hz: (k,) cut-offs, falling.   unexplained: (k, n) 1 − R² of the joints; NaN of those without torques.   chosen: in Hz.
     """
 
     hz: np.ndarray
@@ -56,7 +56,7 @@ class CutoffCurve:
             for hz, row in zip(self.hz, self.unexplained, strict=True)
         ]
         title = "1 - R² of the unfiltered torques on parts held out, by the cut-off"
-        return Table(title, ("cut-off [Hz]", *joints, ""), rows, ("",))
+        return Table(title, ("cut-off in Hz", *joints, ""), rows, ("",))
 
     @property
     def reason(self) -> str:
@@ -114,7 +114,7 @@ def _chosen(errors: np.ndarray) -> int:
 
 
 def _grid(stream: Stream) -> list[float]:
-    """Falling cut-offs [Hz] that leave at least half of the rows that the highest one leaves."""
+    """Falling cut-offs in Hz that leave at least half of the rows that the highest one leaves."""
     highest = max(each.narrow.cutoff for each in stream.filters.values())
     slowest = min(each.narrow.rate for each in stream.filters.values())
     rows = sum(len(each.t) for run in stream.filters for each in stream.log.run(run).census.even)  # type: ignore[union-attr]

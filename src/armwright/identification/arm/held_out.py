@@ -49,7 +49,7 @@ def judged_record(
             list(stream.fresh),
             simulation=False,
             noise=noise,
-            cutoff=next(iter(stream.fresh.values())).narrow.cutoff,
+            cutoff=stream.cutoff,
         )
     except ArmwrightError as error:
         return None, [f"the runs held out do not judge the record: {error}"]

@@ -15,7 +15,7 @@ from armwright.identification.arm.arm_record import record_parameters
 from armwright.identification.arm.closed_loop import Feedback
 from armwright.identification.arm.cutoff import cutoff_curve
 from armwright.identification.arm.fit import cross_validated
-from armwright.identification.arm.gear_loss import lossy_model
+from armwright.identification.arm.gear_loss import LossyModel, lossy_model
 from armwright.identification.arm.held_out import judged_record
 from armwright.identification.arm.methods import METHODS, check_losses, fitted
 from armwright.identification.arm.options import ArmTerms, FitRows
@@ -85,7 +85,8 @@ def identify_arm(
     if stream.source == "tau_link":
         arm, friction = _behind_gears(arm, friction)
     model = _model(arm, method, friction, replace(terms, lacks=lacks), stream.gears)
-    curve = cutoff_curve(stream, model) if rows.cutoff is None else None
+    # of a lossy arm the columns are linear about the record alone, and no measure of a cut-off
+    curve = None if rows.cutoff is not None or isinstance(model, LossyModel) else cutoff_curve(stream, model)
     stream = stream if curve is None else stream.at(curve.chosen, rows.decimate, curve.reason)
     found = fitted(stream, model, method, feedback, forgetting, strict=terms.fit_efficiency != "all")
     fit, by_parts = found.fit, METHODS[method].parts

@@ -32,6 +32,7 @@ from armwright.identification.logs.preparation import (
     choose_preparation,
     fewest_rows,
     filters_of,
+    leaving_rows,
     settling,
     shared_preparations,
     without_rest,
@@ -74,7 +75,7 @@ class Stream:
 
     @property
     def cutoff(self) -> float:
-        """Of the first run's low-pass [Hz]."""
+        """Of the first run's low-pass in Hz."""
         return next(iter(self.filters.values())).narrow.cutoff
 
     @property
@@ -83,16 +84,14 @@ class Stream:
         return next(iter(self.filters.values())).narrow.settings
 
     def at(self, cutoff: float, decimate: int | None = None, reason: str = "as asked for") -> Stream:
-        """The stream with another cut-off [Hz] of its low-passes, or the highest below it that a run's rate allows."""
-        filters, fresh = (
-            filters_of(
-                self.log,
-                {name: _at(each.narrow, cutoff, decimate, reason) for name, each in some.items()},
-                self.order,
-            )
+        """The stream with another cut-off in Hz of its low-passes, or the highest below it that a run's rate allows."""
+        made, fresh = (
+            {name: _at(each.narrow, cutoff, decimate, reason) for name, each in some.items()}
             for some in (self.filters, self.fresh)
         )
-        return replace(self, filters=filters, fresh=fresh)
+        fresh = {name: leaving_rows(self.log, name, each) for name, each in fresh.items()}
+        filters, others = (filters_of(self.log, each, self.order) for each in (made, fresh))
+        return replace(self, filters=filters, fresh=others)
 
     def kept(self, model: TorqueModel, memory: Memory | None = None) -> SampleSource:
         """Samples for a model at each call: in memory where they are few, else read again.
@@ -210,7 +209,7 @@ def stream_of(
 
 
 def _at(prepared: Preparation, cutoff: float, decimate: int | None, reason: str) -> Preparation:
-    """A preparation at another cut-off [Hz], with no fewer rows than the rate allows."""
+    """A preparation at another cut-off in Hz, with no fewer rows than the rate allows."""
     cutoff = min(cutoff, HIGHEST * prepared.rate)
     return prepared.at(cutoff, None if decimate is None else min(decimate, fewest_rows(prepared.rate, cutoff)), reason)
 

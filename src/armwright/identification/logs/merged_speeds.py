@@ -27,7 +27,7 @@ Derivative = Callable[[np.ndarray], np.ndarray]
 
 
 def corners(log: Log, run: LogRun) -> tuple[float, ...]:
-    """Corner [Hz] of each joint of the log; infinite where the logged speed tells nothing, or one of them is missing."""
+    """Corner in Hz of each joint of the log; infinite where the logged speed tells nothing, or one of them is missing."""
     found, census = np.full(len(log.joints), np.inf), run.census
     rows = None if census is None else census.longest
     if not {"q", "qd"} <= set(log.layout.names) or rows is None or len(rows.t) < FEWEST:
@@ -63,7 +63,7 @@ def merged(
     """Speeds and accelerations (rows, joints of the log) of filtered positions and speeds (rows, their joints).
 
     Args:
-        rate: in Hz.   limits: corners (joints of the log,) [Hz].   slope, curvature: first and second derivative.
+        rate: in Hz.   limits: corners (joints of the log,) in Hz.   slope, curvature: first and second derivative.
     """
     speeds, accelerations = np.full((2, len(q), len(log.joints)), np.nan)
     for name, values, first, second in (("qd", qd, lambda x: x, slope), ("q", q, slope, curvature)):

@@ -23,6 +23,7 @@ from armwright.identification.logs.merged_speeds import corners
 from armwright.identification.logs.quantisation import quantisation_step
 from armwright.identification.logs.spectrum import ABOVE, HIGHEST, LOWEST, longest_finite, motion_band
 
+HIGHER = 1.25  # cut-off by one that is too low for a run
 ROOM = 2.5  # rate after decimation by the cut-off: its half, Nyquist's frequency, is a quarter above the cut-off
 EDGE = 1e-3  # what is left of a disturbance at a stretch's edge
 SHORTEST = 32  # rows of a signal that has a spectrum
@@ -76,7 +77,7 @@ class Preparation:
         }
 
     def at(self, cutoff: float, decimate: int | None = None, reason: str = "as asked for") -> Preparation:
-        """The preparation with another cut-off [Hz], and as many rows as it needs, or every `decimate`-th."""
+        """The preparation with another cut-off in Hz, and as many rows as it needs, or every `decimate`-th."""
         why = [f"cut-off {cutoff:.4g} Hz: {reason}"]
         return _preparation(cutoff, self.order, decimate, self.differentiation, self.rate, why, self.corners)
 
@@ -156,7 +157,7 @@ def choose_preparation(
 
 
 def fewest_rows(rate: float, cutoff: float) -> int:
-    """Largest decimation of rows of a rate [Hz] behind a low-pass: Nyquist's."""
+    """Largest decimation of rows of a rate in Hz behind a low-pass: Nyquist's."""
     return max(int(rate / (2 * cutoff)), 1)
 
 
@@ -198,10 +199,20 @@ def stored_preparations(log: Log, runs: Sequence[str], settings: Mapping[str, An
     """
     order, differentiation = settings["order"], settings["differentiation"]
     cutoffs = {name: min(settings["cutoff_hz"], HIGHEST / log.run(name).period) for name in runs}
-    return {
+    made = {
         name: choose_preparation(log, name, cutoff=cutoff, order=order, differentiation=differentiation)
         for name, cutoff in cutoffs.items()
     }
+    return {name: leaving_rows(log, name, each) for name, each in made.items()}
+
+
+def leaving_rows(log: Log, run: str, preparation: Preparation) -> Preparation:
+    """The preparation, or the next one with a higher cut-off that leaves a third of the rows of a run's longest stretch."""
+    longest = max((each.rows for each in log.run(run).even), default=0)
+    while 3 * preparation.edge > longest and HIGHER * preparation.cutoff < HIGHEST * preparation.rate:
+        reason = "the run is too short for a lower one"
+        preparation = preparation.at(HIGHER * preparation.cutoff, reason=reason)
+    return preparation
 
 
 def shared_preparations(log: Log, runs: Sequence[str], decimate: int | None = None) -> dict[str, Preparation]:

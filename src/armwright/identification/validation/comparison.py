@@ -144,7 +144,7 @@ def compare_records(
     Args:
         written: the fitted arm.   before: the arm that came in; None: there was none, for this reason.   log: with these runs.
         runs: names.   simulation: False: torques alone.
-        noise: of the fit, by joint, on these rows; None: not known.   cutoff: of both [Hz]; None: what each would take.
+        noise: of the fit, by joint, on these rows; None: not known.   cutoff: of both in Hz; None: what each would take.
     Raises:
         ArmwrightError: as `validate`, of the fitted record; if the other one cannot predict, its error is the `reason`.
     """

@@ -20,6 +20,7 @@ from armwright.identification.logs.log import Log
 from armwright.identification.logs.preparation import (
     Preparation,
     choose_preparation,
+    leaving_rows,
     shared_preparations,
     stored_preparations,
 )
@@ -190,7 +191,7 @@ def validate(
             without positions.
         simulation: False leaves the simulation out.
         preparation: of the log; None: as of the record's last fit that states one, else what `choose_preparation` says.
-        cutoff: of the low-pass [Hz], instead of that.
+        cutoff: of the low-pass in Hz, instead of that; of a run too short for it the next one that leaves rows.
         record: path of what `arm` was read from, where that is a `Model` or a `Scenario`.
         progress: True or None: a bar where it is seen; False: none; a function is called with steps done, and all.
     Returns:
@@ -263,7 +264,7 @@ def _torques(
 def _preparations(model: Model, log: Log, runs: Sequence[str], cutoff: float | None) -> dict[str, Preparation]:
     """Preparations of the runs: with a cut-off that was asked for, as of the record's last fit, or as the log suggests."""
     if cutoff is not None:
-        return {run: choose_preparation(log, run, cutoff=cutoff) for run in runs}
+        return {run: leaving_rows(log, run, choose_preparation(log, run, cutoff=cutoff)) for run in runs}
     fits = () if model.description is None else model.description.fits.values()
     stored = [fit.preparation for fit in fits if fit.preparation is not None]
     return stored_preparations(log, runs, stored[-1].model_dump()) if stored else shared_preparations(log, runs)
