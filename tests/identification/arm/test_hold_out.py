@@ -61,16 +61,17 @@ def test_numbers_of_runs_held_out_are_those_of_validate_bit_by_bit(arms, tmp_pat
         assert stored["rms"] == pytest.approx(each.written.rms, rel=1e-5)
 
 
-def test_a_cut_off_of_the_fit_leaves_the_measure_as_it_is(arms):
-    """The filter of `validate` judges, whatever filter the fit was told to take."""
+def test_a_cut_off_of_the_fit_is_that_of_the_measure(arms, tmp_path):
+    """The filter that the fit was told to take stands in the record, and judges it, now and in `validate`."""
     log = aw.identification.read_log(arms.logs["plain"])
     found = aw.identification.identify_arm(
         log, arms.arms["plain"], rows=aw.identification.FitRows(cutoff=3.0), sensitivity=False
     )
     assert found.hold_out is not None
     (first, *_) = found.hold_out.written.predictions
-    judged = aw.identification.validate(arms.arms["plain"], log, simulation=False).predictions[0]
+    judged = aw.identification.validate(found.write(tmp_path / "arm.toml"), log, simulation=False).predictions[0]
     assert (first.rate, len(first.t)) == (judged.rate, len(judged.t))
+    assert first.rate < 10.0
 
 
 def test_a_fit_as_good_as_the_record_that_came_in_is_identified(arms):
