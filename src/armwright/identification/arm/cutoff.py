@@ -56,7 +56,7 @@ class CutoffCurve:
             for hz, row in zip(self.hz, self.unexplained, strict=True)
         ]
         title = "1 - R² of the unfiltered torques on parts held out, by the cut-off"
-        return Table(title, ("cut-off in Hz", *joints, ""), rows, ("",))
+        return Table(title, ("cut-off [Hz]", *(f"held-out 1 - R² of {each}" for each in joints), ""), rows, ("",))
 
     @property
     def reason(self) -> str:

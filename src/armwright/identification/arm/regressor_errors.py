@@ -21,7 +21,7 @@ from armwright.identification.logs.quantisation import quantisation_step
 from armwright.identification.logs.spectrum import longest_finite, spectrum
 
 DRAWS, ROWS = 2, 10_000  # draws of noise, and rows of the log that they disturb
-FEWEST = 64  # rows that noise is told from
+FEWEST = 64  # rows that noise is estimated from
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,7 +20,7 @@ from scipy import signal as sp
 from armwright.identification.logs.log import Log, LogRun
 from armwright.identification.logs.spectrum import HIGHEST, motion_band, spectrum
 
-FEWEST = 256  # rows that noise is told from
+FEWEST = 256  # rows that noise is estimated from
 LOWEST = 0.25  # of the cut-off: a lower corner would settle too late
 
 Derivative = Callable[[np.ndarray], np.ndarray]
