@@ -8,7 +8,8 @@ joint's residuals are whitened first, which changes nothing of the sum [AndrewsM
     ε_t = e_t − Σ a_k e_{t+k},   z_t = x_t + Σ a_k z_{t−k},   Σ_t z_t ε_t = Σ_t x_t e_t.
 
 The correlation that the scores z_t ε_t still have is counted by Parzen's window, whose width follows from it [Andrews1991]. A fit
-takes from the noise what its columns can follow, X δ with δ ~ C: the autocovariance of X δ is added to that of the residuals.
+takes from the noise what its columns can follow, X δ with δ ~ C: the autocovariance of X δ is added to that of the residuals, and
+each residual is what it would be of a fit without its row, ε / (1 − h), h = w zᵀH⁻¹z. [MacKinnonWhite1985]
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ ORDER = 12  # of the autoregressions, at most
 TAKEN = (
     1e-3  # share of the residuals' variance that a fit takes: below, its autocovariance is not worth two more passes
 )
+MOST_LEVERAGE = 0.9  # h of a row that alone determines a parameter is 1
 LARGEST = 0.97  # correlation from row to row that a width is made for
 
 Source = Callable[[], Iterable[tuple[np.ndarray, np.ndarray]]]  # blocks of X (rows, n, b) and residuals e (rows, n)
@@ -92,11 +94,11 @@ def _with_noise(source: Source, weights: np.ndarray, bread: np.ndarray, noise: n
     """The covariance for noise with these autocovariances (lags, n), each over rows (n,)."""
     most = np.maximum(rows // 10, 1).astype(int)
     models = [autoregression(noise[: most[j], j], max(rows[j], 1.0)) for j in range(len(rows))]
-    half = _half_width(scores for scores, _ in _scores(source(), weights, models))
+    half = _half_width(scores for scores, _ in _scores(source(), weights, models, bread))
     window = 1.0 - np.abs(np.arange(1 - half, half)) / half
     window /= np.linalg.norm(window)
     sums, count = np.zeros((len(bread),) * 2), 0
-    for scores, missing in _scores(source(), weights, models):
+    for scores, missing in _scores(source(), weights, models, bread):
         count += len(scores)
         beyond = np.zeros((len(window) - 1, scores.shape[1]))
         sums = triangle(np.asarray(lfilter(window, [1.0], np.concatenate([scores, beyond]), axis=0)), sums)
@@ -125,16 +127,21 @@ def _autocovariances(
 
 
 def _scores(
-    blocks: Iterable[tuple[np.ndarray, np.ndarray]], weights: np.ndarray, models: Sequence[tuple[np.ndarray, float]]
+    blocks: Iterable[tuple[np.ndarray, np.ndarray]],
+    weights: np.ndarray,
+    models: Sequence[tuple[np.ndarray, float]],
+    bread: np.ndarray,
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Scores Σ_j w_j z_tj ε_tj (rows, b) of whitened residuals, block by block, and w_j z_tj σ_j where no ε is known."""
+    """Scores Σ_j w_j z_tj ε_tj / (1 − h_tj) (rows, b) of whitened residuals, by block, and w_j z_tj σ_j where no ε is known."""
     for X, e in blocks:
         scores, missing = np.zeros((len(X), X.shape[2])), []
         for j, (a, variance) in enumerate(models):
             white = np.asarray(lfilter(a, [1.0], e[::-1, j]))[::-1]
             x = np.where(np.isfinite(e[:, j, None]), X[:, j], 0.0)
-            z = weights[j] * np.asarray(lfilter([1.0], a, x, axis=0))
-            scores += np.nan_to_num(white)[:, None] * z
+            z = np.asarray(lfilter([1.0], a, x, axis=0))
+            h = np.minimum(weights[j] * np.einsum("ti,ti->t", z @ bread, z), MOST_LEVERAGE)
+            z *= weights[j]
+            scores += (np.nan_to_num(white) / (1.0 - h))[:, None] * z
             missing.append(z[np.isnan(white)] * np.sqrt(variance))
         yield scores, np.concatenate(missing)
 

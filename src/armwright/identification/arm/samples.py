@@ -263,8 +263,13 @@ class _Behind:
 
 
 def between_rows(qd: np.ndarray, count: int) -> np.ndarray:
-    """Speeds (count, rows, n) at as many times, half a row before each row to half a row after it, of speeds (rows, n)."""
-    k, rows = np.arange(len(qd)), np.arange(len(qd))[None, :] + ((np.arange(count) + 0.5) / count - 0.5)[:, None]
+    """Speeds (2 count, rows, n) at the log's own rows around each `count`-th one, of the speeds (rows, n) there.
+
+    Of each row half the rows from `count`/2 before it to the last one before `count`/2 after it, and half their mirror image: a
+    row of the log between two that are kept belongs to both.
+    """
+    k, beside = np.arange(len(qd)), (np.arange(count) - count // 2) / count
+    rows = k[None, :] + np.concatenate([beside, -beside])[:, None]
     return np.stack([np.interp(rows, k, each) for each in qd.T], axis=2)
 
 

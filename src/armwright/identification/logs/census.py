@@ -202,10 +202,8 @@ def _moving(log: Log, run: LogRun, first: Block) -> Block:
     """The first block in which positions change in a fifth of the rows; a run's first block, if none does."""
     further = log.blocks(run.name) if len(first.t) >= ROWS else ()
     for block in chain((first,), further):
-        moved = [
-            (np.diff(values, axis=0) != 0).any(axis=1).mean() for n, values in block.values.items() if n in ("q", "qd")
-        ]
-        if not moved or max(moved) > MOVES:
+        steps = [np.diff(values, axis=0) for n, values in block.values.items() if n in ("q", "qd") and len(values) > 1]
+        if not steps or max((each != 0).any(axis=1).mean() for each in steps) > MOVES:
             return block
     return first
 
