@@ -9,7 +9,7 @@ joint's residuals are whitened first, which changes nothing of the sum [AndrewsM
 
 The correlation that the scores z_t ε_t still have is counted by Parzen's window, whose width follows from it [Andrews1991]. A fit
 takes from the noise what its columns can follow, X δ with δ ~ C: the autocovariance of X δ is added to that of the residuals, and
-each residual is what it would be of a fit without its row, ε / (1 − h), h = w zᵀH⁻¹z. [MacKinnonWhite1985]
+each residual is what it would be of a fit without its row, ε / (1 − h), h = w zᵀ(ZᵀWZ)⁻¹z. [MacKinnonWhite1985]
 """
 
 from __future__ import annotations
@@ -54,18 +54,19 @@ class LongRun:
         return self.root.T @ self.root
 
 
-def correlated(source: Source, weights: np.ndarray, bread: np.ndarray) -> LongRun:
+def correlated(source: Source, weights: np.ndarray, bread: np.ndarray, alone: bool = False) -> LongRun:
     """Covariance of an estimate from its residuals.
 
     Args:
         source: gives blocks of X and e anew at each call; missing residuals are NaN.   weights: (n,) W of the joints.
         bread: (b, b) H⁻¹; of instruments Z, which take the place of X, (ZᵀWX)⁻¹.
+        alone: the columns are those of b estimates, each of one column alone.
     """
     own, rows = _autocovariances(source(), None)
-    found = _with_noise(source, weights, bread, own, rows)
+    found = _with_noise(source, weights, bread, own, rows, alone)
     if _variance_taken(found.root, bread) > TAKEN * float(weights @ (own[0] * rows)):
         fitted, _ = _autocovariances(source(), found.root)
-        found = _with_noise(source, weights, bread, own + fitted, rows)
+        found = _with_noise(source, weights, bread, own + fitted, rows, alone)
     return found
 
 
@@ -78,8 +79,7 @@ def covariance_of(blocks: Sequence[tuple[np.ndarray, np.ndarray]], prior: np.nda
     """
     prior = np.zeros((blocks[0][0].shape[2],) * 2) if prior is None else prior
     information = sum((np.einsum("tji,tjk->ik", X, X) for X, _ in blocks), prior)
-    size = np.sqrt(np.maximum(np.diag(information), 1e-300))
-    bread = np.linalg.pinv(information / np.outer(size, size), rcond=1e-14) / np.outer(size, size)
+    bread = inverse_of(information)
     return correlated(lambda: blocks, np.ones(blocks[0][0].shape[1]), bread).covariance + bread @ prior @ bread
 
 
@@ -90,15 +90,17 @@ def _variance_taken(root: np.ndarray, bread: np.ndarray) -> float:
     return float(np.sum((root / size) @ np.linalg.pinv(bread / np.outer(size, size), hermitian=True) * (root / size)))
 
 
-def _with_noise(source: Source, weights: np.ndarray, bread: np.ndarray, noise: np.ndarray, rows: np.ndarray) -> LongRun:
+def _with_noise(
+    source: Source, weights: np.ndarray, bread: np.ndarray, noise: np.ndarray, rows: np.ndarray, alone: bool
+) -> LongRun:
     """The covariance for noise with these autocovariances (lags, n), each over rows (n,)."""
     most = np.maximum(rows // 10, 1).astype(int)
     models = [autoregression(noise[: most[j], j], max(rows[j], 1.0)) for j in range(len(rows))]
-    half = _half_width(scores for scores, _ in _scores(source(), weights, models, bread))
+    half, inverse = _first_pass(_scores(source(), weights, models, None), alone)
     window = 1.0 - np.abs(np.arange(1 - half, half)) / half
     window /= np.linalg.norm(window)
     sums, count = np.zeros((len(bread),) * 2), 0
-    for scores, missing in _scores(source(), weights, models, bread):
+    for scores, missing, _ in _scores(source(), weights, models, inverse):
         count += len(scores)
         beyond = np.zeros((len(window) - 1, scores.shape[1]))
         sums = triangle(np.asarray(lfilter(window, [1.0], np.concatenate([scores, beyond]), axis=0)), sums)
@@ -130,29 +132,48 @@ def _scores(
     blocks: Iterable[tuple[np.ndarray, np.ndarray]],
     weights: np.ndarray,
     models: Sequence[tuple[np.ndarray, float]],
-    bread: np.ndarray,
-) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Scores Σ_j w_j z_tj ε_tj / (1 − h_tj) (rows, b) of whitened residuals, by block, and w_j z_tj σ_j where no ε is known."""
+    inverse: np.ndarray | None,
+) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """By block: scores Σ_j w_j z_tj ε_tj / (1 − h_tj) (rows, b), w_j z_tj σ_j where no ε is known, and √w_j z_tj (n, rows, b).
+
+    Args:
+        inverse: (b, b) (ZᵀWZ)⁻¹; None: h is 0.
+    """
     for X, e in blocks:
-        scores, missing = np.zeros((len(X), X.shape[2])), []
+        scores, missing, columns = np.zeros((len(X), X.shape[2])), [], []
         for j, (a, variance) in enumerate(models):
             white = np.asarray(lfilter(a, [1.0], e[::-1, j]))[::-1]
             x = np.where(np.isfinite(e[:, j, None]), X[:, j], 0.0)
-            z = np.asarray(lfilter([1.0], a, x, axis=0))
-            h = np.minimum(weights[j] * np.einsum("ti,ti->t", z @ bread, z), MOST_LEVERAGE)
-            z *= weights[j]
-            scores += (np.nan_to_num(white) / (1.0 - h))[:, None] * z
+            z = np.sqrt(weights[j]) * np.asarray(lfilter([1.0], a, x, axis=0))
+            columns.append(z)
+            if inverse is not None:
+                white = white / (1.0 - np.minimum(np.einsum("ti,ti->t", z @ inverse, z), MOST_LEVERAGE))
+            z = np.sqrt(weights[j]) * z
+            scores += np.nan_to_num(white)[:, None] * z
             missing.append(z[np.isnan(white)] * np.sqrt(variance))
-        yield scores, np.concatenate(missing)
+        yield scores, np.concatenate(missing), np.array(columns)
 
 
-def _half_width(blocks: Iterable[np.ndarray]) -> int:
-    """Half of the width of Parzen's window: 2.6614 (4 ρ² N / (1 − ρ)⁴)^(1/5), ρ of the median column. [Andrews1991]"""
-    rows, sums = 0, np.zeros(())
-    for scores in blocks:
+def _first_pass(
+    blocks: Iterable[tuple[np.ndarray, np.ndarray, np.ndarray]], alone: bool
+) -> tuple[int, np.ndarray | None]:
+    """Half of the width of Parzen's window and (ZᵀWZ)⁻¹ (b, b), None of columns that are alone.
+
+    The width is 2.6614 (4 ρ² N / (1 − ρ)⁴)^(1/5), ρ of the median column. [Andrews1991]
+    """
+    rows, sums, squares = 0, np.zeros(()), np.zeros(())
+    for scores, _, columns in blocks:
         pairs = [(scores[k:] * scores[: len(scores) - k]).sum(axis=0) for k in (0, 1)]
         sums, rows = sums + pairs, rows + len(scores)
+        squares = squares + sum(z.T @ z for z in columns)
     size, product = np.asarray(sums)
     share = np.clip(product[size > 0] / size[size > 0], -LARGEST, LARGEST)
     strength = float(np.median(4 * share**2 / (1 - share) ** 4)) if len(share) else 0.0
-    return int(np.clip(ceil(0.5 * 2.6614 * (strength * rows) ** 0.2), 1, max(rows // 20, 1)))
+    half = int(np.clip(ceil(0.5 * 2.6614 * (strength * rows) ** 0.2), 1, max(rows // 20, 1)))
+    return half, None if alone else inverse_of(np.asarray(squares))
+
+
+def inverse_of(information: np.ndarray) -> np.ndarray:
+    """(b, b) H⁻¹, its columns scaled first; directions that H says nothing of count as known."""
+    size = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    return np.linalg.pinv(information / np.outer(size, size), rcond=1e-14) / np.outer(size, size)

@@ -13,6 +13,7 @@ from identification.arm.logged_machine import Machine, Motion, read, written
 
 T = np.arange(10000) / 500
 JOINT = 2  # the third
+ABOUT = ("deviations)", "cut off at a limit", "off the rows beside")
 
 
 def sentences(folder: Path, mistake: str, seed: int = 0, joint: int = JOINT, share: float = 0.01) -> list[str]:
@@ -26,6 +27,10 @@ def sentences(folder: Path, mistake: str, seed: int = 0, joint: int = JOINT, sha
     if mistake == "late":
         torque[:, joint] = machine.torque(*motion.at(T - 0.01))[:, joint]
     torque = torque + share * torque.std(axis=0) * rng.normal(size=torque.shape)
+    if mistake == "outliers":
+        torque[:, joint] += (rng.random(len(T)) < 0.01) * 3.0 * torque[:, joint].std() * rng.normal(size=len(T))
+    if mistake == "clipped":
+        torque[:, joint] = cut_off(torque[:, joint])
     if mistake == "torque":
         torque[:, joint] *= 1.2
     q = q + 2e-5 * rng.normal(size=q.shape)
@@ -35,7 +40,13 @@ def sentences(folder: Path, mistake: str, seed: int = 0, joint: int = JOINT, sha
         q[:, joint] += 0.3
     path = written(folder, "log", machine.names, {"t": T, "position": q, "torque": torque})
     found = aw.identification.identify_arm(read(path), machine.arm, record=False, sensitivity=False)
-    return [each for each in found.estimate.remarks if "deviations)" in each]
+    return [each for each in found.estimate.remarks if any(about in each for about in ABOUT)]
+
+
+def cut_off(torque: np.ndarray) -> np.ndarray:
+    """A column that a full converter cuts off at 60 % of its largest value."""
+    limit = 0.6 * np.abs(torque).max()
+    return np.clip(torque, -limit, limit)
 
 
 SAID = {
@@ -43,6 +54,8 @@ SAID = {
     "scale": r"j3: its positions are -(8|9|10)\.\d% off in scale",
     "zero": r"j3: the zero of its position is -0\.(2[89]|3[01])\d* rad off",
     "late": r"j3: its torques come 0\.0(09|10|11|12)\d* s after its motion",
+    "outliers": r"warning: run1: tau j3: \d+ rows \((0\.[89]|1\.0)\d*%\) by more than",
+    "clipped": r"j3: \d+% of its torques are cut off at a limit, and not fitted",
     "drift": r"j3: its friction changes by -[3-6]\d% over the log",
 }
 
@@ -51,6 +64,19 @@ SAID = {
 def test_a_mistake_is_found_with_its_joint_and_size(tmp_path, mistake):
     (sentence,) = sentences(tmp_path, mistake)
     assert re.match(SAID[mistake], sentence), sentence
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_what_a_limit_cuts_off_does_not_spoil_the_fit(tmp_path, seed):
+    machine, states = Machine.written(tmp_path, 4, seed), Motion.of(4, seed).at(T)
+    torque = machine.torque(*states)
+    torque = torque + 0.01 * torque.std(axis=0) * np.random.default_rng(seed).normal(size=torque.shape)
+    torque[:, JOINT] = cut_off(torque[:, JOINT])
+    path = written(tmp_path, "log", machine.names, {"t": T, "position": states[0], "torque": torque})
+    fit = aw.identification.identify_arm(read(path), machine.arm, record=False, sensitivity=False).fit
+    z = (fit.values - fit.base.of(machine.truth(fit.equations.model))) / fit.std
+    assert np.sqrt((z**2).mean()) < 1.5
+    assert fit.r2.min() > 0.999
 
 
 def test_the_zero_of_a_vertical_axis_cannot_be_seen(tmp_path):

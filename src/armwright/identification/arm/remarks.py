@@ -13,8 +13,8 @@ from armwright.fitting.measures import r_squared, rms
 from armwright.identification.arm.arm_estimate import ArmEstimate
 from armwright.identification.arm.arm_record import RecordParameters
 from armwright.identification.arm.equations import Equations, Samples
-from armwright.identification.arm.fit import AT_REST, ArmFit, HeldOut
-from armwright.identification.arm.gear_loss import doubtful_losses, loss_remarks
+from armwright.identification.arm.fit import AT_REST, ArmFit, HeldOut, residual_scale, residuals_of
+from armwright.identification.arm.gear_loss import LossyModel, doubtful_losses, loss_remarks
 from armwright.identification.arm.methods import FittedLog
 from armwright.identification.arm.misread import late_torques, misread_columns
 from armwright.identification.arm.score_tests import score_tests, suspicions
@@ -31,6 +31,8 @@ DISSIPATING = ("viscous", "coulomb", "coulomb+", "coulomb-")  # kinds of columns
 SURE = 5.0  # standard deviations below 0 at which the power of a joint's friction has the wrong sign
 OF_TORQUE = 0.05  # of a joint's torque: a smaller friction below 0 may be a drive's own compensation of friction
 POSSIBLE = 0.01  # of R², that physically possible values may cost a joint beyond what noise makes them cost
+FAR = 6.0  # root mean square of residuals by the deviation that their median tells; reversals make it up to 5
+AMISS = 0.03  # of the torque, in root mean square: less needs no other method
 FACTOR = 5.0  # between the record's links and the identified ones, from which the torque's unit is in doubt
 
 
@@ -65,10 +67,13 @@ def _poor(fit: ArmFit, r2s: Mapping[str, float], where: str) -> list[str]:
     ]
 
 
-def negative_inertias(fit: ArmFit, samples: Samples) -> list[str]:
+def negative_inertias(fit: ArmFit, samples: Samples, is_free: bool = False) -> list[str]:
     """Sentences about joints whose inertia M_jj, averaged over the log's poses, is below 0 by its 95 % interval.
 
     M_jj(q) = tau_j(q, 0, e_j) - tau_j(q, 0, 0)  is above 0 for every arm, whatever its parameters.
+
+    Args:
+        fit: of the samples.   samples: some rows.   is_free: physically possible values explain the log as well.
     """
     model, said = fit.equations.model, []
     q = samples.q[:: max(len(samples.q) // POSES, 1)]
@@ -81,8 +86,28 @@ def negative_inertias(fit: ArmFit, samples: Samples) -> list[str]:
             name = "mass" if body.kind.units.linear else "inertia"
             value = f"{inertia:.3g} ± {HALF_95 * std:.2g} {body.kind.units.inertia} (95 %)"
             asked = "is the sign of its torque, its position or its gear wrong, or is it another arm?"
+            asked = "possible values explain the log as well" if is_free else asked
             said.append(f"{body.joint}: its {name} comes out as {value}, which no arm has: {asked}")
     return said
+
+
+def far_off(fit: ArmFit, samples: Samples) -> list[str]:
+    """A sentence about joints some of whose residuals are so large that outliers make most of the sum of squares."""
+    if fit.outliers is not None:
+        return []
+    scale = residual_scale([samples], fit)
+    residuals = np.concatenate([each for *_, each in residuals_of([samples], fit)])
+    known = np.isfinite(residuals)
+    squares = np.where(known, residuals, 0.0) ** 2
+    times = np.sqrt(squares.sum(axis=0) / np.maximum(known.sum(axis=0), 1)) / scale
+    far = (times > FAR) & (fit.rms > AMISS * fit.torque_rms)
+    joints = [joint for joint, each in zip(fit.equations.model.arm.names, far, strict=True) if each]
+    if not joints:
+        return []
+    return [
+        f"{', '.join(joints)}: residuals are up to {times.max():.2g} times as large as their median tells, as outliers make "
+        'them: method "tukey" counts those less'
+    ]
 
 
 def unlike_the_record(fit: ArmFit) -> list[str]:
@@ -189,9 +214,12 @@ def with_remarks(
     """
     fit, some, comparison = result.fit, next(iter(found.rows())), result.hold_out
     remarks = [*_identifiability(result, found), *directions, *_doubtful_numbers(fit)]
-    remarks += [*_about_joints(result, cutoff), *_about_record(result)]
-    driving, negative = driving_frictions(fit), negative_inertias(fit, some)
-    doubts, impossible = [*unlike_the_record(fit), *driving, *negative], impossible_parameters(fit, result.record)
+    remarks += [*_about_joints(result, cutoff), *far_off(fit, some), *_about_record(result)]
+    driving, impossible = driving_frictions(fit), impossible_parameters(fit, result.record)
+    is_free = result.record is not None and not impossible and not driving
+    negative = negative_inertias(fit, some, is_free)
+    remarks += negative if is_free else []
+    doubts = [*unlike_the_record(fit), *driving, *([] if is_free else negative)]
     measures = measures_by_joint(fit, result.held_out)
     if comparison is None:
         unseen = unpredicted(fit, result.held_out)
@@ -268,6 +296,10 @@ def _about_joints(result: ArmEstimate, cutoff: float) -> Iterator[str]:
             f"parts of the log differ by {fit.part_effect**0.5:.2g} times what noise explains: something changes that is not in "
             "the model, as friction does that warms up; deviations are larger for it"
         )
+    rows = fit.equations.rows
+    for joint, share in zip(model.arm.names, 1.0 - rows / max(rows.max(), 1), strict=True):
+        if 0.0 < share < 1.0 and not isinstance(model, LossyModel):
+            yield f"{joint}: {share:.0%} of its torques are cut off at a limit, and not fitted"
     if fit.outliers is not None and fit.outliers.dropped > 0:
         yield f"{fit.outliers.dropped:.1%} of the torques count less than half as outliers"
 

@@ -43,6 +43,9 @@ from armwright.model import Model
 
 CHUNK_VALUES = 2**21  # of the columns that pass the filter at once: 16 MB
 
+CUT_OFF = "cut off"  # signal that is 1 in rows where a full converter cuts the torque off
+LITTLE = 0.01  # share of such rows in the low-pass that a fit can do with
+CLOSE = 0.02  # of the distance of both limits: so close to one a torque is cut off
 IN_MEMORY = 20_000_000  # numbers of prepared rows that stay in memory: 160 MB; longer logs are read again
 
 Moving = tuple[int, np.ndarray, dict[str, np.ndarray]]  # stretch, times (rows,), values (rows, n) by their names
@@ -90,7 +93,7 @@ class Stream:
             for some in (self.filters, self.fresh)
         )
         fresh = {name: leaving_rows(self.log, name, each) for name, each in fresh.items()}
-        filters, others = (filters_of(self.log, each, self.order) for each in (made, fresh))
+        filters, others = (filters_of(self.log, each, self.order, self.source) for each in (made, fresh))
         return replace(self, filters=filters, fresh=others)
 
     def kept(self, model: TorqueModel, memory: Memory | None = None) -> SampleSource:
@@ -128,7 +131,7 @@ class Stream:
         """Samples of the runs' excerpts, each stretch as a function of run and rows changes it."""
         for run, filters in self.filters.items():
             rows = prepared_excerpt(self.log, run, filters.wide, partial(changed, run))
-            moving = ((stretch, block.t, self._states(model, block, block)) for stretch, block, _ in rows)
+            moving = ((stretch, block.t, self._states(model, block, block, filters)) for stretch, block, _ in rows)
             yield from self._parallel_filtered(run, model, moving)
 
     def _parallel_filtered(self, run: str, model: TorqueModel, moving: Iterable[Moving]) -> Iterator[Samples]:
@@ -160,20 +163,23 @@ class Stream:
         if self.source == "current":
             _check_torque_constants(model.arm)
         for stretch, block in prepared_blocks(self.log, run, self.filters[run].wide, rows):
-            yield stretch, block.t, self._states(model, block, block)
+            yield stretch, block.t, self._states(model, block, block, filters)
 
-    def _states(self, model: TorqueModel, block: Block, measured: Block) -> dict[str, np.ndarray]:
-        """Motion and temperatures (rows, n) of a block, and the motor torques of another one of the same rows."""
+    def _states(self, model: TorqueModel, block: Block, measured: Block, filters: RunFilters) -> dict[str, np.ndarray]:
+        """Motion and temperatures (rows, n) of a block, torques of the same rows as measured, and where they are cut off."""
         values = {name: each[:, self.order] for name, each in block.values.items()}
         states = {name: values[name] for name in ("q", "qd", "qdd", "temperature") if name in values}
         efforts = measured.values[self.source][:, self.order]
-        return {**states, "tau": torques_on_joints(model.arm, self.source, efforts, values["qd"], model.dyn)}
+        tau = torques_on_joints(model.arm, self.source, efforts, values["qd"], model.dyn)
+        cut_off = _beyond(efforts, filters.limits) & (np.abs(values["qd"]) > filters.resting)
+        return {**states, "tau": tau} | ({CUT_OFF: cut_off.astype(float)} if np.isfinite(filters.limits).any() else {})
 
     def as_measured(self, model: TorqueModel) -> Iterator[Samples]:
         """Rows of the runs' excerpts behind the narrow low-pass, beside torques that pass no filter."""
         for run, filters in self.filters.items():
             for stretch, block, measured in prepared_excerpt(self.log, run, filters.narrow):
-                states = self._states(model, block, measured)
+                states = self._states(model, block, measured, filters)
+                states.pop(CUT_OFF, None)
                 rate = filters.narrow.rate / filters.narrow.decimate
                 states["qd"] = without_rest(states["qd"], filters.resting, rate)
                 yield Samples(run, stretch, block.t, **states, fitted=model.known_rows(states["qd"], states["qd"]))
@@ -204,7 +210,7 @@ def stream_of(
     own = preparation if isinstance(preparation, Mapping) else dict.fromkeys(names, preparation)
     prepared = {name: own[name] or choose_preparation(log, name, **choices) for name in names}
     rows = sum(counts[name] / each.decimate for name, each in prepared.items())
-    filters, others = (filters_of(log, each, order) for each in (prepared, shared_preparations(log, fresh)))
+    filters, others = (filters_of(log, each, order, source) for each in (prepared, shared_preparations(log, fresh)))
     return Stream(log, filters, others, source, order, gears, seconds, rows, *facts)
 
 
@@ -253,6 +259,9 @@ class _Behind:
         values = {**self.values, "known": known}
         filtered = {name: zero_phase(second, each)[numbers] for name, each in values.items()}
         fitted = model.known_rows(motion[1][numbers], filtered["qd"])
+        if CUT_OFF in filtered:
+            measured = np.abs(filtered.pop(CUT_OFF)) < LITTLE
+            fitted = measured if fitted is None else fitted & measured
         yield Samples(run, self.stretch, self.t[numbers], columns=columns, fitted=fitted, **filtered)
 
     def after(self, seam: int) -> _Behind:
@@ -260,6 +269,13 @@ class _Behind:
         cut = max(len(self.t) - 2 * seam, 0)
         rest = {name: each[cut:] for name, each in self.values.items()}
         return _Behind(self.stretch, self.t[cut:], rest, len(self.t) - seam - cut, self.first + cut)
+
+
+def _beyond(efforts: np.ndarray, limits: np.ndarray) -> np.ndarray:
+    """Where efforts (rows, n) behind a low-pass are close to limits (2, n), or beyond them."""
+    with np.errstate(invalid="ignore"):  # the distance of limits that are infinite
+        close = CLOSE * np.where(np.isfinite(limits).all(axis=0), limits[1] - limits[0], np.abs(limits).min(axis=0))
+        return (efforts <= limits[0] + close) | (efforts >= limits[1] - close)
 
 
 def between_rows(qd: np.ndarray, count: int) -> np.ndarray:

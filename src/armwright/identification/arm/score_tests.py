@@ -106,7 +106,7 @@ def score_tests(fit: ArmFit, samples: Iterable[Samples]) -> list[Score]:
     parts = np.split(rest, np.cumsum([each.shape[0] * each.shape[1] for each in errors])[:-1])
     clean = [each.reshape(*e.shape, -1)[:, :, visible] / root for each, e in zip(parts, errors, strict=True)]
     bread = np.diag(1.0 / left[visible])
-    found = correlated(lambda: zip(clean, errors, strict=True), fit.weights, bread)
+    found = correlated(lambda: zip(clean, errors, strict=True), fit.weights, bread, alone=True)
     scores = sum(
         np.einsum("tjk,tj->k", d * fit.weights[:, None], np.nan_to_num(e)) for d, e in zip(clean, errors, strict=True)
     )

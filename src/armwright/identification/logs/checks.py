@@ -3,7 +3,7 @@
 | check        | what it looks at                                                                                        |
 |--------------|---------------------------------------------------------------------------------------------------------|
 | clock        | rate, jitter, gaps, rows at the same time, time that goes backwards, rows without time                  |
-| cells        | empty cells, columns that never change, stays at an extreme, rows repeated, quantisation                |
+| cells        | empty cells, columns that never change, stays at an extreme, rows repeated, spikes, quantisation        |
 | units        | positions against limits, speed against the derivative of position, sizes: units, sides, signs          |
 | delays       | speed behind position, torque behind motion, in fractions of a sample                                   |
 | power        | torques, currents and voltages that would take energy out of a machine that only loses it               |
@@ -22,7 +22,7 @@ from armwright.identification.logs.columns import check_gears
 from armwright.identification.logs.effort_checks import power, torque_delays
 from armwright.identification.logs.findings import Found, LogFinding
 from armwright.identification.logs.log import Log, LogRun
-from armwright.identification.logs.row_checks import cells, clock, motion, none
+from armwright.identification.logs.row_checks import cells, clock, motion, none, spikes
 from armwright.identification.logs.smoothed import Smoothed, smoothed
 from armwright.identification.logs.unit_checks import limits, sizes, speeds, temperatures
 from armwright.model import Model
@@ -30,7 +30,7 @@ from armwright.model import Model
 NUMBERS = re.compile(r"-?[\d.]+(e[+-]?\d+)?")
 OF_ROWS: dict[str, tuple[Callable[[Log, LogRun, Census], Found], ...]] = {
     "clock": (clock,),
-    "cells": (cells, none, motion),
+    "cells": (cells, none, spikes, motion),
     "units": (limits, temperatures, sizes),
 }
 OF_MOTION: dict[str, Callable[[Log, Smoothed], Found]] = {"units": speeds, "delays": torque_delays, "power": power}

@@ -7,7 +7,7 @@ nothing in time, and a linear relation between signals (torque = regressor · pa
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from math import ceil, log
 from typing import Any, Literal
@@ -21,7 +21,9 @@ from armwright.fitting.measures import periods_of_rest
 from armwright.identification.logs.log import Log, LogRun
 from armwright.identification.logs.merged_speeds import corners
 from armwright.identification.logs.quantisation import quantisation_step
+from armwright.identification.logs.row_checks import limits_reached
 from armwright.identification.logs.spectrum import ABOVE, HIGHEST, LOWEST, longest_finite, motion_band
+from armwright.identification.logs.spikes import spike_limits
 
 HIGHER = 1.25  # cut-off by one that is too low for a run
 ROOM = 2.5  # rate after decimation by the cut-off: its half, Nyquist's frequency, is a quarter above the cut-off
@@ -51,6 +53,7 @@ class Preparation:
             "savgol", a cubic through 9 rows.
         edge: rows that are dropped at either end of a stretch.   rate: of the log, in Hz.   reasons: the choices in words.
         corners: for each joint of the log, where logged speeds take over from positions, in Hz; empty: nowhere.
+        spikes: by signal, from where on single rows of a column stand out and are replaced.
     """
 
     cutoff: float
@@ -61,6 +64,7 @@ class Preparation:
     rate: float
     reasons: tuple[str, ...] = ()
     corners: tuple[float, ...] = ()
+    spikes: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
 
     @property
     def sections(self) -> np.ndarray:
@@ -79,7 +83,8 @@ class Preparation:
     def at(self, cutoff: float, decimate: int | None = None, reason: str = "as asked for") -> Preparation:
         """The preparation with another cut-off in Hz, and as many rows as it needs, or every `decimate`-th."""
         why = [f"cut-off {cutoff:.4g} Hz: {reason}"]
-        return _preparation(cutoff, self.order, decimate, self.differentiation, self.rate, why, self.corners)
+        made = _preparation(cutoff, self.order, decimate, self.differentiation, self.rate, why)
+        return replace(made, corners=self.corners, spikes=self.spikes)
 
     @property
     def of_motion(self) -> Preparation:
@@ -100,11 +105,13 @@ class RunFilters:
     Attributes:
         narrow: low-pass of torques and columns.   wide: of the motion, `narrow.of_motion`.
         resting: (n,) [rad/s | m/s] speeds below which a joint counts as at rest.
+        limits: (2, n) of torques or currents as measured, where a full converter cuts them off; infinite where none does.
     """
 
     narrow: Preparation
     wide: Preparation
     resting: np.ndarray
+    limits: np.ndarray
 
 
 def choose_preparation(
@@ -153,7 +160,8 @@ def choose_preparation(
     if decimate is not None and (not isinstance(decimate, int) or not 1 <= decimate <= fewest_rows(rate, cutoff)):
         expected = f"1 to {fewest_rows(rate, cutoff)}: a rate of twice the cut-off at least"
         raise LogError(place="decimate", value=decimate, expected=expected)
-    return _preparation(float(cutoff), order, decimate, differentiation, rate, reasons, corners(log, chosen))
+    made = _preparation(float(cutoff), order, decimate, differentiation, rate, reasons)
+    return replace(made, corners=corners(log, chosen), spikes=spike_limits(chosen.census))
 
 
 def fewest_rows(rate: float, cutoff: float) -> int:
@@ -168,7 +176,6 @@ def _preparation(
     differentiation: Differentiation,
     rate: float,
     reasons: Sequence[str],
-    corners: tuple[float, ...],
 ) -> Preparation:
     """A preparation with its choices in words; `decimate` None: chosen."""
     factor = max(int(rate / (ROOM * cutoff)), 1) if decimate is None else decimate
@@ -188,7 +195,7 @@ def _preparation(
         else "all rows are kept: fewer would not carry the signal",
         f"{edge} rows ({1e3 * edge / rate:.3g} ms) at either end of a stretch are dropped: the filter has not settled there",
     )
-    return Preparation(cutoff, order, factor, differentiation, edge, rate, words, corners)
+    return Preparation(cutoff, order, factor, differentiation, edge, rate, words)
 
 
 def stored_preparations(log: Log, runs: Sequence[str], settings: Mapping[str, Any]) -> dict[str, Preparation]:
@@ -252,16 +259,32 @@ def without_rest(qd: np.ndarray, resting: np.ndarray, rate: float) -> np.ndarray
     return np.where(np.stack(rests, axis=1), 0.0, qd)
 
 
-def filters_of(log: Log, prepared: Mapping[str, Preparation], order: Sequence[int]) -> dict[str, RunFilters]:
+def filters_of(
+    log: Log, prepared: Mapping[str, Preparation], order: Sequence[int], source: str
+) -> dict[str, RunFilters]:
     """Filters of runs by their preparations.
 
     Args:
         log: a checked log.   prepared: by the run's name.   order: indices of the log's joints in the arm's order.
+        source: the signal that torques are taken from.
     """
+    joints = list(order)
     return {
-        name: RunFilters(each, each.of_motion, resting_speeds(log, name)[list(order)])
+        name: RunFilters(
+            each, each.of_motion, resting_speeds(log, name)[joints], measured_limits(log, name, source)[:, joints]
+        )
         for name, each in prepared.items()
     }
+
+
+def measured_limits(log: Log, run: str, source: str) -> np.ndarray:
+    """Limits (2, joints) that measured torques or currents of a run reach; commands and voltages act as they are cut off."""
+    census, found = log.run(run).census, np.array([[-np.inf], [np.inf]]).repeat(len(log.joints), axis=1)
+    if census is not None and source not in log.held and source in ("tau", "tau_link", "current"):
+        for k, joint in enumerate(log.layout[source].joints or ()):
+            column = longest_finite(census.excerpt.values[source][:, k])
+            found[:, joint] = limits_reached(census.signals[source], k, column)
+    return found
 
 
 def _cutoff(log: Log, run: LogRun, rate: float) -> tuple[float, str]:

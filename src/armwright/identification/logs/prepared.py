@@ -28,6 +28,7 @@ from armwright.identification.logs.preparation import (
     settling,
     shared_preparations,
 )
+from armwright.identification.logs.spikes import without_spikes
 from armwright.identification.logs.stretches import EvenRows
 
 if TYPE_CHECKING:
@@ -170,7 +171,8 @@ def prepared_excerpt(
         rows = even if changed is None else changed(even)
         kept = slice(preparation.edge, max(len(rows.t) - preparation.edge, 0), preparation.decimate)
         if len(rows.t[kept]):
-            both = filtered(log, rows.values, rows.period, preparation), rows.values
+            measured = without_spikes(rows.values, preparation.spikes)
+            both = filtered(log, measured, rows.period, preparation), measured
             first, second = (
                 Block(0, rows.t[kept], {name: of_all_joints(log, name, v[kept]) for name, v in each.items()})
                 for each in both
@@ -200,6 +202,7 @@ def filtered(
     log: Log, values: Mapping[str, np.ndarray], period: float, preparation: Preparation
 ) -> dict[str, np.ndarray]:
     """Signals (rows, joints) of even rows, this period [s] apart, behind the low-pass, and those that are their derivatives."""
+    values = without_spikes(values, preparation.spikes)
     values = {name: _around_rows(each) if name in log.held else each for name, each in values.items()}
     found = {name: zero_phase(preparation, each) for name, each in values.items()}
     if {"q", "qd"} <= set(found):

@@ -13,6 +13,7 @@ from armwright.identification.logs.log import Log, LogRun
 from armwright.identification.logs.quantisation import quantisation_step
 from armwright.identification.logs.sampling import is_restless
 from armwright.identification.logs.spectrum import longest_finite
+from armwright.identification.logs.spikes import spike_limits, standing_out
 from armwright.identification.logs.stretches import bridged_rows
 
 UNEVEN, WILD = 0.01, 0.3  # jitter as a share of the period that is noted, and that no interpolation mends
@@ -117,8 +118,8 @@ def cells(log: Log, run: LogRun, census: Census) -> Found:
         if name in ("tau", "current", "voltage", "qd"):
             if counted.repeats[k] > HELD * counted.counted:
                 yield from _clipped(column, place, unit)
-            elif len(np.unique(column)) > LEVELS:
-                yield from _stays(counted, k, place, unit)
+            else:
+                yield from _stays(counted, k, place, unit, column)
 
 
 def _repeats(census: Census) -> Found:
@@ -134,13 +135,36 @@ def _repeats(census: Census) -> Found:
     yield warning(f"{what}: samples were lost, or held by a loop of about {rate:.4g} Hz{left}", "rows")
 
 
-def _stays(counted: SignalCensus, k: int, place: str, unit: str) -> Found:
+def limits_reached(counted: SignalCensus, k: int, column: np.ndarray) -> tuple[float, float]:
+    """Extremes of a signal that else changes from row to row, -inf or inf where it does not stay.
+
+    Args:
+        counted, k: its census.   column: rows of it.
+    """
+    if counted.repeats[k] > HELD * counted.counted or len(np.unique(column)) <= LEVELS:
+        return -np.inf, np.inf
+    low = counted.low[k] if counted.at_low[k] >= STAY else -np.inf
+    return low, counted.high[k] if counted.at_high[k] >= STAY else np.inf
+
+
+def spikes(log: Log, run: LogRun, census: Census) -> Found:
+    """Findings about single rows that stand out, of the rows with the most motion."""
+    limits = spike_limits(census)
+    for name, place, unit, _, k in _columns(log, census):
+        limit = limits[name][k] if name in limits else np.inf
+        rows = np.concatenate([standing_out(each.values[name][:, k], limit) for each in census.even])
+        if rows.any():
+            what = f"{number_of(int(rows.sum()), 'row')} ({rows.mean():.2%}) by more than {limit:.4g} {unit}"
+            yield warning(f"{what} off the rows beside: glitches of a bus or a sensor; the fit goes past them", place)
+
+
+def _stays(counted: SignalCensus, k: int, place: str, unit: str, column: np.ndarray) -> Found:
     """Stays at an extreme, where the signal else changes from row to row."""
-    for value, stay in ((counted.low[k], counted.at_low[k]), (counted.high[k], counted.at_high[k])):
-        if stay >= STAY:
-            yield warning(
-                f"stays at its extreme {value:.6g} {unit} for {stay} rows: a limit, or a full converter", place
-            )
+    stays = counted.at_low[k], counted.at_high[k]
+    for value, stay in zip(limits_reached(counted, k, column), stays, strict=True):
+        if np.isfinite(value):
+            what = f"stays at its extreme {value:.6g} {unit} for {stay} rows"
+            yield warning(f"{what}: a limit, or a full converter", place)
 
 
 def _clipped(column: np.ndarray, place: str, unit: str) -> Found:
