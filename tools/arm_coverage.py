@@ -61,20 +61,24 @@ CASES = {
 }
 
 
-def deviations(case: str, joints: int, seed: int, cutoff: float | None = None, folder: Path | None = None):
-    """z (b,) of the base parameters of a seed's default fit, and its cut-off [Hz]."""
+def fitted(case: str, joints: int, seed: int, cutoff: float | None = None, **options):
+    """The fit of a seed's log, and the true parameters (p,) of its model."""
     with TemporaryDirectory() as made:
-        place = folder or Path(made)
-        machine, motion = Machine.written(place, joints, seed), Motion.of(joints, seed)
+        machine, motion = Machine.written(Path(made), joints, seed), Motion.of(joints, seed)
         t, rng = np.arange(round(RATE * SECONDS)) / RATE, np.random.default_rng([seed, 3])
         q, tau = CASES[case](machine, motion, t, rng, seed)
         columns = {"t": t, "position": q, "torque": tau}
-        log = read(written(place, case, machine.names, columns, "torque" if case == "loop" else None))
+        log = read(written(Path(made), case, machine.names, columns, "torque" if case == "loop" else None))
         rows = aw.identification.FitRows(cutoff=cutoff)
-        found = aw.identification.identify_arm(log, machine.arm, rows=rows, record=False, sensitivity=False)
-        base = found.fit.base
-        truth = base.of(machine.truth(found.fit.equations.model))
-        return (found.fit.values - truth) / found.fit.std, found.estimate.preparation["cutoff_hz"]
+        options = {"record": False, "sensitivity": False} | options
+        found = aw.identification.identify_arm(log, machine.arm, rows=rows, **options)
+        return found, machine.truth(found.fit.equations.model)
+
+
+def deviations(case: str, joints: int, seed: int, cutoff: float | None = None):
+    """z (b,) of the base parameters of a seed's default fit, and its cut-off [Hz]."""
+    found, truth = fitted(case, joints, seed, cutoff)
+    return (found.fit.values - found.fit.base.of(truth)) / found.fit.std, found.estimate.preparation["cutoff_hz"]
 
 
 def main() -> None:

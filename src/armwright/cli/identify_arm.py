@@ -36,6 +36,7 @@ def arm(
     ),
     cutoff: float | None = option("HZ", "Cut-off of the low-pass; by default chosen."),
     decimate: int | None = option("K", "Keep every k-th row; by default chosen."),
+    bootstrap: bool = flag("--bootstrap", "Check the deviations by a bootstrap of blocks of the log."),
     output: Path | None = output_option("ARM.toml", "Write the arm with the fitted numbers."),
     report: Path | None = option("FILE.html", "Write a page; with -o it also compares the written arm with the log."),
 ) -> None:
@@ -65,7 +66,7 @@ def arm(
     rows = aw.identification.FitRows(cutoff=cutoff, decimate=decimate)
     found = aw.identification.identify_arm(
         log, model, method=method, friction=words(friction), terms=terms, rows=rows, feedback=_feedback(feedback),
-        forgetting=forgetting,
+        forgetting=forgetting, bootstrap=bootstrap,
     )  # fmt: skip
     show(found)
     write(output, found.write)

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import armwright as aw
+from armwright.errors import IdentificationError
 from identification.arm.logged_machine import Machine, Motion, read, written
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "tools"))
@@ -37,6 +38,18 @@ def test_more_cases(case, joints):
     share, size = cover(case, joints, 4)
     assert share > 0.8
     assert size < 1.6
+
+
+@pytest.mark.parametrize("case", ["noise", "quantised"])
+def test_blocks_of_the_log_have_the_stated_deviations(case):
+    found, _ = arm_coverage.fitted(case, 3, 1, bootstrap=True)
+    assert 0.8 < np.median(found.bootstrap.ratios) < 1.25
+    assert any(each.startswith("bootstrap of ") for each in found.estimate.remarks)
+
+
+def test_the_bootstrap_is_of_least_squares_alone():
+    with pytest.raises(IdentificationError, match="bootstrap = 'irls'; expected method ols or wls"):
+        arm_coverage.fitted("noise", 3, 1, bootstrap=True, method="irls")
 
 
 def drifting(folder: Path, drift: float) -> tuple[Machine, aw.identification.Log]:

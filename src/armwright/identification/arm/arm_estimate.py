@@ -10,6 +10,7 @@ import numpy as np
 
 from armwright.errors import IdentificationError
 from armwright.identification.arm.arm_record import RecordParameters, write_record
+from armwright.identification.arm.bootstrap import Bootstrap
 from armwright.identification.arm.cutoff import CutoffCurve
 from armwright.identification.arm.fit import ArmFit, HeldOut
 from armwright.identification.estimate import Estimate
@@ -34,6 +35,7 @@ class ArmEstimate(Result):
         sensitive: names of parameters that leave their 95 % interval at another cut-off.
         record: physically possible parameters for a record; None where it was not asked for.   gears: N of the log, or None.
         cutoffs: held-out errors by the cut-off of the low-pass; None where it was given.
+        bootstrap: deviations by blocks of the log; None where it was not asked for.
     """
 
     estimate: Estimate
@@ -46,6 +48,7 @@ class ArmEstimate(Result):
     record: RecordParameters | None
     gears: np.ndarray | None
     cutoffs: CutoffCurve | None = None
+    bootstrap: Bootstrap | None = None
 
     @property
     def verdict(self) -> str:

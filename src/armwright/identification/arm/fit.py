@@ -128,7 +128,7 @@ def fit_arm(
                 break
     size = np.linalg.norm(information, axis=0)
     inverse = scipy.linalg.solve_triangular(information / size, np.eye(len(size))) / size[:, None]
-    meat = sum(chosen[j] ** 2 * variance[j] * _gram(factor, base) for j, factor in enumerate(factors) if factor.rows)
+    meat = sum(chosen[j] ** 2 * variance[j] * gram(factor, base) for j, factor in enumerate(factors) if factor.rows)
     covariance = inverse @ (inverse.T @ np.asarray(meat) @ inverse) @ inverse.T
     measures = measures_of(factors, base.expanded(values))
     condition = float(np.linalg.cond(information / size))
@@ -152,7 +152,7 @@ def measures_of(factors: Sequence[Factor], parameters: np.ndarray) -> tuple[np.n
     return np.sqrt(squares / rows), np.sqrt(sums / rows), r2
 
 
-def _gram(factor: Factor, base: BaseParameters) -> np.ndarray:
+def gram(factor: Factor, base: BaseParameters) -> np.ndarray:
     """Y_jᵀ Y_j (b, b) of a joint."""
     values = np.zeros((len(factor.matrix), len(base.columns)))
     values[:, factor.columns] = factor.matrix[:, :-1]
@@ -331,7 +331,7 @@ def _with_part_effects(fit: ArmFit) -> ArmFit:
     b, count = len(fit.base), len(parts)
     if count < FEWEST_PARTS:
         return fit
-    scores = np.array([_score(part, fit) for part in parts])
+    scores = np.array([score(part, fit) for part in parts])
     moves = scipy.linalg.solve_triangular(
         fit.information, _divided(fit.information, (scores - scores.mean(axis=0)).T)
     ).T
@@ -349,7 +349,7 @@ def _with_part_effects(fit: ArmFit) -> ArmFit:
     return replace(fit, covariance=fit.covariance + added, part_effect=max(ratio, 1.0 + np.sqrt(2.0 / b)))
 
 
-def _score(part: LogPart, fit: ArmFit) -> np.ndarray:
+def score(part: LogPart, fit: ArmFit) -> np.ndarray:
     """Σ XᵀWe (b,) over a part of the log."""
     total = np.zeros(len(fit.base))
     for weight, factor in zip(fit.weights, part.factors, strict=True):

@@ -12,6 +12,7 @@ from armwright.entry import as_arm, as_log, expect
 from armwright.errors import IdentificationError
 from armwright.identification.arm.arm_estimate import ArmEstimate
 from armwright.identification.arm.arm_record import record_parameters
+from armwright.identification.arm.bootstrap import block_bootstrap
 from armwright.identification.arm.closed_loop import Feedback
 from armwright.identification.arm.cutoff import cutoff_curve
 from armwright.identification.arm.fit import cross_validated
@@ -42,6 +43,7 @@ def identify_arm(
     forgetting: float = 1.0,
     record: bool = True,
     sensitivity: bool = True,
+    bootstrap: bool = False,
 ) -> ArmEstimate:
     """Masses, rotors and friction of an arm from a log of positions and motor torques, currents or voltages.
 
@@ -63,6 +65,7 @@ def identify_arm(
             known, in whose place the logged positions stand.   forgetting: of "recursive", for each row, at most 1.
         record: also find physically possible values for a record; runs held out judge it, so that then it is found in any case.
         sensitivity: also fit at cut-offs 30 % lower and higher.
+        bootstrap: also find deviations by a bootstrap of blocks of the log; of "ols" and "wls".
     Returns:
         result: `result.estimate` has the base parameters, `result.write(path)` writes the record.
     Raises:
@@ -92,6 +95,7 @@ def identify_arm(
     fit, by_parts = found.fit, METHODS[method].parts
     held_out = tuple(cross_validated(fit)) if by_parts and len(fit.equations.parts) > 1 else ()
     sensitive = sensitive_parameters(stream, fit) if by_parts and sensitivity else ()
+    by_blocks = block_bootstrap(found.rows(), fit, stream.seconds, len(stream.filters)) if bootstrap else None
     values = record_parameters(fit, stream.kept) if record or stream.fresh else None
     about = f"{METHODS[method].about} of {fit.equations.rows.max()} rows, {model.arm.n} joints, cut-off {stream.cutoff:.4g} Hz"
     estimate = Estimate(
@@ -112,6 +116,7 @@ def identify_arm(
         values,
         stream.gears,
         curve,
+        by_blocks,
     )
     directions = sentences(fit, found.rows(), found.base, found.structural)
     return replace(result, estimate=with_remarks(result, found, directions, stream.cutoff, [*stream.warnings, *said]))

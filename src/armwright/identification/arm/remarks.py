@@ -284,6 +284,8 @@ def _about_joints(result: ArmEstimate, cutoff: float) -> Iterator[str]:
             )
         elif np.isnan(r2):
             yield f"{joint}: no torque was measured, or it never changes"
+    if result.bootstrap is not None:
+        yield result.bootstrap.words
     resting = sum(each.at_rest for each in result.held_out)
     if resting:
         yield f"{resting} of {len(result.held_out)} held-out parts are at rest, where friction has no known direction"
