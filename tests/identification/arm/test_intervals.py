@@ -48,18 +48,21 @@ def test_blocks_of_the_log_have_the_stated_deviations(case):
 
 
 def test_the_bootstrap_is_of_least_squares_alone():
-    with pytest.raises(IdentificationError, match="bootstrap = 'irls'; expected method ols or wls"):
+    with pytest.raises(IdentificationError, match="bootstrap = 'irls': expected method ols or wls"):
         arm_coverage.fitted("noise", 3, 1, bootstrap=True, method="irls")
 
 
-def drifting(folder: Path, drift: float) -> tuple[Machine, aw.identification.Log]:
-    """A log of 40 s in which friction becomes smaller by a share, as of a gear that warms up."""
-    machine, t = Machine.written(folder, 3, 1), np.arange(20000) / 500
-    states, rng = Motion.of(3, 1).at(t), np.random.default_rng(1)
+def drifting(
+    folder: Path, drift: float, seed: int = 1, part: slice = slice(None)
+) -> tuple[Machine, aw.identification.Log]:
+    """A log of 40 s, or part of it, in which friction becomes smaller by a share, as of a gear that warms up."""
+    machine, t = Machine.written(folder, 3, seed), np.arange(20000) / 500
+    states, rng = Motion.of(3, seed).at(t), np.random.default_rng(seed)
     friction = machine.coulomb * np.sign(states[1]) + machine.viscous * states[1]
     torque = machine.torque(*states) - drift * (t / t[-1])[:, None] * friction
     torque = torque + 0.01 * torque.std(axis=0) * rng.normal(size=torque.shape)
-    path = written(folder, f"drift{drift}", machine.names, {"t": t, "position": states[0], "torque": torque})
+    columns = {"t": t[part], "position": states[0][part], "torque": torque[part]}
+    path = written(folder, f"drift{drift}_{seed}_{part.start}", machine.names, columns)
     return machine, read(path)
 
 
@@ -72,3 +75,17 @@ def test_friction_that_changes_widens_intervals_and_is_said(tmp_path):
     same = aw.identification.identify_arm(steady, machine.arm, record=False, sensitivity=False)
     assert same.fit.part_effect == 1.0
     assert not any("times what noise explains" in each for each in same.estimate.remarks)
+
+
+@pytest.mark.study
+@pytest.mark.parametrize("drift", [0.1, 0.4])
+def test_halves_of_drifting_logs_differ_by_what_is_stated(tmp_path, drift):
+    z = []
+    for seed in range(5):
+        fits = []
+        for half in (slice(0, 10000), slice(10000, 20000)):
+            machine, log = drifting(tmp_path, drift, seed, half)
+            fits.append(aw.identification.identify_arm(log, machine.arm, record=False, sensitivity=False).fit)
+        one, other = fits
+        z.append((one.values - other.values) / np.hypot(one.std, other.std))
+    assert np.sqrt((np.concatenate(z) ** 2).mean()) < 1.3

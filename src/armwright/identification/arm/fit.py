@@ -39,7 +39,7 @@ ROBUST_PASSES = 10  # over the rows
 CHANGE = 1e-2  # of a standard deviation: less is settled
 BINS = 4096  # of the histogram of residuals
 FEWEST_PARTS, CERTAINLY = 4, 3.0  # parts that tell an effect of their own, and deviations of r
-MOST_ALIKE = 0.75  # correlation of effects of neighbouring parts
+MOST_ALIKE = 0.85  # correlation of effects of neighbouring parts
 MOST_NOISE = 0.8  # share of a direction's information that is taken for noise of the columns, at most
 AT_REST = 0.01  # of the whole log's root mean square speed: slower parts rest
 
@@ -325,7 +325,8 @@ def _with_part_effects(fit: ArmFit) -> ArmFit:
     Parts with the scores g_k = Σ XᵀWe, less their mean, move the parameters by  a_k = C^(−1/2) H⁻¹ g_k, in deviations. Of K parts
     of noise alone  r = Σ a_kᵀa_k K / (b (K − 1))  is 1 ± √(2/(b (K − 1))), and neighbours are not alike. Where r or Σ a_kᵀa_{k+1}
     is larger by three deviations, the effects' variance (1 − 1/r) Σ H⁻¹ g_k g_kᵀ H⁻¹ is added, times (1 + ρ)/(1 − ρ) if they
-    are alike from part to part, as those of a drift are, with the correlation ρ.
+    are alike from part to part, as those of a drift are, with the correlation ρ, which K parts show (1 + 3 ρ)/K too small.
+    [Kendall1954]
     """
     parts = [part for part in (fit.weighted or fit.equations).parts if sum(each.rows for each in part.factors) > 0]
     b, count = len(fit.base), len(parts)
@@ -344,7 +345,8 @@ def _with_part_effects(fit: ArmFit) -> ArmFit:
     if ratio < 1.0 + CERTAINLY * np.sqrt(2.0 / (b * (count - 1))) and alike < CERTAINLY:
         return fit
     excess = max(squares - b * (count - 1) / count, 1e-3 * squares)
-    rho = float(np.clip((products + b * (count - 1) / count**2) / excess, 0.0, MOST_ALIKE))
+    rho = (products + b * (count - 1) / count**2) / excess
+    rho = float(np.clip((count * rho + 1.0) / max(count - 3.0, 1.0), 0.0, MOST_ALIKE))
     added = excess / squares * (1.0 + rho) / (1.0 - rho) * count / (count - 1) * moves.T @ moves
     return replace(fit, covariance=fit.covariance + added, part_effect=max(ratio, 1.0 + np.sqrt(2.0 / b)))
 
