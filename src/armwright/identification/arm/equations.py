@@ -8,7 +8,8 @@ some parts and residuals over others follow from the factors alone. [DemmelEtAl2
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from itertools import accumulate
 from math import inf
 
 import numpy as np
@@ -113,6 +114,10 @@ class LogPart:
     factors: tuple[Factor, ...]
     motion: np.ndarray
 
+    def joined(self, other: LogPart) -> LogPart:
+        """Both parts as one."""
+        return replace(self, end=other.end, factors=joined((self, other)), motion=self.motion + other.motion)
+
 
 @dataclass(frozen=True, eq=False)
 class Equations:
@@ -152,6 +157,14 @@ def joined(parts: Sequence[LogPart]) -> tuple[Factor, ...]:
     for part in parts[1:]:
         factors = [mine.merged(other) for mine, other in zip(factors, part.factors, strict=True)]
     return tuple(factors)
+
+
+def all_but_one(parts: Sequence[LogPart]) -> list[LogPart]:
+    """For each of two parts or more all others as one."""
+    before = list(accumulate(parts[:-1], LogPart.joined))
+    after = list(accumulate(parts[:0:-1], LogPart.joined))[::-1]
+    between = [one.joined(other) for one, other in zip(before, after[1:], strict=False)]
+    return [after[0], *between, before[-1]]
 
 
 def stacked(factors: Sequence[Factor], columns: int, weights: np.ndarray | None = None) -> tuple[np.ndarray, float]:

@@ -26,6 +26,7 @@ from armwright.identification.arm.equations import (
     LogPart,
     Samples,
     SampleSource,
+    all_but_one,
     equations_of,
     stacked,
 )
@@ -396,10 +397,9 @@ def cross_validated(fit: ArmFit) -> list[HeldOut]:
     if len(parts) < 2:
         raise IdentificationError("one part", place="equations.parts", expected="two or more, to hold one out")
     result = []
-    for k, part in enumerate(equations.parts):
-        others = Equations(equations.model, (*parts[:k], *parts[k + 1 :]))
+    for part, others in zip(equations.parts, all_but_one(parts), strict=True):
         try:
-            parameters = fit_arm(others, fit.base, fit.method, fit.weights).parameters
+            parameters = fit_arm(Equations(equations.model, (others,)), fit.base, fit.method, fit.weights).parameters
         except IdentificationError:  # the others do not determine all of them
             parameters = np.full(len(equations.model), np.nan)
         result.append(held_out(part, parameters, fit))

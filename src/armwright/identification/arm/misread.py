@@ -57,7 +57,10 @@ def misread_columns(fit: ArmFit, samples: Samples) -> list[str]:
     fitted = np.where(known, some.unknown_torque(model) - some.regressor(model) @ fit.parameters, 0.0)
     most = float((by_torque * fitted**2).sum())
     said, exchanged = [], (BETTER, "")
+    measured = known.any(axis=0)
     for places, what, position, torque in _mistakes(model):
+        if not measured[list(places)].all():
+            continue
         found, of_joint = left(position, torque)
         if of_joint.sum() > most:
             continue
@@ -79,7 +82,7 @@ def late_torques(fit: ArmFit, samples: Samples) -> list[str]:
 
     With a delay d the torques are  Y π - d τ̇,  so that d is one more parameter.
     """
-    if len(samples.t) < 3 or np.isnan(samples.tau).any():
+    if len(samples.t) < 3:
         return []
     target = samples.unknown_torque(fit.equations.model)
     weight = np.sqrt(fit.weights)[:, None]

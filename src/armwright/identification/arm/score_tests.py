@@ -104,7 +104,8 @@ def score_tests(fit: ArmFit, samples: Iterable[Samples]) -> list[Score]:
     visible = left > INVISIBLE * np.maximum(sizes, np.finfo(float).tiny)
     rest = D - Q @ taken
     parts = np.split(rest, np.cumsum([each.shape[0] * each.shape[1] for each in errors])[:-1])
-    clean = [each.reshape(*e.shape, -1)[:, :, visible] / root for each, e in zip(parts, errors, strict=True)]
+    size = np.where(root > 0.0, root, 1.0)  # of joints without torque
+    clean = [each.reshape(*e.shape, -1)[:, :, visible] / size for each, e in zip(parts, errors, strict=True)]
     bread = np.diag(1.0 / left[visible])
     found = correlated(lambda: zip(clean, errors, strict=True), fit.weights, bread, alone=True)
     scores = sum(
@@ -112,8 +113,9 @@ def score_tests(fit: ArmFit, samples: Iterable[Samples]) -> list[Score]:
     )
     size, std = np.zeros(len(visible)), np.full(len(visible), np.inf)
     size[visible], std[visible] = scores / left[visible], np.sqrt(np.diag(found.covariance))
+    least = np.array([each.least for each in MISTAKES.values()] * model.arm.n)
     for at, k in enumerate(np.flatnonzero(visible)):
-        if abs(size[k]) > LIKELY * std[k]:
+        if abs(size[k]) > max(LIKELY * std[k], least[k]):
             own = [(d[:, :, [at]], e - size[k] * d[:, :, at]) for d, e in zip(clean, errors, strict=True)]
             alone = correlated(lambda own=own: own, fit.weights, bread[[at]][:, [at]])
             std[k] = float(np.sqrt(alone.covariance[0, 0]))
