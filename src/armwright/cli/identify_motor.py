@@ -56,6 +56,9 @@ def motor(
       armwright identify motor elbow.log.toml --robot arm.toml --joint elbow --load 0 -o arm_identified.toml
     """
     if model != "dc":
+        from armwright.identification.linear.choice import check_model
+
+        check_model(model, beside=("dc",))
         beside = {"robot": robot, "free": free, "fix": fix, "per-run": per_run, "output": output, "report": report}
         beside |= {"load": load, "locked": locked or None, "priors": priors or None}
         beside |= {"run": runs, "static": static, "pwm": pwm, "starts": starts}

@@ -17,14 +17,16 @@ FITS = {"arx": fit_arx, "oe": fit_oe, "armax": fit_armax, "n4sid": fit_n4sid}
 MODELS = (*FITS, "frequency")
 
 
-def check_model(model: str) -> None:
+def check_model(model: str, beside: tuple[str, ...] = ()) -> None:
     """Refuses an unknown kind of model.
 
+    Args:
+        model: name.   beside: names that are known too.
     Raises:
         LogError: with the names that there are.
     """
-    if model not in MODELS:
-        raise LogError("no such model", place="model", value=model, choices=MODELS)
+    if model not in (*beside, *MODELS):
+        raise LogError("no such model", place="model", value=model, choices=(*beside, *MODELS))
 
 
 def fit_linear(

@@ -13,6 +13,7 @@ from armwright.identification.weighing.measured_number import MeasuredNumber, Va
 from armwright.scalar import numbers_or_nan
 
 STANDARD_GRAVITY = 9.80665  # [m/s²]; CGPM 1901
+SURE = 3.0  # deviations by which a scale may seem to hold more than the link
 LARGEST = 0.6  # [rad] of a swing, beyond which the series of its period is too short
 ENTRIES = (("xx", (0, 0)), ("xy", (0, 1)), ("xz", (0, 2)), ("yy", (1, 1)), ("yz", (1, 2)), ("zz", (2, 2)))
 INDEPENDENT = 1e-3  # of the largest singular value of the axes
@@ -62,7 +63,8 @@ def measured_centre(
     Returns:
         centre: [m] along the axis from the first support to the second, in link coordinates.
     Raises:
-        IdentificationError: readings that are none, a span or a mass of 0 or less.
+        IdentificationError: readings that are none, a span or a mass of 0 or less, a scale that holds less than 0 or more than
+            the link, as of a centre beside the supports.
     """
     parts = {
         "reading [kg]": reading_of("reading", reading),
@@ -70,6 +72,10 @@ def measured_centre(
         "mass [kg]": reading_of("mass", mass, above=0.0),
         "origin [m]": reading_of("origin", origin),
     }
+    (held, off), (whole, beside) = parts["reading [kg]"], parts["mass [kg]"]
+    if not -SURE * off <= held <= whole + SURE * np.hypot(off, beside):
+        expected = f"from 0 to the link's mass, {whole:g} kg: it lies on both supports"
+        raise IdentificationError(place="reading", value=held, expected=expected)
     how = "centre of mass by two supports, c = o + L m₂ / m"
     return propagated("centre", "m", how, lambda held, length, whole, first: first + length * held / whole, parts)
 
