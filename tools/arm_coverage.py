@@ -70,7 +70,7 @@ def fitted(case: str, joints: int, seed: int, cutoff: float | None = None, **opt
         columns = {"t": t, "position": q, "torque": tau}
         log = read(written(Path(made), case, machine.names, columns, "torque" if case == "loop" else None))
         rows = aw.identification.FitRows(cutoff=cutoff)
-        options = {"record": False, "sensitivity": False} | options
+        options = {"record": False, "checks": ()} | options
         found = aw.identification.identify_arm(log, machine.arm, rows=rows, **options)
         return found, machine.truth(found.fit.equations.model)
 

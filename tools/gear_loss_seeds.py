@@ -176,7 +176,7 @@ def nominal(arm: aw.Arm) -> aw.Arm:
 def one_seed(folder: Path, arm: aw.Arm, start: aw.Arm, friction: Sequence[str], seed: int, validated: bool) -> Seed:
     """Errors of one log's fit."""
     log = written_log(folder, "log", arm, [seed, 28])
-    found = aw.identification.identify_arm(log, start, friction=friction, record=validated, sensitivity=False)
+    found = aw.identification.identify_arm(log, start, friction=friction, record=validated, checks=())
     fit = found.fit
     model = fit.equations.model
     own = {column.name: value for column, value in zip(model.columns, model.prior, strict=True)}

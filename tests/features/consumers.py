@@ -406,7 +406,7 @@ def _log(arm, folder, moved=None, seconds=3.0, payload=None):
 
 
 def identified(arm, folder, moved=None):
-    found = aw.identification.identify_arm(_log(arm, folder, moved), arm, sensitivity=False, record=False)
+    found = aw.identification.identify_arm(_log(arm, folder, moved), arm, checks=(), record=False)
     return Answer([found.estimate.values], "\n".join(found.estimate.remarks), found)
 
 

@@ -128,7 +128,7 @@ def test_a_recorded_mcap_goes_back_into_a_fit(tmp_path):
     aw.save(aw.simulate(aw.Scenario(arm, 8.0, loop=loop)), tmp_path / "run.mcap")
     (tmp_path / "run.log.toml").write_text(LOG.replace("joint1", arm.names[0]).replace("joint2", arm.names[1]))
     found = aw.identification.identify_arm(
-        aw.identification.read_log(tmp_path / "run.log.toml"), arm, record=False, sensitivity=False
+        aw.identification.read_log(tmp_path / "run.log.toml"), arm, record=False, checks=()
     )
     assert found.verdict == "identified", str(found)
     truth = found.fit.base.of(np.nan_to_num(found.fit.equations.model.prior))

@@ -193,7 +193,7 @@ def test_the_wrist_of_the_tx40_at_rest(tmp_path):
         log,
         aw.load(tx40_urdf(tmp_path), kinematics_only=True),
         rows=FitRows(cutoff=100, decimate=20),
-        sensitivity=False,
+        checks=(),
     )
     record = fit.write(tmp_path / "tx40.toml")
     for factor, moving in ((8.0, 0), (2.0, 1)):  # 2 deviations: far below any sensible limit

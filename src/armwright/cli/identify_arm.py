@@ -66,7 +66,7 @@ def arm(
     rows = aw.identification.FitRows(cutoff=cutoff, decimate=decimate)
     found = aw.identification.identify_arm(
         log, model, method=method, friction=words(friction), terms=terms, rows=rows, feedback=_feedback(feedback),
-        forgetting=forgetting, bootstrap=bootstrap,
+        forgetting=forgetting, checks=("cutoff", "bootstrap") if bootstrap else ("cutoff",),
     )  # fmt: skip
     show(found)
     write(output, found.write)

@@ -149,7 +149,7 @@ def test_a_log_without_noise_gives_the_truth(tmp_path, arm, variant):
     t, *state = multisine(arm.n, 16.0, 250.0, 2, 0.7, 10)
     tau = aw.compile(lossy).inverse_dynamics(*state) @ motor_shares(lossy)
     log = written_log(tmp_path, "exact", lossy.names, t, state[0], tau)
-    found = aw.identification.identify_arm(log, record_of(lossy), record=False, sensitivity=False)
+    found = aw.identification.identify_arm(log, record_of(lossy), record=False, checks=())
     model = lossy_model(torque_model(lossy))
     assert model is not None
     truth = found.fit.base.of(np.nan_to_num(model.prior))
@@ -162,8 +162,8 @@ def test_a_log_without_noise_gives_the_truth(tmp_path, arm, variant):
 
 def test_a_fit_that_does_not_know_the_loss_is_wrong(arm, log):
     """What this is for: links far from the truth by their stated deviations."""
-    known = aw.identification.identify_arm(log, arm, record=False, sensitivity=False)
-    ignored = aw.identification.identify_arm(log, arm.replace(efficiency=None), record=False, sensitivity=False)
+    known = aw.identification.identify_arm(log, arm, record=False, checks=())
+    ignored = aw.identification.identify_arm(log, arm.replace(efficiency=None), record=False, checks=())
     assert not isinstance(ignored.fit.equations.model, LossyModel)
     for found, fits in ((known, True), (ignored, False)):
         truth = found.fit.base.of(np.nan_to_num(found.fit.equations.model.prior))
@@ -176,8 +176,7 @@ def test_a_fit_that_does_not_know_the_loss_is_wrong(arm, log):
 @pytest.mark.parametrize("method", ["ols", "irls", "tukey"])
 def test_methods_that_know_gear_loss_agree(arm, log, method):
     wls, other = (
-        aw.identification.identify_arm(log, arm, method=each, record=False, sensitivity=False)
-        for each in ("wls", method)
+        aw.identification.identify_arm(log, arm, method=each, record=False, checks=()) for each in ("wls", method)
     )
     assert other.verdict == "identified"
     assert (np.abs(other.fit.values - wls.fit.values) < 4 * np.maximum(wls.fit.std, other.fit.std)).all()
@@ -198,9 +197,7 @@ def test_efficiencies_are_fitted_with_their_deviations(tmp_path, arm, log):
     stated = arm
     for joint in ("shoulder", "elbow"):
         stated = changed(stated, motor={"gear_efficiency": None}, joint=joint)
-    found = aw.identification.identify_arm(
-        log, stated, terms=ArmTerms(fit_efficiency=["shoulder", "elbow"]), sensitivity=False
-    )
+    found = aw.identification.identify_arm(log, stated, terms=ArmTerms(fit_efficiency=["shoulder", "elbow"]), checks=())
     assert found.verdict == "identified"
     for name in ("eta2", "eta3"):
         k = found.estimate.number(name)
@@ -219,9 +216,7 @@ def test_an_efficiency_that_the_log_hardly_tells_is_refused_or_stays(tmp_path, a
     log = moved(tmp_path, "braked", arm, **MOTION, torque_noise=0.2)
     with pytest.raises(IdentificationError, match=r"fit_efficiency.*'yaw'.*drives its gear back"):
         aw.identification.identify_arm(log, arm, terms=ArmTerms(fit_efficiency=["yaw", "elbow"]))
-    found = aw.identification.identify_arm(
-        log, arm, terms=ArmTerms(fit_efficiency="all"), record=False, sensitivity=False
-    )
+    found = aw.identification.identify_arm(log, arm, terms=ArmTerms(fit_efficiency="all"), record=False, checks=())
     assert "eta1" not in found.fit.base.names
     assert "eta3" in found.fit.base.names
     assert any("yaw: gear efficiency stays the record's" in each for each in found.estimate.remarks)
@@ -239,7 +234,7 @@ def test_unknown_joints_and_tables_are_refused(arm, log):
 def test_the_written_record_keeps_the_loss_and_predicts_new_motions(tmp_path, arm, variant):
     lossy = VARIANTS[variant](arm)
     log = moved(tmp_path, "moved", lossy, **MOTION, torque_noise=0.2, seed=7)
-    found = aw.identification.identify_arm(log, record_of(lossy), sensitivity=False)
+    found = aw.identification.identify_arm(log, record_of(lossy), checks=())
     assert found.record is not None
     assert np.nanmin(found.record.r2) > 0.999
     again = aw.load(found.write(tmp_path / "found.toml"))
@@ -257,7 +252,7 @@ def test_a_wrong_sign_is_not_identified(tmp_path, arm):
     t, q, qd, qdd = multisine(arm.n, 16.0, 250.0, 3, 0.7, 10)
     tau = aw.compile(arm).inverse_dynamics(q, qd, qdd) * [1, 1, -1, 1]
     log = written_log(tmp_path, "wrong", arm.names, t, q, tau)
-    assert aw.identification.identify_arm(log, arm, record=False, sensitivity=False).verdict == "not identified"
+    assert aw.identification.identify_arm(log, arm, record=False, checks=()).verdict == "not identified"
 
 
 def test_rests_are_left_out(tmp_path, arm):
@@ -272,7 +267,7 @@ def test_rests_are_left_out(tmp_path, arm):
     tau = aw.compile(arm).inverse_dynamics(*state)
     tau[len(t) + 250 :] *= 1.3  # holding: friction and gear pass on any torque of a range
     log = written_log(tmp_path, "rests", arm.names, clock, state[0], tau)
-    found = aw.identification.identify_arm(log, arm, record=False, sensitivity=False)
+    found = aw.identification.identify_arm(log, arm, record=False, checks=())
     truth = found.fit.base.of(np.nan_to_num(found.fit.equations.model.prior))
     z = np.abs(found.fit.values - truth) / found.fit.std
     blocks = list(stream_of(log, arm).samples(found.fit.equations.model))

@@ -65,7 +65,7 @@ def test_a_cut_off_of_the_fit_is_that_of_the_measure(arms, tmp_path):
     """The filter that the fit was told to take stands in the record, and judges it, now and in `validate`."""
     log = aw.identification.read_log(arms.logs["plain"])
     found = aw.identification.identify_arm(
-        log, arms.arms["plain"], rows=aw.identification.FitRows(cutoff=3.0), sensitivity=False
+        log, arms.arms["plain"], rows=aw.identification.FitRows(cutoff=3.0), checks=()
     )
     assert found.hold_out is not None
     (first, *_) = found.hold_out.written.predictions
@@ -77,7 +77,7 @@ def test_a_cut_off_of_the_fit_is_that_of_the_measure(arms, tmp_path):
 def test_a_fit_as_good_as_the_record_that_came_in_is_identified(arms):
     """The record is the truth, the fit has its noise: a little worse, and no more than noise makes it."""
     found = aw.identification.identify_arm(
-        aw.identification.read_log(arms.logs["plain"]), arms.arms["plain"], sensitivity=False
+        aw.identification.read_log(arms.logs["plain"]), arms.arms["plain"], checks=()
     )
     assert found.hold_out is not None
     assert any(each.before and each.written.rms > each.before.rms for each in found.hold_out.rows)
@@ -88,7 +88,7 @@ def test_a_fit_as_good_as_the_record_that_came_in_is_identified(arms):
 def test_a_fit_worse_than_the_record_that_came_in_is_not_identified(arms, tmp_path):
     """Friction of a law that the fit does not have: the limits of validate are kept, and the old record was better."""
     path, stribeck = arms.logs["stribeck"], arms.arms["stribeck"]
-    found = aw.identification.identify_arm(aw.identification.read_log(path), stribeck, sensitivity=False)
+    found = aw.identification.identify_arm(aw.identification.read_log(path), stribeck, checks=())
     assert found.hold_out is not None
     assert found.hold_out.written.passed
     assert found.verdict == "not identified"
@@ -101,7 +101,7 @@ def test_a_fit_worse_than_the_record_that_came_in_is_not_identified(arms, tmp_pa
 def test_a_fit_better_than_a_wrong_record_is_identified(arms):
     """The same fit, beside a record without any friction."""
     found = aw.identification.identify_arm(
-        aw.identification.read_log(arms.logs["stribeck"]), aw.load("two-link"), sensitivity=False
+        aw.identification.read_log(arms.logs["stribeck"]), aw.load("two-link"), checks=()
     )
     assert found.hold_out is not None
     assert all(each.before and each.written.rms < each.before.rms for each in found.hold_out.rows)
@@ -115,7 +115,7 @@ def test_kinematics_alone_have_nothing_to_compare_with(arms, tmp_path):
     joints = tuple(joint.replace(motor=None, friction=None) for joint in arm.record.joints)
     aw.robotfiles.write_toml(arm.record.replace(links=bare, joints=joints, command="torque"), tmp_path / "bare.toml")
     found = aw.identification.identify_arm(
-        aw.identification.read_log(arms.logs["plain"]), aw.load(tmp_path / "bare.toml"), sensitivity=False
+        aw.identification.read_log(arms.logs["plain"]), aw.load(tmp_path / "bare.toml"), checks=()
     )
     assert found.hold_out is not None
     assert found.hold_out.before is None
@@ -130,7 +130,7 @@ def test_a_log_without_runs_held_out_says_so(arms, tmp_path):
     text = path.read_text()
     path.with_name("all.log.toml").write_text(text.replace('use = "hold-out"', 'use = "fit"'))
     found = aw.identification.identify_arm(
-        aw.identification.read_log(path.with_name("all.log.toml")), arms.arms["plain"], sensitivity=False
+        aw.identification.read_log(path.with_name("all.log.toml")), arms.arms["plain"], checks=()
     )
     assert found.hold_out is None
     assert found.verdict == "identified"
@@ -155,7 +155,7 @@ def test_command_and_report_have_one_verdict(arms, tmp_path, name):
 def test_99_of_100_fits_with_the_same_deviations_have_a_smaller_error(arms):
     """δ drawn from the fit's covariance, its torque error on the run held out from the columns there."""
     log = aw.identification.read_log(arms.logs["plain"])
-    fit = aw.identification.identify_arm(log, arms.arms["plain"], sensitivity=False).fit
+    fit = aw.identification.identify_arm(log, arms.arms["plain"], checks=()).fit
     model, prepared = fit.equations.model, shared_preparations(log, ["fresh"])
     blocks = list(stream_of(log, model.arm, ["fresh"], prepared).samples(model))
     bound = error_by_noise(fit, blocks)
@@ -183,7 +183,7 @@ def test_fits_to_noise_are_not_called_worse_than_the_truth(tmp_path, seconds, no
     arm = aw.load("lwa4p")
     for seed in range(12):
         log = aw.identification.read_log(two_runs(tmp_path / str(seed), arm, seconds=seconds, noise=noise, seed=seed))
-        found = aw.identification.identify_arm(log, arm, sensitivity=False)
+        found = aw.identification.identify_arm(log, arm, checks=())
         assert found.hold_out is not None
         assert found.hold_out.worse == []
 

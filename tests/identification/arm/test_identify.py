@@ -58,7 +58,7 @@ def test_smoothing_speeds_go_with_friction_to_the_other_side(tmp_path):
     arm = aw.load("puma560")
     assert {body.friction.on_motor for body in arm.coordinates} == {True}
     found = aw.identification.identify_arm(
-        aw.identification.read_log(write_log(tmp_path, arm, seconds=20)), arm, sensitivity=False
+        aw.identification.read_log(write_log(tmp_path, arm, seconds=20)), arm, checks=()
     )
     again = aw.load(found.write(tmp_path / "found.toml"))
     assert {body.friction.on_motor for body in again.coordinates} == {False}
@@ -77,7 +77,7 @@ def test_kinematics_alone_are_enough(tmp_path):
         arm.record.replace(links=tuple(bare), joints=tuple(joints), command="torque"), tmp_path / "bare.toml"
     )
     kinematics = aw.load(tmp_path / "bare.toml")
-    found, full = (aw.identification.identify_arm(log, each, sensitivity=False) for each in (kinematics, arm))
+    found, full = (aw.identification.identify_arm(log, each, checks=()) for each in (kinematics, arm))
     q, qd, qdd = np.random.default_rng(9).uniform(-1, 1, (3, 50, 6))
     qd += 0.2 * np.sign(qd)  # the bare arm has no smoothing speed
     mine, expected = (each.fit.equations.model.rows(q, qd, qdd) @ each.fit.parameters for each in (found, full))
@@ -89,7 +89,7 @@ def test_kinematics_alone_are_enough(tmp_path):
 def test_joint_that_rests_is_not_identified_and_said(tmp_path):
     arm = aw.load("lwa4p")
     log = aw.identification.read_log(write_log(tmp_path, arm, still=(5,)))
-    found = aw.identification.identify_arm(log, arm, sensitivity=False)
+    found = aw.identification.identify_arm(log, arm, checks=())
     assert found.verdict == "not identified"
     assert len(found.formulas) < found.structural
     text = "\n".join(found.estimate.remarks)
@@ -100,10 +100,10 @@ def test_what_the_torque_lacks_is_read_from_the_log(tmp_path):
     arm = aw.load("lwa4p")
     floating = arm.replace(gravity=(0.0, 0.0, 0.0))
     log = aw.identification.read_log(write_log(tmp_path, floating, extra='lacks = ["gravity"]'))
-    found = aw.identification.identify_arm(log, arm, sensitivity=False, record=False)
+    found = aw.identification.identify_arm(log, arm, checks=(), record=False)
     assert found.verdict == "identified"
     assert found.fit.r2.min() > 0.99
-    wrong = aw.identification.identify_arm(log, arm, sensitivity=False, record=False, terms=ArmTerms(lacks=()))
+    wrong = aw.identification.identify_arm(log, arm, checks=(), record=False, terms=ArmTerms(lacks=()))
     assert np.nanmax(np.abs(wrong.fit.values - 0.0)) > 0  # gravity at work, and absent from the torque
     assert wrong.fit.r2.min() < found.fit.r2.min()
 
@@ -115,7 +115,7 @@ def test_springs_stay_where_they_lower_the_held_out_error(tmp_path):
     aw.robotfiles.write_toml(arm.record.replace(joints=tuple(joints)), tmp_path / "sprung.toml")
     sprung = aw.load(tmp_path / "sprung.toml")
     log = aw.identification.read_log(write_log(tmp_path, sprung))
-    found = aw.identification.identify_arm(log, arm, terms=ArmTerms(springs=("joint2", "joint3")), sensitivity=False)
+    found = aw.identification.identify_arm(log, arm, terms=ArmTerms(springs=("joint2", "joint3")), checks=())
     names = found.estimate.names
     assert "k2" in names
     assert "k3" not in names
@@ -184,7 +184,7 @@ def test_torques_of_another_unit_or_side_are_noticed(tmp_path, factor):
     table[:, 1 + arm.n :] *= factor
     head = (tmp_path / "log.csv").read_text().splitlines()[0]
     np.savetxt(tmp_path / "log.csv", table, delimiter=",", header=head, comments="", fmt="%.12g")
-    found = aw.identification.identify_arm(aw.identification.read_log(path), arm, sensitivity=False, record=False)
+    found = aw.identification.identify_arm(aw.identification.read_log(path), arm, checks=(), record=False)
     said = [remark for remark in found.estimate.remarks if "times the torque of the record's own" in remark]
     assert found.verdict == ("identified" if factor == 1.0 else "not identified")
     assert len(said) == (factor != 1.0)
@@ -199,7 +199,7 @@ def test_a_wrong_sign_is_not_identified_and_said(tmp_path, quantity):
     path = write_log(tmp_path, arm, seconds=20.0)
     signs = f'quantity = "{quantity}"\nsigns = [1, 1, -1, 1, 1, 1]'
     path.write_text(path.read_text().replace(f'quantity = "{quantity}"', signs))
-    found = aw.identification.identify_arm(aw.identification.read_log(path), arm, sensitivity=False, record=False)
+    found = aw.identification.identify_arm(aw.identification.read_log(path), arm, checks=(), record=False)
     assert found.verdict == "not identified"
     assert [each.split(":")[0] for each in found.estimate.remarks if "would drive it" in each] == ["joint3"]
 
@@ -214,7 +214,7 @@ def test_a_mirrored_joint_that_hardly_moves_and_has_no_friction_is_said(tmp_path
     tau += 0.05 * np.random.default_rng(0).normal(size=tau.shape)
     q[:, 1] *= -1 if mirrored else 1
     found = aw.identification.identify_arm(
-        written_log(tmp_path, "log", arm.names, t, q, tau), arm, record=False, sensitivity=False
+        written_log(tmp_path, "log", arm.names, t, q, tau), arm, record=False, checks=()
     )
     said = [each for each in found.estimate.remarks if "goes with the other sign of its position" in each]
     assert [each.split(":")[0] for each in said] == ["elbow"] * mirrored
@@ -228,7 +228,7 @@ def test_every_format_gives_the_fit_of_the_csv_file(tmp_path, ending):
     t, q, qd, qdd = multisine(2, 8.0, 200.0, 1, 0.5)
     tau = aw.compile(arm).inverse_dynamics(q, qd, qdd)
     first = aw.identification.identify_arm(
-        written_log(tmp_path, "log", arm.names, t, q, tau), arm, record=False, sensitivity=False
+        written_log(tmp_path, "log", arm.names, t, q, tau), arm, record=False, checks=()
     )
     text = (tmp_path / "log.log.toml").read_text().replace("log.csv", f"log.{ending}")
     columns = {"t": t, **{f"q{k}": q[:, k] for k in (0, 1)}, **{f"u{k}": tau[:, k] for k in (0, 1)}}
@@ -245,7 +245,7 @@ def test_every_format_gives_the_fit_of_the_csv_file(tmp_path, ending):
         pd.DataFrame(columns).to_parquet(tmp_path / "log.parquet")
     (tmp_path / "log.log.toml").write_text(text)
     found = aw.identification.identify_arm(
-        aw.identification.read_log(tmp_path / "log.log.toml"), arm, record=False, sensitivity=False
+        aw.identification.read_log(tmp_path / "log.log.toml"), arm, record=False, checks=()
     )
     np.testing.assert_allclose(found.fit.values, first.fit.values, atol=1e-5)
     assert found.verdict == first.verdict
@@ -270,7 +270,7 @@ def test_a_joint_that_is_not_predicted_is_not_identified(tmp_path, held):
     text = (tmp_path / "a" / "arm.log.toml").read_text().replace('path = "log.csv"\n', "")
     path = tmp_path / "arm.log.toml"
     path.write_text(text.replace("[time]", runs + "[time]"))
-    found = aw.identification.identify_arm(aw.identification.read_log(path), arm, sensitivity=False, record=False)
+    found = aw.identification.identify_arm(aw.identification.read_log(path), arm, checks=(), record=False)
     where = "on the runs held out" if held else "on parts held out"
     assert found.fit.r2[0] > 0
     assert found.verdict == "not identified"
@@ -324,9 +324,7 @@ def test_tx40(tx40, tmp_path):
 
 def test_tx40_predicts_seconds_that_it_has_not_seen(tx40):
     log, arm = tx40
-    found = aw.identification.identify_arm(
-        log, arm, rows=FitRows(cutoff=100, decimate=20), record=False, sensitivity=False
-    )
+    found = aw.identification.identify_arm(log, arm, rows=FitRows(cutoff=100, decimate=20), record=False, checks=())
     model = found.fit.equations.model
     prepared = aw.identification.choose_preparation(log, cutoff=100, decimate=20)
     equations = equations_of(stream_of(log, arm, None, prepared).samples(model), model, part_seconds=1.0)
@@ -343,9 +341,7 @@ def test_lwa_4p_is_predicted_on_runs_held_out(tmp_path):
         pytest.skip(f"the measurements are not here: {DATA}")
     fit, held = ([each.as_posix() for each in folders[k::2]] for k in (0, 1))
     log = aw.identification.read_log(log_of(tmp_path, "schunk_lwa4p", LWA_4P, fit=fit, held=held))
-    found = aw.identification.identify_arm(
-        log, aw.load("lwa4p"), friction=("viscous",), record=False, sensitivity=False
-    )
+    found = aw.identification.identify_arm(log, aw.load("lwa4p"), friction=("viscous",), record=False, checks=())
     assert found.hold_out is not None
     found_r2 = np.array([each.written.r2 for each in found.hold_out.rows])
     assert (found_r2[[0, 2, 3, 4, 5]] > 0.7).all()

@@ -42,14 +42,14 @@ def test_more_cases(case, joints):
 
 @pytest.mark.parametrize("case", ["noise", "quantised"])
 def test_blocks_of_the_log_have_the_stated_deviations(case):
-    found, _ = arm_coverage.fitted(case, 3, 1, bootstrap=True)
+    found, _ = arm_coverage.fitted(case, 3, 1, checks=("bootstrap",))
     assert 0.8 < np.median(found.bootstrap.ratios) < 1.25
     assert any(each.startswith("bootstrap of ") for each in found.estimate.remarks)
 
 
 def test_the_bootstrap_is_of_least_squares_alone():
-    with pytest.raises(IdentificationError, match="bootstrap = 'irls': expected method ols or wls"):
-        arm_coverage.fitted("noise", 3, 1, bootstrap=True, method="irls")
+    with pytest.raises(IdentificationError, match="checks = 'bootstrap': expected method ols or wls"):
+        arm_coverage.fitted("noise", 3, 1, checks=("bootstrap",), method="irls")
 
 
 def drifting(
@@ -68,11 +68,11 @@ def drifting(
 
 def test_friction_that_changes_widens_intervals_and_is_said(tmp_path):
     machine, log = drifting(tmp_path, 0.4)
-    found = aw.identification.identify_arm(log, machine.arm, record=False, sensitivity=False)
+    found = aw.identification.identify_arm(log, machine.arm, record=False, checks=())
     assert found.fit.part_effect > 1.5
     assert any("times what noise explains" in each for each in found.estimate.remarks)
     _, steady = drifting(tmp_path, 0.0)
-    same = aw.identification.identify_arm(steady, machine.arm, record=False, sensitivity=False)
+    same = aw.identification.identify_arm(steady, machine.arm, record=False, checks=())
     assert same.fit.part_effect == 1.0
     assert not any("times what noise explains" in each for each in same.estimate.remarks)
 
@@ -85,7 +85,7 @@ def test_halves_of_drifting_logs_differ_by_what_is_stated(tmp_path, drift):
         fits = []
         for half in (slice(0, 10000), slice(10000, 20000)):
             machine, log = drifting(tmp_path, drift, seed, half)
-            fits.append(aw.identification.identify_arm(log, machine.arm, record=False, sensitivity=False).fit)
+            fits.append(aw.identification.identify_arm(log, machine.arm, record=False, checks=()).fit)
         one, other = fits
         z.append((one.values - other.values) / np.hypot(one.std, other.std))
     assert np.sqrt((np.concatenate(z) ** 2).mean()) < 1.3

@@ -103,13 +103,13 @@ def test_essential_leaves_out_what_the_log_hardly_tells(tmp_path):
     from identification.arm.simulated_log import write_log
 
     log = aw.identification.read_log(write_log(tmp_path, arm, seconds=20, noise=1.0))
-    found = aw.identification.identify_arm(log, arm, method="essential", record=False, sensitivity=False)
+    found = aw.identification.identify_arm(log, arm, method="essential", record=False, checks=())
     assert found.structural == 58
     assert 20 < len(found.fit.values) < 58
     assert found.verdict == "identified"
     assert any("of them are essential; left out" in remark for remark in found.estimate.remarks)
     relative = found.fit.std / np.abs(found.fit.values)
-    whole = aw.identification.identify_arm(log, arm, record=False, sensitivity=False).fit
+    whole = aw.identification.identify_arm(log, arm, record=False, checks=()).fit
     assert relative.max() < (whole.std / np.abs(whole.values)).max()
     assert (found.fit.r2 > whole.r2 - 0.01).all()
 
@@ -133,7 +133,7 @@ def test_voltages_alone_are_enough(tmp_path):
     voltage += 0.2 * np.random.default_rng(4).normal(size=voltage.shape)
     log = written_log(tmp_path, "volts", arm.names, t, q, voltage, "voltage")
     assert "tau" not in log.layout
-    found = aw.identification.identify_arm(log, arm, record=False, sensitivity=False)
+    found = aw.identification.identify_arm(log, arm, record=False, checks=())
     expected = found.fit.base.of(np.nan_to_num(found.fit.equations.model.prior))
     assert np.sqrt(np.mean(((found.fit.values - expected) / found.fit.std) ** 2)) < 1.6
     assert found.fit.r2.min() > 0.9

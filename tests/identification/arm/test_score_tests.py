@@ -39,7 +39,7 @@ def sentences(folder: Path, mistake: str, seed: int = 0, joint: int = JOINT, sha
     if mistake == "zero":
         q[:, joint] += 0.3
     path = written(folder, "log", machine.names, {"t": T, "position": q, "torque": torque})
-    found = aw.identification.identify_arm(read(path), machine.arm, record=False, sensitivity=False)
+    found = aw.identification.identify_arm(read(path), machine.arm, record=False, checks=())
     return [each for each in found.estimate.remarks if any(about in each for about in ABOUT)]
 
 
@@ -73,7 +73,7 @@ def test_what_a_limit_cuts_off_does_not_spoil_the_fit(tmp_path, seed):
     torque = torque + 0.01 * torque.std(axis=0) * np.random.default_rng(seed).normal(size=torque.shape)
     torque[:, JOINT] = cut_off(torque[:, JOINT])
     path = written(tmp_path, "log", machine.names, {"t": T, "position": states[0], "torque": torque})
-    fit = aw.identification.identify_arm(read(path), machine.arm, record=False, sensitivity=False).fit
+    fit = aw.identification.identify_arm(read(path), machine.arm, record=False, checks=()).fit
     z = (fit.values - fit.base.of(machine.truth(fit.equations.model))) / fit.std
     assert np.sqrt((z**2).mean()) < 1.5
     assert fit.r2.min() > 0.999

@@ -132,7 +132,7 @@ def test_counts_and_milliamperes_of_motors_give_the_truth(tmp_path, truth, nomin
     head = f"joints = {NAMES[::-1]}\ngears.matrix = {turned}\n"
     signals = signal("position", "counts", f'unit = "counts"\nside = "motor"\ncounts_per_turn = {COUNTS}', order)
     log = written_log(tmp_path, "drives", table, signals + signal("current", "mA", 'unit = "mA"', order), head)
-    found = aw.identification.identify_arm(log, nominal, sensitivity=False)
+    found = aw.identification.identify_arm(log, nominal, checks=())
     assert found.verdict == "identified", str(found)
     again = aw.load(found.write(tmp_path / "found.toml"))
     states = multisine(6, SECONDS, 50.0, 9, 0.45)[1:]
@@ -168,7 +168,7 @@ def test_what_no_check_of_units_sees_is_named_by_the_fit(tmp_path, nominal, tabl
     """Every joint is predicted with R² above 0.5."""
     change, joints, words = MISTAKES[mistake]
     log = written_log(tmp_path, mistake, {**table, **change(table)}, OF_JOINTS)
-    found = aw.identification.identify_arm(log, nominal, sensitivity=False)
+    found = aw.identification.identify_arm(log, nominal, checks=())
     assert found.verdict == "not identified"
     assert [each for each in found.estimate.remarks if joints in each and words in each], str(found)
 
@@ -177,7 +177,7 @@ def test_torques_that_come_late_are_said(tmp_path, nominal, table):
     """By 20 ms, five rows of a motion that ends where it begins."""
     late = {**table, "tau": np.roll(table["tau"], 5, axis=0)}
     found = aw.identification.identify_arm(
-        written_log(tmp_path, "late", late, OF_JOINTS), nominal, sensitivity=False, record=False
+        written_log(tmp_path, "late", late, OF_JOINTS), nominal, checks=(), record=False
     )
     (said,) = [each for each in found.estimate.remarks if "after the motion that they belong to" in each]
     assert float(said.split()[2]) == pytest.approx(20.0, rel=0.3)
@@ -213,7 +213,5 @@ def test_a_good_fit_is_not_in_doubt_where_the_log_has_a_gap(tmp_path):
     tau += tau.std(axis=0) * (0.8 * np.sign(qd) + 0.4 * qd + 0.01 * np.random.default_rng(0).normal(size=q.shape))
     q = np.round(q / 2.4e-5) * 2.4e-5
     q[2000:2007] = np.nan
-    found = aw.identification.identify_arm(
-        written_arm_log(tmp_path, "gap", list(arm.names), t, q, tau), arm, sensitivity=False
-    )
+    found = aw.identification.identify_arm(written_arm_log(tmp_path, "gap", list(arm.names), t, q, tau), arm, checks=())
     assert found.verdict == "identified", str(found)

@@ -51,7 +51,7 @@ def test_errors_are_those_of_the_stated_deviations(tmp_path, kind):
     arm = random_arm(tmp_path, seed)
     motion = {"seconds": seconds, "rate": rate, "harmonics": harmonics, "size": size, "seed": seed}
     log = moved(tmp_path, "moved", arm, **motion, torque_noise=0.02, position_noise=noise)
-    found = aw.identification.identify_arm(log, arm, record=False, sensitivity=False)
+    found = aw.identification.identify_arm(log, arm, record=False, checks=())
     truth = found.fit.base.of(np.nan_to_num(found.fit.equations.model.prior))
     z = (found.fit.values - truth) / found.fit.std
     assert np.sqrt(np.mean(z**2)) < 1.7
@@ -62,9 +62,7 @@ def test_a_motion_as_fast_as_its_low_pass_leaves_no_bias(tmp_path):
     """Lines just below the cut-off, made smaller by a twentieth there, and products of them above it."""
     arm = random_arm(tmp_path, 1)
     log = moved(tmp_path, "fast", arm, seconds=8.0, rate=250.0, harmonics=20, torque_noise=0.02, seed=1)
-    found = aw.identification.identify_arm(
-        log, arm, rows=FitRows(cutoff=2.8, decimate=20), record=False, sensitivity=False
-    )
+    found = aw.identification.identify_arm(log, arm, rows=FitRows(cutoff=2.8, decimate=20), record=False, checks=())
     truth = found.fit.base.of(np.nan_to_num(found.fit.equations.model.prior))
     assert (np.abs(found.fit.values - truth) < 0.02 * np.maximum(np.abs(truth), 1.0)).all()
 
@@ -82,7 +80,7 @@ def test_signs_of_a_joint_at_rest_are_no_direction(tmp_path):
     tau = aw.compile(arm).inverse_dynamics(q, qd, qdd)
     del qd, qdd
     log = written_log(tmp_path, "stops", arm.names, t, q, tau)
-    found = aw.identification.identify_arm(log, arm, record=False, sensitivity=False)
+    found = aw.identification.identify_arm(log, arm, record=False, checks=())
     truth = found.fit.base.of(np.nan_to_num(found.fit.equations.model.prior))
     coulomb = [k for k, name in enumerate(found.fit.base.names) if name.startswith("fc")]
     np.testing.assert_allclose(found.fit.values[coulomb], truth[coulomb], rtol=0.05)

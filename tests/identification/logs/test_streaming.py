@@ -21,7 +21,7 @@ for path in sys.argv[2:]:
     logs.append(aw.identification.read_log(path))
     print(logs[-1].runs[0].rows, peak())
 for log in logs if sys.argv[1] == "parquet" else ():  # whatever a log was read from: once, where reading is quick
-    fit = aw.identification.identify_arm(log, aw.load("two-link"), record=False, sensitivity=False).fit
+    fit = aw.identification.identify_arm(log, aw.load("two-link"), record=False, checks=()).fit
     print(fit.equations.rows[0], peak())
 """
 

@@ -54,11 +54,13 @@ def block_bootstrap(samples: Iterable[Samples], fit: ArmFit, seconds: float, run
         IdentificationError: another method, or too few blocks.
     """
     if fit.method not in ("ols", "wls"):
-        raise IdentificationError(place="bootstrap", value=fit.method, expected="method ols or wls")
+        raise IdentificationError(place="checks", value="bootstrap", expected=f"method ols or wls, not {fit.method}")
     length = inf if runs >= BLOCKS else seconds / BLOCKS
     parts = equations_of(samples, fit.equations.model, part_seconds=length).parts
     if len(parts) < FEWEST:
-        raise IdentificationError(f"{len(parts)} blocks", place="bootstrap", expected=f"a log with {FEWEST} at least")
+        raise IdentificationError(
+            f"{len(parts)} blocks", place="checks", value="bootstrap", expected=f"a log with {FEWEST} at least"
+        )
     grams = np.array(
         [sum(w * gram(factor, fit.base) for w, factor in zip(fit.weights, part.factors, strict=True)) for part in parts]
     )

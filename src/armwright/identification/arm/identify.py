@@ -30,6 +30,8 @@ from armwright.identification.logs.log import Log
 from armwright.identification.validation.comparison import NO_HOLD_OUT
 from armwright.model import Model
 
+CHECKS = ("cutoff", "bootstrap")
+
 
 def identify_arm(
     log: Log,
@@ -42,8 +44,7 @@ def identify_arm(
     feedback: Feedback | tuple[Any, Any, float] | None = None,
     forgetting: float = 1.0,
     record: bool = True,
-    sensitivity: bool = True,
-    bootstrap: bool = False,
+    checks: Collection[str] = ("cutoff",),
 ) -> ArmEstimate:
     """Masses, rotors and friction of an arm from a log of positions and motor torques, currents or voltages.
 
@@ -64,8 +65,7 @@ def identify_arm(
         feedback: of the log's one run, for "iv", "didim" and "cloe"; or (kp, kd, period) of a controller whose reference is not
             known, in whose place the logged positions stand.   forgetting: of "recursive", for each row, at most 1.
         record: also find physically possible values for a record; runs held out judge it, so that then it is found in any case.
-        sensitivity: also fit at cut-offs 30 % lower and higher.
-        bootstrap: also find deviations by a bootstrap of blocks of the log; of "ols" and "wls".
+        checks: "cutoff", fits at cut-offs 30 % lower and higher; "bootstrap", deviations by blocks of the log ("ols", "wls").
     Returns:
         result: `result.estimate` has the base parameters, `result.write(path)` writes the record.
     Raises:
@@ -75,6 +75,9 @@ def identify_arm(
     """
     if method not in METHODS:
         raise IdentificationError(place="method", value=method, choices=tuple(METHODS))
+    for name in checks:
+        if name not in CHECKS:
+            raise IdentificationError(place="checks", value=name, choices=CHECKS)
     terms, rows = ArmTerms() if terms is None else terms, FitRows() if rows is None else rows
     expect(terms, ArmTerms, "terms", "an aw.identification.ArmTerms", IdentificationError)
     expect(rows, FitRows, "rows", "an aw.identification.FitRows", IdentificationError)
@@ -94,8 +97,10 @@ def identify_arm(
     found = fitted(stream, model, method, feedback, forgetting, strict=terms.fit_efficiency != "all")
     fit, by_parts = found.fit, METHODS[method].parts
     held_out = tuple(cross_validated(fit)) if by_parts and len(fit.equations.parts) > 1 else ()
-    sensitive = sensitive_parameters(stream, fit) if by_parts and sensitivity else ()
-    by_blocks = block_bootstrap(found.rows(), fit, stream.seconds, len(stream.filters)) if bootstrap else None
+    sensitive = sensitive_parameters(stream, fit) if by_parts and "cutoff" in checks else ()
+    by_blocks = (
+        block_bootstrap(found.rows(), fit, stream.seconds, len(stream.filters)) if "bootstrap" in checks else None
+    )
     values = record_parameters(fit, stream.kept) if record or stream.fresh else None
     about = f"{METHODS[method].about} of {fit.equations.rows.max()} rows, {model.arm.n} joints, cut-off {stream.cutoff:.4g} Hz"
     estimate = Estimate(

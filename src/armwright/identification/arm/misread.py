@@ -57,9 +57,9 @@ def misread_columns(fit: ArmFit, samples: Samples) -> list[str]:
     fitted = np.where(known, some.unknown_torque(model) - some.regressor(model) @ fit.parameters, 0.0)
     most = float((by_torque * fitted**2).sum())
     said, exchanged = [], (BETTER, "")
-    measured = known.any(axis=0)
+    measured = np.count_nonzero(known, axis=0) > 0
     for places, what, position, torque in _mistakes(model):
-        if not measured[list(places)].all():
+        if not all(measured[j] for j in places):
             continue
         found, of_joint = left(position, torque)
         if of_joint.sum() > most:
