@@ -108,7 +108,7 @@ def run():
 WRITERS = {  # what writes one file or several into a folder
     "export_controller": lambda folder: aw.export.export_controller(scenario(), folder / "c"),
     "write_c": lambda folder: write_c(aw.load("two-link"), ["mass_matrix"], folder / "c"),
-    "export_fmu": lambda folder: aw.export.export_fmu(scenario(), folder / "arm.fmu"),
+    "export_fmu": lambda folder: aw.export.export_fmu(scenario(), folder / "arm.fmu", platforms=["host"]),
     "export_ros2": lambda folder: aw.export.export_ros2(aw.load("two-link"), folder / "ros"),
     **{f"convert to {ending}": lambda folder, ending=ending: aw.robotfiles.convert("puma560", folder / f"arm.{ending}")
        for ending in ("toml", "urdf", "xml")},

@@ -72,7 +72,7 @@ kind = "move"
 goal = 0.4
 """
 
-SEEDS = range(1, 6)  # of noise, beside seed 0 of the chain's log
+SEEDS = range(1, 5)  # of noise, beside seed 0 of the chain's log
 NEW_MOTIONS = 2
 NOISE = 3.0  # times what noise explains
 SMALL = {"q": 1e-3, "tau": 0.1}  # most that noise may explain, of the range: else the comparison would say nothing

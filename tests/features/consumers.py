@@ -698,10 +698,10 @@ CONSUMERS = {
     "shadow": Consumer("shadow.shadow.SUPPORT", watched, no_alarm),
     "excite": Consumer("identification.experiments.excitation.SUPPORT", excited, keeps_its_limits),
     "export controller": Consumer("export.controller.write.SUPPORT", exported, commands_of_simulation, looped),
-    # tests/export/fmu hold every effect of drives, every rule, and loops with all of their features, to the bit
+    # tests/twin and tests/export/fmu hold every effect of drives, every rule, and loops with all of their features, to the bit
     "export fmu": Consumer("export.fmu.write.SUPPORT", fmu, moves_as_simulated, looped, each_pair=False),
     "export ros2": Consumer("export.ros2.SUPPORT", ros2, reads_back),
-    "twin": Consumer("twin.on_bus.SUPPORT", on_bus, bus_equals_simulation, looped, "current"),
+    "twin": Consumer("twin.on_bus.SUPPORT", on_bus, bus_equals_simulation, looped, "current", each_pair=False),
     "convert to URDF": Consumer("export.urdf.SUPPORT", converted("urdf"), reads_back),
     "convert to MJCF": Consumer("export.mjcf.SUPPORT", converted("xml"), torques_of_mujoco),
     "info": Consumer("features.INFO", information, shows_it),

@@ -420,7 +420,7 @@ def written(tmp_path_factory: pytest.TempPathFactory, client: Any) -> Path:
 
 
 @pytest.mark.sample(1)
-@pytest.mark.parametrize("seed", range(200))
+@pytest.mark.parametrize("seed", range(100))
 def test_damage_is_made_good_or_named(seed: int, written: Path, tmp_path: Path, client: Any) -> None:
     rng, path = np.random.default_rng(seed), tmp_path / "runs.zarr"
     shutil.copytree(written / ("whole.zarr" if seed % 2 else "half.zarr"), path)

@@ -319,8 +319,8 @@ def test_errors_beside_those_without_loss(tmp_path, seeds):
 
 
 @pytest.mark.study
-def test_errors_of_forty_seeds_beside_those_without_loss(tmp_path, seeds):
-    row = seeds.study("four-joint", seeds.cases(tmp_path)["four-joint"], tmp_path, range(40))
+def test_errors_of_many_seeds_beside_those_without_loss(tmp_path, seeds):
+    row = seeds.study("four-joint", seeds.cases(tmp_path)["four-joint"], tmp_path, range(24))
     assert row.failures == []
 
 

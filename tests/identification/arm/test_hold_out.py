@@ -179,9 +179,9 @@ def test_noise_explains_what_another_run_could_give_and_no_more():
 @pytest.mark.study
 @pytest.mark.parametrize(("seconds", "noise"), [(5.0, 0.1), (20.0, 1.0)])
 def test_fits_to_noise_are_not_called_worse_than_the_truth(tmp_path, seconds, noise):
-    """12 logs of an arm of 6 joints, 58 base parameters; the record that comes in is the truth, which no fit can beat."""
+    """6 logs of an arm of 6 joints, 58 base parameters; the record that comes in is the truth, which no fit can beat."""
     arm = aw.load("lwa4p")
-    for seed in range(12):
+    for seed in range(6):
         log = aw.identification.read_log(two_runs(tmp_path / str(seed), arm, seconds=seconds, noise=noise, seed=seed))
         found = aw.identification.identify_arm(log, arm, checks=())
         assert found.hold_out is not None
