@@ -1,6 +1,6 @@
 """Single rows of a signal that stand out from those beside them, as glitches of a bus or an encoder do.
 
-A row stands out if it differs from the median of the five rows around it by more than 5 times the 95 % quantile of the steps from
+A row stands out if it differs from the median of the five rows around it by more than 6 times the 90 % quantile of the steps from
 row to row, 14 deviations of white noise. Steps that stay, as dry friction makes them, are in the median too. [DaviesGather1993]
 """
 
@@ -15,9 +15,9 @@ from armwright.identification.logs.census import Census
 from armwright.identification.logs.quantisation import quantisation_step
 
 SIGNALS = ("q", "qd", "tau", "tau_link", "current")  # that are measured; a command may have pulses
-AROUND, USUAL, TIMES = 5, 0.95, 5.0
+AROUND, USUAL, TIMES = 5, 0.9, 6.0
 FEWEST = 64  # rows that a limit is made of
-MOST = 0.05  # share of the rows: more belong to the signal
+MOST = 0.04  # share of the rows, a tenth of whose steps they then are: more belong to the signal
 
 
 def spike_limits(census: Census) -> dict[str, tuple[float, ...]]:
