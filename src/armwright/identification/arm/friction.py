@@ -94,7 +94,7 @@ def friction_rows(
             away = np.ones(len(speed), dtype=bool)
             for turn in turns:
                 away[max(turn + 1 - near, 0) : turn + 1 + near] = False
-            kept = away & np.isfinite(rest[:, j])
+            kept = away & np.isfinite(rest[:, j]) & (True if block.fitted is None else block.fitted[:, j])
             columns = (each[kept, j] for each in (block.q, block.qd, rest, load, warm))
             parts[j].append(FrictionRows(*columns, number=begin + np.flatnonzero(kept)))
     joined = []
