@@ -227,7 +227,6 @@ NOT_IDENTIFIED = [
     (another_arm, ("validate motor", "validate arm"), "fails its limits"),
     (repeated, ("validate motor",), "fails its limits.*repeat the row before"),
     (saturated, ("validate motor",), "fails its limits.*stays at its extreme|go to its extremes"),
-    (saturated, ("payload",), "stays at its extreme"),
 ]
 WARNED = [
     (constant, ("log",), "constant"),
@@ -235,7 +234,7 @@ WARNED = [
     (wrong_sign, ("linear",), "pushes against the motion"),
     (another_arm, ("linear",), "the errors follow past inputs"),
     (repeated, ("log", "linear", "arm", "payload", "friction", "validate arm"), "repeat the row before"),
-    (saturated, ("log", "arm", "friction", "validate arm"), "stays at its extreme"),
+    (saturated, ("log", "friction", "validate arm"), "stays at its extreme"),
     (saturated, ("linear", "motor"), "go to its extremes"),
 ]
 TRUE_NUMBERS = [
@@ -243,6 +242,7 @@ TRUE_NUMBERS = [
     (nan, ("log", "linear", "arm", "payload", "friction", "validate motor", "validate arm"), ""),
     (gaps, ("log", "linear", "motor", "arm", "payload", "friction", "validate motor", "validate arm"), ""),
     (hardly_enough, ("motor",), ""),
+    (saturated, ("arm", "payload"), "stays at its extreme"),
 ]
 CELLS = [
     pytest.param(damage, command, code, said, id=f"{damage.__name__}-{command}")

@@ -18,7 +18,7 @@ OPTIONS = {
     "friction": (),
     "terms": aw.identification.ArmTerms(lacks=("rotors",)),
     "rows": aw.identification.FitRows(cutoff=20.0, decimate=2),
-    "sensitivity": False,
+    "checks": (),
 }
 
 
