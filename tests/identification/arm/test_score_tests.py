@@ -79,6 +79,21 @@ def test_what_a_limit_cuts_off_does_not_spoil_the_fit(tmp_path, seed):
     assert fit.r2.min() > 0.999
 
 
+@pytest.mark.parametrize("kind", ["command", "louder in motion"])
+def test_pulses_of_commands_and_noise_that_grows_with_the_speed_are_no_glitches(tmp_path, kind):
+    machine, rng = Machine.written(tmp_path, 3, 0), np.random.default_rng(0)
+    states = Motion.of(3, 0).at(T)
+    torque = machine.torque(*states) + 0.01 * rng.normal(size=(len(T), 3))
+    if kind == "command":
+        torque += (rng.random(torque.shape) < 0.01) * 5.0
+    else:  # for one second in twenty
+        torque[5000:5500] += 0.5 * rng.normal(size=(500, 3))
+    columns = {"t": T, "position": states[0], "torque": torque}
+    log = read(written(tmp_path, "log", machine.names, columns, "torque" if kind == "command" else None))
+    assert not any("glitches" in str(note) for note in log.notes)
+    assert not aw.identification.choose_preparation(log).spikes
+
+
 def test_the_zero_of_a_vertical_axis_cannot_be_seen(tmp_path):
     assert sentences(tmp_path, "zero", joint=0) == []
 

@@ -272,7 +272,7 @@ class _Behind:
 
 
 def _beyond(efforts: np.ndarray, limits: np.ndarray) -> np.ndarray:
-    """Where efforts (rows, n) behind a low-pass are close to limits (2, n), or beyond them."""
+    """(rows, n) True where efforts behind a low-pass are close to limits (2, n), or beyond them."""
     with np.errstate(invalid="ignore"):  # the distance of limits that are infinite
         close = CLOSE * np.where(np.isfinite(limits).all(axis=0), limits[1] - limits[0], np.abs(limits).min(axis=0))
         return (efforts <= limits[0] + close) | (efforts >= limits[1] - close)

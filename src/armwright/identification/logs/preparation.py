@@ -161,7 +161,7 @@ def choose_preparation(
         expected = f"1 to {fewest_rows(rate, cutoff)}: a rate of twice the cut-off at least"
         raise LogError(place="decimate", value=decimate, expected=expected)
     made = _preparation(float(cutoff), order, decimate, differentiation, rate, reasons)
-    return replace(made, corners=corners(log, chosen), spikes=spike_limits(chosen.census))
+    return replace(made, corners=corners(log, chosen), spikes=spike_limits(chosen.census, log.held))
 
 
 def fewest_rows(rate: float, cutoff: float) -> int:

@@ -149,7 +149,7 @@ def limits_reached(counted: SignalCensus, k: int, column: np.ndarray) -> tuple[f
 
 def spikes(log: Log, run: LogRun, census: Census) -> Found:
     """Findings about single rows that stand out, of the rows with the most motion."""
-    limits = spike_limits(census)
+    limits = spike_limits(census, log.held)
     for name, place, unit, _, k in _columns(log, census) if limits else ():
         limit = limits[name][k] if name in limits else np.inf
         rows = np.concatenate([standing_out(each.values[name][:, k], limit) for each in census.even])
