@@ -73,10 +73,17 @@ def test_what_a_limit_cuts_off_does_not_spoil_the_fit(tmp_path, seed):
     torque = torque + 0.01 * torque.std(axis=0) * np.random.default_rng(seed).normal(size=torque.shape)
     torque[:, JOINT] = cut_off(torque[:, JOINT])
     path = written(tmp_path, "log", machine.names, {"t": T, "position": states[0], "torque": torque})
-    fit = aw.identification.identify_arm(read(path), machine.arm, record=False, checks=()).fit
+    log = read(path)
+    found = aw.identification.identify_arm(log, machine.arm, checks=())
+    fit = found.fit
     z = (fit.values - fit.base.of(machine.truth(fit.equations.model))) / fit.std
     assert np.sqrt((z**2).mean()) < 1.5
     assert fit.r2.min() > 0.999
+    judged = aw.identification.validate(found.write(tmp_path / "found.toml"), log, simulation=False)
+    assert min(each.overall.r2 for each in judged.measures) > 0.999
+    assert any(
+        re.search(r"j3: \d+% of its torques are cut off at a limit, and not compared", each) for each in judged.notes
+    )
 
 
 @pytest.mark.parametrize("kind", ["command", "louder in motion"])

@@ -27,8 +27,10 @@ from armwright.identification.logs.even_rows import EvenStretch
 from armwright.identification.logs.log import Log
 from armwright.identification.logs.preparation import (
     HIGHEST,
+    LITTLE,
     Preparation,
     RunFilters,
+    beyond_limits,
     choose_preparation,
     fewest_rows,
     filters_of,
@@ -44,8 +46,6 @@ from armwright.model import Model
 CHUNK_VALUES = 2**21  # of the columns that pass the filter at once: 16 MB
 
 CUT_OFF = "cut off"  # signal that is 1 in rows where a full converter cuts the torque off
-LITTLE = 0.01  # share of such rows in the low-pass that a fit can do with
-CLOSE = 0.02  # of the distance of both limits: so close to one a torque is cut off
 IN_MEMORY = 20_000_000  # numbers of prepared rows that stay in memory: 160 MB; longer logs are read again
 
 Moving = tuple[int, np.ndarray, dict[str, np.ndarray]]  # stretch, times (rows,), values (rows, n) by their names
@@ -171,7 +171,7 @@ class Stream:
         states = {name: values[name] for name in ("q", "qd", "qdd", "temperature") if name in values}
         efforts = measured.values[self.source][:, self.order]
         tau = torques_on_joints(model.arm, self.source, efforts, values["qd"], model.dyn)
-        cut_off = _beyond(efforts, filters.limits) & (np.abs(values["qd"]) > filters.resting)
+        cut_off = beyond_limits(efforts, filters.limits) & (np.abs(values["qd"]) > filters.resting)
         return {**states, "tau": tau} | ({CUT_OFF: cut_off.astype(float)} if np.isfinite(filters.limits).any() else {})
 
     def as_measured(self, model: TorqueModel) -> Iterator[Samples]:
@@ -269,13 +269,6 @@ class _Behind:
         cut = max(len(self.t) - 2 * seam, 0)
         rest = {name: each[cut:] for name, each in self.values.items()}
         return _Behind(self.stretch, self.t[cut:], rest, len(self.t) - seam - cut, self.first + cut)
-
-
-def _beyond(efforts: np.ndarray, limits: np.ndarray) -> np.ndarray:
-    """(rows, n) True where efforts behind a low-pass are close to limits (2, n), or beyond them."""
-    with np.errstate(invalid="ignore"):  # the distance of limits that are infinite
-        close = CLOSE * np.where(np.isfinite(limits).all(axis=0), limits[1] - limits[0], np.abs(limits).min(axis=0))
-        return (efforts <= limits[0] + close) | (efforts >= limits[1] - close)
 
 
 def between_rows(qd: np.ndarray, count: int) -> np.ndarray:

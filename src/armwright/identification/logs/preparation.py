@@ -32,6 +32,8 @@ SHORTEST = 32  # rows of a signal that has a spectrum
 WIDER = 4.0  # cut-off of a motion that a model is evaluated on, by that of the preparation
 FINEST = 64.0  # rate of such a motion by the preparation's cut-off: dry friction jumps somewhere between two rows
 REST = 1e-2  # of a joint's range by the run's duration: slower is at rest
+LITTLE = 0.01  # share of rows that a limit cuts off in the low-pass that a fit can do with
+CLOSE = 0.02  # of the distance of both limits: so close to one a torque is cut off
 CLOSEST = 0.3  # its cut-off as a share of the rate, where the preparation's own is not higher
 # Weights of central differences: of row k after less row k before, and of both less twice the row's own.
 FIRST_DIFFERENCE = {"central": (4 / 5, -1 / 5, 4 / 105, -1 / 280), "three rows": (1 / 2,)}
@@ -285,6 +287,13 @@ def measured_limits(log: Log, run: str, source: str) -> np.ndarray:
             column = longest_finite(census.excerpt.values[source][:, k])
             found[:, joint] = limits_reached(census.signals[source], k, column)
     return found
+
+
+def beyond_limits(efforts: np.ndarray, limits: np.ndarray) -> np.ndarray:
+    """(rows, n) True where efforts behind a low-pass are close to limits (2, n), or beyond them."""
+    with np.errstate(invalid="ignore"):  # the distance of limits that are infinite
+        close = CLOSE * np.where(np.isfinite(limits).all(axis=0), limits[1] - limits[0], np.abs(limits).min(axis=0))
+        return (efforts <= limits[0] + close) | (efforts >= limits[1] - close)
 
 
 def _cutoff(log: Log, run: LogRun, rate: float) -> tuple[float, str]:

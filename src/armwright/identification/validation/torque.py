@@ -10,7 +10,13 @@ import numpy as np
 from armwright.actuators.coupling import motor_shares
 from armwright.errors import LogError
 from armwright.identification.logs.log import Log
-from armwright.identification.logs.preparation import resting_speeds, without_rest
+from armwright.identification.logs.preparation import (
+    LITTLE,
+    beyond_limits,
+    measured_limits,
+    resting_speeds,
+    without_rest,
+)
 from armwright.identification.logs.prepared import LoggedMotion, zero_phase
 from armwright.identification.logs.torques import torques_on_joints
 from armwright.identification.validation.match import Match, check_pose_free, match
@@ -36,7 +42,8 @@ def predict_torque(
 
     Where motors are coupled, τ̂ are torques on the joints, as logs have them: Bᵀ times those of the motors.
 
-    Measured torques are those of the log, or of its currents, Nᵀ Kt i, or of its voltages by eq. (12) of the CMU report.
+    Measured torques are those of the log, or of its currents, Nᵀ Kt i, or of its voltages by eq. (12) of the CMU report; NaN
+    where a full converter cuts them off.
 
     Args:
         arm: a full record.   log: what `read_log` returned.   motion: of one of its runs.
@@ -57,8 +64,13 @@ def predict_torque(
         check_pose_free(arm, dyn, log)
     qd, qdd = (data[name].values[:, order] for name in ("qd", "qdd"))
     q = data["q"].values[:, order] if "q" in matched.logged else np.zeros_like(qd)
-    qd = without_rest(qd, resting_speeds(log, run.name)[order], motion.preparation.rate)
-    measured = _filtered(motion, torques_on_joints(arm, source, data[source].values[:, order], qd))
+    resting, efforts = resting_speeds(log, run.name)[order], data[source].values[:, order]
+    limits = measured_limits(log, run.name, source)[:, order]
+    cut_off = beyond_limits(efforts, limits) & (np.abs(qd) > resting)
+    qd = without_rest(qd, resting, motion.preparation.rate)
+    measured = _filtered(motion, torques_on_joints(arm, source, efforts, qd))
+    if cut_off.any():
+        measured[np.abs(_filtered(motion, cut_off.astype(float))) > LITTLE] = np.nan
     predicted = _filtered(motion, dyn.inverse_dynamics(q, qd, qdd)) @ motor_shares(arm)
     if source == "tau_link":
         predicted = predicted + sensor_zeros(arm)

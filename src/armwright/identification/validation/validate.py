@@ -21,6 +21,7 @@ from armwright.identification.logs.preparation import (
     Preparation,
     choose_preparation,
     leaving_rows,
+    measured_limits,
     shared_preparations,
     stored_preparations,
 )
@@ -258,7 +259,17 @@ def _torques(
     dyn = compile_arm(as_logged(model, matched.lacks))
     motions = (logged_motion(log, run, prepared[run]) for run in runs)
     predictions = [predict_torque(model, log, motion, dyn, matched) for motion in motions]
-    return predictions, _torque_notes(model, matched.lacks, predictions[0].rate)
+    return predictions, [*_torque_notes(model, matched.lacks, predictions[0].rate), *_cut_off(predictions)]
+
+
+def _cut_off(predictions: Sequence[Prediction]) -> list[str]:
+    """Sentences about joints whose torques are compared only where no limit cuts them off."""
+    known = np.concatenate([np.isfinite(each.measured) for each in predictions])
+    return [
+        f"{joint}: {1.0 - share:.0%} of its torques are cut off at a limit, and not compared"
+        for joint, share in zip(predictions[0].joints, known.mean(axis=0), strict=True)
+        if 0.0 < share < 1.0
+    ]
 
 
 def _preparations(model: Model, log: Log, runs: Sequence[str], cutoff: float | None) -> dict[str, Preparation]:
@@ -341,9 +352,14 @@ def _motions(
     if scenario is not None:
         notes.append("simulation: the scenario's own run, its time 0 at the first row of each run")
         return simulate_scenario(scenario, log, runs)
-    if driving_signal(arm, matched) is None:
+    driving = driving_signal(arm, matched)
+    if driving is None:
         notes.append("no voltages, currents or torques of all joints are logged: no simulation")
         return []
+    if any(np.isfinite(measured_limits(log, run, driving)).any() for run in runs):
+        notes.append(
+            f"simulation: {driving} as logged, also where a limit cuts it off; the motion is that of a drive at its limit"
+        )
     try:
         chosen = (WINDOW if "q" in matched.logged else None) if window is None else window
         found = simulate_log(arm, log, runs, chosen)
