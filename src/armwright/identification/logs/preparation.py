@@ -30,7 +30,7 @@ ROOM = 2.5  # rate after decimation by the cut-off: its half, Nyquist's frequenc
 EDGE = 1e-3  # what is left of a disturbance at a stretch's edge
 SHORTEST = 32  # rows of a signal that has a spectrum
 WIDER = 4.0  # cut-off of a motion that a model is evaluated on, by that of the preparation
-FINEST = 32.0  # rate of such a motion by the preparation's cut-off: dry friction jumps somewhere between two rows
+FINEST = 48.0  # rate of such a motion by the preparation's cut-off, nearly: dry friction jumps somewhere between two rows
 REST = 1e-2  # of a joint's range by the run's duration: slower is at rest
 LITTLE = 0.01  # share of rows that a limit cuts off in the low-pass that a fit can do with
 CLOSE = 0.02  # of the distance of both limits: so close to one a torque is cut off
@@ -94,7 +94,7 @@ class Preparation:
 
         The rows that it keeps are those that this one keeps and some between; fewer are dropped at either end.
         """
-        most = min(_every(self.rate, FINEST * self.cutoff), self.decimate)
+        most = min(_fine(self.rate, self.cutoff), self.decimate)
         step = max(k for k in range(1, most + 1) if self.decimate % k == 0)
         spoilt = settling(self.sections, EDGE) // step * step
         return replace(self, cutoff=_wider(self.cutoff, self.rate), decimate=step, edge=self.edge - spoilt)
@@ -168,7 +168,7 @@ def choose_preparation(
 
 def fewest_rows(rate: float, cutoff: float) -> int:
     """Largest decimation of rows of a rate in Hz behind a low-pass: Nyquist's."""
-    return _every(rate, 2 * cutoff)
+    return max(int(rate / (2 * cutoff)), 1)
 
 
 def _preparation(
@@ -181,8 +181,8 @@ def _preparation(
 ) -> Preparation:
     """A preparation with its choices in words; `decimate` None: chosen."""
     if (factor := decimate) is None:
-        step = _every(rate, FINEST * cutoff)  # of the motion
-        factor = _every(rate, ROOM * cutoff) // step * step
+        fine = _fine(rate, cutoff)
+        factor = max(int(rate / (ROOM * cutoff)) // fine, 1) * fine
     sections = low_pass(order, cutoff, rate)
     wide = low_pass(order, _wider(cutoff, rate), rate)
     edge = settling(sections, EDGE) + settling(wide, EDGE) + BESIDE[differentiation]
@@ -323,9 +323,9 @@ def _cutoff(log: Log, run: LogRun, rate: float) -> tuple[float, str]:
     return best, reason
 
 
-def _every(rate: float, least: float) -> int:
-    """Every how many rows of a rate to keep, so that a rate is left that is no lower than a least one; both in Hz."""
-    return max(int(rate / least), 1)
+def _fine(rate: float, cutoff: float) -> int:
+    """Every how many rows to keep of the motion that a model is evaluated on."""
+    return max(round(rate / (FINEST * cutoff)), 1)
 
 
 def _wider(cutoff: float, rate: float) -> float:
