@@ -19,7 +19,7 @@ from armwright.fitting.stretch import LogStretch
 from armwright.fitting.triangular import triangle
 from armwright.identification.arm.torque_model import TorqueModel
 
-CHUNK_VALUES = 2**21  # of the regressor in one block: 16 MB
+CHUNK_VALUES = 2**18  # of the regressor in one block: 2 MB
 FOLDS = 8  # parts of a log with few runs
 MANY_RUNS = 4  # from here on each run is a part
 

@@ -43,10 +43,10 @@ from armwright.identification.logs.prepared import SEAM, prepared_blocks, prepar
 from armwright.identification.logs.torques import Source, missing_terms, torque_source, torques_on_joints
 from armwright.model import Model
 
-CHUNK_VALUES = 2**21  # of the columns that pass the filter at once: 16 MB
+CHUNK_VALUES = 2**18  # of the columns that pass the filter at once: 2 MB
 
 CUT_OFF = "cut off"  # signal that is 1 in rows where a full converter cuts the torque off
-IN_MEMORY = 20_000_000  # numbers of prepared rows that stay in memory: 160 MB; longer logs are read again
+IN_MEMORY = 2**22  # numbers of prepared rows that stay in memory: 32 MB; longer logs are read again
 
 Moving = tuple[int, np.ndarray, dict[str, np.ndarray]]  # stretch, times (rows,), values (rows, n) by their names
 Memory = dict[str, list[Moving]]  # by the run's name
