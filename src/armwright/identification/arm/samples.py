@@ -43,7 +43,7 @@ from armwright.identification.logs.prepared import SEAM, prepared_blocks, prepar
 from armwright.identification.logs.torques import Source, missing_terms, torque_source, torques_on_joints
 from armwright.model import Model
 
-CHUNK_VALUES = 2**18  # of the columns that pass the filter at once: 2 MB
+CHUNK_VALUES = 2**19  # of the columns that pass the filter at once: 4 MB
 
 CUT_OFF = "cut off"  # signal that is 1 in rows where a full converter cuts the torque off
 IN_MEMORY = 2**22  # numbers of prepared rows that stay in memory: 32 MB; longer logs are read again
