@@ -48,6 +48,7 @@ class Consumer:
         support: where its declaration stands.   answer: of an arm or scenario, in a folder of its own.
         law: asserts that an answer is right.   of: the scenario of an arm; None: it takes arms alone.   command: of its drives.
         each_pair: False: the law takes long, and is held with all exact features together only.
+        apart: False: the answer takes long, and features that go with one another are walked together only where they are exact.
     """
 
     support: str
@@ -56,6 +57,7 @@ class Consumer:
     of: Callable[[aw.Model], aw.Scenario] | None = None
     command: str = "voltage"
     each_pair: bool = True
+    apart: bool = True
 
 
 def states(arm, count=5, seed=1):
@@ -681,19 +683,23 @@ CONSUMERS = {
     "CasADi": Consumer("kernels.compiled.CASADI", casadi_functions, as_kernels),
     "simulate": Consumer("simulation.simulation.SUPPORT", simulated, as_rk45, looped),
     "cvodes": Consumer("simulation.integrate.cvodes.SUPPORT", by_cvodes, as_rk45, looped),
-    "sensitivities": Consumer("simulation.sensitivity.SUPPORT", sensitivities, as_differences, commanded),
+    "sensitivities": Consumer("simulation.sensitivity.SUPPORT", sensitivities, as_differences, commanded, apart=False),
     "ik": Consumer("ik.solve.SUPPORT", poses, reaches),
     "plan": Consumer("trajectory.limits_report.SUPPORT", reported, torques_of_inverse_dynamics),
     "time_optimal": Consumer("trajectory.time_optimal.plan.SUPPORT", fastest, within_limits),
     "loops": Consumer("control.analysis.small_signal.SUPPORT", loops, ends_at_its_margins, looped),
     "design_gains": Consumer("control.design.design_gains.SUPPORT", designed, keeps_its_margins, looped),
-    "compare_controllers": Consumer("control.comparison.compare.SUPPORT", compared, errors_of_simulation, looped),
-    "tune": Consumer("tuning.tune.SUPPORT", tuned, judged_as_simulated, looped),
-    "sweep": Consumer("sweeps.sweep.SUPPORT", swept, as_simulated, looped),
+    "compare_controllers": Consumer(
+        "control.comparison.compare.SUPPORT", compared, errors_of_simulation, looped, apart=False
+    ),
+    "tune": Consumer("tuning.tune.SUPPORT", tuned, judged_as_simulated, looped, apart=False),
+    "sweep": Consumer("sweeps.sweep.SUPPORT", swept, as_simulated, looped, apart=False),
     "identify arm": Consumer("identification.arm.torque_model.SUPPORT", identified, predicts),
     "identify friction": Consumer("identification.arm.friction.SUPPORT", friction_found, viscous_friction),
     "identify payload": Consumer("identification.arm.payload.SUPPORT", payload_found, weighs_a_kilogram),
-    "identify motor": Consumer("identification.motor.identify.SUPPORT", motors_found, constants_of_the_motors),
+    "identify motor": Consumer(
+        "identification.motor.identify.SUPPORT", motors_found, constants_of_the_motors, apart=False
+    ),
     "validate": Consumer("identification.validation.validate.SUPPORT", validated, passes),
     "shadow": Consumer("shadow.shadow.SUPPORT", watched, no_alarm),
     "excite": Consumer("identification.experiments.excitation.SUPPORT", excited, keeps_its_limits),
@@ -701,7 +707,9 @@ CONSUMERS = {
     # tests/twin and tests/export/fmu hold every effect of drives, every rule, and loops with all of their features, to the bit
     "export fmu": Consumer("export.fmu.write.SUPPORT", fmu, moves_as_simulated, looped, each_pair=False),
     "export ros2": Consumer("export.ros2.SUPPORT", ros2, reads_back),
-    "twin": Consumer("twin.on_bus.SUPPORT", on_bus, bus_equals_simulation, looped, "current", each_pair=False),
+    "twin": Consumer(
+        "twin.on_bus.SUPPORT", on_bus, bus_equals_simulation, looped, "current", each_pair=False, apart=False
+    ),
     "convert to URDF": Consumer("export.urdf.SUPPORT", converted("urdf"), reads_back),
     "convert to MJCF": Consumer("export.mjcf.SUPPORT", converted("xml"), torques_of_mujoco),
     "info": Consumer("features.INFO", information, shows_it),

@@ -18,7 +18,12 @@ from armwright.features import ARM, CONSUMERS as DECLARED, FEATURES, GROUPS, SCE
 from features.cases import ARMS, SCENARIOS, TOGETHER, arms, base, together
 from features.consumers import CONSUMERS
 
-PAIRS = [(name, feature) for name, each in CONSUMERS.items() for feature in declared(each.support).features]
+PAIRS = [
+    (name, feature)
+    for name, each in CONSUMERS.items()
+    for feature in declared(each.support).features
+    if each.apart or feature not in TOGETHER or declared(each.support).outcome(feature)[0] != "exact"
+]
 SMALLER = {"branches", "mimic joints", "payload", "locked joints"}  # whose key is none of the record's
 
 

@@ -14,7 +14,7 @@ from simulation.random_scenarios import ROWS, NoSuchArm, case, judged, truth, wr
 from simulation.sticking import block, dry
 from simulation.test_switching import bounced
 
-SEEDS = 60  # of the 200 that tools/accuracy_law.py walks
+SEEDS = 40  # of the 200 that tools/accuracy_law.py walks
 LIMITS = {"position_rad": [-0.1, 0.1]}
 
 
