@@ -81,7 +81,7 @@ def test_friction_that_changes_widens_intervals_and_is_said(tmp_path):
 @pytest.mark.parametrize("drift", [0.1, 0.4])
 def test_halves_of_drifting_logs_differ_by_what_is_stated(tmp_path, drift):
     z = []
-    for seed in range(5):
+    for seed in range(8):
         fits = []
         for half in (slice(0, 10000), slice(10000, 20000)):
             machine, log = drifting(tmp_path, drift, seed, half)
