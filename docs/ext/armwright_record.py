@@ -145,6 +145,8 @@ MODULE_TABLES: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...] = (
 )
 UNITS = {  # endings of keys, the longest first
     "_n_m_s_per_rad": "N m s/rad",
+    "_per_n_m": "1/(N m)",
+    "_per_n": "1/N",
     "_n_m_per_rad3": "N m/rad³",
     "_n_m_per_rad": "N m/rad",
     "_n_per_m3": "N/m³",

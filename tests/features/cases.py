@@ -39,6 +39,19 @@ ON_MOTOR = {
     "coulomb_negative_n_m": 0.04,
     "smoothing_rad_per_s": 2.5,
 }
+LOADED = {
+    **SMOOTH,
+    "law": "load-dependent",
+    "stribeck_torque_n_m": 3.0,
+    "stribeck_speed_rad_per_s": 0.4,
+    "stribeck_exponent": 1.5,
+    "load_motor": 0.2,
+    "load_external": 0.1,
+    "load_motor_stribeck": 0.05,
+    "load_external_stribeck": 0.08,
+    "load_motor_quadratic_per_n_m": 1e-3,
+    "load_external_quadratic_per_n_m": 2e-3,
+}
 # Keys of the second joint, of its motor, and of the robot; where the arm without the feature has some of them, those too.
 ARMS = {
     "coupled motors": {"motor": {"coupling": [{"joint": "joint0", "ratio": 10.0}]}},
@@ -61,6 +74,12 @@ ARMS = {
         "joint": {"friction": LUGRE},
         "bare": {
             "friction": {key: value for key, value in LUGRE.items() if key != "law" and not key.startswith("bristle")}
+        },
+    },
+    "load-dependent friction": {
+        "joint": {"friction": LOADED},
+        "bare": {
+            "friction": {key: LOADED[key] for key in (*SMOOTH, "stribeck_torque_n_m", "stribeck_speed_rad_per_s")}
         },
     },
     "motor-side friction": {"joint": {"friction": ON_MOTOR}},

@@ -168,6 +168,8 @@ PARTS_OF_LAWS = {  # of a law that is a feature, or of the plain viscous one
     *("viscous_n_m_s_per_rad", "stribeck_speed_rad_per_s", "viscous_temperature_coefficient_per_k"),
     *("coulomb_temperature_coefficient_per_k", "sigmoid_amplitude_n_m", "sigmoid_slope_s_per_rad"),
     *("sigmoid_shift_rad_per_s", "bristle_stiffness_n_m_per_rad", "bristle_damping_n_m_s_per_rad"),
+    *("stribeck_exponent", "load_motor", "load_external", "load_motor_stribeck", "load_external_stribeck"),
+    *("load_motor_quadratic_per_n_m", "load_external_quadratic_per_n_m"),
 }
 OF_ELASTICITY = {"cubic_n_m_per_rad3", "error_phase_rad", "side"}
 STRUCTURE = {"frame", "dh", "modified_dh", "axis", "command", "bus_period_s", "motor", "friction", "limits"}

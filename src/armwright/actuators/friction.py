@@ -14,20 +14,21 @@ import numpy as np
 from armwright import scalar
 from armwright.actuators.coupling import shares_of, to_joints, to_motors
 from armwright.friction_laws import LAWS
-from armwright.friction_laws.levels import dry_level, same, warmed
+from armwright.friction_laws.law import Loads
+from armwright.friction_laws.levels import same, warmed
 from armwright.joint_kinds import ROTARY
 from armwright.model import Body, Friction, Mimics, Model, on_tree
 from armwright.scalar import Array, Scalar
 
 
 def joint_friction(
-    friction: Friction | None, speed: Scalar, load: Scalar | None = None, warming: Scalar | None = None
+    friction: Friction | None, speed: Scalar, load: Loads | Scalar | None = None, warming: Scalar | None = None
 ) -> Scalar:
     """Friction torque of one joint [N m | N] at a speed [rad/s | m/s], positive against positive motion.
 
     f = offset + viscous q̇ + the law's torque. With a warming [K], which only the simulator knows, as `dry_level` and
     `viscous_torque`; with a load [N m | N], which it knows of elastic gears and bristles, as `dry_level`. The load-proportional
-    friction of all others is part of the gear's loss (`gear.gear_loss`).
+    friction of all others is part of the gear's loss (`gear.gear_loss`). A law `by_loads` takes `Loads`, which it knows always.
     """
     if friction is None:
         return 0.0
@@ -36,14 +37,18 @@ def joint_friction(
 
 
 def sliding_friction(
-    friction: Friction, speed: Scalar, direction: Scalar, load: Scalar | None = None, warming: Scalar | None = None
+    friction: Friction,
+    speed: Scalar,
+    direction: Scalar,
+    load: Loads | Scalar | None = None,
+    warming: Scalar | None = None,
 ) -> Scalar:
     """Friction torque [N m | N] of a joint that slides in a stated direction, 1 or -1, which its speed's sign may not show yet.
 
     offset + viscous q̇ + direction · g: Coulomb's level is that of the direction, its falling part that of the speed. 0 stands for
     a joint at rest, whose dry friction is not known from its speed and is left out.
     """
-    level = dry_level(friction, speed, load, warming, direction)
+    level = LAWS[friction.law].level(friction, speed, load, warming, direction)
     return friction.offset + viscous_torque(friction, speed, warming) + direction * level
 
 

@@ -236,7 +236,7 @@ def _mimic(joint: Any, moving: dict[str, Any]) -> Iterator[Problem]:
         wrong += [f"motor.{key}" for key in drive if getattr(motor, key) != defaults[key]]
     if friction is not None:
         wrong += [f"friction.{key}" for key in OF_DRIVEN if getattr(friction, key) is not None]
-        wrong += ["friction.law"] if LAWS[friction.law].bristles else []
+        wrong += ["friction.law"] if LAWS[friction.law].bristles or LAWS[friction.law].by_loads else []
     if wrong:
         what = f"the joint mimics {joint.mimic.joint!r} and has no drive"
         yield Problem(what, place=wrong[0], expected="only friction and a motor's gear_ratio and rotor_inertia_kg_m2")
@@ -290,6 +290,9 @@ def _coupling(joint: Any, names: list[str]) -> Iterator[Problem]:
             yield Problem("the joint itself, whose share is gear_ratio", place=place, value=other)
         if others.count(other) > 1:
             yield Problem("named twice", place=place, value=other)
+    if others and joint.friction is not None and LAWS[joint.friction.law].by_loads:
+        expected = "another law: of a motor that turns several joints no torque is that of this joint alone"
+        yield Problem(place="friction.law", value=joint.friction.law, expected=expected)
 
 
 def _singular_motors(joints: list[Any]) -> Iterator[Problem]:

@@ -55,6 +55,8 @@ def check_friction(friction: Any) -> None:
         *(coulomb if law.dry == "needed" else []),
         *smoothing,
     ]
+    if law.by_loads:
+        needed.append(stribeck[1])
     missing = [key for key in needed if key not in present]
     if missing:
         raise Invalid(f"needs {' and '.join(missing)}", place="law", value=friction.law)
@@ -73,6 +75,8 @@ def check_friction(friction: Any) -> None:
             raise Invalid(f'needs law = "{name}"', place=foreign[0])
     if "load_coefficient" in present and coulomb[0] not in present:
         raise Invalid(f"needs {coulomb[0]} and {coulomb[1]}, which rise with the load", place="load_coefficient")
+    if "load_coefficient" in present and law.by_loads:
+        raise Invalid(f'does not go with law = "{friction.law}"', place="load_coefficient")
     for key, needs in ((VISCOUS_FALL, "falls"), (VISCOUS_SLOPE, "changes")):
         if key in present and key_of("viscous", "damping") not in present:
             raise Invalid(f"needs viscous friction, which {needs}", place=key)

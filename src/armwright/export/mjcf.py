@@ -38,6 +38,7 @@ SUPPORT = Support(
         (
             *("mimic joints", "coupled motors", "gear loss", "smoothed friction", "friction by direction"),
             *("friction offset", "Stribeck friction", "sigmoid friction", "LuGre friction", "motor-side friction"),
+            "load-dependent friction",
             *("friction by temperature", "effects of the simulator", "brakes"),
         ),
         LOST,

@@ -9,11 +9,12 @@ from collections.abc import Collection
 
 from armwright.friction_laws.coulomb import Coulomb
 from armwright.friction_laws.law import FrictionLaw, OwnKey
+from armwright.friction_laws.load_dependent import LoadDependent
 from armwright.friction_laws.lugre import LuGre
 from armwright.friction_laws.sigmoid import Sigmoid
 from armwright.joint_kinds import JointUnits
 
-LAWS: dict[str, FrictionLaw] = {law.name: law for law in (Coulomb(), Sigmoid(), LuGre())}
+LAWS: dict[str, FrictionLaw] = {law.name: law for law in (Coulomb(), Sigmoid(), LuGre(), LoadDependent())}
 
 
 def linear_parameters() -> tuple[tuple[str, int], ...]:

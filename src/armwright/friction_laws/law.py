@@ -9,9 +9,13 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from armwright.friction_laws.levels import static_levels
+from armwright.friction_laws.levels import dry_level, static_levels
 from armwright.joint_kinds import Dimension
 from armwright.scalar import Scalar
+
+Loads = tuple[
+    Scalar, Scalar
+]  # torques of the motor and of all else that depends on the state alone, positive: they push forward
 
 
 @dataclass(frozen=True)
@@ -43,6 +47,8 @@ class FrictionLaw:
         smoothed: whether it needs a smoothing speed; others take sgn q̇ without one.
         sticks: whether, without a smoothing speed, it is any torque within its levels at rest, which the simulator solves for.
         bristles: whether the simulator has bristles as a state of the joint (`actuators.lugre`), which hold it at rest.
+        by_loads: whether its level depends on `Loads`, and on a Stribeck speed; of all others the load is the torque through the
+            gear, where it is known.
         bends: whether its slope jumps where a joint turns back, so that steps end there.
         feature: what notes and the table of features call it; "": nothing of its own.
         lost: what a URDF or an MJCF does not have of it, in words; "": nothing beside its levels.
@@ -56,17 +62,31 @@ class FrictionLaw:
     smoothed: ClassVar[bool] = False
     sticks: ClassVar[bool] = False
     bristles: ClassVar[bool] = False
+    by_loads: ClassVar[bool] = False
     bends: ClassVar[bool] = False
     feature: ClassVar[str] = ""
     lost: ClassVar[str] = ""
     step_limits: ClassVar[tuple[tuple[str, int, int], ...]] = ()
 
-    def add(self, torque: Scalar, friction: Any, speed: Scalar, load: Scalar | None, warming: Scalar | None) -> Scalar:
+    def level(
+        self,
+        friction: Any,
+        speed: Scalar,
+        load: Loads | Scalar | None = None,
+        warming: Scalar | None = None,
+        direction: Scalar | None = None,
+    ) -> Scalar:
+        """Level of dry friction [N m | N], above 0; arguments as of `levels.dry_level`, or `Loads` for the load."""
+        return dry_level(friction, speed, load, warming, direction)  # type: ignore[arg-type]
+
+    def add(
+        self, torque: Scalar, friction: Any, speed: Scalar, load: Loads | Scalar | None, warming: Scalar | None
+    ) -> Scalar:
         """The torque with the law's added to viscous friction and offset [N m | N].
 
         Args:
             friction: numbers referred to the joint, as `armwright.model.Friction`; `parameters` are the law's own.
-            speed: [rad/s | m/s].   load: [N m | N] and warming: [K], where they are known.
+            speed: [rad/s | m/s].   load: [N m | N], or `Loads`, and warming: [K], where they are known.
         """
         raise NotImplementedError
 

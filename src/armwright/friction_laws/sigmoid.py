@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from armwright import scalar
-from armwright.friction_laws.law import FrictionLaw, OwnKey
+from armwright.friction_laws.law import FrictionLaw, Loads, OwnKey
 from armwright.scalar import Scalar
 
 
@@ -32,7 +32,9 @@ class Sigmoid(FrictionLaw):
     lost = "friction by the law 'sigmoid' (its viscous part is written)"
     step_limits = (("the sigmoid friction", 1, 0),)
 
-    def add(self, torque: Scalar, friction: Any, speed: Scalar, load: Scalar | None, warming: Scalar | None) -> Scalar:
+    def add(
+        self, torque: Scalar, friction: Any, speed: Scalar, load: Loads | Scalar | None, warming: Scalar | None
+    ) -> Scalar:
         """torque + a/(1 + exp(-b (q̇ + c))) - a/(1 + exp(-b c)).  [Gaz2019]"""
         a, b, c = friction.parameters
         return torque + a / (1.0 + scalar.exp(-b * (speed + c))) - a / (1.0 + scalar.exp(-b * c))

@@ -6,16 +6,20 @@ from dataclasses import dataclass
 from math import pi
 from typing import Literal
 
-Dimension = Literal["position", "speed", "acceleration", "torque", "slope", "stiffness", "damping", "cubic"]
+Dimension = Literal[
+    "position", "speed", "acceleration", "torque", "slope", "stiffness", "damping", "cubic", "per torque", "number"
+]
 ENDINGS: dict[Dimension, str] = {  # of keys, by the endings of a position and of a torque or force; the longest first
     "cubic": "{torque}_per_{position}3",
     "damping": "{torque}_s_per_{position}",
     "stiffness": "{torque}_per_{position}",
     "slope": "s_per_{position}",
+    "per torque": "per_{torque}",
     "acceleration": "{position}_per_s2",
     "speed": "{position}_per_s",
     "torque": "{torque}",
     "position": "{position}",
+    "number": "",
 }
 
 
@@ -53,12 +57,12 @@ class JointUnits:
 
     def key(self, stem: str, dimension: Dimension) -> str:
         """A key with its unit: `ROTARY.key("holding_torque", "torque")` → "holding_torque_n_m", `LINEAR` → "holding_force_n"."""
-        return f"{stem.replace('torque', self.effort)}_{self.endings[dimension]}"
+        return f"{stem.replace('torque', self.effort)}_{self.endings[dimension]}".rstrip("_")
 
     def renamed(self, key: str) -> str:
         """A rotary key in these units: `LINEAR.renamed("damping_n_m_s_per_rad")` → "damping_n_s_per_m"."""
         for dimension, ending in ROTARY.endings.items():
-            if key.endswith(f"_{ending}"):
+            if ending and key.endswith(f"_{ending}"):
                 return self.key(key.removesuffix(f"_{ending}"), dimension)
         return key
 

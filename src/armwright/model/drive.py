@@ -36,7 +36,8 @@ class Friction:
     def is_dry(self) -> bool:
         """True if part of it does not vanish with the speed: Coulomb's or Stribeck's level, or friction by load."""
         levels = (self.coulomb_positive, self.coulomb_negative, self.stribeck, self.load_coefficient)
-        return any(level is not None and (scalar.is_symbolic(level) or level != 0) for level in levels)
+        dry = any(level is not None and (scalar.is_symbolic(level) or level != 0) for level in levels)
+        return dry or LAWS[self.law].by_loads
 
     @property
     def has_bristles(self) -> bool:

@@ -124,7 +124,8 @@ def friction_of(joint: MovingJoint) -> Friction | None:
     record, n = joint.friction, _side_ratio(joint)
     if record is None:
         return None
-    factors = {"torque": n, "speed": 1.0 / n, "slope": n, "stiffness": n * n, "damping": n * n}
+    factors = {"torque": n, "speed": 1.0 / n, "slope": n, "stiffness": n * n, "damping": n * n, "number": 1.0}
+    factors["per torque"] = 1.0 / n
 
     def on_joint_side(stem: str, dimension: Dimension, absent: Any = 0.0) -> Scalar:
         quantity = getattr(record, record.units.key(stem, dimension))

@@ -39,6 +39,7 @@ SUPPORT = Support(
         (
             *("gear loss", "dry friction", "smoothed friction", "friction by direction", "friction offset"),
             *("Stribeck friction", "sigmoid friction", "LuGre friction", "friction by temperature", "play"),
+            "load-dependent friction",
             *("kinematic error", "cogging", "stops", "heat", "coasting", "dead zone", "supply"),
             *("jitter", "lost samples", "clock drift", "sensor noise", "encoder counts", "command filter"),
         ),

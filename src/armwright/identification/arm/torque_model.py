@@ -44,7 +44,9 @@ SUPPORT = replace(
     approximated={
         **MEASURED.approximated,
         **dict.fromkeys(("heat", "friction by temperature"), FITTED),
-        **dict.fromkeys(("Stribeck friction", "sigmoid friction", "LuGre friction"), IN_FRICTION),
+        **dict.fromkeys(
+            ("Stribeck friction", "sigmoid friction", "LuGre friction", "load-dependent friction"), IN_FRICTION
+        ),
     },
 )
 INERTIAL = ("m", "mcx", "mcy", "mcz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")

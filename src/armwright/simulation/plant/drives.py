@@ -14,7 +14,9 @@ from armwright.actuators import DriveOutput, in_command_units
 from armwright.actuators.coupling import Shares, from_motors, shares_of, to_motors
 from armwright.actuators.supply import Bus, bus, drive_voltage
 from armwright.actuators.winding import is_ideal
+from armwright.dynamics.inverse import newton_euler
 from armwright.errors import ModelError, ScenarioError
+from armwright.friction_laws import LAWS
 from armwright.model import Model
 from armwright.scalar import Array, Scalar
 from armwright.signals import Layout
@@ -141,6 +143,7 @@ class PlantDrives:
         of = [None if touching is None else touching[end - k : end] for end, k in zip(ends, self.contacts, strict=True)]
         supply = self.model.supply
         volts = None if supply is None else drive_voltage(supply, self.part(x, "bus_voltage")[0])
+        external = self._external(x, inputs)
         applied = dict.fromkeys(self.braked, 0.0) if brake is None else dict(zip(self.braked, brake, strict=True))
         return [
             driven_joint(
@@ -152,9 +155,17 @@ class PlantDrives:
                 applied.get(i),
                 of[i],
                 None if directions is None else directions[i],
+                external[i],
             )
             for (i, body), at in zip(enumerate(self.model.coordinates), self.motions(x), strict=True)
         ]
+
+    def _external(self, x: Array, inputs: PlantInputs) -> Array:
+        """-(C q̇ + g + s) + Jᵀ wrench (n,) [N m | N], for friction that depends on it; else 0."""
+        n = self.model.n
+        if not any(body.friction and LAWS[body.friction.law].by_loads for body in self.model.coordinates):
+            return scalar.zeros(n)
+        return -newton_euler(self.model, x[:n], x[n : 2 * n], scalar.zeros(n), inputs.wrench)
 
     def motions(self, x: Array) -> list[DriveMotion]:
         """Positions and speeds of every joint and its motor."""

@@ -18,6 +18,8 @@ from armwright.actuators.motor import check_command
 from armwright.actuators.stops import stop_depths, stopped
 from armwright.actuators.thermal import warmed, warming_rates
 from armwright.actuators.winding import Winding, driven_winding, is_limit
+from armwright.friction_laws import LAWS
+from armwright.friction_laws.law import Loads
 from armwright.model import Body, Brake, Model
 from armwright.scalar import Array, Scalar
 
@@ -120,6 +122,7 @@ def driven_joint(
     applied: Scalar | None,
     touching: Sequence[Scalar] | None = None,
     directions: tuple[Scalar, Scalar] | None = None,
+    external: Scalar = 0.0,
 ) -> DrivenJoint:
     """All that one joint's drive does in a state.
 
@@ -128,6 +131,7 @@ def driven_joint(
         volts: of the bus [V]; None: the supply never sags.   applied: 1 where its brake is applied; None: it has none.
         touching: 1 for each of `contact_depths` that counts as a contact; None: where it is not below 0.
         directions: in which joint and motor move where these stick, 1, -1 or 0; None: nothing sticks.
+        external: torque on the joint of all but its drive that depends on the state alone [N m | N], for friction `by_loads`.
     """
     if touching is None:
         touching = [scalar.less_equal(0.0, depth) for depth in contact_depths(body, at)]
@@ -154,7 +158,14 @@ def driven_joint(
         leaving = spring.slope * spring.torque
         entering = leaving if of_gear is None else of_gear.input(leaving)
         load = entering if body.friction is not None and body.friction.on_motor else spring.torque
-    known = load if _knows_its_load(body) else None
+    stop = None
+    if body.stops is not None:
+        stop = stopped(body.stops, *body.limits.position, at.q, at.qd, (touching[0], touching[1]))
+        external = external + stop.torque
+    known: Loads | Scalar | None = load if _knows_its_load(body) else None
+    if body.friction is not None and LAWS[body.friction.law].by_loads:
+        on_motor = spring is not None and body.friction.on_motor
+        known = (torque, -entering) if on_motor else (torque if spring is None else spring.torque, external)
     before, behind, rubbed = _friction(body, states, at, known, warming, change, rates, directions)
     link_friction, loss = behind, loss + rubbed
     if body.friction is not None and has_corner(body.friction):
@@ -170,8 +181,7 @@ def driven_joint(
             before = before + braking
         else:
             behind = behind + braking
-    if body.stops is not None:
-        stop = stopped(body.stops, *body.limits.position, at.q, at.qd, (touching[0], touching[1]))
+    if stop is not None:
         behind, loss = behind - stop.torque, loss + stop.loss
         switching += _felt(stop.pushes, touching)
     acceleration, gear = None, torque - before
@@ -232,7 +242,7 @@ def _knows_its_load(body: Body) -> bool:
 
 
 def _friction(
-    body: Body, states: JointStates, at: DriveMotion, load: Scalar | None, warming: Scalar | None,
+    body: Body, states: JointStates, at: DriveMotion, load: Loads | Scalar | None, warming: Scalar | None,
     change: dict[str, Scalar], rates: dict[str, Scalar], directions: tuple[Scalar, Scalar] | None,
 ) -> tuple[Scalar, Scalar, Scalar]:  # fmt: skip
     """Friction torque before the gear's spring and behind it [N m | N], and its power [W]."""
