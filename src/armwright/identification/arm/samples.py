@@ -46,7 +46,7 @@ from armwright.model import Model
 CHUNK_VALUES = 2**19  # of the columns that pass the filter at once: 4 MB
 
 CUT_OFF = "cut off"  # signal that is 1 in rows where a full converter cuts the torque off
-IN_MEMORY = 2**22  # numbers of prepared rows that stay in memory: 32 MB; longer logs are read again
+IN_MEMORY = 20_000_000  # numbers of prepared rows that stay in memory: 160 MB; longer logs are read again
 
 Moving = tuple[int, np.ndarray, dict[str, np.ndarray]]  # stretch, times (rows,), values (rows, n) by their names
 Memory = dict[str, list[Moving]]  # by the run's name
