@@ -242,6 +242,21 @@ def test_a_servo_holds_what_it_could_not_lift(tmp_path):
     assert np.ptp(run.q.values) == 0.0
 
 
+@pytest.mark.parametrize("joint", ["servo", "servo2"])
+def test_coupled_motors_take_another_law(tmp_path, joint):
+    """Whether the joint's own motor turns another joint too, or that one's turns it."""
+    loaded_arm(tmp_path)
+    path = tmp_path / "arm.toml"
+    first, mark, second = path.read_text(encoding="utf-8").partition('name = "servo2"')
+    parts = {"servo": first, "servo2": mark + second}
+    other = "servo2" if joint == "servo" else "servo"
+    coupled = f'coupling = [{{ joint = "{other}", ratio = 0.5 }}]\n[joints.spring]'
+    parts[joint] = parts[joint].replace("[joints.spring]", coupled, 1)
+    path.write_text("".join(parts.values()), encoding="utf-8")
+    with pytest.raises(DescriptionError, match=r"(?s)'servo' friction.law.*'servo2' friction.law"):
+        aw.load(path)
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [

@@ -290,9 +290,6 @@ def _coupling(joint: Any, names: list[str]) -> Iterator[Problem]:
             yield Problem("the joint itself, whose share is gear_ratio", place=place, value=other)
         if others.count(other) > 1:
             yield Problem("named twice", place=place, value=other)
-    if others and joint.friction is not None and LAWS[joint.friction.law].by_loads:
-        expected = "another law: of a motor that turns several joints no torque is that of this joint alone"
-        yield Problem(place="friction.law", value=joint.friction.law, expected=expected)
 
 
 def _singular_motors(joints: list[Any]) -> Iterator[Problem]:
@@ -300,6 +297,11 @@ def _singular_motors(joints: list[Any]) -> Iterator[Problem]:
     coupled = [joint for joint in joints if joint.motor is not None and joint.motor.coupling]
     if not coupled:
         return
+    together = {each.joint for joint in coupled for each in joint.motor.coupling} | {joint.name for joint in coupled}
+    for joint in joints:
+        if joint.name in together and joint.friction is not None and LAWS[joint.friction.law].by_loads:
+            expected = "another law: of motors that turn several joints no torque is that of this joint alone"
+            yield Problem(place=f"joint {joint.name!r} friction.law", value=joint.friction.law, expected=expected)
     place = {joint.name: k for k, joint in enumerate(joints)}
     ratios = np.eye(len(joints))
     for joint in coupled:

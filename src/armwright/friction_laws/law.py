@@ -13,9 +13,8 @@ from armwright.friction_laws.levels import dry_level, static_levels
 from armwright.joint_kinds import Dimension
 from armwright.scalar import Scalar
 
-Loads = tuple[
-    Scalar, Scalar
-]  # torques of the motor and of all else that depends on the state alone, positive: they push forward
+# Torques of the motor and of all else that depends on the state alone; positive, they push forward.
+Loads = tuple[Scalar, Scalar]
 
 
 @dataclass(frozen=True)
@@ -77,7 +76,8 @@ class FrictionLaw:
         direction: Scalar | None = None,
     ) -> Scalar:
         """Level of dry friction [N m | N], above 0; arguments as of `levels.dry_level`, or `Loads` for the load."""
-        return dry_level(friction, speed, load, warming, direction)  # type: ignore[arg-type]
+        assert not isinstance(load, tuple)
+        return dry_level(friction, speed, load, warming, direction)
 
     def add(
         self, torque: Scalar, friction: Any, speed: Scalar, load: Loads | Scalar | None, warming: Scalar | None

@@ -7,7 +7,7 @@ from typing import Any
 from armwright import scalar
 from armwright.friction_laws.coulomb import Coulomb
 from armwright.friction_laws.law import Loads, OwnKey
-from armwright.friction_laws.levels import static_levels, warmed
+from armwright.friction_laws.levels import warmed
 from armwright.scalar import Scalar
 
 
@@ -74,10 +74,6 @@ class LoadDependent(Coulomb):
         )
         squares = scalar.where(scalar.less(tau_m * tau_e, 0.0), squares, 0.0)
         return level + scalar.abs(external * tau_e - motor * tau_m) + fallen * (still + squares)
-
-    def holding(self, friction: Any) -> tuple[Scalar, Scalar]:
-        """-Fs and Fs, without load."""
-        return static_levels(friction)
 
 
 def _falling(ratio: Scalar, exponent: Scalar) -> Scalar:
