@@ -18,6 +18,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
+from armwright.errors import ModelError
 from armwright.friction_laws import LAWS
 
 Outcome = Literal["exact", "approximated", "without effect", "refused"]
@@ -140,6 +141,12 @@ ARM = {
     "current loop": Feature("joints.motor.current_loop_hz", "bandwidth of the current loop", _motors("current_loop")),
     "coasting": Feature("joints.motor.pwm", "coasting PWM", _motors("coasts")),
     "dead zone": Feature("joints.motor.dead_zone_v", "dead zone", _motors("dead_zone")),
+    "servo": Feature("joints.firmware", "servos' firmware", _motors("firmware")),
+    "servo counts": Feature(
+        "joints.firmware.counts_per_turn",
+        "counts of servos",
+        _joints(lambda body: body.drive.firmware is not None and body.drive.firmware.count is not None),
+    ),
     "supply": Feature("supply", "supply", lambda arm: [] if arm.supply is None else ["supply"]),
 }
 
@@ -208,6 +215,8 @@ SCENARIO = {
     ),
     "wrench": Feature("inputs.wrench", "wrenches", _set("inputs", "wrench")),
     "applied brakes": Feature("inputs.brake", "brakes that are applied", _set("inputs", "brake")),
+    "supply over time": Feature("inputs.supply", "the supply's voltage over time", _set("inputs", "supply")),
+    "servos off": Feature("inputs.enabled", "servos that are off", _set("inputs", "enabled")),
     "payloads over time": Feature("inputs.payload", "payloads over time", _set("inputs", "payload")),
     "moving start": Feature(
         "start.qd",
@@ -222,6 +231,7 @@ GROUPS = {  # which a declaration may name together
         *("elasticity", "play", "kinematic error", "stops", "cogging", "heat", "friction by temperature"),
         *("inductance", "current loop", "coasting", "dead zone", "supply"),
     ),
+    "servos": ("servo", "servo counts", "servos off"),
     "gear loss": ("gear efficiency", "efficiency table", "load coefficient"),
     "friction": (
         *("dry friction", "smoothed friction", "friction by direction", "friction offset", "Stribeck friction"),
@@ -273,6 +283,19 @@ class Support:
                 if name in declared:
                     return outcome, declared[name]
         return "exact", ""
+
+    def refuse(self, arm: Any, *names: str) -> None:
+        """Refuses an arm with one of these features, which are declared so.
+
+        Raises:
+            ModelError: names the feature, who has it, and what is expected.
+        """
+        for name in names:
+            feature, (outcome, expected) = FEATURES[name], self.outcome(name)
+            assert outcome == "refused", name
+            if found := list(feature.where(arm)):
+                what = f"{self.consumer} takes no {feature.about}"
+                raise ModelError(what, place=feature.key, value=", ".join(found), expected=expected, file=arm.name)
 
     def notes(self, arm: Any, scenario: Any = None) -> tuple[str, ...]:
         """Sentences about what the consumer approximates of an arm and a scenario, with the joints or fields that have it."""

@@ -52,6 +52,14 @@ LOADED = {
     "load_motor_quadratic_per_n_m": 1e-3,
     "load_external_quadratic_per_n_m": 2e-3,
 }
+FIRMWARE = {
+    "period_s": 1e-3,
+    "p": 32.0,
+    "p_scale_per_rad": 0.166,
+    "output_limit": 1.0,
+    "goal_speed_rad_per_s": 5.0,
+    "latency_periods": 1,
+}
 # Keys of the second joint, of its motor, and of the robot; where the arm without the feature has some of them, those too.
 ARMS = {
     "coupled motors": {"motor": {"coupling": [{"joint": "joint0", "ratio": 10.0}]}},
@@ -108,6 +116,11 @@ ARMS = {
     },
     "coasting": {"command": "voltage", "motor": {"pwm": "coast"}},
     "dead zone": {"command": "voltage", "motor": {"dead_zone_v": 1.5}},
+    "servo": {"joint": {"command": "position", "firmware": FIRMWARE}},
+    "servo counts": {
+        "joint": {"command": "position", "firmware": {**FIRMWARE, "counts_per_turn": 4096}},
+        "bare": {"command": "position", "firmware": FIRMWARE},
+    },
     "supply": {"robot": {"supply": {**SUPPLY, "voltage_v": 7.0, "chopper_voltage_v": 8.0}}},
     "mimic joints": {
         "third": {
@@ -221,13 +234,13 @@ def move(n: int, payloads=()) -> aw.trajectories.Joined:
     return aw.trajectories.Joined(parts, payloads)
 
 
-GAINS = {"voltage": (120.0, 6.0), "current": (60.0, 4.0), "torque": (600.0, 40.0)}
+GAINS = {"voltage": (120.0, 6.0), "current": (60.0, 4.0), "torque": (600.0, 40.0), "position": (1.0, 0.0)}
 
 
 def looped(arm: aw.Model, duration: float = 0.2, **loop) -> aw.Scenario:
     """A scenario in which a PD controller moves the arm to a pose."""
-    kp, kd = GAINS[arm.coordinates[0].drive.command]
-    law = aw.JointPID(kp, 0.0, kd)
+    kp, kd = zip(*(GAINS[body.drive.command] for body in arm.coordinates), strict=True)
+    law = aw.JointPID(list(kp), 0.0, list(kd))
     parts = {"reference": GOAL[: arm.n], "period": 1e-3, "timing": aw.Timing("one-tick"), **loop}
     return aw.Scenario(arm, duration=duration, loop=aw.Loop(law, **parts), start=START[: arm.n])
 
@@ -263,12 +276,19 @@ def _rates(arm):
     )
 
 
+def _served(arm, **inputs):
+    made = looped(arms("servo", arm.coordinates[0].drive.command)[0])
+    return replace(made, inputs=aw.Inputs(**inputs)), made
+
+
 def _braked(arm):
     arm = _built(arm.coordinates[0].drive.command, joint={"brake": BRAKE})
     return replace(looped(arm), inputs=aw.Inputs(brake=[1.0])), looped(arm)
 
 
 SCENARIOS = {  # of an arm: the scenario with a feature, and the one without
+    "supply over time": lambda arm: _given(arm, supply=aw.Schedule([0.0, 0.1], [[6.0], [5.0]], ["supply"])),
+    "servos off": lambda arm: _served(arm, enabled=aw.Schedule([0.0, 0.1], [[1.0], [0.0]], ["joint1"])),
     "commands over time": lambda arm: (commanded(arm), looped(arm)),
     "pose": lambda arm: _with(arm, reference=[0.32, -0.58]),
     "schedule of poses": lambda arm: _with(

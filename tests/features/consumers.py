@@ -75,6 +75,10 @@ def kernels(arm, folder):
     dyn, (q, qd, qdd) = aw.compile(arm), states(arm)
     values = [dyn.inverse_dynamics(q, qd, qdd), dyn.forward_dynamics(q, qd, 10 * qdd), dyn.mass_matrix(q)]
     values += [dyn.bias_torques(q, qd), dyn.forward_kinematics(q)]
+    if any(body.drive.firmware is not None for body in arm.coordinates):
+        with pytest.raises(aw.ArmwrightError, match="servo's loop"):
+            dyn.forward_arm(q, qd, 5 * qdd)
+        dyn = aw.compile(arm.replace(firmware=None))
     return Answer([*values, dyn.forward_arm(q, qd, 5 * qdd)], "\n".join(dyn.notes))
 
 

@@ -9,10 +9,11 @@ import numpy as np
 from armwright import scalar
 from armwright.actuators.coupling import from_joints, shares_of, to_motors
 from armwright.actuators.dead_zone import command_for
+from armwright.actuators.firmware import bridged, error_for, with_goals, within_drive
 from armwright.actuators.motor import check_command, joint_current, joint_voltage
 from armwright.actuators.winding import driven_winding
-from armwright.model import Model
-from armwright.scalar import Array
+from armwright.model import Body, Model
+from armwright.scalar import Array, Scalar
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +41,10 @@ def limited_drive(arm: Model, qd: Array, u: Array) -> DriveOutput:
     rows, w = [], to_motors(shares_of(arm), qd)
     for i, body in enumerate(arm.coordinates):
         check_command(body)
-        winding = driven_winding(body, body.drive, w[i], u[i], body.limits.voltage)
+        command, firmware, body = u[i], body.drive.firmware, bridged(body)
+        if firmware is not None:
+            command = within_drive(firmware, firmware.proportional * command, _supply_voltage(arm, body))
+        winding = driven_winding(body, body.drive, w[i], command, body.limits.voltage)
         rows.append((winding.torque, winding.voltage, winding.current))
     return DriveOutput(*(scalar.array(column) for column in zip(*rows, strict=True)))
 
@@ -66,23 +70,36 @@ def demanded_drive(arm: Model, qd: Array, tau: Array) -> DriveOutput:
 
 
 def in_command_units(arm: Model, output: DriveOutput) -> np.ndarray:
-    """Commands (n,) for given drive outputs, each in its joint's own unit [V | A | N m | N]."""
+    """Commands (n,) for given drive outputs, each in its joint's own unit [V | A | N m | N | rad]; a servo's is its error."""
     parts = {"voltage": output.voltage, "current": output.current, "torque": output.tau}
-    drives = [body.drive for body in arm.coordinates]
-    return scalar.array([command_for(parts[drive.command][i], drive.dead_zone) for i, drive in enumerate(drives)])
+    commands = []
+    for i, body in enumerate(arm.coordinates):
+        drive, firmware = body.drive, body.drive.firmware
+        if firmware is None:
+            commands.append(command_for(parts[drive.command][i], drive.dead_zone))
+        elif firmware.output == "duty":
+            commands.append(error_for(firmware, output.voltage[i] / _supply_voltage(arm, body)))
+        else:
+            commands.append(error_for(firmware, output.current[i]))
+    return scalar.array(commands)
 
 
-def holding_command(arm: Model, torques: Array) -> np.ndarray:
+def _supply_voltage(arm: Model, body: Body) -> Scalar:
+    """Of which a servo's duty is a share [V]."""
+    return body.limits.voltage if arm.supply is None else arm.supply.voltage
+
+
+def holding_command(arm: Model, torques: Array, q: Array) -> np.ndarray:
     """Commands that balance the arm's weight and springs at rest, as far as the drives' limits allow.
 
     Args:
-        arm: the model.   torques: (n,) [N m | N] that hold it at its pose.
+        arm: the model.   torques: (n,) [N m | N] that hold it at its pose.   q: (n,) [rad | m], that pose.
     Returns:
-        u: (n,) [V | A | N m | N], each in its joint's own unit.
+        u: (n,) [V | A | N m | N | rad], each in its joint's own unit.
     Raises:
         ModelError: a drive without the constants that its command needs.
     """
     still = scalar.array(0.0 * torques)
     torques = from_joints(shares_of(arm), torques)
     wanted = in_command_units(arm, demanded_drive(arm, still, torques))
-    return in_command_units(arm, limited_drive(arm, still, wanted))
+    return scalar.array(with_goals(arm, in_command_units(arm, limited_drive(arm, still, wanted)), q))

@@ -44,6 +44,8 @@ def motor_voltage(arm: Model, qd: Array, tau: Array) -> np.ndarray:
     Raises:
         ModelError: a drive without resistance or torque constant.
     """
+    for body in arm.coordinates:
+        _check_stateless(body, "a voltage of the motor")
     _check_motors(arm, "motor_voltage", *COMMAND_NEEDS["voltage"])
     w = to_motors(shares_of(arm), qd)
     return scalar.array([joint_voltage(body.drive, w[i], tau[i]) for i, body in enumerate(arm.coordinates)])
@@ -83,9 +85,19 @@ def _torque_of_command(body: Body, speed: Scalar, u: Scalar) -> Scalar:
     check_command(body)
     if body.drive.command == "torque":
         return u
+    _check_stateless(body, "a command of position")
     if body.drive.command == "current":
         return joint_constant(body.drive) * u
     return joint_torque(body.drive, speed, u)
+
+
+def _check_stateless(body: Body, what: str) -> None:
+    """Refuses a servo, whose torque depends on what its loop remembers."""
+    if body.drive.command == "position":
+        expected = "forward_dynamics with its torque, or `simulate`, which turns its loop"
+        raise ModelError(
+            f"{what} goes through a servo's loop", place=f"{body.joint}.command", value="position", expected=expected
+        )
 
 
 def check_command(body: Body) -> None:

@@ -13,7 +13,7 @@ The drive turns torques into currents by the constant of the record, whatever th
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -87,6 +87,19 @@ def driven_winding(
         torque = joint_torque(drive, speed, voltage)
     current = joint_current(drive, torque)
     return Winding(torque, voltage, current, voltage * current, drive.resistance * current * current)
+
+
+def switched(drive: Drive, winding: Winding, on: Scalar, speed: Scalar) -> Winding:
+    """The winding where the drive is on; where it is off its bridge is open, no current flows, and V = E.
+
+    Args:
+        drive: of the record, without inductance.   winding: of the drive that is on.   on: 1 or 0.
+        speed: of the motor, referred to the joint [rad/s | m/s].
+    """
+    emf = 0.0 if drive.back_emf_constant is None else drive.gear_ratio * drive.back_emf_constant * speed
+    values = {name: scalar.where(on, getattr(winding, name), 0.0) for name in ("torque", "current", "power")}
+    heat = None if winding.heat is None else scalar.where(on, winding.heat, 0.0)
+    return replace(winding, voltage=scalar.where(on, winding.voltage, emf), heat=heat, **values)
 
 
 def _commanded_torque(body: Body, drive: Drive, u: Scalar, most: Scalar) -> Scalar:

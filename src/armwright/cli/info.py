@@ -239,7 +239,7 @@ def _effects(record: RobotDescription) -> Table | None:
     rows = []
     for joint in record.joints:
         motor = getattr(joint, "motor", None)
-        parts = {name: getattr(joint, name, None) for name in ("elasticity", "stops", "brake")}
+        parts = {name: getattr(joint, name, None) for name in ("elasticity", "stops", "brake", "firmware")}
         parts |= {name: getattr(motor, name, None) for name in ("thermal", "cogging")}
         rows += [[joint.name, name, _numbers(part)] for name, part in parts.items() if part is not None]
         texts = _named(motor, ("current_loop_hz", "pwm", "dead_zone_v"))
@@ -257,7 +257,9 @@ def _numbers(part: Any, *without: str) -> str:
 def _named(part: Any, names: Iterable[str]) -> str:
     """Values of a table of a record that it has, with their keys."""
     values = {name: value for name in names if (value := getattr(part, name, None)) is not None}
-    return ", ".join(f"{name} {value if isinstance(value, str) else number(value)}" for name, value in values.items())
+    return ", ".join(
+        f"{name} {value if isinstance(value, str) else _one_or_many(value)}" for name, value in values.items()
+    )
 
 
 def _one_or_many(quantity: Any) -> str:

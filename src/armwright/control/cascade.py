@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from armwright import scalar
+from armwright.actuators import with_goals
 from armwright.control.anti_windup import RULES, LimitedStage, shortfall, within
 from armwright.control.commands import command_signs
 from armwright.control.gains import check_delay_ticks, check_whole, per_joint, positive_limit
@@ -70,6 +71,7 @@ class Cascade:
     delay_ticks: int | None = None
     slack: Any = 0.0
     signs: Any = None  # (n,) of the drives, which the loop fits
+    arm: Model | None = None  # likewise
     period: float | None = None  # [s] of the loop, which fits the law to it
 
     def __post_init__(self) -> None:
@@ -111,7 +113,7 @@ class Cascade:
         if self.current_kp is None:
             limits["voltage_limit"] = None
         ticks = self.delay_ticks or 0  # the loop has filled them in
-        return replace(self, **gains, **limits, delay_ticks=ticks, signs=command_signs(arm), period=period)
+        return replace(self, **gains, **limits, delay_ticks=ticks, signs=command_signs(arm), arm=arm, period=period)
 
     def init(self, arm: Model, y: Measurement) -> Array:
         """Initial state: ticks to wait for each slower loop, integrators and speed command 0, the commands that were in force."""
@@ -142,7 +144,7 @@ class Cascade:
             stage = self._stage(self.current_kp, self.current_ki, self.voltage_limit, self.period)
             final = stage.step(effort - signs * y.current, inner, missing=missing)
             u, inner, cut = final.output, final.integral, final.cut
-        u = scalar.array(signs * u)
+        u = scalar.array(signs * u if self.arm is None else with_goals(self.arm, signs * u, y.q))
         pairs = zip(slower, waits, strict=True)
         waits = [scalar.where(due[loop], getattr(self, f"{loop}_every") - 1.0, wait - 1.0) for loop, wait in pairs]
         return u, scalar.array(np.concatenate([waits, speed, integral, effort, inner, cut, asked[n:], u]))

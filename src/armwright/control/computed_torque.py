@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from armwright import scalar
+from armwright.actuators import with_goals
 from armwright.control.commands import torque_commands
 from armwright.control.gains import check_model, per_joint
 from armwright.dynamics import inverse_dynamics
@@ -67,5 +68,5 @@ class ComputedTorque:
         error = r.q - y.q
         qdd = r.qdd + self.kd * (r.qd - y.qd) + self.kp * error + self.ki * s
         tau = inverse_dynamics(simplified(self.model), y.q, y.qd, scalar.array(qdd))
-        u = torque_commands(self.model, y.qd, tau)
+        u = with_goals(self.model, torque_commands(self.model, y.qd, tau), y.q)
         return scalar.array(u), scalar.array(np.asarray(s + self.period * error, dtype=object))

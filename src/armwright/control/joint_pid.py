@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from armwright import scalar
+from armwright.actuators import with_goals
 from armwright.actuators.coupling import from_joints, shares_of
 from armwright.control.anti_windup import RULES, LimitedStage, shortfall
 from armwright.control.commands import command_signs, torque_commands
@@ -30,6 +31,8 @@ class JointPID:
 
     Gains are one number or one for each joint, or a `Batch` of such. They are above 0 whatever a gear's sense: a voltage or
     current through a negative ratio is turned round.
+
+    A servo's goal is its measured position and the sum, in rad: with kp = 1 and no other gain it is the reference.
 
     Args:
         kp: [U/rad | U/m].   ki: [U/(rad s) | U/(m s)].   kd: [U s/rad | U s/m].
@@ -119,7 +122,7 @@ class JointPID:
         missing = signs * shortfall(y.applied, asked[:n], self.slack)
         stage = LimitedStage(self.kp, self.ki, self.limit, h, self.anti_windup, self.tracking_time)
         done = stage.step(r.q - y.q, integral, feedforward=feedforward, missing=missing)
-        u = scalar.array(signs * done.output)
+        u = scalar.array(with_goals(self.model, signs * done.output, y.q))
         return u, scalar.array(np.concatenate([done.integral, asked[n:], u, rest]))
 
 

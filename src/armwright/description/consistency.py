@@ -18,8 +18,9 @@ from armwright.validation import Invalid
 KINDS: tuple[str, ...] = SourceKind.__args__  # type: ignore[attr-defined]
 LARGEST_RATIO = 1e9  # of a gear: squares and products with torques stay far from overflow
 WORST_COUPLING = 1e6  # condition of the motors' ratios
+WHOLE = 1e-9  # how near to a whole number a ratio of periods is one
 # none of these has a joint that mimics another
-OF_A_DRIVE = ("command", "bus_period_s", "elasticity", "stops", "brake")
+OF_A_DRIVE = ("command", "bus_period_s", "elasticity", "stops", "brake", "firmware")
 OF_A_ROTOR = ("gear_ratio", "rotor_inertia_kg_m2", "source", "basis")  # all that the motor of such a joint may have
 OF_DRIVEN = ("load_coefficient", *BY_TEMPERATURE)  # friction that needs a drive's torque or temperature
 
@@ -198,7 +199,7 @@ def _command(robot: Any, joint: Any) -> Iterator[Problem]:
     motor, friction = joint.motor, joint.friction
     command = joint.command or robot.command if joint.mimic is None else "torque"
     if command is None:
-        yield Problem("missing", place="command", expected="voltage, current or torque")
+        yield Problem("missing", place="command", expected="voltage, current, torque or position")
     for key in COMMAND_NEEDS.get(command or "", ()):
         if motor is None or getattr(motor, key) is None:
             yield Problem(f"needs motor.{key}", place="command", value=command)
@@ -245,6 +246,7 @@ def _mimic(joint: Any, moving: dict[str, Any]) -> Iterator[Problem]:
 def _effects(robot: Any, joint: Any) -> Iterator[Problem]:
     """Effects of a drive need what they rest on."""
     motor, friction, command = joint.motor, joint.friction, joint.command or robot.command
+    yield from _firmware(robot, joint, command)
     if joint.stops is not None and joint.limit("position") is None:
         yield Problem(f"needs limits.{joint.limit_key('position')}, where they stand", place="stops")
     if joint.elasticity is not None and (motor is None or float(motor.rotor_inertia_kg_m2) == 0):
@@ -277,6 +279,38 @@ def _effects(robot: Any, joint: Any) -> Iterator[Problem]:
         if robot.supply is None and joint.limits.voltage_v is None:
             what = "needs limits.voltage_v or [supply], the voltage that is switched"
             yield Problem(what, place="motor.pwm", value="coast")
+
+
+def _firmware(robot: Any, joint: Any, command: str | None) -> Iterator[Problem]:
+    """A command of position and the loop that follows it go together, with what its output rests on."""
+    firmware, motor = joint.firmware, joint.motor
+    if (command == "position") != (firmware is not None):
+        expected = "a [joints.firmware] beside it" if firmware is None else 'command = "position" beside it'
+        yield Problem(
+            "missing" if firmware is None else f"beside command = {command!r}", place="firmware", expected=expected
+        )
+    if firmware is None:
+        return
+    if joint.kind.units.linear or not joint.kind.turns or joint.kind.slides:
+        yield Problem(f"on a {joint.type} joint", place="firmware", expected="a revolute joint, whose turns it counts")
+    if motor is None:
+        return
+    others = (each.joint for other in robot.moving_joints if other.motor for each in other.motor.coupling)
+    if motor.coupling or joint.name in others:
+        yield Problem("beside motors that several joints turn", place="firmware", expected="a motor of the joint's own")
+    if firmware.output == "duty":
+        if motor.resistance_ohm is None:
+            yield Problem("needs motor.resistance_ohm", place="firmware.output", value="duty")
+        if robot.supply is None and joint.limits.voltage_v is None:
+            what = "needs limits.voltage_v or [supply], the voltage that it is a share of"
+            yield Problem(what, place="firmware.output", value="duty")
+        if motor.basis != "dc":
+            yield Problem("goes with basis = 'dc'", place="motor.basis", value=motor.basis)
+    periods = [float(each.firmware.period_s) for each in robot.moving_joints if each.firmware is not None]
+    parts = float(firmware.period_s) / min(periods)
+    if abs(parts - round(parts)) > WHOLE * parts:
+        expected = f"a multiple of {min(periods):g} s, the shortest of this arm"
+        yield Problem(place="firmware.period_s", value=float(firmware.period_s), expected=expected)
 
 
 def _coupling(joint: Any, names: list[str]) -> Iterator[Problem]:

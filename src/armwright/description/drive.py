@@ -23,11 +23,12 @@ else:
         "armwright.description.drive_effects", "CoggingRecord", "Coupling", "GearEfficiencyTable", "ThermalRecord"
     )
 
-Command = Literal["voltage", "current", "torque"]
+Command = Literal["voltage", "current", "torque", "position"]
 COMMAND_NEEDS = {  # keys of [motor] without which a drive cannot follow its command
     "voltage": ("resistance_ohm", "torque_constant_n_m_per_a"),
     "current": ("torque_constant_n_m_per_a",),
     "torque": (),
+    "position": ("torque_constant_n_m_per_a",),  # and, for an output that is a duty, the resistance
 }
 if TYPE_CHECKING:
     LawName = str

@@ -35,7 +35,7 @@ from armwright.toml_text import TomlText
 from armwright.validation import validated
 
 ENDING = ".drive.toml"
-PARTS = ("elasticity", "stops", "brake", "spring")  # of a joint that a URDF does not know
+PARTS = ("elasticity", "stops", "brake", "firmware", "spring")  # of a joint that a URDF does not know
 PLACEHOLDER = 1.0  # the reduction that tools write where nobody gave one
 
 
@@ -51,6 +51,7 @@ class JointDrive(Record):
     elasticity: dict[str, Any] | None = optional("As in a robot file, and so the following.")
     stops: dict[str, Any] | None = optional("What the joint runs into.")
     brake: dict[str, Any] | None = optional("What holds it.")
+    firmware: dict[str, Any] | None = optional("The loop of a servo.")
     spring: dict[str, Any] | None = optional("What bears some of its load.")
 
 

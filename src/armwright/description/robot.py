@@ -39,11 +39,13 @@ from armwright.validation import NAME, NAMEABLE, Invalid
 if TYPE_CHECKING:
     from armwright.description.built_from import BuiltFrom
     from armwright.description.drive_effects import SupplyRecord
+    from armwright.description.firmware import FirmwareRecord
     from armwright.description.fits import FitRecord
     from armwright.description.springs import CylinderRecord
     from armwright.solids.visual import Visual
 else:
     (SupplyRecord,) = imported_later("armwright.description.drive_effects", "SupplyRecord")
+    (FirmwareRecord,) = imported_later("armwright.description.firmware", "FirmwareRecord")
     (BuiltFrom,) = imported_later("armwright.description.built_from", "BuiltFrom")
     (FitRecord,) = imported_later("armwright.description.fits", "FitRecord")
     (CylinderRecord,) = imported_later("armwright.description.springs", "CylinderRecord")
@@ -178,6 +180,7 @@ class MovingJoint(_Joint):
     elasticity: Any = optional("Of the gear; absent: it is rigid.")
     stops: Any = optional("End stops; absent: nothing stops the joint at its limits.")
     brake: Any = optional("A holding brake; absent: none.")
+    firmware: FirmwareRecord | None = optional('The loop of a servo, for command = "position".')
     spring: Any = optional("A spring at the joint; absent: none.")
 
     @model_validator(mode="after")

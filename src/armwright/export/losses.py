@@ -70,6 +70,7 @@ def of_all_formats(robot: RobotDescription, kept: str = "") -> list[str]:
         *(loss_of(part, names) for part, names in parts.items()),
         loss_of("play of the elasticity", play),
         loss_of("kinematic error of the elasticity", error),
+        loss_of("counts of servos", [each.name for each in moving if each.firmware and each.firmware.counts_per_turn]),
         *(loss_of(f"{key} of the motor", names) for key, names in within.items()),
         "supply" if robot.supply is not None else "",
         loss_of("commands other than torque", driven),

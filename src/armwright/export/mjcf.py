@@ -38,7 +38,7 @@ SUPPORT = Support(
         (
             *("mimic joints", "coupled motors", "gear loss", "smoothed friction", "friction by direction"),
             *("friction offset", "Stribeck friction", "sigmoid friction", "LuGre friction", "motor-side friction"),
-            "load-dependent friction",
+            *("load-dependent friction", "servo", "servo counts"),
             *("friction by temperature", "effects of the simulator", "brakes"),
         ),
         LOST,

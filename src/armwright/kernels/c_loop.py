@@ -20,18 +20,21 @@ from armwright.kernels.c_syntax import C_DOUBLE, identifier, literal
 from armwright.kernels.loop_steps import LOST, NEARLY
 from armwright.kernels.stages import (
     HELD,
+    NEARLY_DUE,
     NEXT,
     SECANTS,
     SECANTS_WITHIN,
     SEEN,
     SINCE,
     SWITCHES,
+    TURNS,
     Adapt,
     Call,
     DelayStage,
     DrawStage,
     Integrate,
     Stage,
+    Turn,
     block_sizes,
 )
 from armwright.program import Program
@@ -354,8 +357,9 @@ class LoopText:
         h = literal(self.clock.period, C_DOUBLE)
         begins = [f"l->u_from[{s}]" for s in range(stage.planned - 1)] + ["l->see_at[0]"] * bool(stage.seen)
         lines = [f"l->{SINCE}[0] = 0.0;", "do {"]
-        lines += [f"    const double t = l->{SINCE}[0];"] if begins or isinstance(stage, Integrate) else []
-        lines += [f"    double edge = {h};"] if begins else [f"    const double edge = {h};"]
+        moves = bool(begins) or stage.turn is not None
+        lines += [f"    const double t = l->{SINCE}[0];"] if moves or isinstance(stage, Integrate) else []
+        lines += [f"    double edge = {h};"] if moves else [f"    const double edge = {h};"]
         lines += [f"    edge = (t < {each} && {each} < edge) ? {each} : edge;" for each in begins]
         if stage.planned:
             n = self.sizes["u"]
@@ -366,11 +370,29 @@ class LoopText:
                     f"        memcpy(l->u, &l->u_plan[{s * n}], sizeof l->u);",
                     "    }",
                 ]
+        if stage.turn is not None:
+            lines += _indented(self._turn(stage.turn))
         lines += ["    {", *_indented(inner, 2), "    }"]
         if stage.seen:
             kept = [f"memcpy(l->{name}{SEEN}, l->{name}, sizeof l->{name});" for name in stage.seen]
             lines += ["    if (edge == l->see_at[0]) {", *_indented(kept, 2), "    }"]
         return [*lines, f"    l->{SINCE}[0] = edge;", f"}} while (l->{SINCE}[0] < {h});"]
+
+    def _turn(self, turn: Turn) -> list[str]:
+        """Servos' loops turn if it is time; the edge is when they next do if that is before it."""
+        self._add_accept()
+        period, near = literal(turn.period, C_DOUBLE), literal(NEARLY_DUE * turn.period, C_DOUBLE)
+        due_at = f"l->{TURNS}[0] * {period} - (double)l->{COUNTER} * {literal(self.clock.period, C_DOUBLE)}"
+        return [
+            f"double due_at = {due_at};",
+            f"if (due_at <= t + {near}) {{",
+            f"    {self.call(turn.program)}",
+            f"    {self.unit.prefix}accept(l);",
+            f"    l->{TURNS}[0] += 1.0;",
+            "}",
+            f"due_at = {due_at};",
+            f"edge = (due_at < edge - {near}) ? due_at : edge;",
+        ]
 
     def _add_accept(self) -> None:
         words = {"prefix": self.unit.prefix, "struct": self.struct, "size": self.sizes["x"], "counter": COUNTER}

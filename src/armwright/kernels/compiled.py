@@ -43,7 +43,12 @@ KERNELS = Support(
         "dead zone": "every voltage acts in full",
         "supply": "its voltage does not sag",
     },
-    without_effect={"brakes": "they are released"},
+    without_effect={
+        "brakes": "they are released",
+        **dict.fromkeys(
+            ("servo", "servo counts"), "its loop is not asked; `forward_arm` and `motor_voltage` refuse it"
+        ),
+    },
 )
 CASADI = KERNELS.named("CasADi functions")
 

@@ -13,6 +13,7 @@ from armwright.kernels.machine import Value
 from armwright.kernels.stages import (
     HALVINGS,
     HELD,
+    NEARLY_DUE,
     NEXT,
     SECANTS,
     SECANTS_WITHIN,
@@ -20,8 +21,10 @@ from armwright.kernels.stages import (
     SINCE,
     SWITCHES,
     TOO_MANY,
+    TURNS,
     Adapt,
     Integrate,
+    Turn,
 )
 
 NEARLY = 1.01  # a step that would leave less than a hundredth of itself to the edge goes on to it
@@ -383,7 +386,26 @@ class StepPrinter(BlockPrinter):
                 has_begun = m.le(self._load("u_from", s - 1), t)
                 chosen = m.select(has_begun, self._load("u_plan", s * commands + entry), chosen)
             self._store("u", entry, chosen)
-        return t, edge
+        return t, edge if stage.turn is None else self._turn(stage.turn, label, t, edge)
+
+    def _turn(self, turn: Turn, label: str, t: Value, edge: Value) -> Value:
+        """Servos' loops turn in lanes in which it is time; the edge, or when they next do if that is before it."""
+        m = self.m
+        period, near = m.constant(turn.period), m.constant(NEARLY_DUE * turn.period)
+
+        def due_at() -> Value:
+            return m.sub(m.mul(self._load(TURNS), period), m.mul(self._splat("%tick"), self._splat("%h")))
+
+        due = m.both(self._moving(), m.le(due_at(), m.add(t, near)))
+        m.branch(m.any(due), f"{label}.turn", f"{label}.turned")
+        m.begin(f"{label}.turn")
+        self._program(turn.program)
+        self._accept(due)
+        self._store(TURNS, 0, m.add(self._load(TURNS), m.truth(due)))
+        m.jump(f"{label}.turned")
+        m.begin(f"{label}.turned")
+        following = due_at()
+        return m.select(m.lt(following, m.sub(edge, near)), following, edge)
 
     def _end_segment(self, stage: Integrate | Adapt, label: str, t: Value, edge: Value) -> None:
         """The state and its inputs that sensors see there; then another segment where any lane has not ended its tick."""

@@ -33,6 +33,10 @@ lane in tick k of h seconds, with `b` the dict of its blocks:
                                b["ahead"], b["x_end"] = t - edge, b["x"]
                                b["x"] = along(x_from, path, part=(span - ahead) / span)
 
+Where servos' loops turn by themselves, every `turn.period` s from t = 0 on, a step ends there:
+
+    if b["turns"] turn.period <= k h + t: b["x"], b["turns"] = turn.program(x, u, …, turns), b["turns"] + 1    (behind the rows)
+
 All others end a step at every change. With a plan, the command in force is chosen among several planned ones: entry s of
 block "u_plan" from "u_from"[s - 1] seconds on. A lane whose state leaves the finite numbers keeps its last finite one, and
 block "frozen" says in which tick it happened, -1 before. So does one that takes more than `most` trials in one tick; block
@@ -73,6 +77,8 @@ from armwright.program import Program
 
 NEXT = "_next"  # ending of an output that replaces the block it is named after
 SEEN = "_seen"  # ending of a block that is kept for a measurement between ticks
+TURNS = "turns"  # of servos' loops so far
+NEARLY_DUE = 1e-6  # of their period: a change as near to a turn as this is meant to come with it
 SINCE = "since_tick"  # [s] how far a lane is in the tick
 # Of a lane's schedule: when its next row comes, which it is, the one behind its last.
 CURSOR = ("due_tick", "due_offset", "row", "end")
@@ -197,9 +203,18 @@ class RecordStage:
         return set(self.blocks), set()
 
 
+@dataclass(frozen=True)
+class Turn:
+    """What happens in the drives at times of their own: (x, u, …, turns) → x_next, every `period` s from t = 0 on."""
+
+    program: Program
+    period: float
+
+
 class _Moving:
     """A stage that moves the plant, in steps that end at changes and where something switches."""
 
+    turn: Turn | None
     planned: int
     seen: tuple[str, ...]
     touching: Program | None
@@ -219,6 +234,8 @@ class _Moving:
         if self.seen:
             yield from ((name + SEEN, sizes[name]) for name in self.seen)
             yield "see_at", 1
+        if self.turn is not None:
+            yield from _ports(self.turn.program, next_too=False)
         yield "frozen", 1
 
     def _uses(self, step: Program) -> Names:
@@ -230,6 +247,8 @@ class _Moving:
         if self.seen:
             kept = {name + SEEN for name in self.seen}
             reads, writes = reads | {"see_at"} | kept, writes | kept
+        if self.turn is not None:
+            reads, writes = reads | {port.name for port in self.turn.program.inputs}, writes | {TURNS}
         return reads, writes
 
 
@@ -250,6 +269,7 @@ class Integrate(_Moving):
             `SWITCHES` pieces do not suffice is then frozen.
         grazing: (x, x_next, …, touching, h) → grazed: above 0 where a step has no derivative; the lane is frozen before it.
         tangents: how many stand behind the values of block "x", each as long as these.
+        turn: of servos' loops.
     """
 
     step: Program
@@ -262,6 +282,7 @@ class Integrate(_Moving):
     landing: Program | None = None
     grazing: Program | None = None
     tangents: int = 0
+    turn: Turn | None = None
 
     @property
     def further(self) -> tuple[Program, ...]:
@@ -305,6 +326,7 @@ class Adapt(_Moving):
         held: (x, u, …, x_held, u_held, …) → same: whether nothing has changed that acts on the plant; steps then end where the
             lane likes, behind its tick too.   along: (x_from, path, part) → x_at: the state after that part of a step.
         within: (x, path_next, part) → x_next: the same of the step just tried, where places are sought.
+        turn: of servos' loops.
     """
 
     trial: Program
@@ -324,6 +346,7 @@ class Adapt(_Moving):
     held: Program | None = None
     along: Program | None = None
     within: Program | None = None
+    turn: Turn | None = None
 
     @property
     def ahead(self) -> tuple[Program, ...]:

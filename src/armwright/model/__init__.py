@@ -8,6 +8,7 @@ from armwright.model.drive import (
     DriveLimits as DriveLimits,
     EfficiencyTable as EfficiencyTable,
     Elasticity as Elasticity,
+    Firmware as Firmware,
     Friction as Friction,
     Stops as Stops,
     Supply as Supply,

@@ -156,6 +156,8 @@ def joint_placement(joint: Any) -> tuple[Placement, Placement]:
 def _body(
     robot: RobotDescription, joint: MovingJoint, parent: int, placement: Placement, after: Placement
 ) -> dict[str, Any]:
+    turns = [float(each.firmware.period_s) for each in robot.moving_joints if each.firmware is not None]
+    turn = min(turns, default=None)
     return {
         "joint": joint.name,
         "link": joint.child,
@@ -164,7 +166,7 @@ def _body(
         "placement": placement,
         "link_frame": after,
         "masses": [],
-        "drive": drive_of(joint, "torque" if joint.mimic is not None else joint.command or robot.command),
+        "drive": drive_of(joint, "torque" if joint.mimic is not None else joint.command or robot.command, turn),
         "friction": friction_of(joint),
         "limits": limits_of(joint),
         "elasticity": elasticity_of(joint),

@@ -14,7 +14,7 @@ from armwright.model.tree import Tree
 from armwright.printable import is_seen
 from armwright.scalar import Array
 
-TERMS = ("friction", "springs", "rotors", "efficiency")  # that None takes away
+TERMS = ("friction", "springs", "rotors", "efficiency", "firmware")  # that None takes away
 OF_DRIVES = {
     "rotors": ("rotor_inertia", 0.0),
     "efficiency": ("efficiency", None),
@@ -47,9 +47,16 @@ def changed(model: AnyTree, name: str, value: Any) -> AnyTree:
     return dataclasses.replace(model, **{name: value})
 
 
+def without_servos(model: Any) -> Any:
+    """The model with what is behind servos' loops in their place; itself where it has none."""
+    return model.replace(firmware=None) if any(body.drive.firmware is not None for body in model.bodies) else model
+
+
 def _without(body: Any, name: str) -> Any:
     if name in OF_JOINTS:
         return dataclasses.replace(body, **{OF_JOINTS[name]: None})
+    if name == "firmware":
+        return dataclasses.replace(body, drive=body.drive.bridge)
     field, absent = OF_DRIVES[name]
     return dataclasses.replace(body, drive=dataclasses.replace(body.drive, **{field: absent}))
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -129,10 +129,29 @@ class EfficiencyTable:
 
 
 @dataclass(frozen=True, eq=False)
+class Firmware:
+    """The position loop of a servo. Equations in `actuators.firmware`."""
+
+    period: float  # [s]
+    every: int  # turns of the arm's fastest such loop from one of its own to the next
+    count: Scalar | None  # [rad] of the encoder; None: it is exact
+    output: Literal["duty", "current"]
+    limit: Scalar  # of the output [1 | A]
+    proportional: Scalar  # [1/rad | A/rad]
+    integral: Scalar | None = None  # [1/(rad s) | A/(rad s)]; None: there is none
+    derivative: Scalar | None = None  # [s/rad | A s/rad]
+    dead_band: Scalar | None = None  # [rad]
+    speed: Scalar | None = None  # of the goal [rad/s]; None: it jumps
+    acceleration: Scalar | None = None  # of the goal [rad/s²]
+    goals: tuple[float, float] | None = None  # [rad] within which they are followed
+    latency: int = 0  # periods
+
+
+@dataclass(frozen=True, eq=False)
 class Drive:
     """Motor and gear of a joint. θ_motor = gear_ratio q; constants are DC-equivalent; None where the record is silent."""
 
-    command: Literal["voltage", "current", "torque"]
+    command: Literal["voltage", "current", "torque", "position"]
     gear_ratio: Scalar = 1.0  # n [motor rad / rad | rad/m], signed
     rotor_inertia: Scalar = 0.0  # J_m [kg m²], motor side
     efficiency: Scalar | EfficiencyTable | None = None  # η [-]; None: 1, no loss
@@ -146,7 +165,15 @@ class Drive:
     dead_zone: Scalar | None = None  # commands within give no voltage [V]; None: no such zone
     thermal: Thermal | None = None
     cogging: Cogging | None = None
+    firmware: Firmware | None = None  # what follows a command of position
     coupling: tuple[tuple[str, Scalar], ...] = ()  # other joints that turn the motor [motor rad / rad | rad/m]
+
+    @property
+    def bridge(self) -> Drive:
+        """What a servo's loop drives, by voltages or currents; the drive itself without such a loop."""
+        if self.firmware is None:
+            return self
+        return replace(self, command="voltage" if self.firmware.output == "duty" else "current", firmware=None)
 
     @property
     def armature(self) -> Scalar:

@@ -18,6 +18,7 @@ from armwright.model.drive import (
     DriveLimits,
     EfficiencyTable,
     Elasticity,
+    Firmware,
     Friction,
     Stops,
     Supply,
@@ -31,8 +32,8 @@ if TYPE_CHECKING:
     from armwright.description.drive_effects import GearEfficiencyTable
 
 
-def drive_of(joint: MovingJoint, command: Any) -> Drive:
-    """Motor and gear of a joint, electrical constants as DC-equivalents."""
+def drive_of(joint: MovingJoint, command: Any, turn: float | None = None) -> Drive:
+    """Motor and gear of a joint, electrical constants as DC-equivalents; `turn`: [s] of the arm's fastest servo loop."""
     motor = joint.motor
     if motor is None:
         loaded = joint.friction is not None and joint.friction.load_coefficient is not None
@@ -60,6 +61,34 @@ def drive_of(joint: MovingJoint, command: Any) -> Drive:
         if motor.cogging is None
         else Cogging(*_numbers(motor.cogging, "amplitude_n_m", "periods", "phase_rad")),
         coupling=tuple((coupling.joint, coupling.ratio.number) for coupling in motor.coupling),
+        firmware=_firmware_of(joint.firmware, turn),
+    )
+
+
+def _firmware_of(record: Any, turn: float | None) -> Firmware | None:
+    if record is None or turn is None:
+        return None
+    count = None if record.counts_per_turn is None else 2.0 * np.pi / record.counts_per_turn.number
+
+    def gain(name: str, unit: str) -> Scalar | None:
+        setting, scale = (_number(getattr(record, key)) for key in (name, f"{name}_scale_{unit}"))
+        return None if setting is None or scale is None else setting * scale
+
+    band, latency = _number(record.dead_band_counts), record.latency_periods
+    return Firmware(
+        period=float(record.period_s),
+        every=round(float(record.period_s) / turn),
+        count=count,
+        output=record.output,
+        limit=record.output_limit.number,
+        proportional=gain("p", "per_rad"),
+        integral=gain("i", "per_rad_s"),
+        derivative=gain("d", "s_per_rad"),
+        dead_band=None if band is None or count is None else band * count,
+        speed=_number(record.goal_speed_rad_per_s),
+        acceleration=_number(record.goal_acceleration_rad_per_s2),
+        goals=None if record.goal_range_rad is None else tuple(record.goal_range_rad.numbers),
+        latency=0 if latency is None else round(float(latency)),
     )
 
 

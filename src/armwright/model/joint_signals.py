@@ -27,7 +27,7 @@ LONG_NAMES = {
 
 def command_unit(command: str, units: JointUnits) -> str:
     """Unit of a drive command of a joint with those units: `command_unit("voltage", ROTARY)` → "V"."""
-    return {"voltage": "V", "current": "A"}.get(command) or units.torque
+    return {"voltage": "V", "current": "A", "position": units.position}.get(command) or units.torque
 
 
 def joint_units(arm: Model, quantity: str) -> list[str]:

@@ -77,6 +77,7 @@ class Model(Tree):
         Args:
             friction: None takes all joint friction away.   springs: None takes joints' springs and cylinders away.
             rotors: None takes the rotors' inertia away.   efficiency: None makes the gears lossless.
+            firmware: None takes servos' loops away: what is behind them takes voltages or currents.
             gravity: (3,) [m/s²].   tip: name of a frame.   name: str.
         Raises:
             ModelError: an unknown change, or a value that is none.

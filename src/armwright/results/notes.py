@@ -40,7 +40,15 @@ def limit_notes(
         unreal = (np.abs(position) > UNREAL) | (np.abs(speed) > UNREAL)
         if unreal.any():
             reached.append(f"beyond {UNREAL:g} at {first(unreal)}; from there on these numbers mean nothing")
-        if outputs and _only_limits(body):
+        firmware, duty = body.drive.firmware, outputs.get("duty")
+        if firmware is not None and duty is not None:
+            full = np.abs(duty[..., j]) >= firmware.limit
+            if full.mean() > 0.0:
+                reached.append(
+                    f"its loop gave all its duty, {firmware.limit:g}, in {percentage(full.mean())} of the rows, first at "
+                    f"{first(full)}"
+                )
+        if outputs and firmware is None and _only_limits(body):
             commanded, applied = u[..., j], outputs["tau" if command == "torque" else command][..., j]
             finite = np.isfinite(commanded) & np.isfinite(applied)  # lanes that diverged may command anything
             commanded, applied = np.where(finite, commanded, 0.0), np.where(finite, applied, 0.0)

@@ -48,7 +48,7 @@ class Rule:
 COORDINATES = {
     "joint": Rule(("joint",), TEXTS, needed=True, unique=True),
     "kind": Rule(("joint",), TEXTS, needed=True, choices=tuple(moving_kinds())),
-    "command": Rule(("joint",), TEXTS, needed=True, choices=("voltage", "current", "torque")),
+    "command": Rule(("joint",), TEXTS, needed=True, choices=("voltage", "current", "torque", "position")),
     "time": Rule(("time",), finite=True, most=LATEST, rising=True, units=("s",)),
     "lane": Rule(("lane",), WHOLE, unique=True),
     "event": Rule(("event",), TEXTS, unique=True),

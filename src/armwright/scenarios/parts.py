@@ -38,7 +38,14 @@ def make_parts(values: dict[str, Fields], arm: Model, files: Files, mistakes: Mi
     """
     commands, inputs = values["commands"], values["inputs"]
     braked = [body.joint for body in arm.coordinates if body.brake is not None]
-    for name, columns, units in (("wrench", WRENCH, ["N"] * 3 + ["N m"] * 3), ("brake", braked, None)):
+    servos = [body.joint for body in arm.coordinates if body.drive.firmware is not None]
+    over_time = (
+        ("wrench", WRENCH, ["N"] * 3 + ["N m"] * 3),
+        ("brake", braked, None),
+        ("supply", ("supply",), ["V"]),
+        ("enabled", servos, None),
+    )
+    for name, columns, units in over_time:
         if isinstance(inputs.get(name), str):
             with mistakes.noted():
                 inputs[name] = _schedule(f"inputs.{name}", inputs[name], columns, units, files)

@@ -163,6 +163,13 @@ class InputsTable(Record):
         "Holding brakes of the record, 1 applied, 0 released: for all, one for each, a table by joint, or a CSV file "
         "over t; absent: released."
     )
+    supply_v: Number | str | None = optional(
+        "Voltage of the supply of all drives in place of the record's, or a CSV file of the column supply over t."
+    )
+    enabled: bool | PerJoint | str | None = optional(
+        "Servos that follow their goals, 1, or are off, 0: for all, one for each, a table by joint, or a CSV file over t; "
+        "absent: all do."
+    )
     payload: tuple[PayloadTable, ...] = Field(
         default=(), description="What the end effector takes up and puts down, as [[inputs.payload]]."
     )

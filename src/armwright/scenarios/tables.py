@@ -369,6 +369,10 @@ def _inputs(scenario: Scenario, lanes: dict[str, np.ndarray]) -> Tables:
         table["wrench"] = whole if isinstance(whole, Schedule) else _row("inputs.wrench", whole, lanes)
     if inputs.brake is not None:
         table["brake"] = _schedule_or_numbers("inputs.brake", inputs.brake)
+    if inputs.supply is not None:
+        table["supply_v"] = _schedule_or_numbers("inputs.supply", inputs.supply)
+    if inputs.enabled is not None:
+        table["enabled"] = _schedule_or_numbers("inputs.enabled", inputs.enabled)
     bodies = [inputs.payload] if isinstance(inputs.payload, Payload) else inputs.payload or ()
     rows = [_payload(f"inputs.payload[{k}]", each, lanes) for k, each in enumerate(bodies)]
     return table | ({"payload": rows} if rows else {})

@@ -41,7 +41,12 @@ def part_values(table: ScenarioTable, arm: Model, mistakes: Mistakes) -> dict[st
     if isinstance(table.inputs.wrench, tuple):
         parts["inputs"]["wrench"] = np.array(table.inputs.wrench)
     with mistakes.noted():
-        parts["inputs"]["brake"] = _brake(table.inputs.brake, arm)
+        braked = [body.joint for body in arm.coordinates if body.brake is not None]
+        parts["inputs"]["brake"] = _switches("brake", table.inputs.brake, braked, 0.0)
+    with mistakes.noted():
+        servos = [body.joint for body in arm.coordinates if body.drive.firmware is not None]
+        parts["inputs"]["enabled"] = _switches("enabled", table.inputs.enabled, servos, 1.0)
+    parts["inputs"]["supply"] = table.inputs.supply_v
     for name, value in parts["solver"].items():
         with mistakes.noted():
             Solver(**{"integrator": table.solver.integrator, name: value})
@@ -141,15 +146,15 @@ def _kind_value(place: str, value: Any, arm: Model, of_reference: bool) -> Any:
     return np.array(value, dtype=float) if even else value
 
 
-def _brake(value: Any, arm: Model) -> Any:
-    """Numbers, of a table by joint with 0 for those that are released, or the name of a file."""
+def _switches(key: str, value: Any, joints: list[str], others: float) -> Any:
+    """Numbers, of a table by joint with `others` for those that it does not name, or the name of a file."""
     if not isinstance(value, dict):
         return value
-    braked = [body.joint for body in arm.coordinates if body.brake is not None]
     for name in value:
-        if name not in braked:
-            raise ScenarioError("a joint without a brake", place="inputs.brake", value=name, choices=braked)
-    return [value.get(name, 0.0) for name in braked]
+        if name not in joints:
+            what = "a joint without a brake" if key == "brake" else "a joint without a servo's firmware"
+            raise ScenarioError(what, place=f"inputs.{key}", value=name, choices=joints)
+    return [value.get(name, others) for name in joints]
 
 
 def _payload(table: PayloadTable) -> Fields:

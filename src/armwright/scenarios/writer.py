@@ -44,6 +44,8 @@ NAMED = (  # places of the names of other files
     ("recording", "reference"),
     ("inputs", "wrench"),
     ("inputs", "brake"),
+    ("inputs", "supply_v"),
+    ("inputs", "enabled"),
 )
 
 
@@ -343,9 +345,11 @@ def _named(value: Any, place: tuple[str, ...], arm: Model, names: _Names) -> Any
             "schedule": joint_units(arm, "u"),
             "reference": joint_units(arm, "q"),
             "wrench": ["N"] * 3 + ["N m"] * 3,
+            "supply_v": ["V"],
         }
-        listed: list[str] = list(WRENCH) if of == "wrench" else list(arm.names)
-        by_name = dict(zip(listed, units[of], strict=True)) if of in units else {}  # brakes have no unit
+        names_of: dict[str, list[str]] = {"wrench": list(WRENCH), "supply_v": ["supply"]}
+        listed = names_of.get(of, list(arm.names))
+        by_name = dict(zip(listed, units[of], strict=True)) if of in units else {}  # switches have no unit
         stated = [by_name[name] for name in value.names] if by_name else None
         return names.of_schedule("commands" if of == "schedule" else of, value, stated)
     if isinstance(value, dict):

@@ -36,6 +36,9 @@ FURTHER = {  # what the plant tells beside the usual: whose unit it has, and wha
     "brake": ("q", "how far the brake gave way"),
     "winding_temperature": ("°C", "temperature of the motor's winding"),
     "housing_temperature": ("°C", "temperature of the motor's housing"),
+    "goal": ("q", "goal that the servo follows"),
+    "duty": ("1", "duty of the servo's bridge"),
+    "goal_current": ("A", "current that the servo asks for"),
     "bus_voltage": ("V", "voltage of the supply's bus"),
 }
 UNSTORED = ("applied", "current", "qdd")  # measured or followed signals that other variables hold already

@@ -12,7 +12,7 @@ import numpy as np
 from armwright.entry import as_scenario, expect
 from armwright.errors import ScenarioError
 from armwright.kernels.loop import LaneGroup, LoopArrays, NativeLoop
-from armwright.kernels.stages import SEEN, state_blocks
+from armwright.kernels.stages import SEEN, TURNS, state_blocks
 from armwright.program.turns import alone
 from armwright.results.reducers import Reduction, check_known
 from armwright.simulation.auto_rule import auto_rule
@@ -24,7 +24,7 @@ from armwright.simulation.loop.compiled import CompiledLoop
 from armwright.simulation.loop.config import LoopConfig, Sampling
 from armwright.simulation.loop.controller import ControllerAdapter
 from armwright.simulation.loop.initialisation import Initialisation
-from armwright.simulation.loop.plant_programs import plant_derivative, plant_watched
+from armwright.simulation.loop.plant_programs import plant_derivative, plant_turn, plant_watched
 from armwright.simulation.loop.python_controller import PythonController
 from armwright.simulation.loop.references import PARAMETERS, LoopReference, start_notes
 from armwright.simulation.loop.sensor_set import SensorSet
@@ -75,7 +75,8 @@ class LoopRunner:
         self._check_step(limit)
         self.rule = scenario.solver.rule
         if self.rule == "auto":
-            self.rule = auto_rule(limit, sampled=self.sampled if sampled is None else sampled)
+            often = (self.sampled if sampled is None else sampled) or limit.plant.turn is not None
+            self.rule = auto_rule(limit, sampled=often)
         self.reduction = Reduction.of(scenario.recording.reduce, self.arm.n) if scenario.recording.reduce else None
         self.tick = self.origin = self.begun = 0 if self._started is None else self._started.tick
         self.reference = self.reference_of_ticks(
@@ -202,7 +203,7 @@ class LoopRunner:
             )
         stiff, watched = bool(self.plant.stiff), plant_watched(self.config)
         derivative, shapes = plant_derivative(self.config), self.config.plant_shapes
-        return Cvodes(derivative, shapes, self.scenario.solver.adaptivity, stiff, watched)
+        return Cvodes(derivative, shapes, self.scenario.solver.adaptivity, stiff, watched, plant_turn(self.config))
 
     def _kept_blocks(self) -> set[str]:
         """Names of the blocks that make the state of the loop."""
@@ -213,6 +214,7 @@ class LoopRunner:
             kept |= state_blocks((*stages[1], *stages[0]))
         if self._solver is not None:
             seen = {name + SEEN for name in self.loop.tick.seen}
+            kept |= {TURNS} if self.plant.turn is not None else set()
             kept |= {"u", *seen} & {name for loop in self.loop.loops for name in loop.sizes}
         begun = {"x_first", "allowed"}  # where ranges are measured from, and what a step may be wrong by
         kept |= begun & {name for loop in self.loop.loops for name in loop.sizes}

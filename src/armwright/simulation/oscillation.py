@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from armwright.errors import ScenarioError
+from armwright.errors import ModelError, ScenarioError
 from armwright.simulation.scenario import Scenario
 
 if TYPE_CHECKING:
@@ -54,7 +54,11 @@ def unstable_loop(scenario: Scenario, poses: np.ndarray, lane: int = 0, clipped:
     """A sentence on an unstable loop; None of one that is stable at poses (k, n), or that cannot be analysed."""
     try:
         return importlib.import_module(ANALYSED_BY).unstable_sentence(scenario, poses, lane, clipped)
-    except (ScenarioError, np.linalg.LinAlgError):  # called in Python, with draws in its loop: nothing is known
+    except (
+        ScenarioError,
+        ModelError,
+        np.linalg.LinAlgError,
+    ):  # called in Python, draws in its loop, servos: nothing is known
         return None
 
 

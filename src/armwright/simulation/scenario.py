@@ -32,8 +32,10 @@ from armwright.simulation.checks import check_time, is_whole
 from armwright.simulation.inputs.input_schedule import (
     InputSchedule,
     brake_schedule,
+    enabled_schedule,
     input_schedule,
     lane_numbers,
+    supply_schedule,
     wrench_schedule,
 )
 from armwright.simulation.inputs.payload import carried, payload_of
@@ -278,6 +280,10 @@ class Scenario:
                 schedules["wrench"] = wrench_schedule(self.arm, self.inputs.wrench)
             if self.inputs.brake is not None:
                 schedules["brake"] = brake_schedule(self.arm, self.inputs.brake)
+            if self.inputs.supply is not None:
+                schedules["supply"] = supply_schedule(self.arm, self.inputs.supply)
+            if self.inputs.enabled is not None:
+                schedules["enabled"] = enabled_schedule(self.arm, self.inputs.enabled)
             if self.carried is not None:
                 frames, schedules["payload"] = payload_of(self.arm, self.carried)
         except ArmwrightError as error:

@@ -93,12 +93,18 @@ class Inputs:
             mz, held from row to row.
         brake: 1 where the holding brakes of the record are applied, 0 where they are released: one for all, (brakes,),
             or a Schedule with a column for every joint that has one; absent: released.
+        supply: [V] of the supply of all drives, such as a log has it, in place of what the record says: one number, or a
+            Schedule of the column `supply`.
+        enabled: 1 where servos are on, 0 where they are off: one for all, (servos,), or a Schedule with a column for every
+            joint whose command is a position; absent: on.
         payload: what the end effector takes up and puts down: a `Payload` or several, in the order of their times.
     """
 
     wrench: Any = None
     brake: Any = None
     payload: Any = None
+    supply: Any = None
+    enabled: Any = None
 
 
 @dataclass(frozen=True, eq=False)

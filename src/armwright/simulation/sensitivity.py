@@ -46,6 +46,7 @@ SUPPORT = Support(
         "lost samples": "no jitter, loss or drift",
         "clock drift": "no jitter, loss or drift",
         "encoder counts": "none: they have no derivative",
+        "servo counts": "none: they have no derivative",
     },
 )
 
@@ -261,6 +262,7 @@ def _check(simulation: Simulation) -> None:
         body = next(body for body in simulation.arm.coordinates if body.drive.coupling)
         what = "is turned by motors that turn others too and that stick: where these break loose is not followed"
         raise ScenarioError(what, place=f"joint {body.joint!r}", expected="a smoothing speed in the record's friction")
+    SUPPORT.refuse(simulation.arm, "servo counts")
     if sampling is None or loop is None:
         return
     if sampling.delays.fractional or np.any(sampling.delays.earlier):
@@ -311,7 +313,8 @@ def _augmented(simulation: Simulation, seeds: dict[str, np.ndarray], count: int)
             plain = {name: getattr(stage, name) for name in ("touching", "switched", "bracket", "narrow", "grazing")}
             carried = {name: with_tangents(p, seen, inner, count) for name, p in carried.items() if p is not None}
             plain = {name: without_tangents(p, seen, count) for name, p in plain.items() if p is not None}
-            stage = replace(stage, **carried, **plain, tangents=count)
+            turn = stage.turn and replace(stage.turn, program=with_tangents(stage.turn.program, seen, inner, count))
+            stage = replace(stage, **carried, **plain, tangents=count, turn=turn)
         found.append(stage)
     return tuple(found), active
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from armwright.kernels.compiled import compile_arm
 from armwright.model import Model
+from armwright.model.changes import without_servos
 from armwright.model.payload import Payload
 from armwright.trajectory.rest import Torques, torques
 
@@ -60,7 +61,7 @@ def efforts(
     found = Torques(*(np.concatenate([getattr(part, each.name) for part in parts]) for each in fields(Torques)))
     if not all(map(has_constants, arm.coordinates)):
         return {"torque": found}
-    dyn = compile_arm(arm)
+    dyn = compile_arm(without_servos(arm))
     volts = [dyn.motor_voltage(found.qd, each) for each in (found.tau, found.low, found.high)]
     low, high = np.minimum(*volts[1:]), np.maximum(*volts[1:])  # swapped where the gear turns the motor the other way
     return {"torque": found, "voltage": Torques(found.qd, volts[0], low, high, found.held)}

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from armwright.control.analysis.regions import check_margins
+from armwright.control.analysis.small_signal import SERVOS
 from armwright.control.design import design_gains
 from armwright.entry import AnyScenario, as_scenario
 from armwright.errors import ScenarioError
@@ -30,7 +31,7 @@ from armwright.tuning.space import GainSpace, rounded
 from armwright.tuning.uncertainty import USUAL, Uncertainty
 from armwright.validation import validated
 
-SUPPORT = replace(SIMULATED, consumer="tune", refused={"commands over time": "has no controller"})
+SUPPORT = replace(SIMULATED, consumer="tune", refused={"commands over time": "has no controller", "servos": SERVOS})
 
 STILL = 1e-6  # [rad | m] of a tracking error: an arm that only holds its pose
 METHODS = ("cma", "differential-evolution")
@@ -78,6 +79,7 @@ def tune(
             move, or bad arguments. `cma` is not installed.
     """
     scenario = as_scenario(scenario)
+    SUPPORT.refuse(scenario.arm, "servo")
     arguments = {
         "start": start, "gains": gains, "draws": draws, "objectives": objectives, "limits": limits, "lanes": lanes,
     }  # fmt: skip

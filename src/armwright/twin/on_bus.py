@@ -42,6 +42,7 @@ SUPPORT = Support(
         "stops": "its limits",
         "coasting": "command = 'voltage'",
         "dead zone": "command = 'voltage'",
+        "servos": "command = 'current' or 'torque'",
         "commands over time": "no sampled loop",
         "moving start": "brakes hold it until it is enabled",
         "lanes": "one arm",

@@ -82,6 +82,7 @@ class LinearLoop:
                     )
         if has_draws(loop):
             raise ScenarioError("has random draws", place="loop", expected="numbers: one loop is analysed")
+        SUPPORT.refuse(scenario.arm, "servo")
         self.scenario = scenario
         self.period = scenario.tick if period is None else float(period)
         self.plant = SmallPlant(scenario.arm) if plant is None else plant

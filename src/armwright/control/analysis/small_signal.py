@@ -31,6 +31,7 @@ from armwright.simulation.plant.slopes import plant_slopes
 from armwright.simulation.plant.view import PlantView
 
 LEFT_OUT = "left out"
+SERVOS = "arm.replace(firmware=None), with the servo's loop in the controller"
 SUPPORT = Support(
     "loops",
     scenario=True,
@@ -51,9 +52,14 @@ SUPPORT = Support(
             ("pose", "schedule of poses", "motion", "grips of a motion", "moving start"),
             "small motions about rest are those of any reference",
         ),
-        **dict.fromkeys(("wrench", "applied brakes", "payloads over time"), "the loop is that without them"),
+        **dict.fromkeys(
+            ("wrench", "applied brakes", "payloads over time", "supply over time"), "the loop is that without them"
+        ),
     },
-    refused={"commands over time": "a loop and its controller"},
+    refused={
+        "commands over time": "a loop and its controller",
+        "servos": SERVOS,
+    },
 )
 
 
@@ -122,7 +128,7 @@ class SmallPlant:
 
     def at_rest(self, q: Array) -> tuple[Array, Array]:
         """The plant's state (size,) and the commands (n,) that hold the arm at q (n,) [rad | m]."""
-        u = holding_command(self.arm, holding_torques(self.arm, q))
+        u = holding_command(self.arm, holding_torques(self.arm, q), q)
         return scalar.array(self.plant.initial(q, scalar.zeros(self.arm.n))), scalar.array(u)
 
     @cached_property

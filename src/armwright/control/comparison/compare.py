@@ -322,7 +322,7 @@ def command_limits(arm: Model) -> np.ndarray:
     """(n,) [V | A | N m | N] largest command of each drive; infinite for a drive without a limit in the record."""
     found = []
     for body in arm.coordinates:
-        drive, limits = body.drive, body.limits
+        drive, limits = body.drive.bridge, body.limits
         per_ampere = abs(float(drive.gear_ratio) * float(drive.torque_constant or 0.0))
         if drive.command == "current" and per_ampere:
             found.append(min(limits.current, limits.torque / per_ampere))
@@ -335,7 +335,7 @@ def command_limits(arm: Model) -> np.ndarray:
 
 def _peaks(arm: Model) -> list[str]:
     """Name of the reducer of each joint's command."""
-    return [f"peak_{body.drive.command}" for body in arm.coordinates]
+    return [f"peak_{body.drive.bridge.command}" for body in arm.coordinates]
 
 
 def _peak_share(arm: Model, run: xr.Dataset) -> np.ndarray:

@@ -33,7 +33,7 @@ SUPPORT = replace(
         "loops at several rates": "designed as if they had the loop's period; the check of the margins counts the rates",
         "lanes": "the first is designed for",
     },
-    refused={"commands over time": "has no controller"},
+    refused={**SMALL_MOTIONS.refused, "commands over time": "has no controller"},
 )
 
 FASTER = (2.0, 4.0, 8.0, 16.0, 32.0, 64.0)  # sampling, where the loop's own keeps no margins
@@ -151,6 +151,7 @@ def design_gains(
     zeta = scalar.real_number(damping)
     if zeta is None or not 0.1 <= zeta <= 3.0:
         raise ScenarioError(place="damping", value=damping, expected="a damping from 0.1 to 3")
+    SUPPORT.refuse(scenario.arm, "servo")
     law = designed_controller(scenario)
     method = method or ("symmetric-optimum" if isinstance(law, Cascade) else "pole-placement")
     check_choice("method", method, tuple(RULES))

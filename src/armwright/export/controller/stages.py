@@ -298,4 +298,9 @@ def _filter_limits(sampling: Sampling, n: int) -> np.ndarray:
 
 def _drive_limits(arm: Model) -> np.ndarray:
     """(n,) the most that each drive takes, in its command's unit; infinite where the record is silent."""
-    return np.array([float(getattr(body.limits, body.drive.command)) for body in arm.coordinates])
+    return np.array(
+        [
+            np.inf if body.drive.firmware is not None else float(getattr(body.limits, body.drive.command))
+            for body in arm.coordinates
+        ]
+    )

@@ -39,6 +39,7 @@ SUPPORT = Support(
             (
                 *("delays", "jitter", "lost samples", "clock drift", "encoder counts", "sensor noise", "speed filter"),
                 *("wrench", "applied brakes", "payloads over time", "moving start"),
+                *("servo counts", "supply over time", "servos off"),
             ),
             OF_THE_BUS,
         ),

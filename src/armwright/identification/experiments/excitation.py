@@ -401,7 +401,7 @@ class ExcitationProblem:
             tau = _mapped(limits.arm, "inverse_dynamics", count)(q, qd, qdd)
             add("torque", tau, limits.most["torque"])
             if limits.bounded("voltage").any():
-                add("voltage", _mapped(limits.arm, "motor_voltage", count)(qd, tau), limits.most["voltage"])
+                add("voltage", _mapped(limits.dyn.arm, "motor_voltage", count)(qd, tau), limits.most["voltage"])
         if limits.has_box:
             pose = _mapped(limits.arm, "forward_kinematics", count)(q)  # row-major (4, 4)
             values.append(casadi.vec(pose[[3, 7, 11], :]))

@@ -12,6 +12,7 @@ from armwright.entry import expect
 from armwright.errors import ScenarioError
 from armwright.kernels.compiled import CompiledArm, compile_arm
 from armwright.model import Model
+from armwright.model.changes import without_servos
 from armwright.trajectory.limits import MotionLimits
 from armwright.trajectory.rest import torques
 
@@ -38,7 +39,7 @@ class ExcitationLimits:
     @cached_property
     def dyn(self) -> CompiledArm:
         """The compiled arm."""
-        return compile_arm(self.arm)
+        return compile_arm(without_servos(self.arm))
 
     @property
     def middle(self) -> np.ndarray:

@@ -32,7 +32,11 @@ from armwright.model.model import Model
 from armwright.progress import Shown, automatic
 from armwright.scalar import real_number
 
-SUPPORT = Support("identify motor", without_effect={"brakes": "they are released"})
+SUPPORT = Support(
+    "identify motor",
+    without_effect={"brakes": "they are released"},
+    refused={"servos": "a log of voltages, and the record without its firmware"},
+)
 
 ROWS_PER_UNKNOWN = 5  # measurements
 LEAST_GAIN = 0.01  # of the error that a bridge that coasts must take away
@@ -84,6 +88,10 @@ def identify_motor(
     if search.priors and arm is None and log.arm is None:
         raise ModelError("goes with a robot, whose record states deviations", place="priors", value=True)
     base, source, joints, loads = robot_of(log, arm, joint, load, locked)
+    servos = [] if base is None else [joint.name for joint in base.moving_joints if joint.firmware is not None]
+    if servos:
+        what, expected = "identify motor takes no servos' firmware", SUPPORT.refused["servos"]
+        raise ModelError(what, place="joints.firmware", value=", ".join(servos), expected=expected)
     data = measured(log, asked, joints, reading, locked=locked)
     ratios, delay = [_ratio(base, log, name) for name in joints], known.get("delay")
     guesses = []

@@ -110,17 +110,60 @@ def brake_schedule(arm: Model, value: Any) -> InputSchedule:
     joints = [body.joint for body in arm.coordinates if body.brake is not None]
     if not joints:
         raise ScenarioError(f"no joint of {arm.name} has a brake in its record", place="brake")
+    return _switches("brake", value, joints, "1, applied, or 0, released")
+
+
+def enabled_schedule(arm: Model, value: Any) -> InputSchedule:
+    """1 where a servo is on, else 0: a column for every joint that follows a goal; a single number is for all of them.
+
+    Raises:
+        ScenarioError: an arm without servos, or one with an inductance, whose current an open bridge would cut; other numbers.
+    """
+    servos = [body for body in arm.coordinates if body.drive.firmware is not None]
+    if not servos:
+        raise ScenarioError(f"no joint of {arm.name} has a servo's firmware in its record", place="enabled")
+    for body in servos:
+        if body.drive.inductance is not None:
+            what, expected = (
+                f"{body.joint} has an inductance",
+                "a motor without inductance_h, whose current is 0 at once",
+            )
+            raise ScenarioError(what, place="enabled", expected=expected)
+    return _switches("enabled", value, [body.joint for body in servos], "1, on, or 0, off")
+
+
+def supply_schedule(arm: Model, value: Any) -> InputSchedule:
+    """The voltage of the supply of all drives [V].
+
+    Raises:
+        ScenarioError: a record with a supply of its own; voltages that are not above 0.
+    """
+    if arm.supply is not None:
+        what, expected = f"{arm.name} has a [supply], whose voltage is computed", "an arm without it"
+        raise ScenarioError(what, place="supply", expected=expected)
+    if not isinstance(value, (Batch, Schedule)) and np.ndim(value) == 0:
+        value = [value]
+    elif isinstance(value, Batch) and value.shape == ():
+        value = Batch(value.values[:, None])
+    schedule = input_schedule("supply", value, ("supply",))
+    rows = all_rows(schedule)
+    if not (rows > 0.0).all():
+        raise ScenarioError(place="supply", value=float(rows.min()), expected="voltages above 0 [V]")
+    return schedule
+
+
+def _switches(name: str, value: Any, joints: list[str], expected: str) -> InputSchedule:
+    """Rows of 0 and 1, a column for each of these joints; a single number is for all of them."""
     if isinstance(value, Batch) and value.shape == ():
         value = Batch(np.repeat(value.values[:, None], len(joints), axis=1))
     elif not isinstance(value, (Batch, Schedule)) and np.ndim(value) == 0:
         value = [value] * len(joints)
-    schedule = input_schedule("brake", value, joints)
+    schedule = input_schedule(name, value, joints)
     rows = all_rows(schedule)
     wrong = (rows != 0.0) & (rows != 1.0)
     if wrong.any():
         row, column = np.argwhere(wrong)[0]
-        expected = "1, applied, or 0, released"
-        raise ScenarioError(place=f"brake of {joints[column]}", value=float(rows[row, column]), expected=expected)
+        raise ScenarioError(place=f"{name} of {joints[column]}", value=float(rows[row, column]), expected=expected)
     return schedule
 
 

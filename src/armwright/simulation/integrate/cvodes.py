@@ -15,7 +15,7 @@ import numpy as np
 from armwright.errors import ScenarioError
 from armwright.features import Support
 from armwright.kernels.loop import LaneGroup, Schedules
-from armwright.kernels.stages import CURSOR, NEVER, SECANTS, SEEN
+from armwright.kernels.stages import CURSOR, NEARLY_DUE, NEVER, SECANTS, SEEN, TURNS, Turn
 from armwright.program import trace
 from armwright.scalar import Array
 from armwright.simulation.integrate.stepping import Adaptivity
@@ -57,6 +57,7 @@ class Cvodes:
         derivative: (x, u, …) → dx/dt.   shapes: of its arguments, blocks by name, "x" and "u" first.
         adaptivity: tolerances.   stiff: whether the plant has fast parts that die away.
         watched: what may switch; solutions end and begin where something does. `derivative` then takes the contacts as well.
+        turn: of servos' loops, at which they do so, too.
     """
 
     def __init__(
@@ -66,12 +67,13 @@ class Cvodes:
         adaptivity: Adaptivity,
         stiff: bool,
         watched: Watched | None = None,
+        turn: Turn | None = None,
     ):
         contacts = {} if watched is None else watched.block
         self._f = trace("plant", derivative, {**shapes, **contacts}, ("xd",)).graph
         self._landing = switching_programs(watched, shapes)
         self._other_sizes = {name: int(np.prod(shape)) for name, shape in shapes.items() if name not in ("x", "u")}
-        self._adaptivity = adaptivity
+        self._adaptivity, self._turn = adaptivity, turn
         self._methods = METHODS[::-1] if stiff else METHODS
         self._solvers: dict[tuple[int, str], casadi.Function] = {}
         self._ahead: dict[int, list[np.ndarray]] = {}  # states of a lane at the ticks that follow
@@ -183,6 +185,8 @@ class Cvodes:
         """Adds the blocks that `tick` needs, none of the lanes frozen, where the loop has not made them."""
         for name, entries in self._other_sizes.items():
             lanes.blocks.setdefault(name, np.zeros((lanes.tiles, entries, lanes.width)))
+        if self._turn is not None:
+            lanes.blocks.setdefault(TURNS, np.zeros((lanes.tiles, 1, lanes.width)))
         names = ("frozen", "see_at") if f"x{SEEN}" in lanes.blocks else ("frozen",)
         for name in names:
             lanes.blocks.setdefault(name, np.full((lanes.tiles, 1, lanes.width), -1.0))
@@ -195,6 +199,7 @@ class Cvodes:
             steady: ticks, this one included, in which nothing but rows changes a command: they are solved in one go.
         """
         names = [*self._other_sizes, *schedules, *(f"{name}.{part}" for name in schedules for part in CURSOR)]
+        names += [TURNS] * (self._turn is not None)
         values = {name: lanes.get(name).copy() for name in dict.fromkeys(["x", "u", "frozen", *names])}
         empty = np.zeros((lanes.count, 0))
         plan, begins = (lanes.get(name) if name in lanes.blocks else empty for name in ("u_plan", "u_from"))
@@ -208,14 +213,16 @@ class Cvodes:
             lane_values = {name: value[lane] for name, value in values.items()}
             commands = plan[lane].reshape(-1, len(lane_values["u"]))
             rows = _rows_within(lane_values, k, schedules)
-            edges = sorted({h, *(t for t in (*begins[lane], *see_at[lane], *(at for at, _, _ in rows)) if 0.0 < t < h)})
-            calm = 1 if len(edges) > 1 else _calm(lane_values, k, schedules, steady)
+            changes = {t for t in (*begins[lane], *see_at[lane], *(at for at, _, _ in rows)) if 0.0 < t < h}
+            edges = sorted({h, *changes, *self._turns(float(lane_values.get(TURNS, [0.0])[0]), k, h, changes)})
+            calm = 1 if len(edges) > 1 or self._turn is not None else _calm(lane_values, k, schedules, steady)
             for begin, end in zip([0.0, *edges], edges, strict=False):
                 for s, command in enumerate(commands):
                     if s == 0 or begins[lane, s - 1] <= begin:
                         lane_values["u"][:] = command
                 for _, name, row in (row for row in rows if row[0] == begin):
                     lane_values[name][:] = row
+                self._turn_loops(lane_values, k * h + begin)
                 x = self._next(lanes.first + int(lane), lane_values, end - begin, calm)
                 if x is None:
                     lane_values["frozen"][:] = k
@@ -226,6 +233,23 @@ class Cvodes:
                         kept[lane] = lane_values[name]
         for name, value in [*values.items(), *((name + SEEN, kept) for name, kept in seen.items())]:
             lanes.set(name, value)
+
+    def _turns(self, number: float, k: int, h: float, changes: set[float]) -> list[float]:
+        """[s] in tick k at which servos' loops turn, but those that come with another change."""
+        if self._turn is None:
+            return []
+        period, near = self._turn.period, NEARLY_DUE * self._turn.period
+        times = (number + np.arange(np.ceil(h / period) + 1)) * period - k * h
+        return [float(t) for t in times if near < t < h - near and not any(abs(t - at) <= near for at in changes)]
+
+    def _turn_loops(self, lane_values: Mapping[str, np.ndarray], t: float) -> None:
+        """Servos' loops turn if it is time."""
+        turn = self._turn
+        if turn is None or lane_values[TURNS][0] * turn.period > t + NEARLY_DUE * turn.period:
+            return
+        values = [lane_values[port.name] for port in turn.program.inputs]
+        lane_values["x"][:] = np.asarray(turn.program.graph.call(values)[0]).ravel()
+        lane_values[TURNS][:] += 1.0
 
     def _next(self, lane: int, lane_values: Mapping[str, np.ndarray], span: float, count: int) -> np.ndarray | None:
         """The state `span` seconds later, and those `count` times as much later put by."""

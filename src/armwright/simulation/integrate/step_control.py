@@ -29,6 +29,8 @@ FLOORS = {  # the least range of a quantity by its unit: what moves by less is a
     "m/s": 1e-3,
     "A": 1e-2,
     "V": 1e-2,
+    "1": 1e-3,
+    "rad s": 1e-3,
     "°C": 1e-1,
 }
 

@@ -206,9 +206,12 @@ def adaptive_stage(
     names = ("worst", f"reach{NEXT}") if by_range else ("path",) * bool(events)
     names += (f"path{NEXT}",) * ahead
     program = trace("trial", trial, {**held, **by_range, "h": ()}, (f"x{NEXT}", "error", "grow", *names))
-    watching = event_programs(events, layout) if events else {}
-    further = watching | _ahead(shapes, searched=watched is not None) if ahead else watching
-    return Adapt(program, adaptivity.most, planned, seen, **further, **switching_programs(watched, shapes), each=EACH)
+    programs: dict[str, Any] = {
+        **switching_programs(watched, shapes),
+        **(event_programs(events, layout) if events else {}),
+    }
+    programs |= _ahead(shapes, searched=watched is not None) if ahead else {}
+    return Adapt(program, adaptivity.most, planned, seen, **programs, each=EACH)
 
 
 def _ahead(shapes: Mapping[str, tuple[int, ...]], *, searched: bool) -> dict[str, Program]:

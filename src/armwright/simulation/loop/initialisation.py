@@ -94,7 +94,8 @@ class Initialisation:
             arm, x = plant.model, start if self._whole else plant.initial(start[:n], start[n:])
             if sensors is None:
                 return (scalar.array(x),)
-            u = command[0] if command else holding_command(arm, holding_torques(arm, plant.part(x, "q")))
+            q = plant.part(x, "q")
+            u = command[0] if command else holding_command(arm, holding_torques(arm, q), q)
             view = PlantView(plant, x, PlantInputs(u, wrench if len(wrench) else None), self._period)
             exact = sensors.of_lane(c_sensors).without_noise()
             memory = exact.memory(view)

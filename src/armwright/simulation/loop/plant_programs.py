@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from armwright.kernels.stages import NEXT, Integrate, Stage
+from armwright.kernels.stages import NEXT, TURNS, Adapt, Integrate, Stage, Turn
 from armwright.program import Program, kept, trace
 from armwright.scalar import Array
 from armwright.simulation.integrate import dormand_prince, rosenbrock
@@ -37,17 +37,19 @@ def plant_stages(config: LoopConfig, seen: tuple[str, ...]) -> list[Stage]:
         if config.lands and watched is not None:
             programs = {name: program for name, program in programs.items() if name != "settle"}
             programs |= _landing(config, watched)
-        return [Integrate(step, planned, seen, **programs)]
+        return [Integrate(step, planned, seen, **programs, turn=plant_turn(config))]
     if config.integrator == "cvodes":
         return []
     assert config.adaptivity is not None
     key = ("adaptive", config.structure, config.adaptivity, config.is_ahead, planned, seen)
     if config.adaptivity.events:  # functions of the user's, traced each time
-        return [_adaptive(config, watched, planned, seen)]
-    return [kept(key, lambda: _adaptive(config, watched, planned, seen))]
+        stage = _adaptive(config, watched, planned, seen)
+    else:
+        stage = kept(key, lambda: _adaptive(config, watched, planned, seen))
+    return [replace(stage, turn=plant_turn(config))]
 
 
-def _adaptive(config: LoopConfig, watched: Watched | None, planned: int, seen: tuple[str, ...]) -> Stage:
+def _adaptive(config: LoopConfig, watched: Watched | None, planned: int, seen: tuple[str, ...]) -> Adapt:
     """The stage of a rule that chooses its steps."""
     assert config.adaptivity is not None
     trial, layout = plant_trial(config, watched), config.bare.layout
@@ -55,6 +57,21 @@ def _adaptive(config: LoopConfig, watched: Watched | None, planned: int, seen: t
     lands = config.bare.sticking is not None and not config.is_ahead
     settings = (config.adaptivity, layout, planned, seen, watched, order)
     return adaptive_stage(trial, config.plant_shapes, *settings, lands=lands, ahead=config.is_ahead)
+
+
+def plant_turn(config: LoopConfig) -> Turn | None:
+    """What the loops of servos do, and when; None of an arm without any."""
+    if config.bare.turn is None:
+        return None
+
+    def turned(x: Array, u: Array, *rest: Array) -> Array:
+        *given, turns = rest
+        plant, inputs = config.plant_call(u, given)
+        return plant.turned(x, inputs, turns[0])
+
+    shapes = {**config.plant_shapes, TURNS: (1,)}
+    program = kept(("turn", config.structure), lambda: trace("turn", turned, shapes, (f"x{NEXT}",)))
+    return Turn(program, config.bare.turn)
 
 
 def plant_derivative(config: LoopConfig) -> Callable[..., Array]:

@@ -12,6 +12,7 @@ import numpy as np
 from armwright import scalar
 from armwright.actuators import DriveOutput, in_command_units
 from armwright.actuators.coupling import Shares, from_motors, shares_of, to_motors
+from armwright.actuators.firmware import FirmwareState, turned
 from armwright.actuators.supply import Bus, bus, drive_voltage
 from armwright.actuators.winding import is_ideal
 from armwright.dynamics.inverse import newton_euler
@@ -29,7 +30,7 @@ from armwright.simulation.plant.joint_drive import (
     contact_depths,
     driven_joint,
 )
-from armwright.simulation.plant.state import contacts_of, state_layout
+from armwright.simulation.plant.state import KEPT, OUTPUTS, WAITING, contacts_of, is_kept, state_layout
 
 STIFF = ("current", "bristle", "brake", "bus_voltage")  # linear in themselves, and integrated exactly
 
@@ -143,6 +144,9 @@ class PlantDrives:
         of = [None if touching is None else touching[end - k : end] for end, k in zip(ends, self.contacts, strict=True)]
         supply = self.model.supply
         volts = None if supply is None else drive_voltage(supply, self.part(x, "bus_voltage")[0])
+        if inputs.supply is not None:
+            volts = inputs.supply[0]
+        enabled = {} if inputs.enabled is None else dict(zip(self.servos, inputs.enabled, strict=True))
         external = self._external(x, inputs)
         applied = dict.fromkeys(self.braked, 0.0) if brake is None else dict(zip(self.braked, brake, strict=True))
         return [
@@ -156,6 +160,7 @@ class PlantDrives:
                 of[i],
                 None if directions is None else directions[i],
                 external[i],
+                enabled.get(i),
             )
             for (i, body), at in zip(enumerate(self.model.coordinates), self.motions(x), strict=True)
         ]
@@ -193,7 +198,53 @@ class PlantDrives:
             for part in self.layout.signals[2:]
             if part.joints is not None and joint in part.joints and not part.name.startswith("motor")
         }
-        return JointStates(**entries)
+        kept = {name: entries.pop(name) for name in list(entries) if is_kept(name)}
+        if not kept:
+            return JointStates(**entries)
+        waiting = tuple(value for name, value in kept.items() if name.startswith(WAITING))
+        output = next(kept[name] for name in OUTPUTS if name in kept)
+        others = {name: value for name, value in kept.items() if name in KEPT and name not in OUTPUTS}
+        return JointStates(**entries, servo=FirmwareState(output=output, waiting=waiting, **others))
+
+    @cached_property
+    def servos(self) -> tuple[int, ...]:
+        """Joints that follow goals by themselves, in the order of `enabled`."""
+        return tuple(i for i, body in enumerate(self.model.coordinates) if body.drive.firmware is not None)
+
+    @cached_property
+    def turn(self) -> float | None:
+        """[s] from one turn of the fastest servo's loop to the next; None without servos."""
+        loops = [self.model.coordinates[i].drive.firmware for i in self.servos]
+        return min((loop.period / loop.every for loop in loops if loop is not None), default=None)
+
+    def turned(self, x: Array, inputs: PlantInputs, number: Scalar) -> np.ndarray:
+        """The state (size,) when servos' loops turn.
+
+        Args:
+            x: (size,) just before.   inputs: in force.   number: of the turns of the fastest loop so far: those of others that
+                are not due stay as they are.
+        """
+        after = list(x)
+        on = dict.fromkeys(self.servos, 1.0)
+        on |= {} if inputs.enabled is None else dict(zip(self.servos, inputs.enabled, strict=True))
+        for i in self.servos:
+            firmware, before = self.model.coordinates[i].drive.firmware, self._states(x, i).servo
+            assert firmware is not None
+            assert before is not None
+            new = turned(firmware, before, x[i], inputs.command[i], on[i])
+            due = (
+                scalar.equal(number, firmware.every * scalar.floor(number / firmware.every))
+                if firmware.every > 1
+                else 1.0
+            )
+            values = {name: getattr(new, name) for name in KEPT if name not in OUTPUTS}
+            values |= dict.fromkeys(OUTPUTS, new.output)
+            values |= {f"{WAITING}{k}": value for k, value in enumerate(new.waiting, 1)}
+            for part in self.layout.signals[2:]:
+                if is_kept(part.name) and i in (part.joints or ()):
+                    place = self.layout.place(part.name).start + (part.joints or ()).index(i)
+                    after[place] = scalar.where(due, values[part.name], x[place])
+        return scalar.array(after)
 
     def fast(self, x: Array, inputs: PlantInputs | Array) -> tuple[np.ndarray, np.ndarray]:
         """ż and λ [1/s] of the entries `stiff` alone: what `split` says of them, without the arm's dynamics."""
@@ -218,6 +269,8 @@ class PlantDrives:
                 ]
                 fed = bus(self.model.supply, self.part(x, "bus_voltage")[0], sum(drawn), sum(unlimited))
                 change[part.name], rates = [fed.speed], [*rates, fed.rate]
+            elif is_kept(part.name):
+                change[part.name] = [0.0 * joints[0].tau] * len(joints_of)
             elif part.name == "motor_q":
                 change[part.name] = list(self.part(x, "motor_qd"))
             elif part.name == "motor_qd":
@@ -259,11 +312,13 @@ class PlantDrives:
         Args:
             x: (size,).   u: (n,) commands.
         Returns:
-            applied: (n,) [V | A | N m | N], each in its joint's own unit.
+            applied: (n,) [V | A | N m | N | rad], each in its joint's own unit; of a servo the goal that it follows.
         """
         applied = list(in_command_units(self.model, self._done(x, u)))
         for i, body in enumerate(self.model.coordinates):
-            width = body.drive.dead_zone
+            width, servo = body.drive.dead_zone, self._states(x, i).servo
+            if servo is not None:
+                applied[i] = servo.goal
             if width is not None:
                 applied[i] = scalar.where(scalar.less_equal(scalar.abs(u[i]), width), u[i], applied[i])
         return scalar.array(applied)

@@ -8,6 +8,9 @@ from typing import Any
 
 from armwright.scalar import Array
 
+# those that the plant's derivative takes beside commands; a payload changes the arm itself
+HELD = ("wrench", "brake", "contacts", "directions", "supply", "enabled")
+
 
 @dataclass(frozen=True, eq=False)
 class PlantInputs:
@@ -15,6 +18,8 @@ class PlantInputs:
 
     Attributes:
         command: (n,) [V | A | N m | N].   wrench: (6,) [N, N m] of the environment on the tip, in base axes; None: none.
+        supply: (1,) [V] of the supply of all drives, in place of what the record says; None: that.
+        enabled: (servos,) 1 where a servo is on, 0 where it is off and its bridge open; None: all are on.
         brake: (brakes,) 1 where a brake is applied, 0 where it is released; None: all released.
         contacts: (contacts,) 1 where a contact counts as made; None: as follows from the state.
         directions: (sticking,) in which joints and motors with dry friction move, 1 or -1, 0: it sticks; None: as follows from
@@ -29,6 +34,8 @@ class PlantInputs:
     contacts: Array | None = None
     directions: Array | None = None
     payload: Array | None = None
+    supply: Array | None = None
+    enabled: Array | None = None
 
     @classmethod
     def of(cls, command: PlantInputs | Any) -> PlantInputs:
@@ -38,4 +45,4 @@ class PlantInputs:
     @classmethod
     def named(cls, command: Array, values: Mapping[str, Array]) -> PlantInputs:
         """Commands, and those of the values whose names are inputs."""
-        return cls(command, *(values.get(name) for name in ("wrench", "brake", "contacts", "directions", "payload")))
+        return cls(command, **{name: values.get(name) for name in (*HELD, "payload")})

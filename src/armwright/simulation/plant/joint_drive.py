@@ -11,17 +11,20 @@ from armwright.actuators.backlash import flank_depths
 from armwright.actuators.brake import holding
 from armwright.actuators.cogging import cogging_torque
 from armwright.actuators.elasticity import bent, transmitted
+from armwright.actuators.firmware import FirmwareState, bridged, within_drive
 from armwright.actuators.friction import has_corner, joint_friction, sliding_friction
 from armwright.actuators.gear import GearLoss, gear_loss, holds_by_loss
 from armwright.actuators.lugre import bristle_friction, sliding
 from armwright.actuators.motor import check_command
 from armwright.actuators.stops import stop_depths, stopped
 from armwright.actuators.thermal import warmed, warming_rates
-from armwright.actuators.winding import Winding, driven_winding, is_limit
+from armwright.actuators.winding import Winding, driven_winding, is_limit, switched
+from armwright.description.firmware import MOST_LATENCY
 from armwright.friction_laws import LAWS
 from armwright.friction_laws.law import Loads
 from armwright.model import Body, Brake, Model
 from armwright.scalar import Array, Scalar
+from armwright.simulation.plant.state import OUTPUTS, WAITING
 
 STANDING = 1e-9  # of the speed that friction is smoothed over, or [rad/s | m/s]: a joint that is slower stands
 
@@ -35,6 +38,7 @@ class JointStates:
     brake: Scalar | None = None  # [rad | m]
     winding_temperature: Scalar | None = None  # [°C]
     housing_temperature: Scalar | None = None  # [°C]
+    servo: FirmwareState | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,6 +127,7 @@ def driven_joint(
     touching: Sequence[Scalar] | None = None,
     directions: tuple[Scalar, Scalar] | None = None,
     external: Scalar = 0.0,
+    enabled: Scalar | None = None,
 ) -> DrivenJoint:
     """All that one joint's drive does in a state.
 
@@ -131,6 +136,7 @@ def driven_joint(
         volts: of the bus [V]; None: the supply never sags.   applied: 1 where its brake is applied; None: it has none.
         touching: 1 for each of `contact_depths` that counts as a contact; None: where it is not below 0.
         directions: in which joint and motor move where these stick, 1, -1 or 0; None: nothing sticks.
+        enabled: 1 where its servo is on; None: it is.
         external: torque on the joint of all but its drive that depends on the state alone [N m | N], for friction `by_loads`.
     """
     if touching is None:
@@ -139,7 +145,7 @@ def driven_joint(
     switching: list[SwitchingFunction] = []
     change: dict[str, Scalar] = {}
     rates: dict[str, Scalar] = {}
-    winding = _winding(body, states, at.motor_speed, u, volts)
+    winding = _winding(body, states, at.motor_speed, u, volts, enabled)
     if winding.change is not None:
         change["current"], rates["current"] = winding.change, winding.rate
     torque, ratio = winding.torque, body.drive.gear_ratio
@@ -213,15 +219,22 @@ def standing(smoothing: Scalar | None) -> Scalar:
     return STANDING * (1.0 if smoothing is None else smoothing)
 
 
-def _winding(body: Body, states: JointStates, speed: Scalar, u: Scalar, volts: Scalar | None) -> Winding:
+def _winding(
+    body: Body, states: JointStates, speed: Scalar, u: Scalar, volts: Scalar | None, enabled: Scalar | None
+) -> Winding:
     """Motor values for the command at the present temperature and supply."""
     check_command(body)
-    drive, supply = body.drive, body.limits.voltage
+    supply, firmware = body.limits.voltage, body.drive.firmware
     if volts is not None:
-        supply = scalar.minimum(supply, volts) if is_limit(supply) else volts
+        supply = scalar.minimum(supply, volts) if is_limit(supply) and firmware is None else volts
+    if firmware is not None and states.servo is not None:
+        u = within_drive(firmware, states.servo.output, supply)
+        body = bridged(body)
+    drive = body.drive
     if states.winding_temperature is not None:
         drive = warmed(drive, states.winding_temperature, states.housing_temperature)
-    return driven_winding(body, drive, speed, u, supply, states.current, volts)
+    winding = driven_winding(body, drive, speed, u, supply, states.current, volts)
+    return winding if enabled is None else switched(drive, winding, enabled, speed)
 
 
 def _warming(body: Body, states: JointStates, heat: Scalar | None, change: dict[str, Scalar]) -> Scalar | None:
@@ -293,5 +306,8 @@ def at_rest(model: Model, q: Array, qd: Array, motor: Array, motor_speed: Array)
         "brake": nothing,
         "winding_temperature": ambient,
         "housing_temperature": ambient,
+        "goal": q,
+        **dict.fromkeys(("goal_speed", "goal_error", "goal_integral", *OUTPUTS), nothing),
+        **{f"{WAITING}{k}": nothing for k in range(1, MOST_LATENCY + 1)},
         "bus_voltage": [0.0 if model.supply is None else model.supply.voltage],
     }

@@ -15,7 +15,10 @@ from armwright.simulation.plant.flow import Flow, PlantFlow
 from armwright.simulation.plant.inputs import PlantInputs
 from armwright.simulation.plant.state import has_effect
 
-TOLD = ("motor_q", "motor_qd", "bristle", "brake", "winding_temperature", "housing_temperature")  # states told as such
+TOLD = (  # states told as such
+    *("motor_q", "motor_qd", "bristle", "brake", "winding_temperature", "housing_temperature"),
+    *("goal", "duty", "goal_current"),
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +42,7 @@ class PlantOutputs(PlantFlow):
             behind an elastic one the joint's own friction, brake and stops behind it.
             heat [W] of the windings, friction_loss [W] of all that rubs or dampens, electrical_power [W] into the drives.
             motor_q [rad], motor_qd [rad/s], bristle, brake [rad | m], winding_temperature, housing_temperature [°C],
-            bus_voltage [V]: where they are states.
+            goal [rad], duty, goal_current [A] of servos, bus_voltage [V]: where they are states.
         """
         model = self.model
         flow = self._flow(x, PlantInputs.of(inputs))

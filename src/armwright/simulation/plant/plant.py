@@ -23,7 +23,7 @@ from armwright.model import Model
 from armwright.scalar import Array, Scalar
 from armwright.simulation.integrate.exponential import Split
 from armwright.simulation.integrate.integrators import Integrator
-from armwright.simulation.plant.inputs import PlantInputs
+from armwright.simulation.plant.inputs import HELD, PlantInputs
 from armwright.simulation.plant.outputs import PlantOutputs
 from armwright.simulation.plant.program import PlantProgram
 
@@ -125,9 +125,7 @@ class Plant(PlantOutputs):
 
     def program(self, inputs: PlantInputs) -> PlantProgram:
         """The derivative as one program that traces call, not copy, with those inputs that are given."""
-        names = tuple(
-            name for name in ("wrench", "brake", "contacts", "directions") if getattr(inputs, name) is not None
-        )
+        names = tuple(name for name in HELD if getattr(inputs, name) is not None)
         if names not in self._programs:
             sizes = {"x": self.size, "command": self.model.n}
             self._programs[names] = PlantProgram(self, sizes | {name: len(getattr(inputs, name)) for name in names})

@@ -4,9 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from armwright.model import Body, Model
+from armwright.model import Body, Firmware, Model
 from armwright.model.joint_signals import joint_signal
 from armwright.signals import Layout, Signal
+
+OUTPUTS = ("duty", "goal_current")  # of a servo's loop, in force
+WAITING = "output_in_"  # how the names of its outputs begin that come into force so many periods later
+KEPT = ("goal", "goal_speed", "goal_error", "goal_integral", *OUTPUTS)  # what changes when it turns, and not between
+
+
+def is_kept(name: str) -> bool:
+    """True for a part of the state that changes only when a servo's loop turns."""
+    return name in KEPT or name.startswith(WAITING)
 
 
 def state_layout(model: Model, brakes: bool) -> Layout:
@@ -21,6 +30,12 @@ def state_layout(model: Model, brakes: bool) -> Layout:
     braked = which(lambda body: brakes and body.brake is not None and not body.brake.is_rigid)
     warm = which(lambda body: body.drive.thermal is not None)
     housed = which(lambda body: body.drive.thermal is not None and body.drive.thermal.housing is not None)
+    served = [(i, body.drive.firmware) for i, body in enumerate(model.coordinates) if body.drive.firmware is not None]
+
+    def servos(has: Callable[[Firmware], bool]) -> tuple[int, ...]:
+        return tuple(i for i, firmware in served if has(firmware))
+
+    latency = max((firmware.latency for _, firmware in served), default=0)
     rows = (
         ("q", "q", every, ""),
         ("qd", "qd", every, ""),
@@ -32,6 +47,21 @@ def state_layout(model: Model, brakes: bool) -> Layout:
         ("brake", "q", braked, "how far the brake gave way"),
         ("winding_temperature", "°C", warm, "temperature of the motor's winding"),
         ("housing_temperature", "°C", housed, "temperature of the motor's housing"),
+        ("goal", "q", servos(lambda firmware: True), "goal that the servo follows"),
+        ("goal_speed", "qd", servos(lambda firmware: firmware.acceleration is not None), "speed of that goal"),
+        (
+            "goal_error",
+            "q",
+            servos(lambda firmware: firmware.derivative is not None),
+            "error when its loop last turned",
+        ),
+        ("goal_integral", "rad s", servos(lambda firmware: firmware.integral is not None), "integral of the errors"),
+        ("duty", "1", servos(lambda firmware: firmware.output == "duty"), "duty of the servo's bridge"),
+        ("goal_current", "A", servos(lambda firmware: firmware.output == "current"), "current that the servo asks for"),
+        *(
+            (f"{WAITING}{k}", "1", servos(lambda firmware, k=k: firmware.latency >= k), "output of the loop to come")
+            for k in range(1, latency + 1)
+        ),
     )
     signals = [joint_signal(model, name, quantity, about, joints) for name, quantity, joints, about in rows if joints]
     if model.supply is not None:

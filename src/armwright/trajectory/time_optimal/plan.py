@@ -10,6 +10,7 @@ from armwright.collision import Clearance
 from armwright.entry import AnyArm, as_arm
 from armwright.errors import ScenarioError
 from armwright.kernels.compiled import KERNELS, compile_arm
+from armwright.model.changes import without_servos
 from armwright.model.payload import Payload
 from armwright.trajectory.limits import MotionLimits
 from armwright.trajectory.path import JointPath
@@ -87,7 +88,7 @@ def time_optimal(
     check_positions(limits, path)
     if clearance is not None:
         check_distances(arm, clearance, path)
-    dyn, best, failure = compile_arm(arm), None, None
+    dyn, best, failure = compile_arm(without_servos(arm)), None, None
     for count in (int(grid) * 2**k for k in range(FINER)):
         planner = Planner(dyn, limits, path, grid_points(path, count), ends)
         if best is None and failure is None:
