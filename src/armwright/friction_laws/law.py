@@ -46,8 +46,8 @@ class FrictionLaw:
         smoothed: whether it needs a smoothing speed; others take sgn q̇ without one.
         sticks: whether, without a smoothing speed, it is any torque within its levels at rest, which the simulator solves for.
         bristles: whether the simulator has bristles as a state of the joint (`actuators.lugre`), which hold it at rest.
-        by_loads: whether its level depends on `Loads`, and on a Stribeck speed; of all others the load is the torque through the
-            gear, where it is known.
+        by_loads: whether its level depends on `Loads`, and on a Stribeck speed: it has `motor_torque`. Of all others the load is
+            the torque through the gear, where it is known.
         bends: whether its slope jumps where a joint turns back, so that steps end there.
         feature: what notes and the table of features call it; "": nothing of its own.
         lost: what a URDF or an MJCF does not have of it, in words; "": nothing beside its levels.
@@ -88,6 +88,10 @@ class FrictionLaw:
             friction: numbers referred to the joint, as `armwright.model.Friction`; `parameters` are the law's own.
             speed: [rad/s | m/s].   load: [N m | N], or `Loads`, and warming: [K], where they are known.
         """
+        raise NotImplementedError
+
+    def motor_torque(self, friction: Any, speed: Scalar, needed: Scalar, external: Scalar) -> Scalar:
+        """Torque of the motor [N m | N] of a law `by_loads`, that with its own dry friction leaves the torque `needed`."""
         raise NotImplementedError
 
     def steep(self, friction: Any) -> tuple[Scalar, Scalar]:
