@@ -13,9 +13,10 @@ from armwright.actuators import friction_torques
 from armwright.dynamics import articulated_body, composite_body
 from armwright.errors import DescriptionError
 from armwright.friction_laws import LAWS
+from armwright.interfaces import JointReference, Measurement
 from armwright.kernels.signatures import SIGNATURES
 from physics.differences import assert_slope, differences
-from simulation.test_load_dependent_friction import MADE, SERVOS, level, loaded_arm, published
+from simulation.test_load_dependent_friction import MADE, SERVOS, level, loaded_arm, published, record
 
 SMOOTHING = 0.05
 SETS = sorted(str(path.relative_to(SERVOS).with_suffix("")) for path in SERVOS.glob("*/m?.json"))
@@ -159,6 +160,21 @@ def test_a_motor_that_its_friction_holds_gets_no_torque(tmp_path):
     np.testing.assert_allclose(
         tau[1:], [aw.inverse_dynamics(arm, *row) for row in zip(q[1:], qd[1:], qdd[1:], strict=True)]
     )
+
+
+def test_controllers_know_the_loads(tmp_path):
+    """Feed-forward of one joint is inverse dynamics at the reference; compensation is the friction of a steady motion."""
+    bench = aw.load(record(tmp_path, MADE, f"smoothing_rad_per_s = {SMOOTHING}"))
+    law = aw.FeedForward(aw.JointPID(1.0, 0.0, 0.0), friction=True, inertia="joint").configure(bench, 1e-3)
+    q, qd, qdd = np.array([[0.7], [1.2], [30.0]])
+    reference = JointReference(q, qd, qdd)
+    assert law.torques(reference) == pytest.approx(aw.inverse_dynamics(bench, q, qd, qdd), rel=1e-12)
+    arm, free = arm_with(tmp_path)
+    q, qd = np.array([0.3, -0.5]), np.array([1.0, -2.0])
+    law = aw.FrictionCompensation(aw.JointPID(1.0, 0.0, 0.0), dead_band=0.01, rest_speed=0.02).configure(arm, 1e-3)
+    y, none = Measurement(q, qd, np.zeros(2), np.zeros(2)), np.zeros(2)
+    u, _ = law.changed(JointReference(q, qd, none), y, none, np.zeros(0))
+    assert u == pytest.approx(aw.bias_torques(arm, q, qd) - aw.bias_torques(free, q, qd), rel=1e-9)
 
 
 def test_bias_is_the_torque_without_acceleration(tmp_path):
