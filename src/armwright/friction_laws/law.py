@@ -9,6 +9,7 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
+from armwright import scalar
 from armwright.friction_laws.levels import dry_level, static_levels
 from armwright.joint_kinds import Dimension
 from armwright.scalar import Scalar
@@ -101,6 +102,13 @@ class FrictionLaw:
     def holding(self, friction: Any) -> tuple[Scalar, Scalar]:
         """Torques [N m | N], negative and positive, between which it holds a joint at rest, without load."""
         return static_levels(friction)
+
+    def falling(self, friction: Any, load: Loads | Scalar | None = None) -> Scalar:
+        """Torque [N m | N] by which its level at rest is above that of fast sliding, at least 0."""
+        if friction.stribeck is None:
+            return 0.0
+        least = scalar.minimum(friction.coulomb_positive, friction.coulomb_negative)
+        return scalar.maximum(friction.stribeck - least, 0.0)
 
     def fitted(self, values: Mapping[str, float], speed: np.ndarray) -> np.ndarray:
         """Torques (k,) [N m | N] at speeds with fitted values by stem; of a law whose own keys all have a `start`."""

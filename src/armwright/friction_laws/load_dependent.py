@@ -55,7 +55,7 @@ class LoadDependent(Coulomb):
         direction: Scalar | None = None,
     ) -> Scalar:
         """g at a speed, by the torques (τ_m, τ_e) [N m | N]; without them those are 0."""
-        _, motor, external, motor_still, external_still, of_motor, of_external = friction.parameters
+        _, motor, external, *_ = friction.parameters
         backward = scalar.less(speed if direction is None else direction, 0.0)
         coulomb, most = (
             None if part is None else warmed(part, friction.coulomb_temperature_coefficient, warming)
@@ -69,6 +69,19 @@ class LoadDependent(Coulomb):
         if not isinstance(load, tuple):
             return level
         tau_m, tau_e = load
+        added = scalar.abs(external * tau_e - motor * tau_m)
+        return level + added + fallen * self._still(friction, load)
+
+    def falling(self, friction: Any, load: Loads | Scalar | None = None) -> Scalar:
+        """Fs - Fc + L_s + Q, which fall over speed."""
+        falling = super().falling(friction)
+        return falling + self._still(friction, load) if isinstance(load, tuple) else falling
+
+    @staticmethod
+    def _still(friction: Any, load: Loads) -> Scalar:
+        """L_s + Q."""
+        *_, motor_still, external_still, of_motor, of_external = friction.parameters
+        tau_m, tau_e = load
         still = scalar.abs(external_still * tau_e - motor_still * tau_m)
         drives, driven = scalar.abs(tau_m), scalar.abs(tau_e)
         squares = scalar.where(
@@ -77,7 +90,7 @@ class LoadDependent(Coulomb):
             scalar.where(scalar.less(drives, driven), of_motor * tau_m * tau_m, 0.0),
         )
         squares = scalar.where(scalar.less(tau_m * tau_e, 0.0), squares, 0.0)
-        return level + scalar.abs(external * tau_e - motor * tau_m) + fallen * (still + squares)
+        return still + squares
 
     def motor_torque(self, friction: Any, speed: Scalar, needed: Scalar, external: Scalar) -> Scalar:
         """τ_m of  τ_m = needed + s g(q̇, τ_m, τ_e),  s = `smooth_sign`: the level depends on the torque that is asked for.
