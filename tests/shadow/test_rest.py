@@ -19,6 +19,12 @@ DRY = "coulomb_positive_n_m = 4.0\ncoulomb_negative_n_m = 3.0\nviscous_n_m_s_per
 ARMS = {  # motor and friction of both joints; {elbow}: a coupling of the elbow's motor
     "dry": ("", DRY),
     "stiction": ("", f"{DRY}stribeck_torque_n_m = 6.0\nstribeck_speed_rad_per_s = 0.05\n"),
+    "friction by loads": (
+        "gear_ratio = 50.0\nrotor_inertia_kg_m2 = 1e-5\n",
+        f'{DRY}law = "load-dependent"\nstribeck_torque_n_m = 6.0\nstribeck_speed_rad_per_s = 0.05\nstribeck_exponent = 1.3\n'
+        "load_motor = 0.2\nload_external = 0.1\nload_motor_stribeck = 0.05\nload_external_stribeck = 0.1\n"
+        "load_motor_quadratic_per_n_m = 0.002\nload_external_quadratic_per_n_m = 0.001\n",
+    ),
     "lossy gear": ("gear_ratio = 50.0\nrotor_inertia_kg_m2 = 1e-5\ngear_efficiency = 0.7\n", DRY),
     "friction by load": ("gear_ratio = 50.0\nrotor_inertia_kg_m2 = 1e-5\n", f"{DRY}load_coefficient = 0.2\n"),
     "lossy gear, friction before it": (

@@ -58,7 +58,7 @@ def published(name):
     )  # of models with one for both torques
     return {
         "kt": p["kt"],
-        "R": p["R"],
+        "R": p.get("R", 1.0),  # which one set lacks
         "armature": p["armature"],
         "coulomb": p["friction_base"],
         "viscous": p["friction_viscous"],

@@ -28,7 +28,7 @@ def joint_friction(
 
     f = offset + viscous q̇ + the law's torque. With a warming [K], which only the simulator knows, as `dry_level` and
     `viscous_torque`; with a load [N m | N], which it knows of elastic gears and bristles, as `dry_level`. The load-proportional
-    friction of all others is part of the gear's loss (`gear.gear_loss`). A law `by_loads` takes `Loads`, which it knows always.
+    friction of all others is part of the gear's loss (`gear.gear_loss`). A law `by_loads` takes `Loads`; without them they are 0.
     """
     if friction is None:
         return 0.0
@@ -71,35 +71,61 @@ def has_corner(friction: Friction) -> bool:
     return LAWS[friction.law].bends or not same(friction.coulomb_positive, friction.coulomb_negative)
 
 
-def friction_torques(arm: Model, qd: Array) -> np.ndarray:
+def by_loads(body: Body) -> bool:
+    """True if the level of a joint's friction depends on the torques of its motor and of all else, `Loads`."""
+    return body.friction is not None and LAWS[body.friction.law].by_loads
+
+
+def friction_torques(arm: Model, qd: Array, external: Array | None = None) -> np.ndarray:
     """Friction of all joints and motors, f(q̇): what the joints need beside the links' dynamics. [OlssonEtAl1998]
 
-    Motor-side friction acts on the motors' speeds, and on the joints by Bᵀ where motors are coupled.
+    Motor-side friction acts on the motors' speeds, and on the joints by Bᵀ where motors are coupled. Friction by loads is that
+    of motors that keep the speed,  τ_m = f(q̇, τ_m, τ_e) - τ_e;  without `external` its level is that without load.
 
     Args:
         arm: the model.   qd: (n,) [rad/s | m/s].
+        external: (n,) τ_e [N m | N], torques on the joints that depend on the state alone, positive forward.
     Returns:
         f: (n,) [N m | N], joint side; 0 where the record has no friction.
     """
     shares = shares_of(arm)
     w = to_motors(shares, qd)
-    motors = [motor_friction(body, w[i]) for i, body in enumerate(arm.coordinates)]
-    return scalar.array(link_friction(arm, qd) + to_joints(shares, motors))
+    loaded = [external is not None and by_loads(body) for body in arm.coordinates]
+    motors = [0.0 if loaded[i] else motor_friction(body, w[i]) for i, body in enumerate(arm.coordinates)]
+    f = scalar.array(link_friction(arm, qd) + to_joints(shares, motors))
+    if external is None or not any(loaded):
+        return f
+    tau_e = zip(arm.coordinates, qd, f, external, loaded, strict=True)
+    return scalar.array([driving_torque(body, v, f - e, e) + e if by_load else f for body, v, f, e, by_load in tau_e])
 
 
-def motor_friction(body: Body, speed: Scalar) -> Scalar:
-    """Friction on the motor's side of a joint's gear [N m | N], by the motor's speed; both referred to the joint."""
-    return joint_friction(body.friction, speed) if body.friction is not None and body.friction.on_motor else 0.0
+def motor_friction(body: Body, speed: Scalar, loads: Loads | None = None) -> Scalar:
+    """Friction on the motor's side of a joint's gear [N m | N], by the motor's speed; both referred to the joint.
+
+    Friction by loads counts there on either side: its gear has no other loss, and its motor turns one joint.
+    """
+    if body.friction is None or not _before_gear(body):
+        return 0.0
+    return joint_friction(body.friction, speed, loads if by_loads(body) else None)
+
+
+def driving_torque(body: Body, speed: Scalar, needed: Scalar, external: Scalar) -> Scalar:
+    """Torque of a motor [N m | N] that meets friction by loads at a speed and leaves the torque `needed`, by τ_e `external`."""
+    friction = body.friction
+    assert friction is not None
+    needed = needed + friction.offset + viscous_torque(friction, speed)
+    return LAWS[friction.law].motor_torque(friction, speed, needed, external)
+
+
+def _before_gear(body: Body) -> bool:
+    return body.friction is not None and (body.friction.on_motor or by_loads(body))
 
 
 def link_friction(arm: Model, qd: Array) -> np.ndarray:
-    """Friction behind the gears (n,) [N m | N], and all that of joints that follow others."""
+    """Friction behind the gears (n,) [N m | N] but that by loads, and all that of joints that follow others."""
     names = set(arm.names)
     bodies = (
-        replace(body, friction=None)
-        if body.joint in names and body.friction is not None and body.friction.on_motor
-        else body
-        for body in arm.bodies
+        replace(body, friction=None) if body.joint in names and _before_gear(body) else body for body in arm.bodies
     )
     return _all_friction(replace(arm, bodies=tuple(bodies)), qd)
 

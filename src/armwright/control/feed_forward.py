@@ -85,9 +85,9 @@ class FeedForward(Wrapper):
             model = model.replace(gravity=[0.0, 0.0, 0.0], springs=None)
         if self.inertia == "full":
             return inverse_dynamics(simplified(model), r.q, r.qd, r.qdd)
-        asked = holding_torques(simplified(model), r.q) if self.gravity else scalar.zeros(model.n)
-        asked, qdd = asked + link_friction(model, r.qd), scalar.zeros(model.n)
+        holding = holding_torques(simplified(model), r.q) if self.gravity else scalar.zeros(model.n)
+        asked, qdd = holding + link_friction(model, r.qd), scalar.zeros(model.n)
         if self.inertia == "joint":  # rotors are accelerated by the motors, before the gears
             qdd = r.qdd
             asked = asked + np.diag(mass_matrix(simplified(without_rotors(model, model.names)), r.q)) * qdd
-        return motor_torques(model, r.qd, qdd, scalar.array(asked))
+        return motor_torques(model, r.qd, qdd, scalar.array(asked), -scalar.array(holding))

@@ -11,6 +11,7 @@ from armwright.actuators.coupling import from_joints, shares_of
 from armwright.control.commands import torque_commands
 from armwright.control.gains import per_joint
 from armwright.control.wrapper import Wrapper
+from armwright.dynamics.inverse import external_torques
 from armwright.interfaces import JointReference, Measurement
 from armwright.model import Model
 from armwright.scalar import Array
@@ -24,6 +25,7 @@ class FrictionCompensation(Wrapper):
         v = sgn(q_r - q) rest_speed           at rest, beyond the dead band: friction is pushed away towards the reference
         v = 0                                 at rest, |q_r - q| ≤ dead_band
 
+    Friction by loads is that of a motor that moves the joint at constant speed.
     A share above 1 hunts: the joint is driven to and fro across its reference.
 
     Args:
@@ -61,5 +63,7 @@ class FrictionCompensation(Wrapper):
         beyond = scalar.less(self.dead_band, scalar.abs(error))
         pushed = scalar.where(beyond, scalar.sign(error) * self.rest_speed, 0.0 * error)
         speed = scalar.where(scalar.less(self.rest_speed, scalar.abs(y.qd)), y.qd, pushed)
-        torque = from_joints(shares_of(self.arm), friction_torques(self.arm, scalar.array(speed)))
+        external = external_torques(self.arm, y.q, y.qd)
+        friction = friction_torques(self.arm, scalar.array(speed), external)
+        torque = from_joints(shares_of(self.arm), friction)
         return u + self.share * torque_commands(self.arm, scalar.zeros(len(u)), scalar.array(torque)), s

@@ -247,6 +247,11 @@ def _effects(robot: Any, joint: Any) -> Iterator[Problem]:
     """Effects of a drive need what they rest on."""
     motor, friction, command = joint.motor, joint.friction, joint.command or robot.command
     yield from _firmware(robot, joint, command)
+    if friction is not None and LAWS[friction.law].by_loads and motor is not None:
+        for key in ("gear_efficiency", "gear_efficiency_table"):
+            if getattr(motor, key) is not None:
+                what = f'does not go with friction.law = "{friction.law}", whose level is the loss of the gear'
+                yield Problem(what, place=f"motor.{key}", expected="none of it, or another law")
     if joint.stops is not None and joint.limit("position") is None:
         yield Problem(f"needs limits.{joint.limit_key('position')}, where they stand", place="stops")
     if joint.elasticity is not None and (motor is None or float(motor.rotor_inertia_kg_m2) == 0):

@@ -6,9 +6,10 @@ import numpy as np
 
 from armwright import scalar
 from armwright.actuators.coupling import shares_of
-from armwright.actuators.friction import friction_torques
+from armwright.actuators.friction import link_friction
 from armwright.actuators.gear import loses_power
-from armwright.dynamics.inverse import inertial_forces
+from armwright.dynamics.gears import motors
+from armwright.dynamics.inverse import external_torques, inertial_forces
 from armwright.dynamics.springs import sprung_torques
 from armwright.errors import ModelError
 from armwright.kinematics.axial_motion import AxialMotion
@@ -51,7 +52,8 @@ def articulated_body(arm: Model, q: Array, qd: Array, tau: Array, wrench: Array 
                 value=arm.name,
                 expected="forward_dynamics or composite_body",
             )
-    return articulated_accelerations(arm, q, qd, tau, friction_torques(arm, qd), wrench)
+    arm, driven, _ = motors(arm, qd, tau, external_torques(arm, q, qd, wrench))
+    return articulated_accelerations(arm, q, qd, driven, link_friction(arm, qd), wrench)
 
 
 def articulated_accelerations(

@@ -9,7 +9,7 @@ import numpy as np
 from armwright import scalar
 from armwright.actuators.friction import link_friction
 from armwright.dynamics.gears import Gear, motors, through_gears
-from armwright.dynamics.inverse import newton_euler
+from armwright.dynamics.inverse import external_torques, newton_euler
 from armwright.dynamics.mass_matrix import mass_matrix
 from armwright.model import Model, one_state_with_masses
 from armwright.scalar import Array
@@ -31,7 +31,7 @@ def composite_body(arm: Model, q: Array, qd: Array, tau: Array, wrench: Array | 
     Raises:
         ModelError: a wrench on an arm that branches and names no tip.
     """
-    arm, driven, gears = motors(arm, qd, tau)
+    arm, driven, gears = motors(arm, qd, tau, external_torques(arm, q, qd, wrench))
     return composite_accelerations(arm, q, qd, driven, link_friction(arm, qd), wrench, gears)
 
 

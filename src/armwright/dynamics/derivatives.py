@@ -11,10 +11,10 @@ from collections.abc import Callable
 import numpy as np
 
 from armwright import scalar
-from armwright.actuators.friction import link_friction
+from armwright.actuators.friction import by_loads, link_friction
 from armwright.actuators.gear import loses_power
 from armwright.dynamics.gears import joint_torques, motors, through_gears
-from armwright.dynamics.inverse import inverse_torques, newton_euler, torques_of_links
+from armwright.dynamics.inverse import external_torques, inverse_torques, newton_euler, torques_of_links
 from armwright.dynamics.mass_matrix import mass_matrix
 from armwright.model import Model, one_state_with_masses
 from armwright.scalar import Array, Factored
@@ -24,7 +24,9 @@ from armwright.scalar import Array, Factored
 def inverse_dynamics_derivatives(
     arm: Model, q: Array, qd: Array, qdd: Array, wrench: Array | None = None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Derivatives of `inverse_dynamics`:  ∂tau/∂q, ∂tau/∂q̇ and ∂tau/∂q̈, which is M without gear loss.  [GriewankWalther2008]
+    """Derivatives of `inverse_dynamics`:  ∂tau/∂q, ∂tau/∂q̇ and ∂tau/∂q̈.  [GriewankWalther2008]
+
+    ∂tau/∂q̈ is M without gear loss and friction by loads.
 
     Friction and gear loss are in them. Where a slope jumps as a joint turns back (lossy gears, unequal Coulomb friction), at
     rest it is that for motion in the positive direction. Without a smoothing speed they jump themselves: at rest they count 0,
@@ -36,7 +38,7 @@ def inverse_dynamics_derivatives(
     Returns:
         dtau_dq: (n, n) row torque, column q; [N m/rad | N m/m, N/rad | N/m].
         dtau_dqd: (n, n) [N m s/rad | N m s/m, N s/rad | N s/m].
-        dtau_dqdd: (n, n) [kg m² | kg m | kg]; `mass_matrix` without gear loss and coupled motors.
+        dtau_dqdd: (n, n) [kg m² | kg m | kg]; `mass_matrix` without gear loss, coupled motors and friction by loads.
     Raises:
         ModelError: a wrench on an arm that branches and names no tip.
     """
@@ -47,7 +49,7 @@ def inverse_dynamics_derivatives(
 
     slope = scalar.jacobian(torques, np.concatenate([scalar.zeros(n), qd, qdd]))
     by_qdd = slope[:, 2 * n :]
-    if all(not loses_power(body) and not body.drive.coupling for body in arm.coordinates):
+    if not any(loses_power(body) or body.drive.coupling or by_loads(body) for body in arm.coordinates):
         by_qdd = scalar.array([[by_qdd[min(i, j), max(i, j)] for j in range(n)] for i in range(n)])
     return slope[:, :n], slope[:, n : 2 * n], by_qdd
 
@@ -56,7 +58,9 @@ def inverse_dynamics_derivatives(
 def forward_dynamics_derivatives(
     arm: Model, q: Array, qd: Array, tau: Array, wrench: Array | None = None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Derivatives of `forward_dynamics`:  ∂q̈/∂q, ∂q̈/∂q̇ and ∂q̈/∂tau, which is M⁻¹ without gear loss.  [CarpentierMansard2018]
+    """Derivatives of `forward_dynamics`:  ∂q̈/∂q, ∂q̈/∂q̇ and ∂q̈/∂tau.  [CarpentierMansard2018]
+
+    ∂q̈/∂tau is M⁻¹ without gear loss and friction by loads.
 
     Of the equation that `forward_dynamics` solves, at its solution: one factorisation serves all. Friction and gear loss are in
     them. Where a slope jumps as a joint turns back, at rest it is that for motion in the positive direction; without a
@@ -86,7 +90,8 @@ def driven_derivatives(
     def missing(x: np.ndarray) -> np.ndarray:
         """Torques that the joints get beyond those that they need at that q̈."""
         speeds, commands = x[n : 2 * n], x[2 * n :]
-        driven = joint_torques(arm, speeds, qdd, torque(speeds, commands))
+        external = external_torques(arm, q, speeds, wrench, nudge=x[:n])
+        driven = joint_torques(arm, speeds, qdd, torque(speeds, commands), external)
         return driven - torques_of_links(arm, q, speeds, qdd, wrench, nudge=x[:n])
 
     slope = scalar.jacobian(missing, np.concatenate([scalar.zeros(n), qd, u]))
@@ -97,7 +102,7 @@ def driven_derivatives(
 
 def _solved(arm: Model, q: Array, qd: Array, tau: Array, wrench: Array | None) -> tuple[np.ndarray, Factored]:
     """The accelerations, and the factors of M_links + Bᵀ diag(G') D B."""
-    arm, driven, gears = motors(arm, qd, tau)
+    arm, driven, gears = motors(arm, qd, tau, external_torques(arm, q, qd, wrench))
     bias = newton_euler(arm, q, qd, scalar.zeros(arm.n), wrench) + link_friction(arm, qd)
     if gears:
         return through_gears(mass_matrix(arm, q), bias - driven, gears)

@@ -12,6 +12,7 @@ from armwright.actuators.friction import link_friction
 from armwright.dynamics.articulated_body import articulated_accelerations
 from armwright.dynamics.composite_body import composite_accelerations
 from armwright.dynamics.gears import Gear, motors
+from armwright.dynamics.inverse import external_torques
 from armwright.model import Model, one_state_with_masses
 from armwright.scalar import Array
 
@@ -24,7 +25,8 @@ def forward_dynamics(arm: Model, q: Array, qd: Array, tau: Array, wrench: Array 
     """Accelerations that motor torques give, the exact inverse of `inverse_dynamics`.  [WalkerOrin1982] [Featherstone2008]
 
     Without gear loss  q̈ = M⁻¹ ( tau - C q̇ - g - s - f + Jᵀ wrench ).  With it  M_links q̈ + C q̇ + g + s + f_links - Jᵀ wrench =
-    Bᵀ G(tau - n² J_m B q̈ - f_m),  which has one solution; Newton's method finds it (`dynamics.gears`).
+    Bᵀ G(tau - n² J_m B q̈ - f_m),  which has one solution; Newton's method finds it (`dynamics.gears`). Friction by loads is that
+    of tau and the state.
 
     By `composite_body` where bodies stand at most `SHORT` joints from the base on average, and where joints follow others,
     motors are coupled or gears lose power; else by `articulated_body`: they agree to rounding.
@@ -38,7 +40,7 @@ def forward_dynamics(arm: Model, q: Array, qd: Array, tau: Array, wrench: Array 
     Raises:
         ModelError: a wrench on an arm that branches and names no tip.
     """
-    arm, driven, gears = motors(arm, qd, tau)
+    arm, driven, gears = motors(arm, qd, tau, external_torques(arm, q, qd, wrench))
     return accelerations(arm, q, qd, driven, link_friction(arm, qd), wrench, gears)
 
 

@@ -19,7 +19,7 @@ import numpy as np
 
 from armwright import scalar
 from armwright.actuators.coupling import from_joints, shares_of, to_joints, to_motors
-from armwright.actuators.friction import motor_friction
+from armwright.actuators.friction import by_loads, driving_torque, motor_friction
 from armwright.actuators.gear import GearLoss, gear_loss
 from armwright.model import Model
 from armwright.program import WhereNeeded, repeated
@@ -38,24 +38,31 @@ def gear_losses(arm: Model, qd: Array) -> list[GearLoss | None]:
     return [gear_loss(body.drive, w[i], body.friction) for i, body in enumerate(arm.coordinates)]
 
 
-def motor_torques(arm: Model, qd: Array, qdd: Array, joint_torques: Array) -> np.ndarray:
-    """Torques of the motors that give the joints these:  tau = G⁻¹(B⁻ᵀ r) + D B q̈ + f_m(B q̇)  (n,) [N m | N]."""
+def motor_torques(arm: Model, qd: Array, qdd: Array, joint_torques: Array, external: Array | None = None) -> np.ndarray:
+    """Torques of the motors that give the joints these:  tau = G⁻¹(B⁻ᵀ r) + D B q̈ + f_m(B q̇)  (n,) [N m | N].
+
+    Friction by loads depends on tau itself, and on `external` (n,), τ_e of `inverse.external_torques`: None, no joint has such.
+    """
     shares = shares_of(arm)
     w, wd, leaving = to_motors(shares, qd), to_motors(shares, qdd), from_joints(shares, joint_torques)
     tau = []
     for i, (body, loss) in enumerate(zip(arm.coordinates, gear_losses(arm, qd), strict=True)):
         entering = leaving[i] if loss is None else loss.input(leaving[i])
+        if external is not None and by_loads(body):
+            tau.append(driving_torque(body, w[i], entering + body.drive.reflected * wd[i], external[i]))
+            continue
         tau.append(entering + motor_friction(body, w[i]) + body.drive.reflected * wd[i])
     return scalar.array(tau)
 
 
-def joint_torques(arm: Model, qd: Array, qdd: Array, tau: Array) -> np.ndarray:
-    """Torques that the motors give the joints:  Bᵀ G(tau - D B q̈ - f_m(B q̇))  (n,) [N m | N]."""
+def joint_torques(arm: Model, qd: Array, qdd: Array, tau: Array, external: Array | None = None) -> np.ndarray:
+    """Torques that the motors give the joints:  Bᵀ G(tau - D B q̈ - f_m(B q̇))  (n,) [N m | N]; external as `motor_torques`."""
     shares = shares_of(arm)
     w, wd = to_motors(shares, qd), to_motors(shares, qdd)
     leaving = []
     for i, (body, loss) in enumerate(zip(arm.coordinates, gear_losses(arm, qd), strict=True)):
-        entering = tau[i] - motor_friction(body, w[i]) - body.drive.reflected * wd[i]
+        loads = None if external is None else (tau[i], external[i])
+        entering = tau[i] - motor_friction(body, w[i], loads) - body.drive.reflected * wd[i]
         leaving.append(entering if loss is None else loss.output(entering))
     return to_joints(shares, leaving)
 
@@ -109,10 +116,14 @@ def lossy_gears(arm: Model, torques: Array, losses: Sequence[GearLoss | None]) -
     return without_rotors(arm, rotors) if rotors else arm, to_joints(shares, driven), gears
 
 
-def motors(arm: Model, qd: Array, tau: Array) -> tuple[Model, np.ndarray, list[Gear]]:
-    """`lossy_gears` of an arm whose motors give torques tau (n,) [N m | N], at the joints' speeds."""
+def motors(arm: Model, qd: Array, tau: Array, external: Array | None = None) -> tuple[Model, np.ndarray, list[Gear]]:
+    """`lossy_gears` of an arm whose motors give torques tau (n,) [N m | N], by speed; external as `motor_torques`."""
     w = to_motors(shares_of(arm), qd)
-    torques = [tau[i] - motor_friction(body, w[i]) for i, body in enumerate(arm.coordinates)]
+    loads = [None] * arm.n if external is None else zip(tau, external, strict=True)
+    torques = [
+        tau[i] - motor_friction(body, w[i], each)
+        for (i, body), each in zip(enumerate(arm.coordinates), loads, strict=True)
+    ]
     return lossy_gears(arm, scalar.array(torques), gear_losses(arm, qd))
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from armwright import scalar
-from armwright.actuators.friction import friction_torques, link_friction
+from armwright.actuators.friction import by_loads, friction_torques, link_friction
 from armwright.dynamics.gears import motor_torques, without_rotors
 from armwright.dynamics.springs import sprung_torques
 from armwright.kinematics.joint_motion import JointMotion, joint_motions, origin_acceleration, turning
@@ -23,7 +23,8 @@ def inverse_dynamics(arm: Model, q: Array, qd: Array, qdd: Array, wrench: Array 
     tau = G⁻¹(B⁻ᵀ r) + n² J_m B q̈ + f_m(B q̇),   r = M_links q̈ + C q̇ + g(q) + s(q) + f_links(q̇) - Jᵀ wrench:  what the joints
     need, s for springs, goes back through the gears G (`actuators.gear`), and the motors also accelerate their rotors and move
     against motor-side friction. B q̇ are the motors' speeds (B = 1 but for coupled motors). Without loss and coupling
-    tau = M q̈ + C q̇ + g + s + f - Jᵀ wrench.
+    tau = M q̈ + C q̇ + g + s + f - Jᵀ wrench.  Friction by loads rises with tau itself: `friction_laws.load_dependent` solves
+    for it, and says where it is NaN.
 
     Args:
         arm: the model.   q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].   qdd: (n,) [rad/s² | m/s²].
@@ -40,12 +41,24 @@ def inverse_torques(
     arm: Model, q: Array, qd: Array, qdd: Array, wrench: Array | None = None, nudge: Array | None = None
 ) -> np.ndarray:
     """`inverse_dynamics` at positions that `nudge` moves on, as in `newton_euler`."""
-    return motor_torques(arm, qd, qdd, torques_of_links(arm, q, qd, qdd, wrench, nudge))
+    of_links = torques_of_links(arm, q, qd, qdd, wrench, nudge)
+    return motor_torques(arm, qd, qdd, of_links, external_torques(arm, q, qd, wrench, nudge))
+
+
+def external_torques(
+    arm: Model, q: Array, qd: Array, wrench: Array | None = None, nudge: Array | None = None
+) -> np.ndarray | None:
+    """τ_e of friction by loads, -(C q̇ + g + s) + Jᵀ wrench  (n,) [N m | N]; None where no joint has such friction."""
+    if not any(map(by_loads, arm.coordinates)):
+        return None
+    return -newton_euler(arm, q, qd, scalar.zeros(arm.n), wrench, nudge)
 
 
 @one_state_with_masses
 def bias_torques(arm: Model, q: Array, qd: Array, wrench: Array | None = None) -> np.ndarray:
     """Torques that no acceleration asks for, the report's bias vector, eq. (14):  h = C q̇ + g(q) + s(q) + f(q̇) - Jᵀ wrench.
+
+    Friction by loads is that at τ_m = h: tau = M q̈ + h does not hold with it.
 
     Args:
         arm: the model.   q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].
@@ -55,7 +68,8 @@ def bias_torques(arm: Model, q: Array, qd: Array, wrench: Array | None = None) -
     Raises:
         ModelError: a wrench on an arm that branches and names no tip.
     """
-    return newton_euler(arm, q, qd, scalar.zeros(arm.n), wrench) + friction_torques(arm, qd)
+    needed = newton_euler(arm, q, qd, scalar.zeros(arm.n), wrench)
+    return needed + friction_torques(arm, qd, -needed)
 
 
 @one_state_with_masses
@@ -78,7 +92,10 @@ def holding_torques(arm: Model, q: Array) -> np.ndarray:
 def torques_of_links(
     arm: Model, q: Array, qd: Array, qdd: Array, wrench: Array | None = None, nudge: Array | None = None
 ) -> np.ndarray:
-    """Torques that the joints need behind the gears:  M_links q̈ + C q̇ + g + s + f_links - Jᵀ wrench  (n,) [N m | N]."""
+    """Torques that the joints need behind the gears:  M_links q̈ + C q̇ + g + s + f_links - Jᵀ wrench  (n,) [N m | N].
+
+    Friction by loads is not part of f_links (`motor_friction`).
+    """
     torques = newton_euler(arm, q, qd, qdd, wrench, nudge) + link_friction(arm, qd)
     if arm.mimics is None:
         return torques

@@ -26,8 +26,9 @@ def regressor(arm: Model, q: Array, qd: Array, qdd: Array) -> np.ndarray:
     """Y of  M_links q̈ + C q̇ + g = Y(q, q̇, q̈) π,  π = `arm.inertial_parameters`.  [AtkesonAnHollerbach1986]
 
     Columns for each moving link, in the order of joints: [m, m c_x, m c_y, m c_z, Ixx, Ixy, Ixz, Iyy, Iyz, Izz], the
-    tensor about the origin of the link's frame, in its axes, fixed links merged. Without gear loss and coupled motors
-    tau = Y π + Y_d π_d + s, with `regressor_drive` and `spring_torques`: take s off measured torques before a fit.
+    tensor about the origin of the link's frame, in its axes, fixed links merged. Without gear loss, coupled motors and
+    friction by loads tau = Y π + Y_d π_d + s, with `regressor_drive` and `spring_torques`: take s off measured torques before
+    a fit.
 
     Args:
         arm: the model.   q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].   qdd: (n,) [rad/s² | m/s²].
@@ -46,6 +47,8 @@ def regressor(arm: Model, q: Array, qd: Array, qdd: Array) -> np.ndarray:
 @on_tree(Mimics.torques)
 def regressor_drive(arm: Model, qd: Array, qdd: Array) -> np.ndarray:
     """Y_d of  Nᵀ J_m N q̈ + f(q̇) = Y_d(q̇, q̈) π_d,  π_d = `arm.drive_parameters`.  [OlssonEtAl1998]
+
+    Friction by loads is that without load.
 
     Columns for each joint: [n² J_m, viscous, offset, Coulomb where q̇ > 0, Coulomb where q̇ < 0, Stribeck, sigmoid
     amplitude]. A column is 0 where the record has no such term: neither a Coulomb level nor a smoothing speed, no

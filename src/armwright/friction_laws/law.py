@@ -9,6 +9,7 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
+from armwright import scalar
 from armwright.friction_laws.levels import dry_level, static_levels
 from armwright.joint_kinds import Dimension
 from armwright.scalar import Scalar
@@ -46,8 +47,8 @@ class FrictionLaw:
         smoothed: whether it needs a smoothing speed; others take sgn q̇ without one.
         sticks: whether, without a smoothing speed, it is any torque within its levels at rest, which the simulator solves for.
         bristles: whether the simulator has bristles as a state of the joint (`actuators.lugre`), which hold it at rest.
-        by_loads: whether its level depends on `Loads`, and on a Stribeck speed; of all others the load is the torque through the
-            gear, where it is known.
+        by_loads: whether its level depends on `Loads`, and on a Stribeck speed: it has `motor_torque`. Of all others the load is
+            the torque through the gear, where it is known.
         bends: whether its slope jumps where a joint turns back, so that steps end there.
         feature: what notes and the table of features call it; "": nothing of its own.
         lost: what a URDF or an MJCF does not have of it, in words; "": nothing beside its levels.
@@ -90,6 +91,10 @@ class FrictionLaw:
         """
         raise NotImplementedError
 
+    def motor_torque(self, friction: Any, speed: Scalar, needed: Scalar, external: Scalar) -> Scalar:
+        """Torque of the motor [N m | N] of a law `by_loads`, that with its own dry friction leaves the torque `needed`."""
+        raise NotImplementedError
+
     def steep(self, friction: Any) -> tuple[Scalar, Scalar]:
         """Middle and half width [rad/s | m/s] of the speeds, beside standstill, where it is steepest."""
         return 0.0, 1.0
@@ -97,6 +102,13 @@ class FrictionLaw:
     def holding(self, friction: Any) -> tuple[Scalar, Scalar]:
         """Torques [N m | N], negative and positive, between which it holds a joint at rest, without load."""
         return static_levels(friction)
+
+    def falling(self, friction: Any, load: Loads | Scalar | None = None) -> Scalar:
+        """Torque [N m | N] by which its level at rest is above that of fast sliding, at least 0."""
+        if friction.stribeck is None:
+            return 0.0
+        least = scalar.minimum(friction.coulomb_positive, friction.coulomb_negative)
+        return scalar.maximum(friction.stribeck - least, 0.0)
 
     def fitted(self, values: Mapping[str, float], speed: np.ndarray) -> np.ndarray:
         """Torques (k,) [N m | N] at speeds with fitted values by stem; of a law whose own keys all have a `start`."""

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import product
 from typing import Any
+
+import numpy as np
 
 from armwright import scalar
 from armwright.friction_laws.coulomb import Coulomb
 from armwright.friction_laws.law import Loads, OwnKey
-from armwright.friction_laws.levels import warmed
+from armwright.friction_laws.levels import smooth_sign, warmed
 from armwright.scalar import Scalar
 
 
@@ -21,7 +25,7 @@ class LoadDependent(Coulomb):
     L = |load_external τ_e - load_motor τ_m|, L_s with load_external_stribeck and load_motor_stribeck,
     Q, where τ_m τ_e < 0:  load_external_quadratic τ_e² if |τ_m| > |τ_e|, load_motor_quadratic τ_m² if |τ_m| < |τ_e|.
     τ_m is the motor's torque, τ_e that of all else that depends on the state alone: -(C q̇ + g), springs, stops, a wrench;
-    positive, they push forward. In the kernels τ_m = τ_e = 0. [DuclusaudEtAl2025]"""
+    positive, they push forward. Kernels know no stops. [DuclusaudEtAl2025]"""
     own = (
         OwnKey("stribeck_exponent", "number", "Exponent of the level's fall over speed.", "Positive"),
         *(
@@ -51,7 +55,7 @@ class LoadDependent(Coulomb):
         direction: Scalar | None = None,
     ) -> Scalar:
         """g at a speed, by the torques (τ_m, τ_e) [N m | N]; without them those are 0."""
-        exponent, motor, external, motor_still, external_still, of_motor, of_external = friction.parameters
+        _, motor, external, *_ = friction.parameters
         backward = scalar.less(speed if direction is None else direction, 0.0)
         coulomb, most = (
             None if part is None else warmed(part, friction.coulomb_temperature_coefficient, warming)
@@ -60,10 +64,23 @@ class LoadDependent(Coulomb):
                 friction.stribeck,
             )
         )
-        fallen = _falling(scalar.abs(speed) / friction.stribeck_speed, exponent)
+        fallen = _fallen(friction, speed)
         level = coulomb if most is None else coulomb + fallen * (most - coulomb)
         if not isinstance(load, tuple):
             return level
+        tau_m, tau_e = load
+        added = scalar.abs(external * tau_e - motor * tau_m)
+        return level + added + fallen * self._still(friction, load)
+
+    def falling(self, friction: Any, load: Loads | Scalar | None = None) -> Scalar:
+        """Fs - Fc + L_s + Q, which fall over speed."""
+        falling = super().falling(friction)
+        return falling + self._still(friction, load) if isinstance(load, tuple) else falling
+
+    @staticmethod
+    def _still(friction: Any, load: Loads) -> Scalar:
+        """L_s + Q."""
+        *_, motor_still, external_still, of_motor, of_external = friction.parameters
         tau_m, tau_e = load
         still = scalar.abs(external_still * tau_e - motor_still * tau_m)
         drives, driven = scalar.abs(tau_m), scalar.abs(tau_e)
@@ -73,7 +90,85 @@ class LoadDependent(Coulomb):
             scalar.where(scalar.less(drives, driven), of_motor * tau_m * tau_m, 0.0),
         )
         squares = scalar.where(scalar.less(tau_m * tau_e, 0.0), squares, 0.0)
-        return level + scalar.abs(external * tau_e - motor * tau_m) + fallen * (still + squares)
+        return still + squares
+
+    def motor_torque(self, friction: Any, speed: Scalar, needed: Scalar, external: Scalar) -> Scalar:
+        """τ_m of  τ_m = needed + s g(q̇, τ_m, τ_e),  s = `smooth_sign`: the level depends on the torque that is asked for.
+
+        In the direction of motion (T = ± τ_m, s ≥ 0) it is the least torque T at which T - s g reaches `needed`. There is only
+        one where T - s g rises with T throughout. It does not in three cases:
+
+        - load_motor + load_motor_stribeck is 1 or more: from some T on friction takes all that the motor adds, or more. What
+          needs more than the largest T - s g has no torque: NaN.
+        - load_motor_quadratic |τ_e| is near ½: so it is where the motor drives with less than τ_e. It is the lesser torque.
+        - Q jumps at τ_m = -τ_e, where the quadratic shares differ. Of two torques it is the lesser. Where there is none, it is
+          -τ_e: the joint then accelerates otherwise than asked for, by no more than the jump makes.
+
+        Args:
+            friction: numbers referred to the joint.   speed: [rad/s | m/s].
+            needed: torque beside this friction [N m | N].   external: τ_e [N m | N].
+        """
+        _, *shares, of_motor, of_external = friction.parameters
+        way = scalar.where(scalar.less(speed, 0.0), -1.0, 1.0)
+        s, fallen = way * smooth_sign(speed, friction.smoothing), _fallen(friction, speed)
+        least, load = way * needed + s * self.level(friction, speed), way * external
+        motor, pushed, motor_still, pushed_still = shares
+        loads = (motor, pushed * load), (fallen * motor_still, fallen * pushed_still * load)
+        # Without Q, T - s g is the least of lines, one for each pair of signs of |τ_e part - τ_m part|: T is the largest of the
+        # torques at which they are `needed`.
+        ways = [(1.0, -1.0) if _counts(m) or _counts(e) else (1.0,) for m, e in ((motor, pushed), shares[2:])]
+        lines = [_line(signs, loads, s, least) for signs in product(*ways)]
+        locks = scalar.is_symbolic(motor, motor_still) or motor + motor_still >= 1.0
+        torque, found = lines[0][1] / lines[0][0], 1.0
+        for slope, right in lines[1:]:
+            rises = scalar.less(0.0, slope) if locks else 1.0
+            root = right / (scalar.where(rises, slope, 1.0) if locks else slope)
+            torque = scalar.where(rises * scalar.less(torque, root), root, torque)
+        for slope, right in lines[1:] if locks else ():
+            reached = scalar.less_equal(right, slope * torque)
+            found = found * scalar.where(scalar.less(0.0, slope), 1.0, reached)
+        # The line at that torque again by its signs: derivatives need the right one at rest, where all lines are equal.
+        signs = [scalar.where(scalar.less(e, m * torque), -1.0, 1.0) for m, e in loads]
+        slope, right = _line(signs, loads, s, least)
+        slope = scalar.where(scalar.less(0.0, slope), slope, 1.0) if locks else slope
+        torque = right / slope
+        if _counts(of_motor) or _counts(of_external):
+            torque = _beyond_squares(torque, slope, load, s * fallen * of_motor, s * fallen * of_external)
+        return way * (scalar.where(found, torque, np.nan) if locks else torque)
+
+
+def _line(
+    signs: Sequence[Scalar], loads: Sequence[tuple[Scalar, Scalar]], s: Scalar, least: Scalar
+) -> tuple[Scalar, ...]:
+    """Slope and right side of  slope T = right  where each load |e - m T| has the sign of a pair."""
+    slope, right = 1.0, least
+    for sign, (m, e) in zip(signs, loads, strict=True):
+        slope, right = slope + s * (sign * m), right + s * (sign * e)
+    return slope, right
+
+
+def _beyond_squares(torque: Scalar, slope: Scalar, load: Scalar, of_motor: Scalar, of_external: Scalar) -> Scalar:
+    """The least T with  slope (T - torque) = Q(T),  Q = of_motor T² where |T| < |load|, of_external load² beyond it; both against
+    each other, else `torque` itself. At the jump between them the torque -load stands for what no T gives."""
+    constant = torque + of_external * load * load / slope
+    under = slope * (slope - 4.0 * of_motor * torque)
+    real = scalar.less(0.0, under)
+    root = scalar.sqrt(scalar.where(real, under, 1.0))
+    square = scalar.where(real, 2.0 * slope * torque / (slope + root), -load)
+    backward = scalar.less(load, 0.0)  # then T > 0, where the square comes before the constant
+    first, second = scalar.where(backward, square, constant), scalar.where(backward, constant, square)
+    found = scalar.where(scalar.less(first, -load), first, scalar.where(scalar.less(second, -load), -load, second))
+    return scalar.where(scalar.less(torque * load, 0.0), found, torque)
+
+
+def _counts(share: Scalar) -> bool:
+    """True if a share is a symbol or not 0."""
+    return scalar.is_symbolic(share) or share != 0.0
+
+
+def _fallen(friction: Any, speed: Scalar) -> Scalar:
+    """σ, the part of the level at standstill that is left at a speed."""
+    return _falling(scalar.abs(speed) / friction.stribeck_speed, friction.parameters[0])
 
 
 def _falling(ratio: Scalar, exponent: Scalar) -> Scalar:

@@ -29,7 +29,6 @@ KERNELS = Support(
     "kernels",
     approximated={
         "LuGre friction": "Coulomb's law with its Stribeck level stands for the bristles",
-        "load-dependent friction": "its level without load",
         "friction by temperature": "as at the motor's reference temperature",
         "heat": "as at the motor's reference temperature",
         "elasticity": "motor and link move as one",

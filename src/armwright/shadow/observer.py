@@ -182,7 +182,7 @@ class MomentumObserver:
         known += rows.tau[:, None]
         inertia, coriolis, motors = terms[0][2:]
         moving = _times(np.abs(inertia), np.abs(rows.qdd)) + _times(np.abs(coriolis), np.abs(rows.qd))
-        resting = self._friction.of(rows.qd, rows.qdd, motors)
+        resting = self._friction.of(rows.q, rows.qd, rows.qdd, motors)
         compliance, hz = np.linalg.inv(inertia), 2.0 * math.pi * self.bandwidths.residual_hz
         w = 2.0 * math.pi * self.bandwidths.position_hz
         found = np.full((6, *rows.q.shape), np.nan)

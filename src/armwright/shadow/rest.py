@@ -7,6 +7,8 @@ contact the torque that the model leaves unexplained is then in
 
     Σ rowᵀ (f - F)  =  centre ± width,     centre = Σ row (f - (F₊ + F₋)/2),     width = Σ |row| (F₊ - F₋)/2.
 
+Of friction by loads each bound is at the motor torque that just moves the joint either way.
+
 The bounds are those of the record's numbers SURE of their standard deviations away, to the side that widens them.
 """
 
@@ -17,15 +19,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from armwright.actuators.coupling import motor_shares
-from armwright.actuators.friction import motor_friction
+from armwright.actuators.friction import by_loads, motor_friction
 from armwright.actuators.gear import gear_loss, loses_power
 from armwright.friction_laws import LAWS
+from armwright.kernels.compiled import compile_arm
 from armwright.model import Body, Friction, Model
 
 SURE = 3.0  # standard deviations
 LEVELS = ("coulomb_positive", "coulomb_negative", "stribeck_", "load_coefficient", "sigmoid_amplitude")
 STRIBECK_SPEED = "stribeck_speed"
 EFFICIENCY = "gear_efficiency"
+SLOW = 1e-300  # [rad/s | m/s] a speed whose sign alone counts
 LEAST = 0.5  # of an efficiency that is uncertain
 
 
@@ -71,14 +75,17 @@ class RestingFriction:
     def __init__(self, modelled: Model, whole: Model, rest: float, turning: float):
         self._rest, self._turning = rest, turning
         self._elements = _elements(modelled, widened(whole), motor_shares(modelled))
+        loaded = any(map(by_loads, (*modelled.coordinates, *whole.coordinates)))
+        self._free = compile_arm(modelled.replace(friction=None)) if loaded else None
         self._rows = np.array([each.row for each in self._elements]).reshape(-1, modelled.n)
 
-    def of(self, qd: np.ndarray, qdd: np.ndarray, motors: np.ndarray) -> Resting:
+    def of(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, motors: np.ndarray) -> Resting:
         """Torques at rest along rows.
 
         Args:
-            qd, qdd: (rows, n) filtered.   motors: (rows, n) [N m | N] the model's torques of the motors there.
+            q, qd, qdd: (rows, n) filtered.   motors: (rows, n) [N m | N] the model's torques of the motors there.
         """
+        external = np.zeros_like(qd) if self._free is None else -self._free.bias_torques(q, qd)
         speeds, rates = (np.einsum("kj,ej->ke", each, self._rows) for each in (qd, qdd))  # (rows, elements)
         size, change = np.abs(speeds), self._turning * np.abs(rates)
         turns = size < change
@@ -87,17 +94,21 @@ class RestingFriction:
         middles, widths = np.zeros_like(speeds), np.zeros_like(speeds)
         for k in np.flatnonzero(uncertain.any(axis=0)):
             where = uncertain[:, k]
-            value, low, high = self._bounds(self._elements[k], speeds[where, k], rates[where, k], motors[where])
+            each = self._elements[k]
+            value, low, high = self._bounds(each, speeds[where, k], rates[where, k], motors[where], external[where])
             middles[where, k], widths[where, k] = value - 0.5 * (low + high), 0.5 * (high - low)
         turning = (turns @ (self._rows != 0.0)).astype(bool)
         return Resting(_on_joints(middles, self._rows), _on_joints(widths, np.abs(self._rows)), turning)
 
     def _bounds(
-        self, each: _Element, speed: np.ndarray, rate: np.ndarray, motors: np.ndarray
+        self, each: _Element, speed: np.ndarray, rate: np.ndarray, motors: np.ndarray, external: np.ndarray
     ) -> tuple[np.ndarray, ...]:
         """The model's f, and the bounds F₋ and F₊ (rows,) [N m | N]."""
         value, low, high = np.zeros((3, len(speed)))
         modelled, bounds = each.friction
+        if bounds is not None and LAWS[bounds.law].by_loads:
+            joint = int(np.flatnonzero(each.row)[0])
+            return _by_loads(modelled, bounds, speed, (motors[:, joint], external[:, joint]))
         if modelled is not None:
             value = value + LAWS[modelled.law].add(0.0, modelled, speed, None, None)
         if bounds is not None:
@@ -119,6 +130,21 @@ class RestingFriction:
         load = leaving - value
         both = _lost(wide, [load + low, load + high], [load, load])
         return entering - load, both.min(axis=0), both.max(axis=0)
+
+
+def _by_loads(
+    modelled: Friction | None, bounds: Friction, speed: np.ndarray, loads: tuple[np.ndarray, np.ndarray]
+) -> tuple[np.ndarray, ...]:
+    """The model's f, and the bounds (rows,) [N m | N] of friction by loads, at torques (rows,) of the model's motor and τ_e."""
+    motor, external = loads
+    value = np.zeros_like(speed)
+    if modelled is not None:
+        value = LAWS[modelled.law].add(value, modelled, speed, loads, None)
+    needed, dry = motor - value, replace(bounds, smoothing=None)
+    low, high = (
+        LAWS[bounds.law].motor_torque(dry, np.full_like(speed, way), needed, external) - needed for way in (-SLOW, SLOW)
+    )
+    return value, low, high
 
 
 def _lost(body: Body, leaving: list[np.ndarray], less: list[np.ndarray]) -> np.ndarray:

@@ -11,12 +11,27 @@ from simulation.sticking import block, dry
 from simulation.test_switching import PLAY, STOPS
 
 TICKS = 60
+LOADED = {  # as a servo's
+    **{key: value for key, value in COULOMB.items() if key.startswith("coulomb")},
+    "law": "load-dependent",
+    "stribeck_torque_n_m": 0.8,
+    "stribeck_speed_rad_per_s": 0.5,
+    "stribeck_exponent": 1.4,
+    "load_motor": 0.2,
+    "load_external": 0.1,
+    "load_motor_stribeck": 0.05,
+    "load_external_stribeck": 0.08,
+    "load_motor_quadratic_per_n_m": 0.01,
+    "load_external_quadratic_per_n_m": 0.02,
+}
 BETWEEN = {"stops": STOPS, "limits": {"position_rad": [-0.02, 0.02]}}
 PLANTS = {
     "all, auto": (MANY["all"], aw.Solver()),
     "all, rodas3": (MANY["all"], aw.Solver("rodas3")),
     "harmonic, rk4": (MANY["harmonic"], aw.Solver("rk4", step=1e-4)),
     "load, rk45": (MANY["load"], aw.Solver("rk45")),
+    "friction by loads, rk3": (pendulum(motor=MOTOR, friction=LOADED), aw.Solver(step=1e-3)),
+    "friction by loads, auto": (pendulum(motor=MOTOR, friction=LOADED), aw.Solver()),
     "supply, semi-implicit": (MANY["supply"], aw.Solver("semi_implicit_euler", step=1e-4)),
     "stops, rk3": (pendulum(motor=MOTOR, friction=COULOMB, **BETWEEN), aw.Solver(step=1e-3)),
     "play, rk4": (pendulum(motor=MOTOR, friction=COULOMB, elasticity=PLAY), aw.Solver("rk4", step=5e-4)),

@@ -51,7 +51,11 @@ from armwright.identification.logs.log import Log
 from armwright.identification.logs.preparation import Preparation, choose_preparation
 from armwright.model import BASE, Model
 
-SUPPORT = MEASURED.named("identify payload")
+SUPPORT = replace(
+    MEASURED,
+    consumer="identify payload",
+    approximated={**MEASURED.approximated, "load-dependent friction": "its level is that without the payload"},
+)
 
 NAMES = (
     "payload.mass_kg",

@@ -15,9 +15,8 @@ from armwright.actuators.coupling import Shares, from_motors, shares_of, to_moto
 from armwright.actuators.firmware import FirmwareState, turned
 from armwright.actuators.supply import Bus, bus, drive_voltage
 from armwright.actuators.winding import is_ideal
-from armwright.dynamics.inverse import newton_euler
+from armwright.dynamics.inverse import external_torques
 from armwright.errors import ModelError, ScenarioError
-from armwright.friction_laws import LAWS
 from armwright.model import Model
 from armwright.scalar import Array, Scalar
 from armwright.signals import Layout
@@ -168,9 +167,8 @@ class PlantDrives:
     def _external(self, x: Array, inputs: PlantInputs) -> Array:
         """-(C q̇ + g + s) + Jᵀ wrench (n,) [N m | N], for friction that depends on it; else 0."""
         n = self.model.n
-        if not any(body.friction and LAWS[body.friction.law].by_loads for body in self.model.coordinates):
-            return scalar.zeros(n)
-        return -newton_euler(self.model, x[:n], x[n : 2 * n], scalar.zeros(n), inputs.wrench)
+        external = external_torques(self.model, x[:n], x[n : 2 * n], inputs.wrench)
+        return scalar.zeros(n) if external is None else external
 
     def motions(self, x: Array) -> list[DriveMotion]:
         """Positions and speeds of every joint and its motor."""

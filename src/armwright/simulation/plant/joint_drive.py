@@ -71,6 +71,7 @@ class DrivenJoint:
     change: dict[str, Scalar]  # d/dt of `JointStates`
     rates: dict[str, Scalar]  # [1/s] their parts that are linear in themselves
     switching: list[SwitchingFunction]  # where all this bends
+    known: Loads | Scalar | None  # load of its friction, where that is known [N m | N]
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,7 +201,7 @@ def driven_joint(
         gear, of_gear = spring.torque, None
     return DrivenJoint(
         winding.torque, winding.voltage, winding.current, winding.power, winding.heat, gear, of_gear, behind, link_friction,
-        loss, acceleration, change, rates, switching,
+        loss, acceleration, change, rates, switching, known,
     )  # fmt: skip
 
 

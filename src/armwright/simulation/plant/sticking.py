@@ -31,6 +31,8 @@ from armwright.dynamics.sticking import (
     present_directions,
 )
 from armwright.errors import ScenarioError
+from armwright.friction_laws import LAWS
+from armwright.friction_laws.law import Loads
 from armwright.model import Body, Model
 from armwright.program import WhereNeeded
 from armwright.scalar import Array, Scalar
@@ -293,7 +295,9 @@ class Sticking:
         for i, on_motor in self.places:
             if (i, on_motor) not in self._together:
                 forth, back = (side[i].acceleration / model.coordinates[i].drive.gear_ratio for side in sides)
-                lost = _falling(model.coordinates[i], on_motor) / model.coordinates[i].drive.reflected
+                lost = (
+                    _falling(model.coordinates[i], on_motor, sides[0][i].known) / model.coordinates[i].drive.reflected
+                )
                 found[i, True] = scalar.maximum(forth, -back), lost, back - forth
         if self._inverse is not None or not self._together:
             return [found.get(place, (-1.0, 0.0, 1.0)) for place in self.places]
@@ -309,7 +313,11 @@ class Sticking:
                 for side, way in zip(sides, (1.0, -1.0), strict=True)
             )
             excess = scalar.maximum(low - there, there - high) / mass[i, i]
-            found[place] = excess, _falling(model.coordinates[i], place[1]) / mass[i, i], (high - low) / mass[i, i]
+            found[place] = (
+                excess,
+                _falling(model.coordinates[i], place[1], joints[i].known) / mass[i, i],
+                (high - low) / mass[i, i],
+            )
         return [found[place] for place in self.places]
 
     def _speed_of(self, place: Place) -> tuple[int, Scalar]:
@@ -479,12 +487,12 @@ class Sticking:
         return total
 
 
-def _falling(body: Body, on_motor: bool) -> Scalar:
+def _falling(body: Body, on_motor: bool, loads: Loads | Scalar | None) -> Scalar:
     """Torque [N m | N] by which a joint's or its motor's friction at rest is above that of sliding."""
     friction = body.friction
-    if friction is None or friction.stribeck is None or (_is_separate(body) and friction.on_motor != on_motor):
+    if friction is None or (_is_separate(body) and friction.on_motor != on_motor):
         return 0.0
-    return scalar.maximum(friction.stribeck - scalar.minimum(friction.coulomb_positive, friction.coulomb_negative), 0.0)
+    return LAWS[friction.law].falling(friction, loads)
 
 
 def _part(before: Scalar, beyond: Scalar) -> Scalar:

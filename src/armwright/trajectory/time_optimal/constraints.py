@@ -1,8 +1,8 @@
 """Limits of an arm along a path: for a squared path speed x = ṡ² an interval of path accelerations s̈.
 
-q̇ = q' √x,  q̈ = q' s̈ + q'' x.  [BobrowEtAl1985] At fixed x the inverse dynamics is affine in s̈, through lossy gears piecewise
-linear. In x it is neither: viscous friction and back EMF add terms in √x [VerscheureEtAl2009], other friction any function of it.
-So the interval is computed at given x, through the compiled kernels, for all grid points at once.
+q̇ = q' √x,  q̈ = q' s̈ + q'' x.  [BobrowEtAl1985] At fixed x the inverse dynamics is affine in s̈; through lossy gears and with
+friction by loads it bends. In x it is neither: viscous friction and back EMF add terms in √x [VerscheureEtAl2009], other friction
+any function of it. So the interval is computed at given x, through the compiled kernels, for all grid points at once.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
+from armwright.actuators.friction import by_loads
 from armwright.actuators.gear import loses_power
 from armwright.kernels.compiled import CompiledArm
 from armwright.trajectory.limits import MotionLimits
@@ -104,8 +105,9 @@ class PathLimits:
         return bool(np.isfinite(self.limits.voltage).any())
 
     @cached_property
-    def _loses_power(self) -> bool:
-        return any(loses_power(body) for body in self.dyn.arm.coordinates)
+    def _bends(self) -> bool:
+        """True if a motor's torque is no straight line over s̈: through lossy gears, with friction by loads."""
+        return any(loses_power(body) or by_loads(body) for body in self.dyn.arm.coordinates)
 
     @cached_property
     def _inertia(self) -> np.ndarray:
@@ -127,7 +129,7 @@ class PathLimits:
         """Lowest and highest s̈ (m, j, n) by each joint's torque and voltage."""
         least, most = self.torque_limits(x, shares)
         torque = self.torque(x, np.zeros_like(x))
-        if not self._loses_power:
+        if not self._bends:
             return _interval(torque, self._inertia, least, most)
         rising = self._inertia > 0.0
         low, high = _interval(torque, self._inertia, least, most)
