@@ -2,10 +2,12 @@
 
 import sys
 import time
+from typing import Any
 
 import dynamixel_sdk as sdk
 
-port, packet = sdk.PortHandler(sys.argv[1]), sdk.PacketHandler(2.0)
+port: Any = sdk.PortHandler(sys.argv[1])
+packet: Any = sdk.PacketHandler(2.0)
 IDS = range(1, 4)
 MODEL = int(sys.argv[2])
 GROUPS = (  # of reads: class, the call, and what a servo is added with

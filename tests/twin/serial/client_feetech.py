@@ -3,7 +3,7 @@
 import sys
 import time
 
-import scservo_sdk as sdk
+import scservo_sdk as sdk  # type: ignore[import-not-found]
 
 port, packet = sdk.PortHandler(sys.argv[1]), sdk.PacketHandler(0)
 IDS = range(1, 7)

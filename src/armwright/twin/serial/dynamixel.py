@@ -12,7 +12,6 @@ from armwright.twin.serial.registers import Register
 from armwright.twin.serial.servo import Servo, Status
 
 FAIL, RANGE, LENGTH, LIMIT, ACCESS, ALERT = 1, 4, 5, 6, 7, 0x80  # errors; the last one is a bit beside them
-NO_REGISTERED = 2
 CURRENT, VELOCITY, POSITION, EXTENDED, CURRENT_POSITION, PWM = 0, 1, 3, 4, 5, 16  # operating modes
 REVERSE, TIMED_PROFILE = 0x01, 0x04  # bits of the drive mode
 VOLTAGE, TEMPERATURE = 0x01, 0x04  # bits of the hardware error status
@@ -231,7 +230,7 @@ class DynamixelServo(Servo):
         self.hold()
         return self.error, b""
 
-    idle_action: ClassVar[Status | None] = (NO_REGISTERED, b"")
+    nothing_registered: ClassVar[int] = 2
     actions: ClassVar[Mapping[str, tuple[Callable[..., Status | None], int]]] = {
         **Servo.actions,
         "ping": (_ping, 0),

@@ -141,6 +141,7 @@ class FeetechServo(Servo):
             self["goal_position"] += old
         if (self["goal_position"] - self["present_position"]) * self.now.load <= 0.0:
             self["hardware_error_status"] &= ~OVERLOAD
+            self._lasted[OVERLOAD] = 0.0
         self["torque_enable"] = self["torque_enable"] or ON
         self._goal_written = True
 

@@ -169,11 +169,9 @@ class Dynamixel(Framing):
             return 1
         end = at + 7 + length
         last = min(len(buffer), end - 2)
-        inner = buffer.find(self.mark, at + 7, last)
-        while inner >= 0:
-            if inner + 3 < last and buffer[inner + 3] != 0xFD:
-                return inner - at  # a header within a frame: the frame before it was cut off
-            inner = buffer.find(self.mark, inner + 4, last)
+        inner = buffer.find(self.header, at + 7, last)
+        if inner >= 0:
+            return inner - at  # a header within a frame: the frame before it was cut off
         if there < 7 + length:
             return 0
         if crc16(buffer[at : end - 2]) != buffer[end - 2] | buffer[end - 1] << 8:

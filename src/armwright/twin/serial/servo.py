@@ -226,10 +226,10 @@ class Servo(ABC):
         registered, self._registered = self._registered, None
         self["registered_instruction"] = 0
         if registered is None:
-            return self.idle_action
+            return self.error | self.nothing_registered, b""
         return self.write(*registered), b""
 
-    idle_action: ClassVar[Status | None] = None  # answer to an action without a registered write
+    nothing_registered: ClassVar[int] = 0  # error of an action without a registered write
     # the function of each instruction, and how many addresses or counts its data begins with
     actions: ClassVar[Mapping[str, tuple[Callable[..., Status | None], int]]] = {
         "ping": (_ping, 0),

@@ -146,6 +146,7 @@ def serve(
     while not ended():
         looked = clock.now()
         data = terminal.read(SLICE)
+        came = clock.now()
         if data:
             baud, quiet = terminal.baud, 0.0
             counts.baud_rates.add(baud)
@@ -158,8 +159,8 @@ def serve(
             counts.instructions += 1
             reply = timing.reply(frame, baud)
             if reply.data:
-                clock.sleep_until(reply.due)
-                late = clock.now() - max(reply.due, looked)
+                clock.sleep_until(came + reply.wire)
+                late = clock.now() - looked - reply.wire
                 if late > patience:
                     counts.late += 1
                     timing.late(late)

@@ -31,10 +31,10 @@ SECOND = 1_000_000_000  # [ns]
 
 @dataclass(frozen=True, slots=True)
 class Reply:
-    """Bytes of all answers to an instruction, and when the last one has passed the line [s of `clock.now`]."""
+    """Bytes of all answers to an instruction, and the wall time [s] from the instruction to the end of the last one."""
 
     data: bytes
-    due: float
+    wire: float = 0.0
 
 
 class Timing(Protocol):
@@ -111,15 +111,14 @@ class LockStep:
         self.nanoseconds += round(seconds * SECOND)
 
     def reply(self, frame: Frame, baud: int) -> Reply:
-        """Does what an instruction says, and returns what answers it, due at once."""
-        began = clock.now()
+        """Does what an instruction says, and returns what answers it, without a wait."""
         self._pass(wire_time(frame.size, baud))
         self.bus.advance(self.nanoseconds / SECOND)
         answers = self.bus.answer(frame, baud)
         for answer in answers:
             self._pass(answer.delay)
             self._pass(wire_time(len(answer.data), baud))
-        return Reply(b"".join(answer.data for answer in answers), began)
+        return Reply(b"".join(answer.data for answer in answers))
 
     def close(self, frame: Frame) -> None:
         """Goes on to the end of the cycle if the instruction closes one; to be called when its reply is sent."""
@@ -157,11 +156,11 @@ class RealTime:
 
     def reply(self, frame: Frame, baud: int) -> Reply:
         """Does what an instruction says, and returns what answers it."""
-        arrived = clock.now() + wire_time(frame.size, baud)
-        self.bus.advance(arrived - self._began)
+        wire = wire_time(frame.size, baud)
+        self.bus.advance(clock.now() + wire - self._began)
         answers = self.bus.answer(frame, baud)
-        wire = sum(answer.delay + wire_time(len(answer.data), baud) for answer in answers)
-        return Reply(b"".join(answer.data for answer in answers), arrived + wire)
+        wire += sum(answer.delay + wire_time(len(answer.data), baud) for answer in answers)
+        return Reply(b"".join(answer.data for answer in answers), wire)
 
     def close(self, frame: Frame) -> None:
         """Nothing: cycles are the client's."""
@@ -175,7 +174,7 @@ class RealTime:
 
 
 class GoalSchedule:
-    """Goal positions with the times at which they came, as a schedule file that `read_schedule` reads.
+    """Goal positions [rad] with the times at which they came, as a schedule file that `read_schedule` reads.
 
     Args:
         bus: whose goals are recorded from now on.   names: of the joints, one for each servo.
@@ -205,7 +204,7 @@ class GoalSchedule:
         Raises:
             OutputError: it cannot be written.
         """
-        head = ",".join(["t [s]", *(f"{name} [rad]" for name in self.names)])
+        head = ",".join(["t [s]", *self.names])
         lines = [head, *(",".join(map(repr, [time, *goals])) for time, goals in self.rows)]
         with whole_file(path, (".csv",)) as temporary:
             temporary.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
