@@ -1,4 +1,4 @@
-"""Frames: the makers' published examples, and streams of any bytes, in any pieces."""
+"""Frames: published examples, and streams of any bytes, in any pieces."""
 
 import random
 import time
@@ -36,14 +36,14 @@ def test_published_frames_of_dynamixel(number, instruction, data, sent):
 
 @pytest.mark.parametrize(
     ("number", "instruction", "data", "sent"),
-    [  # of the maker's protocol manual [Feetech2024]: ping, read of the position, write of the id, sync write, action
+    [  # ping, read of the position, write of the id, action; checksums worked out by hand
         (1, 1, "", "FFFF010201FB"),
         (1, 2, "3802", "FFFF0104023802BE"),
         (0xFE, 3, "0501", "FFFFFE04030501F4"),
         (0xFE, 5, "", "FFFFFE0205FA"),
     ],
 )
-def test_published_frames_of_feetech(number, instruction, data, sent):
+def test_frames_of_feetech(number, instruction, data, sent):
     sent = bytes.fromhex(sent)
     assert FEETECH.pack(number, instruction, bytes.fromhex(data)) == sent
     (frame,) = Parser(FEETECH).feed(sent)
