@@ -6,6 +6,7 @@ from typing import Any
 
 import dynamixel_sdk as sdk
 
+sdk.port_handler.LATENCY_TIMER = 250  # [ms] instead of 16, for machines that do other work
 port: Any = sdk.PortHandler(sys.argv[1])
 packet: Any = sdk.PacketHandler(2.0)
 IDS = range(1, 4)

@@ -5,6 +5,7 @@ import time
 
 import scservo_sdk as sdk  # type: ignore[import-not-found]
 
+sdk.port_handler.LATENCY_TIMER = 250  # [ms] instead of 16, for machines that do other work
 port, packet = sdk.PortHandler(sys.argv[1]), sdk.PacketHandler(0)
 IDS = range(1, 7)
 

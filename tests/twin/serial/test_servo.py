@@ -71,6 +71,11 @@ def test_sts_keeps_the_eeprom_only_when_unlocked(sts):
         servo.power_up()
         values[lock] = servo["position_p_gain"]
     assert values == {1: 32, 0: 20}
+    sts.put(1, "position_d_gain", 5)  # locked
+    sts.put(1, "lock", 0)
+    sts.put(1, "position_i_gain", 6)
+    servo.power_up()
+    assert (servo["position_d_gain"], servo["position_i_gain"]) == (32, 6)
     sts.put(1, "max_torque_limit", 500)
     assert servo["torque_limit"] == 1000
     servo.power_up()

@@ -215,7 +215,7 @@ class DynamixelServo(Servo):
         self.factory()
         for name, value in kept.items():
             self[name] = value
-        self.keep()
+        self.keep(*self.model.by_name)
         self.power_up()
         return self.error, b""
 

@@ -52,10 +52,10 @@ class FeetechServo(Servo):
             return value in (OFF, ON, DAMPING, CENTRE)
         return register.writable and register.allows(value)
 
-    def keep(self) -> None:
-        """Stores the EEPROM's values if it is not locked: locked ones act, and are lost when the supply goes."""
+    def keep(self, *names: str) -> None:
+        """Stores EEPROM registers if they are not locked: locked ones act, and are lost when the supply goes."""
         if not self["lock"]:
-            super().keep()
+            super().keep(*names)
 
     # Positions.
 
@@ -128,7 +128,7 @@ class FeetechServo(Servo):
             self["torque_enable"] = old
             middle = self.model.counts // 2
             self["homing_offset"] = round(self.now.position) % self.model.counts - middle
-            self.keep()
+            self.keep("homing_offset")
             self.hold()
             return
         self["hardware_error_status"] &= ~(OVERCURRENT | OVERLOAD)

@@ -45,7 +45,7 @@ class Servo(ABC):
                 expected = f"{register.low} to {register.high}"
                 raise BusError(place=f"{model.name} {name}", value=value, expected=expected)
             self[name] = value
-        self._kept = bytes(self.memory[: model.eeprom])
+        self._kept = bytearray(self.memory[: model.eeprom])
         self.power_up()
 
     # Values.
@@ -168,8 +168,7 @@ class Servo(ABC):
             self[register.name] = value
             if register.name in self.effects:
                 self.effects[register.name](self, old)
-        if any(register.address < self.model.eeprom for register, _ in values):
-            self.keep()
+        self.keep(*(register.name for register, _ in values))
 
     def torque_switched(self, old: int) -> None:
         """A motor that is switched on holds where it stands, unless a goal was written meanwhile."""
@@ -177,13 +176,14 @@ class Servo(ABC):
             self.hold()
         self._goal_written = False
 
-    effects: ClassVar[
-        Mapping[str, Callable[..., None]]
-    ] = {}  # what follows from a write, by register; takes the old value
+    # what follows from a write, by register; takes the old value
+    effects: ClassVar[Mapping[str, Callable[..., None]]] = {}
 
-    def keep(self) -> None:
-        """Stores the EEPROM's values, so that power-up finds them."""
-        self._kept = bytes(self.memory[: self.model.eeprom])
+    def keep(self, *names: str) -> None:
+        """Stores EEPROM registers, so that power-up finds their values."""
+        for register in map(self.model.by_name.__getitem__, names):
+            if register.address < self.model.eeprom:
+                self._kept[register.address : register.end] = self.memory[register.address : register.end]
 
     def factory(self) -> None:
         """Puts the factory's values into all registers."""
