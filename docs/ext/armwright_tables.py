@@ -19,6 +19,8 @@ from armwright.description.paths import quantities
 from armwright.kernels.signatures import SIGNATURES, trace_kernel
 from armwright.kinematics.reach import reach
 from armwright.model.joint_signals import LONG_NAMES, UNITS
+from armwright.twin.serial.frames import FRAMINGS
+from armwright.twin.serial.registers import servo_model
 
 KINDS_OF_INPUT = {
     "assembly": "assemblies and module libraries",
@@ -337,7 +339,37 @@ BENCHMARK: dict[
 }
 
 
+def instructions() -> str:
+    """Instructions of bus servos that the twin answers, one row for each name."""
+    framings = FRAMINGS.values()
+    names = dict.fromkeys(name for framing in framings for name in framing.instructions.values())
+    codes = [{name: f"0x{code:02X}" for code, name in framing.instructions.items()} for framing in framings]
+    return table(("instruction", *FRAMINGS), ([name, *(each.get(name, "") for each in codes)] for name in names))
+
+
+def registers(name: str) -> str:
+    """Registers of a model of servos."""
+    model = servo_model(name)
+    rows = [
+        (
+            r.address,
+            r.size,
+            f"`{r.name}`",
+            "EEPROM" if r.address < model.eeprom else "RAM",
+            "read, write" if r.writable else "read",
+            "" if r.default is None else r.default,
+            "" if r.low is None else f"{r.low} to {r.high}",
+            r.unit.strip("-"),
+            {"u": "", "s": "two's complement"}.get(r.form, f"sign in bit {r.form[1:]}"),
+        )
+        for r in model.registers
+    ]
+    return table(("address", "bytes", "name", "kept in", "access", "at power-up", "range", "unit", "sign"), rows)
+
+
 GENERATORS = {
+    "instructions": instructions,
+    "registers": registers,
     "benchmark": benchmark,
     "kernels": kernels,
     "results": results,
