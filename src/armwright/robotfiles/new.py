@@ -78,8 +78,8 @@ def new_robot(
         raise OutputError(
             "is there already", file=target, expected="a new file; `armwright check` says what is to be done in it"
         )
-    if command not in COMMAND_NEEDS:
-        raise DescriptionError(place="command", value=command, choices=COMMAND_NEEDS)
+    if command not in COMMANDED:
+        raise DescriptionError(place="command", value=command, choices=COMMANDED)
     if (source is None) == (joints is None):
         what = "not beside a robot file" if source is not None else "missing"
         raise DescriptionError(what, place="joints", expected="a robot file to start from, or a number of joints")
@@ -117,7 +117,7 @@ def _with_drives(text: str, command: str) -> str:
         f'# Fill in each "{TODO}": `armwright check` on this file says what is wanted, and where a datasheet has it.\n'
     )
     head = about + "".join(line for line in blocks[0].splitlines(keepends=True) if not line.startswith("command = "))
-    others = " or ".join(f'"{other}"' for other in COMMAND_NEEDS if other != command)
+    others = " or ".join(f'"{other}"' for other in COMMANDED if other != command)
     done = [head.rstrip("\n") + f'\ncommand = "{command}"  # of all joints; {others} may stand in a joint\n']
     if not any(block.startswith("[sources.datasheet]") for block in blocks):
         done.append(DATASHEET.lstrip("\n"))

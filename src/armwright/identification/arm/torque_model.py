@@ -28,7 +28,7 @@ from armwright.model import Model
 if TYPE_CHECKING:
     from armwright.kernels.compiled import CompiledArm
 
-ELECTRICAL = ("inductance", "current loop", "coasting", "dead zone", "supply")
+ELECTRICAL = ("servo", "servo counts", "inductance", "current loop", "coasting", "dead zone", "supply")
 MEASURED = Support(  # what takes measured torques and an arm's own
     "measured torques",
     approximated={name: how for name, how in KERNELS.approximated.items() if name not in ELECTRICAL},

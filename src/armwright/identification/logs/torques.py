@@ -56,6 +56,6 @@ def torques_on_joints(
 
 
 def with_command(arm: Model, command: Command) -> Model:
-    """The arm with drives that take another kind of command."""
-    bodies = (replace(body, drive=replace(body.drive, command=command)) for body in arm.bodies)
+    """The arm with drives that take another kind of command, servos without their loops."""
+    bodies = (replace(body, drive=replace(body.drive, command=command, firmware=None)) for body in arm.bodies)
     return replace(arm, bodies=tuple(bodies))

@@ -51,7 +51,10 @@ SUPPORT = replace(
     MEASURED,
     consumer="validate",
     approximated={name: f"in predicted torques, {how}" for name, how in MEASURED.approximated.items()},
-    without_effect={"brakes": "they are released"},
+    without_effect={
+        "brakes": "they are released",
+        **dict.fromkeys(("servo", "servo counts"), "logged voltages, currents or torques act behind its loop"),
+    },
 )
 
 QUANTITIES: tuple[Quantity, ...] = ("torque", "position", "speed")
