@@ -1,0 +1,81 @@
+"""The built-in arms against what their sources say: lengths that makers publish, and their URDF as Pinocchio reads it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import armwright as aw
+from armwright.model import Model
+from reference.example_robots import robot_files
+
+POSES = 5
+ROUNDED = 2e-5  # m and rad: the sources write 1.5708 for a right angle
+DEGREES = np.pi / 180.0
+
+# Where the tip is [m] at positions [degrees], by lengths of the makers' drawings and tables.
+PUBLISHED = {
+    "ur5e": ([0.0] * 6, [-0.425 - 0.3922, -0.1333 - 0.0996, 0.1625 - 0.0997]),
+    "ur10e": ([0.0] * 6, [-0.6127 - 0.57155, -0.17415 - 0.11655, 0.1807 - 0.11985]),
+    "iiwa14": ([0.0] * 7, [0.0, 0.0, 0.36 + 0.42 + 0.4 + 0.126]),  # base to shoulder, arms, wrist to flange
+    "xarm7": ([0.0] * 7, [0.206, 0.0, 0.1205]),
+    "open-manipulator-x": ([0.0] * 4, [0.012 + 0.024 + 0.124 + 0.126, 0.0, 0.0595 + 0.128]),
+    "widowx250": ([0.0] * 6, [0.04975 + 0.175 + 0.075 + 0.065 + 0.108, 0.0, 0.072 + 0.03865 + 0.25]),
+}
+
+# Arms whose source is in example-robot-data: its file, and what its base and last link are called there.
+URDFS = {
+    "xarm7": ("xarm_description/urdf/xarm7.urdf", "link_base", "link7"),
+    "so100": ("so_arm_description/urdf/so100.urdf", "base", "gripper"),
+    "so101": ("so_arm_description/urdf/so101.urdf", "base_link", "gripper_link"),
+}
+
+
+@pytest.mark.parametrize("name", PUBLISHED)
+def test_the_tip_is_where_the_maker_has_it(name: str) -> None:
+    degrees, position = PUBLISHED[name]
+    pose = aw.forward_kinematics(aw.load(name), np.array(degrees) * DEGREES)
+    np.testing.assert_allclose(pose[:3, 3], position, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["ur5e", "ur10e"])
+def test_the_flange_of_a_ur_is_turned_as_its_table_says(name: str) -> None:
+    """x along the base's x, z against its y: alpha of +90° twice and -90° once."""
+    turned = aw.forward_kinematics(aw.load(name), np.zeros(6))[:3, :3]
+    np.testing.assert_allclose(turned, [[1, 0, 0], [0, 0, -1], [0, 1, 0]], rtol=0, atol=1e-12)
+
+
+def bare(name: str) -> Model:
+    """A built-in arm without its drives, which its source does not have."""
+    return aw.load(name).replace(friction=None, rotors=None, efficiency=None)
+
+
+@pytest.mark.study
+@pytest.mark.parametrize("name", URDFS)
+def test_kinematics_and_masses_are_those_of_the_source(name: str) -> None:
+    """Pose of the last link, mass matrix and gravity torques, of Pinocchio on the source's own file."""
+    pin: Any = pytest.importorskip("pinocchio", reason="Pinocchio is the oracle here: pip install pin")
+    file, base, last = URDFS[name]
+    if file not in robot_files():
+        pytest.skip("needs the robots: pip install example-robot-data")
+    ours, theirs = bare(name), pin.buildModelFromUrdf(str(robot_files()[file]))
+    theirs.gravity.linear = ours.gravity
+    data = theirs.createData()
+    at = [theirs.joints[theirs.getJointId(joint)].idx_v for joint in ours.names]
+    assert theirs.nv == ours.n
+    for q in np.random.default_rng(4).uniform(-1.5, 1.5, (POSES, ours.n)):
+        there = np.zeros(ours.n)
+        there[at] = q
+        pin.framesForwardKinematics(theirs, data, there)
+        first, end = (data.oMf[theirs.getFrameId(link, pin.FrameType.BODY)] for link in (base, last))
+        pose = first.inverse() * end
+        np.testing.assert_allclose(
+            aw.forward_kinematics(ours.replace(tip=last), q), pose.homogeneous, rtol=0, atol=ROUNDED
+        )
+        upper = np.triu(pin.crba(theirs, data, there))
+        mass = (upper + np.triu(upper, 1).T)[np.ix_(at, at)]
+        np.testing.assert_allclose(aw.mass_matrix(ours, q), mass, rtol=0, atol=1e-4 * np.abs(mass).max())
+        weight = pin.computeGeneralizedGravity(theirs, data, there)[at]
+        np.testing.assert_allclose(aw.gravity_torques(ours, q), weight, rtol=0, atol=1e-4 * np.abs(weight).max())
