@@ -47,6 +47,40 @@ def test_the_flange_of_a_ur_is_turned_as_its_table_says(name: str) -> None:
     np.testing.assert_allclose(turned, [[1, 0, 0], [0, 0, -1], [0, 1, 0]], rtol=0, atol=1e-12)
 
 
+# Principal moments of inertia [kg m²] of gen3's links, as MuJoCo computed them from the maker's URDF for its Menagerie.
+GEN3 = (
+    (0.00488868, 0.00457, 0.00135132),
+    (0.0113017, 0.011088, 0.00102532),
+    (0.0111633, 0.010932, 0.00100671),
+    (0.00834839, 0.008147, 0.000598606),
+    (0.00165901, 0.001596, 0.000346988),
+    (0.00170087, 0.001641, 0.00035013),
+    (0.000657336, 0.000587019, 0.000320645),
+)
+
+
+def test_principal_moments_of_the_gen3() -> None:
+    links = aw.load("gen3").record.links
+    found = [np.linalg.eigvalsh(link.inertia_kg_m2.matrix())[::-1] for link in links]
+    np.testing.assert_allclose(found, GEN3, rtol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("name", "link", "moments"),
+    [
+        ("koch", "upper_arm", (3.73065e-05, 3.3772e-05, 7.94901e-06)),
+        ("koch", "jaw", (3.49922e-06, 2.45768e-06, 1.4645e-06)),
+        ("widowx250", "shoulder_link", (0.000588946, 0.000555655, 0.000378999)),
+        ("widowx250", "wrist_link", (3.29057e-05, 3.082e-05, 2.68343e-05)),
+    ],
+)
+def test_tensors_turned_into_the_link_s_axes_keep_the_source_s_moments(
+    name: str, link: str, moments: tuple[float, ...]
+) -> None:
+    tensor = aw.load(name).record.link(link).inertia_kg_m2.matrix()
+    np.testing.assert_allclose(np.linalg.eigvalsh(tensor)[::-1], moments, rtol=1e-5)
+
+
 def bare(name: str) -> Model:
     """A built-in arm without its drives, which its source does not have."""
     return aw.load(name).replace(friction=None, rotors=None, efficiency=None)
