@@ -163,9 +163,43 @@ def brushless() -> str:
     return table(("`basis`", "Kt ×", "Ke ×", "R, L ×", "voltage ×", "current ×"), rows)
 
 
+EVIDENCE = {  # words of the overview for kinds of sources
+    **dict.fromkeys(("definition", "drawing", "cad", "datasheet", "publication", "import"), "published"),
+    **dict.fromkeys(("measurement", "fit"), "measured"),
+    "estimate": "estimated",
+}
+KNOWLEDGE = {  # columns of the overview, and the parts of a path of which one makes a number belong there
+    "kinematics": ("dh", "modified_dh", "frame", "axis", "xyz_m", "rpy_rad"),
+    "masses": ("mass_kg", "com_m", "inertia_kg_m2"),
+    "motors": ("motor",),
+    "friction": ("friction",),
+    "limits": ("limits",),
+}
+
+
 def robots() -> str:
-    """A section for every built-in arm."""
-    return "\n\n".join(_robot(name) for name in aw.builtin_names())
+    """An overview of what is known of the built-in arms, and a section for each."""
+    return "\n\n".join([_known(), *(_robot(name) for name in aw.builtin_names())])
+
+
+def _known() -> str:
+    """Table of the arms: what is published, measured, estimated."""
+    rows = []
+    for name in aw.builtin_names():
+        arm = aw.load(name, on_impossible="warn")
+        record = arm.description
+        assert record is not None
+        found: dict[str, dict[str, None]] = {head: {} for head in KNOWLEDGE}
+        for path, _, key in quantities(record):
+            parts = set(re.split(r"[.\[]", path))
+            for head in [head for head, words in KNOWLEDGE.items() if parts.intersection(words)]:
+                found[head][EVIDENCE[record.source_of(key or "").kind]] = None
+        drive = ", ".join(dict.fromkeys(body.drive.command for body in arm.bodies))
+        cells = [
+            ", ".join(word for word in dict.fromkeys(EVIDENCE.values()) if word in words) for words in found.values()
+        ]
+        rows.append([f"[{name}](#{name})", arm.n, drive, *cells])
+    return table(("arm", "joints", "driven by", *KNOWLEDGE), rows)
 
 
 def _robot(name: str) -> str:

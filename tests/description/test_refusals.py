@@ -300,7 +300,7 @@ def test_massless_link_is_allowed_when_written():
     ("name", "ending"),
     [
         ("puma650", "did you mean puma560?"),
-        ("lwa4", "did you mean lwa4p?"),
+        ("panda2", "did you mean panda?"),
         ("zzz", f"there is {', '.join(builtin_names())}"),
         ("", f"there is {', '.join(builtin_names())}"),
     ],

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 
 import armwright as aw
-from armwright.description import builtin_names
 from armwright.results.aliases import LOOP_STATE
 from frozen.programs import DIGITS, kernel_digests
 from frozen.runs import RUNS
+from physics.arms import FORMS
 
 FILE = Path(__file__).with_name("frozen.json")
 CVODES = 1e-9  # of an entry's range: SUNDIALS is compiled elsewhere, so its last bits are not ours
@@ -49,7 +49,7 @@ def _digest(values: np.ndarray) -> str:
 
 def computed(target: str | None = None) -> Iterator[tuple[str, str, dict[str, Any]]]:
     """Everything anew, piece by piece: part of the file, name, digests."""
-    for name in builtin_names():
+    for name in FORMS:
         yield "programs", name, kernel_digests(aw.load(name))
     for name in RUNS:
         yield "runs", name, run_digests(name, target)

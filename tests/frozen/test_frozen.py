@@ -1,4 +1,4 @@
-"""What must not change unnoticed: operations of every kernel of the built-in arms, and bits of reference runs.
+"""What must not change unnoticed: operations of every kernel of arms of all forms, and bits of reference runs.
 
 A change that is meant freezes anew with `make frozen ARGS=--write`, and its commit says what moved and why.
 """
@@ -8,14 +8,14 @@ from __future__ import annotations
 import pytest
 
 import armwright as aw
-from armwright.description import builtin_names
 from frozen.programs import kernel_digests
 from frozen.records import differences, frozen, run_digests
 from frozen.runs import RUNS
+from physics.arms import FORMS
 
 
 @pytest.mark.sample(1)
-@pytest.mark.parametrize("name", builtin_names())
+@pytest.mark.parametrize("name", FORMS)
 def test_kernels_do_the_same_operations(name):
     assert differences(frozen()["programs"][name], kernel_digests(aw.load(name))) == []
 
@@ -28,6 +28,6 @@ def test_reference_runs_have_the_same_bits(name):
 
 def test_everything_that_is_frozen_is_compared():
     kept = frozen()
-    assert set(kept["programs"]) == set(builtin_names())
+    assert set(kept["programs"]) == set(FORMS)
     assert set(kept["runs"]) == set(RUNS)
     assert len(RUNS) >= 60

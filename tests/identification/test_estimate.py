@@ -89,6 +89,17 @@ def test_tables_that_are_missing_are_made(tmp_path: Path) -> None:
     assert (friction.coulomb_positive_n_m.value, friction.coulomb_negative_n_m.value) == (2.0, 3.0)
 
 
+def test_a_joint_and_its_link_may_have_one_name(tmp_path: Path) -> None:
+    """Numbers go to the table that has their key: the gripper of so100 is both a joint's name and a link's."""
+    names = ("gripper.mass_kg", "gripper.motor.resistance_ohm", "gripper.friction.viscous_n_m_s_per_rad")
+    told = estimate(names=names, values=[0.1, 2.5, 0.06], covariance=np.diag([1e-6, 1e-4, 1e-6]))
+    record = loaded(aw.identification.write_into("so100", told, tmp_path / "fitted.toml"))
+    joint = next(joint for joint in record.joints if joint.name == "gripper")
+    assert record.link("gripper").mass_kg.value == 0.1
+    assert joint.motor.resistance_ohm.value == 2.5
+    assert joint.friction.viscous_n_m_s_per_rad.value == 0.06
+
+
 def test_what_the_log_cannot_tell_stays_and_is_listed(tmp_path: Path) -> None:
     unknown = estimate(identifiable=[False, True, True, True, True], verdict="not identified")
     record = loaded(aw.identification.write_into("cmu-dd", unknown, tmp_path / "a.toml"))

@@ -10,9 +10,10 @@ from armwright.errors import ModelError, ShapeError
 from armwright.kernels.signatures import SIGNATURES
 from armwright.kernels.target import WIDTHS, select_target
 from armwright.model import build_model
+from physics.arms import FORMS
 from reference.random_trees import random_description
 
-ARMS = aw.builtin_names()
+ARMS = FORMS
 LACKING = {("lwa4p", "motor_voltage"), ("lwa4p", "motor_torque")}  # no winding resistance is published
 LACKING |= {(arm, kernel) for arm in ("panda", "two-link") for kernel in ("motor_voltage", "motor_torque")}
 LACKING |= {("two-link", "operational_inertia")}  # six joints it takes
@@ -44,7 +45,7 @@ def targets(kernel: str) -> list[str | None]:
 
 @pytest.fixture(scope="module")
 def compiled() -> dict[str, aw.CompiledArm]:
-    """Every built-in arm, compiled for this processor."""
+    """Arms of all forms, compiled for this processor."""
     return {name: aw.compile(aw.load(name)) for name in ARMS}
 
 

@@ -14,6 +14,8 @@ from armwright.description.database import parse
 from armwright.model import Model, build_model
 from armwright.program import interpret, trace
 
+# The built-in arms that between them have every form of joint, drive and friction: studies that take long run on these alone.
+FORMS = ("cmu-dd", "lwa4p", "panda", "puma560", "two-link")
 OWN = ("workshop", "gripper", "sprung", "rough", "screws")
 NAMES = [*builtin_names(), *OWN]
 FREE = [name for name in NAMES if name != "gripper"]  # whose joints all move by themselves

@@ -456,7 +456,7 @@ def test_places_that_are_no_keys_stay():
     assert mistakes.key_in_file("") == ""
 
 
-UNITS = re.compile("(?<!_per)_(s|m|kg|kg_m2)$")
+UNITS = re.compile("(?<!_per)_(s|m|kg|kg_m2|v)$")
 
 
 @pytest.mark.parametrize(

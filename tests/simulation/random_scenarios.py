@@ -14,9 +14,9 @@ import xarray
 
 import armwright as aw
 from armwright.actuators.gear import sticks
-from armwright.description.database import builtin_names
 from armwright.simulation.integrate.step_control import floors
 from armwright.simulation.plant.state import state_layout
+from physics.arms import FORMS
 from reference.example_robots import robot_files
 from simulation.exact import ExactPlant
 from simulation.plants import MOTOR, chain
@@ -71,8 +71,8 @@ def case(seed: int) -> Case:
     if name == "random":
         arm = _random_arm(draw)
     else:
-        name = str(draw.choice(list(builtin_names()) if name == "built-in" else OF_WHEEL))
-        arm = aw.load(name) if name in builtin_names() else _of_wheel(name)
+        name = str(draw.choice(FORMS if name == "built-in" else OF_WHEEL))
+        arm = aw.load(name) if name in FORMS else _of_wheel(name)
     features = _features(arm)
     longest = 20.0 if arm.n == 1 else 12.0 if arm.n < 4 else 6.0
     duration = 60.0 if draw.random() < 0.08 and arm.n < 3 else round(float(draw.uniform(2.0, longest)), 1)

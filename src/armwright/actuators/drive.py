@@ -89,11 +89,11 @@ def _supply_voltage(arm: Model, body: Body) -> Scalar:
     return body.limits.voltage if arm.supply is None else arm.supply.voltage
 
 
-def holding_command(arm: Model, torques: Array, q: Array) -> np.ndarray:
+def holding_command(arm: Model, torques: Array, q: Array | None = None) -> np.ndarray:
     """Commands that balance the arm's weight and springs at rest, as far as the drives' limits allow.
 
     Args:
-        arm: the model.   torques: (n,) [N m | N] that hold it at its pose.   q: (n,) [rad | m], that pose.
+        arm: the model.   torques: (n,) [N m | N] that hold it at its pose.   q: (n,) [rad | m], that pose; servos count from it.
     Returns:
         u: (n,) [V | A | N m | N | rad], each in its joint's own unit.
     Raises:
@@ -102,4 +102,5 @@ def holding_command(arm: Model, torques: Array, q: Array) -> np.ndarray:
     still = scalar.array(0.0 * torques)
     torques = from_joints(shares_of(arm), torques)
     wanted = in_command_units(arm, demanded_drive(arm, still, torques))
-    return scalar.array(with_goals(arm, in_command_units(arm, limited_drive(arm, still, wanted)), q))
+    u = in_command_units(arm, limited_drive(arm, still, wanted))
+    return scalar.array(u if q is None else with_goals(arm, u, q))

@@ -19,7 +19,7 @@ from armwright.description import builtin_names
 from armwright.description.database import parse, read_description
 from armwright.description.paths import quantities, split_path, unit_at
 from armwright.description.record_of import Arm, record_of
-from armwright.description.robot import RobotDescription, Source
+from armwright.description.robot import Link, NamedFrame, RobotDescription, Source
 from armwright.description.toml_file import read_text
 from armwright.description.writer import for_folder, to_toml
 from armwright.entry import expect
@@ -326,7 +326,7 @@ def _set_number(parts: list[Any], record: RobotDescription, name: str, value: fl
     first, rest = split_path(path)
     *inner, last = rest.split(".") if rest else (first,)
     first = first if rest else ""
-    table: Any = parts[0] if not first else _table_of(parts, record, first)
+    table: Any = parts[0] if not first else _table_of(parts, record, first, (*inner, last)[0])
     for part in inner:
         if part not in table:
             table[part] = tomlkit.inline_table() if isinstance(table, InlineTable) else tomlkit.table()
@@ -343,13 +343,16 @@ def _set_number(parts: list[Any], record: RobotDescription, name: str, value: fl
     table[last] = entry
 
 
-def _table_of(parts: list[Any], record: RobotDescription, name: str) -> Any:
-    """The table of a joint, link or frame, or a table of the file's own."""
+def _table_of(parts: list[Any], record: RobotDescription, name: str, key: str) -> Any:
+    """The table of a joint, link or frame that may hold a key, or a table of the file's own."""
+    # a joint and the link that it moves often have one name; no two of these records have a key for numbers in common
+    kind = next(
+        (kind for kind, keys in (("links", Link), ("frames", NamedFrame)) if key in keys.model_fields), "joints"
+    )
     for part in parts:
-        for kind in ("joints", "links", "frames"):
-            for table in part.get(kind, ()):
-                if table.get("name") == name:
-                    return table
+        for table in part.get(kind, ()):
+            if table.get("name") == name:
+                return table
     for part in parts:  # after the joints: one of them may have the name of a key of the file, such as "base"
         if name in part:
             return part[name]

@@ -10,7 +10,7 @@ from armwright.errors import ModelError
 from ik.arms import arm_of, samples
 from ik.closed_form.made_arms import KINDS, arm_of_axes, axes
 
-ARMS = ("puma560", "lwa4p", "cmu-dd", "ur5")
+ARMS = ("puma560", "lwa4p", "cmu-dd", "ur5", "ur5e", "widowx250")
 COUNT = 10_000
 ROUNDING, TOLERANCE = 1e-12, 1e-8
 FREE = 1e-3  # least singular value, lengths in metres, above which solutions are compared by joints
