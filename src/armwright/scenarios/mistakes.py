@@ -13,7 +13,7 @@ from armwright.quantity import Record
 from armwright.scenarios.records import ScenarioTable
 from armwright.validation import readable, validated
 
-UNITS = ("", "_s", "_kg", "_m", "_kg_m2")  # that keys end in, and fields in Python do not
+UNITS = ("", "_s", "_kg", "_m", "_kg_m2", "_v")  # that keys end in, and fields in Python do not
 FIELDS = re.compile(r"\b(?:inputs|loop|recording|solver|start)(?:\.\w+)+")  # of a `Scenario`, in a sentence
 
 
