@@ -287,7 +287,7 @@ class ScenarioTable(Record):
 
     title: str | None = optional("One line for whoever reads the file.")
     robot: str = Field(description="A built-in arm, or a robot file beside this one.")
-    without: tuple[Literal["friction", "springs", "rotors", "efficiency"], ...] = Field(
+    without: tuple[Literal["friction", "springs", "rotors", "efficiency", "firmware"], ...] = Field(
         default=(), description="Parts of the record that this run leaves away."
     )
     values: dict[str, Number | tuple[Number, ...]] = Field(
