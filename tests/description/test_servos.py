@@ -14,6 +14,8 @@ import armwright as aw
 from armwright.description.paths import quantities
 from armwright.description.servos import servo_library, servos
 from armwright.errors import DescriptionError
+from armwright.identification.estimate import write_numbers
+from armwright.quantity import Source
 from armwright.twin.serial.frames import FRAMINGS
 from armwright.twin.serial.registers import servo_model
 
@@ -258,6 +260,18 @@ def test_a_written_file_holds_all_numbers(tmp_path, name):
     path = tmp_path / "written.toml"
     path.write_text(text, encoding="utf-8")
     assert aw.load(path).description == arm.description
+
+
+def test_a_fit_stands_beside_the_servo(tmp_path):
+    """A file that names a servo keeps its line; the fitted number gets a table of its own."""
+    arm_of(tmp_path, "xl330-m288")
+    path, fit = tmp_path / "fitted.toml", Source(kind="fit", text="a log")
+    write_numbers(tmp_path / "one.toml", {"q.friction.load_motor": (0.3, 0.01)}, fit, path, "fit")
+    assert 'servo = "xl330-m288"' in path.read_text(encoding="utf-8")
+    found, before = aw.load(path).description.joints[0], aw.load(tmp_path / "one.toml").description.joints[0]
+    assert (float(found.friction.load_motor), found.friction.load_motor.source) == (0.3, "fit")
+    assert found.friction.load_external == before.friction.load_external
+    assert found.motor == before.motor
 
 
 def test_a_drive_file_beside_a_urdf_names_servos(tmp_path):
