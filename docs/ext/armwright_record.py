@@ -31,7 +31,8 @@ TABLES: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...] = (
     ("[sources.KEY]", "", (Source,)),
     (
         "[[joints]]",
-        "Every joint has exactly one of `dh`, `modified_dh` and `frame`.",
+        'Every joint has exactly one of `dh`, `modified_dh` and `frame`. `servo = "NAME"` takes motor, friction, limits and '
+        "firmware from the [library of servos](../servos.md); numbers beside it stand before the library's.",
         (*robot.JOINTS.values(), robot.FixedJoint),
     ),
     (

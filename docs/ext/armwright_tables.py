@@ -401,7 +401,71 @@ def registers(name: str) -> str:
     return table(("address", "bytes", "name", "kept in", "access", "at power-up", "range", "unit", "sign"), rows)
 
 
+ORIGINS = {"publication": "measured", "measurement": "measured", "estimate": "estimated"}  # others are known
+
+
+def servos() -> str:
+    """Constants of the servos of the library at their shafts, beside the figures of data sheets."""
+    rows = []
+    for name, servo in aw.robotfiles.servos().items():
+        shaft, sheet = servo.shaft, servo.data_sheet
+        stated = ("—", "—") if sheet is None else (sheet.stall_torque_n_m, sheet.no_load_speed_rad_per_s)
+        marks = [f"{it if it == '—' else number(it)}" for it in stated]
+        keys = ("stall_torque_n_m", "no_load_speed_rad_per_s")
+        marks = [f"{mark} ✕" if key in servo.disagrees else mark for key, mark in zip(keys, marks, strict=True)]
+        constants = (shaft.gear_ratio, shaft.torque_constant_n_m_per_a, shaft.resistance_ohm, shaft.armature_kg_m2)
+        law = "viscous, Coulomb" if servo.friction.law == "coulomb" else "by load"
+        rows.append([f"`{name}`", servo.title, number(servo.limits.voltage_v), *map(number, constants), law, *marks])
+    heads = ("name", "servo", "supply [V]", "gear", "Kt [N m/A]", "R [Ω]", "armature [kg m²]", "friction")
+    return table((*heads, "stall torque [N m]", "no-load speed [rad/s]"), rows)
+
+
+def servo_origins() -> str:
+    """Where each part of a servo of the library comes from: known, measured, estimated or unknown."""
+    from armwright.description.servos import servo_library
+
+    parts = {
+        "gear": "shaft.gear_ratio",
+        "Kt, R": "shaft.torque_constant_n_m_per_a shaft.resistance_ohm",
+        "armature": "shaft.armature_kg_m2",
+        "friction": "friction.viscous_n_m_s_per_rad",
+        "supply": "limits.voltage_v",
+        "resolution": "firmware.counts_per_turn",
+        "P to duty": "firmware.p_scale_per_rad",
+        "period of the loop": "firmware.period_s",
+        "play": "play_rad",
+        "bus": "bus.baud_bit_per_s",
+    }
+    rows = []
+    for name, servo in aw.robotfiles.servos().items():
+        kinds = {path: servo_library().sources[source].kind for path, _, source in quantities(servo)}
+        found = {part: [kinds.get(path) for path in paths.split()] for part, paths in parts.items()}
+        words = (dict.fromkeys(ORIGINS.get(kind, "known") if kind else "—" for kind in each) for each in found.values())
+        rows.append([f"`{name}`", *(", ".join(each) for each in words)])
+    return table(("name", *parts), rows)
+
+
+def servo_notes() -> str:
+    """What is doubtful of each servo of the library, and what is not modelled."""
+    return "\n".join(f"- **{servo.title}**: {servo.notes}" for servo in aw.robotfiles.servos().values())
+
+
+def servo_sources() -> str:
+    """Sources of the library of servos."""
+    from armwright.description.servos import servo_library
+
+    rows = []
+    for key, source in servo_library().sources.items():
+        about = ", ".join(part for part in (source.text, source.date, source.licence) if part)
+        rows.append([f"`{key}`", source.kind, about])
+    return table(("source", "kind", "what it is"), rows)
+
+
 GENERATORS = {
+    "servos": servos,
+    "servo-origins": servo_origins,
+    "servo-notes": servo_notes,
+    "servo-sources": servo_sources,
     "instructions": instructions,
     "registers": registers,
     "benchmark": benchmark,

@@ -250,3 +250,26 @@ def test_help_fills_the_width(command):
     for line, after in itertools.pairwise(lines):
         if line.strip() and after.strip():
             assert len(line) + 1 + len(after.split()[0]) > 78, (line, after)
+
+
+def test_servos_lists_the_library_and_shows_one_with_its_sources():
+    shown = run("servos").stdout
+    for name, servo in aw.robotfiles.servos().items():
+        assert re.search(rf"^{re.escape(name)} +{re.escape(servo.title)} +{servo.command} ", shown, re.M)
+    one = run("servos", "xl330-m288").stdout
+    assert re.search(r"^shaft\.torque_constant_n_m_per_a +0\.36601 +0\.017 +N m/A +servos-bam-xl330", one, re.M)
+    assert "arXiv 2410.08650" in one
+    assert "no such servo; did you mean mx-64" in run("servos", "mx64", code=2).stderr
+
+
+def test_info_shows_what_a_joint_has_of_a_servo(tmp_path):
+    text = Path(aw.__file__).with_name("robots").joinpath("two-link.toml").read_text(encoding="utf-8")
+    assert 'name = "elbow"' in text
+    path = tmp_path / "arm.toml"
+    path.write_text(
+        text.replace('name = "elbow"', 'name = "elbow"\nservo = "sts3215-7.4v"\ncommand = "position"', 1),
+        encoding="utf-8",
+    )
+    shown = run("info", path).stdout
+    assert "servos-bam-sts3215" in shown
+    assert "p_scale_per_rad 0.166" in shown

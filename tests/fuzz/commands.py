@@ -33,6 +33,7 @@ DIFFERENT = (
 SHORT = ("--torque", "0", "--duration", "0.01")
 LINES: tuple[tuple[str, ...], ...] = (
     ("robots",),
+    ("servos", "mx-64"),
     ("--version",),
     ("info", "arm.toml"),
     ("info", "arm.urdf"),

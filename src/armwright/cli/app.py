@@ -40,6 +40,7 @@ from armwright.cli.plan import plan
 from armwright.cli.plot import plot
 from armwright.cli.reproduce import reproduce
 from armwright.cli.robots import robots
+from armwright.cli.servos import servos
 from armwright.cli.shadow import shadow
 from armwright.cli.show import show
 from armwright.cli.sim import sim
@@ -164,7 +165,7 @@ def _commands(
 
 
 PANELS: dict[str, tuple[Callable[..., None] | typer.Typer, ...]] = {
-    "Describe an arm": (robots, info, new, check, show, diff, convert, parts, assemble),
+    "Describe an arm": (robots, servos, info, new, check, show, diff, convert, parts, assemble),
     "Compute": (inverse_dynamics, forward_dynamics, ik, workspace, plan),
     "Simulate": (simulate, sim, plot, animate, step_study, reproduce),
     "Identify": (excite, log, identify, calibrate, measure, validate),

@@ -114,10 +114,21 @@ def read_toml(path: Path, kinematics_only: bool = False) -> RobotDescription:
             kind, command = next(each for key, each in OTHER_FILES.items() if key in tables or not key)
             expected = f"a robot file; `armwright {command} {path}` takes a {kind}"
             raise DescriptionError(f"is a {kind}", place="robot", value=tables["robot"], expected=expected)
+        tables = _with_servos(tables, path)
         if kinematics_only:
             _without_masses(tables)
             _without_drives(tables)
         return parse(tables, str(path), folder=path.parent)
+
+
+def _with_servos(document: dict[str, Any], place: Any) -> dict[str, Any]:
+    """The document with the library's tables for `servo = "NAME"` in joints; the library is read only where one is named."""
+    joints = document.get("joints")
+    if isinstance(joints, list) and any(isinstance(joint, dict) and "servo" in joint for joint in joints):
+        from armwright.description.servos import with_servos
+
+        return with_servos(document, place)
+    return document
 
 
 MASS_PROPERTIES = {
@@ -171,6 +182,7 @@ def parse(data: dict[str, Any], place: str, folder: Path | None = None) -> Robot
     Args:
         data: the document.   place: its file, for errors.   folder: where the paths of meshes start, and stay.
     """
+    data = _with_servos(data, place)
     left = {problem.place: problem.within(file=place) for problem in todo_problems(data)}
     try:
         robot = validated(RobotDescription, data, file=place, folder=folder)

@@ -12,6 +12,9 @@ text = "…"
 motor = { gear_ratio = 100, rotor_inertia_kg_m2 = 1e-5, torque_constant_n_m_per_a = 0.05 }
 friction = { viscous_n_m_s_per_rad = 2.0 }
 limits = { current_a = 8.0 }
+
+[joints.wrist]
+servo = "sts3215-7.4v"               # from the library of servos; tables beside it change single numbers
 ```
 """
 
@@ -26,6 +29,7 @@ from pydantic import Field
 from armwright.description.drive import Command, LinearFriction, Motor, RotaryFriction
 from armwright.description.paths import path_name
 from armwright.description.robot import JOINTS, PARTS as PARTS_OF
+from armwright.description.servos import with_servos
 from armwright.description.toml_file import read_text, toml_tables
 from armwright.errors import DescriptionError, Problem
 from armwright.joint_kinds import KINDS
@@ -98,7 +102,7 @@ def read_drive_file(path: Path) -> DriveFile:
         DescriptionError: no such file, no TOML, an unknown key.
     """
     with toml_tables(path, DescriptionError) as tables:
-        return validated(DriveFile, tables, file=path)
+        return validated(DriveFile, with_servos(tables, path), file=path)
 
 
 def add_drives(path: Path, drives: DriveFile, robot: dict[str, Any], reductions: dict[str, float]) -> None:

@@ -156,8 +156,8 @@ def joint_placement(joint: Any) -> tuple[Placement, Placement]:
 def _body(
     robot: RobotDescription, joint: MovingJoint, parent: int, placement: Placement, after: Placement
 ) -> dict[str, Any]:
-    turns = [float(each.firmware.period_s) for each in robot.moving_joints if each.firmware is not None]
-    turn = min(turns, default=None)
+    turns = [each.firmware.period_s.number for each in robot.moving_joints if each.firmware is not None]
+    turn = None if any(map(scalar.is_symbolic, turns)) else min(turns, default=None)
     return {
         "joint": joint.name,
         "link": joint.child,

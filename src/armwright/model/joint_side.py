@@ -9,6 +9,7 @@ import numpy as np
 from armwright import scalar
 from armwright.description.drive import DC_EQUIVALENT
 from armwright.description.robot import MovingJoint
+from armwright.errors import ModelError
 from armwright.friction_laws import LAWS
 from armwright.joint_kinds import Dimension, JointUnits
 from armwright.model.drive import (
@@ -66,7 +67,7 @@ def drive_of(joint: MovingJoint, command: Any, turn: float | None = None) -> Dri
 
 
 def _firmware_of(record: Any, turn: float | None) -> Firmware | None:
-    if record is None or turn is None:
+    if record is None:
         return None
     count = None if record.counts_per_turn is None else 2.0 * np.pi / record.counts_per_turn.number
 
@@ -74,10 +75,15 @@ def _firmware_of(record: Any, turn: float | None) -> Firmware | None:
         setting, scale = (_number(getattr(record, key)) for key in (name, f"{name}_scale_{unit}"))
         return None if setting is None or scale is None else setting * scale
 
-    band, latency = _number(record.dead_band_counts), record.latency_periods
+    band, latency, period = (
+        _number(record.dead_band_counts),
+        _fixed(record, "latency_periods"),
+        _fixed(record, "period_s"),
+    )
+    assert period is not None
     return Firmware(
-        period=float(record.period_s),
-        every=round(float(record.period_s) / turn),
+        period=period,
+        every=1 if turn is None else round(period / turn),
         count=count,
         output=record.output,
         limit=record.output_limit.number,
@@ -88,8 +94,18 @@ def _firmware_of(record: Any, turn: float | None) -> Firmware | None:
         speed=_number(record.goal_speed_rad_per_s),
         acceleration=_number(record.goal_acceleration_rad_per_s2),
         goals=None if record.goal_range_rad is None else tuple(record.goal_range_rad.numbers),
-        latency=0 if latency is None else round(float(latency)),
+        latency=0 if latency is None else round(latency),
     )
+
+
+def _fixed(record: Any, key: str) -> float | None:
+    """A number of a servo's loop that decides when things happen, which is the same in all lanes."""
+    number = _number(getattr(record, key))
+    if scalar.is_symbolic(number):
+        raise ModelError(
+            "is the same in all lanes", place=f"firmware.{key}", expected="an arm of its own, by `with_values`"
+        )
+    return None if number is None else float(number)
 
 
 def _thermal_of(record: Any) -> Thermal | None:

@@ -1,5 +1,6 @@
 """The names of this room and where each lives: for type checkers, and for `armwright.lazy`."""
 
+from armwright.description.servos import Servo as Servo, servos as servos
 from armwright.description.writer import to_toml as to_toml, write_toml as write_toml
 from armwright.parts.build import PartsBuild as PartsBuild
 from armwright.robotfiles.check import Finding as Finding, Report as Report, check as check
