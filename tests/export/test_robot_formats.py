@@ -51,7 +51,9 @@ def test_toml_urdf_toml(tmp_path, name):
         assert_same_arm(arm, other)
         for one, two in zip(arm.bodies, other.bodies, strict=True):
             assert one.limits.__dict__ == two.limits.__dict__
-            assert one.drive.__dict__ == two.drive.__dict__
+            assert one.drive.bridge.__dict__ == two.drive.bridge.__dict__
+            loops = [None if each.drive.firmware is None else each.drive.firmware.__dict__ for each in (one, two)]
+            assert loops[0] == loops[1]
     assert any("the sources of" in told for told in losses)
     assert any("motors with their rotor inertia" in told for told in losses) == any(
         getattr(joint, "motor", None) is not None for joint in arm.description.joints

@@ -11,6 +11,7 @@ from armwright.description.database import parse
 from armwright.errors import DivergenceError, ScenarioError
 from armwright.kernels.target import select_target
 from armwright.model import build_model
+from armwright.model.changes import without_servos
 from armwright.simulation.loop.compiled import compile_loop
 from armwright.simulation.plant.plant import plant_derivative
 from simulation.fields import scenario_of
@@ -109,8 +110,8 @@ DRIVEN = {  # commands in each arm's own unit that keep it moving, and speeds to
 
 @pytest.fixture(scope="module", params=sorted(DRIVEN))
 def driven(request):
-    """An arm, its compiled loop, commands and a start."""
-    arm = aw.load(request.param)
+    """An arm, of servos what is behind their loops, its compiled loop, commands and a start."""
+    arm = without_servos(aw.load(request.param))
     command, qd0 = DRIVEN[request.param]
     q0 = np.array([np.clip(0.4, *body.limits.position) for body in arm.bodies])
     return arm, compile_loop(arm), {"command": command, "q0": q0, "qd0": qd0}
