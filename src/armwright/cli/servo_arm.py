@@ -50,7 +50,8 @@ def serve_servos(robot: str, path: Path, duration: float | None, options: Mappin
         cycle = None if options["period"] is None else (options["period"], options["tick"] or f"sync-write:{goals}")
         made = ServoArm(arm, line, start=start, note=_note)
         with _ended(duration) as ended:
-            counts = made.serve(path, ended, cycle=cycle, schedule=options["schedule"], ready=_ready(made))
+            more = {} if options["patience"] is None else {"patience": options["patience"]}
+            counts = made.serve(path, ended, cycle=cycle, schedule=options["schedule"], ready=_ready(made), **more)
     rows = [
         ("simulated time", f"{made.plant.turn * made.plant.period:.6g} s"),
         ("instructions", str(counts.instructions)),

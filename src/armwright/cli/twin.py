@@ -97,6 +97,9 @@ def twin(
         "S", "Of a cycle: lock-step, in which frames alone let time pass; default real time."
     ),
     tick: str | None = option("NAME[:ADDRESS]", "Instruction that closes a cycle; default sync-write:42 or :116."),
+    patience: float | None = option(
+        "S", "A reply that takes longer is dropped; default 0.025, as clients give up at 0.034."
+    ),
     schedule: Path | None = option(
         "FILE.scenario.toml", "Write goals and their times; simulated, they have the same bits."
     ),
@@ -127,7 +130,7 @@ def twin(
     }
     on_can |= {"reference": reference, "speed": speed, "allow": allow}
     on_line = {"servo": servo, "ids": ids, "baud": baud, "zero": zero, "reverse": reverse, "q0": q0, "period": period}
-    on_line |= {"tick": tick, "schedule": schedule}
+    on_line |= {"tick": tick, "patience": patience, "schedule": schedule}
     if serial is not None:
         refuse(on_can, "is of a CAN bus, beside --serial", error=BusError, with_value=True)
         serve_servos(arm, serial, duration, on_line)

@@ -252,8 +252,9 @@ class ArmPlant:
         for k, (servo, key) in enumerate(self._places):
             if on[servo]:
                 now[k] = self._value(servo, key, goals[servo], self._record[k])
-        for servo in np.flatnonzero(on):
-            self._check_absent(int(servo), goals[servo])
+        for servo, goal in enumerate(goals):
+            if on[servo]:
+                self._check_absent(servo, goal)
         first = [k for k, (servo, _) in enumerate(self._places) if on[servo] and not self._was_on[servo]]
         for _, values in self.values:  # of servos that were off until here
             values[first] = now[first]
