@@ -23,7 +23,9 @@ MOUNTED = [Mounting(), Mounting(zero=1000.0, direction=-1), Mounting()]
 
 @pytest.fixture(scope="module")
 def arm():
-    return pendulum(ALL, JOINTS)
+    """With dry friction that sticks."""
+    dry = {"viscous_n_m_s_per_rad": 0.1, "coulomb_positive_n_m": 0.02, "coulomb_negative_n_m": 0.02}
+    return pendulum(ALL, JOINTS, friction=dry)
 
 
 def goal(value, torque=True, **other):

@@ -71,8 +71,8 @@ class ServoArm:
         self.arm, self.line = as_arm(arm), line or Line()
         require_servos(self.arm)
         model = servo_model(self.line.model)
-        self.ids = _ids(self.arm, self.line.ids)
-        self.plant = ArmPlant(self.arm, _mountings(self.arm, self.line, model), start, note)
+        self.ids = ids_of(self.arm, self.line.ids)
+        self.plant = ArmPlant(self.arm, mountings_of(self.arm, self.line, model), start, note)
         servos = [_servo(self.arm, i, model, number, self.line.baud) for i, number in enumerate(self.ids)]
         self.bus = ServoBus(servos, self.plant)
 
@@ -116,14 +116,24 @@ class ServoArm:
                     write_goals(self.plant, schedule)
 
 
-def _ids(arm: Model, ids: Sequence[int] | None) -> list[int]:
+def ids_of(arm: Model, ids: Sequence[int] | None) -> list[int]:
+    """Ids of an arm's servos, 1, 2, … by default.
+
+    Raises:
+        BusError: another number of them than joints, or one twice.
+    """
     found = list(range(1, arm.n + 1)) if ids is None else list(ids)
     if len(found) != arm.n or len(set(found)) != len(found):
         raise BusError(place="ids", value=found, expected=f"{arm.n} different ones: {', '.join(arm.names)}")
     return found
 
 
-def _mountings(arm: Model, line: Line, model: ServoModel) -> list[Mounting]:
+def mountings_of(arm: Model, line: Line, model: ServoModel) -> list[Mounting]:
+    """How the encoders of an arm's servos sit on its joints.
+
+    Raises:
+        BusError: another number of zeros than joints, or a joint that the arm does not have.
+    """
     zeros = [model.counts / 2.0] * arm.n if line.zeros is None else list(line.zeros)
     if len(zeros) != arm.n:
         raise BusError(place="zeros", value=zeros, expected=f"{arm.n} numbers: {', '.join(arm.names)}")
