@@ -146,17 +146,22 @@ class ArmPlant:
 
     def scenario(self, turns: int) -> Scenario:
         """The scenario of all goals so far, with the first values of the parameters, over so many turns."""
-        names, times = tuple(self.arm.names), np.array([row.turn * self.period for row in self.rows])
-        goals, enabled = (np.array([getattr(row, name) for row in self.rows]) for name in ("goals", "enabled"))
         return Scenario(
             self.arm,
             turns * self.period,
-            command=Schedule(times, goals, names),
-            inputs=Inputs(enabled=Schedule(times, enabled, names)),
+            command=self._schedule("goals"),
+            inputs=Inputs(enabled=self._schedule("enabled")),
             start=Start(self.start),
             recording=Recording(period=self.period),
             vary=dict(zip(self.names, self.values[0][1].tolist(), strict=True)),
         )
+
+    def _schedule(self, name: str) -> Schedule:
+        """Goals, or which servos are on, of all rows with other ones than the row before."""
+        values = [getattr(row, name) for row in self.rows]
+        kept = [k for k, value in enumerate(values) if k == 0 or not np.array_equal(value, values[k - 1])]
+        times = np.array([self.rows[k].turn * self.period for k in kept])
+        return Schedule(times, np.array([values[k] for k in kept]), tuple(self.arm.names))
 
     @property
     def state(self) -> np.ndarray:
