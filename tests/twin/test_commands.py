@@ -148,7 +148,7 @@ def test_data_sheets_of_any_name_stay_in_their_folder(file, tmp_path):
         (["run-controller", "--nodes", "3;4", "--go"], "--nodes = '3;4': expected whole numbers with commas"),
         (["run-controller", "--nodes", "3,200", "--go"], "nodes = [3, 200]: expected 2 different numbers"),
         (["twin", "--nodes", "3,200"], "--nodes = [3, 200]: expected 2 different numbers"),
-        (["twin", "--serial", "-1"], "--serial = -1: expected a whole number of 32 bits"),
+        (["twin", "--serial-number", "-1"], "--serial-number = -1: expected a whole number of 32 bits"),
         (["run-controller", "--speed", "2"], "--speed = 2.0: expected a number above 0 and at most 1"),
         (["run-controller", "--bus", "socketcan:nocan7", "--go"], "bus = 'socketcan:nocan7': cannot be opened"),
         (["twin", "--bus", "socketcan:nocan7"], "bus = 'socketcan:nocan7': cannot be opened"),

@@ -18,6 +18,7 @@ from armwright import __version__
 from armwright.cli.animate import animate
 from armwright.cli.assemble import assemble
 from armwright.cli.calibrate import calibrate
+from armwright.cli.capture import capture
 from armwright.cli.check import check
 from armwright.cli.compare_controllers import compare_controllers
 from armwright.cli.convert import convert
@@ -170,7 +171,7 @@ PANELS: dict[str, tuple[Callable[..., None] | typer.Typer, ...]] = {
     "Simulate": (simulate, sim, plot, animate, step_study, reproduce),
     "Identify": (excite, log, identify, calibrate, measure, validate),
     "Control": (design, loops, tune, sweep, compare_controllers),
-    "Deploy": (export, twin, run_controller, shadow),
+    "Deploy": (export, twin, run_controller, capture, shadow),
     "Learn": (examples,),
 }
 ORDER: list[str] = []

@@ -1,18 +1,29 @@
-"""`armwright twin` and `run-controller`: a simulated arm as drives on a CAN bus, and a controller run over it."""
+"""`armwright twin` and `run-controller`: a simulated arm as drives on a bus, and a controller run over CAN."""
 
 from __future__ import annotations
 
 import contextlib
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import armwright as aw
-from armwright.cli.arguments import Allow, argument, as_options, flag, node_numbers, option
+from armwright.cli.arguments import (
+    Allow,
+    Position,
+    argument,
+    as_options,
+    complete_robot,
+    flag,
+    node_numbers,
+    option,
+    refuse,
+)
 from armwright.cli.outcome import exit_unless
+from armwright.cli.servo_arm import serve_servos
 from armwright.cli.tables import console_for_tables, show, table
 from armwright.errors import BusError
 from armwright.terminal import result, say
@@ -29,15 +40,8 @@ ALONE = (
     "no other program reaches a virtual bus, so nothing will move; --bus udp_multicast:239.74.163.2 is one that "
     "other programs reach, and `armwright run-controller … --go` has a twin of its own on a virtual bus"
 )
-Bus = Annotated[
-    str,
-    option(
-        "BUS",
-        "virtual (default), socketcan:CHANNEL such as socketcan:can0, or udp_multicast:ADDRESS.",
-        ...,
-        names="--bus",
-    ),
-]
+CAN_BUS = "virtual (default), socketcan:CHANNEL such as socketcan:can0, or udp_multicast:ADDRESS."
+Bus = Annotated[str, option("BUS", CAN_BUS, ..., names="--bus")]
 Bitrate = Annotated[
     int, option("BIT/S", "Of the bus, for the time that frames take; default 500000.", ..., names="--bitrate")
 ]
@@ -62,45 +66,101 @@ Seconds = Annotated[
 
 
 def twin(
-    scenario: File,
-    bus: Bus = "virtual",
+    arm: Annotated[
+        str,
+        argument(
+            "ARM",
+            "FILE.scenario.toml with a controller; with --serial, a built-in arm or a robot's file.",
+            autocompletion=complete_robot,
+        ),
+    ],
+    bus: str | None = option("BUS", CAN_BUS),
     nodes: Nodes = None,
-    bitrate: Bitrate = 500_000,
-    serial: int = option("N", "Serial number in object 1018 of every node; default 1.", 1),
+    bitrate: int | None = option("BIT/S", "Of the CAN bus, for the time that frames take; default 500000."),
+    serial_number: int | None = option("N", "Serial number in object 1018 of every node; default 1."),
     fault: Faults = None,
     duration: float | None = option("S", "How long the twin is on the bus; by default until Ctrl-C."),
     eds: Path | None = option("FOLDER", "Write the nodes' electronic data sheets, and do no more."),
     reference: Reference = None,
-    speed: float = option(
-        "V", "That of the run: what the hand takes up, and forces, come as much later; default 1.", 1.0
+    speed: float | None = option(
+        "V", "That of the run: what the hand takes up, and forces, come as much later; default 1."
     ),
     allow: Allow = None,
+    serial: Path | None = option("PATH", "Be servos on a serial line instead, a pseudo-terminal with this link."),
+    servo: str | None = option("MODEL", "Of all servos: sts3215 (default), xl330-m288, xl430-w250."),
+    ids: str | None = option("1-6", "Ids of the servos, such as 1-6 or 1,2,5; default from 1."),
+    baud: int | None = option("BIT/S", "Of the serial line; default 1000000."),
+    zero: str | None = option("C1,C2,…", "Counts of the encoders where joints are at 0; default 2048."),
+    reverse: str | None = option("J1,J2,…", "Joints that turn the other way than their encoders count."),
+    q0: Position = None,
+    period: float | None = option(
+        "S", "Of a cycle: lock-step, in which frames alone let time pass; default real time."
+    ),
+    tick: str | None = option("NAME[:ADDRESS]", "Instruction that closes a cycle; default sync-write:42 or :116."),
+    patience: float | None = option(
+        "S", "A reply that takes longer is dropped; default 0.025, as clients give up at 0.034."
+    ),
+    schedule: Path | None = option(
+        "FILE.scenario.toml", "Write goals and their times; simulated, they have the same bits."
+    ),
 ) -> None:
-    """Put the simulated arm of a scenario on a CAN bus, as CiA 402 drives, one node for each joint.
+    """Put a simulated arm on a bus, as its drives: a CAN bus with CiA 402 drives, or a serial line with servos.
 
-    Its time is counted in SYNCs, which a master sends. A virtual bus exists within one process: there `run-controller`
-    starts its own twin. The end shows the number of cycles, and how many were late or incomplete.
+    On a CAN bus, time is counted in SYNCs, which a master sends. A virtual bus exists within one process: there
+    `run-controller` starts its own twin. The end shows the number of cycles, and how many were late or incomplete.
+
+    With --serial the arm's joints must follow goals by their servos' firmware (`command = "position"`). The makers' own
+    software and LeRobot open PATH as the port of the arm. Its registers begin with the numbers of the record.
 
     \b
     Examples:
       armwright twin arm.scenario.toml --bus udp_multicast:239.74.163.2
       armwright twin arm.scenario.toml --bus socketcan:vcan0 --fault stuck-encoder:joint2@1.5
       armwright twin arm.scenario.toml --eds sheets
+      armwright twin arm.toml --serial /tmp/arm --ids 1-6
+      armwright twin arm.toml --serial /tmp/arm --period 0.02 --tick sync-write:42 --schedule run.scenario.toml
+    """
+    on_can = {
+        "bus": bus,
+        "nodes": nodes,
+        "bitrate": bitrate,
+        "serial-number": serial_number,
+        "fault": fault,
+        "eds": eds,
+    }
+    on_can |= {"reference": reference, "speed": speed, "allow": allow}
+    on_line = {"servo": servo, "ids": ids, "baud": baud, "zero": zero, "reverse": reverse, "q0": q0, "period": period}
+    on_line |= {"tick": tick, "patience": patience, "schedule": schedule}
+    if serial is not None:
+        refuse(on_can, "is of a CAN bus, beside --serial", error=BusError, with_value=True)
+        serve_servos(arm, serial, duration, on_line)
+        return
+    refuse(on_line, "is of servos", error=BusError, with_value=True, expected="--serial PATH beside it")
+    _can_twin(Path(arm), duration, on_can)
+
+
+def _can_twin(scenario: Path, duration: float | None, options: Mapping[str, Any]) -> None:
+    """The arm of a scenario on a CAN bus.
+
+    Args:
+        scenario: its file.   duration: [s]; None: until Ctrl-C.   options: of the command that are of a CAN bus, by name.
     """
     from armwright.twin.bus import is_virtual
     from armwright.twin.safety import reduced
     from armwright.twin.twin import Twin
 
-    _, found = _scenarios(scenario, allow, reference, None)
-    with as_options("nodes", "serial", "bus", "bitrate", "speed"):
-        found = reduced(found, speed)
+    given = {name: value for name, value in options.items() if value is not None}
+    bus, eds = given.get("bus", "virtual"), options["eds"]
+    _, found = _scenarios(scenario, options["allow"], options["reference"], None)
+    with as_options("nodes", "bus", "bitrate", "speed", serial="--serial-number"):
+        found = reduced(found, given.get("speed", 1.0))
         made = Twin(
             found,
             bus,
-            nodes=node_numbers(nodes, BusError),
-            serial=serial,
-            faults=_faults(found, fault),
-            bitrate=bitrate,
+            nodes=node_numbers(options["nodes"], BusError),
+            serial=given.get("serial-number", 1),
+            faults=_faults(found, options["fault"]),
+            bitrate=given.get("bitrate", 500_000),
         )
     if eds is not None:
         _write_sheets(made, eds)

@@ -1,6 +1,6 @@
 """Servos on a pseudo-terminal, in a process of their own: `python -m armwright.twin.serial --servo sts3215:1-6 --path PATH`.
 
-The joints are kinematic. The command line of Armwright will join arms to this; tests and first steps use it as it is.
+The joints are kinematic, for tests and first steps; `armwright twin ARM --serial PATH` has an arm behind them.
 """
 
 from __future__ import annotations

@@ -1,0 +1,233 @@
+"""`armwright capture` against an arm of our own: what it refuses, what it logs, and how it stops."""
+
+import importlib.util
+import os
+import select
+import sys
+import threading
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import armwright as aw
+from armwright.cli.app import app
+from armwright.errors import BusError, RunStopped
+from armwright.twin.serial.capture import CaptureSettings, capture, plan_capture
+from armwright.twin.serial.client import ServoClient
+from armwright.twin.serial.registers import servo_model
+from armwright.twin.serial.servo_arm import Line, ServoArm
+from armwright.twin.serial.terminal import Terminal, serve
+from armwright.twin.serial.timing import RealTime
+from simulation.test_servo import PLAIN, pendulum
+from twin.serial.conftest import open_port
+
+if sys.platform == "win32":
+    pytest.skip("pseudo-terminals need Linux or macOS", allow_module_level=True)
+
+JOINTS, LONG = ("hip", "knee"), 20.0
+LIMITS = {"voltage_v": 5.0, "position_rad": [-1.5, 1.5], "velocity_rad_per_s": 4.0}
+LINES = {
+    "sts3215": Line(ids=[3, 1], reversed=["knee"]),
+    "xl330-m288": Line("xl330-m288", ids=[3, 1], reversed=["knee"]),
+}
+
+
+class Descriptor:
+    """A port by its descriptor."""
+
+    def __init__(self, path):
+        self.port = open_port(path)
+
+    def write(self, data):
+        os.write(self.port, data)
+
+    def read(self, seconds):
+        ready = select.select([self.port], [], [], seconds)[0]
+        return os.read(self.port, 4096) if ready else b""
+
+
+@pytest.fixture(scope="module")
+def arm():
+    stiff = PLAIN | {"p": 200, "d": 20, "d_scale_s_per_rad": 0.01}
+    return pendulum(stiff, JOINTS, limits=LIMITS)
+
+
+@pytest.fixture(scope="module")
+def motion(arm):
+    """There and back within two seconds."""
+    return aw.trajectories.Waypoints([[0.0, 0.0], [0.4, -0.3], [0.0, 0.0]], times=[0.0, 0.5, 1.0])
+
+
+class Served:
+    """An arm served in real time by a thread of this process."""
+
+    def __init__(self, arm, line):
+        self.made, self.terminal, self.ended = ServoArm(arm, line), Terminal(), threading.Event()
+        timing = RealTime(self.made.bus)
+        arguments = (self.terminal, self.made.bus, timing, self.ended.is_set, LONG)
+        self.thread = threading.Thread(target=serve, args=arguments, daemon=True)
+        self.thread.start()
+
+    def end(self):
+        self.ended.set()
+        self.thread.join(LONG)
+        self.terminal.close()
+
+
+@pytest.fixture
+def served():
+    """A function that serves an arm."""
+    found = []
+
+    def start(arm, line):
+        found.append(Served(arm, line))
+        return found[-1]
+
+    yield start
+    for each in found:
+        each.end()
+
+
+def client_of(served, line):
+    return ServoClient(Descriptor(served.terminal.device), servo_model(line.model), LONG)
+
+
+@pytest.mark.parametrize("model", LINES)
+def test_it_plays_a_motion_and_logs_what_was_measured(arm, motion, served, tmp_path, model, monkeypatch):
+    monkeypatch.setattr("armwright.twin.serial.capture.ServoClient", lambda port, model: ServoClient(port, model, LONG))
+    monkeypatch.setattr("armwright.twin.serial.capture.WATCHDOG", 2.5)
+    line, one = LINES[model], served(arm, LINES[model])
+    plan = plan_capture(arm, motion, line, CaptureSettings(rate=25.0, step=1.0, torque=0.9))
+    found = capture(plan, Descriptor(one.terminal.device))
+    found.write(tmp_path / "log.csv")
+    table = np.genfromtxt(tmp_path / "log.csv", delimiter=",", names=True)
+    assert (len(table), found.reason, found.missed) == (26, "the motion's end", 0)
+    began, ended = table["t_s"], table["t_end_s"]
+    assert (np.diff(began) > 0.0).all()
+    assert (ended >= began).all()
+    assert (began >= plan.times - 1e-3).all()
+    rows = np.array(found.rows)
+    assert np.ptp(rows[:, 1], axis=0) == pytest.approx([0.4, 0.3], abs=0.15)
+    assert (rows[:, 4] == 5.0).all()
+    assert np.abs(rows[:, 3]).max() > 0.01
+    client = client_of(one, line)
+    registers = ("torque_enable", "torque_limit" if model == "sts3215" else "goal_pwm")
+    assert client.read(1, registers[0]) == 1
+    assert client.read(1, registers[1]) == (900 if model == "sts3215" else round(0.9 / 1.129944e-3))
+    assert abs(client.read(1, "goal_position") - client.read(1, "present_position")) < 60
+
+
+def test_release_switches_torque_off(arm, motion, served, monkeypatch):
+    monkeypatch.setattr("armwright.twin.serial.capture.ServoClient", lambda port, model: ServoClient(port, model, LONG))
+    line, one = LINES["sts3215"], served(arm, LINES["sts3215"])
+    plan = plan_capture(arm, motion, line, CaptureSettings(rate=25.0, step=1.0, release=True))
+    found = capture(plan, Descriptor(one.terminal.device), stopped=lambda: True)
+    assert (found.reason, len(found.rows)) == ("it was stopped", 1)
+    assert client_of(one, line).read(3, "torque_enable") == 0
+
+
+def test_a_joint_that_is_too_far_from_its_goal_ends_it_with_torque_on(arm, motion, served, monkeypatch):
+    monkeypatch.setattr("armwright.twin.serial.capture.ServoClient", lambda port, model: ServoClient(port, model, LONG))
+    line, one = LINES["sts3215"], served(arm, LINES["sts3215"])
+    plan = plan_capture(arm, motion, line, CaptureSettings(rate=25.0, step=0.05, torque=1e-3))
+    with pytest.raises(
+        RunStopped, match=r"joint '\w+': is \S+ rad from its goal at \S+ s; expected at most 0\.05"
+    ) as stop:
+        capture(plan, Descriptor(one.terminal.device))
+    assert 1 < len(stop.value.run.rows) < 26
+    client = client_of(one, line)
+    assert client.read(1, "torque_enable") == 1
+    assert client.read(1, "goal_position") == pytest.approx(client.read(1, "present_position"), abs=5)
+
+
+def test_nothing_moves_before_all_is_checked(arm, motion, served, monkeypatch):
+    monkeypatch.setattr("armwright.twin.serial.capture.ServoClient", lambda port, model: ServoClient(port, model, 2.0))
+    one = served(arm, LINES["sts3215"])
+    port = Descriptor(one.terminal.device)
+    wrong = {
+        r"model_number of servo 2: no answer": (Line(ids=[3, 2]), motion),
+        r"position of joint 'hip' \[rad\] = .*expected within 0\.3 of 1, where the motion begins": (
+            LINES["sts3215"],
+            aw.trajectories.Waypoints([[1.0, 0.0], [0.0, 0.0]], times=[0.0, 1.0]),
+        ),
+    }
+    for words, (line, moved) in wrong.items():
+        with pytest.raises(BusError, match=words):
+            capture(plan_capture(arm, moved, line), port)
+    client = client_of(one, LINES["sts3215"])
+    client.write(1, "operating_mode", 2)
+    with pytest.raises(BusError, match=r"operating mode of servo 1, joint 'knee' = 2: expected 0"):
+        capture(plan_capture(arm, motion, LINES["sts3215"]), port)
+    assert [client.read(number, "torque_enable") for number in (1, 3)] == [0, 0]
+    assert [client.read(number, "torque_limit") for number in (1, 3)] == [1000, 1000]
+
+
+def test_a_servo_that_falls_silent_ends_it(arm, motion, served, monkeypatch):
+    monkeypatch.setattr("armwright.twin.serial.capture.ServoClient", lambda port, model: ServoClient(port, model, 0.3))
+    line, one = LINES["sts3215"], served(arm, LINES["sts3215"])
+    asked = []
+
+    def stopped():
+        asked.append(True)
+        if len(asked) == 3:
+            one.made.bus.servos[1]["id"] = 77
+        return False
+
+    plan = plan_capture(arm, motion, line, CaptureSettings(rate=25.0, step=1.0))
+    with pytest.raises(RunStopped, match="joint 'knee', servo 1: was silent for 3 cycles") as stop:
+        capture(plan, Descriptor(one.terminal.device), stopped)
+    assert np.isnan(stop.value.run.rows[-1][1, 1])
+    assert stop.value.run.missed >= 3
+
+
+BEYOND = {
+    "a position": (
+        [[0.0, 0.0], [1.6, 0.0]],
+        4.0,
+        r"joint 'hip': its position is 1\.5\d* rad at \S+ s; expected -1\.5 to 1\.5",
+    ),
+    "a speed": ([[0.0, 0.0], [0.0, 1.0]], 0.2, r"joint 'knee': its speed is \S+ rad/s at \S+ s; expected -4 to 4"),
+}
+
+
+@pytest.mark.parametrize(("poses", "duration", "words"), BEYOND.values(), ids=BEYOND)
+def test_a_motion_beyond_limits_is_refused(arm, poses, duration, words):
+    with pytest.raises(BusError, match=words):
+        plan_capture(arm, aw.trajectories.Waypoints(poses, times=[0.0, duration]))
+
+
+def test_an_encoder_has_ends(arm, motion):
+    with pytest.raises(BusError, match=r"joint 'hip': its position is \S+ rad .* the limits of its encoder"):
+        plan_capture(arm, motion, Line(zeros=[4000.0, 2048.0]))
+
+
+@pytest.mark.parametrize(("field", "value"), [("rate", 0.0), ("step", -1.0), ("torque", 1.5)])
+def test_settings_that_are_none_are_refused(field, value):
+    with pytest.raises(BusError, match=rf"{field} = {value}"):
+        CaptureSettings(**{field: value})
+
+
+def test_the_command_is_dry_by_default_and_plays_with_go(arm, motion, served, tmp_path):
+    robot, file, log = (tmp_path / name for name in ("arm.toml", "motion.csv", "log.csv"))
+    aw.robotfiles.write_toml(arm, robot)
+    motion.save(arm, file)
+    words = ["capture", robot, "--motion", file, "--ids", "3,1", "--reverse", "knee", "--step", "1", "--rate", "25"]
+
+    def run(*more):
+        return CliRunner().invoke(app, [str(word) for word in (*words, *more)])
+
+    dry = run("--serial", tmp_path / "nowhere")
+    assert dry.exit_code == 0
+    assert "dry run: nothing was sent" in dry.output
+    assert "hip" in dry.output
+    wrong = run("--serial", tmp_path / "nowhere", "--go")
+    assert (wrong.exit_code, "expected -o LOG.csv beside --go" in wrong.output) == (2, True)
+    if importlib.util.find_spec("serial") is None:
+        pytest.skip("needs pyserial")
+    wrong = run("--serial", tmp_path / "nowhere", "--go", "-o", log)
+    assert (wrong.exit_code, "cannot be opened" in wrong.output) == (2, True)
+    one = served(arm, LINES["sts3215"])
+    done = run("--serial", one.terminal.device, "--go", "-o", log)
+    assert done.exit_code in (0, 1), done.output  # 1 where the machine does too much other work
+    assert log.exists() == (done.exit_code == 0 or "until the run ended" in done.output)
