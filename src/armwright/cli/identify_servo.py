@@ -19,7 +19,7 @@ def servo(
     limit: float | None = option("DUTY", "Largest duty, beside --gain; 1 by default."),
     goal_speed: float | None = option("RAD_PER_S", "Speed of the goal inside the servo, beside --gain."),
     order: str = option("M1,…,M6", "Friction models that are compared; by default all.", ""),
-    free: str = option("NAME,…", "Fitted beside motor and friction: offset, gain, goal_speed.", "offset"),
+    free: str = option("NAME,…", "Fitted beside motor and friction: offset, delay, gain, goal_speed.", "offset"),
     seed: int = option("N", "Of the first guesses.", 0),
     output: Path | None = output_option("SERVO.toml", "Write the bench as a record, its numbers with deviations."),
     report: Path | None = option("FILE.html", "Write a page with the numbers and a plot of every log."),

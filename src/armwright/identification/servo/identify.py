@@ -19,13 +19,14 @@ from armwright.identification.estimate import Estimate
 from armwright.identification.motor.unknowns import values_of
 from armwright.identification.servo.bench import PATHS, ServoLoop, bench_record, loop_of, with_arm_mass
 from armwright.identification.servo.bench_log import BenchLog, as_bench_logs
-from armwright.identification.servo.orders import OFFSET, ORDERS
+from armwright.identification.servo.orders import DELAY, OFFSET, ORDERS
 from armwright.identification.servo.output_error import BenchProblem
 from armwright.identification.servo.search import SETTLED, OrderFit, fit_orders, refined
 from armwright.identification.servo.servo_fit import OrderErrors, ServoFit
 from armwright.progress import Shown, automatic
 
-EXTRA = ("offset", "gain", "goal_speed")
+EXTRA = ("offset", "delay", "gain", "goal_speed")
+UNITS = {OFFSET: "rad", DELAY: "s"}
 AT_BOUND = 1e-6  # of the range of a coordinate
 UNKNOWN = 1.0  # standard deviation of a logarithm, or in parts of its value beside its scale, beyond which a number is not told
 NOTHING = 0.02  # of a mean error: models that differ less predict the same
@@ -38,7 +39,8 @@ class ServoSearch:
 
     Args:
         orders: friction models that are compared, of "M1" … "M6".   free: what else is fitted beside motor and friction:
-            "offset" (where gravity's 0 is), "gain" (of the loop), "goal_speed".   seed: of the first guesses.
+            "offset" (where gravity's 0 is), "delay" (of the goals), "gain" (of the loop), "goal_speed".
+        seed: of the first guesses.
     Raises:
         ModelError: names the field.
     """
@@ -177,7 +179,7 @@ def _concluded(
     by_name = dict(zip(order.columns, numbers.tolist(), strict=True))
     shown = [k for k, row in enumerate(order.matrix) if row.any()]
     parts = order.matrix > 0.0
-    names = [PATHS.get(order.columns[k], OFFSET) for k in shown]
+    names = [PATHS.get(order.columns[k], order.columns[k]) for k in shown]
     measures = agreement(problem.measured, problem.measured - fit.errors)
     simulated = tuple(log.position - fit.errors[part] for log, part in zip(logs, problem.parts, strict=True))
     wrong = _in_words(order.unknowns, at_bound & (order.matrix.sum(axis=0) > 0), ~told)
@@ -191,7 +193,7 @@ def _concluded(
         covariance=(spread @ covariance @ spread.T + _of_larger(shifts, len(numbers)))[np.ix_(shown, shown)],
         sha256=_sha256(logs),
         method=f"output error of positions from goals, friction {order.name}",
-        units=tuple("rad" if name == OFFSET else unit_at(name) for name in names),
+        units=tuple(UNITS.get(name) or unit_at(name) for name in names),
         at_bound=np.array([bool(at_bound[parts[k]].all()) for k in shown]),
         identifiable=np.array([bool(told[parts[k]].all()) for k in shown]),
         remarks=(*remarks, *wrong),
@@ -226,11 +228,18 @@ def _of_larger(shifts: Sequence[np.ndarray], columns: int) -> np.ndarray:
 
 
 def _covariance(fit: OrderFit, free: np.ndarray) -> np.ndarray:
-    """(k, k) of the coordinates that are free, for residuals that are correlated within each log."""
+    """(k, k) of the coordinates that are free, for residuals that are correlated within each log.
+
+    Rows that follow each other in the same count have one and the same error of the count. While a servo rests that lasts longer
+    than any autoregression sees, so L such rows become one, Σ x / √L and Σ e / √L, which leaves Σ x xᵀ and Σ x e as they are.
+    """
     sigma = max(float(np.sqrt(np.mean(fit.errors**2))), 1e-12)
-    blocks = [
-        (fit.jacobian[part][:, None, free] / sigma, fit.errors[part][:, None] / sigma) for part in fit.problem.parts
-    ]
+    blocks = []
+    for log, part in zip(fit.problem.logs, fit.problem.parts, strict=True):
+        first = np.flatnonzero(np.diff(log.position, prepend=np.nan))
+        weight = 1.0 / (sigma * np.sqrt(np.diff(first, append=len(log.t))))
+        columns = np.add.reduceat(fit.jacobian[part][:, free], first) * weight[:, None]
+        blocks.append((columns[:, None, :], (np.add.reduceat(fit.errors[part], first) * weight)[:, None]))
     return covariance_of(blocks)
 
 

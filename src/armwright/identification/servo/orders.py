@@ -47,8 +47,9 @@ PARTS = {
 }
 # What a friction of none is; a Stribeck speed and an exponent must be above 0 even where nothing falls.
 NEUTRAL = {"stribeck_speed": 1.0, "exponent": 1.0}
-OFFSET = "q_offset_rad"
+OFFSET, DELAY = "q_offset_rad", "delay_s"  # numbers that no record has
 MOST_OFFSET = 0.3  # [rad]
+DELAYS = (-0.02, 0.05)  # [s]: below 0 where a log has the time of the position, read after its goal was sent
 MOST_LOAD = 0.98  # friction that takes all of the load locks
 MOST_SQUARE = 0.5  # of a load as large as the bench's: share of it that the squares take
 LEAST_COULOMB = 1e-6  # of the bench's load: the law needs a torque above 0
@@ -94,7 +95,7 @@ class Order:
     Attributes:
         name: "M1" … "M6".   unknowns: what is searched for.
         matrix: (numbers, unknowns) 0 or 1: the record's numbers, in the order of `columns`, are sums of unknowns' values.
-        fixed: (numbers,) their values beside that.   columns: names of `PATHS`, and `OFFSET`.
+        fixed: (numbers,) their values beside that.   columns: names of `PATHS`, `OFFSET` and `DELAY`.
     """
 
     name: str
@@ -124,11 +125,11 @@ def order_of(name: str, loop: ServoLoop, scales: Scales, extra: Sequence[str] = 
 
     Args:
         name: "M1" … "M6".   loop: of the servo.   scales: of the bench.
-        extra: further unknowns: "gain", "goal_speed", "offset".
+        extra: further unknowns: "gain", "goal_speed", "offset", "delay".
     """
     searched = [each for each in ("kt", "R", "J") if not (each == "R" and loop.output == "current")]
-    searched += [*ORDERS[name], *(OFFSET if each == "offset" else each for each in extra)]
-    columns = [*(each for each in PATHS if not (each == "R" and loop.output == "current")), OFFSET]
+    searched += [*ORDERS[name], *({"offset": OFFSET, "delay": DELAY}.get(each, each) for each in extra)]
+    columns = [*(each for each in PATHS if not (each == "R" and loop.output == "current")), OFFSET, DELAY]
     if loop.goal_speed_rad_per_s is None:
         columns.remove("goal_speed")
     unknowns = tuple(_unknown(each, loop, scales) for each in searched)
@@ -161,6 +162,8 @@ def _unknown(name: str, loop: ServoLoop, scales: Scales) -> Unknown:
         return Unknown(name, value, value / 10.0, value * 10.0, value, logarithmic=True, label=name)
     if name == OFFSET:
         return Unknown(name, 0.0, -MOST_OFFSET, MOST_OFFSET, 0.1, unit="rad", nuisance=True, label=name)
+    if name == DELAY:
+        return Unknown(name, 0.0, *DELAYS, 5e-3, unit="s", nuisance=True, label=name)
     if name.startswith("load"):
         return Unknown(name, 0.0, 0.0, MOST_LOAD, 0.1, label=name)
     if name.startswith("square"):

@@ -17,7 +17,7 @@ from armwright.fitting.levenberg_marquardt import Damping, Descent, descended
 from armwright.identification.motor.unknowns import values_of
 from armwright.identification.servo.bench import JOINT, PATHS, ROD, ServoLoop, bench_record, link_numbers
 from armwright.identification.servo.bench_log import BenchLog
-from armwright.identification.servo.orders import OFFSET, Order
+from armwright.identification.servo.orders import DELAY, OFFSET, Order
 from armwright.model import Model, build_model
 from armwright.parameters import Batch
 from armwright.simulation.inputs.schedule import Schedule
@@ -30,7 +30,7 @@ MOST_LANES = 1024  # of a simulation: as many as their rows find room for
 ROUNDING = 1e-9  # of a tick
 EVERY = 4  # turns of the loop from one stored state to the next, between which Hermite's cubic is 1e-5 rad wrong
 LONGEST = 1.0  # of a step in a coordinate: e of a logarithm
-DAMPING = Damping(first=1e-2, better=0.2, worse=5.0)
+DAMPING = Damping(first=1e-3, better=0.1, worse=10.0)
 RODS = {"mass": f"{ROD}.mass_kg", "x": f"{ROD}.com_m[0]", "z": f"{ROD}.com_m[2]"}
 
 
@@ -96,7 +96,7 @@ class BenchProblem:
         """Positions at the rows of its log, by lane; lanes (lanes, 2) are pairs of a point and a log."""
         driven = [self._driven[log] for _, log in lanes]
         own = dict(zip(self.order.columns, values[lanes[:, 0]].T, strict=True))
-        offset = own.pop(OFFSET)
+        offset, delay = own.pop(OFFSET), own.pop(DELAY)
         rods = [link_numbers(each.log, turn) for each, turn in zip(driven, offset, strict=True)]
         vary = {PATHS[name]: Batch(column) for name, column in own.items()}
         vary |= {path: Batch(np.array([each[name] for each in rods])) for name, path in RODS.items()}
@@ -106,7 +106,7 @@ class BenchProblem:
         scenario = Scenario(
             self.arm,
             max(each.duration for each in driven),
-            command=Batch([each.goal for each in driven]),
+            command=Batch([each.goal_after(late) for each, late in zip(driven, delay, strict=True)]),
             inputs=Inputs(supply=Batch([each.supply for each in driven]), enabled=Batch([each.on for each in driven])),
             start=Start(Batch(np.array([[each.log.position[0]] for each in driven]))),
             recording=Recording(period=EVERY * self.loop.period_s, what="state"),
@@ -132,7 +132,7 @@ class BenchProblem:
         return errors[:, 0], np.nan_to_num(slopes.transpose(0, 2, 1))
 
     def descend(self, z: np.ndarray, rounds: int, trials: float, settled: float) -> Descent:
-        """Searches from coordinates z (points, k), within their bounds, until a step gains less than a share `settled` of the cost."""
+        """Searches from coordinates z (points, k), within bounds, until a step gains less than a share `settled` of the cost."""
         low, high = self.order.low, self.order.high
 
         def evaluate(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -156,7 +156,8 @@ class _Driven:
     """A log on the ticks of the servo's loop, time 0 at its first row.
 
     Attributes:
-        log: whose motion it is.   goal, supply, on: held from tick to tick.   duration: [s].
+        log: whose motion it is.   goal, supply, on: held from tick to tick.   times: of the rows of `goal` [s].
+        duration: [s].
         period: from one stored state to the next [s].   before: (k,) the one before each row.
         part: (k,) of the way to the next.
     """
@@ -165,6 +166,7 @@ class _Driven:
     goal: Schedule
     supply: Schedule
     on: Schedule
+    times: np.ndarray
     duration: float
     period: float
     before: np.ndarray
@@ -185,7 +187,14 @@ class _Driven:
         before = np.floor(at + ROUNDING).astype(int)
         duration = float(before[-1] + 1) * EVERY * period
         schedules = (held(log.goal, JOINT), held(log.supply, "supply"), held(log.on, JOINT))
-        return cls(log, *schedules, duration, EVERY * period, before, at - before)
+        return cls(log, *schedules, log.t[last] - log.t[0], duration, EVERY * period, before, at - before)
+
+    def goal_after(self, delay: float) -> Schedule:
+        """The goal so many seconds late: between rows it is on the line from one to the next."""
+        if delay == 0.0:
+            return self.goal
+        late = np.interp(self.times - delay, self.log.t - self.log.t[0], self.log.goal)
+        return Schedule(self.goal.times, late[:, None], self.goal.names)
 
     def at_rows(self, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
         """Positions at the rows (k,) from stored states, by Hermite's cubic between two."""
@@ -200,4 +209,4 @@ class _Driven:
 
 def _believable(numbers: dict[str, float]) -> dict[str, float]:
     """Numbers none of which a record refuses, nor folds as a constant: the arm that lanes vary is built with them."""
-    return {name: value if value else 0.01 for name, value in numbers.items() if name != OFFSET}
+    return {name: value if value else 0.01 for name, value in numbers.items() if name not in (OFFSET, DELAY)}

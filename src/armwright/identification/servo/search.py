@@ -10,7 +10,7 @@ import numpy as np
 from armwright.identification.motor.unknowns import values_of
 from armwright.identification.servo.bench import ServoLoop
 from armwright.identification.servo.bench_log import BenchLog
-from armwright.identification.servo.orders import BEFORE, OFFSET, ORDERS, Scales, order_of
+from armwright.identification.servo.orders import BEFORE, DELAY, OFFSET, ORDERS, Scales, order_of
 from armwright.identification.servo.output_error import BenchProblem
 from armwright.progress import Progress
 
@@ -24,7 +24,7 @@ SPREAD = 0.3  # standard deviation of the logarithm by which such a guess leaves
 DRAWN = ("M1", "M3")  # orders of which a good minimum is missed by a search that begins at the fit of a smaller one
 # Of the cost: a step that gains less ends the search. A number one standard deviation off costs a part in as many as rows.
 COMPARED, SETTLED = 1e-4, 1e-7
-ROUNDS_OF_START, ROUNDS = 2, 8  # steps of a search from each start, and of the best one to its end
+ROUNDS_OF_START, ROUNDS, ROUNDS_TO_SETTLE = 2, 8, 15  # steps from each start, of the best one, and of the final fit
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +135,7 @@ def _from_earlier(problem: BenchProblem, earlier: OrderFit, rng: np.random.Gener
                 values[each.name] = each.guess * float(np.exp(rng.uniform(-1.5, 1.5)))
             elif new:
                 values[each.name] = each.scale * float(rng.uniform(0.0, 1.5)) * bool(draw)
-            elif each.name != OFFSET:
+            elif each.name not in (OFFSET, DELAY):
                 values[each.name] = known[each.name] * by
         rows.append([each.to_coordinate(values[each.name]) for each in order.unknowns])
     return np.array(rows)
@@ -155,6 +155,7 @@ def _searched(problem: BenchProblem, starts: np.ndarray) -> OrderFit:
 
 def refined(problem: BenchProblem, z: np.ndarray, settled: float = COMPARED) -> OrderFit:
     """The fit from one start (k,), until a step gains less than a share `settled` of the cost."""
-    done = problem.descend(z[None], ROUNDS, ROUNDS + 3, settled)
+    rounds = ROUNDS if settled == COMPARED else ROUNDS_TO_SETTLE
+    done = problem.descend(z[None], rounds, rounds + 3, settled)
     errors, jacobian = problem.evaluate(done.x)  # of all numbers, also of those at a bound
     return OrderFit(problem, done.x[0], errors[0], jacobian[0])
