@@ -30,7 +30,7 @@ MOST_LANES = 1024  # of a simulation: as many as their rows find room for
 ROUNDING = 1e-9  # of a tick
 EVERY = 4  # turns of the loop from one stored state to the next, between which Hermite's cubic is 1e-5 rad wrong
 LONGEST = 1.0  # of a step in a coordinate: e of a logarithm
-DAMPING = Damping(first=1e-3, better=0.1, worse=10.0)
+DAMPING = Damping(first=1e-2, better=0.2, worse=5.0)
 RODS = {"mass": f"{ROD}.mass_kg", "x": f"{ROD}.com_m[0]", "z": f"{ROD}.com_m[2]"}
 
 

@@ -156,6 +156,6 @@ def _searched(problem: BenchProblem, starts: np.ndarray) -> OrderFit:
 def refined(problem: BenchProblem, z: np.ndarray, settled: float = COMPARED) -> OrderFit:
     """The fit from one start (k,), until a step gains less than a share `settled` of the cost."""
     rounds = ROUNDS if settled == COMPARED else ROUNDS_TO_SETTLE
-    done = problem.descend(z[None], rounds, rounds + 3, settled)
+    done = problem.descend(z[None], rounds, rounds + 4, settled)
     errors, jacobian = problem.evaluate(done.x)  # of all numbers, also of those at a bound
     return OrderFit(problem, done.x[0], errors[0], jacobian[0])
