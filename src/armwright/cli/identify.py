@@ -10,9 +10,11 @@ from armwright.cli.identify_gains import gains
 from armwright.cli.identify_linear import linear
 from armwright.cli.identify_motor import motor
 from armwright.cli.identify_payload import payload
+from armwright.cli.identify_servo import servo
 
 identify = typer.Typer(name="identify", help="Identify parameters from logs of measurements.", no_args_is_help=True)
 identify.command()(motor)
+identify.command()(servo)
 identify.command()(arm)
 identify.command()(payload)
 identify.command()(gains)

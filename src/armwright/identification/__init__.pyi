@@ -51,6 +51,10 @@ from armwright.identification.motor.identify import identify_motor as identify_m
 from armwright.identification.motor.measured import MotorReading as MotorReading
 from armwright.identification.motor.problem import MotorSearch as MotorSearch
 from armwright.identification.motor.report import MotorFit as MotorFit
+from armwright.identification.servo.bench import ServoLoop as ServoLoop
+from armwright.identification.servo.bench_log import BenchLog as BenchLog, read_bench_log as read_bench_log
+from armwright.identification.servo.identify import ServoSearch as ServoSearch, identify_servo as identify_servo
+from armwright.identification.servo.servo_fit import OrderErrors as OrderErrors, ServoFit as ServoFit
 from armwright.identification.validation.joint_measures import JointMeasures as JointMeasures
 from armwright.identification.validation.limits import Limits as Limits
 from armwright.identification.validation.validate import Validation as Validation, validate as validate

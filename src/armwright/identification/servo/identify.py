@@ -1,0 +1,265 @@
+"""Identification of a servo on a bench by output error, its friction model chosen by logs that are held out."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from armwright.description.paths import unit_at
+from armwright.entry import expect
+from armwright.errors import ModelError
+from armwright.fitting.covariance import covariance_of
+from armwright.fitting.measures import agreement
+from armwright.identification.estimate import Estimate
+from armwright.identification.motor.unknowns import values_of
+from armwright.identification.servo.bench import PATHS, ServoLoop, bench_record, loop_of, with_arm_mass
+from armwright.identification.servo.bench_log import BenchLog, as_bench_logs
+from armwright.identification.servo.orders import DELAY, OFFSET, ORDERS
+from armwright.identification.servo.output_error import BenchProblem
+from armwright.identification.servo.search import SETTLED, OrderFit, fit_orders, refined
+from armwright.identification.servo.servo_fit import OrderErrors, ServoFit
+from armwright.progress import Shown, automatic
+
+EXTRA = ("offset", "delay", "gain", "goal_speed")
+UNITS = {OFFSET: "rad", DELAY: "s"}
+AT_BOUND = 1e-6  # of the range of a coordinate
+UNKNOWN = 1.0  # standard deviation of a logarithm, or in parts of its value beside its scale, beyond which a number is not told
+NOTHING = 0.02  # of a mean error: models that differ less predict the same
+EXPLAINED = 0.5  # R² of all logs below which the model does not describe them
+
+
+@dataclass(frozen=True)
+class ServoSearch:
+    """Search for the numbers of a servo.
+
+    Args:
+        orders: friction models that are compared, of "M1" … "M6".   free: what else is fitted beside motor and friction:
+            "offset" (where gravity's 0 is), "delay" (of the goals), "gain" (of the loop), "goal_speed".
+        seed: of the first guesses.
+    Raises:
+        ModelError: names the field.
+    """
+
+    orders: Sequence[str] = tuple(ORDERS)
+    free: Sequence[str] = ("offset",)
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        for place, values, choices in (("orders", self.orders, tuple(ORDERS)), ("free", self.free, EXTRA)):
+            if isinstance(values, str) or (place == "orders" and not values):
+                raise ModelError(place=place, value=values, expected="a list of names", choices=choices)
+            for value in values:
+                if value not in choices:
+                    raise ModelError(place=place, value=value, choices=choices)
+
+
+USUAL = ServoSearch()
+
+
+def identify_servo(
+    logs: Sequence[BenchLog | str | os.PathLike[str]] | BenchLog | str | os.PathLike[str],
+    loop: ServoLoop | None = None,
+    *,
+    arm_mass: float | None = None,
+    search: ServoSearch = USUAL,
+    progress: Shown = None,
+) -> ServoFit:
+    """Motor and friction of a servo by output error: its bench simulated from the logged goals, fitted to the positions.
+
+    K_t, R and J at the output shaft, friction by one of BAM's models M1 to M6, and q_offset, the angle that gravity's downward
+    has beside the servo's 0; the bench is (m l² + m_a l² / 3 + J) q̈ = τ_m + τ_e - friction. [DuclusaudEtAl2025] The supply is
+    as logged. The friction model is the smallest one that predicts logs that were held out no worse than the best, by the
+    standard error of their difference or 2 %; it is then fitted to all logs. Intervals count the correlation of the residuals,
+    and by how much larger models that predict as well move the numbers.
+
+    Args:
+        logs: files of BAM's JSON, or `BenchLog`s, of one servo, with any gains, masses, lengths and motions.
+        loop: of the servo's firmware; None: that of `motor` in the logs, if it is known.
+        arm_mass: of the rod [kg], where a log does not say; None: 0, with a remark.   search: for the numbers.
+        progress: True or None: a bar where it is seen; False: none; a function is called with rounds done and of all.
+    Returns:
+        fit: the estimate, the record, the models that were compared.
+    Raises:
+        LogError: names file, place, value and what was expected.   ModelError: a wrong option.
+    """
+    expect(search, ServoSearch, "search", "an aw.identification.ServoSearch", ModelError)
+    if loop is not None:
+        expect(loop, ServoLoop, "loop", "an aw.identification.ServoLoop", ModelError)
+    known, remarks = with_arm_mass(as_bench_logs(logs), arm_mass)
+    loop = loop_of(known, loop)
+    extra = [each for each in EXTRA if each in search.free]
+    if "goal_speed" in extra and loop.goal_speed_rad_per_s is None:
+        raise ModelError(
+            "the goal of this servo jumps", place="free", value="goal_speed", expected="a loop with a goal speed"
+        )
+    training, held_out = _split(known)
+    with automatic(progress, "fitting") as tell:
+        fits = fit_orders([known[k] for k in training], loop, extra, search.orders, search.seed, tell)
+        asked = {name: fit for name, fit in fits.items() if name in search.orders}
+        errors = {name: _mean_errors(fit, [known[k] for k in held_out]) for name, fit in asked.items()}
+        name = _chosen(errors) if held_out else next(iter(asked))
+        fit = asked[name]
+        if held_out:
+            fit = refined(BenchProblem(known, loop, fit.problem.order), fit.z, SETTLED)
+        elif len(asked) > 1:
+            remarks.append(f"too few logs to hold one out: {name} is taken, the smallest model (orders=…, --order)")
+    larger = [each for each in asked if held_out and list(ORDERS).index(each) > list(ORDERS).index(name)]
+    shifts = [_shift(asked[name], asked[each]) for each in larger if _no_worse(errors[each], errors[name])]
+    compared = [
+        OrderErrors(each, len(of.z), float(np.mean(_by_log(of.problem, of.errors))), _mean(errors[each]), each == name)
+        for each, of in asked.items()
+    ]
+    return _concluded(fit, known, loop, compared, remarks, shifts)
+
+
+def _split(logs: Sequence[BenchLog]) -> tuple[list[int], list[int]]:
+    """Numbers of the logs that are fitted to compare models, and of those held out: every other one by gain and way."""
+    if len(logs) < 2:
+        return list(range(len(logs))), []
+    way = [float(np.abs(np.diff(each.position)).sum()) for each in logs]
+    order = sorted(range(len(logs)), key=lambda k: (logs[k].p, way[k]))
+    held = [
+        k for rank, k in enumerate(order) if rank % 4 in (1, 2)
+    ]  # of each four the inner two: no gain, no load left out
+    return [k for k in range(len(logs)) if k not in held], held
+
+
+def _by_log(problem: BenchProblem, errors: np.ndarray) -> list[float]:
+    """Mean absolute error of each log [rad]."""
+    return [float(np.abs(errors[part]).mean()) for part in problem.parts]
+
+
+def _mean_errors(fit: OrderFit, logs: Sequence[BenchLog]) -> np.ndarray:
+    """(logs,) mean absolute errors of other logs; infinite where a simulation diverges [rad]."""
+    if not logs:
+        return np.zeros(0)
+    problem = replace(fit.problem, logs=tuple(logs))
+    return np.nan_to_num(np.array(_by_log(problem, problem.errors(fit.z[None])[0])), nan=np.inf)
+
+
+def _mean(errors: np.ndarray) -> float:
+    return float(errors.mean()) if len(errors) else float("nan")
+
+
+def _chosen(errors: dict[str, np.ndarray]) -> str:
+    """The smallest model that predicts held-out logs no worse than the best, as far as `_no_worse` tells."""
+    best = min(errors, key=lambda name: errors[name].mean())
+    return next(name for name in ORDERS if name in errors and _no_worse(errors[name], errors[best]))
+
+
+def _no_worse(errors: np.ndarray, best: np.ndarray) -> bool:
+    """True if errors of logs (logs,) are above others by no more than the standard error of that, or by next to nothing."""
+    loss = errors - best
+    if not np.isfinite(loss).all():
+        return False
+    chance = loss.std(ddof=1) / np.sqrt(len(loss)) if len(loss) > 1 else 0.0
+    return bool(loss.mean() <= max(chance, NOTHING * best.mean()))
+
+
+def _concluded(
+    fit: OrderFit, logs: tuple[BenchLog, ...], loop: ServoLoop, compared: list[OrderErrors], remarks: list[str],
+    shifts: Sequence[np.ndarray],
+) -> ServoFit:  # fmt: skip
+    """The result: estimate, record, and words."""
+    problem, order = fit.problem, fit.problem.order
+    values, rates = values_of(order.unknowns, fit.z)
+    low, high = order.low, order.high
+    at_bound = np.minimum(fit.z - low, high - fit.z) < AT_BOUND * (high - low)
+    covariance = np.zeros((len(values),) * 2)
+    free = np.flatnonzero(~at_bound)
+    covariance[np.ix_(free, free)] = _covariance(fit, free)
+    told = _told(fit, np.sqrt(np.diag(covariance))) | at_bound
+    spread = order.matrix * rates  # of the record's numbers by the coordinates
+    numbers = order.matrix @ values + order.fixed
+    by_name = dict(zip(order.columns, numbers.tolist(), strict=True))
+    shown = [k for k, row in enumerate(order.matrix) if row.any()]
+    parts = order.matrix > 0.0
+    names = [PATHS.get(order.columns[k], order.columns[k]) for k in shown]
+    measures = agreement(problem.measured, problem.measured - fit.errors)
+    simulated = tuple(log.position - fit.errors[part] for log, part in zip(logs, problem.parts, strict=True))
+    wrong = _in_words(order.unknowns, at_bound & (order.matrix.sum(axis=0) > 0), ~told)
+    describes = measures.r2 >= EXPLAINED
+    if not describes:
+        wrong.append(f"R² is {measures.r2:.2g}: the model does not describe these logs")
+    record = bench_record(logs[0], loop, by_name, by_name[OFFSET])
+    estimate = Estimate(
+        names=tuple(names),
+        values=numbers[shown],
+        covariance=(spread @ covariance @ spread.T + _of_larger(shifts, len(numbers)))[np.ix_(shown, shown)],
+        sha256=_sha256(logs),
+        method=f"output error of positions from goals, friction {order.name}",
+        units=tuple(UNITS.get(name) or unit_at(name) for name in names),
+        at_bound=np.array([bool(at_bound[parts[k]].all()) for k in shown]),
+        identifiable=np.array([bool(told[parts[k]].all()) for k in shown]),
+        remarks=(*remarks, *wrong),
+        fit={f"{log.name}: q": agreement(log.position, own).by_name for log, own in zip(logs, simulated, strict=True)},
+        verdict="identified" if describes and told[:2].all() else "not identified",
+        log=logs[0].name if len(logs) == 1 else f"{len(logs)} logs",
+    )
+    return ServoFit(order.name, estimate, record, tuple(compared), logs, simulated)
+
+
+def _sha256(logs: Sequence[BenchLog]) -> str:
+    """Of the file of one log; of several, or of such as no file holds, of all of them together."""
+    hashes = [
+        log.sha256 or hashlib.sha256(np.concatenate((log.t, log.position, log.goal)).tobytes()).hexdigest()
+        for log in logs
+    ]
+    return hashes[0] if len(hashes) == 1 else hashlib.sha256("".join(hashes).encode()).hexdigest()
+
+
+def _shift(fit: OrderFit, larger: OrderFit) -> np.ndarray:
+    """(columns,) by how much a larger model, fitted to the same logs, moves the record's numbers."""
+    ends = [each.problem.values(each.z) for each in (larger, fit)]
+    return ends[0] - ends[1]
+
+
+def _of_larger(shifts: Sequence[np.ndarray], columns: int) -> np.ndarray:
+    """(columns, columns) covariance by terms that are left out, but that the held-out logs do not rule out: the largest shift."""
+    if not shifts:
+        return np.zeros((columns, columns))
+    most = np.abs(shifts).max(axis=0)
+    return np.diag(most**2)
+
+
+def _covariance(fit: OrderFit, free: np.ndarray) -> np.ndarray:
+    """(k, k) of the coordinates that are free, for residuals that are correlated within each log.
+
+    Rows that follow each other in the same count have one and the same error of the count. While a servo rests that lasts longer
+    than any autoregression sees, so L such rows become one, Σ x / √L and Σ e / √L, which leaves Σ x xᵀ and Σ x e as they are.
+    """
+    sigma = max(float(np.sqrt(np.mean(fit.errors**2))), 1e-12)
+    blocks = []
+    for log, part in zip(fit.problem.logs, fit.problem.parts, strict=True):
+        first = np.flatnonzero(np.diff(log.position, prepend=np.nan))
+        weight = 1.0 / (sigma * np.sqrt(np.diff(first, append=len(log.t))))
+        columns = np.add.reduceat(fit.jacobian[part][:, free], first) * weight[:, None]
+        blocks.append((columns[:, None, :], (np.add.reduceat(fit.errors[part], first) * weight)[:, None]))
+    return covariance_of(blocks)
+
+
+def _told(fit: OrderFit, std: np.ndarray) -> np.ndarray:
+    """(k,) True for unknowns that the logs determine."""
+    size = np.where([each.logarithmic for each in fit.problem.order.unknowns], 1.0, 1.0 + np.abs(fit.z))
+    moves = np.sqrt(np.mean(fit.jacobian**2, axis=0)) > 0.0
+    return moves & (std < UNKNOWN * size)
+
+
+def _in_words(unknowns: Sequence[Any], at_bound: np.ndarray, untold: np.ndarray) -> list[str]:
+    """Sentences on numbers at a bound, and on those that the logs do not determine."""
+    zero = [each.name for each, bound in zip(unknowns, at_bound, strict=True) if bound and not each.logarithmic]
+    ends = [each.name for each, bound in zip(unknowns, at_bound, strict=True) if bound and each.logarithmic]
+    lost = [each.name for each, no in zip(unknowns, untold, strict=True) if no]
+    words = []
+    if zero:
+        words.append(f"{', '.join(zero)}: at a bound of what is possible")
+    if ends:
+        words.append(f"{', '.join(ends)}: at a bound of the search; the logs, or the model, do not determine it")
+    if lost:
+        words.append(f"{', '.join(lost)}: not determined by these logs")
+    return words
