@@ -172,7 +172,7 @@ def _concluded(
     at_bound = np.minimum(fit.z - low, high - fit.z) < AT_BOUND * (high - low)
     covariance = np.zeros((len(values),) * 2)
     free = np.flatnonzero(~at_bound)
-    covariance[np.ix_(free, free)] = _covariance(fit, free)
+    covariance[free[:, None], free] = _covariance(fit, free)
     told = _told(fit, np.sqrt(np.diag(covariance))) | at_bound
     spread = order.matrix * rates  # of the record's numbers by the coordinates
     numbers = order.matrix @ values + order.fixed
