@@ -7,6 +7,7 @@ import pytest
 
 from armwright.dynamics import forward_arm, forward_arm_linearised
 from armwright.errors import ModelError
+from armwright.model.changes import without_servos
 from physics.arms import NAMES, arm, random_state
 from physics.differences import assert_slope, differences
 
@@ -16,7 +17,7 @@ from physics.differences import assert_slope, differences
 @pytest.mark.parametrize("seed", range(2))
 def test_slopes_of_the_state_are_differences(name, seed):
     """A and B of ẋ = (q̇, q̈) within 1e-7, commands in each drive's unit; friction, back EMF and gear loss are in."""
-    model = arm(name)
+    model = without_servos(arm(name))
     n = model.n
     q, qd, u = random_state(model, seed)
     a, b = forward_arm_linearised(model, q, qd, u)
