@@ -89,6 +89,12 @@ def scenario(robot=None, second=None, sensors=SENSORS, **joint):
 BASE = scenario()
 
 
+def served():
+    """The rod with a servo."""
+    loop = {"period_s": 1e-3, "p": 32.0, "p_scale_per_rad": 0.166, "output_limit": 1.0}
+    return scenario(command="position", firmware=loop)
+
+
 def coupled():
     """Two rods; the first joint turns the second one's motor too."""
     return chain([rod(), rod(motor={"coupling": [{"joint": "joint0", "ratio": 10.0}]})])
@@ -169,6 +175,7 @@ CASES = {
     "loop.timing.command_loss": lambda: timing(command_loss=0.2),
     "loop.timing.clock_drift": lambda: timing(clock_drift=0.01),
     "inputs.wrench": lambda: inputs(wrench=PUSH),
+    "inputs.supply": lambda: inputs(supply=aw.Schedule([0.0, 0.1], [[48.0], [2.0]], ["supply"])),
     "inputs.brake": lambda: inputs(brake=HOLD),
     "inputs.payload": lambda: inputs(payload=BODIES),
     "start.q": lambda: replace(BASE, start=[0.31]),
@@ -256,6 +263,8 @@ WRONG = {
     "arm.drive.command, voltage": (lambda: scenario(command="voltage"), "command = 'voltage'"),
     "arm.drive.coasts": (lambda: scenario(command="voltage", motor={"pwm": "coast"}), "command = 'voltage'"),
     "arm.drive.dead_zone": (lambda: scenario(command="voltage", motor={"dead_zone_v": 1.0}), "command = 'voltage'"),
+    "arm.drive.firmware": (served, "command = 'position'"),
+    "inputs.enabled": (lambda: replace(served(), inputs=aw.Inputs(enabled=1)), "command = 'position'"),
     "arm.drive.coupling": (
         lambda: replace(BASE, start=None, loop=replace(BASE.loop, reference=None), arm=coupled()),
         "motor.coupling: the motor of joint 'joint1' is turned by other joints too",

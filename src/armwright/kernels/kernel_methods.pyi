@@ -254,7 +254,7 @@ class KernelMethods(Generic[Real]):
         *,
         out: tuple[NDArray[Real], NDArray[Real], NDArray[Real]] | None = None,
     ) -> tuple[NDArray[Real], NDArray[Real], NDArray[Real]]:
-        """Derivatives of `inverse_dynamics`:  ∂tau/∂q, ∂tau/∂q̇ and ∂tau/∂q̈, which is M without gear loss.  [GriewankWalther2008]
+        """Derivatives of `inverse_dynamics`:  ∂tau/∂q, ∂tau/∂q̇ and ∂tau/∂q̈.  [GriewankWalther2008]
 
         Args:
             q: (…, n) [rad | m]
@@ -280,7 +280,7 @@ class KernelMethods(Generic[Real]):
         *,
         out: tuple[NDArray[Real], NDArray[Real], NDArray[Real]] | None = None,
     ) -> tuple[NDArray[Real], NDArray[Real], NDArray[Real]]:
-        """Derivatives of `forward_dynamics`:  ∂q̈/∂q, ∂q̈/∂q̇ and ∂q̈/∂tau, which is M⁻¹ without gear loss.  [CarpentierMansard2018]
+        """Derivatives of `forward_dynamics`:  ∂q̈/∂q, ∂q̈/∂q̇ and ∂q̈/∂tau.  [CarpentierMansard2018]
 
         Args:
             q: (…, n) [rad | m]

@@ -18,7 +18,7 @@ from armwright.session.variables import lookup
 from armwright.session.workspace import Workspace
 
 NONE = "none"
-BY_THE_LOOP = ("model", "period", "signs")  # fields that the loop fills in
+BY_THE_LOOP = ("arm", "model", "period", "signs")  # fields that the loop fills in
 
 
 def controller(session: Workspace, arguments: dict[str, Any]) -> list[Output]:
