@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -110,8 +112,9 @@ DRIVEN = {  # commands in each arm's own unit that keep it moving, and speeds to
 
 @pytest.fixture(scope="module", params=sorted(DRIVEN))
 def driven(request):
-    """An arm, of servos what is behind their loops, its compiled loop, commands and a start."""
+    """An arm without end stops, of servos what is behind their loops, its compiled loop, commands and a start."""
     arm = without_servos(aw.load(request.param))
+    arm = replace(arm, bodies=tuple(replace(body, stops=None) for body in arm.bodies))
     command, qd0 = DRIVEN[request.param]
     q0 = np.array([np.clip(0.4, *body.limits.position) for body in arm.bodies])
     return arm, compile_loop(arm), {"command": command, "q0": q0, "qd0": qd0}
