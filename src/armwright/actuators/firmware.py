@@ -23,7 +23,7 @@ from armwright.scalar import Array, Scalar
 
 @dataclass(frozen=True, eq=False)
 class FirmwareState:
-    """What a servo's loop remembers; None for parts that it lacks."""
+    """Memory of a servo's loop; None for parts that it lacks."""
 
     goal: Scalar  # that it follows [rad]
     output: Scalar  # in force [1 | A]
@@ -90,7 +90,7 @@ def _rounded(value: Scalar) -> Scalar:
 
 
 def within_drive(firmware: Firmware, output: Scalar, supply: Scalar) -> Scalar:
-    """What the output asks of the drive: a voltage [V] of a supply of so many volts, or a current [A]."""
+    """Command for the drive behind the loop: a voltage [V] of a supply of so many volts, or a current [A]."""
     return output * supply if firmware.output == "duty" else output
 
 

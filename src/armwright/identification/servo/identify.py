@@ -28,7 +28,7 @@ from armwright.progress import Shown, automatic
 EXTRA = ("offset", "delay", "gain", "goal_speed")
 UNITS = {OFFSET: "rad", DELAY: "s"}
 AT_BOUND = 1e-6  # of the range of a coordinate
-UNKNOWN = 1.0  # standard deviation of a logarithm, or in parts of its value beside its scale, beyond which a number is not told
+UNKNOWN = 1.0  # standard deviation of a logarithm, or in parts of its value beside its scale, beyond which a number is not determined
 NOTHING = 0.02  # of a mean error: models that differ less predict the same
 EXPLAINED = 0.5  # R² of all logs below which the model does not describe them
 
@@ -173,7 +173,7 @@ def _concluded(
     covariance = np.zeros((len(values),) * 2)
     free = np.flatnonzero(~at_bound)
     covariance[free[:, None], free] = _covariance(fit, free)
-    told = _told(fit, np.sqrt(np.diag(covariance))) | at_bound
+    determined = _determined(fit, np.sqrt(np.diag(covariance))) | at_bound
     spread = order.matrix * rates  # of the record's numbers by the coordinates
     numbers = order.matrix @ values + order.fixed
     by_name = dict(zip(order.columns, numbers.tolist(), strict=True))
@@ -182,7 +182,7 @@ def _concluded(
     names = [PATHS.get(order.columns[k], order.columns[k]) for k in shown]
     measures = agreement(problem.measured, problem.measured - fit.errors)
     simulated = tuple(log.position - fit.errors[part] for log, part in zip(logs, problem.parts, strict=True))
-    wrong = _in_words(order.unknowns, at_bound & (order.matrix.sum(axis=0) > 0), ~told)
+    wrong = _in_words(order.unknowns, at_bound & (order.matrix.sum(axis=0) > 0), ~determined)
     describes = measures.r2 >= EXPLAINED
     if not describes:
         wrong.append(f"R² is {measures.r2:.2g}: the model does not describe these logs")
@@ -195,10 +195,10 @@ def _concluded(
         method=f"output error of positions from goals, friction {order.name}",
         units=tuple(UNITS.get(name) or unit_at(name) for name in names),
         at_bound=np.array([bool(at_bound[parts[k]].all()) for k in shown]),
-        identifiable=np.array([bool(told[parts[k]].all()) for k in shown]),
+        identifiable=np.array([bool(determined[parts[k]].all()) for k in shown]),
         remarks=(*remarks, *wrong),
         fit={f"{log.name}: q": agreement(log.position, own).by_name for log, own in zip(logs, simulated, strict=True)},
-        verdict="identified" if describes and told[:2].all() else "not identified",
+        verdict="identified" if describes and determined[:2].all() else "not identified",
         log=logs[0].name if len(logs) == 1 else f"{len(logs)} logs",
     )
     return ServoFit(order.name, estimate, record, tuple(compared), logs, simulated)
@@ -243,18 +243,18 @@ def _covariance(fit: OrderFit, free: np.ndarray) -> np.ndarray:
     return covariance_of(blocks)
 
 
-def _told(fit: OrderFit, std: np.ndarray) -> np.ndarray:
+def _determined(fit: OrderFit, std: np.ndarray) -> np.ndarray:
     """(k,) True for unknowns that the logs determine."""
     size = np.where([each.logarithmic for each in fit.problem.order.unknowns], 1.0, 1.0 + np.abs(fit.z))
     moves = np.sqrt(np.mean(fit.jacobian**2, axis=0)) > 0.0
     return moves & (std < UNKNOWN * size)
 
 
-def _in_words(unknowns: Sequence[Any], at_bound: np.ndarray, untold: np.ndarray) -> list[str]:
+def _in_words(unknowns: Sequence[Any], at_bound: np.ndarray, undetermined: np.ndarray) -> list[str]:
     """Sentences on numbers at a bound, and on those that the logs do not determine."""
     zero = [each.name for each, bound in zip(unknowns, at_bound, strict=True) if bound and not each.logarithmic]
     ends = [each.name for each, bound in zip(unknowns, at_bound, strict=True) if bound and each.logarithmic]
-    lost = [each.name for each, no in zip(unknowns, untold, strict=True) if no]
+    lost = [each.name for each, no in zip(unknowns, undetermined, strict=True) if no]
     words = []
     if zero:
         words.append(f"{', '.join(zero)}: at a bound of what is possible")
