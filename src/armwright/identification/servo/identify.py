@@ -28,7 +28,7 @@ from armwright.progress import Shown, automatic
 EXTRA = ("offset", "delay", "gain", "goal_speed")
 UNITS = {OFFSET: "rad", DELAY: "s"}
 AT_BOUND = 1e-6  # of the range of a coordinate
-UNKNOWN = 1.0  # standard deviation of a logarithm, or in parts of its value beside its scale, beyond which a number is not determined
+UNKNOWN = 1.0  # standard deviation of a logarithm, or in parts of its value beside its scale: more is not determined
 NOTHING = 0.02  # of a mean error: models that differ less predict the same
 EXPLAINED = 0.5  # R² of all logs below which the model does not describe them
 
