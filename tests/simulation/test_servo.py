@@ -268,6 +268,7 @@ WRONG = {
     "a goal without a loop": (None, {}, r"firmware: missing"),
     "a loop beside volts": (PLAIN, {"command": "voltage"}, r"firmware: beside command = 'voltage'"),
     "no voltage": (PLAIN, {"limits": {}}, r"needs limits\.voltage_v or \[supply\]"),
+    "a period of nothing": (PLAIN | {"period_s": 1e-9}, {}, r"period_s = 1e-09: expected from 1e-05 to 1 s"),
     "a duty above 1": (PLAIN | {"output_limit": 1.2}, {}, r"output_limit = 1\.2: expected a duty of at most 1"),
     "an integral without its unit": (PLAIN | {"i": 1.0}, {}, r"i: needs i_scale_per_rad_s beside it"),
     "half a period": (PLAIN | {"latency_periods": 0.5}, {}, r"latency_periods = 0\.5: expected a whole number"),

@@ -9,6 +9,7 @@ from pydantic import Field, model_validator
 from armwright.quantity import NotNegative, Positive, Range, Record, check_together, optional
 from armwright.validation import Invalid
 
+PERIODS = (1e-5, 1.0)  # [s] of servos' loops: a shorter one would take minutes to simulate
 MOST_LATENCY = 8  # periods: each holds an output of its own
 WHOLE = 1e-9
 
@@ -51,6 +52,9 @@ class FirmwareRecord(Record):
 
     @model_validator(mode="after")
     def _fits(self) -> FirmwareRecord:
+        period = float(self.period_s)
+        if not PERIODS[0] <= period <= PERIODS[1]:
+            raise Invalid(place="period_s", value=period, expected="from {:g} to {:g} s".format(*PERIODS))
         if self.dead_band_counts is not None and self.counts_per_turn is None:
             raise Invalid("needs counts_per_turn beside it", place="dead_band_counts")
         check_together(self, "i", "i_scale_per_rad_s")
