@@ -6,6 +6,7 @@ import inspect
 from functools import cache
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import armwright as aw
@@ -23,6 +24,13 @@ def scenario():
 @cache
 def log():
     return aw.identification.read_log(SEEDS / "bench.log.toml")
+
+
+def servo_log():
+    """A servo that follows its goals, a tenth behind."""
+    t = 0.01 * np.arange(100.0)
+    goal = np.sin(3 * t)
+    return aw.identification.BenchLog("bench", t, 0.9 * goal, goal, 0 * t + 1, 0 * t + 7.4, 16, 0.5, 0.1, 0.0)
 
 
 def reproduce(folder, shown):
@@ -46,6 +54,10 @@ CALLS = {  # a short call of each, by its name
     ),
     "identify_motor": lambda folder, shown: aw.identification.identify_motor(
         log(), search=aw.identification.MotorSearch(starts=1), progress=shown
+    ),
+    "identify_servo": lambda folder, shown: aw.identification.identify_servo(
+        [servo_log()] * 2, aw.identification.ServoLoop(0.166, 0.97), progress=shown,
+        search=aw.identification.ServoSearch(orders=("M1",)),
     ),
     "rank_assemblies": lambda folder, shown: aw.modules.rank_assemblies(
         aw.modules.read_modules("improv"), aw.modules.read_task(SEEDS / "pick.task.toml"), max_joints=3, limit=1, progress=shown

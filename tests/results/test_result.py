@@ -14,7 +14,7 @@ from armwright.results.result import Result
 from armwright.results.table import Table, number
 from public_names import BY_NAME, PUBLIC
 
-INPUTS = {"CompiledArm", "Log", "Model", "ModuleLibrary", "MotorGuess", "Preparation", "RobotDescription", "Scenario",
+INPUTS = {"BenchLog", "CompiledArm", "Log", "Model", "ModuleLibrary", "MotorGuess", "Preparation", "RobotDescription", "Scenario",
           "Schedule", "Task"}  # what other functions take; they have verbs of their own  # fmt: skip
 OTHERS = {"LiveArm", "PartsBuild", "Shown"}  # a page that lives, a build with its audit, a picture
 
