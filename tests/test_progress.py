@@ -26,6 +26,10 @@ def log():
     return aw.identification.read_log(SEEDS / "bench.log.toml")
 
 
+def nod():
+    return aw.trajectories.Quintic(np.zeros(6), np.full(6, 0.1), 0.3)
+
+
 def servo_log():
     """A servo that follows its goals, a tenth behind."""
     t = 0.01 * np.arange(100.0)
@@ -45,6 +49,9 @@ def sweep(folder, shown):
 
 CALLS = {  # a short call of each, by its name
     "Simulation.run": lambda folder, shown: aw.simulation.Simulation(scenario()).run(progress=shown),
+    "convert": lambda folder, shown: aw.robotfiles.convert(
+        "so101", folder / "so101.xml", actuators="position", motion=nod(), progress=shown
+    ),
     "design_excitation": lambda folder, shown: aw.identification.design_excitation(
         aw.load("two-link"), cycle=5.0, harmonics=2, starts=1, progress=shown,
         limits=aw.trajectories.MotionLimits.of(aw.load("two-link"), velocity=2.0, acceleration=5.0, position=1.0),
@@ -52,6 +59,7 @@ CALLS = {  # a short call of each, by its name
     "enumerate_assemblies": lambda folder, shown: aw.modules.enumerate_assemblies(
         aw.modules.read_modules("improv"), max_joints=2, limit=1, progress=shown
     ),
+    "fit_actuators": lambda folder, shown: aw.export.fit_actuators("so101", nod(), progress=shown),
     "identify_motor": lambda folder, shown: aw.identification.identify_motor(
         log(), search=aw.identification.MotorSearch(starts=1), progress=shown
     ),

@@ -5,8 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import armwright as aw
-from armwright.cli.arguments import argument, option
+from armwright.cli.arguments import argument, as_options, option
 from armwright.cli.outcome import say_each
+from armwright.cli.tables import show
 
 
 def convert(
@@ -16,11 +17,18 @@ def convert(
         "V",
         "For URDF and MJCF: speed over which Coulomb friction changes its sign; by default it sticks in simulation.",
     ),
+    actuators: str | None = option(
+        "KIND", "Of an MJCF, for an arm of servos: position, or dcmotor (MuJoCo 4 or later); fitted over --motion."
+    ),
+    motion: Path | None = option("FILE", "Motion that MuJoCo shall move as Armwright does: .motion.toml, .csv or .nc."),
 ) -> None:
     """Convert a robot file or a run to another format, and list what is lost.
 
     The ending of OUT decides the format. Robots: .toml, .urdf, .xml or .mjcf. Runs, of a saved .nc: .mcap for Foxglove,
     PlotJuggler and Rerun, .mat for MATLAB, .csv, .parquet.
+
+    With --actuators and --motion an MJCF has the servos of an arm as actuators, fitted so that MuJoCo moves as Armwright does;
+    their numbers, with units and standard deviations, are in NAME.actuators.json beside it, for other simulators.
 
     A URDF gets its drive train in NAME.drive.toml beside it. From TOML to TOML it is the canonical form: the same arm, and
     the same bytes every time. A built-in arm converted to TOML is a file of yours to change.
@@ -30,9 +38,14 @@ def convert(
       armwright convert panda my-panda.toml
       armwright convert my-arm.urdf my-arm.toml
       armwright convert my-arm.toml my-arm.xml
+      armwright convert so101 so101.xml --actuators position --motion swing.csv
       armwright convert run.nc run.mcap
     """
-    done = aw.robotfiles.convert(source, target, **({} if smoothing is None else {"smoothing": smoothing}))
+    reading = {} if smoothing is None else {"smoothing": smoothing}
+    with as_options("actuators", "motion", kind="--actuators"):
+        done = aw.robotfiles.convert(source, target, actuators=actuators, motion=motion, **reading)
+    if done.actuators is not None:
+        show(done.actuators)
     say_each("wrote ", done.written)
     say_each("lost: ", done.lost)
     say_each("note: ", done.notes)

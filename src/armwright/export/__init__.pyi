@@ -1,5 +1,6 @@
 """The names of this room and where each lives: for type checkers, and for `armwright.lazy`."""
 
+from armwright.export.actuator_fit import ActuatorFit as ActuatorFit, fit_actuators as fit_actuators
 from armwright.export.controller.write import (
     ExportedController as ExportedController,
     export_controller as export_controller,

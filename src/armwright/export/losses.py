@@ -32,11 +32,12 @@ class Losses:
 EFFECTS = ("inductance_h", "current_loop_hz", "pwm", "dead_zone_v", "thermal", "cogging", "coupling")
 
 
-def of_all_formats(robot: RobotDescription, kept: str = "") -> list[str]:
+def of_all_formats(robot: RobotDescription, kept: str = "", servos: bool = False) -> list[str]:
     """Properties that neither URDF nor MJCF can represent.
 
     Args:
         robot: the description.   kept: what is said behind those that a drive file keeps.
+        servos: True if actuators stand for the servos' loops, with electrical constants and limits.
     """
     moving = robot.moving_joints
     motors = [(joint.name, joint.motor) for joint in moving if joint.motor is not None]
@@ -61,6 +62,10 @@ def of_all_formats(robot: RobotDescription, kept: str = "") -> list[str]:
         [name for name, each in elastic if getattr(each, each.units.key(stem, "position")) is not None]
         for stem in ("backlash", "error")
     )
+    if servos:
+        electric, supply, driven = [], [], []
+        parts["steps, counts and dead band of the firmware"] = parts.pop("firmware")
+    counted = [] if servos else [each.name for each in moving if each.firmware and each.firmware.counts_per_turn]
     of_drives = [
         loss_of("electrical constants", electric),
         loss_of("gear efficiency", lossy),
@@ -70,9 +75,9 @@ def of_all_formats(robot: RobotDescription, kept: str = "") -> list[str]:
         *(loss_of(part, names) for part, names in parts.items()),
         loss_of("play of the elasticity", play),
         loss_of("kinematic error of the elasticity", error),
-        loss_of("counts of servos", [each.name for each in moving if each.firmware and each.firmware.counts_per_turn]),
+        loss_of("counts of servos", counted),
         *(loss_of(f"{key} of the motor", names) for key, names in within.items()),
-        "supply" if robot.supply is not None else "",
+        "supply" if robot.supply is not None and not servos else "",
         loss_of("commands other than torque", driven),
     ]
     others = [

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -21,6 +23,7 @@ from armwright.export.joints import (
     plain_limits,
 )
 from armwright.export.losses import Losses, of_all_formats, of_friction
+from armwright.export.servo_actuators import ServoActuator, element, joint_values
 from armwright.export.springs import add_tendons, joint_stiffness
 from armwright.features import Support
 from armwright.lint.feasibility import is_possible
@@ -34,20 +37,37 @@ TYPES = {"revolute": "hinge", "prismatic": "slide"}
 LOST = "not in the file; named among what is lost"
 SUPPORT = Support(
     "convert to MJCF",
-    approximated=dict.fromkeys(
-        (
-            *("mimic joints", "coupled motors", "gear loss", "smoothed friction", "friction by direction"),
-            *("friction offset", "Stribeck friction", "sigmoid friction", "LuGre friction", "motor-side friction"),
-            *("load-dependent friction", "servo", "servo counts"),
-            *("friction by temperature", "effects of the simulator", "brakes"),
+    approximated={
+        **dict.fromkeys(
+            (
+                *("mimic joints", "coupled motors", "gear loss", "smoothed friction", "friction by direction"),
+                *("friction offset", "Stribeck friction", "sigmoid friction", "LuGre friction", "motor-side friction"),
+                *("load-dependent friction", "friction by temperature", "effects of the simulator", "brakes"),
+            ),
+            LOST,
         ),
-        LOST,
-    ),
+        **dict.fromkeys(("servo", "servo counts"), "with `--actuators` fitted; else not in the file"),
+    },
     refused={"screw joints": "has no helical joint"},
 )
 
 
-def write_mjcf(arm: Arm | RobotDescription, path: str | os.PathLike[str]) -> list[str]:
+@dataclass(frozen=True, eq=False)
+class MujocoActuators:
+    """Actuators that follow goals, in place of motors.
+
+    Attributes:
+        kind: MuJoCo's element, "position" or "dcmotor".   joints: numbers by joint.   step: of the simulation [s].
+    """
+
+    kind: str
+    joints: Mapping[str, ServoActuator]
+    step: float
+
+
+def write_mjcf(
+    arm: Arm | RobotDescription, path: str | os.PathLike[str], actuators: MujocoActuators | None = None
+) -> list[str]:
     """Writes an MJCF: bodies, hinges and slides, armature, damping, dry friction, springs, gears, limits, named frames as sites.
 
     Armature is n² J_m. A motor's control is the torque on the joint over the gear ratio. Cylinders are
@@ -55,25 +75,27 @@ def write_mjcf(arm: Arm | RobotDescription, path: str | os.PathLike[str]) -> lis
 
     Args:
         arm: the arm or its description.   path: of the file, ending in .xml.
+        actuators: that follow goals, for all driven joints; None: motors, whose control is a torque.
     Returns:
         losses: properties that an MJCF cannot hold, one sentence each.
     Raises:
         OutputError: the file cannot be written.   ModelError: as `to_toml`.
     """
     description, path = record_of(arm), Path(path)
-    text, losses = mjcf_text(description)
+    text, losses = mjcf_text(description, actuators)
     with whole_file(path, (".xml", ".mjcf")) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="\n")
     return losses
 
 
-def mjcf_text(description: RobotDescription) -> tuple[str, list[str]]:
+def mjcf_text(description: RobotDescription, actuators: MujocoActuators | None = None) -> tuple[str, list[str]]:
     """The MJCF and its losses."""
     losses = Losses()
     root = ElementTree.Element("mujoco", model=description.name)
     ElementTree.SubElement(root, "compiler", angle="radian", autolimits="false", balanceinertia="false")
     gravity = STANDARD_GRAVITY if description.gravity_m_s2 is None else np.array(description.gravity_m_s2)
-    ElementTree.SubElement(root, "option", gravity=numbers_text(gravity))
+    solver = {} if actuators is None else {"timestep": repr(actuators.step), "integrator": "implicitfast"}
+    ElementTree.SubElement(root, "option", {"gravity": numbers_text(gravity), **solver})
     world = ElementTree.SubElement(root, "worldbody")
     actuator, equality = ElementTree.SubElement(root, "actuator"), ElementTree.SubElement(root, "equality")
     bodies, frames = {description.base: world}, joint_frames(description)
@@ -83,7 +105,7 @@ def mjcf_text(description: RobotDescription) -> tuple[str, list[str]]:
         )
         bodies[entry.link.name] = body
         if isinstance(entry.joint, MovingJoint):
-            _joint(body, actuator, entry.joint, entry, losses)
+            _joint(body, actuator, entry, losses, actuators)
             if not _has_mass(description, entry.link.name):
                 losses.add("MuJoCo will not read the file, as nothing moved has mass", entry.joint.name)
         _inertial(body, entry, losses)
@@ -111,12 +133,14 @@ def mjcf_text(description: RobotDescription) -> tuple[str, list[str]]:
     ElementTree.indent(root)
     return f"{ElementTree.tostring(root, encoding='unicode')}\n", [
         *of_friction(description),
-        *of_all_formats(description),
+        *of_all_formats(description, servos=actuators is not None),
         *losses.sentences(),
     ]
 
 
-def _joint(body: Any, actuator: Any, joint: MovingJoint, entry: ExportedJoint, losses: Losses) -> None:
+def _joint(body: Any, actuator: Any, entry: ExportedJoint, losses: Losses, actuators: MujocoActuators | None) -> None:
+    joint = entry.joint
+    assert isinstance(joint, MovingJoint)
     kind, motor = named_in(TYPES, joint, "an MJCF"), joint.motor
     position, velocity, effort = plain_limits(joint)
     values = {"name": joint.name, "type": kind, "axis": numbers_text(entry.axis)}
@@ -127,10 +151,20 @@ def _joint(body: Any, actuator: Any, joint: MovingJoint, entry: ExportedJoint, l
     gear = 1.0 if motor is None else float(motor.gear_ratio)
     rotor = 0.0 if motor is None else float(motor.rotor_inertia_kg_m2)
     viscous, dry = plain_friction(joint)
-    for name, value in (("armature", gear * gear * rotor), ("damping", viscous), ("frictionloss", dry)):
-        if value:
-            values[name] = repr(value)
+    numbers = {"armature": gear * gear * rotor, "damping": viscous, "frictionloss": dry}
+    follows = None if actuators is None or joint.mimic is not None else actuators.joints[joint.name]
+    if actuators is not None and follows is not None:
+        numbers = joint_values(actuators.kind, follows)
+    values |= {name: repr(value) for name, value in numbers.items() if value}
     ElementTree.SubElement(body, "joint", values | joint_stiffness(joint, losses))
+    if actuators is not None and follows is not None:
+        if actuators.kind == "position" and follows.integral:
+            losses.add("I of the firmware", joint.name)
+        if actuators.kind == "position" and np.isfinite(follows.goal_speed):
+            losses.add("the goal's speed in the firmware", joint.name)
+        tag, attributes = element(actuators.kind, joint.name, follows, actuators.step)
+        ElementTree.SubElement(actuator, tag, attributes)
+        return
     if joint.mimic is not None:
         if effort is not None:
             losses.add("effort limits of joints that follow another", joint.name)

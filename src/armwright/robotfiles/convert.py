@@ -10,17 +10,21 @@ from typing import Any
 from armwright.description import RobotDescription, read_description
 from armwright.description.drive_file import ENDING
 from armwright.description.writer import for_folder, write_toml
-from armwright.entry import as_path
-from armwright.errors import DescriptionError, OutputError, RunError
+from armwright.entry import AnyMotion, as_path
+from armwright.errors import DescriptionError, ModelError, OutputError, RunError
+from armwright.export.actuator_fit import ActuatorFit, fit_actuators
 from armwright.export.mjcf import write_mjcf
 from armwright.export.urdf import write_urdf
+from armwright.model import build_model
 from armwright.output import check_destination
+from armwright.progress import Shown
 from armwright.results.recording import check_recording, save
 from armwright.results.result import Result
 from armwright.results.run_file import load_run
 
 RUN = ".nc"
-ENDINGS = (".toml", ".urdf", ".xml", ".mjcf")
+MJCF = (".xml", ".mjcf")
+ENDINGS = (".toml", ".urdf", *MJCF)
 
 
 @dataclass(frozen=True)
@@ -29,15 +33,24 @@ class Conversion(Result):
 
     Attributes:
         written: the files.   lost: what the format cannot hold, one sentence each; none from TOML to TOML.
-        notes: what was left out or doubtful when the source was read.
+        notes: what was left out or doubtful when the source was read.   actuators: that were fitted.
     """
 
     written: tuple[Path, ...]
     lost: tuple[str, ...]
     notes: tuple[str, ...] = ()
+    actuators: ActuatorFit | None = None
 
 
-def convert(source: str | os.PathLike[str], target: str | os.PathLike[str], **reading: Any) -> Conversion:
+def convert(
+    source: str | os.PathLike[str],
+    target: str | os.PathLike[str],
+    *,
+    actuators: str | None = None,
+    motion: AnyMotion | None = None,
+    progress: Shown = None,
+    **reading: Any,
+) -> Conversion:
     """Writes a robot file in the format of the target's ending: .toml, .urdf (with a drive file beside it), .xml or .mjcf.
 
     TOML to TOML gives the canonical form: equal descriptions are equal bytes, and a file in that form stays as it is. A saved
@@ -45,14 +58,18 @@ def convert(source: str | os.PathLike[str], target: str | os.PathLike[str], **re
 
     Args:
         source: a built-in name, or a path.   target: the file to write; one that is there is replaced.
+        actuators: of an MJCF for an arm of servos, "position" or "dcmotor", fitted over `motion` by `export.fit_actuators`; their
+            numbers go to NAME.actuators.json beside it. None: motors, whose control is a torque.
+        motion: that MuJoCo shall move as Armwright does; with `actuators`.   progress: of the fit, as for `fit_actuators`.
         reading: what a URDF or an MJCF leaves open, as for `load`.
     Returns:
         conversion: the files written, what was lost, and what was doubtful.
     Raises:
         DescriptionError: a source that cannot be believed.   OutputError: a target that cannot be written, or is the source
-            itself.   RunError: an .nc that is no run.
+            itself.   RunError: an .nc that is no run.   ModelError, ScheduleError: as `fit_actuators`.
     """
     source = as_path(source, "source", DescriptionError)
+    _check_together(actuators, motion, target)
     if Path(source).suffix.lower() == RUN:
         return _converted_run(Path(source), target, reading)
     path = check_destination(target, ENDINGS)
@@ -67,7 +84,18 @@ def convert(source: str | os.PathLike[str], target: str | os.PathLike[str], **re
     if ending == ".urdf":
         lost = write_urdf(robot, path)
         return Conversion((path, path.with_name(path.stem + ENDING)), tuple(lost), notes)
-    return Conversion((path,), tuple(write_mjcf(robot, path)), notes)
+    if actuators is None or motion is None:
+        return Conversion((path,), tuple(write_mjcf(robot, path)), notes)
+    fit = fit_actuators(build_model(robot), motion, actuators, progress=progress)
+    written, lost = fit.write(path)
+    return Conversion(tuple(written), tuple(lost), notes, fit)
+
+
+def _check_together(actuators: str | None, motion: AnyMotion | None, target: str | os.PathLike[str]) -> None:
+    if (actuators is None) != (motion is None):
+        raise ModelError("missing", place="motion" if motion is None else "actuators", expected="both of them")
+    if actuators is not None and Path(target).suffix.lower() not in MJCF:
+        raise OutputError("holds no actuators", file=target, expected=" or ".join(MJCF))
 
 
 def _converted_run(source: Path, target: str | os.PathLike[str], reading: dict[str, Any]) -> Conversion:
