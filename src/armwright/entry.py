@@ -75,7 +75,7 @@ ENTRIES = {
     ),
     "motion": AcceptedKind(
         "armwright.trajectory.motion.Motion",
-        "armwright.trajectory.motion_files.load_motion",
+        "armwright.motions.plan.motion_in",
         ScheduleError,
         "a motion: its file, or what a planner or aw.trajectories.load_motion returns",
     ),

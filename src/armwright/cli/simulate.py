@@ -11,7 +11,6 @@ import typer
 
 import armwright as aw
 from armwright.cli.arguments import (
-    MOTION,
     SCENARIO,
     Allow,
     Command,
@@ -33,6 +32,7 @@ from armwright.cli.arguments import (
     start_of,
 )
 from armwright.cli.outcome import TOML, check_file, naming_file, say_notes
+from armwright.entry import as_motion
 from armwright.errors import Interrupted, ScenarioError
 from armwright.progress import progress
 from armwright.terminal import console, gathering
@@ -150,15 +150,7 @@ def following(scenario: Scenario, reference: Path, file: str) -> Scenario:
     """The scenario with a motion as the reference of its loop."""
     if scenario.loop is None:
         raise ScenarioError("without a loop", place="--reference", value=str(reference), expected="[loop]", file=file)
-    if reference.name.endswith(MOTION):
-        plan = aw.trajectories.plan(reference)
-        if (plan.arm.name, *plan.arm.names) != (scenario.arm.name, *scenario.arm.names):
-            expected = f"a motion of {scenario.arm.name}"
-            what = f"is one of {plan.arm.name}"
-            raise ScenarioError(what, place="--reference", value=str(reference), expected=expected)
-        motion = plan.motion
-    else:
-        motion = aw.trajectories.load_motion(reference, scenario.arm)
+    motion = as_motion(reference, scenario.arm)
     return replace(scenario, loop=replace(scenario.loop, reference=motion))
 
 

@@ -47,6 +47,7 @@ from armwright.trajectory.limits import MotionLimits
 from armwright.trajectory.limits_report import LimitsReport, limits_report, unchecked_currents
 from armwright.trajectory.minimum_jerk import MinimumJerk
 from armwright.trajectory.motion import Motion
+from armwright.trajectory.motion_files import load_motion
 from armwright.trajectory.piecewise import LAST, PiecewisePolynomial
 from armwright.trajectory.rest_to_rest import Cubic, Quintic
 from armwright.trajectory.s_curve import SCurve
@@ -55,6 +56,8 @@ from armwright.trajectory.time_optimal import time_optimal
 from armwright.trajectory.trapezoid import Trapezoid
 from armwright.trajectory.waypoints import Waypoints
 from armwright.validation import legible, validated
+
+ENDING = ".motion.toml"
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -188,6 +191,23 @@ def plan(path: str | os.PathLike[str], *, allow: Iterable[str | os.PathLike[str]
     path = Path(as_path(path, "path", ScenarioError))
     files = FolderFiles(path.parent, [Path(folder) for folder in allow])
     return plan_text(read_text(path, ScenarioError), str(path), files)
+
+
+def motion_in(path: str | os.PathLike[str], arm: Model | None = None) -> Motion:
+    """The motion of any file of one: planned from a motion file, `*.motion.toml`, or the rows of a .csv or .nc.
+
+    Args:
+        path: of the file.   arm: whose joints move; None: those that the file names.
+    Raises:
+        ArmwrightError: as `plan` and `load_motion`.   ScenarioError: a motion of another arm.
+    """
+    if not os.fspath(path).endswith(ENDING):
+        return load_motion(path, arm)
+    planned = plan(path)
+    if arm is not None and (planned.arm.name, *planned.arm.names) != (arm.name, *arm.names):
+        what = f"is a motion of {planned.arm.name}"
+        raise ScenarioError(what, file=path, expected=f"one of {arm.name}")
+    return planned.motion.from_file(path)
 
 
 def plan_text(text: str, place: str, files: Files) -> Plan:
