@@ -123,10 +123,12 @@ def test_inverse_dynamics_is_its_terms(name, seed):
     rotors = mass_matrix(model, q) - mass_matrix(model.replace(rotors=None), q)
     followers = rotors - np.diag([body.drive.reflected for body in model.coordinates])
     behind = links + link_friction(model, qd) + followers @ qdd
-    np.testing.assert_allclose(joint_torques(model, qd, qdd, tau), behind, rtol=0, atol=1e-11 * np.abs(behind).max())
+    external = -bias_torques(frictionless, q, qd, WRENCH)
+    found = joint_torques(model, qd, qdd, tau, external)
+    np.testing.assert_allclose(found, behind, rtol=0, atol=1e-11 * np.abs(behind).max())
     np.testing.assert_allclose(
         bias_torques(model, q, qd, WRENCH),
-        bias_torques(frictionless, q, qd) + friction_torques(model, qd) - jacobian(model, q).T @ WRENCH,
+        bias_torques(frictionless, q, qd) + friction_torques(model, qd, external) - jacobian(model, q).T @ WRENCH,
         rtol=0,
         atol=1e-11 * np.abs(behind).max(),
     )
