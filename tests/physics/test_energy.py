@@ -18,7 +18,7 @@ from armwright.dynamics import (
 from armwright.dynamics.gears import joint_torques
 from armwright.kinematics import forward_kinematics, jacobian
 from armwright.model import Model
-from physics.arms import NAMES, arm, gradient, random_state
+from physics.arms import NAMES, arm, friction_at, gradient, random_state
 
 SEEDS = range(4)
 
@@ -71,8 +71,7 @@ def test_power_balance(name, seed):
     before = motor_side(model, qd, tau, external)
     entering = tau - rotors(model) @ qdd - before
     gear = (entering - joint_torques(model, qd, qdd, tau, external)) @ qd
-    unloaded = motor_side(model, qd, np.zeros(model.n), np.zeros(model.n))
-    friction = (friction_torques(model, qd) + before - unloaded) @ qd
+    friction = friction_at(model, q, qd, tau, wrench) @ qd
     pushed = wrench @ (jacobian(model, q) @ qd)
     terms = [tau @ qd, gear, friction, pushed, t_q @ qd, t_qd @ qdd]
     assert stored == pytest.approx(tau @ qd - gear - friction + pushed, abs=1e-10 * np.abs(terms).max())

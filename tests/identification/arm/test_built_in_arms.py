@@ -10,8 +10,8 @@ from identification.arm.moved_arm import written_log
 from identification.arm.simulated_log import motion
 
 NOISE = 0.002  # of a joint's root mean square torque
-# The fit's dry friction is the same both ways and has no sigmoid: two arms have numbers that it does not know.
-OTHER_FRICTION = ("panda", "puma560")
+# The fit's dry friction is the same both ways, has no sigmoid and no loads: these arms have numbers that it does not know.
+OTHER_FRICTION = ("panda", "puma560", "ur10", "koch", "widowx250", "open-manipulator-x")
 
 
 def own_log(folder, arm, seconds=40.0, rate=200.0):
