@@ -20,7 +20,7 @@ from armwright.kinematics import forward_kinematics, jacobian
 from armwright.model import Model
 from physics.arms import NAMES, arm, friction_at, gradient, random_state
 
-SEEDS = range(4)
+SEEDS = range(3)
 
 
 def rotors(model: Model) -> np.ndarray:
