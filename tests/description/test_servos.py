@@ -262,6 +262,20 @@ def test_a_written_file_holds_all_numbers(tmp_path, name):
     assert aw.load(path).description == arm.description
 
 
+@pytest.mark.parametrize("joint", ["shoulder", "elbow"])
+def test_two_servos_side_by_side_are_twice_one(joint):
+    """Each of WidowX' pair has half of the torques: 2 f(q̇, τ_m, τ_e) = f_pair(q̇, 2 τ_m, 2 τ_e), at the voltage of one."""
+    joints = {each.name: each for each in aw.load("widowx250").record.joints}
+    pair, one = joints[joint], joints["wrist_angle"]
+    for speed, tau_m, tau_e in ((0.0, 1.5, -1.0), (0.4, 0.7, -1.2), (2.0, -0.6, 0.5), (3.0, 1.0, 0.2)):
+        twice = resists(pair, speed, 2 * tau_m, 2 * tau_e)
+        assert twice == pytest.approx(2 * resists(one, speed, tau_m, tau_e), rel=1e-9)
+    assert float(pair.motor.rotor_inertia_kg_m2) == pytest.approx(2 * float(one.motor.rotor_inertia_kg_m2))
+    assert float(pair.motor.resistance_ohm) == float(one.motor.resistance_ohm) / 2
+    assert pair.motor.torque_constant_n_m_per_a == one.motor.torque_constant_n_m_per_a
+    assert float(pair.limits.current_a) == 2 * float(one.limits.current_a)
+
+
 def test_a_fit_stands_beside_the_servo(tmp_path):
     """A file that names a servo keeps its line; the fitted number gets a table of its own."""
     arm_of(tmp_path, "xl330-m288")

@@ -9,8 +9,10 @@ from typing import Any
 import casadi
 import numpy as np
 
+from armwright.actuators.friction import by_loads, friction_torques, motor_friction
 from armwright.description import RobotDescription, builtin_names, read_description
 from armwright.description.database import parse
+from armwright.dynamics import bias_torques
 from armwright.model import Model, build_model
 from armwright.program import interpret, trace
 
@@ -32,6 +34,19 @@ def description(name: str) -> RobotDescription:
 def arm(name: str) -> Model:
     """The model of an arm of `NAMES`, with friction, rotors and gear loss."""
     return build_model(description(name))
+
+
+def has_friction_by_loads(model: Model) -> bool:
+    """True for the arms of servos whose friction depends on the torques of motor and load."""
+    return any(by_loads(body) for body in model.coordinates)
+
+
+def friction_at(model: Model, q: np.ndarray, qd: np.ndarray, tau: np.ndarray, wrench: Any = None) -> np.ndarray:
+    """(n,) friction of a state, that by loads at its motors' torques, of motors that turn one joint each."""
+    external = -bias_torques(model.replace(friction=None), q, qd, wrench)
+    rows = zip(model.coordinates, qd, tau, external, strict=True)
+    by_load = [motor_friction(body, w, (t, e)) - motor_friction(body, w) for body, w, t, e in rows]
+    return friction_torques(model, qd) + by_load
 
 
 def random_state(model: Model, seed: int, rows: int = 3) -> np.ndarray:

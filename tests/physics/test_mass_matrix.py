@@ -15,7 +15,7 @@ from armwright.dynamics import (
 )
 from physics.arms import NAMES, arm, gradient, random_state
 
-SEEDS = range(4)
+SEEDS = range(3)
 
 
 def christoffel(derivative: np.ndarray, qd: np.ndarray) -> np.ndarray:

@@ -25,6 +25,7 @@ from armwright.program.passes import (
     shared_reciprocals,
     turns_first,
 )
+from physics.arms import FORMS
 from reference.chains import chain
 
 
@@ -92,7 +93,7 @@ def test_fma_is_one_rounding():
 
 
 @pytest.mark.parametrize("each", PASSES, ids=lambda each: each.__name__)
-@pytest.mark.parametrize("name", aw.builtin_names())
+@pytest.mark.parametrize("name", [*FORMS, "koch"])
 def test_passes_keep_the_meaning(each, name):
     """Every pass by itself, on the forward arm, within rounding of the untouched program and of CasADi's interpreter."""
     arm = without_servos(aw.load(name))
@@ -103,7 +104,9 @@ def test_passes_keep_the_meaning(each, name):
     scale = np.abs(plain).max(axis=1, keepdims=True)
     assert np.all(np.abs(passed - plain) <= 1e-10 * scale)
     assert np.all(np.abs(interpret(program, *inputs) - plain) <= 1e-10 * scale)
-    assert len(each(program.instructions)) <= len(program.instructions) + arm.n
+    assert (
+        len(each(program.instructions)) <= len(program.instructions) + 2 * arm.n
+    )  # a reciprocal each for inertia, friction
 
 
 def test_native_code_does_exactly_the_instructions():

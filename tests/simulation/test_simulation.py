@@ -16,6 +16,7 @@ from armwright.model import build_model
 from armwright.model.changes import without_servos
 from armwright.simulation.loop.compiled import compile_loop
 from armwright.simulation.plant.plant import plant_derivative
+from physics.arms import friction_at
 from simulation.fields import scenario_of
 
 LEVEL = {"xyz_m": [0, 0, 0], "rpy_rad": [0, 0, 0]}
@@ -99,13 +100,16 @@ DRIVEN = {  # commands in each arm's own unit that keep it moving, and speeds to
     "two-link": ([90.0, 20.0], [0.5, 0.5]),
     "ur5e": ([0.64, -2.9, -0.2, 0.47, 0.13, 0.23], [0.5, 0.5, 0.5, 0.5, 0.5, 0.5]),
     "ur10e": ([1.4, -5.7, -1.1, 0.65, 0.27, 0.33], [0.5, 0.5, 0.5, 0.5, 0.5, 0.5]),
+    "ur3": ([4.0, -10.0, -1.2, 2.0, 0.8, 1.0], [0.5, 0.5, 0.5, 0.5, 0.5, 0.5]),
+    "ur5": ([10.0, -34.0, 2.0, 4.0, 2.0, 2.2], [0.5, 0.5, 0.5, 0.5, 0.5, 0.5]),
+    "ur10": ([1.5, -5.2, -0.7, 0.8, 0.4, 0.55], [0.5, 0.5, 0.5, 0.5, 0.5, 0.5]),
     "iiwa14": ([0.83, -22.0, -1.4, -0.24, 0.26, -0.16, 0.19], [0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5]),
     "xarm7": ([3.7, -11.0, 3.8, 6.0, 1.9, 0.74, 1.3], [0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5]),
     "gen3": ([3.3, -9.1, 3.5, -2.4, 0.81, -0.12, 0.63], [0.5, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5]),
     "so101": ([1.4, 0.28, 0.87, 1.4, 1.5, 1.5], [1.0, 1.0, 1.0, 1.0, 1.0, 1.0]),
     "so100": ([1.5, 1.6, 0.59, 1.4, 1.5, 1.5], [1.0, 1.0, 1.0, 1.0, 1.0, 1.0]),
-    "koch": ([2.2, 2.8, -0.74, 0.89, 0.57, 0.57], [1.0, 1.0, 1.0, 1.0, 1.0, 1.0]),
-    "widowx250": ([2.7, -0.79, 1.5, 2.8, 2.6, 2.2], [1.0, 1.0, 1.0, 1.0, 1.0, 1.0]),
+    "koch": ([7.5, 8.4, 1.9, 3.0, 2.7, 2.7], [4.0, 4.0, 6.0, 6.0, 6.0, 6.0]),
+    "widowx250": ([8.0, 3.0, 9.0, 8.0, 8.0, 8.0], [3.0, 3.0, 3.0, 3.0, 3.0, 4.0]),
     "open-manipulator-x": ([2.7, 1.3, 2.1, 2.7], [1.0, 1.0, 1.0, 1.0]),
 }
 
@@ -143,14 +147,12 @@ def test_energy_balance(driven):
     """d(T + U)/dt = power of the motors - power lost in friction, integrated along a run by Simpson's rule."""
     from scipy.integrate import simpson
 
-    from armwright.actuators import friction_torques
-
     arm, loop, start = driven
     run = aw.simulate(scenario_of(arm, duration=0.2, step=1e-4, **start), loop=loop)
-    q, qd, tau = (run[name].values for name in ("q", "qd", "tau"))
+    time, q, qd, tau = (values[::4] for values in (run.time.values, *(run[name].values for name in ("q", "qd", "tau"))))
     energy = [aw.kinetic_energy(arm, q[k], qd[k]) + aw.potential_energy(arm, q[k]) for k in (0, -1)]
-    into = simpson(np.sum(tau * qd, axis=1), x=run.time.values)
-    lost = simpson([friction_torques(arm, speed) @ speed for speed in qd], x=run.time.values)
+    into = simpson(np.sum(tau * qd, axis=1), x=time)
+    lost = simpson([friction_at(arm, *row) @ row[1] for row in zip(q, qd, tau, strict=True)], x=time)
     assert energy[1] - energy[0] == pytest.approx(into - lost, rel=0, abs=1e-6 * max(abs(into), abs(lost)))
     assert abs(into) > 0.01  # [J] and something did happen, small arms included
 
