@@ -28,7 +28,7 @@ pytestmark = pytest.mark.skipif(
 
 
 def compiled(name: str = "puma560", **settings) -> aw.CompiledArm:
-    """An arm whose kernels of `KERNELS` are native functions: they are from the second call on."""
+    """An arm whose kernels of `KERNELS` are native functions."""
     dyn = aw.compile(aw.load(name), **settings)
     for kernel in KERNELS:
         for _ in range(2):
@@ -51,6 +51,33 @@ def test_every_kernel_has_the_general_bits(name):
     for lead in LEADS:
         arrays = states(dyn, name, lead, rng)
         assert outcome(getattr(dyn, name), *arrays) == outcome(general(dyn, name), *arrays), lead
+
+
+def test_a_method_that_is_held_before_its_first_call_is_native_from_then_on():
+    dyn = aw.compile(aw.load("two-link"))
+    held = [dyn.inverse_dynamics, dyn.inverse_dynamics]
+    assert held[0] is held[1] is dyn.inverse_dynamics
+    assert isinstance(held[0], BuiltinFunctionType)
+    table = held[0].__self__[2]
+    arrays = states(dyn, "inverse_dynamics", (3,), np.random.default_rng(14))
+    assert table.most == 0  # nothing is compiled yet
+    first = outcome(held[0], *arrays)
+    assert table.most > 3
+    assert outcome(held[0], *arrays) == first == outcome(general(dyn, "inverse_dynamics"), *arrays)
+    with pytest.raises(aw.errors.ModelError):  # a kernel that there cannot be
+        aw.compile(aw.load("two-link")).motor_voltage(*[np.zeros(2)] * 2)
+
+
+def test_a_subclass_keeps_its_own_method():
+    class Counted(aw.CompiledArm):
+        def mass_matrix(self, *arrays, **named):
+            self.calls = getattr(self, "calls", 0) + 1
+            return super().mass_matrix(*arrays, **named)
+
+    dyn = Counted(aw.load("two-link"))
+    for _ in range(3):
+        dyn.mass_matrix(np.zeros(2))
+    assert dyn.calls == 3
 
 
 def test_single_precision():

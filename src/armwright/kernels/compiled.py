@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import os
 from collections.abc import Callable, Sequence
 from types import MethodType
@@ -89,8 +88,9 @@ class CompiledArm(KernelMethods[Real]):
         self._asked = target
         self._threads = os.cpu_count() or 1
         self._kernels: dict[tuple[Any, ...], Any] = {}
-        self._native: set[str] = set()  # kernels whose native call was asked for
+        self._waiting: dict[str, list[Any]] = {}  # tables of native calls whose kernels are not compiled yet
         self._general: CompiledArm | None = None
+        self._bare = self.varied is not None  # without native functions
 
     def __repr__(self) -> str:
         varying = f", varying {', '.join(self.varied.names)}" if self.varied is not None else ""
@@ -184,27 +184,34 @@ class CompiledArm(KernelMethods[Real]):
         check = None if self.varied is None else _checked(self.varied, len(SIGNATURES[name].inputs))
         return Kernel(program, self.target, check, self.format)
 
-    def _call_natively(self, kernel: Any, method: Callable[..., Any]) -> None:
-        """Puts a native function in the place of a kernel's method, where there can be one.
+    def _method(self, method: Callable[..., Any], form: str) -> Callable[..., Any]:
+        """A kernel's method of this arm, a native function where there can be one, which is kept in its place.
 
         It refers to a copy of this arm that has the same kernels and no native functions: if it referred to this one, which
         refers to it, both would wait for the garbage collector, and their code with them.
         """
         name = method.__name__
-        self._native.add(name)
-        if self.varied is not None or getattr(type(self), name, None) is not method:  # a subclass has its own
-            return
+        if self._bare or getattr(type(self), name, None) is not method:  # a subclass has its own
+            return MethodType(method, self)
         from armwright.kernels.native_call import native_call
 
         if self._general is None:
             copy = object.__new__(CompiledArm)
-            vars(copy).update(vars(self))  # before the copy is an attribute, which would be copied too
-            self._general = copy
-        form = inspect.signature(method)
-        form = form.replace(parameters=[*form.parameters.values()][1:])
-        call = native_call(kernel, self._general, MethodType(method, self._general), str(form))
-        if call is not None:
-            setattr(self, name, call)
+            vars(copy).update({key: value for key, value in vars(self).items() if key not in SIGNATURES})
+            copy._bare, self._general = True, copy
+        call = native_call(self._general, MethodType(method, self._general), form, self.format)
+        if call is None:
+            return MethodType(method, self)
+        self._waiting.setdefault(name, []).append(call.table)
+        setattr(self, name, call.function)
+        return call.function
+
+    def _enter(self, name: str, kernel: Any) -> None:
+        """Tells the native functions of a kernel that it is compiled."""
+        from armwright.kernels.native_call import enter
+
+        for table in self._waiting.pop(name):
+            enter(table, kernel)
 
     @staticmethod
     def _check_form(name: str, optional: tuple[str, ...], options: dict[str, Any]) -> None:

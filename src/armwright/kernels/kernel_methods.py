@@ -21,7 +21,7 @@ class KernelMethods(Generic[Real]):
     """Methods of `CompiledArm`, one for each kernel."""
 
 
-def kernel_method(signature: Signature) -> Callable[..., Any]:
+def kernel_method(signature: Signature) -> KernelMethod:
     """The method of a row of the table."""
     inputs = [a.name for a in signature.inputs]
     optional = [a.name for a in signature.optional]
@@ -30,9 +30,10 @@ def kernel_method(signature: Signature) -> Callable[..., Any]:
     def method(self: Any, *arrays: Any, out: Any = None, **named: Any) -> Any:
         required = inputs if self.varied is None else [*inputs, PARAMETERS]
         count = len(required)
-        if not named and len(arrays) == count and (kernel := self._kernels.get(usual)) is not None:
-            if signature.name not in self._native:
-                self._call_natively(kernel, method)  # the second call: who calls a kernel once does without
+        if not named and len(arrays) == count:
+            kernel = self._kernels.get(usual) or self.kernel(signature.name)
+            if signature.name in self._waiting:
+                self._enter(signature.name, kernel)
             return kernel(*arrays, out=out, threads=self._threads)
         options = {name: named.pop(name) for name in signature.options if named.get(name) is not None}
         values = list(arrays)
@@ -60,7 +61,17 @@ def kernel_method(signature: Signature) -> Callable[..., Any]:
     method.__qualname__ = f"KernelMethods.{signature.name}"
     method.__doc__ = _docstring(signature)
     method.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
-    return method
+    return KernelMethod(method, str(inspect.Signature(parameters[1:])))
+
+
+class KernelMethod:
+    """A method that an arm may have as a native function, from its first use on."""
+
+    def __init__(self, function: Callable[..., Any], form: str):
+        self.function, self.form = function, form
+
+    def __get__(self, arm: Any, kind: Any = None) -> Callable[..., Any]:
+        return self.function if arm is None else arm._method(self.function, self.form)
 
 
 OPTIONS = {"frame": "name of a frame of the arm; by default its tip"}

@@ -12,7 +12,15 @@ from armwright.kernels.signatures import Signature
 Real = TypeVar("Real", bound=np.floating)
 OPTIONS: dict[str, str]
 
-def kernel_method(signature: Signature) -> Callable[..., Any]:
+class KernelMethod:
+    """A method that an arm may have as a native function, from its first use on."""
+
+    function: Callable[..., Any]
+    form: str
+    def __init__(self, function: Callable[..., Any], form: str) -> None: ...
+    def __get__(self, arm: Any, kind: Any = None) -> Callable[..., Any]: ...
+
+def kernel_method(signature: Signature) -> KernelMethod:
     """The method of a row of the table."""
 
 class KernelMethods(Generic[Real]):

@@ -5,7 +5,8 @@ does for the usual call: exact `ndarray`s of the kernel's dtype, aligned and C-c
 every other call (lists, other types, broadcasting, `out=`, keywords, large batches) on to the method, so that there is one
 general path, with one set of errors.
 
-The function is the LLVM text in `native_text`, compiled once for all kernels; a `CallTable` describes one kernel to it. It uses
+The function is the LLVM text in `native_text`, compiled once for all kernels; a `CallTable` describes one kernel to it, from the
+kernel's first call on, so that a method that is held before is as fast as one that is taken later. It uses
 Python's stable ABI, and of NumPy what every compiled extension uses: `PyArray_New` from the table `_ARRAY_API`, and the fields of
 an array, which the macros of NumPy's headers read too. That takes some 2 ns an array; `PyObject_GetBuffer`, for which NumPy
 describes the array anew in every call, takes 50 to 100. Where Python or NumPy has another layout there is no native call.
@@ -17,7 +18,7 @@ import ctypes
 import functools
 import sys
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -26,6 +27,7 @@ from armwright.kernels.engine import Engine
 from armwright.kernels.target import select_target
 
 if TYPE_CHECKING:
+    from armwright.kernels.format import Format
     from armwright.kernels.native_text import NativeText
 
 ABI = 0x02000000  # of NumPy 2; `import_array` of an extension compares it as well
@@ -88,41 +90,54 @@ class NativeCall(tuple):
         return _itself, (self[1],)
 
 
+class NativeMethod(NamedTuple):
+    """A built-in function and the table that says what it calls."""
+
+    function: Callable[..., Any]
+    table: CallTable
+
+
 def _itself(value: Any) -> Any:
     return value
 
 
-def native_call(kernel: Kernel, arm: Any, general: Callable[..., Any], signature: str) -> Callable[..., Any] | None:
-    """The built-in function of a kernel, or None where there can be none.
+def native_call(arm: Any, general: Callable[..., Any], signature: str, format: Format) -> NativeMethod | None:
+    """The built-in function of a kernel that may not be compiled yet, or None where there can be none.
 
     Args:
-        kernel: with no check of its own.   arm: what the function is pickled as an attribute of.
-        general: called with the arguments of every call that is not the usual one.
-        signature: such as "(q, qd, out=None)"; name and docstring are those of `general`.
+        arm: what the function is pickled as an attribute of, and which keeps its kernels.
+        general: called with the arguments of every call that is not the usual one, and of all until `enter`.
+        signature: such as "(q, qd, out=None)"; name and docstring are those of `general`.   format: of its numbers.
     """
-    program = kernel.program
-    ports = (*program.inputs, *program.outputs)
-    fits = len(ports) <= PORTS and program.inputs and all(len(p.shape) <= AXES and p.size > 0 for p in ports)
     api, function = numpy_api(), native_function()
-    if not fits or api is None or function is None:
+    if api is None or function is None:
         return None
-    states = min((LARGE - 1) // max(port.size for port in program.outputs), 2 * kernel.least - 1)
-    if states < 1:
-        return None
-    width, operations = kernel.target.width, max(1, program.operation_counts().total())
-    entry = kernel.bound_entry
     table = CallTable(
-        *(_address(entry), id(general), api, id(np.ndarray), id(kernel.dtype), kernel.dtype.num),
-        *(len(program.inputs), len(program.outputs), states, HOLD // operations * width),
-        tuple((len(port.shape), tuple(port.shape)) for port in ports),
+        0, id(general), api, id(np.ndarray), id(format.dtype), format.dtype.num, 0, 0, 0, 0, (ArrayAxes * PORTS)()
     )
     name = general.__name__.encode()
     doc = f"{general.__name__}($self, {signature.removeprefix('(')}\n--\n\n{general.__doc__}".encode()
     definition = MethodDef(name, _address(function), FASTCALL_KEYWORDS, doc)
-    kept = NativeCall((ctypes.addressof(table), arm, table, general, kernel, function, definition, name, doc))
+    kept = NativeCall((ctypes.addressof(table), arm, table, general, function, definition, name, doc))
     new = ctypes.pythonapi["PyCFunction_NewEx"]
     new.restype, new.argtypes = ctypes.py_object, (ctypes.c_void_p, ctypes.py_object, ctypes.py_object)
-    return new(ctypes.addressof(definition), kept, MODULE)
+    return NativeMethod(new(ctypes.addressof(definition), kept, MODULE), table)
+
+
+def enter(table: CallTable, kernel: Kernel) -> None:
+    """From now on usual calls are the kernel's, which must live as long as the table and has no check of its own."""
+    program = kernel.program
+    ports = (*program.inputs, *program.outputs)
+    if len(ports) > PORTS or not program.inputs or not all(len(p.shape) <= AXES and p.size > 0 for p in ports):
+        return
+    operations = max(1, program.operation_counts().total())
+    for k, port in enumerate(ports):
+        table.axes[k] = ArrayAxes(len(port.shape), tuple(port.shape))
+    table.inputs, table.outputs = len(program.inputs), len(program.outputs)
+    table.entry = _address(kernel.bound_entry)
+    table.hold = HOLD // operations * kernel.target.width
+    # the last: as long as it is 0 every call goes to `general`
+    table.most = max(0, min((LARGE - 1) // max(port.size for port in program.outputs), 2 * kernel.least - 1))
 
 
 def _address(function: Any) -> int:
