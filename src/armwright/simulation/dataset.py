@@ -42,6 +42,7 @@ FURTHER = {  # what the plant tells beside the usual: whose unit it has, and wha
     "bus_voltage": ("V", "voltage of the supply's bus"),
 }
 UNSTORED = ("applied", "current", "qdd")  # measured or followed signals that other variables hold already
+PART = 1 << 15  # states whose outputs are computed at once
 MOTION = {"q": "position", "qd": "velocity"}
 WHOLE = ("bus_voltage",)  # of the whole arm, not of a joint
 
@@ -136,7 +137,7 @@ def _with_rows(
         arguments += [own(scenario.parameters)[:, None, :]] if scenario.varied is not None else []
         kernel = simulation.loop.outputs
         assert kernel is not None
-        outputs = dict(zip(simulation.loop.names, kernel(*arguments, threads=os.cpu_count() or 1), strict=True))
+        outputs = dict(zip(simulation.loop.names, _in_parts(kernel, arguments, (len(rows), len(t))), strict=True))
     squeeze = (lambda v: v[0]) if scenario.lane_count is None else (lambda v: v)
     q, qd = simulation.plant.part(x, "q"), simulation.plant.part(x, "qd")
     attrs["notes"] = [*notes, *limit_notes(arm, q, qd, u, outputs, t)]
@@ -151,6 +152,18 @@ def _with_rows(
             variables[name], labels = _signal(name, signal, squeeze(values), dims, labels)
     dataset = dataset.assign(variables) if variables else dataset  # at once: xarray compares coordinates each time
     return dataset.assign_coords(labels) if labels else dataset
+
+
+def _in_parts(kernel: Any, arguments: list[np.ndarray], lead: tuple[int, int]) -> list[np.ndarray]:
+    """Outputs (lanes, rows, …) of a kernel, some lanes after the others: what is laid out anew for it stays in the cache."""
+    lanes, rows = lead
+    found = [np.empty((*lead, *port.shape), kernel.dtype) for port in kernel.program.outputs]
+    size = max(1, PART // max(1, rows))
+    for first in range(0, lanes, size):
+        part = slice(first, first + size)
+        own = [np.ascontiguousarray(each[part] if len(each) > 1 else each) for each in arguments]
+        kernel(*own, out=tuple(each[part] for each in found), threads=os.cpu_count() or 1)
+    return found
 
 
 def _signals(simulation: LoopRunner, parts: Mapping[str, np.ndarray]) -> Iterator[tuple[str, Signal, np.ndarray]]:
