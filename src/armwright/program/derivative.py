@@ -145,7 +145,7 @@ def _from_call_to_call(program: Program) -> tuple[list[casadi.SX], list[Called],
             values[i.results[0]] = symbols[i.place[0]][i.place[1]]
         elif i.operation == "OUTPUT" and i.place is not None:
             outputs[i.place[0]][i.place[1]] = values[i.arguments[0]]
-        elif i.operation == "CONST":
+        elif i.operation == "CONST" and i.constant is not None:
             values[i.results[0]] = casadi.SX(i.constant)
         elif i.callee is not None:
             entries = iter(i.arguments)
