@@ -245,6 +245,14 @@ CHAPTERS: dict[str, tuple[str, tuple[Column, ...]]] = {
             worst("error"),
         ),
     ),
+    "commands": (
+        "Commands, ms of CPU",
+        (
+            label("work", "work"),
+            *(_least(name, name) for name in ("all", "import packages", "above packages")),
+            worst("error"),
+        ),
+    ),
     "identification": (
         "Normal equations of a log's states, ns per state",
         (

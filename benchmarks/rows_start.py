@@ -28,10 +28,23 @@ KERNELS = ("inverse_dynamics", "forward_dynamics")
 JOINTS, QUICK_JOINTS = (12, 30, 60, 100), (3,)
 LONG = 30  # joints up to which compiling is measured several times
 TOLERANCE = 1e-9
+COMMANDS = {  # what a user waits for, and the packages that it cannot do without, as a test of the command line has them
+    "--help": "typer.rich_utils, typer.core, typer.main",
+    "info puma560": "typer.rich_utils, typer._adapters, pydantic, numpy, casadi, rich.table",
+    "check puma560": "typer.rich_utils, typer._adapters, pydantic, numpy, casadi, rich.table",
+    "simulate puma560 --voltage 0,0,0,0,0,0 --duration 0.1": (
+        "typer.rich_utils, typer._adapters, pydantic, numpy, casadi, rich.table, llvmlite.binding, xarray;"
+        "xarray.Dataset({'t': ('t', [0.0])})"  # which imports what xarray asks about arrays
+    ),
+}
 WANTED = {  # [ms] at most
     "import armwright": {"all": 250.0},
     "first kernel of puma560, cold cache": {"all": 400.0},
     "first kernel of puma560, warm cache": {"kernel": 50.0},
+    "armwright --help": {"above packages": 100.0},
+    "armwright info": {"above packages": 300.0},
+    "armwright check": {"above packages": 400.0},
+    "armwright simulate": {"above packages": 700.0},
 }
 
 
@@ -44,6 +57,7 @@ def tasks(quick: bool) -> list[Task]:
     ]
     if sys.platform != "win32":  # which has no pseudo-terminals of this kind
         starts.append(Task("start", "start armwright sim", lambda _: prompt_records(times)))
+        starts.append(Task("commands", "start commands", lambda _: command_records(times)))
     if quick:
         return [*starts, *(_compile_task(KERNELS[0], joints, 1) for joints in QUICK_JOINTS)]
     return [*starts, *(_compile_task(name, n, 3 if n <= LONG else 1) for n in JOINTS for name in KERNELS)]
@@ -87,6 +101,31 @@ def prompt_records(times: int) -> list[Record]:
     results = [prompted() for _ in range(times + 1)][1:]
     error = 0.0 if all(answered for _, answered in results) else np.nan
     return [_record({"work": "armwright sim to its prompt"}, error, {"all": [seconds for seconds, _ in results]})]
+
+
+def command_records(times: int) -> list[Record]:
+    """CPU time of commands whose kernels are cached, in turns with that of importing the packages that they need."""
+    records = []
+    with tempfile.TemporaryDirectory() as code:
+        for command, packages in COMMANDS.items():
+            both = [["-m", "armwright", *command.split()], ["-c", f"import {packages}"]]
+            turns = [[_cpu(arguments, code) for arguments in both] for _ in range(times + 1)][
+                1:
+            ]  # the first one compiles
+            parts = {"all": [ours for ours, _ in turns], "import packages": [theirs for _, theirs in turns]}
+            parts["above packages"] = [statistics.median(ours - theirs for ours, theirs in turns)]
+            records.append(_record({"work": f"armwright {command.split()[0]}"}, 0.0, parts))
+    return records
+
+
+def _cpu(arguments: list[str], code: str) -> float:
+    """CPU time [s] of a new Python process that ends well."""
+    environment = os.environ | {"PYTHONPYCACHEPREFIX": bytecode().name, "ARMWRIGHT_CACHE_DIR": code}
+    environment.pop("PYTHONDONTWRITEBYTECODE", None)
+    before = os.times()
+    subprocess.run([sys.executable, *arguments], env=environment, capture_output=True, check=True)
+    after = os.times()
+    return after.children_user + after.children_system - before.children_user - before.children_system
 
 
 def compile_records(name: str, joints: int, times: int, _: int) -> list[Record]:
@@ -139,6 +178,11 @@ def _record(labels: dict[str, Any], error: float, parts: dict[str, list[float]])
 def notes(quick: bool) -> dict[str, list[str]]:
     several, once = (QUICK_TIMES, 1) if quick else (TIMES, 3)
     return {
+        "commands": [
+            f"new processes, CPU time, kernels cached, least of {several} of each number, in turns with a process that only "
+            "imports the packages that it needs (`COMMANDS` in benchmarks/rows_start.py); above packages: the median of the "
+            "turns' differences"
+        ],
         "start": [
             f"fresh processes, best of {several} of each number, from the first statement on: Python's own start is not in "
             "it, and its bytecode of all packages is there, as after any first use",

@@ -135,12 +135,12 @@ def _check_log(log: Path | None, output: Path | None, hold_out: bool) -> None:
     Raises:
         ScenarioError: names the option.
     """
-    from armwright.identification.logs.write import ROWS
-
     if hold_out and log is None:
         raise ScenarioError("goes with --log", place="--hold-out", expected="both")
     if log is None:
         return
+    from armwright.identification.logs.write import ROWS
+
     check_file(log, TOML)
     if output is None or output.suffix.lower() not in ROWS:
         raise ScenarioError(place="--log", value=str(log), expected=f"-o FILE beside it, one of {', '.join(ROWS)}")

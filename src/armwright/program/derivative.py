@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+import hashlib
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 
 import casadi
 import numpy as np
@@ -28,6 +30,10 @@ def derivative(program: Program, by: str) -> Program:
     return _program(f"{program.name}_by_{by}", program.inputs, ports, symbols, [*outputs, *rows])
 
 
+Called = tuple[Program, list[casadi.SX], list[casadi.SX]]  # a call: of what, its arguments, and symbols of its results
+Columns = Sequence[tuple[casadi.SX, casadi.SX]]  # values (n,) and their tangents (n, count), sparse where they are 0
+
+
 @alone
 def with_tangents(
     program: Program, active: Collection[str], seeds: Mapping[str, np.ndarray], count: int, *, noinline: bool = False
@@ -41,29 +47,137 @@ def with_tangents(
         seeds: constant tangents (n, count) of further inputs, by name.   count: directions.
         noinline: a traced function that calls this program keeps one call of it instead of a copy of its operations.
     """
-    symbols = _symbols(program)
-    outputs = program.graph.call(symbols)
-    inputs, ports, carried = [], [], []
-    for port, symbol in zip(program.inputs, symbols, strict=True):
-        if port.name in active:
-            tangent = casadi.SX.sym(f"d_{port.name}", port.size * count)  # type: ignore[arg-type]
-            carried.append((symbol, casadi.reshape(tangent, count, port.size).T))
-            inputs.append(casadi.vertcat(symbol, tangent))
-            ports.append(Port(port.name, (port.size * (1 + count),)))
+    return _Tangents(count).program(program, active, seeds, noinline)[0]
+
+
+class _Tangents:
+    """Programs with tangents in `count` directions.
+
+    A program's calls stay calls, one each with all tangents; CasADi's own rule would call anew for every direction. So a program
+    is differentiated from call to call, each call's results being symbols until what they stand for is put in.
+    """
+
+    def __init__(self, count: int):
+        self.count = count
+        self._made: dict[str, tuple[Program, list[casadi.Sparsity]]] = {}
+
+    def program(
+        self, program: Program, active: Collection[str], seeds: Mapping[str, np.ndarray], noinline: bool
+    ) -> tuple[Program, list[casadi.Sparsity]]:
+        """A program with tangents, and which of those of its outputs are not always 0."""
+        count, inputs, ports, columns = self.count, [], [], []
+        for port, symbol in zip(program.inputs, _symbols(program), strict=True):
+            if port.name in active:
+                tangent = casadi.SX.sym(f"d_{port.name}", port.size * count)  # type: ignore[arg-type]
+                columns.append((symbol, casadi.reshape(tangent, count, port.size).T))
+                inputs.append(casadi.vertcat(symbol, tangent))
+                ports.append(Port(port.name, (port.size * (1 + count),)))
+            else:
+                seed = casadi.DM(seeds[port.name]) if port.name in seeds else casadi.DM(port.size, count)
+                columns.append((symbol, casadi.SX(casadi.sparsify(seed))))
+                inputs.append(symbol)
+                ports.append(port)
+        found = self._carried(program, columns)
+        enlarged = tuple(Port(port.name, (port.size * (1 + count),)) for port in program.outputs)
+        rows = [_with_rows(*each) for each in found]
+        made = _program(f"{program.name}_tangents", tuple(ports), enlarged, inputs, rows, noinline)
+        return made, [tangent.sparsity() for _, tangent in found]
+
+    def _carried(self, program: Program, inputs: Columns) -> Columns:
+        """Outputs of a program from its inputs."""
+        symbols, calls, outputs = _from_call_to_call(program)
+        known: list[tuple[casadi.SX, ...]] = []  # symbols of values and tangents, and what they stand for
+
+        def learn(symbol: casadi.SX, value: casadi.SX, tangent: casadi.SX) -> None:
+            own = tangent if tangent.is_constant() else casadi.SX.sym("t", tangent.sparsity())  # type: ignore[arg-type]
+            known.append((symbol, own, value, tangent))
+
+        def along(columns: list[casadi.SX]) -> Columns:
+            """What columns of known symbols stand for, and their tangents."""
+            values, tangents = (casadi.vertcat(*(each[k] for each in known)) for k in (0, 1))
+            slopes = [casadi.SX(column.shape[0], self.count) for column in columns]
+            if tangents.nnz():
+                slopes = [
+                    casadi.jtimes(column, values, tangents) if column.shape[0] else none
+                    for column, none in zip(columns, slopes, strict=True)
+                ]
+            pairs = [(each[k], each[k + 2]) for each in known for k in (0, 1) if not each[k].is_constant()]
+            function = casadi.Function("along", [pair[0] for pair in pairs], [*columns, *slopes])
+            found = function.call([pair[1] for pair in pairs])
+            return list(zip(found[: len(columns)], map(casadi.sparsify, found[len(columns) :]), strict=True))
+
+        for symbol, each in zip(symbols, inputs, strict=True):
+            learn(symbol, *each)
+        for (callee, arguments, results), needed in zip(calls, _with_slopes(calls, outputs), strict=True):
+            for symbol, each in zip(results, self._called(callee, along(arguments), needed), strict=True):
+                learn(symbol, *each)
+        return along(outputs)
+
+    def _called(self, callee: Program, arguments: Columns, needed: bool) -> Columns:
+        """Results of a call, with tangents of 0 if none are needed. Tangents that are numbers become part of what is called."""
+        if not needed:
+            values = callee.graph.call([value for value, _ in arguments])
+            return [
+                (value, casadi.SX(port.size, self.count)) for value, port in zip(values, callee.outputs, strict=True)
+            ]
+        count, given = self.count, list(zip(callee.inputs, arguments, strict=True))
+        seeds = {port.name: np.array(casadi.DM(tangent)) for port, (_, tangent) in given if tangent.is_constant()}
+        active = [port.name for port in callee.inputs if port.name not in seeds]
+        variant = hashlib.sha256(repr((active, [(name, seed.tobytes()) for name, seed in seeds.items()])).encode())
+        name = f"{callee.name}_{variant.hexdigest()[:8]}"  # two ways to call it are two programs
+        if name not in self._made:
+            self._made[name] = self.program(replace(callee, name=name), active, seeds, noinline=True)
+        program, patterns = self._made[name]
+        results = program.graph.call([v if p.name in seeds else _with_rows(v, t) for p, (v, t) in given])
+        sizes = [port.size for port in callee.outputs]
+        return [
+            (column[:size], casadi.project(casadi.reshape(column[size:], count, size).T, pattern))
+            for column, size, pattern in zip(results, sizes, patterns, strict=True)
+        ]
+
+
+def _from_call_to_call(program: Program) -> tuple[list[casadi.SX], list[Called], list[casadi.SX]]:
+    """A program's inputs as symbols, its calls in order, and its outputs; the results of calls are symbols too."""
+    symbols, calls, values = _symbols(program), [], {}
+    outputs = [casadi.SX.zeros(port.size) for port in program.outputs]
+    for i in program.instructions:
+        if i.operation == "INPUT" and i.place is not None:
+            values[i.results[0]] = symbols[i.place[0]][i.place[1]]
+        elif i.operation == "OUTPUT" and i.place is not None:
+            outputs[i.place[0]][i.place[1]] = values[i.arguments[0]]
+        elif i.operation == "CONST" and i.constant is not None:
+            values[i.results[0]] = casadi.SX(i.constant)
+        elif i.callee is not None:
+            entries = iter(i.arguments)
+            columns = [casadi.vertcat(*(values[next(entries)] for _ in range(p.size))) for p in i.callee.inputs]
+            results = [casadi.SX.sym(port.name, port.size) for port in i.callee.outputs]  # type: ignore[arg-type]
+            values.update(zip(i.results, casadi.vertsplit(casadi.vertcat(*results)), strict=True))
+            calls.append((i.callee, columns, results))
         else:
-            if port.name in seeds and port.size:
-                carried.append((symbol, casadi.SX(casadi.DM(seeds[port.name]))))
-            inputs.append(symbol)
-            ports.append(port)
-    results = []
-    for y in outputs:
-        slopes = casadi.SX(y.shape[0], count)
-        for symbol, tangent in carried:
-            if symbol.shape[0] and y.shape[0]:
-                slopes += casadi.jtimes(y, symbol, tangent)
-        results.append(casadi.vertcat(y, casadi.reshape(casadi.densify(slopes).T, -1, 1)))
-    enlarged = tuple(Port(port.name, (port.size * (1 + count),)) for port in program.outputs)
-    return _program(f"{program.name}_tangents", tuple(ports), enlarged, inputs, results, noinline)
+            operands, code = [values[a] for a in i.arguments], getattr(casadi, f"OP_{i.operation}")
+            values[i.results[0]] = (casadi.SX.unary if len(operands) == 1 else casadi.SX.binary)(code, *operands)
+    return symbols, calls, outputs
+
+
+def _with_slopes(calls: Sequence[Called], outputs: Sequence[casadi.SX]) -> list[bool]:
+    """True for calls whose results change the outputs smoothly, not only by the branch that is taken."""
+    every = casadi.vertcat(*(result for _, _, results in calls for result in results))
+    needed: list[bool] = []
+    used: set[int] = set()  # places in `every`
+    following, end = casadi.vertcat(*outputs), every.shape[0]
+    for _, arguments, results in reversed(calls):
+        if following.shape[0]:
+            weights = casadi.SX.sym("w", following.shape[0])  # type: ignore[arg-type]
+            used.update(casadi.sparsify(casadi.jtimes(following, every, weights, True)).sparsity().row())
+        begin = end - sum(result.shape[0] for result in results)
+        needed.append(not used.isdisjoint(range(begin, end)))
+        following, end = casadi.vertcat(*arguments) if needed[-1] else casadi.SX(0, 1), begin
+    return needed[::-1]
+
+
+def _with_rows(value: casadi.SX, tangent: casadi.SX) -> casadi.SX:
+    """Values with their tangents (n, count) behind them in row-major order."""
+    return casadi.vertcat(value, casadi.reshape(casadi.densify(tangent).T, -1, 1))
 
 
 @alone
@@ -89,5 +203,9 @@ def _program(
 ) -> Program:  # fmt: skip
     """A program from columns; names of ports may be alike on both sides, as those of blocks are."""
     dense = [casadi.densify(column) for column in results]
-    graph = casadi.Function(name, columns, casadi.cse(dense), {"never_inline": noinline})
+    names = (
+        [port.name for port in inputs],
+        [f"{port.name}_out" for port in outputs],
+    )  # a caller knows a condition by its name
+    graph = casadi.Function(name, columns, casadi.cse(dense), *names, {"never_inline": noinline})
     return Program(name, inputs, outputs, graph)

@@ -51,14 +51,6 @@ class DriveInputs:
     command: np.ndarray
 
 
-class _InlinePlant(Plant):
-    """A plant whose rules copy its derivative instead of calling it: tangents then fold with what is constant in them."""
-
-    def program(self, inputs: Any) -> Any:
-        """The plant itself, which `split`s as its program does."""
-        return self
-
-
 def _substep(plant: Plant, rule: Integrator, x: Any, command: Any, h: Any) -> Any:
     """The state a substep of h later, in two steps: halves, or parted where the first of the joints that stick comes to rest.
 
@@ -71,12 +63,13 @@ def _substep(plant: Plant, rule: Integrator, x: Any, command: Any, h: Any) -> An
     n, one = plant.model.n, 0.0 * h + 1.0
     ways = scalar.array([scalar.sign(speed) for speed in plant.sticking.speeds(x)])
     inputs = replace(PlantInputs(command), directions=ways)
-    now = plant.derivative(x, inputs)
+    derivative = plant.program(inputs).split  # one program, as the rule calls it
+    now, _ = derivative(x, inputs)
     parts = []
     for k in range(n, 2 * n):
         stops = scalar.less(x[k] * (x[k] + h * now[k]), 0.0)
         part = scalar.where(stops, -x[k] / scalar.where(stops, h * now[k], 1.0), one)
-        then = plant.derivative(x + (h * part) * now, inputs)
+        then, _ = derivative(x + (h * part) * now, inputs)
         mean = 0.5 * (now[k] + then[k])
         stops = stops * scalar.less(x[k] * mean, 0.0)
         part = scalar.where(stops, -x[k] / scalar.where(stops, h * mean, 1.0), one)
@@ -118,7 +111,7 @@ class Response:
         def substep(x, command, p, part):
             """`part` holds the substep's length without and with the delay's fraction [s]."""
             h = part[0] + part[1] * p[own]
-            plant, u = _InlinePlant.of(varied.model(p[:own])), command + p[own + 1 :]
+            plant, u = Plant.of(varied.model(p[:own])), command + p[own + 1 :]
             return _substep(plant, rule, x, u, h)
 
         x_p = {"x": (self.size,), "command": (n,), "p": (self.columns,)}
@@ -192,7 +185,7 @@ class Response:
         own, size = len(self.varied.parameters), self.size + 1
 
         def known(x, command, p, part):
-            plant, u = _InlinePlant.of(self.varied.model(p[:own])), command + p[own + 1 :]
+            plant, u = Plant.of(self.varied.model(p[:own])), command + p[own + 1 :]
             return *equations(plant, u), part[0] + part[1] * p[own] - x[-1]
 
         def event_of(x, command, p, part, way):

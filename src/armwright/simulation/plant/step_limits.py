@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import scipy.linalg
 
 from armwright.actuators.gear import loses_power
 from armwright.errors import ScenarioError
@@ -261,6 +260,8 @@ def _largest_part(slope: np.ndarray, parts: np.ndarray, size: float) -> int:
 
     To first order  δλ = wᴴ δA v / wᴴ v  with the left and right eigenvectors w and v of λ.
     """
+    import scipy.linalg  # slow to import, and needed only for what is said of a step that is too long
+
     rates, left, right = scipy.linalg.eig(slope, left=True, right=True)  # type: ignore[misc]
     mode = int(np.argmin(np.abs(np.abs(rates) - size)))
     return int(np.argmax(np.abs(left[:, mode].conj() @ parts @ right[:, mode])))
