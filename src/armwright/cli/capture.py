@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 HEADS = ("joint", "id", "range [rad]", "range [counts]", "speed [rad/s]", "goal speed [rad/s]")
 STORED = ("joint", "id", "model", "firmware", "drive mode", "offset", "lowest", "highest")
-SAID = ("servo", "ids", "baud", "rate", "step", "torque", "approach", "serial", "calibration")
+SAID = ("servo", "ids", "baud", "rate", "step", "torque", "approach", "patience", "serial", "calibration")
 WARNING = (
     "the arm will move. Ctrl-C stops it where it is, with torque on. If this computer dies, a servo without a watchdog of the "
     "bus (STS) holds its last goal: keep a hand at the switch of the supply"
@@ -53,6 +53,7 @@ def capture(
         "RAD/S", "Largest speed of a joint on the way to where the motion begins; default 0.2.", 0.2
     ),
     torque: float = option("F", "Largest duty, in parts of the whole; default 0.5.", 0.5),
+    patience: float = option("S", "For the answers to an instruction; default 0.05.", 0.05),
     release: bool = flag("--release", "Switch torque off at the end; the arm then falls."),
 ) -> None:
     """Play a motion on an arm of bus servos, and log goals, positions, speeds, loads and voltages with their times.
@@ -89,7 +90,7 @@ def capture(
         if go and output is None:
             raise BusError("missing", place="--output", expected="-o LOG.csv beside --go")
         check_file(output, (".csv",))
-        settings = ServoSettings(rate, step, torque, release, approach)
+        settings = ServoSettings(rate, step, torque, release, approach, patience)
         plan = plan_capture(arm, motion, line, settings, _calibration(calibration, needed=go))
         title = f"{arm.name}: {plan.times[-1]:.4g} s in {len(plan.times)} cycles"
         console_for_tables().print(table(title, HEADS, plan.rows(), HEADS))
@@ -102,11 +103,11 @@ def capture(
             try:
                 found = play(plan, port, stopped, say)
             except RunStopped as error:
-                error.run.write(output)
-                say(f"wrote {output}, until the run ended")
+                log = error.run.write(output, arm)
+                say(f"wrote {output} and {log}, until the run ended")
                 raise
-    found.write(output)
-    say(f"wrote {output}: {len(found.rows)} rows until {found.reason}, {found.missed} answers missed")
+    log = found.write(output, arm)
+    say(f"wrote {output} and {log}: {len(found.rows)} rows until {found.reason}, {found.missed} answers missed")
 
 
 def _calibration(path: Path | None, *, needed: bool) -> Calibration | None:
@@ -153,7 +154,7 @@ def _look(plan: CapturePlan, serial: str, baud: int) -> None:
         say(f"approach: at most {plan.longest_approach}")
     else:
         with port:
-            servos = ArmServos(port, plan.fit)
+            servos = ArmServos(port, plan.fit, plan.settings.patience)
             servos.identify()
             say(f"approach of {approach(plan.fit, servos.positions(), plan.goals[0], plan.settings)}")
     if plan.fit.calibration is None:

@@ -110,13 +110,13 @@ def client_of(served, line):
 @pytest.mark.parametrize("model", LINES)
 def test_it_plays_a_motion_and_logs_what_was_measured(arm, motion, served, tmp_path, model, monkeypatch):
     monkeypatch.setattr(
-        "armwright.twin.serial.arm_servos.ServoClient", lambda port, model: ServoClient(port, model, LONG)
+        "armwright.twin.serial.arm_servos.ServoClient", lambda port, model, patience: ServoClient(port, model, LONG)
     )
     monkeypatch.setattr("armwright.twin.serial.arm_servos.WATCHDOG", 2.5)
     line, one = LINES[model], served(arm, LINES[model])
     plan = planned(arm, motion, line, one, step=1.0, torque=0.9)
     found = capture(plan, Descriptor(one.terminal.device))
-    found.write(tmp_path / "log.csv")
+    found.write(tmp_path / "log.csv", arm)
     table = np.genfromtxt(tmp_path / "log.csv", delimiter=",", names=True)
     assert (len(table), found.reason, found.missed) == (26, "the motion's end", 0)
     began, ended = table["t_s"], table["t_end_s"]
@@ -137,7 +137,7 @@ def test_it_plays_a_motion_and_logs_what_was_measured(arm, motion, served, tmp_p
 @pytest.mark.parametrize("asked", [1, 15, None])  # at the first cycle of the approach, of the motion, and never
 def test_release_switches_torque_off_after_a_complete_run(arm, motion, served, monkeypatch, asked):
     monkeypatch.setattr(
-        "armwright.twin.serial.arm_servos.ServoClient", lambda port, model: ServoClient(port, model, LONG)
+        "armwright.twin.serial.arm_servos.ServoClient", lambda port, model, patience: ServoClient(port, model, LONG)
     )
     line, one, cycles = LINES["sts3215"], served(arm, LINES["sts3215"]), []
     plan = planned(arm, motion, line, one, step=1.0, release=True)
@@ -159,7 +159,7 @@ def test_release_switches_torque_off_after_a_complete_run(arm, motion, served, m
 
 def test_a_joint_that_is_too_far_from_its_goal_ends_it_with_torque_on(arm, motion, served, monkeypatch):
     monkeypatch.setattr(
-        "armwright.twin.serial.arm_servos.ServoClient", lambda port, model: ServoClient(port, model, LONG)
+        "armwright.twin.serial.arm_servos.ServoClient", lambda port, model, patience: ServoClient(port, model, LONG)
     )
     line, one = LINES["sts3215"], served(arm, LINES["sts3215"])
     plan = planned(arm, motion, line, one, step=0.05, torque=1e-3)
@@ -175,7 +175,7 @@ def test_a_joint_that_is_too_far_from_its_goal_ends_it_with_torque_on(arm, motio
 
 def test_nothing_moves_before_all_is_checked(arm, motion, served, monkeypatch):
     monkeypatch.setattr(
-        "armwright.twin.serial.arm_servos.ServoClient", lambda port, model: ServoClient(port, model, 2.0)
+        "armwright.twin.serial.arm_servos.ServoClient", lambda port, model, patience: ServoClient(port, model, 2.0)
     )
     line, one = LINES["sts3215"], served(arm, LINES["sts3215"])
     port = Descriptor(one.terminal.device)
@@ -202,7 +202,7 @@ def test_nothing_moves_before_all_is_checked(arm, motion, served, monkeypatch):
 
 def test_the_approach_is_slow_and_within_limits(arm, motion, served, monkeypatch):
     monkeypatch.setattr(
-        "armwright.twin.serial.arm_servos.ServoClient", lambda port, model: ServoClient(port, model, LONG)
+        "armwright.twin.serial.arm_servos.ServoClient", lambda port, model, patience: ServoClient(port, model, LONG)
     )
     line, one = LINES["sts3215"], served(arm, LINES["sts3215"])
     moved = aw.trajectories.Waypoints([[0.8, -0.2], [0.7, 0.0]], times=[0.0, 0.5])
@@ -232,7 +232,7 @@ def test_an_approach_begins_at_a_limit_that_is_near():
 
 def test_a_servo_that_falls_silent_ends_it(arm, motion, served, monkeypatch):
     monkeypatch.setattr(
-        "armwright.twin.serial.arm_servos.ServoClient", lambda port, model: ServoClient(port, model, 0.3)
+        "armwright.twin.serial.arm_servos.ServoClient", lambda port, model, patience: ServoClient(port, model, 0.3)
     )
     line, one = LINES["sts3215"], served(arm, LINES["sts3215"])
     asked = []

@@ -25,7 +25,7 @@ from armwright.model import Model
 from armwright.trajectory.limits import MotionLimits
 from armwright.twin.serial.arm_plant import Mounting
 from armwright.twin.serial.calibration import Calibration, registers_of, stored_servo
-from armwright.twin.serial.client import Port, ServoClient
+from armwright.twin.serial.client import PATIENCE, Port, ServoClient
 from armwright.twin.serial.dynamixel import TIMED_PROFILE
 from armwright.twin.serial.frames import FEETECH
 from armwright.twin.serial.registers import ServoModel, servo_model
@@ -50,6 +50,7 @@ class ServoSettings:
         rate: cycles a second [1/s].   step: [rad] that a goal may be away from the measured position.
         torque: largest duty, 0 to 1.   release: True: torque is switched off at the end of a complete run; the arm then falls.
         approach: [rad/s] largest speed of a joint on the way from where the arm stands to where a motion begins.
+        patience: [s] for the answers to an instruction.
     """
 
     rate: float = 50.0
@@ -57,9 +58,10 @@ class ServoSettings:
     torque: float = 0.5
     release: bool = False
     approach: float = 0.2
+    patience: float = PATIENCE
 
     def __post_init__(self) -> None:
-        for name, most in (("rate", 1000.0), ("step", tau), ("torque", 1.0), ("approach", tau)):
+        for name, most in (("rate", 1000.0), ("step", tau), ("torque", 1.0), ("approach", tau), ("patience", 60.0)):
             value = getattr(self, name)
             if not 0.0 < value <= most:
                 raise BusError(place=name, value=value, expected=f"a number above 0, at most {most:g}")
@@ -167,14 +169,14 @@ class ArmServos:
     """An arm's servos on an open port.
 
     Args:
-        port: open.   fit: of the servos.
+        port: open.   fit: of the servos.   patience: [s] for the answers to an instruction.
 
     Attributes:
         client: of the port.   written: (n,) [rad] goals in force; NaN before the first.   silent: (n,) cycles without an answer.
     """
 
-    def __init__(self, port: Port, fit: ServoFit):
-        self.fit, self.client = fit, ServoClient(port, fit.model)
+    def __init__(self, port: Port, fit: ServoFit, patience: float = PATIENCE):
+        self.fit, self.client = fit, ServoClient(port, fit.model, patience)
         self.written, self.silent = np.full(fit.arm.n, np.nan), np.zeros(fit.arm.n, dtype=int)
         self._load = "present_load" if "present_load" in fit.model.by_name else "present_pwm"
 

@@ -15,6 +15,8 @@ import numpy as np
 
 from armwright.entry import AnyArm, AnyMotion, as_arm, as_motion
 from armwright.errors import BusError, RunStopped
+from armwright.identification.logs.write import write_measured
+from armwright.model import Model
 from armwright.results.csv_tables import write_table
 from armwright.trajectory.limits import MotionLimits
 from armwright.trajectory.motion import Motion
@@ -135,9 +137,15 @@ class Captured:
         """True unless something ended it early."""
         return self.reason == COMPLETE
 
-    def write(self, path: Path) -> None:
-        """Writes a CSV file.
+    def write(self, path: Path, arm: Model) -> Path:
+        """Writes a CSV file, and beside it the log file NAME.log.toml, which `identify` and `validate` read.
 
+        Its measurements are positions and the motors' voltages, at the times when readings began.
+
+        Args:
+            path: of the CSV file.   arm: that moved.
+        Returns:
+            log: path of the log file.
         Raises:
             OutputError: it cannot be written.
         """
@@ -148,6 +156,7 @@ class Captured:
         motors = values[:, LOAD] * values[:, VOLTAGE]
         columns |= {f"{MOTOR}_{name} [V]": motors[:, i] for i, name in enumerate(self.names)}
         write_table(path, columns)
+        return write_measured(path, path.with_suffix(".log.toml"), arm, {"position": "q", "voltage": MOTOR})
 
 
 def plan_capture(
@@ -194,7 +203,7 @@ def capture(
             before torque.
         RunStopped: a servo that was silent, or too far from its goal; `run` is what was captured.
     """
-    servos = ArmServos(port, plan.fit)
+    servos = ArmServos(port, plan.fit, plan.settings.patience)
     servos.check_permitted()
     first = approach(plan.fit, servos.positions(), plan.goals[0], plan.settings)
     say(f"approach of {first}")
