@@ -8,24 +8,18 @@ from typing import TYPE_CHECKING
 import armwright as aw
 from armwright.cli.arguments import Robot, as_options, flag, option, output_option, refuse
 from armwright.cli.outcome import check_file
-from armwright.cli.servo_arm import line_of, stopping
+from armwright.cli.servo_arm import SAID, WARNING, calibration_of, line_of, stopping
 from armwright.cli.tables import console_for_tables, table
 from armwright.errors import BusError, RunStopped
 from armwright.terminal import say
 
 if TYPE_CHECKING:
     from armwright.model import Model
-    from armwright.twin.serial.calibration import Calibration
     from armwright.twin.serial.capture import CapturePlan
     from armwright.twin.serial.servo_arm import Line
 
 HEADS = ("joint", "id", "range [rad]", "range [counts]", "speed [rad/s]", "goal speed [rad/s]")
 STORED = ("joint", "id", "model", "firmware", "drive mode", "offset", "lowest", "highest")
-SAID = ("servo", "ids", "baud", "rate", "step", "torque", "approach", "patience", "serial", "calibration")
-WARNING = (
-    "the arm will move. Ctrl-C stops it where it is, with torque on. If this computer dies, a servo without a watchdog of the "
-    "bus (STS) holds its last goal: keep a hand at the switch of the supply"
-)
 
 
 def capture(
@@ -91,7 +85,7 @@ def capture(
             raise BusError("missing", place="--output", expected="-o LOG.csv beside --go")
         check_file(output, (".csv",))
         settings = ServoSettings(rate, step, torque, release, approach, patience)
-        plan = plan_capture(arm, motion, line, settings, _calibration(calibration, needed=go))
+        plan = plan_capture(arm, motion, line, settings, calibration_of(calibration, needed=go))
         title = f"{arm.name}: {plan.times[-1]:.4g} s in {len(plan.times)} cycles"
         console_for_tables().print(table(title, HEADS, plan.rows(), HEADS))
         if not go:
@@ -108,22 +102,6 @@ def capture(
                 raise
     log = found.write(output, arm)
     say(f"wrote {output} and {log}: {len(found.rows)} rows until {found.reason}, {found.missed} answers missed")
-
-
-def _calibration(path: Path | None, *, needed: bool) -> Calibration | None:
-    """The stored calibration.
-
-    Raises:
-        BusError: there is none, and the arm is to move.
-    """
-    from armwright.twin.serial.arm_servos import HOW
-    from armwright.twin.serial.calibration import read_calibration
-
-    if path is None:
-        if needed:
-            raise BusError("there is none to compare the servos with", place="calibration", expected=HOW)
-        return None
-    return read_calibration(path)
 
 
 def _store(arm: Model, line: Line, serial: str, path: Path) -> None:

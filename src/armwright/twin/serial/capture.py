@@ -10,6 +10,7 @@ import contextlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -216,18 +217,18 @@ def capture(
 
 
 @contextlib.contextmanager
-def ending(servos: ArmServos, found: Captured, settings: ServoSettings) -> Iterator[None]:
+def ending(servos: ArmServos, found: Captured, settings: ServoSettings, run: Any = None) -> Iterator[None]:
     """Stops the arm at the end of what stands inside, whatever ends it, and releases it after a complete run if that was said.
 
     Raises:
-        RunStopped: in place of a BusError; `run` is what was captured.
+        RunStopped: in place of a BusError; its `run` is that of the arguments, else what was captured.
     """
     try:
         yield
     except BusError as error:
         found.reason = str(error)
         stop = RunStopped.of(*error.problems)
-        stop.run = found
+        stop.run = run or found
         raise stop from None
     finally:
         found.missed = servos.client.missed
