@@ -18,6 +18,7 @@ from armwright.twin.serial.run import line_time, rehearse_servos, run_on_servos
 from armwright.twin.serial.servo_arm import Line, ServoArm
 from armwright.twin.serial.timing import CycleEnd, LockStep
 from simulation.test_servo import PLAIN, pendulum
+from twin.serial.locked_port import LockedPort
 
 JOINTS, PERIOD, COUNT = ("hip", "knee"), 0.02, 2.0 * np.pi / 4096.0
 LIMITS = {"voltage_v": 5.0, "position_rad": [-1.5, 1.5], "velocity_rad_per_s": 5.0}
@@ -25,7 +26,7 @@ STIFF = PLAIN | {"p": 200, "d": 20, "d_scale_s_per_rad": 0.01, "dead_band_counts
 LIMITED = {"output_limit": 0.2, "goal_speed_rad_per_s": 5.0}  # of the record 0.97 and 5.2
 LINES = {
     "sts3215": (Line(ids=[3, 1], reversed=["knee"]), "sync-write:42"),
-    "xl330-m288": (Line("xl330-m288", ids=[3, 1], zeros=[2048.0, 1500.5]), "sync-write:116"),
+    "xl330-m288": (Line("xl330-m288", ids=[3, 1], zeros=[2048.0, 1500.0]), "sync-write:116"),
 }
 
 
@@ -44,23 +45,6 @@ def scenario(arm=None, reference=swing, **changes):
     return replace(aw.Scenario(arm or weightless(), duration=1.0, loop=loop, start=[0.0, 0.0]), **changes)
 
 
-class LockedPort:
-    """A port at whose other end servos answer in lock-step, in this process."""
-
-    def __init__(self, made, tick):
-        self.made, self.timing = made, LockStep(made.bus, PERIOD, CycleEnd.parse(tick, made.bus.framing))
-        self.waiting, self.baud = b"", made.line.baud
-
-    def write(self, data):
-        for frame in self.made.bus.feed(data, self.baud):
-            self.waiting += self.timing.reply(frame, self.baud).data
-            self.timing.close(frame)
-
-    def read(self, seconds):
-        found, self.waiting = self.waiting, b""
-        return found
-
-
 @pytest.fixture(autouse=True)
 def at_once(monkeypatch):
     """Waits of the run take no time."""
@@ -73,7 +57,8 @@ def at_once(monkeypatch):
 
 def served(arm, model="sts3215", start=(0.0, 0.0)):
     line, tick = LINES[model]
-    return LockedPort(ServoArm(arm, line, start=start), tick)
+    made = ServoArm(arm, line, start=start)
+    return LockedPort(made, LockStep(made.bus, PERIOD, CycleEnd.parse(tick, made.bus.framing)))
 
 
 def rehearsed(port, given, **settings):
