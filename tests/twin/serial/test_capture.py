@@ -5,6 +5,7 @@ import os
 import select
 import sys
 import threading
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -309,3 +310,32 @@ def test_the_command_is_dry_by_default_and_plays_with_go(arm, motion, served, tm
     done = run("--serial", one.terminal.device, "--calibration", stored, "--go", "-o", log)
     assert done.exit_code in (0, 1), done.output  # 1 where the machine does too much other work
     assert log.exists() == (done.exit_code == 0 or "until the run ended" in done.output)
+
+
+class Slow:
+    """A port of one servo, at which this process finds an answer only when it may no longer wait, and loses some of them."""
+
+    def __init__(self, lost):
+        self.model, self.answers, self.lost, self.sent = servo_model("sts3215"), [], lost, 0
+
+    def write(self, data):
+        self.sent += 1
+        self.answers = [b"", b"", b"" if self.sent <= self.lost else self.model.framing.status(1, 0, b"\x09\x03")]
+
+    def read(self, seconds):
+        if len(self.answers) == 2 and self.sent:
+            time.sleep(0.02)
+        return self.answers.pop(0) if self.answers else b""
+
+
+def test_an_answer_counts_that_came_while_the_process_had_to_wait():
+    client = ServoClient(Slow(lost=0), servo_model("sts3215"), patience=0.01)
+    assert (client.read(1, "model_number"), client.missed) == (777, 0)
+
+
+def test_an_instruction_to_one_servo_is_sent_three_times():
+    port = Slow(lost=2)
+    client = ServoClient(port, port.model, patience=0.01)
+    assert (client.read(1, "model_number"), client.missed, port.sent) == (777, 2, 3)
+    with pytest.raises(BusError, match="model_number of servo 1: no answer to 3 tries; expected a servo with that id"):
+        ServoClient(Slow(lost=3), port.model, patience=0.01).read(1, "model_number")

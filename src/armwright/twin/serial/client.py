@@ -163,8 +163,12 @@ class ServoClient:
             pass
         self.port.write(self.model.framing.pack(number, self._codes[instruction], data))
         parser, frames, end = Parser(self.model.framing), list[Frame](), clock.now() + self.patience
-        while len(frames) < answers and (left := end - clock.now()) > 0.0:
-            frames += parser.feed(self.port.read(left))
+        while len(frames) < answers:
+            left = end - clock.now()
+            data = self.port.read(max(left, 0.0))
+            if not data and left <= 0.0:  # bytes that came while this process had to wait count
+                break
+            frames += parser.feed(data)
         return frames
 
 
