@@ -328,7 +328,8 @@ CONSUMERS = {  # where each declaration stands in this package, by what the cons
         *("identification.validation.validate.SUPPORT", "shadow.shadow.SUPPORT"),
     ),
     "Deployment and files": (
-        *("export.controller.write.SUPPORT", "export.fmu.write.SUPPORT", "twin.on_bus.SUPPORT", "export.ros2.SUPPORT"),
+        *("export.controller.write.SUPPORT", "export.fmu.write.SUPPORT", "twin.on_bus.SUPPORT"),
+        *("twin.serial.servo_arm.SUPPORT", "export.ros2.SUPPORT"),
         *("export.urdf.SUPPORT", "export.mjcf.SUPPORT", "robotfiles.difference.SUPPORT", "features.INFO"),
     ),
 }

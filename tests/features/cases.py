@@ -135,6 +135,9 @@ ARMS = {
 }
 
 
+UNSERVED = {"screw joints", "coupled motors"}  # for which a record takes no firmware of servos
+
+
 @cache
 def base(command: str = "voltage") -> aw.Model:
     """Two rods that turn about level axes, one across the other."""
@@ -150,6 +153,8 @@ def arms(feature: str, command: str = "voltage") -> tuple[aw.Model, aw.Model]:
         return third.with_locked({"joint2": 0.4}), third.with_locked({"joint2": 0.1})
     case = ARMS[feature]
     command = case.get("command", command)
+    if command == "position" and feature in UNSERVED:
+        command = "voltage"
     keys = {key: case[key] for key in ("motor", "joint", "robot", "third") if key in case}
     if feature == "mimic joints":
         without = _built(command, third={"limits": LIMITS})
@@ -190,6 +195,8 @@ def _built(command="voltage", motor=None, joint=None, robot=None, third=None) ->
             own["motor"] = {**own["motor"], **(motor or {})}
         if k == 2:
             own = {key: value for key, value in {**own, **(third or {})}.items() if value is not None}
+        if own.get("command") == "position":
+            own = {"firmware": {**FIRMWARE, "p": 16.0}, **own}
         joints.append(own)
         tensor = {"xx": 0.01, "xy": 0.0, "xz": 0.0, "yy": 0.1, "yz": 0.0, "zz": 0.1}
         mass = 0.4 if k == 2 else 2.0

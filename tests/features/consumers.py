@@ -599,6 +599,35 @@ def bus_equals_simulation(scenario, answer, folder):
     assert answer.found.equal, str(answer.found.first_difference)
 
 
+def served_on_line(arm, folder):
+    """The arm as servos in lock-step, whose goals follow a wave, with what they answer."""
+    from armwright.twin.serial.client import ServoClient
+    from armwright.twin.serial.servo_arm import ServoArm
+    from armwright.twin.serial.timing import CycleEnd, LockStep
+    from twin.serial.locked_port import LockedPort
+
+    made = ServoArm(arm, start=START[: arm.n])
+    made.plant.states = []
+    port = LockedPort(made, LockStep(made.bus, 0.02, CycleEnd("sync-write", 42)))
+    client, wave, seen = ServoClient(port, made.bus.servos[0].model), Wave(arm.n), []
+    client.sync_write("shutdown", dict.fromkeys(made.ids, 0))  # 48 V are too much for servos
+    client.sync_write("torque_enable", dict.fromkeys(made.ids, 1))
+    for k in range(16):
+        away = (-3.0 if k < 8 else 1.0) * (wave(0.02 * k) - wave(0.0))  # also beyond the stops, and back
+        goals = [round(at.counts(q)) for at, q in zip(made.plant.mountings, wave(0.0) + away, strict=True)]
+        seen += [str(made.plant.measure(joint)) for joint in range(arm.n)]
+        client.sync_write("goal_position", dict(zip(made.ids, goals, strict=True)))
+    return Answer([np.array(made.plant.states), *seen], "", made.plant)
+
+
+def has_the_bits_of_its_goals(arm, answer, folder):
+    """The simulation of the goals that came, with their times."""
+    plant, states = answer.found, answer.values[0]
+    run = aw.simulate(plant.scenario(plant.turn))
+    assert np.ptp(states[:, : arm.n], axis=0).min() > 1e-3
+    np.testing.assert_array_equal(run.q.values[:-1], states[:, : arm.n])
+
+
 def converted(ending):
     def to(arm, folder):
         aw.robotfiles.write_toml(arm.record, folder / "arm.toml")
@@ -713,6 +742,9 @@ CONSUMERS = {
     "export ros2": Consumer("export.ros2.SUPPORT", ros2, reads_back),
     "twin": Consumer(
         "twin.on_bus.SUPPORT", on_bus, bus_equals_simulation, looped, "current", each_pair=False, apart=False
+    ),
+    "twin --serial": Consumer(
+        "twin.serial.servo_arm.SUPPORT", served_on_line, has_the_bits_of_its_goals, command="position"
     ),
     "convert to URDF": Consumer("export.urdf.SUPPORT", converted("urdf"), reads_back),
     "convert to MJCF": Consumer("export.mjcf.SUPPORT", converted("xml"), torques_of_mujoco),

@@ -3,73 +3,138 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import armwright as aw
-from armwright.cli.arguments import Robot, as_options, flag, option, output_option
+from armwright.cli.arguments import Robot, as_options, flag, option, output_option, refuse
 from armwright.cli.outcome import check_file
-from armwright.cli.servo_arm import line_of, stopping
+from armwright.cli.servo_arm import SAID, WARNING, calibration_of, line_of, stopping
 from armwright.cli.tables import console_for_tables, table
 from armwright.errors import BusError, RunStopped
 from armwright.terminal import say
 
+if TYPE_CHECKING:
+    from armwright.model import Model
+    from armwright.twin.serial.capture import CapturePlan
+    from armwright.twin.serial.servo_arm import Line
+
 HEADS = ("joint", "id", "range [rad]", "range [counts]", "speed [rad/s]", "goal speed [rad/s]")
-WARNING = (
-    "the arm will move. Ctrl-C stops it where it is, with torque on. If this computer dies, a servo without a watchdog of the "
-    "bus (STS) holds its last goal: keep a hand at the switch of the supply"
-)
+STORED = ("joint", "id", "model", "firmware", "drive mode", "offset", "lowest", "highest")
 
 
 def capture(
     robot: Robot,
     serial: str = option("PORT", "Serial port of the arm, such as /dev/ttyUSB0 or COM3.", ...),
-    motion: Path = option("FILE", "Motion: .csv or .nc of `armwright plan` or `armwright excite`.", ...),
+    motion: Path | None = option("FILE", "Motion: .csv or .nc of `armwright plan` or `armwright excite`."),
+    calibration: Path | None = option(
+        "FILE", "Stored calibration, of --calibrate or LeRobot, that the servos must have; needed with --go."
+    ),
+    calibrate: Path | None = option(
+        "FILE.json", "Write the servos' ids, models, firmware, offsets and limits as a calibration, and do no more."
+    ),
     output: Path | None = output_option("LOG.csv", "Goals and measurements, a row a cycle; needed with --go."),
-    go: bool = flag("--go", "Move. Without it nothing is sent, and the motion is only checked."),
+    go: bool = flag("--go", "Move. Without it nothing is written to servos, and the motion is only checked."),
     servo: str | None = option("MODEL", "Of all servos: sts3215 (default), xl330-m288, xl430-w250."),
-    ids: str | None = option("1-6", "Ids of the servos, such as 1-6 or 1,2,5; default from 1."),
+    ids: str | None = option("1-6", "Ids of the servos, such as 1-6 or 1,2,5; default the calibration's, or from 1."),
     baud: int | None = option("BIT/S", "Of the serial line; default 1000000."),
-    zero: str | None = option("C1,C2,…", "Counts of the encoders where joints are at 0; default 2048."),
+    zero: str | None = option(
+        "C1,C2,…", "Counts that the servos show where joints are at 0; default the calibration's, or 2048."
+    ),
     reverse: str | None = option("J1,J2,…", "Joints that turn the other way than their encoders count."),
     rate: float = option("HZ", "Cycles a second; default 50.", 50.0),
     step: float = option("RAD", "That a goal may be away from the measured position; default 0.3.", 0.3),
+    approach: float = option(
+        "RAD/S", "Largest speed of a joint on the way to where the motion begins; default 0.2.", 0.2
+    ),
     torque: float = option("F", "Largest duty, in parts of the whole; default 0.5.", 0.5),
+    patience: float = option("S", "For the answers to an instruction; default 0.05.", 0.05),
     release: bool = flag("--release", "Switch torque off at the end; the arm then falls."),
 ) -> None:
     """Play a motion on an arm of bus servos, and log goals, positions, speeds, loads and voltages with their times.
 
-    By default this is a dry run: limits of the record and of the encoders are checked, and nothing is sent. With --go, ids
-    and models are checked, goal speed and torque limit are written, and the arm must stand where the motion begins before
-    torque is switched on. Whatever ends a run, the present position becomes the goal, with torque on.
+    With --calibrate, ids, models, firmware, offsets and limits are read from the servos and stored; nothing moves. By default
+    a motion gets a dry run: limits of the record, the encoders and the calibration are checked, and, if the port can be
+    opened, the servos are read and compared; nothing is written to them. With --go, servos that differ from the calibration
+    are refused, goal speed and torque limit are written, torque is switched on, and the arm goes slowly to where the motion
+    begins. Whatever ends a run, the present position becomes the goal, with torque on.
 
     Exit code: 0 complete or stopped by Ctrl-C; 1 ended early, since a servo was silent or too far from its goal; 2 refused.
 
     \b
     Examples:
-      armwright capture arm.toml --serial /dev/ttyUSB0 --motion swing.csv
-      armwright capture arm.toml --serial /dev/ttyUSB0 --motion swing.csv --go -o swing-log.csv
+      armwright capture arm.toml --serial /dev/ttyUSB0 --calibrate my.calibration.json
+      armwright capture arm.toml --serial /dev/ttyUSB0 --motion swing.csv --calibration my.calibration.json
+      armwright capture arm.toml --serial /dev/ttyUSB0 --motion swing.csv --calibration my.calibration.json --go -o swing-log.csv
     """
-    from armwright.twin.serial.capture import CaptureSettings, capture as play, plan_capture
+    from armwright.twin.serial.arm_servos import ServoSettings
+    from armwright.twin.serial.capture import capture as play, plan_capture
     from armwright.twin.serial.client import SerialPort
 
-    if go and output is None:
-        raise BusError("missing", place="--output", expected="-o LOG.csv beside --go")
-    check_file(output, (".csv",))
-    with as_options("servo", "ids", "baud", "rate", "step", "torque", "serial", zeros="--zero", reversed="--reverse"):
-        line = line_of({"servo": servo, "ids": ids, "baud": baud, "zero": zero, "reverse": reverse})
-        plan = plan_capture(aw.load(robot), motion, line, CaptureSettings(rate, step, torque, release))
-        title = f"{plan.arm.name}: {plan.times[-1]:.4g} s in {len(plan.times)} cycles"
+    with as_options(*SAID, zeros="--zero", reversed="--reverse"):
+        arm, line = (
+            aw.load(robot),
+            line_of({"servo": servo, "ids": ids, "baud": baud, "zero": zero, "reverse": reverse}),
+        )
+        if calibrate is not None:
+            refuse({"motion": motion, "calibration": calibration, "output": output}, "is of a motion", error=BusError)
+            _store(arm, line, serial, calibrate)
+            return
+        if motion is None:
+            raise BusError("missing", place="--motion", expected="--motion FILE or --calibrate FILE.json")
+        if go and output is None:
+            raise BusError("missing", place="--output", expected="-o LOG.csv beside --go")
+        check_file(output, (".csv",))
+        settings = ServoSettings(rate, step, torque, release, approach, patience)
+        plan = plan_capture(arm, motion, line, settings, calibration_of(calibration, needed=go))
+        title = f"{arm.name}: {plan.times[-1]:.4g} s in {len(plan.times)} cycles"
         console_for_tables().print(table(title, HEADS, plan.rows(), HEADS))
         if not go:
-            say("dry run: nothing was sent; --go moves the arm")
+            _look(plan, serial, line.baud)
             return
         assert output is not None
         say(f"armwright: note: {WARNING}", err=True)
         with SerialPort(serial, line.baud) as port, stopping(None) as stopped:
             try:
-                found = play(plan, port, stopped)
+                found = play(plan, port, stopped, say)
             except RunStopped as error:
-                error.run.write(output)
-                say(f"wrote {output}, until the run ended")
+                log = error.run.write(output, arm)
+                say(f"wrote {output} and {log}, until the run ended")
                 raise
-    found.write(output)
-    say(f"wrote {output}: {len(found.rows)} rows until {found.reason}, {found.missed} answers missed")
+    log = found.write(output, arm)
+    say(f"wrote {output} and {log}: {len(found.rows)} rows until {found.reason}, {found.missed} answers missed")
+
+
+def _store(arm: Model, line: Line, serial: str, path: Path) -> None:
+    """Reads a calibration from the servos and writes it."""
+    from armwright.twin.serial.arm_servos import ArmServos, ServoFit
+    from armwright.twin.serial.client import SerialPort
+
+    check_file(path, (".json",))
+    with SerialPort(serial, line.baud) as port:
+        found = ArmServos(port, ServoFit.of(arm, line)).read_calibration(line)
+    keys = ("id", "model_number", "firmware", "drive_mode", "homing_offset", "range_min", "range_max")
+    rows = [[name, *(str(getattr(servo, key)) for key in keys)] for name, servo in found.joints.items()]
+    console_for_tables().print(table(f"{arm.name}: servos", STORED, rows, STORED))
+    found.write(path)
+    say(f"wrote {path}")
+
+
+def _look(plan: CapturePlan, serial: str, baud: int) -> None:
+    """The end of a dry run: compares the servos if the port can be opened, and says how far the approach is."""
+    from armwright.twin.serial.arm_servos import ArmServos
+    from armwright.twin.serial.capture import approach
+    from armwright.twin.serial.client import SerialPort
+
+    try:
+        port = SerialPort(serial, baud)
+    except BusError as error:
+        say(f"armwright: note: {error}; the servos were not read", err=True)
+        say(f"approach: at most {plan.longest_approach}")
+    else:
+        with port:
+            servos = ArmServos(port, plan.fit, plan.settings.patience)
+            servos.identify()
+            say(f"approach of {approach(plan.fit, servos.positions(), plan.goals[0], plan.settings)}")
+    if plan.fit.calibration is None:
+        say("armwright: note: without --calibration, --go is refused", err=True)
+    say("dry run: nothing was written to servos; --go moves the arm")

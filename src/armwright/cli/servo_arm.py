@@ -1,4 +1,4 @@
-"""`armwright twin ARM --serial PATH`: a simulated arm as servos on a pseudo-terminal."""
+"""`armwright twin ARM --serial PATH`: a simulated arm as servos on a pseudo-terminal; `run-controller … --serial PORT`."""
 
 from __future__ import annotations
 
@@ -13,14 +13,23 @@ from typing import TYPE_CHECKING, Any
 
 import armwright as aw
 from armwright.cli.arguments import as_options, numbers, refuse, start_of, words
-from armwright.cli.tables import console_for_tables, table
-from armwright.errors import BusError
+from armwright.cli.dead_man import dead_man_key
+from armwright.cli.outcome import check_file, exit_unless
+from armwright.cli.tables import console_for_tables, show, table
+from armwright.errors import BusError, RunStopped
 from armwright.terminal import say
 
 if TYPE_CHECKING:
+    from armwright.simulation.scenario import Scenario
+    from armwright.twin.serial.calibration import Calibration
     from armwright.twin.serial.servo_arm import Line
 
 HEADS = ("what", "how much")
+SAID = ("servo", "ids", "baud", "rate", "step", "torque", "approach", "patience", "serial", "calibration")
+WARNING = (
+    "the arm will move. Ctrl-C stops it where it is, with torque on. If this computer dies, a servo without a watchdog of the "
+    "bus (STS) holds its last goal: keep a hand at the switch of the supply"
+)
 RANGES = "ids with commas or a dash between: 1-6 or 1,2,5"
 
 
@@ -56,6 +65,70 @@ def serve_servos(robot: str, path: Path, duration: float | None, options: Mappin
         ("baud rates of clients", ", ".join(map(str, sorted(counts.baud_rates))) or "none"),
     ]
     console_for_tables().print(table("servos at the end", HEADS, rows, HEADS))
+
+
+def run_servos(scenario: Scenario, serial: str, options: Mapping[str, Any], go: bool, release: bool) -> None:
+    """The controller of a scenario, run over a line of servos; without `go` it is only simulated.
+
+    Args:
+        scenario: with the controller.   serial: the port.   options: of the command that are of servos, by name.
+        go: True: the arm moves.   release: True: torque is switched off after a complete run.
+    """
+    from armwright.twin.serial.arm_servos import ServoSettings
+    from armwright.twin.serial.client import SerialPort
+    from armwright.twin.serial.run import rehearse_servos, run_on_servos
+
+    output = options["output"]
+    check_file(output, (".csv",))
+    given = {name: options[name] for name in ("step", "approach", "patience") if options[name] is not None}
+    with as_options(*SAID, "speed", "following_error", zeros="--zero", reversed="--reverse"):
+        line, stored = line_of(options), calibration_of(options["calibration"], needed=go)
+        settings = ServoSettings(torque=options["torque"], release=release, **given)
+        rehearsal = rehearse_servos(scenario, line, calibration=stored, settings=settings, speed=options["speed"])
+        show(rehearsal)
+        if not go:
+            say("dry run: nothing was sent; --go runs it")
+            return
+        say(f"armwright: note: {WARNING}", err=True)
+        with SerialPort(serial, line.baud) as port, stopping(None) as stopped, dead_man_key() as held:
+            try:
+                run = run_on_servos(
+                    rehearsal,
+                    port,
+                    stopped=lambda: stopped() or not (held is None or held()),
+                    following_error=options["following_error"],
+                    say=say,
+                )
+            except RunStopped as error:
+                _keep(output, error.run, ", until the run ended")
+                raise
+    console_for_tables().print(run.tables()[0])
+    _keep(output, run)
+    say(f"{run.sentences()[0]}")
+    exit_unless(run.complete)
+
+
+def _keep(output: Path | None, run: Any, how: str = "") -> None:
+    """Writes the readings of a run, if they are to be kept."""
+    if output is not None:
+        log = run.captured.write(output, run.rehearsal.scenario.arm)
+        say(f"wrote {output} and {log}{how}")
+
+
+def calibration_of(path: Path | None, *, needed: bool) -> Calibration | None:
+    """The stored calibration of a file; None without one.
+
+    Raises:
+        BusError: there is none, and the arm is to move.
+    """
+    from armwright.twin.serial.arm_servos import HOW
+    from armwright.twin.serial.calibration import read_calibration
+
+    if path is None:
+        if needed:
+            raise BusError("there is none to compare the servos with", place="calibration", expected=HOW)
+        return None
+    return read_calibration(path)
 
 
 def line_of(options: Mapping[str, Any]) -> Line:

@@ -20,10 +20,11 @@ from armwright.cli.arguments import (
     flag,
     node_numbers,
     option,
+    output_option,
     refuse,
 )
 from armwright.cli.outcome import exit_unless
-from armwright.cli.servo_arm import serve_servos
+from armwright.cli.servo_arm import run_servos, serve_servos
 from armwright.cli.tables import console_for_tables, show, table
 from armwright.errors import BusError
 from armwright.terminal import result, say
@@ -41,10 +42,6 @@ ALONE = (
     "other programs reach, and `armwright run-controller … --go` has a twin of its own on a virtual bus"
 )
 CAN_BUS = "virtual (default), socketcan:CHANNEL such as socketcan:can0, or udp_multicast:ADDRESS."
-Bus = Annotated[str, option("BUS", CAN_BUS, ..., names="--bus")]
-Bitrate = Annotated[
-    int, option("BIT/S", "Of the bus, for the time that frames take; default 500000.", ..., names="--bitrate")
-]
 Nodes = Annotated[str | None, option("N1,N2,…", "Node numbers of the joints; default from 3.", ..., names="--nodes")]
 Faults = Annotated[
     list[str] | None,
@@ -181,28 +178,41 @@ def _can_twin(scenario: Path, duration: float | None, options: Mapping[str, Any]
 
 def run_controller(
     scenario: File,
-    bus: Bus = "virtual",
+    bus: str | None = option("BUS", CAN_BUS),
     go: bool = flag("--go", "Run. Without it nothing is sent, and the run is only simulated."),
     nodes: Nodes = None,
     eds: list[Path] | None = option("FILE", "Data sheet of the nodes, or one for each; by default that of the twin."),
     real_time: bool = flag("--real-time", "A SYNC every period by the clock; on a virtual bus SYNC waits by default."),
     speed: float = option("V", "Speed of the reference, in parts of it; default 1.", 1.0),
-    torque: float = option("F", "Largest torque, in parts of the rated one; default 1.", 1.0),
+    torque: float = option("F", "Largest torque, in parts of the rated one; of servos largest duty; default 1.", 1.0),
     following_error: float | None = option(
         "E", "In rad or m, ends the run; by default twice that of the simulated run."
     ),
-    missing: int = option("N", "Answers that a node misses in a row before the run ends; default 2.", 2),
-    bitrate: Bitrate = 500_000,
+    missing: int | None = option("N", "Answers that a node misses in a row before the run ends; default 2."),
+    bitrate: int | None = option("BIT/S", "Of the CAN bus, for the time that frames take; default 500000."),
     release: bool = flag(
         "--release", "Disable drives that hold the arm after a run; where nothing else does, it falls."
     ),
-    arm: int | None = option("SERIAL", "Serial number of the arm, on a bus that is not virtual."),
+    arm: int | None = option("SERIAL", "Serial number of the arm, on a CAN bus that is not virtual."),
     fault: Faults = None,
     reference: Reference = None,
     duration: Seconds = None,
     allow: Allow = None,
+    serial: str | None = option("PORT", "Serial port of an arm of servos, in place of a CAN bus."),
+    calibration: Path | None = option("FILE", "Stored calibration of the servos; needed with --go."),
+    servo: str | None = option("MODEL", "Of all servos: sts3215 (default), xl330-m288, xl430-w250."),
+    ids: str | None = option("1-6", "Ids of the servos, such as 1-6 or 1,2,5; default the calibration's, or from 1."),
+    baud: int | None = option("BIT/S", "Of the serial line; default 1000000."),
+    zero: str | None = option(
+        "C1,C2,…", "Counts that the servos show where joints are at 0; default the calibration's, or 2048."
+    ),
+    reverse: str | None = option("J1,J2,…", "Joints that turn the other way than their encoders count."),
+    step: float | None = option("RAD", "That a servo's goal may be away from the measured position; default 0.3."),
+    approach: float | None = option("RAD/S", "Largest speed on the way to where the run begins; default 0.2."),
+    patience: float | None = option("S", "For the servos' answers to an instruction; default 0.05."),
+    output: Path | None = output_option("LOG.csv", "Goals and measurements of servos, a row a cycle."),
 ) -> None:
-    """Run the controller of a scenario over a CAN bus, against the twin or a real arm.
+    """Run the controller of a scenario over a CAN bus or a line of servos, against the twin or a real arm.
 
     By default this is a dry run: the run is simulated as the bus would carry it, limits are checked, and nothing is sent.
     With --go it happens: on a virtual bus against a twin in this process, in lock-step and so exactly as simulated;
@@ -210,6 +220,11 @@ def run_controller(
     `armwright validate` on the scenario, a first run with at most --speed 0.25 --torque 0.5, and the space bar held down
     while it moves. Whatever ends a run, all drives that answer get a quick stop; where the record has no brakes they hold
     the arm until --release.
+
+    With --serial the controller's commands are the goals of servos. --go needs their calibration, of `armwright capture
+    --calibrate` or of LeRobot, and goes slowly to where the scenario begins; in a terminal the space bar is held down.
+    Whatever ends a run, the present position becomes the goal, with torque on; --release switches it off after a
+    complete run.
 
     Exit code: 0 complete; 1 ended early (a node lost, a fault, a following error, the key released) or, in lock-step,
     different from the simulation; 2 refused before a drive was enabled.
@@ -219,7 +234,25 @@ def run_controller(
       armwright run-controller arm.scenario.toml
       armwright run-controller arm.scenario.toml --go
       armwright run-controller arm.scenario.toml --bus udp_multicast:239.74.163.2 --arm 1 --go
+      armwright run-controller arm.scenario.toml --serial /dev/ttyUSB0 --calibration my.calibration.json --go -o run.csv
     """
+    on_line = {"calibration": calibration, "servo": servo, "ids": ids, "baud": baud, "zero": zero, "reverse": reverse}
+    on_line |= {"step": step, "approach": approach, "patience": patience, "output": output}
+    if serial is not None:
+        on_can = {"bus": bus, "nodes": nodes, "eds": eds, "real-time": real_time or None, "missing": missing}
+        on_can |= {"bitrate": bitrate, "arm": arm, "fault": fault}
+        refuse(on_can, "is of a CAN bus, beside --serial", error=BusError, with_value=True)
+        _, found = _scenarios(scenario, allow, reference, duration)
+        run_servos(
+            found,
+            serial,
+            {**on_line, "speed": speed, "torque": torque, "following_error": following_error},
+            go,
+            release,
+        )
+        return
+    refuse(on_line, "is of servos", error=BusError, with_value=True, expected="--serial PORT beside it")
+    bus, bitrate, missing = bus or "virtual", 500_000 if bitrate is None else bitrate, 2 if missing is None else missing
     from armwright.twin.bus import check_bus, is_virtual
     from armwright.twin.rehearsal import rehearse
     from armwright.twin.run import check_arguments, release_drives, run_controller as run_over_bus

@@ -7,13 +7,13 @@ import numpy as np
 from armwright.kernels.batch import Kernel
 from armwright.kernels.stages import NEXT
 from armwright.kernels.target import select_target
-from armwright.twin.rehearsal import Rehearsal
+from armwright.twin.rehearsal import SimulatedRun
 
 
 class Law:
     """A controller's programs in native code, called once a tick: `command(tick, r, q, applied)`."""
 
-    def __init__(self, rehearsal: Rehearsal):
+    def __init__(self, rehearsal: SimulatedRun):
         stages = self._stages = rehearsal.stages
         target = select_target(rehearsal.scenario.solver.target)
         self._begin, self._law, self._shape = (

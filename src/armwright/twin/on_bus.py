@@ -117,8 +117,27 @@ def scenario_on_bus(scenario: AnyScenario, *, bitrate: int = BITRATE, nodes: Seq
             positions of the joints; a resolution of commands; a measurement that frames do not carry; an arm without limits,
             or with drives that take voltages; a period that the bus or object 60C2 does not hold; nodes that are none.
     """
+    scenario, problems = checked_run(scenario, "thousandths of the rated torque")
+    assert scenario.loop is not None
+    units, sensors, loop = _carried(scenario, bitrate, nodes, problems)
+    limit = units.limit if loop.command_filter.limit is None else loop.command_filter.limit
+    limit = np.minimum(np.broadcast_to(np.asarray(limit, dtype=float), scenario.arm.n), units.limit)
+    limit = np.floor(limit / units.thousandth + WHOLE) * units.thousandth
+    command_filter = replace(loop.command_filter, limit=limit, resolution=units.thousandth)
+    law = OnBus(loop.controller, units=units, sensors=sensors.exact())
+    return replaced(scenario, loop=replace(loop, controller=law, command_filter=command_filter))
+
+
+def checked_run(scenario: AnyScenario, commands: str) -> tuple[Scenario, list[Problem]]:
+    """A scenario that a controller may run over any bus, with what is wrong with it.
+
+    Args:
+        scenario: with a controller.   commands: over the bus, in words.
+    Raises:
+        BusError: several arms, or no controller.
+    """
     scenario = as_scenario(scenario)
-    with _as_bus_error():
+    with as_bus_error():
         check_one_arm(scenario)
     if scenario.loop is None or scenario.controller is None:
         raise BusError("no controller", place="loop.controller", expected="one that drives the arm over the bus")
@@ -128,19 +147,13 @@ def scenario_on_bus(scenario: AnyScenario, *, bitrate: int = BITRATE, nodes: Seq
         problems.append(Problem(place="duration", value=None, expected=expected))
     resolution = scenario.loop.command_filter.resolution
     if resolution is not None:
-        expected = "none: commands over the bus are thousandths of the rated torque"
+        expected = f"none: commands over the bus are {commands}"
         problems.append(Problem("", "loop.command_filter.resolution", resolution, expected))
     followed = reference_layout(scenario.arm, scenario.reference).signals
     if not followed or (followed[0].name, followed[0].size) != ("q", n):
         expected = "q as its first signal, by which the master watches the arm"
         problems.append(Problem("has no positions of the joints", "loop.reference", expected=expected))
-    units, sensors, loop = _carried(scenario, bitrate, nodes, problems)
-    limit = units.limit if loop.command_filter.limit is None else loop.command_filter.limit
-    limit = np.minimum(np.broadcast_to(np.asarray(limit, dtype=float), scenario.arm.n), units.limit)
-    limit = np.floor(limit / units.thousandth + WHOLE) * units.thousandth
-    command_filter = replace(loop.command_filter, limit=limit, resolution=units.thousandth)
-    law = OnBus(loop.controller, units=units, sensors=sensors.exact())
-    return _replaced(scenario, loop=replace(loop, controller=law, command_filter=command_filter))
+    return scenario, problems
 
 
 def plant_on_bus(scenario: Scenario, *, bitrate: int = BITRATE) -> Scenario:
@@ -152,12 +165,12 @@ def plant_on_bus(scenario: Scenario, *, bitrate: int = BITRATE) -> Scenario:
         BusError: as `scenario_on_bus`.
     """
     scenario = as_scenario(scenario)
-    with _as_bus_error():
+    with as_bus_error():
         check_one_arm(scenario)
     _, _, loop = _carried(scenario, bitrate)
     loop = replace(loop, controller=None, reference=None, command_filter=CommandFilter())
     inputs = replace(scenario.inputs, payload=scenario.carried)  # also what the reference takes up, which stays behind
-    return _replaced(scenario, loop=loop, inputs=inputs, duration=None, recording=Recording(what="state"))
+    return replaced(scenario, loop=loop, inputs=inputs, duration=None, recording=Recording(what="state"))
 
 
 def _carried(
@@ -178,7 +191,7 @@ def _carried(
     for check in (
         load.check,
         lambda: BusUnits.of(scenario),
-        lambda: _speeds(scenario),
+        lambda: speeds_on_bus(scenario),
         lambda: node_numbers(nodes, arm.n),
     ):
         try:
@@ -187,20 +200,25 @@ def _carried(
             found += error.problems
     if found:
         raise BusError.of(*found)
-    sensors = _speeds(scenario)
+    sensors = speeds_on_bus(scenario)
     delay = loop.timing.command_delay + load.cycle(stuffed=True)
     timing = replace(loop.timing, preset="sync", command_delay=delay)
     measured = replace(sensors, velocity="exact", cutoff_hz=None)  # speeds are made of positions at the other end
     return BusUnits.of(scenario), sensors, replace(loop, period=scenario.tick, sensors=measured, timing=timing)
 
 
-def _replaced(scenario: Scenario, **changes: Any) -> Scenario:
-    with _as_bus_error():
+def replaced(scenario: Scenario, **changes: Any) -> Scenario:
+    """The scenario with other fields.
+
+    Raises:
+        BusError: fields that contradict each other.
+    """
+    with as_bus_error():
         return replace(scenario, **changes)
 
 
 @contextlib.contextmanager
-def _as_bus_error() -> Iterator[None]:
+def as_bus_error() -> Iterator[None]:
     """Refuses a scenario as one that a bus cannot carry."""
     try:
         yield
@@ -208,8 +226,12 @@ def _as_bus_error() -> Iterator[None]:
         raise BusError.of(*error.problems) from None
 
 
-def _speeds(scenario: Scenario) -> Sensors:
-    """The sensors, as they measure what frames carry."""
+def speeds_on_bus(scenario: Scenario) -> Sensors:
+    """The sensors of a scenario with a loop, as they measure the positions that frames carry, and make speeds of them.
+
+    Raises:
+        BusError: further sensors, noise or a side that frames do not carry.
+    """
     loop, arm = scenario.loop, scenario.arm
     assert loop is not None
     sensors = loop.joint_sensors

@@ -31,24 +31,18 @@ ROUNDED = 0.05  # [s] of the rise of its acceleration, where the record states n
 
 
 @dataclass(frozen=True, eq=False)
-class Rehearsal(Result):
-    """A simulated run over a bus.
+class SimulatedRun(Result):
+    """A controller's run over any bus, simulated beforehand.
 
     Attributes:
         scenario: as it runs over the bus.   stages: the controller's programs.   recording: references, measurements, commands.
-        load: of the bus.   units: of the bus.   source: the scenario without the bus, at this speed and torque.
-        full: the run at full speed and torque, of a reduced one.   speed, torque: of the run, in parts of the scenario's.
+        source: the scenario without the bus, at this speed and torque.
     """
 
     scenario: Scenario
     stages: ControllerStages
     recording: ControllerRecording
-    load: BusLoad
-    units: BusUnits
     source: Scenario
-    full: Rehearsal | None = None
-    speed: float = 1.0
-    torque: float = 1.0
 
     @property
     def q(self) -> np.ndarray:
@@ -73,6 +67,52 @@ class Rehearsal(Result):
         return np.abs(steps).max(axis=0, initial=0.0) / self.stages.period
 
     @property
+    def heading(self) -> str:
+        """Name above its table and on its page."""
+        return f"{self.scenario.arm.name}: rehearsal of {self.recording.ticks * self.stages.period:.4g} s"
+
+    def check_limits(self, count: np.ndarray) -> None:
+        """Refuses motions beyond the limits of joints.
+
+        Args:
+            count: (n,) of positions [rad | m].
+        Raises:
+            BusError: names the joint, the value, its time and the limit.
+        """
+        period = self.stages.period
+        for i, body in enumerate(self.scenario.arm.coordinates):
+            low, high = body.limits.position
+            for name, path in (("reference", self.reference[:, i]), ("position", self.q[:, i])):
+                beyond = (path < low - count[i]) | (path > high + count[i])
+                if np.any(beyond):
+                    tick = int(np.argmax(beyond))
+                    what = f"the {name} is {path[tick]:.4g} at {tick * period:g} s"
+                    raise BusError(what, place=f"joint {body.joint!r}", expected=f"{low:.4g} to {high:.4g}, its limits")
+            fastest = self.largest_speed[i]
+            if fastest > SPEEDING * body.limits.velocity:
+                expected = (
+                    f"at most {body.limits.velocity:g}, its limit, and {SPEEDING - 1.0:.0%} of it more in passing"
+                )
+                raise BusError(f"its speed is {fastest:.4g}", place=f"joint {body.joint!r}", expected=expected)
+
+
+@dataclass(frozen=True, eq=False)
+class Rehearsal(SimulatedRun):
+    """A simulated run over a CAN bus.
+
+    Attributes:
+        scenario: as it runs over the bus.   stages: the controller's programs.   recording: references, measurements, commands.
+        source: the scenario without the bus, at this speed and torque.   load: of the bus.   units: of the bus.
+        full: the run at full speed and torque, of a reduced one.   speed, torque: of the run, in parts of the scenario's.
+    """
+
+    load: BusLoad
+    units: BusUnits
+    full: Rehearsal | None = None
+    speed: float = 1.0
+    torque: float = 1.0
+
+    @property
     def largest_command(self) -> np.ndarray:
         """(n,) the largest command, as a share of the rated one."""
         return np.abs(self.recording.u).max(axis=0) / self.units.limit
@@ -81,11 +121,6 @@ class Rehearsal(Result):
     def reference_sha256(self) -> str:
         """Checksum of the reference of the run at full speed, whatever it was read from or planned with."""
         return hashlib.sha256((self.full or self).recording.r.tobytes()).hexdigest()
-
-    @property
-    def heading(self) -> str:
-        """Name above its table and on its page."""
-        return f"{self.scenario.arm.name}: rehearsal of {self.recording.ticks * self.stages.period:.4g} s"
 
     def tables(self) -> list[Table]:
         """A row for each joint: its range, and the largest speed, command and error beside what the record allows."""
@@ -150,7 +185,7 @@ def rehearse(
             expected = f"about {speed * at[1]:.4g}: a start and a reference from which the arm moves slowly"
             raise BusError(what, place=f"joint {scenario.arm.names[i]!r}", expected=expected)
         found = replace(found, full=full, speed=float(speed), torque=float(torque))
-    _check_limits(found)
+    found.check_limits(found.units.count)
     return found
 
 
@@ -159,7 +194,7 @@ def _rehearsed(scenario: Scenario, bitrate: int, nodes: Sequence[int] | None) ->
     on_bus = scenario_on_bus(scenario, bitrate=bitrate, nodes=nodes)
     stages = ControllerStages.of(on_bus)
     load = BusLoad(scenario.arm.n, on_bus.tick, bitrate)
-    return Rehearsal(on_bus, stages, record(stages, on_bus.ticks), load, BusUnits.of(on_bus), scenario)
+    return Rehearsal(on_bus, stages, record(stages, on_bus.ticks), scenario, load, BusUnits.of(on_bus))
 
 
 def _speeds(rehearsal: Rehearsal) -> np.ndarray:
@@ -197,20 +232,3 @@ def _limited_move(scenario: Scenario, full: np.ndarray, speed: float) -> Scenari
         row[:] = state.ravel()
         state = filtered(state, asked[:n], asked[n : 2 * n], most, acceleration, jerk, scenario.tick)
     return replace(scenario, loop=replace(loop, reference=moved))
-
-
-def _check_limits(rehearsal: Rehearsal) -> None:
-    """Refuses motions beyond the limits of joints."""
-    period, units = rehearsal.stages.period, rehearsal.units
-    for i, body in enumerate(rehearsal.scenario.arm.coordinates):
-        low, high = body.limits.position
-        for name, path in (("reference", rehearsal.reference[:, i]), ("position", rehearsal.q[:, i])):
-            beyond = (path < low - units.count[i]) | (path > high + units.count[i])
-            if np.any(beyond):
-                tick = int(np.argmax(beyond))
-                what = f"the {name} is {path[tick]:.4g} at {tick * period:g} s"
-                raise BusError(what, place=f"joint {body.joint!r}", expected=f"{low:.4g} to {high:.4g}, its limits")
-        fastest = rehearsal.largest_speed[i]
-        if fastest > SPEEDING * body.limits.velocity:
-            expected = f"at most {body.limits.velocity:g}, its limit, and {SPEEDING - 1.0:.0%} of it more in passing"
-            raise BusError(f"its speed is {fastest:.4g}", place=f"joint {body.joint!r}", expected=expected)

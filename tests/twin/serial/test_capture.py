@@ -5,6 +5,8 @@ import os
 import select
 import sys
 import threading
+import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,7 +15,9 @@ from typer.testing import CliRunner
 import armwright as aw
 from armwright.cli.app import app
 from armwright.errors import BusError, RunStopped
-from armwright.twin.serial.capture import CaptureSettings, capture, plan_capture
+from armwright.twin.serial.arm_servos import ArmServos, ServoFit, ServoSettings
+from armwright.twin.serial.calibration import Calibration
+from armwright.twin.serial.capture import LEAST, approach, capture, plan_capture
 from armwright.twin.serial.client import ServoClient
 from armwright.twin.serial.registers import servo_model
 from armwright.twin.serial.servo_arm import Line, ServoArm
@@ -89,18 +93,31 @@ def served():
         each.end()
 
 
+def calibration_of(arm, line, port):
+    """What the servos hold, as if it had been stored."""
+    return replace(ArmServos(port, ServoFit.of(arm, line)).read_calibration(), file="stored")
+
+
+def planned(arm, moved, line, one, **settings):
+    """A plan with the calibration of an arm that is served."""
+    stored = calibration_of(arm, line, Descriptor(one.terminal.device))
+    return plan_capture(arm, moved, line, ServoSettings(rate=25.0, **settings), stored)
+
+
 def client_of(served, line):
     return ServoClient(Descriptor(served.terminal.device), servo_model(line.model), LONG)
 
 
 @pytest.mark.parametrize("model", LINES)
 def test_it_plays_a_motion_and_logs_what_was_measured(arm, motion, served, tmp_path, model, monkeypatch):
-    monkeypatch.setattr("armwright.twin.serial.capture.ServoClient", lambda port, model: ServoClient(port, model, LONG))
-    monkeypatch.setattr("armwright.twin.serial.capture.WATCHDOG", 2.5)
+    monkeypatch.setattr(
+        "armwright.twin.serial.arm_servos.ServoClient", lambda port, model, patience: ServoClient(port, model, LONG)
+    )
+    monkeypatch.setattr("armwright.twin.serial.arm_servos.WATCHDOG", 2.5)
     line, one = LINES[model], served(arm, LINES[model])
-    plan = plan_capture(arm, motion, line, CaptureSettings(rate=25.0, step=1.0, torque=0.9))
+    plan = planned(arm, motion, line, one, step=1.0, torque=0.9)
     found = capture(plan, Descriptor(one.terminal.device))
-    found.write(tmp_path / "log.csv")
+    found.write(tmp_path / "log.csv", arm)
     table = np.genfromtxt(tmp_path / "log.csv", delimiter=",", names=True)
     assert (len(table), found.reason, found.missed) == (26, "the motion's end", 0)
     began, ended = table["t_s"], table["t_end_s"]
@@ -118,19 +135,35 @@ def test_it_plays_a_motion_and_logs_what_was_measured(arm, motion, served, tmp_p
     assert abs(client.read(1, "goal_position") - client.read(1, "present_position")) < 60
 
 
-def test_release_switches_torque_off(arm, motion, served, monkeypatch):
-    monkeypatch.setattr("armwright.twin.serial.capture.ServoClient", lambda port, model: ServoClient(port, model, LONG))
-    line, one = LINES["sts3215"], served(arm, LINES["sts3215"])
-    plan = plan_capture(arm, motion, line, CaptureSettings(rate=25.0, step=1.0, release=True))
-    found = capture(plan, Descriptor(one.terminal.device), stopped=lambda: True)
-    assert (found.reason, len(found.rows)) == ("it was stopped", 1)
-    assert client_of(one, line).read(3, "torque_enable") == 0
+@pytest.mark.parametrize("asked", [1, 15, None])  # at the first cycle of the approach, of the motion, and never
+def test_release_switches_torque_off_after_a_complete_run(arm, motion, served, monkeypatch, asked):
+    monkeypatch.setattr(
+        "armwright.twin.serial.arm_servos.ServoClient", lambda port, model, patience: ServoClient(port, model, LONG)
+    )
+    line, one, cycles = LINES["sts3215"], served(arm, LINES["sts3215"]), []
+    plan = planned(arm, motion, line, one, step=1.0, release=True)
+
+    def stopped():
+        cycles.append(None)
+        return len(cycles) == asked
+
+    found = capture(plan, Descriptor(one.terminal.device), stopped=stopped)
+    expected = {
+        1: ("it was stopped on the way to its beginning", 0),
+        15: ("it was stopped", 1),
+        None: ("the motion's end", 26),
+    }
+    assert found.complete == (asked is None)
+    assert (found.reason, len(found.rows)) == expected[asked]
+    assert client_of(one, line).read(3, "torque_enable") == (asked is not None)
 
 
 def test_a_joint_that_is_too_far_from_its_goal_ends_it_with_torque_on(arm, motion, served, monkeypatch):
-    monkeypatch.setattr("armwright.twin.serial.capture.ServoClient", lambda port, model: ServoClient(port, model, LONG))
+    monkeypatch.setattr(
+        "armwright.twin.serial.arm_servos.ServoClient", lambda port, model, patience: ServoClient(port, model, LONG)
+    )
     line, one = LINES["sts3215"], served(arm, LINES["sts3215"])
-    plan = plan_capture(arm, motion, line, CaptureSettings(rate=25.0, step=0.05, torque=1e-3))
+    plan = planned(arm, motion, line, one, step=0.05, torque=1e-3)
     with pytest.raises(
         RunStopped, match=r"joint '\w+': is \S+ rad from its goal at \S+ s; expected at most 0\.05"
     ) as stop:
@@ -142,39 +175,76 @@ def test_a_joint_that_is_too_far_from_its_goal_ends_it_with_torque_on(arm, motio
 
 
 def test_nothing_moves_before_all_is_checked(arm, motion, served, monkeypatch):
-    monkeypatch.setattr("armwright.twin.serial.capture.ServoClient", lambda port, model: ServoClient(port, model, 2.0))
-    one = served(arm, LINES["sts3215"])
+    monkeypatch.setattr(
+        "armwright.twin.serial.arm_servos.ServoClient", lambda port, model, patience: ServoClient(port, model, 2.0)
+    )
+    line, one = LINES["sts3215"], served(arm, LINES["sts3215"])
     port = Descriptor(one.terminal.device)
-    wrong = {
-        r"model_number of servo 2: no answer": (Line(ids=[3, 2]), motion),
-        r"position of joint 'hip' \[rad\] = .*expected within 0\.3 of 1, where the motion begins": (
-            LINES["sts3215"],
-            aw.trajectories.Waypoints([[1.0, 0.0], [0.0, 0.0]], times=[0.0, 1.0]),
-        ),
-    }
-    for words, (line, moved) in wrong.items():
+    stored = calibration_of(arm, line, port)
+    with pytest.raises(BusError, match="there is none to compare the servos with; expected --calibration FILE"):
+        capture(plan_capture(arm, motion, line), port)
+    elsewhere = Calibration({**stored.joints, "knee": stored.joints["knee"].model_copy(update={"id": 2})}, "stored")
+    with pytest.raises(BusError, match=r"model_number of servo 2: no answer"):
+        capture(plan_capture(arm, motion, replace(line, ids=None), calibration=elsewhere), port)
+    client = client_of(one, line)
+    for register, value, words in (
+        ("homing_offset", 100, "homing_offset of joint 'knee', servo 1 = 100: .*expected 0, as stored in stored"),
+        ("max_position_limit", 3000, "range_max of joint 'knee', servo 1 = 3000: .*expected 4095, as stored in stored"),
+        ("operating_mode", 2, "operating mode of servo 1, joint 'knee' = 2: expected 0"),
+    ):
+        before = client.read(1, register)
+        client.write(1, register, value)
         with pytest.raises(BusError, match=words):
-            capture(plan_capture(arm, moved, line), port)
-    client = client_of(one, LINES["sts3215"])
-    client.write(1, "operating_mode", 2)
-    with pytest.raises(BusError, match=r"operating mode of servo 1, joint 'knee' = 2: expected 0"):
-        capture(plan_capture(arm, motion, LINES["sts3215"]), port)
+            capture(plan_capture(arm, motion, line, calibration=stored), port)
+        client.write(1, register, before)
     assert [client.read(number, "torque_enable") for number in (1, 3)] == [0, 0]
     assert [client.read(number, "torque_limit") for number in (1, 3)] == [1000, 1000]
 
 
+def test_the_approach_is_slow_and_within_limits(arm, motion, served, monkeypatch):
+    monkeypatch.setattr(
+        "armwright.twin.serial.arm_servos.ServoClient", lambda port, model, patience: ServoClient(port, model, LONG)
+    )
+    line, one = LINES["sts3215"], served(arm, LINES["sts3215"])
+    moved = aw.trajectories.Waypoints([[0.8, -0.2], [0.7, 0.0]], times=[0.0, 0.5])
+    plan = planned(arm, moved, line, one, step=0.3, torque=0.9, approach=0.5)
+    told = []
+    found = capture(plan, Descriptor(one.terminal.device), say=told.append)
+    assert told == ["approach of 3 s to where the motion begins, hip farthest: 0.8 rad"]  # 15/8 · 0.8 / 0.5
+    assert (found.reason, len(found.rows)) == ("the motion's end", 14)
+    assert found.rows[0][1] == pytest.approx([0.8, -0.2], abs=0.1)
+
+
+def test_an_approach_begins_at_a_limit_that_is_near():
+    arm = pendulum(PLAIN, JOINTS, limits={**LIMITS, "acceleration_rad_per_s2": 0.5})
+    fit = ServoFit.of(arm, LINES["sts3215"])
+    way = approach(fit, np.array([1.6, 0.0]), np.array([1.0, 0.0]), ServoSettings(step=0.2, approach=1.0))
+    t = np.linspace(0.0, way.motion.duration, 999)
+    q, qd, qdd = way.motion.at(t)
+    assert q[0] == pytest.approx([1.5, 0.0])
+    assert np.abs(qdd).max() == pytest.approx(0.5, rel=1e-3)
+    assert np.abs(qd).max() <= 1.0
+    with pytest.raises(
+        BusError, match=r"position of joint 'hip' \[rad\] = 1\.6: expected -1\.5 to 1\.5, its limits, or"
+    ):
+        approach(fit, np.array([1.6, 0.0]), np.zeros(2), ServoSettings(step=0.05))
+    assert approach(fit, np.zeros(2), np.zeros(2), ServoSettings()).motion.duration == LEAST
+
+
 def test_a_servo_that_falls_silent_ends_it(arm, motion, served, monkeypatch):
-    monkeypatch.setattr("armwright.twin.serial.capture.ServoClient", lambda port, model: ServoClient(port, model, 0.3))
+    monkeypatch.setattr(
+        "armwright.twin.serial.arm_servos.ServoClient", lambda port, model, patience: ServoClient(port, model, 0.3)
+    )
     line, one = LINES["sts3215"], served(arm, LINES["sts3215"])
     asked = []
 
     def stopped():
         asked.append(True)
-        if len(asked) == 3:
+        if len(asked) == 17:  # the third cycle of the motion, behind 14 of the approach
             one.made.bus.servos[1]["id"] = 77
         return False
 
-    plan = plan_capture(arm, motion, line, CaptureSettings(rate=25.0, step=1.0))
+    plan = planned(arm, motion, line, one, step=1.0)
     with pytest.raises(RunStopped, match="joint 'knee', servo 1: was silent for 3 cycles") as stop:
         capture(plan, Descriptor(one.terminal.device), stopped)
     assert np.isnan(stop.value.run.rows[-1][1, 1])
@@ -205,29 +275,67 @@ def test_an_encoder_has_ends(arm, motion):
 @pytest.mark.parametrize(("field", "value"), [("rate", 0.0), ("step", -1.0), ("torque", 1.5)])
 def test_settings_that_are_none_are_refused(field, value):
     with pytest.raises(BusError, match=rf"{field} = {value}"):
-        CaptureSettings(**{field: value})
+        ServoSettings(**{field: value})
 
 
 def test_the_command_is_dry_by_default_and_plays_with_go(arm, motion, served, tmp_path):
     robot, file, log = (tmp_path / name for name in ("arm.toml", "motion.csv", "log.csv"))
     aw.robotfiles.write_toml(arm, robot)
     motion.save(arm, file)
-    words = ["capture", robot, "--motion", file, "--ids", "3,1", "--reverse", "knee", "--step", "1", "--rate", "25"]
+    servos = ["capture", robot, "--ids", "3,1", "--reverse", "knee"]
+    words = [*servos, "--motion", file, "--step", "1", "--rate", "25"]
 
-    def run(*more):
+    def run(*more, words=words):
         return CliRunner().invoke(app, [str(word) for word in (*words, *more)])
 
     dry = run("--serial", tmp_path / "nowhere")
     assert dry.exit_code == 0
-    assert "dry run: nothing was sent" in dry.output
+    assert "dry run: nothing was written" in dry.output
+    assert "approach: at most 14.1 s to where the motion begins" in dry.output
     assert "hip" in dry.output
     wrong = run("--serial", tmp_path / "nowhere", "--go")
     assert (wrong.exit_code, "expected -o LOG.csv beside --go" in wrong.output) == (2, True)
+    wrong = run("--serial", tmp_path / "nowhere", "--go", "-o", log)
+    assert (wrong.exit_code, "--calibrate FILE` writes one" in " ".join(wrong.output.split())) == (2, True)
     if importlib.util.find_spec("serial") is None:
         pytest.skip("needs pyserial")
-    wrong = run("--serial", tmp_path / "nowhere", "--go", "-o", log)
+    one, stored = served(arm, LINES["sts3215"]), tmp_path / "arm.calibration.json"
+    made = run("--serial", one.terminal.device, "--calibrate", stored, words=servos)
+    assert made.exit_code == 0, made.output
+    words[2:6] = []  # ids and directions are those of the calibration
+    wrong = run("--serial", tmp_path / "nowhere", "--calibration", stored, "--go", "-o", log)
     assert (wrong.exit_code, "cannot be opened" in wrong.output) == (2, True)
-    one = served(arm, LINES["sts3215"])
-    done = run("--serial", one.terminal.device, "--go", "-o", log)
+    dry = run("--serial", one.terminal.device, "--calibration", stored)
+    assert "approach of 0.5 s to where the motion begins" in dry.output
+    done = run("--serial", one.terminal.device, "--calibration", stored, "--go", "-o", log)
     assert done.exit_code in (0, 1), done.output  # 1 where the machine does too much other work
     assert log.exists() == (done.exit_code == 0 or "until the run ended" in done.output)
+
+
+class Slow:
+    """A port of one servo, at which this process finds an answer only when it may no longer wait, and loses some of them."""
+
+    def __init__(self, lost):
+        self.model, self.answers, self.lost, self.sent = servo_model("sts3215"), [], lost, 0
+
+    def write(self, data):
+        self.sent += 1
+        self.answers = [b"", b"", b"" if self.sent <= self.lost else self.model.framing.status(1, 0, b"\x09\x03")]
+
+    def read(self, seconds):
+        if len(self.answers) == 2 and self.sent:
+            time.sleep(0.02)
+        return self.answers.pop(0) if self.answers else b""
+
+
+def test_an_answer_counts_that_came_while_the_process_had_to_wait():
+    client = ServoClient(Slow(lost=0), servo_model("sts3215"), patience=0.01)
+    assert (client.read(1, "model_number"), client.missed) == (777, 0)
+
+
+def test_an_instruction_to_one_servo_is_sent_three_times():
+    port = Slow(lost=2)
+    client = ServoClient(port, port.model, patience=0.01)
+    assert (client.read(1, "model_number"), client.missed, port.sent) == (777, 2, 3)
+    with pytest.raises(BusError, match="model_number of servo 1: no answer to 3 tries; expected a servo with that id"):
+        ServoClient(Slow(lost=3), port.model, patience=0.01).read(1, "model_number")

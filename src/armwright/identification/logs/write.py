@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -51,11 +53,54 @@ def write_log(
     if "lane" in run.dims:
         raise LogError(f"a run of {run.sizes['lane']} lanes", place="run", expected="one lane: a log is of one arm")
     table = {"robot": _robot(path, arm), **_tables(run, arm)}
+    return _with_run(path, table, rows, hold_out=hold_out)
+
+
+def write_measured(
+    rows: str | os.PathLike[str], path: str | os.PathLike[str], arm: AnyArm, quantities: Mapping[str, str]
+) -> Path:
+    """Writes the log file of measured rows, in place of one that is there; the log names the arm where it can.
+
+    Args:
+        rows: CSV with columns "t [s]" and, for each quantity, NAME_JOINT with its unit, below the log's folder.
+        path: of the `*.log.toml`.   arm: built in or from a file below that folder, or another one, which the log does not name.
+        quantities: NAME of the columns by quantity: {"position": "q"}, on the joints' side.
+    Returns:
+        path: where it is.
+    Raises:
+        LogError: rows that the log cannot name.   OutputError: it cannot be written.
+    """
+    arm = as_arm(arm)
+    path = check_destination(path, (".toml",), read=(rows,))
+    signals = [
+        {
+            "quantity": quantity,
+            "columns": [f"{column}_{name}" for name in arm.names],
+            **({"side": "joint"} if quantity == "position" else {}),
+        }
+        for quantity, column in quantities.items()
+    ]
+    table = {"files": {FILE: {}}, "time": {"column": "t"}, "signals": signals}
+    with contextlib.suppress(LogError):  # `--robot` names it then
+        table = {"robot": _robot(path, arm), **table}
+    return _with_run(path, table, rows, anew=True)
+
+
+def _with_run(
+    path: Path, table: dict[str, Any], rows: str | os.PathLike[str], *, hold_out: bool = False, anew: bool = False
+) -> Path:
+    """Writes a log's tables and a run of it, beside those that are there, or `anew` in their place.
+
+    Raises:
+        LogError: a log of other signals, or rows that it cannot name.   OutputError: it cannot be written.
+    """
+    name = Path(rows)
     entry: dict[str, Any] = {"name": name.stem, "files": {FILE: _below(path, rows, "rows")}}
     if hold_out:
         entry["use"] = "hold-out"
-    document = tomlkit.parse(read_text(path, LogError)) if path.exists() else tomlkit.document()
-    if path.exists():
+    added = path.exists() and not anew
+    document = tomlkit.parse(read_text(path, LogError)) if added else tomlkit.document()
+    if added:
         _check_same(path, document, table)
         others = [each for each in document.get("runs", []) if each.get("name") != name.stem]
         del document["runs"]

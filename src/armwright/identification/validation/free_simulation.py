@@ -59,10 +59,13 @@ class _Driven:
 
 
 def driving_signal(arm: Model, matched: Match) -> str | None:
-    """The input signal of a simulation: the record's command, else voltage, current or torque; None if none is logged."""
+    """The input signal of a simulation: the record's command, else voltage, current or torque; None if none is logged.
+
+    Behind the loops of servos, whose commands are positions, it is a voltage, current or torque.
+    """
     own = {command: signal for signal, command in INPUTS.items()}
     kinds = {body.drive.command for body in arm.coordinates}
-    first = [own[kind] for kind in kinds] if len(kinds) == 1 else []
+    first = [own[kind] for kind in kinds if kind in own] if len(kinds) == 1 else []
     return next((signal for signal in (*first, *INPUTS) if signal in matched.logged), None)
 
 

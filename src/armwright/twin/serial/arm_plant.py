@@ -30,6 +30,7 @@ from armwright.twin.serial.plant import Goal, Measurement
 ROUNDING = 1e-6  # of a turn: a time that near to one is the turn's
 AMBIENT = 30.0  # [°C] of a servo whose record has no heat
 LEAST, MOST = 1e-9, {"goal_speed_rad_per_s": 1e3, "goal_acceleration_rad_per_s2": 1e6}  # numbers that no servo notices
+WITHOUT_INDUCTANCE = "a motor without inductance_h, whose current is 0 as soon as a servo is off"
 CHUNK = 1000  # turns at once
 
 
@@ -106,7 +107,7 @@ class ArmPlant:
         values: of the parameters by `names` (k,), each from its turn until the next.
         states: x just before every turn, where it is a list; None by default: they are not kept.
     Raises:
-        BusError: an arm without servos.   ScenarioError: a start that does not fit.
+        BusError: an arm without servos, or with an inductance.   ScenarioError: a start that does not fit.
     """
 
     def __init__(
@@ -117,6 +118,9 @@ class ArmPlant:
         note: Callable[[str], None] = lambda text: None,
     ):
         require_servos(arm)
+        for body in arm.coordinates:
+            if body.drive.inductance is not None:
+                raise BusError(f"joint {body.joint!r} has an inductance", place="arm", expected=WITHOUT_INDUCTANCE)
         self.arm, self.mountings, self._note = arm, list(mountings), note
         period = Plant.of(arm).turn
         assert period is not None

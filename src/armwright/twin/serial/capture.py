@@ -1,67 +1,37 @@
 """A motion played by an arm of bus servos, and what they measured on the way.
 
-In this order; whatever fails ends it:
-
-    1. the motion keeps the limits of the record and of the encoders; nothing is sent before that
-    2. every id answers as the model that was named
-    3. every joint stands within `step` of where the motion begins
-    4. goal acceleration, goal speed and torque limit are written, the present position becomes the goal, torque is switched on
-    5. every cycle: read, stop if a joint is farther than `step` from its goal, write goals
-    6. stop: the present position becomes the goal, with torque on, since an arm without it falls
-
-An STS servo has no watchdog of the bus: if the computer dies, it keeps its last goal.
+The conditions of `arm_servos.py` hold. Between switching torque on and the motion, the arm goes slowly from where it stands to
+where the motion begins.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import contextlib
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from math import tau
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from armwright.entry import AnyArm, AnyMotion, as_arm, as_motion
 from armwright.errors import BusError, RunStopped
+from armwright.identification.logs.write import write_measured
 from armwright.model import Model
 from armwright.results.csv_tables import write_table
 from armwright.trajectory.limits import MotionLimits
 from armwright.trajectory.motion import Motion
+from armwright.trajectory.rest_to_rest import Quintic
 from armwright.twin import clock
-from armwright.twin.serial.arm_plant import Mounting
-from armwright.twin.serial.client import Port, ServoClient
-from armwright.twin.serial.frames import FEETECH
-from armwright.twin.serial.registers import ServoModel, servo_model
-from armwright.twin.serial.servo_arm import Line, ids_of, mountings_of
+from armwright.twin.serial.arm_servos import GOAL, LOAD, QD, VOLTAGE, ArmServos, Q, ServoFit, ServoSettings
+from armwright.twin.serial.calibration import Calibration
+from armwright.twin.serial.client import Port
+from armwright.twin.serial.servo_arm import Line
 
-MISSED = 3  # cycles in a row in which a servo may be silent
-MARGIN, SLOW = 1.5, 0.2  # of the motion's largest speed, and [rad/s]: the least goal speed
-QUICK, BRISK = 4.0, 20.0  # of the motion's largest acceleration, and [rad/s²]: the least goal acceleration
-FEETECH_MODES, DYNAMIXEL_MODES = (0,), (3, 4, 5)  # of the register `operating_mode` in which goals are positions
-WATCHDOG, WATCH = 0.1, 0.02  # [s] of silence after which servos that watch the bus stop; of one count of the register
-ROUNDING = 1e-9  # of positions and speeds at their limits
-MEASURED = ("present_position", "present_velocity", "present_voltage")  # and the load
-
-
-@dataclass(frozen=True)
-class CaptureSettings:
-    """How a motion is played.
-
-    Attributes:
-        rate: cycles a second [1/s].   step: [rad] that a goal may be away from the measured position.
-        torque: largest duty, 0 to 1.   release: whether torque is switched off at the end; the arm then falls.
-    """
-
-    rate: float = 50.0
-    step: float = 0.3
-    torque: float = 0.5
-    release: bool = False
-
-    def __post_init__(self) -> None:
-        for name, most in (("rate", 1000.0), ("step", tau), ("torque", 1.0)):
-            value = getattr(self, name)
-            if not 0.0 < value <= most:
-                raise BusError(place=name, value=value, expected=f"a number above 0, at most {most:g}")
+COMPLETE = "the motion's end"  # why a run ended
+LEAST = 0.5  # [s] of an approach
+COLUMNS = {"goal": (GOAL, "rad"), "q": (Q, "rad"), "qd": (QD, "rad/s"), "load": (LOAD, "1"), "voltage": (VOLTAGE, "V")}
+MOTOR = "motor_voltage"  # [V] of a motor, the load's part of the supply
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,32 +39,82 @@ class CapturePlan:
     """A motion that keeps all limits, in goals for servos.
 
     Attributes:
-        arm, motion: what is moved, and how.   model: of the servos.   ids, mountings: (n,) of the joints.
-        times: (k,) [s] of cycles.   goals: (k, n) [rad].   speed, acceleration: (n,) [rad/s], [rad/s²] for goals.
-        settings: of the run.
+        fit: of the servos.   motion: to be played.   times: (k,) [s] of cycles.   goals: (k, n) [rad].
+        speed, acceleration: (n,) [rad/s], [rad/s²] for goals.   settings: of the run.
     """
 
-    arm: Model
+    fit: ServoFit
     motion: Motion
-    model: ServoModel
-    ids: list[int]
-    mountings: list[Mounting]
     times: np.ndarray
     goals: np.ndarray
     speed: np.ndarray
     acceleration: np.ndarray
-    settings: CaptureSettings
+    settings: ServoSettings
 
     def rows(self) -> list[list[str]]:
         """A row for each joint: its id, range [rad], range [counts], largest speed and goal speed [rad/s]."""
         rates = np.abs(np.diff(self.goals, axis=0)).max(axis=0, initial=0.0) * self.settings.rate
         found = []
-        for i, name in enumerate(self.arm.names):
+        for i, name in enumerate(self.fit.arm.names):
             low, high = self.goals[:, i].min(), self.goals[:, i].max()
-            ends = sorted(round(self.mountings[i].counts(q)) for q in (low, high))
+            ends = sorted(round(self.fit.mountings[i].counts(q)) for q in (low, high))
             words = (f"{low:.4g} to {high:.4g}", f"{ends[0]} to {ends[1]}", f"{rates[i]:.3g}", f"{self.speed[i]:.3g}")
-            found.append([name, str(self.ids[i]), *words])
+            found.append([name, str(self.fit.ids[i]), *words])
         return found
+
+    @property
+    def longest_approach(self) -> Approach:
+        """The approach from the farthest corner of all that is allowed."""
+        low, high = self.fit.allowed.T
+        farther = np.abs(low - self.goals[0]) > np.abs(high - self.goals[0])
+        return approach(self.fit, np.where(farther, low, high), self.goals[0], self.settings)
+
+
+@dataclass(frozen=True, eq=False)
+class Approach:
+    """The slow way to where a motion begins.
+
+    Attributes:
+        names: of the joints.   motion: of all of them.
+    """
+
+    names: tuple[str, ...]
+    motion: Quintic
+
+    @property
+    def ways(self) -> np.ndarray:
+        """(n,) [rad] of each joint, with their signs."""
+        return np.asarray(self.motion.goal) - np.asarray(self.motion.start)
+
+    def __str__(self) -> str:
+        i = int(np.argmax(np.abs(self.ways)))
+        return (
+            f"{self.motion.duration:.3g} s to where the motion begins, {self.names[i]} farthest: {self.ways[i]:.3g} rad"
+        )
+
+
+def approach(fit: ServoFit, q: np.ndarray, goal: np.ndarray, settings: ServoSettings) -> Approach:
+    """The slow way from where an arm stands: a polynomial of fifth degree, whose largest speed is that of the settings.
+
+    A joint that stands beyond its limits, by a step at most, begins at the limit.
+
+    Args:
+        fit: of the servos.   q, goal: (n,) [rad].   settings: with the speed and the step.
+    Raises:
+        BusError: a joint that stands farther beyond its limits.
+    """
+    limits, peaks = MotionLimits.of(fit.arm), Quintic.PEAKS
+    low, high = fit.allowed.T
+    start = np.clip(q, low, high)
+    for i, name in enumerate(fit.arm.names):
+        if abs(start[i] - q[i]) > settings.step:
+            expected = f"{low[i]:.4g} to {high[i]:.4g}, its limits, or at most {settings.step:g} beyond"
+            raise BusError(place=f"position of joint {name!r} [rad]", value=round(float(q[i]), 4), expected=expected)
+    ways = np.abs(goal - start)
+    by_speed = peaks[0] * ways / np.minimum(settings.approach, limits.velocity)
+    by_acceleration = np.sqrt(peaks[1] * ways / limits.acceleration)
+    duration = max(LEAST, *by_speed, *by_acceleration)
+    return Approach(tuple(fit.arm.names), Quintic(start, goal, duration=float(duration)))
 
 
 @dataclass(eq=False)
@@ -111,198 +131,156 @@ class Captured:
     ended: list[float] = field(default_factory=list)
     rows: list[np.ndarray] = field(default_factory=list)
     missed: int = 0
-    reason: str = "the motion's end"
+    reason: str = COMPLETE
 
-    def write(self, path: Path) -> None:
-        """Writes a CSV file.
+    @property
+    def complete(self) -> bool:
+        """True unless something ended it early."""
+        return self.reason == COMPLETE
 
+    def write(self, path: Path, arm: Model) -> Path:
+        """Writes a CSV file, and beside it the log file NAME.log.toml, which `identify` and `validate` read.
+
+        Its measurements are positions and the motors' voltages, at the times when readings began.
+
+        Args:
+            path: of the CSV file.   arm: that moved.
+        Returns:
+            log: path of the log file.
         Raises:
             OutputError: it cannot be written.
         """
-        values = np.array(self.rows).reshape(len(self.rows), 5, len(self.names))
+        values = np.array(self.rows).reshape(len(self.rows), len(COLUMNS), len(self.names))
         columns = {"t [s]": np.array(self.began), "t_end [s]": np.array(self.ended)}
-        for k, (quantity, unit) in enumerate(
-            (("goal", "rad"), ("q", "rad"), ("qd", "rad/s"), ("load", "1"), ("voltage", "V"))
-        ):
+        for quantity, (k, unit) in COLUMNS.items():
             columns |= {f"{quantity}_{name} [{unit}]": values[:, k, i] for i, name in enumerate(self.names)}
+        motors = values[:, LOAD] * values[:, VOLTAGE]
+        columns |= {f"{MOTOR}_{name} [V]": motors[:, i] for i, name in enumerate(self.names)}
         write_table(path, columns)
+        return write_measured(path, path.with_suffix(".log.toml"), arm, {"position": "q", "voltage": MOTOR})
 
 
 def plan_capture(
-    arm: AnyArm, motion: AnyMotion, line: Line | None = None, settings: CaptureSettings | None = None
+    arm: AnyArm,
+    motion: AnyMotion,
+    line: Line | None = None,
+    settings: ServoSettings | None = None,
+    calibration: Calibration | None = None,
 ) -> CapturePlan:
-    """The goals of a motion, checked against the limits of the record and of the encoders; nothing is sent.
+    """The goals of a motion, checked against the limits of the record, of the encoders and of the calibration; sends nothing.
 
     Args:
         arm: whose servos are moved.   motion: of all joints, from its beginning.   line: of the servos.   settings: of the run.
+        calibration: stored, which `capture` needs.
     Raises:
-        BusError: a motion beyond a limit; names the joint, the value and the time.
+        BusError: a motion beyond a limit, which names the joint, the value and the time; a calibration of another arm.
     """
-    arm, line, settings = as_arm(arm), line or Line(), settings or CaptureSettings()
-    motion, model, limits = as_motion(motion, arm), servo_model(line.model), MotionLimits.of(arm)
+    arm, line, settings = as_arm(arm), line or Line(), settings or ServoSettings()
+    motion, fit = as_motion(motion, arm), ServoFit.of(arm, line, calibration)
     if not np.isfinite(motion.duration):
         raise BusError("does not end", place="motion", expected="one of finite duration")
     times = np.arange(int(np.ceil(motion.duration * settings.rate)) + 1) / settings.rate
     q, qd, qdd = motion.at(motion.time + np.minimum(times, motion.duration))
-    mountings = mountings_of(arm, line, model)
-    for i, name in enumerate(arm.names):
-        counts = np.array([0.0, model.counts - 1.0])
-        turn = np.sort([mountings[i].position(end) for end in counts])
-        for what, values, (low, high) in (
-            ("position", q[:, i], limits.position[i]),
-            ("encoder", q[:, i], turn),
-            ("speed", qd[:, i], (-limits.velocity[i], limits.velocity[i])),
-        ):
-            beyond = (values < low - ROUNDING) | (values > high + ROUNDING)
-            if beyond.any():
-                k = int(np.argmax(beyond))
-                unit = "rad/s" if what == "speed" else "rad"
-                raise BusError(
-                    f"its {'position' if what == 'encoder' else what} is {values[k]:.4g} {unit} at {times[k]:g} s",
-                    place=f"joint {name!r}",
-                    expected=f"{low:.4g} to {high:.4g}, the limits of {'its encoder' if what == 'encoder' else 'the record'}",
-                )
-    speed = np.minimum(np.maximum(MARGIN * np.abs(qd).max(axis=0), SLOW), limits.velocity)
-    quick = np.minimum(np.maximum(QUICK * np.abs(qdd).max(axis=0), BRISK), limits.acceleration)
-    return CapturePlan(arm, motion, model, ids_of(arm, line.ids), mountings, times, q, speed, quick, settings)
+    fit.check_goals(times, q, qd)
+    slow = np.full((1, arm.n), settings.approach)
+    return CapturePlan(fit, motion, times, q, *fit.goal_limits(np.concatenate([qd, slow]), qdd), settings)
 
 
-def capture(plan: CapturePlan, port: Port, stopped: Callable[[], bool] = lambda: False) -> Captured:
+def capture(
+    plan: CapturePlan,
+    port: Port,
+    stopped: Callable[[], bool] = lambda: False,
+    say: Callable[[str], None] = lambda text: None,
+) -> Captured:
     """Plays a motion, and returns what the servos measured.
 
     Args:
         plan: what `plan_capture` returned.   port: open.   stopped: is asked once a cycle; True ends the run.
+        say: is told of the approach before the arm moves.
     Returns:
-        captured: the rows.
+        captured: the rows of the motion; none of the approach.
     Raises:
-        BusError: servos that are other ones, that do not answer, or stand elsewhere than the motion begins: before torque.
+        BusError: no calibration, servos that differ from it or do not answer, an arm that stands too far beyond its limits:
+            before torque.
         RunStopped: a servo that was silent, or too far from its goal; `run` is what was captured.
     """
-    client = ServoClient(port, plan.model)
-    _check_identity(client, plan)
-    q = _positions(client, plan)
-    for i, name in enumerate(plan.arm.names):
-        if abs(plan.goals[0, i] - q[i]) > plan.settings.step:
-            expected = f"within {plan.settings.step:g} of {plan.goals[0, i]:.4g}, where the motion begins"
-            raise BusError(place=f"position of joint {name!r} [rad]", value=round(float(q[i]), 4), expected=expected)
-    found = Captured(tuple(plan.arm.names))
-    try:
-        _prepare(client, plan)
-        _play(client, plan, found, stopped)
-    except BusError as error:
-        found.reason = str(error)
-        found.missed = client.missed
-        _hold(client, plan)
-        stop = RunStopped.of(*error.problems)
-        stop.run = found
-        raise stop from None
-    except BaseException:
-        _hold(client, plan)
-        raise
-    found.missed = client.missed
-    _hold(client, plan)
-    if plan.settings.release:
-        for number in plan.ids:
-            client.write(number, "torque_enable", 0)
+    servos = ArmServos(port, plan.fit, plan.settings.patience)
+    servos.check_permitted()
+    first = approach(plan.fit, servos.positions(), plan.goals[0], plan.settings)
+    say(f"approach of {first}")
+    found = Captured(tuple(plan.fit.arm.names))
+    with ending(servos, found, plan.settings):
+        servos.prepare(plan.speed, plan.acceleration, plan.settings.torque)
+        if go_to(servos, first, plan.settings, found, stopped):
+            play(servos, plan.times, lambda k, row: plan.goals[k], plan.settings, found, stopped)
     return found
 
 
-def _check_identity(client: ServoClient, plan: CapturePlan) -> None:
-    for number, name in zip(plan.ids, plan.arm.names, strict=True):
-        model = client.read(number, "model_number")
-        expected = plan.model.by_name["model_number"].default
-        if model != expected:
-            raise BusError(
-                place=f"model of servo {number}, joint {name!r}", value=model, expected=f"{expected}, {plan.model.name}"
-            )
-        mode, modes = (
-            client.read(number, "operating_mode"),
-            FEETECH_MODES if plan.model.framing is FEETECH else DYNAMIXEL_MODES,
-        )
-        if mode not in modes:
-            raise BusError(
-                place=f"operating mode of servo {number}, joint {name!r}",
-                value=mode,
-                expected=f"{modes[0]}, goals of position",
-            )
+@contextlib.contextmanager
+def ending(servos: ArmServos, found: Captured, settings: ServoSettings, run: Any = None) -> Iterator[None]:
+    """Stops the arm at the end of what stands inside, whatever ends it, and releases it after a complete run if that was said.
+
+    Raises:
+        RunStopped: in place of a BusError; its `run` is that of the arguments, else what was captured.
+    """
+    try:
+        yield
+    except BusError as error:
+        found.reason = str(error)
+        stop = RunStopped.of(*error.problems)
+        stop.run = run or found
+        raise stop from None
+    finally:
+        found.missed = servos.client.missed
+        servos.hold()
+    if settings.release and found.complete:
+        servos.release()
 
 
-def _positions(client: ServoClient, plan: CapturePlan) -> np.ndarray:
-    """Positions (n,) [rad] of all joints, each read by itself."""
-    counts = [client.read(number, "present_position") for number in plan.ids]
-    return np.array([at.position(count) for at, count in zip(plan.mountings, counts, strict=True)])
+def go_to(
+    servos: ArmServos, way: Approach, settings: ServoSettings, found: Captured, stopped: Callable[[], bool]
+) -> bool:
+    """Goes an approach to its end; False if it was stopped.
+
+    Raises:
+        BusError: a servo that was silent, or too far from its goal.
+    """
+    duration = way.motion.duration
+    times = np.arange(int(np.ceil(duration * settings.rate)) + 1) / settings.rate
+    goals = way.motion.at(np.minimum(times, duration))[0]
+    aside = Captured(found.names)
+    done = play(servos, times, lambda k, row: goals[k], settings, aside, stopped, " of the approach")
+    found.reason = found.reason if done else f"{aside.reason} on the way to its beginning"
+    return done
 
 
-def _prepare(client: ServoClient, plan: CapturePlan) -> None:
-    """Writes limits, then the present position as goal, then torque."""
-    units, registers = plan.model.units, plan.model.by_name
-    for i, number in enumerate(plan.ids):
-        count = abs(plan.mountings[i].radians)
-        for name, value in (
-            ("profile_acceleration", plan.acceleration[i] / (count * units["acceleration"])),
-            ("profile_velocity", plan.speed[i] / (count * units["speed"])),
-            ("torque_limit" if "torque_limit" in registers else "goal_pwm", plan.settings.torque / units["duty"]),
-        ):
-            most = registers[name].high
-            client.write(number, name, min(max(round(value), 1), registers[name].largest if most is None else most))
-        client.write(number, "goal_position", client.read(number, "present_position"))
-        client.write(number, "torque_enable", 1)
-        if "bus_watchdog" in plan.model.by_name:
-            client.write(number, "bus_watchdog", round(WATCHDOG / WATCH))
+def play(
+    servos: ArmServos,
+    times: np.ndarray,
+    goal: Callable[[int, np.ndarray], np.ndarray],
+    settings: ServoSettings,
+    found: Captured,
+    stopped: Callable[[], bool],
+    part: str = "",
+) -> bool:
+    """Cycles: a reading of all servos, then their goals; False if it was stopped.
 
-
-def _play(client: ServoClient, plan: CapturePlan, found: Captured, stopped: Callable[[], bool]) -> None:
-    """Cycles: a reading of all servos, then their goals."""
-    names = (*MEASURED, "present_load" if "present_load" in plan.model.by_name else "present_pwm")
-    silent = np.zeros(len(plan.ids), dtype=int)
-    written, start = _positions(client, plan), clock.now()
-    for time, goals in zip(plan.times, plan.goals, strict=True):
+    Args:
+        servos: with torque on.   times: (k,) [s] of cycles.   goal: of a cycle's number and its reading (5, n): (n,) [rad].
+        settings: of the run.   found: takes the rows.   stopped: is asked once a cycle.   part: of the run, for errors.
+    Raises:
+        BusError: a servo that was silent, a goal that is too far from its joint or beyond its limits.
+    """
+    start = clock.now()
+    for k, time in enumerate(times):
         clock.sleep_until(start + time)
         began = clock.now() - start
-        read = client.sync_read(plan.ids, names)
-        row = _row(plan, read, names[-1], written)
+        row = servos.read()
         found.began.append(began)
         found.ended.append(clock.now() - start)
         found.rows.append(row)
-        silent = np.where(np.isnan(row[1]), silent + 1, 0)
-        far = np.abs(goals - row[1]) > plan.settings.step
-        for i, name in enumerate(plan.arm.names):
-            if silent[i] >= MISSED:
-                raise BusError(f"was silent for {MISSED} cycles", place=f"joint {name!r}, servo {plan.ids[i]}")
-            if far[i]:
-                what = f"is {abs(goals[i] - row[1][i]):.3g} rad from its goal at {time:g} s"
-                raise BusError(what, place=f"joint {name!r}", expected=f"at most {plan.settings.step:g}")
         if stopped():
             found.reason = "it was stopped"
-            return
-        counts = [round(at.counts(q)) for at, q in zip(plan.mountings, goals, strict=True)]
-        client.sync_write("goal_position", dict(zip(plan.ids, counts, strict=True)))
-        written = goals
-
-
-def _row(plan: CapturePlan, read: dict[int, dict[str, int]], load: str, goals: np.ndarray) -> np.ndarray:
-    """Goal in force, position, speed, load and voltage (5, n) of a reading."""
-    row, units = np.full((5, len(plan.ids)), np.nan), plan.model.units
-    row[0] = goals
-    for i, (number, at) in enumerate(zip(plan.ids, plan.mountings, strict=True)):
-        if number in read:
-            values = read[number]
-            per_load = 1e-3 if load == "present_load" else units["duty"]
-            row[1:, i] = (
-                at.position(values["present_position"]),
-                values["present_velocity"] * units["speed"] * at.radians,
-                values[load] * per_load * at.direction,
-                0.1 * values["present_voltage"],
-            )
-    return row
-
-
-def _hold(client: ServoClient, plan: CapturePlan) -> None:
-    """Makes the present position the goal of every servo that answers; torque stays on."""
-    for number in plan.ids:
-        try:
-            if "bus_watchdog" in plan.model.by_name:
-                client.write(number, "bus_watchdog", 0)
-            client.write(number, "goal_position", client.read(number, "present_position"))
-        except BusError:
-            continue  # the others are to stop all the same
+            return False
+        servos.command(goal(k, row), row, settings.step, f"at {time:g} s{part}")
+    return True

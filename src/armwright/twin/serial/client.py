@@ -11,6 +11,7 @@ from armwright.twin.serial.frames import BROADCAST, DYNAMIXEL, Frame, Parser
 from armwright.twin.serial.registers import Register, ServoModel
 
 PATIENCE = 0.05  # [s] for all answers to an instruction, beside their bytes
+TRIES = 3  # of an instruction to one servo
 INSTALL = 'pip install "armwright[twin]"'
 
 
@@ -146,14 +147,15 @@ class ServoClient:
         return frame.instruction, frame.data
 
     def _one(self, number: int, instruction: str, data: bytes, what: str) -> bytes:
-        frames = [each for each in self._transact(number, instruction, data, 1) if each.number == number]
-        if not frames:
+        for _ in range(TRIES):  # a read, or a write of one value, may be repeated
+            frames = [each for each in self._transact(number, instruction, data, 1) if each.number == number]
+            if frames:
+                error, content = self._status(frames[0])
+                if error:
+                    raise BusError(f"was answered with the error {error:#04x}", place=what)
+                return content
             self.missed += 1
-            raise BusError("no answer", place=what, expected="a servo with that id, at this baud rate")
-        error, content = self._status(frames[0])
-        if error:
-            raise BusError(f"was answered with the error {error:#04x}", place=what)
-        return content
+        raise BusError(f"no answer to {TRIES} tries", place=what, expected="a servo with that id, at this baud rate")
 
     def _transact(self, number: int, instruction: str, data: bytes, answers: int) -> list[Frame]:
         """Sends an instruction; frames that come back, as many as are expected or until the time is over."""
@@ -161,8 +163,12 @@ class ServoClient:
             pass
         self.port.write(self.model.framing.pack(number, self._codes[instruction], data))
         parser, frames, end = Parser(self.model.framing), list[Frame](), clock.now() + self.patience
-        while len(frames) < answers and (left := end - clock.now()) > 0.0:
-            frames += parser.feed(self.port.read(left))
+        while len(frames) < answers:
+            left = end - clock.now()
+            data = self.port.read(max(left, 0.0))
+            if not data and left <= 0.0:  # bytes that came while this process had to wait count
+                break
+            frames += parser.feed(data)
         return frames
 
 

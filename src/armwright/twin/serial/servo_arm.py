@@ -9,8 +9,9 @@ from pathlib import Path
 from armwright.description.paths import path_name
 from armwright.entry import AnyArm, as_arm
 from armwright.errors import BusError
+from armwright.features import Support
 from armwright.model import Model
-from armwright.twin.serial.arm_plant import ArmPlant, Mounting, require_servos
+from armwright.twin.serial.arm_plant import WITHOUT_INDUCTANCE, ArmPlant, Mounting, require_servos
 from armwright.twin.serial.bus import ServoBus, make_servo
 from armwright.twin.serial.registers import ServoModel, servo_model
 from armwright.twin.serial.replay import write_goals
@@ -18,6 +19,17 @@ from armwright.twin.serial.servo import Servo
 from armwright.twin.serial.terminal import Counts, Terminal, serve
 from armwright.twin.serial.timing import PATIENCE, CycleEnd, LockStep, RealTime
 
+SUPPORT = Support(
+    "twin --serial",
+    without_effect={"brakes": "they are released"},
+    refused={
+        **dict.fromkeys(
+            ("screw joints", "coupled motors", "current loop", "coasting", "dead zone"),
+            'joints with command = "position"',
+        ),
+        "inductance": WITHOUT_INDUCTANCE,
+    },
+)
 BAUD = 1_000_000  # [bit/s]
 # Number of the record's firmware → the registers that hold it.
 HELD_IN = {

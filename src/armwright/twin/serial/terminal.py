@@ -7,6 +7,7 @@ read. The baud rate is the one that the client set, which the kernel keeps with 
 from __future__ import annotations
 
 import contextlib
+import gc
 import os
 import select
 import struct
@@ -142,7 +143,20 @@ def serve(
     Raises:
         BusError: in lock-step, when a reply was dropped.
     """
-    counts, quiet, baud = Counts(), 0.0, terminal.baud
+    counts = Counts()
+    gc.collect()
+    gc.freeze()  # a pass over the objects of all modules takes 50 ms of a slow core
+    try:
+        _serve(terminal, bus, timing, ended, patience, counts)
+    finally:
+        gc.unfreeze()
+    return counts
+
+
+def _serve(
+    terminal: Terminal, bus: ServoBus, timing: Timing, ended: Callable[[], bool], patience: float, counts: Counts
+) -> None:
+    quiet, baud = 0.0, terminal.baud
     while not ended():
         looked = clock.now()
         data = terminal.read(SLICE)
@@ -168,4 +182,3 @@ def serve(
                     terminal.write(reply.data)
                     counts.replies += 1
             timing.close(frame)
-    return counts

@@ -1,0 +1,201 @@
+"""A controller run over a bus of servos: in lock-step its motion is that of the rehearsal; what is refused, and how it stops."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import armwright as aw
+from armwright.cli.app import app
+from armwright.errors import BusError, RunStopped
+from armwright.twin.serial.arm_servos import ArmServos, ServoFit, ServoSettings
+from armwright.twin.serial.client import ServoClient
+from armwright.twin.serial.frames import Parser
+from armwright.twin.serial.registers import servo_model
+from armwright.twin.serial.run import line_time, rehearse_servos, run_on_servos
+from armwright.twin.serial.servo_arm import Line, ServoArm
+from armwright.twin.serial.timing import CycleEnd, LockStep
+from simulation.test_servo import PLAIN, pendulum
+from twin.serial.locked_port import LockedPort
+
+JOINTS, PERIOD, COUNT = ("hip", "knee"), 0.02, 2.0 * np.pi / 4096.0
+LIMITS = {"voltage_v": 5.0, "position_rad": [-1.5, 1.5], "velocity_rad_per_s": 5.0}
+STIFF = PLAIN | {"p": 200, "d": 20, "d_scale_s_per_rad": 0.01, "dead_band_counts": 0}
+LIMITED = {"output_limit": 0.2, "goal_speed_rad_per_s": 5.0}  # of the record 0.97 and 5.2
+LINES = {
+    "sts3215": (Line(ids=[3, 1], reversed=["knee"]), "sync-write:42"),
+    "xl330-m288": (Line("xl330-m288", ids=[3, 1], zeros=[2048.0, 1500.0]), "sync-write:116"),
+}
+
+
+def weightless(firmware=STIFF, **joint):
+    """Two rods about upright axes, which stand still at their goals."""
+    return pendulum(firmware, JOINTS, **{"limits": LIMITS, "axis": [0.0, 0.0, 1.0], **joint})
+
+
+def swing(t):
+    slow = 0.5 * (1.0 - aw.scalar.cos(4.0 * t))
+    return aw.scalar.array([0.6 * slow, -0.4 * slow])
+
+
+def scenario(arm=None, reference=swing, **changes):
+    loop = aw.Loop(aw.JointPID(kp=1.1, kd=0.01), reference, period=PERIOD)
+    return replace(aw.Scenario(arm or weightless(), duration=1.0, loop=loop, start=[0.0, 0.0]), **changes)
+
+
+@pytest.fixture(autouse=True)
+def at_once(monkeypatch):
+    """Waits of the run take no time."""
+    ticking = SimpleNamespace(time=0.0)
+    now = SimpleNamespace(
+        now=lambda: ticking.time, sleep_until=lambda t: setattr(ticking, "time", max(t, ticking.time))
+    )
+    monkeypatch.setattr("armwright.twin.serial.capture.clock", now)
+
+
+def served(arm, model="sts3215", start=(0.0, 0.0)):
+    line, tick = LINES[model]
+    made = ServoArm(arm, line, start=start)
+    return LockedPort(made, LockStep(made.bus, PERIOD, CycleEnd.parse(tick, made.bus.framing)))
+
+
+def rehearsed(port, given, **settings):
+    line = port.made.line
+    stored = replace(ArmServos(port, ServoFit.of(given.arm, line)).read_calibration(), file="stored")
+    chosen = {"step": 1.0, "torque": 1.0, "patience": 0.1, **settings}
+    return rehearse_servos(given, line, calibration=stored, settings=ServoSettings(**chosen))
+
+
+@pytest.mark.parametrize("model", LINES)
+def test_its_motion_is_that_of_the_rehearsal(model):
+    given = scenario()
+    port = served(given.arm, model)
+    rehearsal, told = rehearsed(port, given), []
+    run = run_on_servos(rehearsal, port, say=told.append)
+    assert run.complete
+    assert run.captured.missed == 0
+    assert [text.startswith("approach of 0.5 s to where the motion begins") for text in told] == [True]
+    assert np.ptp(rehearsal.q, axis=0) == pytest.approx([0.6, 0.4], abs=0.15)
+    assert np.abs(run.q - rehearsal.q).max() < 1.01 * COUNT
+    written = np.array(run.captured.rows)[1:, 0]
+    assert np.abs(written - rehearsal.recording.u[:-1]).max() < 2.01 * COUNT
+    client = ServoClient(port, servo_model(model))
+    assert client.read(3, "torque_enable") == 1
+
+
+def test_the_rehearsal_is_the_simulation_but_for_counts_and_the_line():
+    given = scenario()
+    rehearsal = rehearse_servos(given, settings=ServoSettings(torque=1.0))
+    ideal = aw.simulate(replace(given, recording=aw.Recording(period=PERIOD)))
+    difference = np.abs(rehearsal.q - ideal.q.values[: len(rehearsal.q)]).max()
+    quick = np.abs(np.diff(rehearsal.q, axis=0)).max() / PERIOD
+    assert COUNT / 4 < difference < 2.0 * quick * rehearsal.line_time + 4.0 * COUNT
+
+
+@pytest.mark.parametrize("model", LINES)
+def test_the_time_of_a_cycle_is_that_of_its_frames(model):
+    port = served(weightless(), model)
+    servos = ArmServos(port, ServoFit.of(port.made.arm, port.made.line))
+    servos.written = servos.positions()
+    begin = port.timing.nanoseconds
+    row = servos.read()
+    read = port.timing.nanoseconds - begin
+    sent = []
+    port.write = sent.append
+    servos.command(row[1], row, 1.0, "now")
+    taken = 1e-9 * read + 10.0 * len(sent[0]) / 1e6
+    assert line_time(servos.fit.model, 2, 1_000_000) == pytest.approx(taken, abs=1e-9)
+    assert Parser(servos.fit.model.framing).feed(sent[0])
+
+
+def test_it_goes_to_where_it_begins_and_stops_when_it_is_told():
+    given = scenario()
+    port = served(given.arm, start=(0.3, -0.2))
+    rehearsal, asked = rehearsed(port, given, approach=0.5), []
+
+    def stopped():
+        asked.append(None)
+        return len(asked) == 70
+
+    run = run_on_servos(rehearsal, port, stopped=stopped)
+    assert run.captured.reason == "it was stopped"
+    assert not run.complete
+    assert run.q[0] == pytest.approx([0.0, 0.0], abs=4 * COUNT)
+    client = ServoClient(port, servo_model("sts3215"))
+    assert client.read(3, "torque_enable") == 1
+    assert client.read(3, "goal_position") == pytest.approx(2048 + run.q[-1, 0] / COUNT, abs=40)
+
+
+def test_a_following_error_ends_it():
+    given = scenario()
+    port = served(given.arm)
+    with pytest.raises(
+        RunStopped, match=r"joint '\w+': following error \S+ rad at \S+ s; expected at most 0\.02"
+    ) as stop:
+        run_on_servos(rehearsed(port, given), port, following_error=0.02)
+    assert 0 < len(stop.value.run.q) < 50
+
+
+def away(t):
+    return aw.scalar.array([2.0 * t, 0.0])
+
+
+def refused():
+    coarse = aw.Loop(aw.JointPID(kp=1.0), swing, period=1e-3)
+    still = aw.Schedule([0.0], [[0.0, 0.0]], JOINTS)
+    off = aw.Schedule([0.0], [[0.0, 1.0]], JOINTS)
+    return {
+        "voltages": (lambda: scenario(weightless(None, command="voltage")), "driven by voltage; expected joints with command"),
+        "no controller": (lambda: aw.Scenario(weightless(), duration=1.0, command=still), "loop.controller"),
+        "a moving start": (lambda: scenario(start=aw.Start([0.0, 0.0], [1.0, 0.0])), "start.qd: the arm moves at the start"),
+        "servos off": (lambda: scenario(inputs=aw.Inputs(enabled=off)), "inputs.enabled: servos that are off"),
+        "a period too short": (lambda: scenario(loop=coarse), r"loop.period = 0\.001: frames of a cycle take 1\.\d+ ms"),
+        "beyond a limit": (lambda: scenario(reference=away), r"joint 'hip': the reference is 1\.\d+ at"),
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("case", refused())
+def test_a_scenario_that_the_line_cannot_carry_is_refused_by_name(case):
+    make, words = refused()[case]
+    with pytest.raises(BusError, match=words):
+        rehearse_servos(make())
+
+
+def test_without_a_calibration_nothing_moves():
+    given = scenario()
+    port = served(given.arm)
+    with pytest.raises(BusError, match="there is none to compare the servos with"):
+        run_on_servos(rehearse_servos(given, port.made.line), port)
+    assert ServoClient(port, servo_model("sts3215")).read(3, "torque_enable") == 0
+
+
+def test_a_torque_limit_is_rehearsed():
+    found = rehearse_servos(scenario(), settings=ServoSettings(torque=0.2))
+    assert found.source.vary == {f"{name}.firmware.{key}": value for name in JOINTS for key, value in LIMITED.items()}
+    strong = rehearse_servos(scenario(), settings=ServoSettings(torque=1.0))
+    assert strong.source.vary == {f"{name}.firmware.goal_speed_rad_per_s": 5.0 for name in JOINTS}
+    assert np.abs(found.q - strong.q).max() > COUNT
+
+
+def test_the_command_is_dry_by_default_and_refuses_what_is_of_the_other_bus(tmp_path):
+    file = tmp_path / "run.scenario.toml"
+    file.write_text(
+        'robot = "so101"\nduration_s = 0.2\n[start]\nq = [0, 0, 0, 0, 0, 0]\n[loop]\nperiod_s = 0.02\n'
+        '[loop.controller]\nkind = "joint_pid"\nkp = 1.0\n',
+        encoding="utf-8",
+    )
+    words = ["run-controller", str(file), "--serial", str(tmp_path / "nowhere")]
+    for more, code, said in (
+        ([], 0, "frames of a cycle take 4.18 ms, 21% of its period"),
+        (["--go"], 2, "there is none to compare the servos with; expected --calibration FILE"),
+        (["--bus", "virtual"], 2, "--bus = 'virtual': is of a CAN bus, beside --serial"),
+        (["--missing", "2"], 2, "--missing = 2: is of a CAN bus"),
+        (["--torque", "2"], 2, "--torque = 2"),
+    ):
+        result = CliRunner().invoke(app, [*words, *more])
+        output = " ".join(result.output.split())
+        assert (result.exit_code, said in output) == (code, True), output
+    result = CliRunner().invoke(app, ["run-controller", str(file), "--step", "1"])
+    assert (result.exit_code, "--step = 1.0: is of servos" in result.output) == (2, True)
