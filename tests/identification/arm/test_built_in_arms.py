@@ -10,8 +10,8 @@ from identification.arm.moved_arm import written_log
 from identification.arm.simulated_log import motion
 
 NOISE = 0.002  # of a joint's root mean square torque
-# The fit's dry friction is the same both ways, has no sigmoid and no loads: these arms have numbers that it does not know.
-OTHER_FRICTION = ("panda", "puma560", "ur10", "koch", "widowx250", "open-manipulator-x")
+# The fit has one level of dry friction both ways, and no sigmoid: these arms have numbers that it does not know.
+OTHER_FRICTION = ("panda", "puma560", "ur10")
 TWINS = ("so100", "ur3")  # so101 and ur5 in other sizes
 
 
@@ -32,7 +32,8 @@ def test_its_own_log_returns_its_numbers(name, tmp_path):
     assert found.structural == len(found.formulas)
     truth = found.fit.base.of(np.nan_to_num(found.fit.equations.model.prior))
     z = (found.fit.values - truth) / found.fit.std
-    assert np.sqrt(np.mean(z**2)) < 1.4
+    loaded = any(body.friction is not None and body.friction.law == "load-dependent" for body in arm.coordinates)
+    assert np.sqrt(np.mean(z**2)) < (2.0 if loaded else 1.4)  # a low-pass rounds the kinks of what loads add
     assert np.abs(z).max() < 4.5
     again = aw.load(found.write(tmp_path / "found.toml"))
     q, qd, qdd = np.random.default_rng(9).uniform(-1.0, 1.0, (3, 50, arm.n))

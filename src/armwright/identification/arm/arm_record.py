@@ -13,6 +13,7 @@ import numpy as np
 from armwright.description.paths import path_name
 from armwright.description.robot import RobotDescription, Source
 from armwright.errors import IdentificationError
+from armwright.friction_laws import LAWS
 from armwright.identification.arm.equations import Equations, SampleSource, equations_of, stacked
 from armwright.identification.arm.fit import ArmFit, measures_of
 from armwright.identification.arm.gear_loss import EFFICIENCY, LOWEST as LEAST_EFFICIENCY, LossyModel
@@ -275,6 +276,10 @@ class _Written:
         key_of = (ROTARY if on_motor else joint.kind.units).key
         n = abs(ratio) if on_motor else 1.0
         values: dict[str, Any] = {"side": "motor"} if on_motor else {}
+        if (
+            old is not None and model.unrubbed is not None and LAWS[old.law].by_loads
+        ):  # what loads add stays the record's
+            values |= {name: value for name, value in dict(old).items() if value is not None}
         if lossy and old is not None and old.load_coefficient is not None and "coulomb" in "".join(fitted):
             values["load_coefficient"] = old.load_coefficient
         if old is not None and old.law == "coulomb":  # the fit took Coulomb's sign over this speed

@@ -148,7 +148,9 @@ def _model(
         IdentificationError: unknown terms, or gear loss that the method does not know.
     """
     lacks, speed = terms.lacks or (), terms.stribeck_speed
-    model = torque_model(arm, friction=friction, springs=terms.springs, lacks=lacks, stribeck_speed=speed, gears=gears)
+    model = torque_model(
+        arm, friction=friction, springs=terms.springs, lacks=lacks, stribeck_speed=speed, gears=gears, loads=True
+    )
     lossy = lossy_model(model, terms.fit_efficiency)
     if lossy is None:
         return model

@@ -253,8 +253,11 @@ class _Behind:
         used = model.of_joint
         columns = np.zeros((len(numbers), *used.shape))
         rows, known = model.terms(*motion)
+        speeds = between_rows(qd, wide.decimate) if wide.decimate > 1 else qd[None]
+        loaded = model.loaded_friction(*motion[:2], self.values["tau"], speeds)
+        known = known if loaded is None else known + loaded
         if wide.decimate > 1:
-            rows = model.directed(rows, between_rows(qd, wide.decimate))
+            rows = model.directed(rows, speeds)
         columns[:, used] = zero_phase(second, rows[:, used])[numbers]
         values = {**self.values, "known": known}
         filtered = {name: zero_phase(second, each)[numbers] for name, each in values.items()}

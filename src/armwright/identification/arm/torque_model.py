@@ -11,16 +11,19 @@ A motor that several joints turn gives its torque to all of them: its rotor, vis
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from armwright.actuators.coupling import shares_of
+from armwright.actuators.friction import by_loads
 from armwright.description.paths import path_name
 from armwright.entry import as_arm
 from armwright.errors import IdentificationError
 from armwright.features import Support
+from armwright.friction_laws import LAWS
+from armwright.friction_laws.levels import smooth_sign
 from armwright.identification.arm.spring_record import SPRINGS
 from armwright.kernels.compiled import KERNELS
 from armwright.model import Model
@@ -44,9 +47,8 @@ SUPPORT = replace(
     approximated={
         **MEASURED.approximated,
         **dict.fromkeys(("heat", "friction by temperature"), FITTED),
-        **dict.fromkeys(
-            ("Stribeck friction", "sigmoid friction", "LuGre friction", "load-dependent friction"), IN_FRICTION
-        ),
+        **dict.fromkeys(("Stribeck friction", "sigmoid friction", "LuGre friction"), IN_FRICTION),
+        "load-dependent friction": "what loads add is the record's, with its masses",
     },
 )
 INERTIAL = ("m", "mcx", "mcy", "mcz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
@@ -145,6 +147,9 @@ class TorqueModel:
     of_joint: np.ndarray
     dyn: CompiledArm
     sprung: bool
+    unrubbed: CompiledArm | None = field(
+        default=None, kw_only=True
+    )  # without friction, where loads add to the record's
 
     @property
     def names(self) -> list[str]:
@@ -182,6 +187,24 @@ class TorqueModel:
     def known_torques(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
         """Torques (rows, n) [N m | N] that are not fitted, at states q, q̇, q̈: those of the record's springs."""
         return self.dyn.spring_torques(q) if self.sprung else np.zeros_like(q)
+
+    def loaded_friction(self, q: np.ndarray, qd: np.ndarray, tau: np.ndarray, speeds: np.ndarray) -> np.ndarray | None:
+        """What loads add to dry friction (rows, n) [N m | N] by the record and its masses; None where nothing is.
+
+        Args:
+            q, qd: (rows, n) states, speeds 0 where a joint rests.   tau: (rows, n) motor torques on the joints [N m | N].
+            speeds: (k, rows, n) around each row, over whose directions the mean is taken, as friction jumps between rows.
+        """
+        if self.unrubbed is None:
+            return None
+        external, added = -self.unrubbed.bias_torques(q, qd), np.zeros_like(q)
+        for j, body in enumerate(self.arm.coordinates):
+            friction = body.friction
+            if friction is not None and by_loads(body):
+                level = LAWS[friction.law].level(friction, qd[:, j], (tau[:, j], external[:, j]))
+                coulomb = np.where(qd[:, j] < 0.0, friction.coulomb_negative, friction.coulomb_positive)
+                added[:, j] = smooth_sign(speeds[..., j], friction.smoothing).mean(axis=0) * (level - coulomb)
+        return added
 
     def terms(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """`rows` and `known_torques` together."""
@@ -232,6 +255,7 @@ def torque_model(
     lacks: Collection[str] = (),
     stribeck_speed: float | None = None,
     gears: np.ndarray | None = None,
+    loads: bool = False,
 ) -> TorqueModel:
     """The linear model of an arm's torques.
 
@@ -243,6 +267,7 @@ def torque_model(
         lacks: terms that the measured torque is without: "gravity", "springs", "rotors", "viscous", "coulomb", "offset".
         stribeck_speed: of the Stribeck column [rad/s | m/s], at the joint.
         gears: (n, n) θ_motor = gears q, where the record has no motors.
+        loads: whether what loads add to the record's friction is known torque, and not the fit's.
     Returns:
         model: its columns are structural; which of them a log can tell is another question (`base_parameters`).
     Raises:
@@ -258,7 +283,14 @@ def torque_model(
     columns = [each for each in columns if each.kind == "inertial" or KINDS[each.kind].lack not in lacks]
     dyn = compile_arm(arm)
     sprung = arm.is_sprung and "springs" not in lacks
-    return TorqueModel(arm, tuple(columns), _prior(arm, columns), _of_joint(dyn, columns), dyn, sprung)
+    loads = loads and "coulomb" not in lacks and any(map(by_loads, arm.coordinates))
+    unrubbed = None
+    if loads:
+        bodies = tuple(replace(body, friction=None) for body in arm.bodies)
+        unrubbed = compile_arm(replace(arm, bodies=bodies))
+    return TorqueModel(
+        arm, tuple(columns), _prior(arm, columns), _of_joint(dyn, columns), dyn, sprung, unrubbed=unrubbed
+    )
 
 
 def _check(
