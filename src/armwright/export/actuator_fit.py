@@ -79,7 +79,7 @@ class ActuatorFit(Result):
 
     @cached_property
     def in_mujoco(self) -> MujocoActuators:
-        """What `write_mjcf` takes."""
+        """The actuators for `write_mjcf`."""
         return MujocoActuators(self.kind, self.actuators, STEP)
 
     def write(self, path: str | os.PathLike[str]) -> tuple[list[Path], list[str]]:
@@ -153,7 +153,7 @@ class ActuatorFit(Result):
         return [Table(self.heading, heads, cells)]
 
     def sentences(self) -> list[str]:
-        """How well it fits, and what reads it."""
+        """Difference before and after the fit, and the version of MuJoCo that reads the file."""
         before, after = (float(np.sqrt(np.mean(self.rms(each) ** 2))) for each in (self.before, self.after))
         late = [name for name, each in self.actuators.items() if whole_steps(each, STEP)]
         since = DELAYS if late and self.kind == "position" else KINDS[self.kind]

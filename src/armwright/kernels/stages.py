@@ -205,7 +205,7 @@ class RecordStage:
 
 @dataclass(frozen=True)
 class Turn:
-    """What happens in the drives at times of their own: (x, u, …, turns) → x_next, every `period` s from t = 0 on."""
+    """Changes in the drives at times of their own: (x, u, …, turns) → x_next, every `period` s from t = 0 on."""
 
     program: Program
     period: float

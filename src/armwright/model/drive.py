@@ -170,7 +170,7 @@ class Drive:
 
     @property
     def bridge(self) -> Drive:
-        """What a servo's loop drives, by voltages or currents; the drive itself without such a loop."""
+        """The drive behind a servo's loop, by voltages or currents; the drive itself without such a loop."""
         if self.firmware is None:
             return self
         return replace(self, command="voltage" if self.firmware.output == "duty" else "current", firmware=None)

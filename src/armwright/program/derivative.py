@@ -93,7 +93,7 @@ class _Tangents:
             known.append((symbol, own, value, tangent))
 
         def along(columns: list[casadi.SX]) -> Columns:
-            """What columns of known symbols stand for, and their tangents."""
+            """Values of columns of known symbols, and their tangents."""
             values, tangents = (casadi.vertcat(*(each[k] for each in known)) for k in (0, 1))
             slopes = [casadi.SX(column.shape[0], self.count) for column in columns]
             if tangents.nnz():

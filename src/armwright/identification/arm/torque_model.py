@@ -189,7 +189,7 @@ class TorqueModel:
         return self.dyn.spring_torques(q) if self.sprung else np.zeros_like(q)
 
     def loaded_friction(self, q: np.ndarray, qd: np.ndarray, tau: np.ndarray, speeds: np.ndarray) -> np.ndarray | None:
-        """What loads add to dry friction (rows, n) [N m | N] by the record and its masses; None where nothing is.
+        """Dry friction that loads add (rows, n) [N m | N] by the record and its masses; None where nothing is.
 
         Args:
             q, qd: (rows, n) states, speeds 0 where a joint rests.   tau: (rows, n) motor torques on the joints [N m | N].

@@ -60,7 +60,7 @@ def _adaptive(config: LoopConfig, watched: Watched | None, planned: int, seen: t
 
 
 def plant_turn(config: LoopConfig) -> Turn | None:
-    """What the loops of servos do, and when; None of an arm without any."""
+    """Turns of the servos' loops and their times; None of an arm without any."""
     if config.bare.turn is None:
         return None
 
