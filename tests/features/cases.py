@@ -294,7 +294,7 @@ def _braked(arm):
 
 
 SCENARIOS = {  # of an arm: the scenario with a feature, and the one without
-    "supply over time": lambda arm: _given(arm, supply=aw.Schedule([0.0, 0.1], [[6.0], [5.0]], ["supply"])),
+    "supply over time": lambda arm: _given(arm, supply=aw.Schedule([0.0, 0.1], [[1.0], [0.5]], ["supply"])),
     "servos off": lambda arm: _served(arm, enabled=aw.Schedule([0.0, 0.1], [[1.0], [0.0]], ["joint1"])),
     "commands over time": lambda arm: (commanded(arm), looped(arm)),
     "pose": lambda arm: _with(arm, reference=[0.32, -0.58]),

@@ -203,8 +203,8 @@ def fit_actuators(arm: AnyArm, motion: AnyMotion, kind: str = "position", *, pro
     if kind not in KINDS:
         raise ModelError(place="kind", value=kind, choices=KINDS)
     robot = record_of(as_arm(arm))
-    start, model = servo_actuators(robot), build_model(robot)
-    path = as_motion(motion, model)
+    model = build_model(robot)
+    path, start = as_motion(motion, model), servo_actuators(robot)
     if not np.isfinite(path.duration):
         raise ScheduleError("does not end", place="motion", expected="one of finite duration")
     if np.size(path.payloads):

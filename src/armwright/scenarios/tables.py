@@ -273,7 +273,8 @@ def _controller(place: str, control: Any, arm: Model, lanes: dict[str, np.ndarra
         name, value = each.name, getattr(control, each.name)
         at = f"{place}.{name}"
         if name in CONFIGURED["controller"]:
-            if isinstance(value, Model) and difference(value, arm) is not None:
+            own = name == "arm"  # which a loop sets to its own, whatever it was
+            if isinstance(value, Model) and not own and difference(value, arm) is not None:
                 expected = f"the scenario's arm, {arm.name}: a file's controllers know no other"
                 raise ScenarioError("is another arm than the scenario's", place=at, value=value.name, expected=expected)
             continue

@@ -51,6 +51,20 @@ class DriveInputs:
     command: np.ndarray
 
 
+class _InlinePlant(Plant):
+    """A plant whose rules copy its derivative instead of calling it."""
+
+    def program(self, inputs: Any) -> Any:
+        """The plant itself, which `split`s as its program does."""
+        return self
+
+
+def _plant_of(model: Model) -> Plant:
+    """The plant as rules call it; with play a copy of its derivative, whose tangents as a call would be no numbers there."""
+    gaps = any(body.elasticity is not None and body.elasticity.backlash is not None for body in model.coordinates)
+    return (_InlinePlant if gaps else Plant).of(model)
+
+
 def _substep(plant: Plant, rule: Integrator, x: Any, command: Any, h: Any) -> Any:
     """The state a substep of h later, in two steps: halves, or parted where the first of the joints that stick comes to rest.
 
@@ -111,7 +125,7 @@ class Response:
         def substep(x, command, p, part):
             """`part` holds the substep's length without and with the delay's fraction [s]."""
             h = part[0] + part[1] * p[own]
-            plant, u = Plant.of(varied.model(p[:own])), command + p[own + 1 :]
+            plant, u = _plant_of(varied.model(p[:own])), command + p[own + 1 :]
             return _substep(plant, rule, x, u, h)
 
         x_p = {"x": (self.size,), "command": (n,), "p": (self.columns,)}
@@ -185,7 +199,7 @@ class Response:
         own, size = len(self.varied.parameters), self.size + 1
 
         def known(x, command, p, part):
-            plant, u = Plant.of(self.varied.model(p[:own])), command + p[own + 1 :]
+            plant, u = _plant_of(self.varied.model(p[:own])), command + p[own + 1 :]
             return *equations(plant, u), part[0] + part[1] * p[own] - x[-1]
 
         def event_of(x, command, p, part, way):

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from armwright.entry import as_path
 from armwright.errors import LogError
 from armwright.scalar import real_number
 
@@ -48,8 +49,8 @@ class BenchLog:
         for name in columns:
             values = np.asarray(getattr(self, name), dtype=float)
             object.__setattr__(self, name, values)
-            if values.shape != np.shape(self.t):
-                expected = f"{np.shape(self.t)}, as there are so many times"
+            if values.ndim != 1 or values.shape != np.shape(self.t):
+                expected = f"{(np.size(self.t),)}, as there are so many times"
                 raise LogError(f"shape {values.shape}", place=name, expected=expected, file=self.name)
             if not np.isfinite(values).all():
                 row = int(np.flatnonzero(~np.isfinite(values))[0])
@@ -93,7 +94,7 @@ def read_bench_log(path: str | os.PathLike[str]) -> BenchLog:
     Raises:
         LogError: names file, place, value and what was expected.
     """
-    path = Path(path)
+    path = Path(as_path(path, "path", LogError))
     try:
         content = path.read_bytes()
     except OSError as error:

@@ -51,7 +51,7 @@ class ServoSearch:
 
     def __post_init__(self) -> None:
         for place, values, choices in (("orders", self.orders, tuple(ORDERS)), ("free", self.free, EXTRA)):
-            if isinstance(values, str) or (place == "orders" and not values):
+            if not isinstance(values, (list, tuple)) or (place == "orders" and not values):
                 raise ModelError(place=place, value=values, expected="a list of names", choices=choices)
             for value in values:
                 if value not in choices:

@@ -13,6 +13,7 @@ import threading
 from collections.abc import Sequence
 
 from armwright.errors import ArmwrightError, BusError
+from armwright.terminal import say
 from armwright.twin.serial.bus import Losses, ServoBus, make_servo
 from armwright.twin.serial.plant import KinematicPlant
 from armwright.twin.serial.registers import model_names, servo_model
@@ -80,15 +81,16 @@ def main(words: Sequence[str] | None = None) -> int:
         if given.period is not None:
             timing = LockStep(bus, given.period, CycleEnd.parse(given.tick, bus.framing))
         with Terminal(given.path) as terminal:
-            print(f"servos on {terminal.path or terminal.device}", flush=True)
+            say(f"servos on {terminal.path or terminal.device}")
+            sys.stdout.flush()  # who waits for the line reads it through a pipe
             try:
                 counts = serve(terminal, bus, timing, ended.is_set, given.patience)
             finally:
                 if schedule is not None:
                     schedule.write(given.schedule)
-            print(json.dumps(vars(counts) | {"baud_rates": sorted(counts.baud_rates), "unsent": terminal.unsent}))
+            say(json.dumps(vars(counts) | {"baud_rates": sorted(counts.baud_rates), "unsent": terminal.unsent}))
     except ArmwrightError as error:
-        print(error, file=sys.stderr)
+        say(str(error), err=True)
         return 1
     return 0
 
