@@ -10,7 +10,7 @@ from typing import Any
 from armwright.description import RobotDescription, read_description
 from armwright.description.drive_file import ENDING
 from armwright.description.writer import for_folder, write_toml
-from armwright.entry import AnyMotion, as_path
+from armwright.entry import AnyMotion, as_motion, as_path
 from armwright.errors import DescriptionError, ModelError, OutputError, RunError
 from armwright.export.actuator_fit import ActuatorFit, fit_actuators
 from armwright.export.mjcf import write_mjcf
@@ -92,6 +92,8 @@ def convert(
 
 
 def _check_together(actuators: str | None, motion: AnyMotion | None, target: str | os.PathLike[str]) -> None:
+    if motion is not None and not isinstance(motion, (str, os.PathLike)):
+        as_motion(motion)
     if (actuators is None) != (motion is None):
         raise ModelError("missing", place="motion" if motion is None else "actuators", expected="both of them")
     if actuators is not None and Path(target).suffix.lower() not in MJCF:
