@@ -68,8 +68,8 @@ def convert(
         DescriptionError: a source that cannot be believed.   OutputError: a target that cannot be written, or is the source
             itself.   RunError: an .nc that is no run.   ModelError, ScheduleError: as `fit_actuators`.
     """
-    source = as_path(source, "source", DescriptionError)
     _check_together(actuators, motion, target)
+    source = as_path(source, "source", DescriptionError)
     if Path(source).suffix.lower() == RUN:
         return _converted_run(Path(source), target, reading)
     path = check_destination(target, ENDINGS)
