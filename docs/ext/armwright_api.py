@@ -52,7 +52,8 @@ def _entry(line: str) -> Iterator[str]:
     yield from _body(name, thing, shown)
     for member in _documented(thing) if members == "*" else (members or "").split():
         yield f"#### `{path.rpartition('.')[2]}.{member}`"
-        yield from _body(member, inspect.getattr_static(thing, member, None), None)
+        static = inspect.getattr_static(thing, member, None)
+        yield from _body(member, getattr(static, "function", static), None)  # a kernel's method keeps its function
 
 
 def _documented(thing: type) -> list[str]:
