@@ -69,7 +69,7 @@ class ServoSettings:
 
 @dataclass(frozen=True, eq=False)
 class ServoFit:
-    """How servos sit on an arm, and how far they may go.
+    """Servos on the joints of an arm, and the positions that they may go to.
 
     Attributes:
         arm: the model.   model: of the servos.   ids, mountings: (n,) of the joints.   calibration: stored; None: there is none.

@@ -196,7 +196,7 @@ def capture(
 
     Args:
         plan: what `plan_capture` returned.   port: open.   stopped: is asked once a cycle; True ends the run.
-        say: is told of the approach before the arm moves.
+        say: is called with the length of the approach before the arm moves.
     Returns:
         captured: the rows of the motion; none of the approach.
     Raises:

@@ -282,7 +282,7 @@ def run_on_servos(
     Args:
         rehearsal: with a calibration.   port: open.   stopped: is asked once a cycle; True ends the run.
         following_error: [rad] at which the run ends; default: twice the rehearsal's largest, and at least 0.0175.
-        say: is told of the approach before the arm moves.
+        say: is called with the length of the approach before the arm moves.
     Returns:
         run: what was measured; not complete if it was stopped.
     Raises:
