@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import armwright as aw
 from armwright.cli.arguments import argument, as_options, option
@@ -41,7 +42,7 @@ def convert(
       armwright convert so101 so101.xml --actuators position --motion swing.csv
       armwright convert run.nc run.mcap
     """
-    reading = {} if smoothing is None else {"smoothing": smoothing}
+    reading: dict[str, Any] = {} if smoothing is None else {"smoothing": smoothing}
     with as_options("actuators", "motion", kind="--actuators"):
         done = aw.robotfiles.convert(source, target, actuators=actuators, motion=motion, **reading)
     if done.actuators is not None:
