@@ -5,12 +5,14 @@ from __future__ import annotations
 import multiprocessing
 import sys
 import warnings
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import armwright as aw
 from armwright.errors import ModelError, ShapeError
+from armwright.kernels import batch
 from physics.arms import arm
 
 Q = np.random.default_rng(0).uniform(-1.0, 1.0, (50, 6))
@@ -144,7 +146,8 @@ def _child(queue):
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="processes are forked on Linux")
-def test_a_forked_child_has_threads_of_its_own(dyn):
+def test_a_forked_child_has_threads_of_its_own(dyn, monkeypatch):
+    monkeypatch.setattr(batch, "PART", 1)
     dyn.threads = 2
     big = np.tile(Q, (1000, 1))
     expected = float(dyn.gravity_torques(big)[0, 1])
@@ -157,3 +160,31 @@ def test_a_forked_child_has_threads_of_its_own(dyn):
     assert queue.get(timeout=60) == expected
     child.join(60)
     assert child.exitcode == 0
+
+
+def test_a_thread_gets_what_is_worth_waking_it(monkeypatch):
+    """By operations, not by states: a long program is shared from fewer states on, into whole tiles."""
+    dyn = aw.compile(arm("puma560"))
+    short, long = (dyn.kernel(name) for name in ("gravity_torques", "forward_dynamics_derivatives"))
+    assert short.least * short.operations > 3e5 * short.target.width
+    assert 3 * long.least < short.least
+    for kernel in (short, long):
+        submitted = []
+        monkeypatch.setattr(
+            batch, "_pool", lambda _, to=submitted: SimpleNamespace(submit=lambda run, *part: done(run, part, to))
+        )
+        least, n = kernel.least, dyn.arm.n
+        assert least % kernel.target.width == 0
+        count = 2 * least + 3
+        arrays = [np.zeros((count, n))] * len(kernel.program.inputs)
+        kernel(*(each[: 2 * least - 1] for each in arrays), threads=4)
+        assert submitted == []
+        kernel(*arrays, threads=4)
+        assert [last - first for first, last in submitted] == [least]
+
+
+def done(run, part, to):
+    """Runs a part at once and keeps its bounds."""
+    to.append(part)
+    run(*part)
+    return SimpleNamespace(result=lambda: None)

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 import armwright as aw
-from armwright.kernels import engine, native_call
+from armwright.kernels import batch, engine, native_call
 from armwright.kernels.signatures import SIGNATURES
 from kernels.native_cases import LEADS, general, odd_calls, outcome, states
 
@@ -229,7 +229,8 @@ def test_arm_with_open_parameters_checks_them_in_every_call():
             varied.mass_matrix(np.zeros(2), np.array([-1.0]))
 
 
-def test_number_of_threads_reaches_the_calls_that_are_handed_on(dyn):
+def test_number_of_threads_reaches_the_calls_that_are_handed_on(dyn, monkeypatch):
+    monkeypatch.setattr(batch, "PART", 1)
     arrays = states(dyn, "inverse_dynamics", (20_000,), np.random.default_rng(9))
     expected = outcome(dyn.inverse_dynamics, *arrays)
     before = dyn.threads

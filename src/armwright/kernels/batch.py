@@ -20,6 +20,7 @@ from armwright.program import Port, Program
 from armwright.scalar import real_numbers
 
 if TYPE_CHECKING:  # a kernel from the cache, called for a few states, needs neither threads nor what prints code
+    from collections import Counter
     from concurrent.futures import ThreadPoolExecutor
 
     from armwright.kernels.llvm import LlvmModule
@@ -33,14 +34,14 @@ ROOM = 1800  # operations; two tiles of a longer program want too many registers
 PLANS = 64  # shapes that are remembered
 LINE = 64  # bytes in a cache line
 LARGE = 4096  # numbers in an array that is worth aligning
-TILES_A_THREAD = 128  # fewer tiles than this are done sooner than a thread is woken
+PART = 1_000_000  # operations on whole tiles, some 300 µs: fewer are done sooner than a thread is woken
 
 
 class Kernel:
     """A compiled program. `kernel(a, b, …)` takes (…, *shape) arrays and broadcasts over the leading axes.
 
     Attributes:
-        program: what is computed.   target: the processor, and the lanes of a tile.
+        program: what is computed.   operations: in it.   target: the processor, and the lanes of a tile.
         format: of the numbers that it takes, computes with and gives.   dtype: NumPy's type of them.
     """
 
@@ -59,7 +60,11 @@ class Kernel:
         """
         self.format, self.dtype = format, format.dtype
         self._check = check
-        self.program, self.target = program, target.doubled() if _waits(program) else target
+        counts = program.operation_counts()
+        ports = (*program.inputs, *program.outputs)
+        self.operations = max(1, counts.total())
+        self._tile = self.operations + sum(port.size for port in ports)  # loads and stores cost what operations do
+        self.program, self.target = program, target.doubled() if _waits(counts) else target
         self._expected = [(port.name, port.shape) for port in program.inputs]
         self._shapes = [port.shape for port in program.outputs]
         self._plans: dict[tuple[tuple[int, ...], ...], tuple[int, list[tuple[int, ...]]]] = {}
@@ -111,8 +116,8 @@ class Kernel:
 
     @property
     def least(self) -> int:
-        """States that are worth a thread."""
-        return TILES_A_THREAD * self.target.width
+        """States that are worth a thread: whole tiles, by the time that they are expected to take."""
+        return max(1, PART // self._tile) * self.target.width
 
     def _any(self, arrays: tuple[Any, ...], out: Any, threads: int) -> Any:
         """The general case: any numbers, layouts and broadcasting."""
@@ -209,9 +214,8 @@ def batch_module(width: int, program: Program, dtype: str) -> LlvmModule:
     return llvm.batch_module(width, program, dtype)
 
 
-def _waits(program: Program) -> bool:
-    """True if the program is a short chain of divisions that wait for each other, such as the pivots of a symmetric solve."""
-    counts = program.operation_counts()
+def _waits(counts: Counter[str]) -> bool:
+    """True for a short chain of divisions that wait for each other, such as the pivots of a symmetric solve."""
     return counts["DIV"] + counts["INV"] >= CHAIN and counts.total() <= ROOM
 
 

@@ -130,12 +130,11 @@ def enter(table: CallTable, kernel: Kernel) -> None:
     ports = (*program.inputs, *program.outputs)
     if len(ports) > PORTS or not program.inputs or not all(len(p.shape) <= AXES and p.size > 0 for p in ports):
         return
-    operations = max(1, program.operation_counts().total())
     for k, port in enumerate(ports):
         table.axes[k] = ArrayAxes(len(port.shape), tuple(port.shape))
     table.inputs, table.outputs = len(program.inputs), len(program.outputs)
     table.entry = _address(kernel.bound_entry)
-    table.hold = HOLD // operations * kernel.target.width
+    table.hold = HOLD // kernel.operations * kernel.target.width
     # the last: as long as it is 0 every call goes to `general`
     table.most = max(0, min((LARGE - 1) // max(port.size for port in program.outputs), 2 * kernel.least - 1))
 
