@@ -34,9 +34,16 @@ def pytest_unconfigure(config):
         shutil.rmtree(config.stash[CACHE], ignore_errors=True)
 
 
+def pytest_addoption(parser):
+    parser.addoption("--part", metavar="K/N", help="of each file's studies every Nth, from the Kth on: 0/N to N-1/N")
+
+
 @pytest.hookimpl(tryfirst=True)  # before `-m` chooses
-def pytest_collection_modifyitems(items):
-    """Of the cases of a test that is marked `sample(n)`, n that are spread evenly stay; the others are `study`."""
+def pytest_collection_modifyitems(config, items):
+    """Of the cases of a test that is marked `sample(n)`, n that are spread evenly stay; the others are `study`.
+
+    Of the studies those of `--part` stay.
+    """
     families = collections.defaultdict(list)
     for item in items:
         if mark := item.get_closest_marker("sample"):
@@ -46,3 +53,12 @@ def pytest_collection_modifyitems(items):
         for k, item in enumerate(cases):
             if k not in kept:
                 item.add_marker(pytest.mark.study)
+    if part := config.getoption("--part"):
+        first, step = map(int, part.split("/"))
+        studies = collections.defaultdict(list)
+        for item in items:
+            if item.get_closest_marker("study"):
+                studies[item.path].append(item)
+        left = {item for each in studies.values() for k, item in enumerate(each) if k % step != first}
+        config.hook.pytest_deselected(items=sorted(left, key=lambda item: item.nodeid))
+        items[:] = [item for item in items if item not in left]
