@@ -12,7 +12,7 @@ import armwright as aw
 from armwright.errors import LogError
 from armwright.identification.logs.effort_checks import motion_delay
 from armwright.identification.logs.preparation import low_pass
-from identification.logs.example_logs import ALL, HEAD, RATE, columns, motion, written
+from identification.logs.example_logs import ALL, HEAD, POSITIONS, RATE, TORQUES, columns, motion, written
 
 
 def findings(folder, change=None, text=ALL, level=None):
@@ -178,6 +178,25 @@ def test_held_samples(tmp_path):
     (line,) = [line for line in findings(tmp_path, held) if "repeat" in line]
     assert "3.0 at a time" in line
     assert "about 125" in line
+
+
+@pytest.mark.parametrize("lost", [False, True])
+def test_an_arm_of_counts_that_rests_has_lost_no_rows(tmp_path, lost):
+    """As of bus servos: positions and loads in whole counts, at rest for most of the log, now and then a count to and fro."""
+    rng, count = np.random.default_rng(4), 2 * np.pi / 4096
+
+    def servos(table):
+        moves = np.clip(table["t"] - 5.0, 0.0, None)
+        kept = np.searchsorted(table["t"], 5.0)
+        for name in ("q1", "q2", "m1", "m2"):
+            step = count if name[0] == "q" else 0.02
+            still = np.interp(moves + 1.0, table["t"], table[name])
+            table[name] = step * np.round((still + 0.2 * step * rng.normal(size=len(still))) / step)
+            if lost:
+                table[name][kept + 1 :: 4] = table[name][kept:-1:4]
+
+    found = [line for line in findings(tmp_path, servos, HEAD + POSITIONS + TORQUES) if "repeat" in line]
+    assert len(found) == (1 if lost else 0), found
 
 
 def test_nothing_moves(tmp_path):

@@ -125,6 +125,8 @@ def cells(log: Log, run: LogRun, census: Census) -> Found:
 def _repeats(census: Census) -> Found:
     """Rows that repeat all signals in short runs: held by a slower loop, or lost; long runs are rest."""
     repeats, runs = census.whole_repeats.count, census.repeat_runs
+    if census.sampling.repeats and census.none < REPEATED * census.rows:  # the arm rests
+        return
     columns = [column for name, values in census.excerpt.values.items() if name != "temperature" for column in values.T]
     changing = [column for column in columns if np.ptp(column) > 0]
     if not any(map(is_restless, changing)) or repeats < REPEATED * census.rows or repeats > LONG * max(runs, 1):

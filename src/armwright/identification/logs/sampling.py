@@ -49,6 +49,7 @@ class Sampling:
         weights: (joints,) w of the positions' steps.   noise: c of the deviation c / √(Σ w V²) of d [s].
         by_speeds: V are the logged speeds.
         counts: (joints,) [rad | m] by which a joint must move in a period for its position to change; empty without speeds.
+        encoder: (joints,) [rad | m] of a position's counts; 0 where it has none.
     """
 
     period: float = 0.0
@@ -59,6 +60,7 @@ class Sampling:
     noise: float = np.inf
     by_speeds: bool = False
     counts: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    encoder: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
     @property
     def longest_step(self) -> float:
@@ -76,7 +78,8 @@ def sampling_of(block: Block, mends: bool) -> Sampling:
     found = _clock(block.t)
     if not mends or not found.period:
         return found
-    found = replace(found, repeats=any(map(is_restless, _columns(block.values))), counts=_counts(block.values))
+    restless = any(map(is_restless, _columns(block.values)))
+    found = replace(found, repeats=restless, counts=_counts(block.values), encoder=_encoder(block.values.get("q")))
     fresh = ~_stale(found, block, None)
     if not fresh.all():
         times = _clock(block.t[fresh])
@@ -250,6 +253,12 @@ def _counts(values: Mapping[str, np.ndarray]) -> np.ndarray:
     return np.array(found)
 
 
+def _encoder(q: np.ndarray | None) -> np.ndarray:
+    """(joints,) [rad | m] of the counts of positions (rows, joints); 0 where they have none."""
+    columns = [] if q is None else [column[np.isfinite(column)] for column in q.T]
+    return np.array([quantisation_step(each) or 0.0 if len(each) > FEWEST else 0.0 for each in columns])
+
+
 def _stale(sampling: Sampling, block: Block, following: Block | None) -> np.ndarray:
     """(rows,) True where a row is none: it repeats the one before, though the arm moves.
 
@@ -260,7 +269,7 @@ def _stale(sampling: Sampling, block: Block, following: Block | None) -> np.ndar
     if sampling.repeats:
         more = {} if following is None else {n: v[: len(block.t)] for n, v in following.values.items()}
         joined = {n: np.concatenate([v, more[n]]) if more else v for n, v in block.values.items()}
-        stale = _of_motion(repeated_rows(joined), joined.get("q"))[: len(stale)]
+        stale = _of_motion(repeated_rows(joined), joined.get("q"), sampling.encoder)[: len(stale)]
     if len(sampling.counts):
         q, qd = block.values["q"], block.values["qd"]
         same = np.concatenate([[False], (np.diff(q, axis=0) == 0).all(axis=1)])
@@ -269,14 +278,21 @@ def _stale(sampling: Sampling, block: Block, following: Block | None) -> np.ndar
     return stale
 
 
-def _of_motion(repeated: np.ndarray, q: np.ndarray | None) -> np.ndarray:
-    """Repeated rows (rows,) without the long groups in which the arm rests: positions (rows, joints) go on as before there."""
+def _of_motion(repeated: np.ndarray, q: np.ndarray | None, encoder: np.ndarray) -> np.ndarray:
+    """Repeated rows (rows,) without those in which the arm rests: positions (rows, joints) go on as before a long group, or
+    move by no more than a count (joints,) around a short one.
+    """
     fresh, found = np.flatnonzero(~repeated), repeated.copy()
     rows = np.diff(fresh)  # from one fresh row to the next
     if q is None:
         speeds = np.zeros((len(rows), 0))
     else:
         speeds = np.abs(np.diff(q[fresh], axis=0)) / rows[:, None]  # a row
+    creeping = encoder.size > 0 and speeds.shape[1] == encoder.size
+    rests = (speeds * rows[:, None] <= JUMPS * encoder).all(axis=1) if creeping else np.zeros(len(rows), dtype=bool)
+    around = np.convolve(np.pad(rests, 1, constant_values=True), np.ones(3), "valid") if len(rests) else rests
+    for k in np.flatnonzero((rows > 1) & (rows - 1 <= SHORT) & (around == 3)):
+        found[fresh[k] + 1 : fresh[k + 1]] = False
     for k in np.flatnonzero(rows - 1 > SHORT):
         beside = [speeds[j] for j in (k - 1, k + 1) if 0 <= j < len(speeds)]
         moved = len(beside) == 2 and (speeds[k] * rows[k] > JUMPS * np.max(beside, axis=0)).any()
