@@ -17,7 +17,7 @@ from rows_kernels import WORKS, batch, checked, compiled, looped, pinocchio, pin
 from timing import Check, Contestant, Entry, race
 
 import armwright as aw
-from armwright.kernels.batch import TILES_A_THREAD
+from armwright.kernels.batch import PART
 
 ROBOT = "puma560"
 KERNELS = ("inverse_dynamics", "mass_matrix", "forward_dynamics", "inverse_dynamics_derivatives")
@@ -126,6 +126,6 @@ def notes(quick: bool) -> dict[str, list[str]]:
             f"{processors()} of {os.cpu_count()} processors may be used, on {physical or 'an unknown number of'} cores: {text}",
             "the rows of fused multiply-adds tell what more threads bring where nothing but arithmetic is done: two that share "
             "a core share its ports, and two threads then stay near 1; beside a kernel: what they gained in the same race",
-            f"a thread is given {TILES_A_THREAD} tiles at least",
+            f"a thread is given {PART:,} operations on whole tiles at least, some 0.3 ms",
         ],
     }

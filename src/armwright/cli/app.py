@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import functools
+import importlib
 import inspect
 import os
 import sys
@@ -12,46 +14,10 @@ from io import TextIOWrapper
 from typing import Annotated, Any
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 
 from armwright import __version__
-from armwright.cli.animate import animate
-from armwright.cli.assemble import assemble
-from armwright.cli.calibrate import calibrate
-from armwright.cli.capture import capture
-from armwright.cli.check import check
-from armwright.cli.compare_controllers import compare_controllers
-from armwright.cli.convert import convert
-from armwright.cli.design import design
-from armwright.cli.diff import diff
-from armwright.cli.dynamics import forward_dynamics, inverse_dynamics
-from armwright.cli.examples import examples
-from armwright.cli.excite import excite
-from armwright.cli.export import export
-from armwright.cli.identify import identify
-from armwright.cli.ik import ik
-from armwright.cli.info import info
 from armwright.cli.json_output import with_json
-from armwright.cli.log import log
-from armwright.cli.loops import loops
-from armwright.cli.measure import measure
-from armwright.cli.new import new
-from armwright.cli.parts import parts
-from armwright.cli.plan import plan
-from armwright.cli.plot import plot
-from armwright.cli.reproduce import reproduce
-from armwright.cli.robots import robots
-from armwright.cli.servos import servos
-from armwright.cli.shadow import shadow
-from armwright.cli.show import show
-from armwright.cli.sim import sim
-from armwright.cli.simulate import simulate
-from armwright.cli.step_study import step_study
-from armwright.cli.sweep import sweep
-from armwright.cli.tune import tune
-from armwright.cli.twin import run_controller, twin
-from armwright.cli.validate import validate
-from armwright.cli.workspace import workspace
 from armwright.errors import ArmwrightError, RunStopped
 from armwright.terminal import say
 
@@ -59,13 +25,56 @@ LONGEST = 2500  # characters of an error: a word that was typed may have any len
 UsageError: Any = typer.BadParameter.__mro__[1]  # typer keeps it to itself
 
 
+PANELS = {
+    "Describe an arm": "robots servos info new check show diff convert parts assemble",
+    "Compute": "inverse-dynamics forward-dynamics ik workspace plan",
+    "Simulate": "simulate sim plot animate step-study reproduce",
+    "Identify": "excite log identify calibrate measure validate",
+    "Control": "design loops tune sweep compare-controllers",
+    "Deploy": "export twin run-controller capture shadow",
+    "Learn": "examples",
+}
+PANEL_OF = {name: panel for panel, names in PANELS.items() for name in names.split()}
+MODULES = {
+    "inverse-dynamics": "dynamics",
+    "forward-dynamics": "dynamics",
+    "run-controller": "twin",
+}  # others: as their name
+DRAWN = ("show", "plot", "animate", "sim")  # these draw, or converse: --json would have nothing to write
+WRITTEN = ("new", "examples")  # these write or list files
+
+
 class Commands(TyperGroup):
-    """Command group that shows errors in one line, or several mistakes of a file in one line each."""
+    """Command group that shows errors in one line, or several mistakes of a file in one line each.
+
+    A command is imported and its options are built when it is asked for.
+    """
+
+    @property
+    def commands(self) -> dict[str, Any]:
+        """Every command by its name."""
+        return {name: self.get_command(None, name) for name in PANEL_OF}
+
+    @commands.setter
+    def commands(self, none: dict[str, Any]) -> None:
+        """Typer has none to give."""
 
     def list_commands(self, ctx: Any) -> list[str]:
-        """Names in the order of `PANELS`; typer would put the groups behind all commands."""
-        known = super().list_commands(ctx)
-        return sorted(known, key=ORDER.index)
+        """Names in the order of `PANELS`."""
+        return list(PANEL_OF)
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """The command or group of that name; None where there is none."""
+        return made(cmd_name) if cmd_name in PANEL_OF else None
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Lists the commands by what is said of them, without their options."""
+        listed: Any = {name: TyperCommand(name, help=about(name), rich_help_panel=PANEL_OF[name]) for name in PANEL_OF}
+        listing = TyperGroup(
+            name=self.name, commands=listed, params=self.params, help=self.help, rich_markup_mode="rich"
+        )
+        listing.list_commands = self.list_commands  # type: ignore[method-assign]
+        listing.format_help(ctx, formatter)
 
     def main(self, *args: Any, standalone_mode: bool = True, **extra: Any) -> Any:
         """Runs a command; ends the process with its exit code."""
@@ -165,39 +174,41 @@ def _commands(
         typer.echo(context.get_help())
 
 
-PANELS: dict[str, tuple[Callable[..., None] | typer.Typer, ...]] = {
-    "Describe an arm": (robots, servos, info, new, check, show, diff, convert, parts, assemble),
-    "Compute": (inverse_dynamics, forward_dynamics, ik, workspace, plan),
-    "Simulate": (simulate, sim, plot, animate, step_study, reproduce),
-    "Identify": (excite, log, identify, calibrate, measure, validate),
-    "Control": (design, loops, tune, sweep, compare_controllers),
-    "Deploy": (export, twin, run_controller, capture, shadow),
-    "Learn": (examples,),
-}
-ORDER: list[str] = []
-DRAWN = (show, plot, animate, sim)  # these draw, or converse: --json would have nothing to write
-WRITTEN = (new, examples)  # these write or list files
+def entry(name: str) -> Callable[..., None] | typer.Typer:
+    """The function of a command, or the commands of a group."""
+    identifier = name.replace("-", "_")
+    return getattr(importlib.import_module(f"armwright.cli.{MODULES.get(name, identifier)}"), identifier)
+
+
+def about(name: str) -> str:
+    """What is said of a command or a group."""
+    said = entry(name)
+    if isinstance(said, typer.Typer):
+        said = said.registered_callback.callback if said.registered_callback is not None else said.info.help
+    return _unwrapped(said if isinstance(said, str) else said.__doc__ or "")
+
+
+@functools.cache
+def made(name: str) -> Any:
+    """The command or the group of that name with its options."""
+    found = entry(name)
+    if not isinstance(found, typer.Typer):
+        alone = typer.Typer(add_completion=False, rich_markup_mode="rich")
+        callback = found if name in DRAWN else with_json(found, name)
+        alone.command(name, help=about(name), rich_help_panel=PANEL_OF[name])(callback)
+        return typer.main.get_command(alone)
+    for command in found.registered_commands:
+        assert command.callback is not None
+        command.help = _unwrapped(command.callback.__doc__ or "")
+        command.name = command.name or command.callback.__name__.replace("_", "-")
+        if name not in WRITTEN:
+            command.callback = with_json(command.callback, f"{name} {command.name}")
+    group = typer.main.get_group(found)
+    group.rich_help_panel = PANEL_OF[name]
+    return group
 
 
 def _unwrapped(text: str) -> str:
     """Paragraphs without the source's line breaks, so that they fill the terminal; those marked \\b stay as they are."""
     paragraphs = inspect.cleandoc(text).split("\n\n")
     return "\n\n".join(part if part.startswith("\b") else " ".join(part.split()) for part in paragraphs)
-
-
-for panel, entries in PANELS.items():
-    for entry in entries:
-        if isinstance(entry, typer.Typer):
-            app.add_typer(entry, rich_help_panel=panel)
-            ORDER.append(str(entry.info.name))
-        else:
-            app.command(rich_help_panel=panel)(entry)
-            ORDER.append(entry.__name__.replace("_", "-"))
-for commands in (app, examples, excite, export, identify, measure, new, parts):
-    for command in commands.registered_commands:
-        assert command.callback is not None
-        command.help = _unwrapped(command.callback.__doc__ or "")
-        command.name = command.name or command.callback.__name__.replace("_", "-")
-        if command.callback not in DRAWN and commands not in WRITTEN:
-            group = "" if commands is app else f"{commands.info.name} "
-            command.callback = with_json(command.callback, group + command.name)
