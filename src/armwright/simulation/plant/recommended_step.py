@@ -7,7 +7,6 @@ from functools import partial
 from math import floor, log10
 
 import numpy as np
-from scipy.linalg import expm, matrix_balance
 
 from armwright.scalar import Array
 from armwright.simulation.integrate.exponential import Split
@@ -44,6 +43,8 @@ def recommended_step(slope: np.ndarray, step: Step, largest: float, whole: Seque
         slope: (size, size) ∂(dx/dt)/∂x of a linear plant.   step: the rule's own.   largest: [s] that may be recommended.
         whole: [s] times that hold a whole number of steps; an equal part of the first where no step of 1, 2 or 5 divides all.
     """
+    from scipy.linalg import expm, matrix_balance  # slow to import, and a step that is short enough needs none
+
     balanced, (scale, _) = matrix_balance(slope, permute=False, separate=True)
 
     def accurate(h: float) -> bool:
