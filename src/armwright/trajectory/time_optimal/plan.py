@@ -26,6 +26,7 @@ from armwright.trajectory.time_optimal.feasibility import (
 )
 from armwright.trajectory.time_optimal.motion import PathMotion
 from armwright.trajectory.time_optimal.planner import Planner
+from armwright.trajectory.time_optimal.whole_cells import WholeCells
 
 SUPPORT = KERNELS.named("time_optimal")
 
@@ -88,6 +89,12 @@ def time_optimal(
     check_positions(limits, path)
     if clearance is not None:
         check_distances(arm, clearance, path)
+    if not np.isfinite([limits.torque, limits.voltage]).any():
+        cells = WholeCells.of(path, limits, int(grid))
+        x = cells.fastest(ends)
+        used = cells.used(x)
+        excess = max(float(each.max()) for each in used.values()) - 1.0
+        return PathMotion(path, cells.s, x, float(time), used, excess, SUPPORT.notes(arm), ramps=False)
     dyn, best, failure = compile_arm(without_servos(arm)), None, None
     for count in (int(grid) * 2**k for k in range(FINER)):
         planner = Planner(dyn, limits, path, grid_points(path, count), ends)

@@ -21,11 +21,12 @@ class PathTiming:
     active limit changes it still jumps.
 
     Attributes:
-        s: (m,) grid.   x: (m,) ṡ² there.
+        s: (m,) grid.   x: (m,) ṡ² there.   ramps: as above; without, s̈ is constant in each piece.
     """
 
     s: np.ndarray
     x: np.ndarray
+    ramps: bool = True
 
     @cached_property
     def speeds(self) -> np.ndarray:
@@ -35,6 +36,8 @@ class PathTiming:
     @cached_property
     def jerks(self) -> np.ndarray:
         """(m - 1,) s⃛ in each piece."""
+        if not self.ramps:
+            return np.zeros(len(self.s) - 1)
         v, ds = self.speeds, np.diff(self.s)
         times, sdd = 2.0 * ds / (v[:-1] + v[1:]), np.diff(self.x) / (2.0 * ds)
         slopes = 2.0 * np.diff(sdd) / (times[:-1] + times[1:])
