@@ -13,8 +13,7 @@ from armwright.trajectory.keep_clear import check_arm, nearest_along, too_near
 from armwright.trajectory.limits import MotionLimits
 from armwright.trajectory.path import JointPath
 from armwright.trajectory.time_optimal.constraints import UNBOUNDED
-from armwright.trajectory.time_optimal.passes import Profile
-from armwright.trajectory.time_optimal.planner import MOST, Planner
+from armwright.trajectory.time_optimal.planner import MOST, Planner, Profile
 
 ROUNDING = 1e-9  # of a limit
 PLACES = 2000  # of a path, where distances are computed at first

@@ -1,5 +1,5 @@
-"""Rounds of a plan: bounds of s̈ over coarse levels of x, then over finer levels about the profile that was found; then limits
-are shrunk where a denser grid exceeds them, and the plan is made again, until it holds.
+"""Rounds of a plan: exact linear programs with the tangents of all limits at the profile before, until it no longer changes; then
+limits are shrunk where a denser grid exceeds them, and the plan is made again, until it holds.
 """
 
 from __future__ import annotations
@@ -11,20 +11,18 @@ from scipy.ndimage import maximum_filter1d
 
 from armwright.errors import ScenarioError
 from armwright.kernels.compiled import CompiledArm
+from armwright.kernels.speed_passes import controllable, greedy
 from armwright.trajectory.limits import MotionLimits
 from armwright.trajectory.path import JointPath
 from armwright.trajectory.time_optimal.constraints import PathLimits
-from armwright.trajectory.time_optimal.passes import Profile, SpeedTable, fastest_profile
 from armwright.trajectory.time_optimal.timing import PathTiming
 
-COARSE = np.unique([*np.linspace(0.0, 1.0, 49), *np.geomspace(1e-4, 0.05, 24)])  # levels, of the largest √x
-FINE = 16  # levels in a band
-RAISED = 4.0  # times in x, of coarse levels that are too low
 MOST = 1e50  # of a path acceleration, and of x
-BANDS = (0.6, 0.2, 0.04, 0.01)  # half widths of the finer levels, of √x
-FIRST_BAND, LAST_BAND = 2, len(BANDS) - 1  # after the coarse levels, and of a plan
-LEAST_BAND = 1e-3  # of a band, of the largest √x: where x is small
-MOST_PASSES = 20  # over finer levels
+PASSES, DAMPED = 60, 12  # with new tangents, at most; after how many the next are taken halfway
+SAME = 1e-8  # of the largest √x: a change up to which a profile has settled
+SLOWER, SLOWINGS = 0.25, 16  # times x, where tangents leave no way: friction's, taken at low speed, are on the safe side
+AT_REST = 1e-12  # of the largest x
+HALVINGS = 30  # of ṡ² at an end
 EVEN, NEAR = np.linspace(0.0, 1.0, 25), 0.5 ** np.arange(6, 14)
 JUDGED = np.unique([*EVEN, *NEAR, *(1.0 - NEAR)])  # of a piece's time: near its ends smoothed friction comes up
 ZOOM, ZOOMS = np.linspace(0.0, 1.0, 11), 4  # between the neighbours of a peak, and how often
@@ -35,6 +33,20 @@ SPREAD = 4  # times as many pieces about it, in each round but the first two, of
 LOOSE = 1.05  # times a limit at grid points, at most, where the motion between them keeps it
 SLOWEST = 0.8  # of x: how far a plan that shrinking does not end is made slower as a whole
 QUANTITIES = ("velocity", "acceleration", "torque", "voltage")
+
+
+@dataclass(frozen=True, eq=False)
+class Profile:
+    """Squared path speeds.
+
+    Attributes:
+        x: (m,).   highest_first: the largest x at the first grid point from which the end is reached.
+        stuck: grid point from which no way leads on; None: there is a way.
+    """
+
+    x: np.ndarray
+    highest_first: float
+    stuck: int | None = None
 
 
 @dataclass(eq=False)
@@ -66,20 +78,19 @@ class Planner:
         Raises:
             ScenarioError: no profile keeps the limits between grid points.
         """
-        profile = self._refined(self._coarse(), FIRST_BAND, FIRST_BAND)
+        profile = self.fastest()
         if profile.stuck is not None:
             return profile, {}
         self.least = float(PathTiming(self.s, profile.x).durations.sum())
         self._loosen(self._judged(profile.x))
-        loose = self._refined(profile, FIRST_BAND, LAST_BAND)
+        loose = self._settled(profile.x)
         profile = profile if loose.stuck is not None else loose
         for count in range(ROUNDS):
             used = self._judged(profile.x)
             if _largest(used) <= 1.0 + KEPT:
                 return profile, used
             self._shrink(used, count)
-            wide_enough = [k for k, band in enumerate(BANDS) if band >= _largest(used) - 1.0]
-            shrunk = self._refined(profile, wide_enough[-1] if wide_enough else 0, LAST_BAND)
+            shrunk = self._settled(profile.x)
             if shrunk.stuck is not None:  # limits so small that they no longer hold the arm
                 break
             profile = shrunk
@@ -87,74 +98,45 @@ class Planner:
 
     def fastest(self) -> Profile:
         """The fastest profile within the limits, as tightened so far, at grid points."""
-        return self._refined(self._coarse(), FIRST_BAND, LAST_BAND)
-
-    def _coarse(self) -> Profile:
-        """The profile over levels of x from 0 up to the velocity limits, or as far as it reaches without."""
-        cap = self.points.largest_x(self.shares)
         high = self.points.bounds(np.zeros((len(self.s), 1)), self.shares)[1]
-        top = max(4.0 * float(np.median(np.clip(high, 0.0, MOST))) * self.path.length, *self.ends)
-        while True:
-            highest = np.minimum(cap, top)
-            v = self._levels(highest)
-            profile = self._pass(v * v)
-            if profile.highest_first < self.ends[0]:
-                return replace(profile, stuck=0)
-            if top >= MOST or not ((profile.x > 0.9 * top) & (highest == top)).any():
-                return profile
-            top *= RAISED
-
-    def _levels(self, highest: np.ndarray) -> np.ndarray:
-        """(m, j) coarse levels of √x up to the highest x (m,); one of them of each constant speed from which and to which a way
-        leads."""
-        v = np.sqrt(highest)[:, None] * COARSE
-        for x in self.ends:
-            if x > 0.0:
-                v[np.arange(len(v)), np.abs(v - np.sqrt(x)).argmin(axis=1)] = np.minimum(np.sqrt(x), v[:, -1])
-        return v
+        usual = float(np.median(np.clip(high, 0.0, MOST))) * self.path.length
+        return self._settled(np.minimum(self.points.largest_x(self.shares), max(usual, *self.ends)))
 
     def highest_last(self) -> float:
-        """The largest reachable x at the end, by coarse levels: the reversed path."""
-        high = self.points.bounds(np.zeros((len(self.s), 1)), self.shares)[1]
-        top = max(4.0 * float(np.median(np.clip(high, 0.0, MOST))) * self.path.length, self.ends[0])
-        v = self._levels(np.minimum(self.points.largest_x(self.shares), top))
-        low, high = self.points.bounds(v * v, self.shares)
-        back = SpeedTable((v * v)[::-1], -high[::-1], -low[::-1], np.diff(self.s)[::-1])
-        return fastest_profile(back, self.ends[1], self.ends[0]).highest_first
+        """The largest reachable x at the end."""
+        below, above = 0.0, self.ends[1]
+        for _ in range(HALVINGS):
+            middle = 0.5 * (below + above)
+            profile = replace(self, ends=(self.ends[0], middle)).fastest()
+            below, above = (middle, above) if profile.stuck is None else (below, middle)
+        return below
 
-    def _refined(self, profile: Profile, band: int, last: int) -> Profile:
-        """The profile over finer levels about one, again where it leaves them; over wider levels where it finds no way there."""
-        for _ in range(MOST_PASSES):
-            if profile.stuck is not None:
-                return profile
-            found, left = self._fine(profile.x, BANDS[band])
-            if found.stuck is not None:
-                profile, band = (self._coarse() if band == 0 else profile), max(band - 1, 0)
+    def _settled(self, x: np.ndarray) -> Profile:
+        """The fastest profile with tangents of the limits at itself, found from those at x (m,).
+
+        Where all limits are convex in x it is the optimum, and each pass doubles the digits that are right.
+        """
+        slowings = 0
+        for count in range(PASSES):
+            lines = self.points.lines(self.s, x, self.shares)
+            low, high = controllable(lines, self.ends[1])
+            if high[0] < 0.0:
+                slowings += 1
+                if slowings > SLOWINGS:
+                    return Profile(x, -1.0, stuck=int((high < 0.0).sum()) - 1)
+                x = SLOWER * x
                 continue
-            profile = found
-            if left:
-                band = max(band - 1, 0)
-            elif band >= last:
+            found = greedy(lines, low, high, min(max(self.ends[0], low[0]), high[0]))
+            v, before = np.sqrt(found), np.sqrt(x)
+            settled = np.abs(v - before).max() <= SAME * v.max()
+            x = found if count < DAMPED else (0.5 * (v + before)) ** 2
+            if settled:
                 break
-            else:
-                band += 1
-        return profile
-
-    def _fine(self, x: np.ndarray, band: float) -> tuple[Profile, bool]:
-        """The profile over levels in a band about x, and True if it runs along an end of the band."""
-        v, cap = np.sqrt(x), np.sqrt(self.points.largest_x(self.shares))
-        least = LEAST_BAND * band * v.max()
-        low = np.maximum(v * (1.0 - band) - least, 0.0)
-        high = np.minimum(np.maximum(v * (1.0 + band), low + least), cap)
-        low = np.minimum(low, (1.0 - band) * high)
-        profile = self._pass((low[:, None] + (high - low)[:, None] * np.linspace(0.0, 1.0, FINE)) ** 2)
-        if profile.stuck is not None:
-            return profile, True
-        v, cell = np.sqrt(profile.x), (high - low) / FINE
-        return profile, bool((((v > high - cell) & (high < cap)) | ((v < low + cell) & (low > 0.0))).any())
-
-    def _pass(self, x: np.ndarray) -> Profile:
-        return fastest_profile(SpeedTable(x, *self.points.bounds(x, self.shares), np.diff(self.s)), *self.ends)
+        rests = np.maximum(found[:-1], found[1:]) <= AT_REST * found.max()
+        stuck = int(rests.argmax()) if rests.any() else None
+        if not low[0] <= self.ends[0] <= high[0]:
+            stuck = 0
+        return Profile(found, float(high[0]), stuck)
 
     def _judged(self, x: np.ndarray) -> dict[str, np.ndarray]:
         """By quantity (m - 1, n) the largest part of its limit that each joint uses between grid points.
