@@ -32,6 +32,7 @@ SUPPORT = KERNELS.named("time_optimal")
 
 GRID = 500
 LEAST_GRID, MOST_GRID = 10, 5_000  # more take over ten seconds, and change no digit that anybody needs
+BETWEEN = 12  # grid points between two breaks of the path, on average, unless there are too many breaks for that
 FINER = 3  # grids, each twice as fine, for a plan that …
 SLOWER = 1.05  # times what the limits at grid points allow is slower for what lies between them
 NEAR = 0.02  # of an even piece: a turn that near to another grid point is none of its own
@@ -96,7 +97,8 @@ def time_optimal(
         excess = max(float(each.max()) for each in used.values()) - 1.0
         return PathMotion(path, cells.s, x, float(time), used, excess, SUPPORT.notes(arm), ramps=False)
     dyn, best, failure = compile_arm(without_servos(arm)), None, None
-    for count in (int(grid) * 2**k for k in range(FINER)):
+    least = max(int(grid), min(BETWEEN * (len(path.breaks) - 1), MOST_GRID))
+    for count in (least * 2**k for k in range(FINER)):
         planner = Planner(dyn, limits, path, grid_points(path, count), ends)
         if best is None and failure is None:
             check_holding(planner)
@@ -112,7 +114,7 @@ def time_optimal(
             failure = no_way(planner, profile)
             break
         excess = max(float(each.max()) for each in used.values()) - 1.0
-        motion = PathMotion(path, planner.s, profile.x, float(time), used, excess, SUPPORT.notes(arm))
+        motion = PathMotion(path, planner.s, profile.x, float(time), used, excess, SUPPORT.notes(arm), planner.ramps)
         if best is None or motion.duration < best.duration:
             best = motion
         if motion.duration <= SLOWER * planner.least:
@@ -133,11 +135,10 @@ def grid_points(path: JointPath, count: int) -> np.ndarray:
         path: q(s).   count: of even pieces.
     """
     even = path.length / count
-    fixed = list(path.breaks)
-    for s in path.turns:
-        if np.abs(np.subtract(fixed, s)).min() > NEAR * even:
-            fixed.append(s)
-    fixed = np.sort(fixed)
+    turns = path.turns[np.diff(path.turns, prepend=-np.inf) > NEAR * even]
+    after = np.searchsorted(path.breaks, turns).clip(1, len(path.breaks) - 1)
+    room = np.minimum(np.abs(path.breaks[after] - turns), np.abs(turns - path.breaks[after - 1]))
+    fixed = np.sort(np.concatenate([path.breaks, turns[room > NEAR * even]]))
     graded = float(min(count // GRADED, MOST_GRADED))
     numbers = _number(fixed, path.length, even, graded)
     pieces = np.ceil(np.diff(numbers) - ROUNDING).clip(1).astype(int)

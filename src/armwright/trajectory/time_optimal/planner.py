@@ -23,13 +23,16 @@ SAME = 1e-8  # of the largest √x: a change up to which a profile has settled
 SLOWER, SLOWINGS = 0.25, 16  # times x, where tangents leave no way: friction's, taken at low speed, are on the safe side
 AT_REST = 1e-12  # of the largest x
 HALVINGS = 30  # of ṡ² at an end
+LOOKED = np.linspace(0.0, 1.0, 9)  # of a piece's time, before …
 EVEN, NEAR = np.linspace(0.0, 1.0, 25), 0.5 ** np.arange(6, 14)
 JUDGED = np.unique([*EVEN, *NEAR, *(1.0 - NEAR)])  # of a piece's time: near its ends smoothed friction comes up
 ZOOM, ZOOMS = np.linspace(0.0, 1.0, 11), 4  # between the neighbours of a peak, and how often
 KEPT = 5e-7  # of a limit: the largest excess of a plan that holds
 SHRUNK = 1.05  # times the excess
-ROUNDS, SLOW = 16, 4  # of shrinking, and after how many of them the excess counts twice: then it falls too slowly
+ROUNDS, SLOW = 20, 4  # of shrinking, and after how many of them the excess counts twice: then it falls too slowly
 SPREAD = 4  # times as many pieces about it, in each round but the first two, off whose limits an excess is taken
+FARTHEST = 16  # pieces about an excess, at most
+LEVELLED = 2  # rounds after which a ramp that exceeds a limit is levelled
 LOOSE = 1.05  # times a limit at grid points, at most, where the motion between them keeps it
 SLOWEST = 0.8  # of x: how far a plan that shrinking does not end is made slower as a whole
 QUANTITIES = ("velocity", "acceleration", "torque", "voltage")
@@ -56,6 +59,7 @@ class Planner:
     Attributes:
         dyn: the compiled arm.   limits: of its joints.   path: q(s).   s: (m,) grid.   ends: x at the beginning and the end.
         shares: by quantity (m, n), the part of its limit that the plan may use at each grid point.
+        levelled: (m - 1,) pieces in which s̈ is constant, for the so-many-th time at this place; 0: it is a ramp in time.
         least: [s] duration with the limits at grid points alone, once it is planned.
     """
 
@@ -66,11 +70,18 @@ class Planner:
     ends: tuple[float, float]
     points: PathLimits = field(init=False)
     shares: dict[str, np.ndarray] = field(init=False)
+    levelled: np.ndarray = field(init=False)
     least: float = field(init=False, default=np.inf)
 
     def __post_init__(self) -> None:
         self.points = PathLimits.at(self.dyn, self.limits, self.path, self.s)
         self.shares = {name: np.ones(self.points.q.shape) for name in QUANTITIES}
+        self.levelled = np.zeros(len(self.s) - 1, dtype=int)
+
+    @property
+    def ramps(self) -> np.ndarray:
+        """(m - 1,) pieces in which s̈ is a ramp in time; in the others it is constant."""
+        return self.levelled == 0
 
     def plan(self) -> tuple[Profile, dict[str, np.ndarray]]:
         """The fastest profile within all limits on the judging grid, and its share of each limit (m - 1, n), by quantity.
@@ -81,7 +92,7 @@ class Planner:
         profile = self.fastest()
         if profile.stuck is not None:
             return profile, {}
-        self.least = float(PathTiming(self.s, profile.x).durations.sum())
+        self.least = float(PathTiming(self.s, profile.x, self.ramps).durations.sum())
         self._loosen(self._judged(profile.x))
         loose = self._settled(profile.x)
         profile = profile if loose.stuck is not None else loose
@@ -141,10 +152,14 @@ class Planner:
     def _judged(self, x: np.ndarray) -> dict[str, np.ndarray]:
         """By quantity (m - 1, n) the largest part of its limit that each joint uses between grid points.
 
-        At first at some times of every piece; where that finds no excess, closer and closer about every peak that may be one.
+        At first at few times of every piece, then at many; where that finds no excess, closer and closer about every peak that
+        may be one.
         """
-        timing, pieces = PathTiming(self.s, x), np.arange(len(x) - 1)
-        rows = self._used(timing, pieces, np.broadcast_to(JUDGED, (len(pieces), len(JUDGED))))
+        timing, pieces, rows = PathTiming(self.s, x, self.ramps), np.arange(len(x) - 1), np.zeros(0)
+        for parts in (LOOKED, JUDGED):
+            rows = self._used(timing, pieces, np.broadcast_to(parts, (len(pieces), len(parts))))
+            if rows.max() > 1.0 + KEPT:
+                break
         most = rows.max(axis=1)
         if most.max() <= 1.0 + KEPT:
             before, here, after = rows[:, :-2], rows[:, 1:-1], rows[:, 2:]
@@ -184,13 +199,30 @@ class Planner:
         """Takes the excess between two grid points off the limits at both, in later rounds also off those near them.
 
         A lower share bends s̈ beside it, so that the next piece may exceed: an excess can wander along the grid, piece by piece.
+        Where ramps exceed again, they become constants, which both ends of their pieces allow.
         """
-        times, reach = SHRUNK * (1.0 + count / SLOW), SPREAD ** max(count - 1, 0)
+        times, reach = SHRUNK * (1.0 + count / SLOW), min(SPREAD ** max(count - 1, 0), FARTHEST)
+        exceeds = np.max([part.max(axis=1) for part in used.values()], axis=0) > 1.0 + KEPT
+        level = self._level(exceeds & self.ramps) if count >= LEVELLED else np.zeros_like(exceeds)
         for name, part in used.items():
-            excess = maximum_filter1d(np.maximum(part - 1.0, 0.0), 2 * reach - 1, axis=0, mode="nearest")
+            self.shares[name][:-1][level] = np.minimum(self.shares[name][:-1][level], 1.0)
+            self.shares[name][1:][level] = np.minimum(self.shares[name][1:][level], 1.0)
+            excess = np.where(level[:, None], 0.0, np.maximum(part - 1.0, 0.0))
+            excess = maximum_filter1d(excess, 2 * reach - 1, axis=0, mode="nearest")
             factor = 1.0 / (1.0 + times * excess)
             self.shares[name][:-1] *= factor
             self.shares[name][1:] *= factor
+
+    def _level(self, pieces: np.ndarray) -> np.ndarray:
+        """Levels the ramps of pieces (m - 1,) and of others about them, the farther the more often; True where it did."""
+        times = np.zeros_like(self.levelled)
+        for k in np.flatnonzero(pieces):
+            before = int(self.levelled[max(k - 1, 0) : k + 2].max())
+            reach = SPREAD**before - 1
+            times[max(k - reach, 0) : k + reach + 1] = before + 1
+        new = (times > 0) & self.ramps
+        self.levelled = np.maximum(self.levelled, times)
+        return new
 
     def _slowed(self, profile: Profile) -> tuple[Profile, dict[str, np.ndarray]]:
         """The profile, made slower as a whole until it keeps the limits.
