@@ -19,8 +19,11 @@ from armwright.trajectory.time_optimal.timing import PathTiming
 
 MOST = 1e50  # of a path acceleration, and of x
 PASSES, DAMPED = 60, 12  # with new tangents, at most; after how many the next are taken halfway
-SAME = 1e-8  # of the largest √x: a change up to which a profile has settled
-SLOWER, SLOWINGS = 0.25, 16  # times x, where tangents leave no way: friction's, taken at low speed, are on the safe side
+SAME = 1e-6  # of the largest √x: a change up to which a profile has settled
+SLOWER, SLOWINGS = (
+    0.25,
+    16,
+)  # times x, where tangents leave no way: friction's, taken at low speed, are on the safe side
 AT_REST = 1e-12  # of the largest x
 HALVINGS = 30  # of ṡ² at an end
 LOOKED = np.linspace(0.0, 1.0, 9)  # of a piece's time, before …
@@ -32,7 +35,7 @@ SHRUNK = 1.05  # times the excess
 ROUNDS, SLOW = 20, 4  # of shrinking, and after how many of them the excess counts twice: then it falls too slowly
 SPREAD = 4  # times as many pieces about it, in each round but the first two, off whose limits an excess is taken
 FARTHEST = 16  # pieces about an excess, at most
-LEVELLED = 2  # rounds after which a ramp that exceeds a limit is levelled
+LEVELLED = 6  # rounds after which a ramp that exceeds a limit is levelled
 LOOSE = 1.05  # times a limit at grid points, at most, where the motion between them keeps it
 SLOWEST = 0.8  # of x: how far a plan that shrinking does not end is made slower as a whole
 QUANTITIES = ("velocity", "acceleration", "torque", "voltage")
