@@ -31,7 +31,7 @@ from armwright.trajectory.time_optimal.whole_cells import WholeCells
 SUPPORT = KERNELS.named("time_optimal")
 
 GRID = 500
-LEAST_GRID, MOST_GRID = 10, 5_000  # more take over ten seconds, and change no digit that anybody needs
+LEAST_GRID, MOST_GRID = 10, 5_000  # more change no digit that anybody needs
 BETWEEN = 16  # grid points between two breaks of the path, on average, unless there are too many breaks for that
 FINER = 3  # grids, each twice as fine, for a plan that …
 SLOWER = 1.05  # times what the limits at grid points allow is slower for what lies between them
@@ -56,14 +56,17 @@ def time_optimal(
 
     |q̇|, |q̈|, |tau(q, q̇, q̈)| and |V| = |R tau/(n Kt) + n Ke q̇| stay below their limits, with tau by the compiled inverse dynamics:
     rotors, friction of every law and lossy gears included. Sets of ṡ² from which the end is reached are found backwards, the
-    largest ṡ² in them forwards. [BobrowEtAl1985], [PhamPham2018] The plan is judged on a ten times denser grid; limits that it
-    exceeds there are shrunk, and it is made again. Jerk is not limited: accelerations jump.
+    largest ṡ² in them forwards, by exact linear programs [BobrowEtAl1985], [PhamPham2018]. Limits of velocity and acceleration
+    alone hold between grid points by construction. With torques and voltages, whose tangents are taken again until the plan
+    settles, it is judged on a denser grid; limits that it exceeds there are shrunk, and it is made again. Jerk is not limited:
+    accelerations jump.
 
     Args:
         arm: the model.   path: a `JointPath`, or waypoints (k, n) [rad | m] of one.   limits: None: the record's.
         payload: a body in the hand for the whole motion; its time does not count.
-        grid: number of grid points, about; breaks of the path are among them, and some more at both ends. Where they are too few
-            to keep the limits between them without losing time, they are doubled, twice at most.
+        grid: number of grid points, about; breaks of the path are among them, and some more at both ends. Between two breaks
+            there are 48 at least with limits of velocity and acceleration alone, else 16 on average. Where they are too few to
+            keep the limits between them without losing time, they are doubled, twice at most.
         speeds: path speeds ṡ at the beginning and the end.   time: [s] of the beginning.
         clearance: of the arm; a path that comes nearer than its least distance is refused.
     Returns:
