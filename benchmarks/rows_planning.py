@@ -37,7 +37,9 @@ def tasks(quick: bool) -> list[Task]:
         Task("planning", "planning time-optimal rigid panda", partial(rigid_records, "panda", grid)),
         Task("planning", "planning time-optimal motors cmu-dd", partial(motor_records, "cmu-dd", grid)),
         Task("planning", "planning time-optimal turns puma560", partial(turn_records, "puma560", turns)),
-        Task("planning", "planning time-optimal motor turns cmu-dd", partial(motor_turn_records, "cmu-dd", motor_turns)),
+        Task(
+            "planning", "planning time-optimal motor turns cmu-dd", partial(motor_turn_records, "cmu-dd", motor_turns)
+        ),
         Task("planning", "planning waypoints panda", partial(waypoint_records, "panda", count)),
     ]
 
@@ -225,8 +227,8 @@ def notes(quick: bool) -> dict[str, list[str]]:
         "time-optimal: a natural spline through five random poses, rest at both ends; ours is judged on a ten times denser grid "
         "through the compiled inverse dynamics, and made again where a limit is exceeded, toppra's on its grid alone "
         "(Interpolation); toppra's torques are by our compiled inverse dynamics, one call a point. Both durations agree to 1 %",
-        f"time-optimal turns: a natural spline through random poses; toppra on {BETWEEN} points between two of them, not looked at "
-        "between its points; ours keeps its limits there",
+        f"time-optimal turns: a natural spline through random poses; toppra on {BETWEEN} points between two of them, not "
+        "looked at between its points; ours keeps its limits there",
         f"waypoints: velocity limits of the record and {ACCELERATION:g} rad/s²; SciPy: `CubicSpline` alone, with the times that "
         "ours found: the same curve, and the floor of any planner; toppra: the fastest motion along a spline through them, "
         "a grid point at each waypoint, accelerations that jump where ours are continuous",

@@ -1,5 +1,7 @@
 """Passes of two-variable linear programs: SciPy's linear programs cell by cell, and closed forms."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.optimize import linprog
@@ -18,9 +20,7 @@ def random_lines(seed: int, cells: int = 40, rows: int = 7) -> CellLines:
     )  # fmt: skip
 
 
-def by_linprog(
-    lines: CellLines, k: int, target: tuple[float, float], objective: tuple[float, float]
-) -> np.ndarray | None:
+def by_linprog(lines: CellLines, k: int, target: tuple[Any, Any], objective: tuple[float, float]) -> np.ndarray | None:
     """(x, u) of a cell with the least objective, by SciPy."""
     ones, step = np.ones(lines.upper.shape[1]), 2.0 * lines.steps[k]
     rows = np.concatenate(

@@ -130,7 +130,7 @@ class Planner:
 
         Where all limits are convex in x it is the optimum, and each pass doubles the digits that are right.
         """
-        slowings = 0
+        slowings, profile = 0, Profile(x, -1.0, stuck=0)
         for count in range(PASSES):
             lines = self.points.lines(self.s, x, self.shares)
             low, high = controllable(lines, self.ends[1])
@@ -142,15 +142,13 @@ class Planner:
                 continue
             found = greedy(lines, low, high, min(max(self.ends[0], low[0]), high[0]))
             v, before = np.sqrt(found), np.sqrt(x)
-            settled = np.abs(v - before).max() <= SAME * v.max()
+            rests = np.maximum(found[:-1], found[1:]) <= AT_REST * found.max()
+            stuck = int(rests.argmax()) if rests.any() else None
+            profile = Profile(found, float(high[0]), stuck if low[0] <= self.ends[0] <= high[0] else 0)
             x = found if count < DAMPED else (0.5 * (v + before)) ** 2
-            if settled:
+            if np.abs(v - before).max() <= SAME * v.max():
                 break
-        rests = np.maximum(found[:-1], found[1:]) <= AT_REST * found.max()
-        stuck = int(rests.argmax()) if rests.any() else None
-        if not low[0] <= self.ends[0] <= high[0]:
-            stuck = 0
-        return Profile(found, float(high[0]), stuck)
+        return profile
 
     def _judged(self, x: np.ndarray) -> dict[str, np.ndarray]:
         """By quantity (m - 1, n) the largest part of its limit that each joint uses between grid points.
