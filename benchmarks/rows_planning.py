@@ -18,19 +18,28 @@ import armwright as aw
 
 GRID, QUICK_GRID = 500, 200  # at 100 points toppra is a percent slower than at 500
 WAYPOINTS, QUICK_WAYPOINTS = 1_000, 50
-MOST = {"time-optimal": 2000.0, "waypoints": 1000.0}  # [ms] a plan
+TURNS, QUICK_TURNS, MOTOR_TURNS = 300, 20, 100  # random waypoints; of the row with motors
+BETWEEN = 100  # toppra's grid points between two random waypoints
+TURNING = {"velocity": 2.0, "acceleration": 5.0}  # [rad/s], [rad/s²] of all joints, for random turns
+MOST = {"time-optimal": 2000.0, "turns": 300.0, "turns with motors": 1000.0, "waypoints": 1000.0}  # [ms] a plan
 AS_TOPPRA = 0.01  # relative, between the two durations
 KEPT = 1e-6  # relative, that a limit may be exceeded by
+FAR = 1e6  # [rad] limits of position that do not matter
 ACCELERATION = 10.0  # [rad/s²] of all joints of the waypoints' arm, whose record has no limits of it
 TOPPRA_SWING = 1e-3  # [rad] its path from the last waypoint
 
 
 def tasks(quick: bool) -> list[Task]:
-    """Three plans."""
+    """Five plans."""
+    turns, motor_turns = (QUICK_TURNS, QUICK_TURNS) if quick else (TURNS, MOTOR_TURNS)
     grid, count = (QUICK_GRID, QUICK_WAYPOINTS) if quick else (GRID, WAYPOINTS)
     return [
         Task("planning", "planning time-optimal rigid panda", partial(rigid_records, "panda", grid)),
         Task("planning", "planning time-optimal motors cmu-dd", partial(motor_records, "cmu-dd", grid)),
+        Task("planning", "planning time-optimal turns puma560", partial(turn_records, "puma560", turns)),
+        Task(
+            "planning", "planning time-optimal motor turns cmu-dd", partial(motor_turn_records, "cmu-dd", motor_turns)
+        ),
         Task("planning", "planning waypoints panda", partial(waypoint_records, "panda", count)),
     ]
 
@@ -61,6 +70,35 @@ def motor_records(name: str, grid: int, repetitions: int) -> list[Record]:
     ours = Contestant("ours", plan, grid, partial(check_plan, arm, limits, None))
     labels = {"arm": name, "joints": arm.n, "work": "time-optimal: with friction and voltage", "points": grid}
     return raced(labels, {"ours": ours}, repetitions, "time-optimal", {"motion": plan().duration})
+
+
+def turn_records(name: str, count: int, repetitions: int) -> list[Record]:
+    """Random waypoints with limits of velocity and acceleration alone."""
+    arm = aw.load(name)
+    limits = aw.trajectories.MotionLimits.of(arm, **TURNING, torque=np.inf, voltage=np.inf, position=FAR)
+    path = random_turns(arm.n, count)
+    plan, contestants, facts, same = partial(aw.trajectories.time_optimal, arm, path, limits), {}, {}, None
+    if importlib.util.find_spec("toppra") is not None:
+        ways = np.diff(path.breaks)[:, None] * np.arange(BETWEEN) / BETWEEN
+        grid = np.append((path.breaks[:-1, None] + ways).ravel(), path.length)
+        solve = by_toppra(path.parameter, path.waypoints, limits, grid)
+        duration, expected = plan().duration, float(solve().duration)
+        facts = {"motion": duration, "toppra's motion": expected}
+        contestants["toppra"] = Contestant("toppra", solve, count, partial(check_duration, duration))
+        same = partial(check_duration, expected)
+    ours = Contestant("ours", plan, count, partial(check_plan, arm, limits, same))
+    labels = {"arm": name, "joints": arm.n, "work": "time-optimal turns: velocity, acceleration", "points": count}
+    return raced(labels, {"ours": ours} | contestants, repetitions, "turns", facts)
+
+
+def motor_turn_records(name: str, count: int, repetitions: int) -> list[Record]:
+    """Random waypoints with all limits: velocity, acceleration, torque, voltage."""
+    arm = aw.load(name)
+    limits = aw.trajectories.MotionLimits.of(arm, velocity=8.0, acceleration=80.0, position=FAR)
+    plan = partial(aw.trajectories.time_optimal, arm, random_turns(arm.n, count), limits)
+    ours = Contestant("ours", plan, count, partial(check_plan, arm, limits, None))
+    labels = {"arm": name, "joints": arm.n, "work": "time-optimal turns: with friction and voltage", "points": count}
+    return raced(labels, {"ours": ours}, repetitions, "turns with motors", {"motion": plan().duration})
 
 
 def waypoint_records(name: str, count: int, repetitions: int) -> list[Record]:
@@ -99,6 +137,11 @@ def random_path(arm: aw.Model) -> aw.trajectories.JointPath:
     """Through five random poses well within the position limits."""
     low, high = np.clip([body.limits.position for body in arm.coordinates], -2.0, 2.0).T
     return aw.trajectories.JointPath(np.random.default_rng(0).uniform(0.6 * low, 0.6 * high, (5, arm.n)))
+
+
+def random_turns(n: int, count: int) -> aw.trajectories.JointPath:
+    """Through random poses, each far from the one before."""
+    return aw.trajectories.JointPath(np.random.default_rng(0).uniform(-1.5, 1.5, (count, n)))
 
 
 def waves(limits: aw.trajectories.MotionLimits, count: int) -> np.ndarray:
@@ -184,6 +227,8 @@ def notes(quick: bool) -> dict[str, list[str]]:
         "time-optimal: a natural spline through five random poses, rest at both ends; ours is judged on a ten times denser grid "
         "through the compiled inverse dynamics, and made again where a limit is exceeded, toppra's on its grid alone "
         "(Interpolation); toppra's torques are by our compiled inverse dynamics, one call a point. Both durations agree to 1 %",
+        f"time-optimal turns: a natural spline through random poses; toppra on {BETWEEN} points between two of them, not "
+        "looked at between its points; ours keeps its limits there",
         f"waypoints: velocity limits of the record and {ACCELERATION:g} rad/s²; SciPy: `CubicSpline` alone, with the times that "
         "ours found: the same curve, and the floor of any planner; toppra: the fastest motion along a spline through them, "
         "a grid point at each waypoint, accelerations that jump where ours are continuous",

@@ -90,9 +90,9 @@ def largest_use(arm: Model, motion: Motion, limits: MotionLimits, denser: int = 
     return max(float((np.abs(value) / getattr(limits, name)).max()) for name, value in values.items())
 
 
-def by_toppra(arm: Model, path: JointPath, limits: MotionLimits, grid: int = 1000) -> float:
+def by_toppra(arm: Model, path: JointPath, limits: MotionLimits, grid: int | np.ndarray = 1000) -> float:
     """Duration [s] of the fastest motion by toppra, under limits of velocity, acceleration and rigid-body torque; NaN where it
-    finds none."""
+    finds none. `grid`: number of even pieces, or the points."""
     toppra = pytest.importorskip("toppra", reason="toppra is the oracle here: pip install toppra")
     from toppra import algorithm, constraint
 
@@ -108,7 +108,7 @@ def by_toppra(arm: Model, path: JointPath, limits: MotionLimits, grid: int = 100
     if np.isfinite(limits.torque).all():
         bounds, friction = np.stack([-limits.torque, limits.torque], axis=1), np.zeros(arm.n)
         made.append(constraint.JointTorqueConstraint(dyn.inverse_dynamics, bounds, friction, both_ends))
-    points = np.linspace(0.0, path.length, grid + 1)
+    points = np.linspace(0.0, path.length, grid + 1) if isinstance(grid, int) else grid
     planner = algorithm.TOPPRA(made, curve, gridpoints=points, parametrizer="ParametrizeConstAccel")
     found = planner.compute_trajectory(0.0, 0.0)
     return np.nan if found is None else float(found.duration)

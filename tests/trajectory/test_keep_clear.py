@@ -44,7 +44,7 @@ def test_a_path_that_comes_too_near_is_not_planned():
     assert all(name in caught.value.what for name in found.pair)
     nearest, t = aw.trajectories.check_clearance(model, motion, enough)
     assert nearest.distance == pytest.approx(found.distance, abs=1e-4)
-    with pytest.raises(ScenarioError, match=rf"motion: .* mm apart at {t:.2g}"):
+    with pytest.raises(ScenarioError, match=rf"motion: .* mm apart at {t:.4g}"):
         aw.trajectories.check_clearance(model, motion, more)
 
 

@@ -38,6 +38,21 @@ def test_a_limit_is_reached_at_the_bounds_and_none_is_exceeded_between(name: str
     assert (largest(-0.001) > 1.0).all()
 
 
+@pytest.mark.parametrize("name", ARMS)
+def test_tangents_touch_the_bounds_and_follow_them_for_a_little_way(name: str) -> None:
+    arm = built_arm(name)
+    path = random_path(arm, 3)
+    points = PathLimits.at(aw.compile(arm), reachable_limits(arm, path, 1), path, np.linspace(0.0, path.length, 41))
+    shares = {each: np.ones(points.q.shape) for each in ("velocity", "acceleration", "torque", "voltage")}
+    low, high = points.bounds(np.zeros((41, 1)), shares)
+    x = np.full(41, 1e-3 * np.median(high - low) * path.length)
+    a, b, c = points.tangents(x, shares)
+    for beside, close in ((1.0, 1e-4), (1.02, 1e-3)):
+        for bound in points.bounds(beside * x[:, None], shares):
+            left = (c - b * beside * x[:, None] - a * bound) / np.abs(a * (high - low)).max(axis=1, keepdims=True)
+            np.testing.assert_allclose(left.min(axis=1), 0.0, atol=close)
+
+
 @pytest.mark.filterwarnings("error")
 def test_where_a_joint_with_a_lossy_gear_turns_it_bounds_nothing() -> None:
     """Its torque does not depend on s̈ there: the quill of a SCARA at the middle of its way, where it goes back."""

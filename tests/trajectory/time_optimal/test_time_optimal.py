@@ -65,6 +65,17 @@ def test_accelerations_go_on_smoothly_where_one_limit_is_active() -> None:
     assert jumps[first].max() < 0.02 * np.abs(after).max()
 
 
+def test_many_waypoints_with_all_limits_of_the_motors() -> None:
+    arm = aw.load("cmu-dd")
+    limits = aw.trajectories.MotionLimits.of(arm, velocity=8.0, acceleration=80.0)
+    path = random_path(arm, 1, 40)
+    motion = aw.trajectories.time_optimal(arm, path, limits)
+    assert largest_use(arm, motion, limits) <= 1.0 + 1e-6
+    finer = aw.trajectories.time_optimal(arm, path, limits, grid=2500)
+    assert finer.duration < motion.duration < 1.015 * finer.duration
+    assert finer.saturated > 0.95
+
+
 def test_a_grid_that_is_too_coarse_is_made_finer() -> None:
     arm, path, limits = random_problem(384)  # of 100 points it would take more than twice as long
     motion = aw.trajectories.time_optimal(arm, path, limits, grid=100)

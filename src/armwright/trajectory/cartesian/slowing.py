@@ -12,10 +12,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from armwright.trajectory.cartesian.solve import ToolPathSolution
+from armwright.trajectory.cartesian.speed_sets import SpeedTable, fastest_profile
 from armwright.trajectory.cartesian.uses import MARGIN, ROUNDED, uses_of
 from armwright.trajectory.limits import MotionLimits
 from armwright.trajectory.piecewise import PiecewisePolynomial
-from armwright.trajectory.time_optimal.passes import SpeedTable, fastest_profile
 
 GRID = 400  # points of a run
 LEVELS = np.linspace(0.0, 1.0, 25)  # of the largest ṡ

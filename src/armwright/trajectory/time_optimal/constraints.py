@@ -1,8 +1,8 @@
-"""Limits of an arm along a path: for a squared path speed x = ṡ² an interval of path accelerations s̈.
+"""Limits of an arm along a path: for a squared path speed x = ṡ² an interval of path accelerations s̈, and its tangents in x.
 
 q̇ = q' √x,  q̈ = q' s̈ + q'' x.  [BobrowEtAl1985] At fixed x the inverse dynamics is affine in s̈; through lossy gears and with
 friction by loads it bends. In x it is neither: viscous friction and back EMF add terms in √x [VerscheureEtAl2009], other friction
-any function of it. So the interval is computed at given x, through the compiled kernels, for all grid points at once.
+any function of it. So limits are computed at given x, through the compiled kernels, for all grid points at once.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import numpy as np
 from armwright.actuators.friction import by_loads
 from armwright.actuators.gear import loses_power
 from armwright.kernels.compiled import CompiledArm
+from armwright.kernels.speed_passes import CellLines
 from armwright.trajectory.limits import MotionLimits
 from armwright.trajectory.path import JointPath
 from armwright.trajectory.rest import RESTING
@@ -25,6 +26,7 @@ LINES = 12  # of a piecewise-linear torque that the search for a bound visits at
 SOLVED = 1e-11  # of the torques that are allowed
 NEAR = 1e-4  # of the accelerations that are allowed, over which a line's slope is measured
 UNBOUNDED = 1e100  # finite, so that bounds can be interpolated
+BESIDE, TINY = 1e-3, 1e-9  # of x: how far beside it a tangent is taken; of the largest x, where x is smaller
 
 Shares = Mapping[str, np.ndarray]  # by quantity (m, n): part of its limit that a plan may use at each grid point
 
@@ -66,7 +68,7 @@ class PathLimits:
             value = self.second[:, None] * x[..., None]
             intervals.append(_interval(value, self.first[:, None], -most, most))
         if self.has_torques:
-            intervals.append(self._torque_interval(x, shares))
+            intervals.append(_interval(np.zeros(1), self._inertia, *self._torque_room(x, shares)))
         low, high = (np.clip(rows, -UNBOUNDED, UNBOUNDED).max(axis=(0, -1)) for rows in zip(
             *((low, -high) for low, high in intervals), strict=True))  # fmt: skip
         return low, -high
@@ -125,18 +127,53 @@ class PathLimits:
         """Torques of the motors (m, j, n) [N m | N] at x and s̈ (m, j)."""
         return self.dyn.inverse_dynamics(self.q[:, None], *self._motion(x, sdd))
 
-    def _torque_interval(self, x: np.ndarray, shares: Shares) -> tuple[np.ndarray, np.ndarray]:
-        """Lowest and highest s̈ (m, j, n) by each joint's torque and voltage."""
+    def _torque_room(self, x: np.ndarray, shares: Shares) -> tuple[np.ndarray, np.ndarray]:
+        """What limits of torque and voltage leave for M q' s̈ at x (m, j): its lowest and highest values (m, j, n)."""
         least, most = self.torque_limits(x, shares)
-        torque = self.torque(x, np.zeros_like(x))
+        torque, inertia = self.torque(x, np.zeros_like(x)), self._inertia
         if not self._bends:
-            return _interval(torque, self._inertia, least, most)
-        rising = self._inertia > 0.0
-        low, high = _interval(torque, self._inertia, least, most)
-        return (
-            self._root(x, low, np.where(rising, least, most), most - least),
-            self._root(x, high, np.where(rising, most, least), most - least),
+            return least - torque, most - torque
+        low, high = _interval(torque, inertia, least, most)
+        rising, size = inertia > 0.0, most - least
+        low = self._root(x, low, np.where(rising, least, most), size)
+        high = self._root(x, high, np.where(rising, most, least), size)
+        flat = np.abs(inertia) <= _flat(inertia)
+        ends = (
+            np.where(flat | (np.abs(end) >= UNBOUNDED), allowed - torque, inertia * end)
+            for end, allowed in ((np.where(rising, low, high), least), (np.where(rising, high, low), most))
         )
+        return next(ends), next(ends)
+
+    def tangents(self, x: np.ndarray, shares: Shares) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Limits  a s̈ + b x ≤ c  that are true near x (m,): each (m, r)."""
+        beside = BESIDE * np.maximum(x, TINY * x.max())
+        levels = np.stack([np.maximum(x - beside, 0.0), x + beside], axis=1)
+        limited = np.isfinite(self.limits.acceleration)
+        most = (self.limits.acceleration * shares["acceleration"])[:, limited]
+        first, second = self.first[:, limited], self.second[:, limited]
+        rows = [(first, second, most), (-first, -second, most)]
+        if self.has_torques:
+            for sign, room in zip((-1.0, 1.0), self._torque_room(levels, shares), strict=True):
+                inner = np.isfinite(room).all(axis=(0, 1))
+                room = sign * room[..., inner]
+                slope = (room[:, 1] - room[:, 0]) / np.diff(levels)
+                rows.append((sign * self._inertia[:, 0, inner], -slope, room[:, 0] - slope * levels[:, :1]))
+        a, b, c = (np.concatenate(each, axis=1) for each in zip(*rows, strict=True))
+        return a, b, c
+
+    def lines(self, s: np.ndarray, x: np.ndarray, shares: Shares) -> CellLines:
+        """Limits near x (m,) at both ends of every cell of a grid s (m,), which share their s̈."""
+        a, b, c = self.tangents(x, shares)
+        steps = np.diff(s)
+        flat = np.tile(np.maximum(FLAT * np.abs(a).max(axis=0), 1.0 / UNBOUNDED), 2)
+        a = np.concatenate([a[:-1], a[1:] + 2.0 * steps[:, None] * b[1:]], axis=1)  # x goes to x + 2 Δ s̈
+        b, c = (np.concatenate([each[:-1], each[1:]], axis=1) for each in (b, c))
+        a = np.where(np.abs(a) > flat, a, flat)
+        offset, slope, above = c / np.abs(a), -b / np.abs(a), a > 0.0
+        return CellLines(
+            np.where(above, offset, UNBOUNDED), np.where(above, slope, 0.0), np.where(above, UNBOUNDED, offset),
+            np.where(above, 0.0, slope), np.minimum(self.largest_x(shares), UNBOUNDED), steps,
+        )  # fmt: skip
 
     def _root(self, x: np.ndarray, sdd: np.ndarray, target: np.ndarray, size: np.ndarray) -> np.ndarray:
         """s̈ (m, j, n) at which each joint's own torque is the target, by Newton's method, exact on the last line."""

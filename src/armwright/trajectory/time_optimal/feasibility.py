@@ -13,8 +13,7 @@ from armwright.trajectory.keep_clear import check_arm, nearest_along, too_near
 from armwright.trajectory.limits import MotionLimits
 from armwright.trajectory.path import JointPath
 from armwright.trajectory.time_optimal.constraints import UNBOUNDED
-from armwright.trajectory.time_optimal.passes import Profile
-from armwright.trajectory.time_optimal.planner import MOST, Planner
+from armwright.trajectory.time_optimal.planner import MOST, Planner, Profile
 
 ROUNDING = 1e-9  # of a limit
 PLACES = 2000  # of a path, where distances are computed at first
@@ -111,20 +110,27 @@ def no_way(planner: Planner, profile: Profile) -> ScenarioError:
     """
     k = int(profile.stuck or 0)
     if 0.0 <= profile.highest_first < planner.ends[0]:
-        fastest = np.sqrt(profile.highest_first)
-        return ScenarioError(
-            "from this path speed at the beginning the limits cannot be kept to the end", place="speeds[0]",
-            value=float(np.sqrt(planner.ends[0])), expected=f"{fastest:.5g} or less",
-        )  # fmt: skip
+        return too_fast(planner.ends, 0, profile.highest_first)
     if (highest := planner.highest_last()) < planner.ends[1]:
-        return ScenarioError(
-            "this path speed at the end is not reached within the limits", place="speeds[1]",
-            value=float(np.sqrt(planner.ends[1])), expected=f"{np.sqrt(max(highest, 0.0)):.5g} or less",
-        )  # fmt: skip
+        return too_fast(planner.ends, 1, highest)
     return too_weak_to_move(planner) or ScenarioError(
         "no motion within the limits leads on from here", place=_place(planner, k), value=planner.points.q[k],
         expected="other limits or another path",
     )  # fmt: skip
+
+
+def too_fast(ends: tuple[float, float], end: int, highest: float) -> ScenarioError:
+    """The error for a path speed at one end that the limits do not allow.
+
+    Args:
+        ends: ṡ² at both.   end: 0 or 1.   highest: ṡ² that is allowed there.
+    """
+    what = (
+        "from this path speed at the beginning the limits cannot be kept to the end",
+        "this path speed at the end is not reached within the limits",
+    )[end]
+    expected = f"{np.sqrt(max(highest, 0.0)):.5g} or less"
+    return ScenarioError(what, place=f"speeds[{end}]", value=float(np.sqrt(ends[end])), expected=expected)
 
 
 def too_weak_to_move(planner: Planner) -> ScenarioError | None:

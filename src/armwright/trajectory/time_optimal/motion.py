@@ -20,7 +20,8 @@ SATURATED = 0.98  # of a limit: a motion that uses more is at it
 
 @dataclass(frozen=True, eq=False)
 class PathMotion(Motion):
-    """q(s(t)): a path with s̈ linear in time between grid points, so polynomials of time of three times the path's degree.
+    """q(s(t)): a path with s̈ linear in time or constant between grid points, so polynomials of time of three times the path's
+    degree, or of twice.
 
     Accelerations jump where the active limit changes: jerk is not limited.
 
@@ -29,6 +30,8 @@ class PathMotion(Motion):
         used: by quantity (m - 1, n) the largest part of its limit that each joint uses between grid points; 0 without a limit.
         excess: relative excess over a limit on the grid that judged the plan; negative or 0: none.
         notes: about effects of the record that torques and voltages approximate.
+        ramps: one for all, or (m - 1,): between grid points s̈ is linear in time, else constant, as with limits of velocity and
+            acceleration alone.
     """
 
     path: JointPath
@@ -38,6 +41,7 @@ class PathMotion(Motion):
     used: dict[str, np.ndarray]
     excess: float
     notes: tuple[str, ...] = ()
+    ramps: bool | np.ndarray = True
 
     @property
     def n(self) -> int:
@@ -70,7 +74,7 @@ class PathMotion(Motion):
 
     @cached_property
     def _timing(self) -> PathTiming:
-        return PathTiming(self.s, self.x)
+        return PathTiming(self.s, self.x, self.ramps)
 
     @property
     def breaks(self) -> np.ndarray:
@@ -86,6 +90,7 @@ class PathMotion(Motion):
         """The same motion as polynomials of time."""
         timing = self._timing
         terms = [timing.speeds[:-1], 0.5 * timing.accelerations, timing.jerks / 6.0]
+        terms = terms if np.any(self.ramps) else terms[:2]
         gone = np.stack([np.zeros_like(terms[0]), *terms], axis=-1)[:, None]  # s - s_k over the time since then
         degree = len(self.path.curve.c) - 1
         taylor = [self.path.derivative(self.s[:-1], order)[..., None] for order in range(degree + 1)]

@@ -26,11 +26,13 @@ from armwright.trajectory.time_optimal.feasibility import (
 )
 from armwright.trajectory.time_optimal.motion import PathMotion
 from armwright.trajectory.time_optimal.planner import Planner
+from armwright.trajectory.time_optimal.whole_cells import WholeCells
 
 SUPPORT = KERNELS.named("time_optimal")
 
 GRID = 500
-LEAST_GRID, MOST_GRID = 10, 5_000  # more take over ten seconds, and change no digit that anybody needs
+LEAST_GRID, MOST_GRID = 10, 5_000  # more change no digit that anybody needs
+BETWEEN = 16  # grid points between two breaks of the path, on average, unless there are too many breaks for that
 FINER = 3  # grids, each twice as fine, for a plan that …
 SLOWER = 1.05  # times what the limits at grid points allow is slower for what lies between them
 NEAR = 0.02  # of an even piece: a turn that near to another grid point is none of its own
@@ -54,14 +56,17 @@ def time_optimal(
 
     |q̇|, |q̈|, |tau(q, q̇, q̈)| and |V| = |R tau/(n Kt) + n Ke q̇| stay below their limits, with tau by the compiled inverse dynamics:
     rotors, friction of every law and lossy gears included. Sets of ṡ² from which the end is reached are found backwards, the
-    largest ṡ² in them forwards. [BobrowEtAl1985], [PhamPham2018] The plan is judged on a ten times denser grid; limits that it
-    exceeds there are shrunk, and it is made again. Jerk is not limited: accelerations jump.
+    largest ṡ² in them forwards, by exact linear programs [BobrowEtAl1985], [PhamPham2018]. Limits of velocity and acceleration
+    alone hold between grid points by construction. With torques and voltages, whose tangents are taken again until the plan
+    settles, it is judged on a denser grid; limits that it exceeds there are shrunk, and it is made again. Jerk is not limited:
+    accelerations jump.
 
     Args:
         arm: the model.   path: a `JointPath`, or waypoints (k, n) [rad | m] of one.   limits: None: the record's.
         payload: a body in the hand for the whole motion; its time does not count.
-        grid: number of grid points, about; breaks of the path are among them, and some more at both ends. Where they are too few
-            to keep the limits between them without losing time, they are doubled, twice at most.
+        grid: number of grid points, about; breaks of the path are among them, and some more at both ends. Between two breaks
+            there are 48 at least with limits of velocity and acceleration alone, else 16 on average. Where they are too few to
+            keep the limits between them without losing time, they are doubled, twice at most.
         speeds: path speeds ṡ at the beginning and the end.   time: [s] of the beginning.
         clearance: of the arm; a path that comes nearer than its least distance is refused.
     Returns:
@@ -88,8 +93,15 @@ def time_optimal(
     check_positions(limits, path)
     if clearance is not None:
         check_distances(arm, clearance, path)
+    if not np.isfinite([limits.torque, limits.voltage]).any():
+        cells = WholeCells.of(path, limits, int(grid))
+        x = cells.fastest(ends)
+        used = cells.used(x)
+        excess = max(float(each.max()) for each in used.values()) - 1.0
+        return PathMotion(path, cells.s, x, float(time), used, excess, SUPPORT.notes(arm), ramps=False)
     dyn, best, failure = compile_arm(without_servos(arm)), None, None
-    for count in (int(grid) * 2**k for k in range(FINER)):
+    least = max(int(grid), min(BETWEEN * (len(path.breaks) - 1), MOST_GRID))
+    for count in (least * 2**k for k in range(FINER)):
         planner = Planner(dyn, limits, path, grid_points(path, count), ends)
         if best is None and failure is None:
             check_holding(planner)
@@ -105,7 +117,7 @@ def time_optimal(
             failure = no_way(planner, profile)
             break
         excess = max(float(each.max()) for each in used.values()) - 1.0
-        motion = PathMotion(path, planner.s, profile.x, float(time), used, excess, SUPPORT.notes(arm))
+        motion = PathMotion(path, planner.s, profile.x, float(time), used, excess, SUPPORT.notes(arm), planner.ramps)
         if best is None or motion.duration < best.duration:
             best = motion
         if motion.duration <= SLOWER * planner.least:
@@ -126,11 +138,10 @@ def grid_points(path: JointPath, count: int) -> np.ndarray:
         path: q(s).   count: of even pieces.
     """
     even = path.length / count
-    fixed = list(path.breaks)
-    for s in path.turns:
-        if np.abs(np.subtract(fixed, s)).min() > NEAR * even:
-            fixed.append(s)
-    fixed = np.sort(fixed)
+    turns = path.turns[np.diff(path.turns, prepend=-np.inf) > NEAR * even]
+    after = np.searchsorted(path.breaks, turns).clip(1, len(path.breaks) - 1)
+    room = np.minimum(np.abs(path.breaks[after] - turns), np.abs(turns - path.breaks[after - 1]))
+    fixed = np.sort(np.concatenate([path.breaks, turns[room > NEAR * even]]))
     graded = float(min(count // GRADED, MOST_GRADED))
     numbers = _number(fixed, path.length, even, graded)
     pieces = np.ceil(np.diff(numbers) - ROUNDING).clip(1).astype(int)

@@ -1,5 +1,5 @@
-"""Rounds of a plan: bounds of s̈ over coarse levels of x, then over finer levels about the profile that was found; then limits
-are shrunk where a denser grid exceeds them, and the plan is made again, until it holds.
+"""Rounds of a plan: exact linear programs with the tangents of all limits at the profile before, until it no longer changes; then
+limits are shrunk where a denser grid exceeds them, and the plan is made again, until it holds.
 """
 
 from __future__ import annotations
@@ -11,30 +11,48 @@ from scipy.ndimage import maximum_filter1d
 
 from armwright.errors import ScenarioError
 from armwright.kernels.compiled import CompiledArm
+from armwright.kernels.speed_passes import controllable, greedy
 from armwright.trajectory.limits import MotionLimits
 from armwright.trajectory.path import JointPath
 from armwright.trajectory.time_optimal.constraints import PathLimits
-from armwright.trajectory.time_optimal.passes import Profile, SpeedTable, fastest_profile
 from armwright.trajectory.time_optimal.timing import PathTiming
 
-COARSE = np.unique([*np.linspace(0.0, 1.0, 49), *np.geomspace(1e-4, 0.05, 24)])  # levels, of the largest √x
-FINE = 16  # levels in a band
-RAISED = 4.0  # times in x, of coarse levels that are too low
 MOST = 1e50  # of a path acceleration, and of x
-BANDS = (0.6, 0.2, 0.04, 0.01)  # half widths of the finer levels, of √x
-FIRST_BAND, LAST_BAND = 2, len(BANDS) - 1  # after the coarse levels, and of a plan
-LEAST_BAND = 1e-3  # of a band, of the largest √x: where x is small
-MOST_PASSES = 20  # over finer levels
+PASSES, DAMPED = 60, 12  # with new tangents, at most; after how many the next are taken halfway
+SAME = 1e-6  # of the largest √x: a change up to which a profile has settled
+SLOWER, SLOWINGS = (
+    0.25,
+    16,
+)  # times x, where tangents leave no way: friction's, taken at low speed, are on the safe side
+AT_REST = 1e-12  # of the largest x
+HALVINGS = 30  # of ṡ² at an end
+LOOKED = np.linspace(0.0, 1.0, 9)  # of a piece's time, before …
 EVEN, NEAR = np.linspace(0.0, 1.0, 25), 0.5 ** np.arange(6, 14)
 JUDGED = np.unique([*EVEN, *NEAR, *(1.0 - NEAR)])  # of a piece's time: near its ends smoothed friction comes up
 ZOOM, ZOOMS = np.linspace(0.0, 1.0, 11), 4  # between the neighbours of a peak, and how often
 KEPT = 5e-7  # of a limit: the largest excess of a plan that holds
 SHRUNK = 1.05  # times the excess
-ROUNDS, SLOW = 16, 4  # of shrinking, and after how many of them the excess counts twice: then it falls too slowly
+ROUNDS, SLOW = 20, 4  # of shrinking, and after how many of them the excess counts twice: then it falls too slowly
 SPREAD = 4  # times as many pieces about it, in each round but the first two, off whose limits an excess is taken
+FARTHEST = 16  # pieces about an excess, at most
+LEVELLED = 6  # rounds after which a ramp that exceeds a limit is levelled
 LOOSE = 1.05  # times a limit at grid points, at most, where the motion between them keeps it
 SLOWEST = 0.8  # of x: how far a plan that shrinking does not end is made slower as a whole
 QUANTITIES = ("velocity", "acceleration", "torque", "voltage")
+
+
+@dataclass(frozen=True, eq=False)
+class Profile:
+    """Squared path speeds.
+
+    Attributes:
+        x: (m,).   highest_first: the largest x at the first grid point from which the end is reached.
+        stuck: grid point from which no way leads on; None: there is a way.
+    """
+
+    x: np.ndarray
+    highest_first: float
+    stuck: int | None = None
 
 
 @dataclass(eq=False)
@@ -44,6 +62,7 @@ class Planner:
     Attributes:
         dyn: the compiled arm.   limits: of its joints.   path: q(s).   s: (m,) grid.   ends: x at the beginning and the end.
         shares: by quantity (m, n), the part of its limit that the plan may use at each grid point.
+        levelled: (m - 1,) pieces in which s̈ is constant, for the so-many-th time at this place; 0: it is a ramp in time.
         least: [s] duration with the limits at grid points alone, once it is planned.
     """
 
@@ -54,11 +73,18 @@ class Planner:
     ends: tuple[float, float]
     points: PathLimits = field(init=False)
     shares: dict[str, np.ndarray] = field(init=False)
+    levelled: np.ndarray = field(init=False)
     least: float = field(init=False, default=np.inf)
 
     def __post_init__(self) -> None:
         self.points = PathLimits.at(self.dyn, self.limits, self.path, self.s)
         self.shares = {name: np.ones(self.points.q.shape) for name in QUANTITIES}
+        self.levelled = np.zeros(len(self.s) - 1, dtype=int)
+
+    @property
+    def ramps(self) -> np.ndarray:
+        """(m - 1,) pieces in which s̈ is a ramp in time; in the others it is constant."""
+        return self.levelled == 0
 
     def plan(self) -> tuple[Profile, dict[str, np.ndarray]]:
         """The fastest profile within all limits on the judging grid, and its share of each limit (m - 1, n), by quantity.
@@ -66,20 +92,19 @@ class Planner:
         Raises:
             ScenarioError: no profile keeps the limits between grid points.
         """
-        profile = self._refined(self._coarse(), FIRST_BAND, FIRST_BAND)
+        profile = self.fastest()
         if profile.stuck is not None:
             return profile, {}
-        self.least = float(PathTiming(self.s, profile.x).durations.sum())
+        self.least = float(PathTiming(self.s, profile.x, self.ramps).durations.sum())
         self._loosen(self._judged(profile.x))
-        loose = self._refined(profile, FIRST_BAND, LAST_BAND)
+        loose = self._settled(profile.x)
         profile = profile if loose.stuck is not None else loose
         for count in range(ROUNDS):
             used = self._judged(profile.x)
             if _largest(used) <= 1.0 + KEPT:
                 return profile, used
             self._shrink(used, count)
-            wide_enough = [k for k, band in enumerate(BANDS) if band >= _largest(used) - 1.0]
-            shrunk = self._refined(profile, wide_enough[-1] if wide_enough else 0, LAST_BAND)
+            shrunk = self._settled(profile.x)
             if shrunk.stuck is not None:  # limits so small that they no longer hold the arm
                 break
             profile = shrunk
@@ -87,82 +112,55 @@ class Planner:
 
     def fastest(self) -> Profile:
         """The fastest profile within the limits, as tightened so far, at grid points."""
-        return self._refined(self._coarse(), FIRST_BAND, LAST_BAND)
-
-    def _coarse(self) -> Profile:
-        """The profile over levels of x from 0 up to the velocity limits, or as far as it reaches without."""
-        cap = self.points.largest_x(self.shares)
         high = self.points.bounds(np.zeros((len(self.s), 1)), self.shares)[1]
-        top = max(4.0 * float(np.median(np.clip(high, 0.0, MOST))) * self.path.length, *self.ends)
-        while True:
-            highest = np.minimum(cap, top)
-            v = self._levels(highest)
-            profile = self._pass(v * v)
-            if profile.highest_first < self.ends[0]:
-                return replace(profile, stuck=0)
-            if top >= MOST or not ((profile.x > 0.9 * top) & (highest == top)).any():
-                return profile
-            top *= RAISED
-
-    def _levels(self, highest: np.ndarray) -> np.ndarray:
-        """(m, j) coarse levels of √x up to the highest x (m,); one of them of each constant speed from which and to which a way
-        leads."""
-        v = np.sqrt(highest)[:, None] * COARSE
-        for x in self.ends:
-            if x > 0.0:
-                v[np.arange(len(v)), np.abs(v - np.sqrt(x)).argmin(axis=1)] = np.minimum(np.sqrt(x), v[:, -1])
-        return v
+        usual = float(np.median(np.clip(high, 0.0, MOST))) * self.path.length
+        return self._settled(np.minimum(self.points.largest_x(self.shares), max(usual, *self.ends)))
 
     def highest_last(self) -> float:
-        """The largest reachable x at the end, by coarse levels: the reversed path."""
-        high = self.points.bounds(np.zeros((len(self.s), 1)), self.shares)[1]
-        top = max(4.0 * float(np.median(np.clip(high, 0.0, MOST))) * self.path.length, self.ends[0])
-        v = self._levels(np.minimum(self.points.largest_x(self.shares), top))
-        low, high = self.points.bounds(v * v, self.shares)
-        back = SpeedTable((v * v)[::-1], -high[::-1], -low[::-1], np.diff(self.s)[::-1])
-        return fastest_profile(back, self.ends[1], self.ends[0]).highest_first
+        """The largest reachable x at the end."""
+        below, above = 0.0, self.ends[1]
+        for _ in range(HALVINGS):
+            middle = 0.5 * (below + above)
+            profile = replace(self, ends=(self.ends[0], middle)).fastest()
+            below, above = (middle, above) if profile.stuck is None else (below, middle)
+        return below
 
-    def _refined(self, profile: Profile, band: int, last: int) -> Profile:
-        """The profile over finer levels about one, again where it leaves them; over wider levels where it finds no way there."""
-        for _ in range(MOST_PASSES):
-            if profile.stuck is not None:
-                return profile
-            found, left = self._fine(profile.x, BANDS[band])
-            if found.stuck is not None:
-                profile, band = (self._coarse() if band == 0 else profile), max(band - 1, 0)
+    def _settled(self, x: np.ndarray) -> Profile:
+        """The fastest profile with tangents of the limits at itself, found from those at x (m,).
+
+        Where all limits are convex in x it is the optimum, and each pass doubles the digits that are right.
+        """
+        slowings, profile = 0, Profile(x, -1.0, stuck=0)
+        for count in range(PASSES):
+            lines = self.points.lines(self.s, x, self.shares)
+            low, high = controllable(lines, self.ends[1])
+            if high[0] < 0.0:
+                slowings += 1
+                if slowings > SLOWINGS:
+                    return Profile(x, -1.0, stuck=int((high < 0.0).sum()) - 1)
+                x = SLOWER * x
                 continue
-            profile = found
-            if left:
-                band = max(band - 1, 0)
-            elif band >= last:
+            found = greedy(lines, low, high, min(max(self.ends[0], low[0]), high[0]))
+            v, before = np.sqrt(found), np.sqrt(x)
+            rests = np.maximum(found[:-1], found[1:]) <= AT_REST * found.max()
+            stuck = int(rests.argmax()) if rests.any() else None
+            profile = Profile(found, float(high[0]), stuck if low[0] <= self.ends[0] <= high[0] else 0)
+            x = found if count < DAMPED else (0.5 * (v + before)) ** 2
+            if np.abs(v - before).max() <= SAME * v.max():
                 break
-            else:
-                band += 1
         return profile
-
-    def _fine(self, x: np.ndarray, band: float) -> tuple[Profile, bool]:
-        """The profile over levels in a band about x, and True if it runs along an end of the band."""
-        v, cap = np.sqrt(x), np.sqrt(self.points.largest_x(self.shares))
-        least = LEAST_BAND * band * v.max()
-        low = np.maximum(v * (1.0 - band) - least, 0.0)
-        high = np.minimum(np.maximum(v * (1.0 + band), low + least), cap)
-        low = np.minimum(low, (1.0 - band) * high)
-        profile = self._pass((low[:, None] + (high - low)[:, None] * np.linspace(0.0, 1.0, FINE)) ** 2)
-        if profile.stuck is not None:
-            return profile, True
-        v, cell = np.sqrt(profile.x), (high - low) / FINE
-        return profile, bool((((v > high - cell) & (high < cap)) | ((v < low + cell) & (low > 0.0))).any())
-
-    def _pass(self, x: np.ndarray) -> Profile:
-        return fastest_profile(SpeedTable(x, *self.points.bounds(x, self.shares), np.diff(self.s)), *self.ends)
 
     def _judged(self, x: np.ndarray) -> dict[str, np.ndarray]:
         """By quantity (m - 1, n) the largest part of its limit that each joint uses between grid points.
 
-        At first at some times of every piece; where that finds no excess, closer and closer about every peak that may be one.
+        At first at few times of every piece, then at many; where that finds no excess, closer and closer about every peak that
+        may be one.
         """
-        timing, pieces = PathTiming(self.s, x), np.arange(len(x) - 1)
-        rows = self._used(timing, pieces, np.broadcast_to(JUDGED, (len(pieces), len(JUDGED))))
+        timing, pieces, rows = PathTiming(self.s, x, self.ramps), np.arange(len(x) - 1), np.zeros(0)
+        for parts in (LOOKED, JUDGED):
+            rows = self._used(timing, pieces, np.broadcast_to(parts, (len(pieces), len(parts))))
+            if rows.max() > 1.0 + KEPT:
+                break
         most = rows.max(axis=1)
         if most.max() <= 1.0 + KEPT:
             before, here, after = rows[:, :-2], rows[:, 1:-1], rows[:, 2:]
@@ -202,13 +200,30 @@ class Planner:
         """Takes the excess between two grid points off the limits at both, in later rounds also off those near them.
 
         A lower share bends s̈ beside it, so that the next piece may exceed: an excess can wander along the grid, piece by piece.
+        Where ramps exceed again, they become constants, which both ends of their pieces allow.
         """
-        times, reach = SHRUNK * (1.0 + count / SLOW), SPREAD ** max(count - 1, 0)
+        times, reach = SHRUNK * (1.0 + count / SLOW), min(SPREAD ** max(count - 1, 0), FARTHEST)
+        exceeds = np.max([part.max(axis=1) for part in used.values()], axis=0) > 1.0 + KEPT
+        level = self._level(exceeds & self.ramps) if count >= LEVELLED else np.zeros_like(exceeds)
         for name, part in used.items():
-            excess = maximum_filter1d(np.maximum(part - 1.0, 0.0), 2 * reach - 1, axis=0, mode="nearest")
+            self.shares[name][:-1][level] = np.minimum(self.shares[name][:-1][level], 1.0)
+            self.shares[name][1:][level] = np.minimum(self.shares[name][1:][level], 1.0)
+            excess = np.where(level[:, None], 0.0, np.maximum(part - 1.0, 0.0))
+            excess = maximum_filter1d(excess, 2 * reach - 1, axis=0, mode="nearest")
             factor = 1.0 / (1.0 + times * excess)
             self.shares[name][:-1] *= factor
             self.shares[name][1:] *= factor
+
+    def _level(self, pieces: np.ndarray) -> np.ndarray:
+        """Levels the ramps of pieces (m - 1,) and of others about them, the farther the more often; True where it did."""
+        times = np.zeros_like(self.levelled)
+        for k in np.flatnonzero(pieces):
+            before = int(self.levelled[max(k - 1, 0) : k + 2].max())
+            reach = SPREAD**before - 1
+            times[max(k - reach, 0) : k + reach + 1] = before + 1
+        new = (times > 0) & self.ramps
+        self.levelled = np.maximum(self.levelled, times)
+        return new
 
     def _slowed(self, profile: Profile) -> tuple[Profile, dict[str, np.ndarray]]:
         """The profile, made slower as a whole until it keeps the limits.

@@ -21,11 +21,12 @@ class PathTiming:
     active limit changes it still jumps.
 
     Attributes:
-        s: (m,) grid.   x: (m,) ṡ² there.
+        s: (m,) grid.   x: (m,) ṡ² there.   ramps: one, or (m - 1,): where False, s̈ is constant.
     """
 
     s: np.ndarray
     x: np.ndarray
+    ramps: bool | np.ndarray = True
 
     @cached_property
     def speeds(self) -> np.ndarray:
@@ -35,6 +36,8 @@ class PathTiming:
     @cached_property
     def jerks(self) -> np.ndarray:
         """(m - 1,) s⃛ in each piece."""
+        if not np.any(self.ramps):
+            return np.zeros(len(self.s) - 1)
         v, ds = self.speeds, np.diff(self.s)
         times, sdd = 2.0 * ds / (v[:-1] + v[1:]), np.diff(self.x) / (2.0 * ds)
         slopes = 2.0 * np.diff(sdd) / (times[:-1] + times[1:])
@@ -45,7 +48,7 @@ class PathTiming:
         most = np.where(
             at_ends, 2.0 * TURNED * np.abs(sdd) / times, 8.0 * TURNED * np.minimum(v[:-1], v[1:]) / times**2
         )
-        return np.clip(least, -most, most)
+        return np.where(self.ramps, np.clip(least, -most, most), 0.0)
 
     @cached_property
     def durations(self) -> np.ndarray:

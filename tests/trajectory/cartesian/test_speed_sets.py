@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from armwright.trajectory.time_optimal.passes import SpeedTable, fastest_profile
+from armwright.trajectory.cartesian.speed_sets import SpeedTable, fastest_profile
 
 S = np.linspace(0.0, 1.0, 41)
 LEVELS = np.linspace(0.0, 4.0, 161)
