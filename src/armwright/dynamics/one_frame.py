@@ -21,12 +21,15 @@ from armwright.spatial import Placement, acceleration_tensor, cross, second_mome
 Motion = tuple[Array, Array]  # angular (3,), and linear (3,) of the point at the base's origin
 STILL = (scalar.zeros(3), scalar.zeros(3))
 
-# Operations of `link_slopes` less those of automatic differentiation, fused products counted as one: a joint more, a pair less.
-# Between chains of joints that point anywhere, where the analytic one wins from 8 joints on, and of right angles, from 10 on.
-DEEPEST_AUTOMATIC = 5.4  # joints that carry a joint, itself included, on average: a chain of n has (n + 1) / 2
-# Operations of both mass matrices, counted likewise: a joint in one frame, and an entry of a rotation that is neither 0 nor 1
-OF_JOINT, OF_ENTRY, OF_PAIR = 70, 12, 6
-OF_TURN, OF_LINK = 8, 2  # a pair in links' frames: the turn by q, and each number of the constant placement
+# Joints that carry a joint, itself included, on average: a chain of n has (n + 1) / 2. Beyond it `link_slopes` takes fewer
+# operations than automatic differentiation, fused products counted as one: of chains whose joints point anywhere from 8 joints
+# on, of chains with right angles, where more folds away, from 10 on.
+DEEPEST_AUTOMATIC = 5.4
+# Operations of a mass matrix, counted likewise, to within 15 % of random chains and chains with right angles of 10 to 40 joints:
+# in one frame, of a pair of joints, of a joint, and of a number in its constant placement that is neither 0 nor 1 …
+OF_PAIR, OF_JOINT, OF_NUMBER = 6, 96, 9
+# … and in links' frames, of a pair of joints one of which turns: for its turn by q, and for such a number.
+OF_TURN, OF_LINK_NUMBER = 8.8, 2.2
 
 
 def carried_by(arm: Model) -> list[int]:
@@ -48,18 +51,19 @@ def mass_matrix_pays(arm: Model) -> bool:
 
     Counted from the arm's placements: chains of joints that point anywhere from some 20 joints on, of right angles from some 40 on.
     """
-    in_links = in_base = 0
+    in_links = in_base = 0.0
     for body, carried in zip(arm.bodies, carried_by(arm), strict=True):
-        turned, shifted = _numbers(body.placement)
-        in_links += (carried - 1) * (OF_TURN + OF_LINK * (turned + shifted))
-        in_base += carried * OF_PAIR + OF_JOINT + OF_ENTRY * (turned + shifted)
+        numbers = _numbers(body.placement)
+        in_links += (carried - 1) * (OF_TURN * body.kind.turns + OF_LINK_NUMBER * numbers)
+        in_base += OF_PAIR * carried + OF_JOINT + OF_NUMBER * numbers
     return in_base < in_links
 
 
-def _numbers(placement: Placement) -> tuple[int, int]:
-    """Entries of a placement's rotation and position that cost an operation."""
-    entries = [each for each in placement.rotation.flat if scalar.is_symbolic(each) or abs(each) not in (0.0, 1.0)]
-    return len(entries), sum(scalar.is_symbolic(each) or each != 0.0 for each in placement.position)
+def _numbers(placement: Placement) -> int:
+    """Entries of a placement that cost operations: of its rotation those that are neither 0 nor 1, of its position all but 0."""
+    turned = [each for each in placement.rotation.flat if scalar.is_symbolic(each) or abs(each) not in (0.0, 1.0)]
+    shifted = [each for each in placement.position if scalar.is_symbolic(each) or each != 0.0]
+    return len(turned) + len(shifted)
 
 
 def link_mass_matrix(arm: Model, q: Array) -> np.ndarray:
