@@ -67,6 +67,31 @@ def store_tile_loop(m: LlvmMachine, columns: int) -> None:
                 _store_part(m, vector, part, c, "%out", first)
 
 
+def stream_tile(m: LlvmMachine, columns: int) -> None:
+    """A finished tile to where it belongs, past the caches: from `%block`, aligned, to `%out`, in the machine's function.
+
+    Whole vectors at aligned places; the ends, where `%out` begins between two, in the usual way.
+    """
+    w, real, kind = m.width, m.format.bytes, m.format.real
+    over = m.emit(f"urem i64 {m.emit('ptrtoint ptr %out to i64')}, {m.bytes}")
+    head = m.emit(f"urem i64 {m.emit(f'sub i64 {m.bytes}, {over}')}, {m.bytes}")
+    first = m.emit(f"udiv i64 {head}, {real}")
+    vectors = m.emit(f"udiv i64 {m.emit(f'sub i64 {columns * w}, {first}')}, {w}")
+    with m.repeat("vector", vectors) as k:
+        at = m.emit(f"add i64 {first}, {m.emit(f'mul i64 {k}, {w}')}")
+        source, sink = (m.emit(f"getelementptr {kind}, ptr {pointer}, i64 {at}") for pointer in ("%block", "%out"))
+        value = m.emit(f"load {m.real}, ptr {source}, align {real}")
+        m.lines.append(f"  store {m.real} {value}, ptr {sink}, align {m.bytes}, !nontemporal !{{i32 1}}")
+    m.branch(m.emit(f"icmp eq i64 {head}, 0"), "whole", "ends")
+    m.begin("ends")
+    end = m.emit(f"sub i64 {columns * w * real}, {m.emit(f'sub i64 {m.bytes}, {head}')}")
+    for offset, length in (("0", head), (end, m.emit(f"sub i64 {m.bytes}, {head}"))):
+        source, sink = (m.emit(f"getelementptr i8, ptr {pointer}, i64 {offset}") for pointer in ("%block", "%out"))
+        m.lines.append(f"  call void @llvm.memcpy.p0.p0.i64(ptr {sink}, ptr {source}, i64 {length}, i1 false)")
+    m.jump("whole")
+    m.begin("whole")
+
+
 def _chunks(columns: int, m: LlvmMachine) -> Iterator[tuple[int, int]]:
     """Starts and sizes of chunks that cover the columns; the last overlaps the one before where the number is odd."""
     start, most = 0, min(columns, m.width, CHUNK // m.format.bytes)
