@@ -1,10 +1,10 @@
 """Derivatives of inverse and forward dynamics by the state, exact to rounding. [GriewankWalther2008] [CarpentierMansard2018]
 
 Of short arms, Newton and Euler's recursion is differentiated as it stands. A joint is moved by a first-order turn behind its own
-(`JointMotion`), so that derivatives by q need no derivatives of sine and cosine. That takes n² times what one pair of joints
-takes in the recursion. Of long arms the links' part comes from `one_frame.link_slopes`, and the rest (motors, gears, friction,
-springs, the wrench) from automatic differentiation still: where joints are carried by 5.4 joints or more on average, a chain of
-10, `one_frame.slopes_pay`. Friction by loads needs other derivatives as well and keeps the automatic ones.
+(`JointMotion`), so that derivatives by q need no derivatives of sine and cosine. Of long arms, from a chain of 10 joints on
+(`one_frame.slopes_pay`), the links' part comes from `one_frame.link_slopes`, which takes fewer operations a pair of joints; the
+rest (motors, gears, friction, springs, the wrench) is differentiated automatically still. Arms whose friction depends on loads
+need the slopes of other torques as well, and keep the automatic ones.
 """
 
 from __future__ import annotations
@@ -144,7 +144,7 @@ def slopes_of_links(arm: Model, q: Array, qd: Array, qdd: Array) -> list[np.ndar
 
 
 def weightless(arm: Model) -> Model:
-    """The arm with links without mass: what its joints need is then for springs, friction, the rotors of followers and the wrench."""
+    """The arm with links without mass: its joints then need torques for springs, friction, rotors of followers and the wrench."""
     still = {"mass": 0.0, "first_moment": scalar.zeros(3), "inertia": scalar.zeros(3, 3)}
     return replace(arm, gravity=scalar.zeros(3), bodies=tuple(replace(body, **still) for body in arm.bodies))
 

@@ -2,8 +2,9 @@
 
 In the frames of their links, forces are turned and shifted from joint to joint for every pair of joints; in one frame a pair
 takes a few products. The way into that frame costs every joint once, so that short arms are better off in the links' frames.
-A joint's axis is S = (a, u): what it turns about, and how fast it moves the point at the base's origin. Rounding grows with the
-distance from that origin: relative to √(M_ii M_jj) the mass matrix of 100 joints is good to some 1e-11, in links' frames to 1e-14.
+A joint's axis is S = (a, u): what it turns about, and how fast it moves the point at the base's origin. Rounding grows with
+the distance from that origin: relative to √(M_ii M_jj) the mass matrix of 100 joints is good to some 1e-11, in links' frames to
+1e-14.
 """
 
 from __future__ import annotations
@@ -42,14 +43,18 @@ def carried_by(arm: Model) -> list[int]:
 
 
 def slopes_pay(arm: Model) -> bool:
-    """True if `link_slopes` takes fewer operations than automatic differentiation: a chain of 10 or more joints does."""
+    """True if `link_slopes` takes fewer operations than automatic differentiation: of a chain from 10 joints on.
+
+    Told by how deep the tree is, without tracing anything.
+    """
     return sum(carried_by(arm)) > DEEPEST_AUTOMATIC * len(arm.bodies)
 
 
 def mass_matrix_pays(arm: Model) -> bool:
     """True if `link_mass_matrix` takes fewer operations than composite bodies in the frames of the links.
 
-    Counted from the arm's placements: chains of joints that point anywhere from some 20 joints on, of right angles from some 40 on.
+    Counted from the arm's placements, without tracing anything: of chains whose joints point anywhere from 20 joints on, of
+    chains with right angles from some 40 on.
     """
     in_links = in_base = 0.0
     for body, carried in zip(arm.bodies, carried_by(arm), strict=True):
@@ -67,7 +72,10 @@ def _numbers(placement: Placement) -> int:
 
 
 def link_mass_matrix(arm: Model, q: Array) -> np.ndarray:
-    """M of the links of a tree (n, n), without rotors:  M_ij = S_i · I_j S_j  for a joint i that carries j, I_j of all behind j."""
+    """M of the links of a tree (n, n), without rotors:  M_ij = S_i · I_j S_j  for a joint i that carries j.
+
+    I_j is the inertia of all bodies behind joint j.  [SinghRussellWensing2022]
+    """
     placed = body_placements(arm, q)
     axes = [_axis(body, placed[i]) for i, body in arm.outward()]
     composite = [_inertia(body, placed[i]) for i, body in arm.outward()]
@@ -84,9 +92,10 @@ def link_mass_matrix(arm: Model, q: Array) -> np.ndarray:
 def link_slopes(arm: Model, q: Array, qd: Array, qdd: Array) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Torques of `link_torques` of a tree (n,), without a wrench, and their slopes (n, n) by q, q̇ and q̈.
 
-    With V the velocity of the body that carries a joint and A its acceleration (gravity's taken off),  S' = V × S  and
-    S'' = A × S + V × S'  are the joint's axis in motion. With I, F of all bodies behind joint j and B = ½ (İ + its skew part), for
-    every joint i that carries j  [CarpentierMansard2018] [SinghRussellWensing2022] eqs (35)-(40)
+    With V the velocity of the body that carries a joint and A its acceleration, gravity's taken off,  S' = V × S  and
+    S'' = A × S + V × S'  are the joint's axis in motion. I is the inertia of all bodies behind joint j, F what they ask for, and
+    B (a, u) = ∫ (r × (a × ṙ), a × ṙ) dm  half their Coriolis force in a frame that turns at a. For every joint i that carries j
+    [CarpentierMansard2018] [SinghRussellWensing2022]
 
         ∂τ_i/∂q_j = S_i · (2 B S'_j + I S''_j + S_j ×* F)        ∂τ_j/∂q_i = 2 Bᵀ S_j · S'_i + I S_j · S''_i
         ∂τ_i/∂q̇_j = 2 S_i · (B S_j + I S'_j)                     ∂τ_j/∂q̇_i = 2 (Bᵀ S_j · S_i + I S_j · S'_i)
@@ -120,7 +129,11 @@ def link_slopes(arm: Model, q: Array, qd: Array, qdd: Array) -> tuple[np.ndarray
         a, u = axes[j]
         a1, _ = axes_1[j]
         here = inertia.times((a, u))
-        pushed, pushed_1, pushed_2 = (turning @ a, cross(a, momentum)), inertia.times(axes_1[j]), inertia.times(axes_2[j])
+        pushed, pushed_1, pushed_2 = (
+            (turning @ a, cross(a, momentum)),
+            inertia.times(axes_1[j]),
+            inertia.times(axes_2[j]),
+        )
         at_speed = [2.0 * (x + y) for x, y in zip(pushed, pushed_1, strict=True)]
         at_place = (
             2.0 * (turning @ a1) + pushed_2[0] + cross(a, moment) + cross(u, force),

@@ -23,7 +23,9 @@ from armwright.program.passes import optimised
 WIDE = 256  # columns of an output that are stored in a loop rather than a line
 CACHE_LINE = 64  # bytes; a guess that is too small or too large costs a little time
 STREAMED = 4 << 20  # bytes of results that leave the cache anyway: from here on they are written past it …
-NARROW = 32  # … where rows have more columns than this; of fewer a detour by a tile in the cache costs more than it saves
+NARROW = (
+    32  # … where rows have more columns than this; of fewer a detour by a tile in the cache costs more than it saves
+)
 
 
 @dataclass
@@ -100,8 +102,8 @@ class LlvmModule:
         """Full tiles in place; then the tail: its rows copied into a padded tile (filled up with its first row) and back.
 
         Results that leave the cache are put together tile by tile in the pads and written past the cache: memory is then not read
-        before it is written. Not inlined into what calls it: three more copies of it would take a sixth of the time to compile, and
-        gain nothing.
+        before it is written. Not inlined into what calls it: three more copies of it would take a sixth of the time to compile,
+        and gain nothing.
         """
         w, real, bytes_ = self.width, self.format.real, self.format.bytes
         m = LlvmMachine(1, format=self.format)
