@@ -215,7 +215,7 @@ def notes(quick: bool) -> dict[str, list[str]]:
         "forward dynamics, ours: by composite bodies in a chain of up to 9 joints, by articulated ones beyond; Pinocchio's: "
         "articulated; MuJoCo's: composite",
         "derivatives, ours: automatic in a chain of up to 9 joints, analytic beyond; mass matrix, ours: in links' frames in a "
-        "chain of up to 19 joints, in one frame beyond",
+        "chain of up to 23 joints, in one frame beyond",
         "of the machine's limit: operations a state ÷ (vector lanes × FMA ports × clock); an addition, a product and a fused "
         "product are one operation each, counted in the LLVM text that is compiled, sines and cosines written out; the limit "
         "is a loop of nothing but fused products in the same race, at its best, against ours at the median; as flops: a fused "

@@ -49,6 +49,20 @@ def results(kernel: Kernel, inputs: list[np.ndarray]) -> tuple[np.ndarray, ...]:
     return found if isinstance(found, tuple) else (found,)
 
 
+@pytest.mark.parametrize("name", ["mass_matrix", "regressor", "inverse_dynamics_derivatives"])
+def test_entries_of_one_value_wait_in_one_place(name, monkeypatch):
+    """Halves of symmetric matrices, and zeros, of programs in pieces: whole rows are written all the same, with the same bits."""
+    program = trace_kernel(arm("puma560"), SIGNATURES[name])
+    inputs = [np.random.default_rng(k).normal(size=(COUNT, 6)) for k in range(len(program.inputs))]
+    expected = results(Kernel(program, select_target()), inputs)
+    monkeypatch.setattr(llvm, "WHOLE", 5)
+    for wide in (1000, 8):  # stored in a line, and in a loop
+        monkeypatch.setattr(llvm, "WIDE", wide)
+        for ours, theirs in zip(results(Kernel(program, select_target()), inputs), expected, strict=True):
+            np.testing.assert_array_equal(ours, theirs)
+    assert f"@{program.name}.{program.outputs[-1].name}.places" in llvm.batch_module(4, program).text()
+
+
 def test_arrays_between_two_numbers(monkeypatch):
     """An array of odd bytes, as packed records have, is written in the usual way."""
     program = trace_kernel(arm("puma560"), SIGNATURES["mass_matrix"])

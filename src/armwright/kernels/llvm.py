@@ -85,12 +85,14 @@ class LlvmModule:
             for k, values in enumerate(walk(m, program, inputs, self.caller(m))):
                 store_tile(m, f"%out{k}", values)
         else:
+            instructions, places = _computed_once(program, instructions)
             blocks = self._in_pieces(m, program, instructions, inputs, batched=True)
             for k, (block, port) in enumerate(zip(blocks, program.outputs, strict=True)):
                 if port.size <= WIDE or self.width == 1:
-                    store_tile(m, f"%out{k}", [m.load(block, entry) for entry in range(port.size)])
+                    store_tile(m, f"%out{k}", [m.load(block, entry) for entry in places[k]])
                 else:
-                    m.lines.append(f"  call void @{self._store_function(port.size)}(ptr %out{k}, ptr {block})")
+                    name = self._store_function(f"{program.name}.{port.name}", places[k])
+                    m.lines.append(f"  call void @{name}(ptr %out{k}, ptr {block})")
         self._define(tile, program, m)
         self._define_batch(program, tile)
         self._define_separate(program)
@@ -258,18 +260,23 @@ class LlvmModule:
                     )
         return lines
 
-    def _store_function(self, columns: int) -> str:
-        """`void name(out, block)`: W rows of many columns from a block, in a loop."""
-        return self._of_tile(f"store.{columns}", store_tile_loop, columns)
+    def _store_function(self, owner: str, places: list[int]) -> str:
+        """`void name(out, block)`: W rows of many columns from their places in a block, in a loop."""
+        if places == [*range(len(places))]:
+            return self._of_tile(f"store.{len(places)}", lambda m: store_tile_loop(m, len(places)))
+        table = f"@{owner}.places"
+        numbers = ", ".join(f"i64 {place}" for place in places)
+        self.definitions[table] = f"{table} = internal constant [{len(places)} x i64] [{numbers}]"
+        return self._of_tile(f"{owner}.store", lambda m: store_tile_loop(m, len(places), table))
 
     def _stream_function(self, columns: int) -> str:
         """`void name(out, block)`: a finished tile past the caches."""
-        return self._of_tile(f"stream.{columns}", stream_tile, columns)
+        return self._of_tile(f"stream.{columns}", lambda m: stream_tile(m, columns))
 
-    def _of_tile(self, name: str, body: Callable[[LlvmMachine, int], None], columns: int) -> str:
+    def _of_tile(self, name: str, body: Callable[[LlvmMachine], None]) -> str:
         if name not in self.functions:
             m = self.machine()
-            body(m, columns)
+            body(m)
             head = f"define internal void @{name}(ptr noalias %out, ptr noalias readonly %block) noinline nounwind {{\nentry:"
             self.functions[name] = "\n".join([head, *m.lines, "  ret void", "}"])
         return name
@@ -358,6 +365,24 @@ class LlvmModule:
         head = f"define internal void @{name}({', '.join(parameters)}) noinline nounwind alignstack({min(m.bytes, 64)})"
         head += " {\nentry:"
         self.functions[name] = "\n".join([head, *m.lines, "  ret void", "}"])
+
+
+def _computed_once(program: Program, instructions: list[Instruction]) -> tuple[list[Instruction], list[list[int]]]:
+    """The instructions with one output for each value, and for every entry of every output the entry that has its value.
+
+    Half of a symmetric matrix, and all zeros but one, need not wait until they are written.
+    """
+    places = [[*range(port.size)] for port in program.outputs]
+    known: dict[tuple[int, int], int] = {}
+    kept = []
+    for i in instructions:
+        if i.operation == "OUTPUT" and i.place is not None:
+            port, entry = i.place
+            places[port][entry] = known.setdefault((port, i.arguments[0]), entry)
+            if places[port][entry] != entry:
+                continue
+        kept.append(i)
+    return kept, places
 
 
 def _port_sizes(program: Program) -> dict[str, int]:

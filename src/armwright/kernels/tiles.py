@@ -46,10 +46,11 @@ def store_tile(m: LlvmMachine, pointer: str, values: list[Value]) -> None:
                 _store_part(m, vector, part, c, pointer, r * columns + start)
 
 
-def store_tile_loop(m: LlvmMachine, columns: int) -> None:
+def store_tile_loop(m: LlvmMachine, columns: int, table: str | None = None) -> None:
     """`store_tile` as a loop, for tiles of many columns that wait in a block: from `%block` to `%out`, in the machine's function.
 
-    A straight line of thousands of shuffles takes compilers minutes.
+    The table, in memory, has the place of every column in the block; by default they stand in order. A straight line of
+    thousands of shuffles takes compilers minutes.
     """
     w, c = m.width, 4 if m.width >= 4 else 2
     chunks = -(-columns // c)
@@ -59,7 +60,10 @@ def store_tile_loop(m: LlvmMachine, columns: int) -> None:
         start = m.emit(f"select i1 {over}, i64 {columns - c}, i64 {even}")  # the last chunk may overlap the one before
         values = []
         for column in range(c):
-            place = m.emit(f"getelementptr {m.real}, ptr %block, i64 {m.emit(f'add i64 {start}, {column}')}")
+            entry = m.emit(f"add i64 {start}, {column}")
+            if table is not None:
+                entry = m.emit(f"load i64, ptr {m.emit(f'getelementptr i64, ptr {table}, i64 {entry}')}")
+            place = m.emit(f"getelementptr {m.real}, ptr %block, i64 {entry}")
             values.append(m.emit(f"load {m.real}, ptr {place}, align {m.bytes}"))
         for row, vector in enumerate(_transposed(m, values)):
             for part, r in enumerate(range(row, w, c)):
