@@ -225,6 +225,14 @@ CHAPTERS: dict[str, tuple[str, tuple[Column, ...]]] = {
             *(time("Pinocchio C++", "pinocchio_loop"), ratio("Pinocchio C++ ÷ ours", "pinocchio_loop"), worst("error")),
         ),
     ),
+    "large results": (
+        "Results larger than the cache, ns per state",
+        (
+            *(label("arm", "arm"), label("kernel", "work"), label("bytes a state", "bytes"), label("states", "states")),
+            *(time("few", "few"), time("1024", "some"), time("many", "many"), time("a fill of as many bytes", "fill")),
+            *(ratio("few ÷ many", "few"), ratio("fill ÷ many", "fill"), worst("error")),
+        ),
+    ),
     "threads": (
         "Threads, ns per state",
         (

@@ -35,6 +35,7 @@ MODULES = (
     "rows_ik",
     "rows_planning",
     "rows_scaling",
+    "rows_large",
     "rows_start",
 )
 PEERS = {"pinocchio": "pin", "mujoco": "mujoco"}  # whose results ours are checked against

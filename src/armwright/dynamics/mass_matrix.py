@@ -6,6 +6,7 @@ import numpy as np
 
 from armwright import scalar
 from armwright.actuators.coupling import coupled_inertia, shares_of
+from armwright.dynamics.one_frame import link_mass_matrix, mass_matrix_pays
 from armwright.joint_kinds import JointKind
 from armwright.kinematics.joint_motion import joint_motions
 from armwright.model import BASE, Mimics, Model, on_tree, one_state_with_masses
@@ -19,7 +20,9 @@ def mass_matrix(arm: Model, q: Array) -> np.ndarray:
 
     All bodies behind a joint are taken as one, turning with unit acceleration: its inertial force and moment, carried
     down to the base, are one column of M. The composite is kept as mass, first moment and tensor about the frame's
-    origin, which need no division by a mass that may be 0.
+    origin, which need no division by a mass that may be 0. Long arms are computed in one frame where that takes
+    fewer operations, from some 24 joints on (`one_frame.mass_matrix_pays`): entries are then good to 1e-13 of the largest one
+    and, at 100 joints, to 1e-11 of √(M_ii M_jj), where composites in the links' frames lose no digits.
 
     Args:
         arm: the model.   q: (n,) [rad | m].
@@ -33,6 +36,8 @@ def mass_matrix(arm: Model, q: Array) -> np.ndarray:
 @on_tree(Mimics.inertia)
 def _composite_bodies(arm: Model, q: Array) -> np.ndarray:
     """M of the links and of the rotors that one joint each turns."""
+    if mass_matrix_pays(arm):
+        return link_mass_matrix(arm, q) + np.diag(scalar.array([body.drive.joint_inertia for body in arm.bodies]))
     motion = joint_motions(arm, q)
     m = [body.mass for body in arm.bodies]
     h = [body.first_moment for body in arm.bodies]  # M_j c_j

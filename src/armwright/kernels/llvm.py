@@ -7,7 +7,7 @@ one vector of W lanes, so nothing is transposed between them. What Python calls 
 from __future__ import annotations
 
 import functools
-from collections.abc import Set
+from collections.abc import Callable, Set
 from dataclasses import dataclass, field
 from operator import attrgetter
 
@@ -15,13 +15,17 @@ from armwright.kernels.format import DOUBLE, FORMATS, Format
 from armwright.kernels.llvm_machine import LlvmMachine
 from armwright.kernels.lowering import walk, walk_instructions
 from armwright.kernels.machine import Value
-from armwright.kernels.tiles import load_tile, store_tile, store_tile_loop
+from armwright.kernels.tiles import load_tile, store_tile, store_tile_loop, stream_tile
 from armwright.program import Instruction, Program
 from armwright.program.cut import WHOLE, Piece, cut
 from armwright.program.passes import optimised
 
 WIDE = 256  # columns of an output that are stored in a loop rather than a line
 CACHE_LINE = 64  # bytes; a guess that is too small or too large costs a little time
+STREAMED = 4 << 20  # bytes of results that leave the cache anyway: from here on they are written past it …
+NARROW = (
+    32  # … where rows have more columns than this; of fewer a detour by a tile in the cache costs more than it saves
+)
 
 
 @dataclass
@@ -81,12 +85,14 @@ class LlvmModule:
             for k, values in enumerate(walk(m, program, inputs, self.caller(m))):
                 store_tile(m, f"%out{k}", values)
         else:
+            instructions, places = _computed_once(program, instructions)
             blocks = self._in_pieces(m, program, instructions, inputs, batched=True)
             for k, (block, port) in enumerate(zip(blocks, program.outputs, strict=True)):
                 if port.size <= WIDE or self.width == 1:
-                    store_tile(m, f"%out{k}", [m.load(block, entry) for entry in range(port.size)])
+                    store_tile(m, f"%out{k}", [m.load(block, entry) for entry in places[k]])
                 else:
-                    m.lines.append(f"  call void @{self._store_function(port.size)}(ptr %out{k}, ptr {block})")
+                    name = self._store_function(f"{program.name}.{port.name}", places[k])
+                    m.lines.append(f"  call void @{name}(ptr %out{k}, ptr {block})")
         self._define(tile, program, m)
         self._define_batch(program, tile)
         self._define_separate(program)
@@ -97,7 +103,9 @@ class LlvmModule:
     def _define_batch(self, program: Program, tile: str) -> None:
         """Full tiles in place; then the tail: its rows copied into a padded tile (filled up with its first row) and back.
 
-        Not inlined into what calls it: three more copies of it would take a sixth of the time to compile, and gain nothing.
+        Results that leave the cache are put together tile by tile in the pads and written past the cache: memory is then not read
+        before it is written. Not inlined into what calls it: three more copies of it would take a sixth of the time to compile,
+        and gain nothing.
         """
         w, real, bytes_ = self.width, self.format.real, self.format.bytes
         m = LlvmMachine(1, format=self.format)
@@ -118,6 +126,23 @@ class LlvmModule:
 
         m.branch(m.emit(f"icmp ne i64 {full}, 0"), "full", "tail")
         m.begin("full")
+        outputs = [*sizes][split:]
+        written = bytes_ * sum(sizes[port] for port in outputs)
+        if w > 1 and written > bytes_ * NARROW:
+            usual = m.emit(f"icmp ult i64 %count, {STREAMED // written}")
+            for port in outputs:  # an array of odd bytes, which NumPy allows, reaches no aligned place
+                odd = m.emit(f"urem i64 {m.emit(f'ptrtoint ptr {port} to i64')}, {bytes_}")
+                usual = m.emit(f"or i1 {usual}, {m.emit(f'icmp ne i64 {odd}, 0')}")
+            m.branch(usual, "direct", "past")
+            m.begin("past")
+            with m.repeat("streams", full) as number:
+                places = rows(number)
+                compute([*places[:split], *pads[split:]])
+                for port, place, pad in zip(outputs, places[split:], pads[split:], strict=True):
+                    m.lines.append(f"  call void @{self._stream_function(sizes[port])}(ptr {place}, ptr {pad})")
+            m.lines.append("  fence seq_cst")  # such stores come in any order: who is told of the results must see all
+            m.jump("tail")
+            m.begin("direct")
         with m.repeat("tiles", full) as number:
             compute(rows(number))
         m.jump("tail")
@@ -235,12 +260,23 @@ class LlvmModule:
                     )
         return lines
 
-    def _store_function(self, columns: int) -> str:
-        """`void name(out, block)`: W rows of many columns from a block, in a loop."""
-        name = f"store.{columns}"
+    def _store_function(self, owner: str, places: list[int]) -> str:
+        """`void name(out, block)`: W rows of many columns from their places in a block, in a loop."""
+        if places == [*range(len(places))]:
+            return self._of_tile(f"store.{len(places)}", lambda m: store_tile_loop(m, len(places)))
+        table = f"@{owner}.places"
+        numbers = ", ".join(f"i64 {place}" for place in places)
+        self.definitions[table] = f"{table} = internal constant [{len(places)} x i64] [{numbers}]"
+        return self._of_tile(f"{owner}.store", lambda m: store_tile_loop(m, len(places), table))
+
+    def _stream_function(self, columns: int) -> str:
+        """`void name(out, block)`: a finished tile past the caches."""
+        return self._of_tile(f"stream.{columns}", lambda m: stream_tile(m, columns))
+
+    def _of_tile(self, name: str, body: Callable[[LlvmMachine], None]) -> str:
         if name not in self.functions:
             m = self.machine()
-            store_tile_loop(m, columns)
+            body(m)
             head = f"define internal void @{name}(ptr noalias %out, ptr noalias readonly %block) noinline nounwind {{\nentry:"
             self.functions[name] = "\n".join([head, *m.lines, "  ret void", "}"])
         return name
@@ -329,6 +365,24 @@ class LlvmModule:
         head = f"define internal void @{name}({', '.join(parameters)}) noinline nounwind alignstack({min(m.bytes, 64)})"
         head += " {\nentry:"
         self.functions[name] = "\n".join([head, *m.lines, "  ret void", "}"])
+
+
+def _computed_once(program: Program, instructions: list[Instruction]) -> tuple[list[Instruction], list[list[int]]]:
+    """The instructions with one output for each value, and for every entry of every output the entry that has its value.
+
+    Half of a symmetric matrix, and all zeros but one, need not wait until they are written.
+    """
+    places = [[*range(port.size)] for port in program.outputs]
+    known: dict[tuple[int, int], int] = {}
+    kept = []
+    for i in instructions:
+        if i.operation == "OUTPUT" and i.place is not None:
+            port, entry = i.place
+            places[port][entry] = known.setdefault((port, i.arguments[0]), entry)
+            if places[port][entry] != entry:
+                continue
+        kept.append(i)
+    return kept, places
 
 
 def _port_sizes(program: Program) -> dict[str, int]:

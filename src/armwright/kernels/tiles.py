@@ -46,10 +46,11 @@ def store_tile(m: LlvmMachine, pointer: str, values: list[Value]) -> None:
                 _store_part(m, vector, part, c, pointer, r * columns + start)
 
 
-def store_tile_loop(m: LlvmMachine, columns: int) -> None:
+def store_tile_loop(m: LlvmMachine, columns: int, table: str | None = None) -> None:
     """`store_tile` as a loop, for tiles of many columns that wait in a block: from `%block` to `%out`, in the machine's function.
 
-    A straight line of thousands of shuffles takes compilers minutes.
+    The table, in memory, has the place of every column in the block; by default they stand in order. A straight line of
+    thousands of shuffles takes compilers minutes.
     """
     w, c = m.width, 4 if m.width >= 4 else 2
     chunks = -(-columns // c)
@@ -59,12 +60,40 @@ def store_tile_loop(m: LlvmMachine, columns: int) -> None:
         start = m.emit(f"select i1 {over}, i64 {columns - c}, i64 {even}")  # the last chunk may overlap the one before
         values = []
         for column in range(c):
-            place = m.emit(f"getelementptr {m.real}, ptr %block, i64 {m.emit(f'add i64 {start}, {column}')}")
+            entry = m.emit(f"add i64 {start}, {column}")
+            if table is not None:
+                entry = m.emit(f"load i64, ptr {m.emit(f'getelementptr i64, ptr {table}, i64 {entry}')}")
+            place = m.emit(f"getelementptr {m.real}, ptr %block, i64 {entry}")
             values.append(m.emit(f"load {m.real}, ptr {place}, align {m.bytes}"))
         for row, vector in enumerate(_transposed(m, values)):
             for part, r in enumerate(range(row, w, c)):
                 first = m.emit(f"add i64 {start}, {r * columns}")
                 _store_part(m, vector, part, c, "%out", first)
+
+
+def stream_tile(m: LlvmMachine, columns: int) -> None:
+    """A finished tile to where it belongs, past the caches: from `%block`, aligned, to `%out`, in the machine's function.
+
+    Whole vectors at aligned places; the ends, where `%out` begins between two, in the usual way.
+    """
+    w, real, kind = m.width, m.format.bytes, m.format.real
+    over = m.emit(f"urem i64 {m.emit('ptrtoint ptr %out to i64')}, {m.bytes}")
+    head = m.emit(f"urem i64 {m.emit(f'sub i64 {m.bytes}, {over}')}, {m.bytes}")
+    first = m.emit(f"udiv i64 {head}, {real}")
+    vectors = m.emit(f"udiv i64 {m.emit(f'sub i64 {columns * w}, {first}')}, {w}")
+    with m.repeat("vector", vectors) as k:
+        at = m.emit(f"add i64 {first}, {m.emit(f'mul i64 {k}, {w}')}")
+        source, sink = (m.emit(f"getelementptr {kind}, ptr {pointer}, i64 {at}") for pointer in ("%block", "%out"))
+        value = m.emit(f"load {m.real}, ptr {source}, align {real}")
+        m.lines.append(f"  store {m.real} {value}, ptr {sink}, align {m.bytes}, !nontemporal !{{i32 1}}")
+    m.branch(m.emit(f"icmp eq i64 {head}, 0"), "whole", "ends")
+    m.begin("ends")
+    end = m.emit(f"sub i64 {columns * w * real}, {m.emit(f'sub i64 {m.bytes}, {head}')}")
+    for offset, length in (("0", head), (end, m.emit(f"sub i64 {m.bytes}, {head}"))):
+        source, sink = (m.emit(f"getelementptr i8, ptr {pointer}, i64 {offset}") for pointer in ("%block", "%out"))
+        m.lines.append(f"  call void @llvm.memcpy.p0.p0.i64(ptr {sink}, ptr {source}, i64 {length}, i1 false)")
+    m.jump("whole")
+    m.begin("whole")
 
 
 def _chunks(columns: int, m: LlvmMachine) -> Iterator[tuple[int, int]]:
