@@ -15,7 +15,7 @@ from armwright_tables import table
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from armwright.description import built_from, drive, drive_effects, fits, robot, springs
+from armwright.description import built_from, defaults, drive, drive_effects, fits, robot, springs
 from armwright.identification.geometry import measurement_file as geometry
 from armwright.identification.logs import log_file as log
 from armwright.lazy_schema import Later
@@ -49,6 +49,13 @@ TABLES: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...] = (
     ("motor: thermal", "", (drive_effects.ThermalRecord,)),
     ("motor: cogging", "", (drive_effects.CoggingRecord,)),
     ("[joints.friction]", "", (drive.RotaryFriction, drive.LinearFriction)),
+    (
+        "[defaults]",
+        "`[defaults.motor]` and `[defaults.friction]` hold keys of `[joints.motor]` and `[joints.friction]` for all joints that "
+        "do not state them. A joint's own keys stand before them; a friction with its own `law`, and a joint with `servo` or "
+        '`mimic`, take none. A default friction in N m does not go into a joint that slides, unless `side = "motor"`.',
+        (defaults.Defaults,),
+    ),
     ("[joints.limits]", "", (drive.RotaryLimits, drive.LinearLimits)),
     ("elasticity", "", (drive_effects.RotaryElasticity, drive_effects.LinearElasticity)),
     ("stops", "", (drive_effects.RotaryStops, drive_effects.LinearStops)),
