@@ -19,6 +19,7 @@ TO_FILL_IN = "to be filled in"  # `what` of a value that a new file leaves to it
 MOST_IN_FULL = 10  # values to fill in that are shown with their meaning; more are a line for each key
 ENTRIES = ("xx", "xy", "xz", "yy", "yz", "zz")  # of a tensor, which count as the tensor's key
 MISSING = "missing"  # `what` of a key that a table must have
+OTHER_WORDS = {"velocity": "speed", "speed": "velocity", "vel_": "speed_", "pos_": "position_"}  # what others call keys
 ABSENT: Any = type("Absent", (), {"__repr__": lambda self: "ABSENT", "__bool__": lambda self: False})()
 
 
@@ -304,7 +305,8 @@ def nearest(name: str, choices: Iterable[str]) -> str:
     import difflib  # only those who err need it
 
     choices = sorted(choices)
-    close = difflib.get_close_matches(name, choices, n=3, cutoff=0.5)
+    meant = [name.replace(word, ours) for word, ours in OTHER_WORDS.items() if word in name]
+    close = [each for each in choices if each in meant] or difflib.get_close_matches(name, choices, n=3, cutoff=0.5)
     if close:
         return f"did you mean {' or '.join(_shortened(each, LONGEST) for each in close)}?"
     return f"there is {_shortened(', '.join(choices), LONGEST_LIST)}" if choices else "there is none"
