@@ -59,11 +59,12 @@ def test_the_wheel_has_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     """Where `examples.py` of an installed wheel looks for them."""
     wheel = pytest.importorskip("hatchling.builders.wheel")
     built = next(iter(wheel.WheelBuilder(str(ROOT)).build(directory=str(tmp_path), versions=["standard"])))
+    assert Path(built).stat().st_size < 8e6
     with zipfile.ZipFile(built) as archive:
         archive.extractall(tmp_path / "site")
     monkeypatch.setattr(examples, "FOLDERS", (tmp_path / "site" / "armwright" / "example_files",))
     assert "01_first_motion.py" in examples.example_files()
-    assert "motions/throw.motion.toml" in examples.example_files()
+    assert {"motions/throw.motion.toml", "logs/tx40/tx40.parquet", "logs/README.md"} <= set(examples.example_files())
 
 
 def test_the_command_lists_and_copies(tmp_path: Path) -> None:

@@ -138,15 +138,30 @@ def _section(name: str, lines: list[str]) -> Iterator[str]:
             yield "\n".join(escaped(line.strip()) for line in paragraph.splitlines())
 
 
-def _items(lines: Iterable[str]) -> Iterator[str]:
-    """Entries of a section, one for each name; a line indented further goes on with the entry above."""
+def entries_of(text: str, section: str) -> list[str]:
+    """Entries of a section of a docstring, `name: text` or `name, name: text`."""
+    lines: list[str] = []
+    found = ""
+    for line in text.splitlines():
+        heading = SECTION.match(line)
+        found = heading[1] if heading else found
+        lines += [line] if found == section and not heading else []
+    return _entries(lines)
+
+
+def _entries(lines: Iterable[str]) -> list[str]:
     entries: list[str] = []
     for line in filter(None, map(str.rstrip, lines)):
         if line.startswith("     ") and entries:
             entries[-1] += f" {line.strip()}"
         else:
             entries += SEVERAL.split(line.strip())
-    for entry in entries:
+    return entries
+
+
+def _items(lines: Iterable[str]) -> Iterator[str]:
+    """Entries of a section, one for each name; a line indented further goes on with the entry above."""
+    for entry in _entries(lines):
         name, colon, rest = entry.partition(": ")
         named = colon and re.fullmatch(r"[\w*,. ]+", name)
         yield f"`{name}`: {escaped(rest)}" if named else escaped(entry)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import inspect
 import json
 import re
@@ -11,11 +12,12 @@ import typing
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+from armwright_api import entries_of, escaped
 from armwright_tables import table
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from armwright.description import built_from, drive, drive_effects, fits, robot, springs
+from armwright.description import built_from, defaults, drive, drive_effects, fits, robot, springs
 from armwright.identification.geometry import measurement_file as geometry
 from armwright.identification.logs import log_file as log
 from armwright.lazy_schema import Later
@@ -24,7 +26,9 @@ from armwright.motions import records as motions
 from armwright.parts import materials, records as parts
 from armwright.quantity import Quantity, Source
 from armwright.scenarios import records as scenario, tuning_records as tuning
+from armwright.scenarios.kinds import keys_of, kinds_of
 from armwright.solids import shapes as solids, visual
+from armwright.trajectory.limits import QUANTITIES
 
 TABLES: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...] = (
     ("The file itself", "", (robot.RobotDescription,)),
@@ -49,6 +53,13 @@ TABLES: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...] = (
     ("motor: thermal", "", (drive_effects.ThermalRecord,)),
     ("motor: cogging", "", (drive_effects.CoggingRecord,)),
     ("[joints.friction]", "", (drive.RotaryFriction, drive.LinearFriction)),
+    (
+        "[defaults]",
+        "`[defaults.motor]` and `[defaults.friction]` hold keys of `[joints.motor]` and `[joints.friction]` for all joints that "
+        "do not state them. A joint's own keys stand before them; a friction with its own `law`, and a joint with `servo` or "
+        '`mimic`, take none. A default friction in N m does not go into a joint that slides, unless `side = "motor"`.',
+        (defaults.Defaults,),
+    ),
     ("[joints.limits]", "", (drive.RotaryLimits, drive.LinearLimits)),
     ("elasticity", "", (drive_effects.RotaryElasticity, drive_effects.LinearElasticity)),
     ("stops", "", (drive_effects.RotaryStops, drive_effects.LinearStops)),
@@ -92,6 +103,21 @@ SCENARIO_TABLES: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...] = (
     ("[tuning]", "", (tuning.TuningTable,)),
     ("[tuning.draws]", "", (tuning.DrawsTable,)),
 )
+KINDS = (  # of tables of a scenario file, beside those above
+    (
+        "controller",
+        "Kinds of [loop.controller]",
+        "`[loop.controller]` has `kind` and the keys of that kind. Gains are one number, or one for each joint.",
+    ),
+    ("filter", "Kinds of filters", "A table of `filters` has `kind` and the keys of that kind."),
+    (
+        "reference",
+        "Kinds of [loop.reference]",
+        "`[loop.reference]` has `kind` and the keys of that kind. `pose` and `expression` take `q`, `schedule` and `motion` take "
+        "`file`. Poses (n,) are one number, or one for each joint.",
+    ),
+)
+ALSO = {"reference": "The table of the reference that it shapes.", "inner": "The table of another controller."}
 MOTION_TABLES = (
     ("The file", "", (motions.MotionTable,)),
     ("[limits]", "", (motions.LimitsTable,)),
@@ -280,7 +306,47 @@ def module_files() -> str:
 
 def scenario_file() -> str:
     """A section for every table of a scenario file."""
-    return _sections(SCENARIO_TABLES)
+    kinds = [_keys_of_kinds(*each) for each in KINDS]
+    return "\n\n".join([_sections(SCENARIO_TABLES), *kinds])
+
+
+def _keys_of_kinds(home: str, title: str, about: str) -> str:
+    """A section for the kinds of a table, with the keys of each."""
+    parts = [f"## {title}", about]
+    for kind, record in kinds_of(home).items():
+        text = inspect.cleandoc(record.__doc__ or "")
+        told = _arguments(text)
+        keys = keys_of(home, record)
+        if not keys:
+            continue
+        rows = [
+            [f"`{key}`", _default(field), told.get(field.name) or told.get(key) or ALSO.get(key, "")]
+            for key, field in keys.items()
+        ]
+        if "limits" in {field.name for field in dataclasses.fields(record)}:
+            rows.append(
+                [", ".join(f"`{each}`" for each in QUANTITIES), "the arm's", "Limits, in place of the record's."]
+            )
+        about_kind = escaped(text.partition("\n")[0])
+        parts += [f'### kind = "{kind}"', about_kind, table(("key", "default", "meaning"), rows)]
+    return "\n\n".join(parts)
+
+
+def _arguments(text: str) -> dict[str, str]:
+    """Meanings of arguments by their names, from the section Args of a docstring."""
+    told = {}
+    for entry in entries_of(text, "Args"):
+        names, colon, about = entry.partition(": ")
+        told |= {name.strip(): escaped(about) for name in names.split(",") if colon}
+    return told
+
+
+def _default(field: dataclasses.Field) -> str:
+    if field.default is dataclasses.MISSING:
+        return "needed" if field.default_factory is dataclasses.MISSING else ""
+    if field.default is None or field.default == ():
+        return ""
+    return f"`{json.dumps(field.default)}`" if isinstance(field.default, (str, int, float)) else f"`{field.default}`"
 
 
 def motion_file() -> str:

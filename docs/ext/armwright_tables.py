@@ -268,7 +268,7 @@ def commands() -> str:
         usage = " ".join([f"armwright {name}", *(_argument(p) for p in arguments), *(["[options]"] if options else [])])
         parts += [f"## {name}", f"```text\n{usage}\n```", _help(command.help or "")]
         if arguments:
-            parts.append(table(("argument", ""), [[f"`{p.metavar}`", p.help] for p in arguments]))
+            parts.append(table(("argument", ""), [[f"`{p.metavar}`", _unmarked(p.help)] for p in arguments]))
         if options:
             parts.append(table(("option", "", "default"), [_option(p) for p in options]))
     return "\n\n".join(parts)
@@ -291,7 +291,12 @@ def _option(parameter: Any) -> list[str]:
     names = ", ".join(f"`{name}`" for name in parameter.opts)
     value = f" `{parameter.metavar}`" if parameter.metavar else ""
     default = "" if parameter.default is None or parameter.is_flag else f"`{parameter.default}`"
-    return [names + value, parameter.help or "", default]
+    return [names + value, _unmarked(parameter.help), default]
+
+
+def _unmarked(text: str | None) -> str:
+    """A help text without the backslashes that keep its brackets from being markup."""
+    return (text or "").replace("\\[", "[")
 
 
 def _help(text: str) -> str:

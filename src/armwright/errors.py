@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Self
@@ -15,7 +16,10 @@ MOST = 100  # problems that one sentence a line shows
 LONGEST_LIST = 1000  # of names that exist, of what is wrong and of what was expected
 UNKNOWN_KEY = "unknown key"  # `what` of a problem whose choices stand for the last key of its place, not for its value
 TO_FILL_IN = "to be filled in"  # `what` of a value that a new file leaves to its user
+MOST_IN_FULL = 10  # values to fill in that are shown with their meaning; more are a line for each key
+ENTRIES = ("xx", "xy", "xz", "yy", "yz", "zz")  # of a tensor, which count as the tensor's key
 MISSING = "missing"  # `what` of a key that a table must have
+OTHER_WORDS = {"velocity": "speed", "speed": "velocity", "vel_": "speed_", "pos_": "position_"}  # what others call keys
 ABSENT: Any = type("Absent", (), {"__repr__": lambda self: "ABSENT", "__bool__": lambda self: False})()
 
 
@@ -72,7 +76,9 @@ class Findings:
 
     def add(self, kind: str, name: str, problem: Problem) -> None:
         """Notes a problem; its place is seen from the link or joint of that name."""
-        self._names.setdefault((kind, problem), []).append(name)
+        names = self._names.setdefault((kind, problem), [])
+        if name not in names:
+            names.append(name)
 
     def problems(self) -> list[Problem]:
         """Each problem with the names in its place: `link 'arm' mass_kg`, `joints 'a', 'b' axis`."""
@@ -169,8 +175,9 @@ class ArmwrightError(Exception):
         if len(self.problems) == 1:
             return str(self.problems[0])
         ordered = sorted(self.problems, key=lambda problem: problem.line)
-        shown_lines = [f"  {problem}" for problem in ordered[:MOST]]
-        left_out = [f"  and {len(ordered) - MOST} more"] if len(ordered) > MOST else []
+        keys, others = keys_to_fill_in(ordered)
+        shown_lines = [f"  {line}" for line in keys] + [f"  {problem}" for problem in others[:MOST]]
+        left_out = [f"  and {len(others) - MOST} more"] if len(others) > MOST else []
         path, colon, number = self.file.rpartition(":")
         file = printable(_shortened(path if colon and number.isdecimal() else self.file, LONGEST_PATH))
         word = "values to fill in" if all(each.what == TO_FILL_IN for each in ordered) else "mistakes"
@@ -256,6 +263,28 @@ class Interrupted(KeyboardInterrupt):
         self.run = run
 
 
+def keys_to_fill_in(problems: Sequence[Problem]) -> tuple[list[str], list[Problem]]:
+    """A line for each key that is to be filled in, with all its lines, and the other problems.
+
+    Up to `MOST_IN_FULL` values stay among the other problems, which say what is wanted.
+
+    Args:
+        problems: of one file, in the order of its lines.
+    Returns:
+        keys: `gear_ratio: lines 21 55 89 123`, in the order of their first lines.   others: all other problems.
+    """
+    missing = [each for each in problems if each.what == TO_FILL_IN and each.line < math.inf]
+    if len(missing) <= MOST_IN_FULL:
+        return [], list(problems)
+    lines: dict[str, dict[int, None]] = {}
+    for each in missing:
+        words = re.sub(r"(\[\d+\])+$", "", each.place).replace(" ", ".").split(".")
+        key = next(word for word in reversed(words) if word not in ENTRIES)
+        lines.setdefault(key, {})[int(each.line)] = None
+    keys = [f"{key}: line{'s' * (len(at) > 1)} {' '.join(map(str, at))}" for key, at in lines.items()]
+    return keys, [each for each in problems if each not in missing]
+
+
 def shown(value: Any) -> str:
     """A value as text for an error: on one line, shortened; text in quotes, arrays as lists."""
     if hasattr(value, "tolist") and hasattr(value, "dtype"):
@@ -276,7 +305,8 @@ def nearest(name: str, choices: Iterable[str]) -> str:
     import difflib  # only those who err need it
 
     choices = sorted(choices)
-    close = difflib.get_close_matches(name, choices, n=3, cutoff=0.5)
+    meant = [name.replace(word, ours) for word, ours in OTHER_WORDS.items() if word in name]
+    close = [each for each in choices if each in meant] or difflib.get_close_matches(name, choices, n=3, cutoff=0.5)
     if close:
         return f"did you mean {' or '.join(_shortened(each, LONGEST) for each in close)}?"
     return f"there is {_shortened(', '.join(choices), LONGEST_LIST)}" if choices else "there is none"

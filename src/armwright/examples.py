@@ -13,6 +13,7 @@ from armwright.output import whole_file
 
 HERE = Path(__file__).parent
 FOLDERS = (HERE / "example_files", HERE.parents[1] / "examples")  # of an installed wheel, of a checkout
+OF_LOGS = (".md", ".txt", ".parquet", ".urdf")  # rows, and whose they are
 TITLES = {  # the first pattern that is found says what a file is
     ".py": (r'\A"""(.+)',),
     ".toml": (r'^title = "(.+)"', r"\A# (.+)"),
@@ -34,16 +35,18 @@ def example_files() -> dict[str, Path]:
 
 
 def _files(folder: Path) -> Iterator[Path]:
-    """Programs, robots, scenarios, motions and schedules; not what runs have left beside them."""
+    """Programs, robots, scenarios, motions, schedules and measured logs; not what runs have left beside them."""
     for path in folder.rglob("*"):
-        if path.suffix in (".py", ".toml", ".csv", ".ipynb") and path.is_file():
+        is_log = folder / "logs" in path.parents and path.suffix in OF_LOGS
+        if (path.suffix in (".py", ".toml", ".csv", ".ipynb") or is_log) and path.is_file():
             yield path
 
 
 def example_title(path: Path) -> str:
     """First sentence of a program, or title of a file; empty if it has none."""
-    text = path.read_text(encoding="utf-8")
-    found = (re.search(pattern, text, re.MULTILINE) for pattern in TITLES.get(path.suffix, ()))
+    patterns = TITLES.get(path.suffix, ())
+    text = path.read_text(encoding="utf-8") if patterns else ""
+    found = (re.search(pattern, text, re.MULTILINE) for pattern in patterns)
     return next((match[1].removesuffix('"""').strip() for match in found if match), "")
 
 

@@ -103,7 +103,8 @@ class Trajectory(Protocol):
     """A reference over time.
 
     Without a method `signals` it is one of the joints: positions q (n,), or (q, q̇, q̈), or a `JointReference`. Positions that
-    are written with `armwright.scalar` are differentiated exactly. With `signals(arm)`, as a `Sensor` has it, the trajectory
+    are written with `armwright.scalar` are differentiated exactly. A method `at(t)`, for times (k,) at once, gives the same with
+    a row for each time: q (k, n), or (q, q̇, q̈). With `signals(arm)`, as a `Sensor` has it, the trajectory
     gives values by name, and the controller's `r` has them as attributes: a Cartesian reference `r.position`.
     """
 

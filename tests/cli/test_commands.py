@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas
 import pytest
+import typer
 from typer.testing import CliRunner
 
 import armwright as aw
@@ -50,6 +51,28 @@ def test_help_teaches_by_example(command):
     if command != "robots":
         assert f"armwright {command} " in shown
         assert "Examples:" in shown
+
+
+BRACKETS = re.compile(r"(?<!\\)\[[^\]\n]*\]")
+
+
+def every_command(command, path=()):
+    yield path, command
+    for name, inner in getattr(command, "commands", {}).items():
+        yield from every_command(inner, (*path, name))
+
+
+def test_units_in_brackets_survive_in_the_help():
+    checked = 0
+    for path, command in every_command(typer.main.get_command(app)):
+        texts = [str(getattr(each, "help", "") or "").replace("\\[", "[") for each in command.params]
+        found = [bracket for text in (command.help or "", *texts) for bracket in BRACKETS.findall(text)]
+        if found:
+            shown = " ".join(re.sub("[│╭╮╰╯─]", " ", run(*path, "--help").stdout).split())
+            for bracket in found:
+                assert all(word in shown for word in bracket.split()), (path, bracket)
+                checked += 1
+    assert checked > 3
 
 
 def test_alone_it_shows_its_help():

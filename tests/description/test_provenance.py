@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import tomllib
+from pathlib import Path
+
 import pytest
 
+import armwright
 from armwright.description import builtin_names, read_description
 from armwright.description.paths import quantities
 from armwright.errors import DescriptionError, ModelError
 from physics.arms import arm
+
+ROBOTS = Path(armwright.__file__).parent / "robots"
 
 
 @pytest.mark.parametrize("name", builtin_names())
@@ -24,6 +30,18 @@ def test_every_number_has_a_source(name):
         assert robot.provenance(path) == robot.source_of(keys[path] or "")
 
 
+OWN = ("estimate", "definition")  # of our own reasoning
+FILES = sorted(path for path in ROBOTS.rglob("*.toml") if "sources" in tomllib.loads(path.read_text(encoding="utf-8")))
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.name)
+def test_what_others_wrote_has_a_licence_and_was_read(path):
+    sources = tomllib.loads(path.read_text(encoding="utf-8"))["sources"]
+    for key, source in sources.items():
+        assert source["kind"] in OWN or source.get("licence"), key
+        assert source["kind"] == "estimate" or "recalled" not in source["text"].lower(), key
+
+
 def test_nearest_source_holds():
     """A number's own source, else its table's, else the file's."""
     puma = arm("puma560")
@@ -32,7 +50,7 @@ def test_nearest_source_holds():
     assert puma.provenance("elbow.motor.resistance_ohm").kind == "estimate"
     assert puma.provenance("elbow.friction.smoothing_rad_per_s").text.startswith("Chosen")
     assert puma.provenance("gravity_m_s2").licence == "MIT"
-    assert arm("panda").provenance("joint1.limits.velocity_rad_per_s").kind == "datasheet"
+    assert arm("panda").provenance("joint1.limits.velocity_rad_per_s").licence == "Apache-2.0"
     assert arm("lwa4p").provenance("joint1.limits.position_rad").licence == "Apache-2.0"
     assert arm("two-link").provenance("forearm.mass_kg").kind == "definition"
 

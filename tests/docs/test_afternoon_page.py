@@ -9,19 +9,24 @@ import pytest
 
 import armwright as aw
 from docs.pages import blocks, python, sessions, shell, write_files
-from identification.real_logs import DATA
+from identification.real_logs import LOGS
 
 PAGE = "docs/identify-in-an-afternoon.md"
+
+
+def test_the_files_that_it_shows_come_with_the_log(tmp_path: Path) -> None:
+    write_files(PAGE, tmp_path)
+    shown = {path.name: path.read_text(encoding="utf-8") for path in tmp_path.iterdir()}
+    assert set(shown) == {"tx40.urdf", "tx40.log.toml", "limits.toml"}
+    for name, text in shown.items():
+        assert (LOGS / "tx40" / name).read_text(encoding="utf-8") == text
 
 
 @pytest.mark.study
 def test_the_page_runs_as_it_says(tmp_path: Path) -> None:
     """Python and commands in the page's order, in one folder; each line that is shown is printed."""
-    folder = DATA / "staubli_tx40"
-    if not folder.is_dir():
-        pytest.skip(f"the measurements are not here: {folder}")
-    for name in ("pos_read_data.csv", "curr_data.csv"):
-        shutil.copy(folder / name, tmp_path)
+    pytest.importorskip("pyarrow", reason="the extra `logs` is not installed")
+    shutil.copy(LOGS / "tx40" / "tx40.parquet", tmp_path)
     write_files(PAGE, tmp_path)
     commands = 0
     for kind, text in blocks(PAGE):

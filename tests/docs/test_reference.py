@@ -44,18 +44,19 @@ def test_generated_parts_are_current() -> None:
 def test_an_outdated_page_is_found_and_written_anew(tmp_path: Path) -> None:
     """A page with another word in its table, and one without its generated part."""
     old = page("docs/reference/scenario-file.md")
-    mark = "<!-- generated: scenario-file -->"
+    mark, folder = "<!-- generated: scenario-file -->", tmp_path / "reference"  # as deep as the page itself
+    folder.mkdir()
     for name, text in {
         "a.md": old.replace("a whole number", "a fraction"),
         "b.md": f"{old.partition(mark)[0]}{mark}\n",
     }.items():
         assert text != old
-        (tmp_path / name).write_text(text, encoding="utf-8")
+        (folder / name).write_text(text, encoding="utf-8")
     docs = f"import pathlib, armwright_pages as tool; tool.DOCS = pathlib.Path({str(tmp_path)!r})"
     told = _printed(f"{docs}; print(tool.main(['--check'])); tool.main([])")
     for name in ("a.md", "b.md"):
         assert f"{name} is out of date: run make reference" in told
-        assert (tmp_path / name).read_text(encoding="utf-8") == old
+        assert (folder / name).read_text(encoding="utf-8") == old
     assert "\n1\n" in told
 
 
@@ -145,7 +146,7 @@ def test_the_page_of_units_has_those_of_every_key() -> None:
     found = 0
     for path in sorted((ROOT / "docs" / "reference").glob("*-file*.md")):
         for key, unit in re.findall(
-            r"^\| `(\w+)` \| [^|]* \| ([^|]+?) \|", path.read_text(encoding="utf-8"), re.MULTILINE
+            r"^\| `(\w+)` \| [^|]* \| ([^|]+?) \|[^|\n]*\|.", path.read_text(encoding="utf-8"), re.MULTILINE
         ):
             if unit.strip() and key not in ("xx", "xy", "xz", "yy", "yz", "zz"):
                 matching = max((ending for ending in endings if key.endswith(ending)), key=len)

@@ -1,4 +1,4 @@
-"""Logs of real machines, which are not part of this repository: a geared DC motor, a Staubli TX40, a Schunk LWA 4P."""
+"""Logs of real machines: a geared DC motor and a TX40 of `examples/logs`; an LWA 4P, which is not part of this repository."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+LOGS = Path(__file__).resolve().parents[2] / "examples" / "logs"
+HERE = {"dc_motor": LOGS / "dc_motor", "staubli_tx40": LOGS / "tx40"}
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"
 JOINTS = [f"joint{k}" for k in range(1, 7)]
 
@@ -37,23 +39,19 @@ TX40 = """
 title = "Staubli TX40"
 joints = {joints}
 time.rate_hz = 5000
-[files.position]
-path = "{folder}/pos_read_data.csv"
-[files.torque]
-path = "{folder}/curr_data.csv"
+[files.log]
+path = "{folder}/tx40.parquet"
 [gears]                                   # the motor of joint 6 is coupled with joint 5
 matrix = [[32, 0, 0, 0, 0, 0], [0, 32, 0, 0, 0, 0], [0, 0, 45, 0, 0, 0], [0, 0, 0, -48, 0, 0], [0, 0, 0, 0, 45, 0], [0, 0, 0, 0, 32, 32]]
 [[signals]]
 quantity = "position"
-file = "position"
-columns = [1, 2, 3, 4, 5, 6]
+columns = ["position_1", "position_2", "position_3", "position_4", "position_5", "position_6"]
 unit = "rad"
 side = "motor"
 offsets = [0, -1.5707963267948966, 1.5707963267948966, 0, 0, 0]
 [[signals]]
 quantity = "torque"
-file = "torque"
-columns = [1, 2, 3, 4, 5, 6]
+columns = ["torque_1", "torque_2", "torque_3", "torque_4", "torque_5", "torque_6"]
 unit = "N m"
 side = "motor"
 """  # noqa: E501
@@ -102,7 +100,9 @@ lacks = ["gravity", "coulomb", "offset"]     # taken off before it was logged, s
 
 def log_of(tmp_path: Path, name: str, text: str, **values) -> Path:
     """Path of a log file about measurements that lie elsewhere."""
-    folder = DATA / name
+    folder = HERE.get(name, DATA / name)
+    if ".parquet" in text:
+        pytest.importorskip("pyarrow", reason="the extra `logs` is not installed")
     if not folder.is_dir():
         pytest.skip(f"the measurements are not here: {folder}")
     path = tmp_path / f"{name}.log.toml"

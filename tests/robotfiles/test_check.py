@@ -11,6 +11,8 @@ from armwright.description.database import parse
 from armwright.description.writer import write_toml
 from armwright.errors import DescriptionError
 from armwright.model import build_model
+from description.urdf_files import AXIS, LIMIT, joint as urdf_joint, link, robot, written
+from docs.pages import run_here
 from physics.arms import sprung, workshop
 
 
@@ -92,3 +94,33 @@ def test_negative_gear_ratios_are_noted_and_no_warnings():
     assert [note.place for note in notes] == [f"joint {joint.name!r} motor.gear_ratio" for joint in joints]
     assert all(float(note.value) < 0 for note in notes)
     assert not {finding.problem for finding in report.warnings} & set(notes)
+
+
+def test_findings_that_differ_in_names_and_numbers_are_one_kind(tmp_path):
+    def body(name, inertia):
+        tensor = f'<inertia ixx="{inertia}" ixy="0" ixz="0" iyy="1e-3" iyz="0" izz="1e-3"/>'
+        return link(name, f'<inertial><mass value="1"/>{tensor}</inertial>')
+
+    names = ("a", "b", "c")
+    pairs = [("base", "a"), ("a", "b"), ("b", "c")]
+    path = written(
+        tmp_path,
+        robot(
+            link("base", ""),
+            *(body(name, inertia) for name, inertia in zip(names, (1.0, 2.0, 3.0), strict=True)),
+            *(
+                urdf_joint(f"j{child}", parent, child, AXIS + LIMIT + '<dynamics D="1" K="7000"/>')
+                for parent, child in pairs
+            ),
+        ),
+    )
+    report = aw.robotfiles.check(path)
+    assert len(report.errors) == 3  # each with its numbers
+    (error,) = [kind for kind in report.kinds() if kind.level == "error"]
+    assert error.problem.place == "links 'a', 'b', 'c' inertia_kg_m2"
+    assert "= 1.0 to 3.0 > " in str(error.problem) or "= 1 to 3 > " in str(error.problem)
+    (unused,) = [kind for kind in report.kinds() if "dynamics" in str(kind.problem)]
+    assert "joints 'ja', 'jb', 'jc': <dynamics D K> is" in str(unused.problem)
+    console = run_here(["armwright", "check", path.name], tmp_path).stdout
+    assert console.count("error: ") == 1
+    assert "3 errors" in console

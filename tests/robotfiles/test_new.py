@@ -81,6 +81,41 @@ def test_every_value_says_what_is_wanted_and_where_it_is_found(tmp_path):
         assert all(word in by_key[key] for word in words), by_key[key]
 
 
+@pytest.mark.parametrize("command", ["voltage", "current", "torque"])
+@pytest.mark.parametrize("source", ["urdf", None])
+def test_the_meaning_of_each_stands_beside_it(tmp_path, source, command):
+    path = tmp_path / "new.toml"
+    start = chain(tmp_path) if source == "urdf" else None
+    aw.robotfiles.new_robot(path, start, joints=None if start else 1, command=command)
+    with pytest.raises(DescriptionError) as refused:
+        aw.load(path)
+    lines = path.read_text(encoding="utf-8").split("\n")
+    told = {int(problem.line): problem.expected for problem in reversed(refused.value.problems)}
+    assert {line: lines[line - 1].partition("  # ")[2] for line in told} == told
+
+
+@pytest.mark.parametrize("joints", [2, 30, 100])
+def test_an_arm_of_any_size_has_a_row_for_each_key(tmp_path, joints):
+    path = tmp_path / "new.toml"
+    aw.robotfiles.new_robot(path, joints=joints, command="voltage")
+    done = run_here(["armwright", "check", "new.toml"], tmp_path)
+    rows = done.stderr.splitlines()
+    assert len(rows) <= 40
+    (gears,) = [row for row in rows if row.startswith("  gear_ratio: ")]
+    lines = path.read_text(encoding="utf-8").split("\n")
+    assert gears.split()[2:] == [str(k) for k, line in enumerate(lines, 1) if line.startswith("gear_ratio")]
+    assert len(gears.split()) == joints + 2
+
+
+def test_the_last_few_are_named_with_their_meaning(tmp_path):
+    path = tmp_path / "new.toml"
+    aw.robotfiles.new_robot(path, joints=1, command="torque")
+    text = re.sub(r'"TODO"(?=.*#.*CAD)', "[0, 0, 1]", path.read_text(encoding="utf-8"))
+    path.write_text(re.sub(r"(inertia_kg_m2) = .*", r"\1 = 0", text), encoding="utf-8")
+    with pytest.raises(DescriptionError, match="gear_ratio = 'TODO': to be filled in; expected a number other than 0"):
+        aw.load(path)
+
+
 def test_optional_keys_of_datasheets_are_there_to_uncomment(tmp_path):
     path = tmp_path / "new.toml"
     aw.robotfiles.new_robot(path, joints=1, command="voltage")
@@ -140,10 +175,13 @@ def test_the_commands(tmp_path):
     assert "next: armwright check arm.toml" in done.stdout
     done = run("check", "arm.toml")
     assert done.returncode == 2
-    first, place, line, mark = done.stderr.splitlines()[:4]
+    first, *keys, _ = done.stderr.splitlines()
     assert re.fullmatch(r"armwright: error: arm\.toml: \d+ values to fill in", first)
-    assert place.startswith("  arm.toml:")
-    assert line.split(" | ")[1] == (tmp_path / "arm.toml").read_text().split("\n")[int(place.split(":")[1]) - 1]
-    assert set(mark.partition("|")[2]) == {" ", "^"}
+    lines = (tmp_path / "arm.toml").read_text(encoding="utf-8").split("\n")
+    found = [(key.split(":")[0].strip(), int(line)) for key in keys for line in re.findall(r"\d+", key.split(":")[1])]
+    for key, line in found:
+        assert f"{key} = " in lines[line - 1]
+        assert "TODO" in lines[line - 1].partition("#")[0]
+    assert len({line for _, line in found}) == sum('"TODO"' in line.partition("#")[0] for line in lines)
     again = run("new", "robot", "arm.toml", "--from", "arm.urdf")
     assert (again.returncode, "is there already" in again.stderr) == (2, True)

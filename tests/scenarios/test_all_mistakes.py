@@ -198,3 +198,18 @@ def test_a_tolerance_that_goes_with_the_integrator_is_no_mistake_beside_others(t
     with pytest.raises(ScenarioError) as refused:
         aw.read_scenario(path)
     assert [problem.place for problem in refused.value.problems] == ["start.q", "solver.atol"]
+
+
+def test_a_word_of_others_is_answered_with_ours(tmp_path):
+    text = """robot = "cmu-dd"
+duration_s = 0.1
+step_s = 0.001
+[loop.controller]
+kind = "cascade"
+position_kp = 20
+velocity_kp = 3
+"""
+    path = tmp_path / "vel.scenario.toml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(ArmwrightError, match=r"velocity_kp.*did you mean speed_kp\?"):
+        aw.read_scenario(path)

@@ -128,3 +128,21 @@ def test_a_motion_without_end_or_of_other_joints_is_refused():
         aw.trajectories.limits_report(arm("two-link"), aw.trajectories.Sine([0.0, 0.0], [1.0, 1.0], 1.0))
     with pytest.raises(ScenarioError, match="a motion of 2 joints"):
         aw.trajectories.limits_report(arm("lwa4p"), aw.trajectories.Quintic([0.0, 0.0], [1.0, 1.0], 1.0))
+
+
+def test_angles_that_look_like_degrees_are_asked_about():
+    limits = aw.trajectories.MotionLimits.of(arm("panda"))
+    goal = np.radians([90, -30, 0, -90, 0, 90, 45])
+    limits.check_position("goal", goal)
+    with pytest.raises(ScenarioError, match=r"goal of joint1 = 90\.0: .*this looks like degrees: 90° is 1\.5708 rad"):
+        limits.check_position("goal", np.degrees(goal))
+    with pytest.raises(ScenarioError, match="outside its limits; expected"):  # 200° is outside, too
+        limits.check_position("goal", np.array([200.0, *goal[1:]]))
+    with pytest.raises(ScenarioError, match="outside its limits; expected"):  # no turn
+        limits.check_position("goal", np.array([4.0, *goal[1:]]))
+    free = aw.trajectories.MotionLimits.of(arm("two-link"))
+    assert free.doubts_of_degrees("goal", np.array([0.0, -90.0])) == [
+        "goal of elbow: -90 rad looks like degrees; -90° is -1.5708 rad"
+    ]
+    assert free.doubts_of_degrees("goal", np.array([6.0, 7.5])) == []
+    assert limits.doubts_of_degrees("goal", np.degrees(goal)) == []  # which is an error there

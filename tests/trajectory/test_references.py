@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import armwright as aw
+from armwright import scalar
 from armwright.errors import ScenarioError
 from armwright.simulation.loop.references import reference_rows
 from armwright.trajectory import Fourier, Quintic, Ramp, Sine, Step
@@ -83,6 +84,23 @@ def test_bad_references_are_refused(make, said):
 def test_another_number_of_joints_is_refused():
     with pytest.raises(ScenarioError, match="gave shapes"):
         reference_rows(arm("cmu-dd"), Step(START, GOAL), np.zeros(1))
+
+
+class Alone:
+    """A swing whose `at` gives positions alone."""
+
+    def __call__(self, t):
+        return np.stack([scalar.sin(2.0 * t), 0.5 * t])
+
+    def at(self, t):
+        return np.stack([np.sin(2.0 * t), 0.5 * t], axis=1)
+
+
+def test_positions_alone_of_all_times_are_differentiated():
+    t = np.linspace(0.0, 1.0, 5)
+    rows = reference_rows(arm("two-link"), Alone(), t)
+    expected = [np.sin(2 * t), 0.5 * t, 2 * np.cos(2 * t), 0.5 + 0 * t, -4 * np.sin(2 * t), 0 * t]
+    np.testing.assert_allclose(rows, np.stack(expected, axis=1), atol=1e-12)
 
 
 @pytest.mark.parametrize("duration", [1e300, 1e-300, 10**400, 5e-324])

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from rich.markup import escape
 
 import armwright as aw
 from armwright.errors import ABSENT, ArmwrightError, DivergenceError, ScenarioError
@@ -27,13 +28,13 @@ MOTION = ".motion.toml"
 
 
 def option(metavar: str, text: str, default: Any = None, *, names: str = "", **more: Any) -> Any:
-    """An option, whose name is its parameter's and whose help does not show the default.
+    """An option, whose name is its parameter's and whose help does not show the default; units in brackets are no markup.
 
     Args:
         metavar, text: of its help.   default: of a required option, and in `Annotated`: `...`.
         names: others than the parameter's.   more: as `typer.Option` has it.
     """
-    return typer.Option(default, *names.split(), metavar=metavar, help=text, **{"show_default": False, **more})
+    return typer.Option(default, *names.split(), metavar=metavar, help=escape(text), **{"show_default": False, **more})
 
 
 def output_option(metavar: str, text: str, default: Any = None) -> Any:
@@ -43,12 +44,12 @@ def output_option(metavar: str, text: str, default: Any = None) -> Any:
 
 def flag(name: str, text: str, default: bool | None = False) -> Any:
     """An option without a value."""
-    return typer.Option(default, name, help=text, show_default=False)
+    return typer.Option(default, name, help=escape(text), show_default=False)
 
 
 def argument(metavar: str, text: str, default: Any = ..., **more: Any) -> Any:
     """An argument, required by default."""
-    return typer.Argument(default, metavar=metavar, help=text, **{"show_default": False, **more})
+    return typer.Argument(default, metavar=metavar, help=escape(text), **{"show_default": False, **more})
 
 
 def complete_robot(incomplete: str) -> list[str]:

@@ -10,7 +10,7 @@ import armwright as aw
 from armwright.cli.arguments import Robot, flag
 from armwright.cli.excerpts import excerpt
 from armwright.cli.tables import console_for_tables
-from armwright.errors import ArmwrightError, Problem
+from armwright.errors import ArmwrightError, Problem, keys_to_fill_in
 from armwright.terminal import say
 
 FOUND = 1  # the exit code where something was found
@@ -39,7 +39,7 @@ def check(
     console = console_for_tables()
     console.print(report.tables()[0])
     for level, style in (("error", "red"), ("warning", "yellow"), ("note", None)):
-        for finding in report.findings:
+        for finding in report.kinds():
             if finding.level == level:
                 console.print(f"\n{level}: {finding.problem}", style=style, soft_wrap=True)
                 shown = excerpt(finding.problem)
@@ -53,6 +53,9 @@ def check(
 def _with_lines(problems: Sequence[Problem], summary: str) -> str:
     """The summary, then each problem with its line of the file; a single problem is part of the summary."""
     ordered = sorted(problems, key=lambda problem: problem.line)
-    told = [f"  {problem}" for problem in ordered] if len(ordered) > 1 else [""]
+    keys, ordered = keys_to_fill_in(ordered)
+    told = [f"  {problem}" for problem in ordered] if len(problems) > 1 else [""]
     pairs = zip(told, map(excerpt, ordered), strict=True)
-    return "\n".join([summary, *(text for pair in pairs for text in pair if text)])
+    advice = ["a comment beside each, written by `armwright new robot`, says what is wanted"] if keys else []
+    shown = [*(f"  {line}" for line in keys), *(text for pair in pairs for text in pair if text), *advice]
+    return "\n".join([summary, *shown])

@@ -31,7 +31,8 @@ def robot(
 ) -> None:
     """Write a robot file to fill in; every number that the drives need and that is unknown is marked TODO.
 
-    `armwright check ARM.toml` then lists each TODO with its line, its meaning, and its place in a datasheet.
+    A comment beside each TODO says what is wanted, its unit, and where a datasheet has it. `armwright check ARM.toml` then lists
+    the lines that are left.
 
     \b
     Examples:

@@ -114,11 +114,20 @@ def read_toml(path: Path, kinematics_only: bool = False) -> RobotDescription:
             kind, command = next(each for key, each in OTHER_FILES.items() if key in tables or not key)
             expected = f"a robot file; `armwright {command} {path}` takes a {kind}"
             raise DescriptionError(f"is a {kind}", place="robot", value=tables["robot"], expected=expected)
-        tables = _with_servos(tables, path)
+        tables = _with_servos(_with_defaults(tables, path), path)
         if kinematics_only:
             _without_masses(tables)
             _without_drives(tables)
         return parse(tables, str(path), folder=path.parent)
+
+
+def _with_defaults(document: dict[str, Any], place: Any) -> dict[str, Any]:
+    """The document with its default tables in its joints; their records are made only where a file has some."""
+    if "defaults" not in document:
+        return document
+    from armwright.description.defaults import with_defaults
+
+    return with_defaults(document, place)
 
 
 def _with_servos(document: dict[str, Any], place: Any) -> dict[str, Any]:
@@ -182,7 +191,7 @@ def parse(data: dict[str, Any], place: str, folder: Path | None = None) -> Robot
     Args:
         data: the document.   place: its file, for errors.   folder: where the paths of meshes start, and stay.
     """
-    data = _with_servos(data, place)
+    data = _with_servos(_with_defaults(data, place), place)
     left = {problem.place: problem.within(file=place) for problem in todo_problems(data)}
     try:
         robot = validated(RobotDescription, data, file=place, folder=folder)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from copy import copy
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Union
 
@@ -38,6 +39,7 @@ from armwright.validation import NAME, NAMEABLE, Invalid
 
 if TYPE_CHECKING:
     from armwright.description.built_from import BuiltFrom
+    from armwright.description.defaults import Defaults
     from armwright.description.drive_effects import SupplyRecord
     from armwright.description.firmware import FirmwareRecord
     from armwright.description.fits import FitRecord
@@ -46,6 +48,7 @@ if TYPE_CHECKING:
 else:
     (SupplyRecord,) = imported_later("armwright.description.drive_effects", "SupplyRecord")
     (FirmwareRecord,) = imported_later("armwright.description.firmware", "FirmwareRecord")
+    (Defaults,) = imported_later("armwright.description.defaults", "Defaults")
     (BuiltFrom,) = imported_later("armwright.description.built_from", "BuiltFrom")
     (FitRecord,) = imported_later("armwright.description.fits", "FitRecord")
     (CylinderRecord,) = imported_later("armwright.description.springs", "CylinderRecord")
@@ -151,7 +154,7 @@ class _Joint(Record):
         return self
 
 
-def _friction_kind(value: Any) -> str:
+def friction_kind(value: Any) -> str:
     """The type of a slide's friction: its motor's in N m and radians, or its own in N and metres."""
     if isinstance(value, dict):
         rotary = value.get("side") == "motor" or any(
@@ -163,7 +166,7 @@ def _friction_kind(value: Any) -> str:
 
 SlideFriction = Annotated[
     Annotated[LinearFriction, Tag("LinearFriction")] | Annotated[RotaryFriction, Tag("RotaryFriction")],
-    Discriminator(_friction_kind),
+    Discriminator(friction_kind),
 ]
 
 
@@ -297,6 +300,7 @@ class RobotDescription(Record):
     tip: FileName | None = optional(
         "The frame or link that kinematics and wrench are about; absent: the last link of a chain."
     )
+    defaults: Defaults | None = optional("What all joints have that do not say otherwise; absent once a file is read.")
     built_from: BuiltFrom | None = optional("Where the links were computed from.")
     fits: dict[str, FitRecord] = Field(
         default_factory=dict, description="[fits.KEY]: the fits that numbers of the kind fit came from."
@@ -314,6 +318,15 @@ class RobotDescription(Record):
     links: tuple[Link, ...] = Field(description="One table a link.")
     frames: tuple[NamedFrame, ...] = Field(default=(), description="One table a named frame.")
     cylinders: tuple[CylinderRecord, ...] = Field(default=(), description="Gas springs and counterbalance cylinders.")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _with_defaults(cls, data: Any) -> Any:
+        if isinstance(data, Mapping) and data.get("defaults") is not None:
+            from armwright.description.defaults import with_defaults
+
+            return with_defaults(data, "")
+        return data
 
     @model_validator(mode="after")
     def _consistent(self) -> RobotDescription:

@@ -254,7 +254,8 @@ def plan_text(text: str, place: str, files: Files) -> Plan:
         except ArmwrightError as error:
             raise error.within(file=place) from None
         report = limits_report(arm, motion, limits, payload=payloads)
-        report = replace(report, unchecked=(*report.unchecked, *unchecked_currents(arm)))
+        notes = (*report.notes, *(each for k, segment in enumerate(table.segments) for each in run.doubts(k, segment)))
+        report = replace(report, unchecked=(*report.unchecked, *unchecked_currents(arm)), notes=notes)
         return Plan(
             arm, limits, motion, tuple(run.kinds), tuple(run.begins), payloads, report, run.tool_excesses, nearest, place,
             table.title or "", tuple(run.slower),
@@ -332,6 +333,15 @@ class _Planning:
             limits = self.limits.replace(jerk=np.inf)  # which it cannot keep; the report names it
             return time_optimal(self.arm, points, limits, payload=held, grid=segment.grid, time=self.time)
         return self.waypoints(segment, points)
+
+    def doubts(self, k: int, segment: Any) -> list[str]:
+        """Notes on angles of a segment that look like degrees."""
+        place = f"segments[{k}]"
+        if isinstance(segment, MoveSegment):
+            q = pose(f"{place}.goal", segment.goal, self.arm, np.zeros(self.arm.n))
+            return self.limits.doubts_of_degrees(f"{place}.goal", q)
+        points = getattr(segment, "points", None)
+        return [] if points is None else self.limits.doubts_of_degrees(f"{place}.points", through(points, self.arm))
 
     def slowed(self, speed: float) -> MotionLimits:
         """Limits of the same motion played slower."""

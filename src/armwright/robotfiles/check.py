@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import re
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, get_args
@@ -10,7 +12,7 @@ from typing import Any, Literal, get_args
 from armwright.description import RobotDescription
 from armwright.description.record_of import record_of
 from armwright.description.toml_file import read_text
-from armwright.errors import Problem
+from armwright.errors import ABSENT, Problem
 from armwright.lint.feasibility import check_bodies, check_drives, impossible_links, senses_of_gears
 from armwright.lint.hulls import implausible_shapes
 from armwright.lint.plausibility import implausible_values
@@ -33,6 +35,8 @@ CHECKS = {  # name of a check → its subject
 }
 
 
+NAMED = re.compile(r"(?P<kind>joint|link)s? (?P<names>'[^']*'(?:, '[^']*')*)(?P<rest>.*)")
+NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[+-]?\d+)?(?![\w])")
 Level = Literal["error", "warning", "note"]
 
 
@@ -75,6 +79,13 @@ class Report(Result):
         """True without errors."""
         return not self.errors
 
+    def kinds(self) -> list[Finding]:
+        """The findings in their order, those that differ in numbers and names only as one, which names them all."""
+        kinds: dict[object, list[Finding]] = {}
+        for finding in self.findings:
+            kinds.setdefault(_kind(finding), []).append(finding)
+        return [_of_one_kind(findings) for findings in kinds.values()]
+
     def sentences(self) -> list[str]:
         """The count of errors and warnings."""
         return [f"{_plural(len(self.errors), 'error')}, {_plural(len(self.warnings), 'warning')}"]
@@ -96,6 +107,37 @@ class Report(Result):
     def warnings(self) -> tuple[Finding, ...]:
         """Findings that look like a mistake, or were accepted with a reason."""
         return tuple(finding for finding in self.findings if finding.level == "warning")
+
+
+def _of_one_kind(findings: Sequence[Finding]) -> Finding:
+    """One finding with the names of all, and with a range where their numbers differ: `17 to 37 times the tensor`."""
+    first = findings[0].problem
+    if len(findings) == 1:
+        return findings[0]
+    places = [NAMED.match(each.problem.place) for each in findings]
+    names = dict.fromkeys(name for found in places if found for name in re.findall("'[^']*'", found["names"]))
+    found = places[0]
+    place = f"{found['kind']}s {', '.join(names)}{found['rest']}" if found else first.place
+    values = [each.problem.value for each in findings]
+    texts = {field: _with_ranges([getattr(each.problem, field) for each in findings]) for field in ("what", "expected")}
+    value = first.value if all(each == first.value for each in values) else ABSENT
+    return replace(findings[0], problem=replace(first, place=place, value=value, **texts))
+
+
+def _kind(finding: Finding) -> tuple[object, ...]:
+    """Equal for findings that differ in numbers and in the names of joints or links only."""
+    problem = finding.problem
+    place = NAMED.match(problem.place)
+    at = (place["kind"], place["rest"]) if place else problem.place
+    what, expected = (NUMBER.sub("#", text) for text in (problem.what, problem.expected))
+    return finding.level, finding.check, at, what, expected, problem.choices, problem.file.rpartition(":")[0]
+
+
+def _with_ranges(texts: Sequence[str]) -> str:
+    """The first of several texts that differ in numbers, with the least and the largest of each that differs."""
+    rows = list(zip(*(NUMBER.findall(text) for text in texts), strict=True))
+    numbers = iter(row[0] if len(set(row)) == 1 else f"{min(row, key=float)} to {max(row, key=float)}" for row in rows)
+    return NUMBER.sub(lambda _: next(numbers), texts[0])
 
 
 def _counted(levels: list[str]) -> str:

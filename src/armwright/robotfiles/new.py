@@ -10,11 +10,12 @@ from typing import Any
 
 from armwright.description import RobotDescription, read_description
 from armwright.description.drive import COMMAND_NEEDS
-from armwright.description.todo import TODO
+from armwright.description.todo import TODO, todo_problems
 from armwright.description.writer import for_folder, to_toml
 from armwright.errors import DescriptionError, OutputError
 from armwright.joint_kinds import KINDS, JointUnits
 from armwright.output import check_destination, whole_file
+from armwright.toml_text import TomlText
 
 MOST_JOINTS = 100
 EFFICIENCY = "gear_efficiency = 0.75  # if the gear's datasheet has it"
@@ -61,7 +62,7 @@ def new_robot(
     command: str = "current",
     **reading: Any,
 ) -> tuple[str, ...]:
-    """Writes a robot file to fill in; missing values are "TODO", and `check` says where to find each of them.
+    """Writes a robot file to fill in; missing values are "TODO", each with a comment that says what is wanted.
 
     Args:
         path: of the TOML file, which must not exist.   source: a URDF, an MJCF or a TOML database, or a built-in name, whose
@@ -91,7 +92,7 @@ def new_robot(
         robot = read_description(source, **reading)
         text, notes = _of(robot, target.parent)
     with whole_file(target) as temporary:
-        temporary.write_text(_with_drives(text, command), encoding="utf-8", newline="\n")
+        temporary.write_text(_with_comments(_with_drives(text, command)), encoding="utf-8", newline="\n")
     return notes
 
 
@@ -114,7 +115,9 @@ def _with_drives(text: str, command: str) -> str:
     """The canonical text of a robot with TODO for all that its drives need and that is not there."""
     blocks = re.split(r"\n(?=\[)", text.rstrip("\n") + "\n")
     about = (
-        f'# Fill in each "{TODO}": `armwright check` on this file says what is wanted, and where a datasheet has it.\n'
+        f'# Fill in each "{TODO}"; the comment beside it says what is wanted, and where a datasheet has it.\n'
+        "# `armwright check` lists the lines that are left. What is equal in all joints may stand once, in tables\n"
+        "# [defaults.motor] and [defaults.friction]; remove those keys from the joints then.\n"
     )
     head = about + "".join(line for line in blocks[0].splitlines(keepends=True) if not line.startswith("command = "))
     others = " or ".join(f'"{other}"' for other in COMMANDED if other != command)
@@ -153,6 +156,17 @@ def _joint(tables: dict[str, str], command: str) -> Iterator[str]:
             tables[name] = lines + "".join(f"{key} = {quoted}\n" for key in missing if not is_known)
             tables[name] += "".join(f"# {each}\n" for each in besides)
     yield from tables.values()
+
+
+def _with_comments(text: str) -> str:
+    """The text with a comment behind each TODO: what is wanted, its unit, and where a datasheet has it."""
+    document, wanted = TomlText(text, ""), {}
+    for problem in todo_problems(document.tables):
+        wanted.setdefault(int(document.with_line(problem).line), problem)
+    lines = text.split("\n")
+    for line, problem in wanted.items():
+        lines[line - 1] += f"  # {problem.expected}"
+    return "\n".join(lines)
 
 
 def _needed(units: JointUnits, command: str) -> dict[str, tuple[str, ...]]:

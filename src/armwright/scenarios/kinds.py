@@ -52,13 +52,13 @@ def from_fields(home: str, place: str, fields: Mapping[str, Any], arm: Model) ->
     Raises:
         ScenarioError: no such kind, a field that it has not or lacks, or a value that cannot be.
     """
-    kinds, kind = _kinds(home), fields["kind"]
+    kinds, kind = kinds_of(home), fields["kind"]
     if kind not in kinds:
         extra = VALUE if home == "reference" else ()
         raise ScenarioError("unknown", place=f"{place}.kind", value=kind, choices=[*kinds, *extra])
     accepted = [each for each in dataclasses.fields(kinds[kind]) if each.init]
     names = [each.name for each in accepted]
-    fields_of = {FILE_KEYS.get(name, name): name for name in names if name not in CONFIGURED[home]}
+    fields_of = {key: field.name for key, field in keys_of(home, kinds[kind]).items()}
     limited = QUANTITIES if home == "reference" and "limits" in names else ()
     given = {name: value for name, value in fields.items() if name != "kind"}
     unknown = [name for name in given if name not in fields_of and name not in limited]
@@ -85,20 +85,30 @@ def from_fields(home: str, place: str, fields: Mapping[str, Any], arm: Model) ->
         raise error.renamed(partial(re.sub, own, lambda at: f"{place}.{FILE_KEYS.get(at[1], at[1])}")) from None
 
 
+def keys_of(home: str, kind: type) -> dict[str, dataclasses.Field]:
+    """The keys that a file may give a controller, filter or trajectory, with the fields that they set.
+
+    Args:
+        home: "controller", "filter" or "reference".   kind: the class.
+    """
+    fields = [each for each in dataclasses.fields(kind) if each.init and each.name not in CONFIGURED[home]]
+    return {FILE_KEYS.get(each.name, each.name): each for each in fields}
+
+
 def controller_tables(place: str, controller: KindTable) -> dict[str, str]:
     """The tables of a controller and of those that it holds, by the names of their classes.
 
     Args:
         place: of the controller's table in the file.   controller: the table.
     """
-    known, inner = _kinds("controller").get(controller.kind), controller.fields().get("inner")
+    known, inner = kinds_of("controller").get(controller.kind), controller.fields().get("inner")
     below = (
         controller_tables(f"{place}.inner", KindTable(**inner)) if isinstance(inner, dict) and "kind" in inner else {}
     )
     return below | ({} if known is None else {known.__name__: place})
 
 
-def _kinds(home: str) -> dict[str, type]:
+def kinds_of(home: str) -> dict[str, type]:
     """Controllers, filters or trajectories by the name a file gives them: JointPID is joint_pid."""
     module = importlib.import_module(HOMES[home])
     found = {name: getattr(module, name) for name in module.__all__ if name not in OF_FILES}
@@ -117,7 +127,7 @@ def kind_of(home: str, value: Any) -> str | None:
     Args:
         home: "controller", "filter" or "reference".   value: that may be one.
     """
-    return next((name for name, kind in _kinds(home).items() if type(value) is kind), None)
+    return next((name for name, kind in kinds_of(home).items() if type(value) is kind), None)
 
 
 def _around(name: str, kind: str, kinds: Mapping[str, type]) -> str:

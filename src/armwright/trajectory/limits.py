@@ -128,7 +128,7 @@ class MotionLimits:
         Args:
             place: of them, for errors.   q: (…, n) [rad | m].
         Raises:
-            ScenarioError: names the joint and how far it is outside.
+            ScenarioError: names the joint and how far it is outside, and asks where the number may be one of degrees.
         """
         rows = np.asarray(q, dtype=float).reshape(-1, self.n)
         beyond = np.maximum(self.position[:, 0] - rows, rows - self.position[:, 1])
@@ -137,10 +137,29 @@ class MotionLimits:
             low, high = self.position[joint]
             at = f"{place}[{row}]" if np.ndim(q) > 1 else place
             unit = self.unit("position", int(joint))
+            value, doubt = float(rows[row, joint]), ""
+            if not self.prismatic[joint] and abs(value) > 2.0 * np.pi and low <= np.radians(value) <= high:
+                doubt = f"; this looks like degrees: {value:g}° is {np.radians(value):.6g} rad"
             raise ScenarioError(
-                f"{beyond[row, joint]:.4g} {unit} outside its limits",
-                place=f"{at} of {self.names[joint]}", value=float(rows[row, joint]), expected=f"{low:.6g} … {high:.6g} {unit}",
+                f"{beyond[row, joint]:.4g} {unit} outside its limits{doubt}",
+                place=f"{at} of {self.names[joint]}", value=value, expected=f"{low:.6g} … {high:.6g} {unit}",
             )  # fmt: skip
+
+    def doubts_of_degrees(self, place: str, q: np.ndarray) -> list[str]:
+        """Notes on angles beyond a turn that are whole degrees, of joints whose limits of position are not known.
+
+        Args:
+            place: of them.   q: (…, n) [rad | m].
+        """
+        rows = np.asarray(q, dtype=float).reshape(-1, self.n)
+        is_free = np.isinf(self.position).all(axis=1) & ~np.array(self.prismatic)
+        doubtful = (np.abs(rows) > 2.0 * np.pi) & (np.abs(rows) <= 360.0) & (rows == np.round(rows))
+        found = np.flatnonzero(doubtful.any(axis=0) & is_free)
+        values = [rows[doubtful[:, k], k][0] for k in found]
+        return [
+            f"{place} of {self.names[k]}: {value:g} rad looks like degrees; {value:g}° is {np.radians(value):.6g} rad"
+            for k, value in zip(found, values, strict=True)
+        ]
 
 
 def current_torques(arm: Model) -> np.ndarray:

@@ -11,9 +11,9 @@ from armwright.identification.experiments.columns import DRIVES, BaseRegressor
 from armwright.identification.experiments.information import condition_number
 from identification.arm.tx40 import tx40_urdf
 from identification.experiments.ur10e import PERIOD, START, published_motion, ur10e_urdf
-from identification.real_logs import DATA
+from identification.real_logs import LOGS
 
-FILE = DATA / "staubli_tx40" / "pos_read_data.csv"
+FILE = LOGS / "tx40" / "tx40.parquet"
 GEARS = np.diag([32.0, 32.0, 45.0, -48.0, 45.0, 32.0])
 GEARS[5, 4] = 32.0
 OFFSETS = (0.0, -np.pi / 2, np.pi / 2, 0.0, 0.0, 0.0)
@@ -50,11 +50,12 @@ def test_the_condition_number_is_better_than_that_published_for_a_ur10e(tmp_path
     assert (np.abs(qdd) <= acceleration * (1.0 + 1e-3)).all()
 
 
-@pytest.mark.skipif(not FILE.is_file(), reason=f"the measurements are not here: {FILE}")
 @pytest.mark.study
 def test_the_condition_number_is_better_than_that_of_the_log_of_a_tx40(tmp_path):
+    parquet = pytest.importorskip("pyarrow.parquet", reason="the extra `logs` is not installed")
     arm = aw.load(tx40_urdf(tmp_path))
-    motors = np.loadtxt(FILE, delimiter=",", skiprows=1)
+    table = parquet.read_table(FILE)
+    motors = np.stack([table[f"position_{k}"].to_numpy() for k in range(1, 7)], axis=1)
     q = filtfilt(*butter(4, 100 / 2500), np.linalg.solve(GEARS, motors.T).T + OFFSETS, axis=0)
     qd = np.gradient(q, 2e-4, axis=0)
     qdd = np.gradient(qd, 2e-4, axis=0)

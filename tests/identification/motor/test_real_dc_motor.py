@@ -12,9 +12,9 @@ from scipy.signal import lfilter
 
 import armwright as aw
 from armwright.identification import MotorReading, MotorSearch
-from identification.real_logs import DATA, DC_MOTOR, log_of
+from identification.real_logs import DC_MOTOR, LOGS, log_of
 
-FOLDER = DATA / "dc_motor"
+FOLDER = LOGS / "dc_motor"
 FOLDS = 4  # of the PRBS log
 STATIC = """
 joints = ["motor"]

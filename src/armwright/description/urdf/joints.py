@@ -135,9 +135,9 @@ def _friction(reading: UrdfReading, joint: Element, units: JointUnits) -> dict[s
     if dynamics is None:
         return {}
     dynamics.only_attributes("damping", "friction", *DYNAMICS_ELSEWHERE)
-    for attribute in DYNAMICS_ELSEWHERE:
-        if dynamics.number(attribute, 0.0) != 0:
-            reading.remark("joint", name, f"<dynamics {attribute}> is another simulator's and not used")
+    unused = [attribute for attribute in DYNAMICS_ELSEWHERE if dynamics.number(attribute, 0.0) != 0]
+    if unused:
+        reading.remark("joint", name, f"<dynamics {' '.join(unused)}> is another simulator's and not used")
     damping, coulomb = (bounded(dynamics, [dynamics.number(key, 0.0)])[0] for key in ("damping", "friction"))
     for key, value in (("damping", damping), ("friction", coulomb)):
         if value < 0:

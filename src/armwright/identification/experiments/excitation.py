@@ -49,7 +49,9 @@ DENSER = 10  # times as many for the judgement
 ROUNDS = 6  # of tightening the limits
 SPARE = 1e-3  # part of a limit that is left free beyond a measured excess
 KEPT = 1.0 + 1e-9  # part of a limit that a motion may use: rounding
-ITERATIONS = 300  # of IPOPT in a round, at most
+ITERATIONS = 300  # of IPOPT in the first round, at most
+LATER_ITERATIONS = 60  # in those after it, which begin beside their solution
+HISTORY = 6  # steps of the Hessian's approximation: each costs two solutions of the linear system in every iteration
 SMALLEST_SPEED = 0.01  # of the largest: smooths the sign in Coulomb's column, where the record has no smoothing speed
 SIZE_WEIGHT = 0.05  # of logdet beside the condition number: the larger of two motions counts
 DRAWN = 50  # random motions for a start, which is the best of them
@@ -300,14 +302,14 @@ class ExcitationProblem:
 
     def solved(self, generator: np.random.Generator) -> np.ndarray | None:
         """The best x from a random start; None if no motion is within the limits."""
-        solver, bounds = self._solver()
+        (solver, bounds), (later, _) = self._solver(ITERATIONS), self._solver(LATER_ITERATIONS)
         drawn = [self.random(generator) for _ in range(DRAWN)]
         x = min(drawn, key=self.value)
         part = {name: np.ones(len(self.scale)) for name in self.limits.used_names}
         inset = 0.0
-        for _ in range(ROUNDS):
+        for k in range(ROUNDS):
             low, high = bounds(part, inset)
-            x = np.asarray(solver(x0=x, lbg=low, ubg=high)["x"]).ravel()
+            x = np.asarray((later if k else solver)(x0=x, lbg=low, ubg=high)["x"]).ravel()
             used, outside = self._judged(x)
             if _kept(used, outside):
                 return x
@@ -356,8 +358,8 @@ class ExcitationProblem:
         most = np.maximum(np.abs(q - centre).max(axis=0) / room, np.abs(qd).max(axis=0) / self.limits.most["velocity"])
         return self.swung(x.ravel(), FIRST / most)
 
-    def _solver(self) -> tuple[Any, Any]:
-        """IPOPT for the problem, and a function of the limits' parts → bounds of its constraints."""
+    def _solver(self, iterations: int) -> tuple[Any, Any]:
+        """IPOPT with at most so many iterations, and a function of the limits' parts → bounds of its constraints."""
         n, count = len(self.scale), self.samples
         basis = self.basis(count)
         x = casadi.MX.sym("x", n * basis[0].shape[1])
@@ -370,8 +372,8 @@ class ExcitationProblem:
             objective += SIZE_WEIGHT * criterion_function(len(self.columns), "logdet")(information)
         values, bounds = self._constraints(q, qd, qdd)
         options = {
-            "ipopt.hessian_approximation": "limited-memory", "ipopt.limited_memory_max_history": 30,
-            "ipopt.max_iter": ITERATIONS, "ipopt.tol": 1e-4,
+            "ipopt.hessian_approximation": "limited-memory", "ipopt.limited_memory_max_history": HISTORY,
+            "ipopt.max_iter": iterations, "ipopt.tol": 1e-4,
             # without second derivatives the last digits of the optimum take longest, and mean nothing here
             "ipopt.acceptable_iter": 8, "ipopt.acceptable_obj_change_tol": 1e-4, "ipopt.acceptable_tol": 1e3,
             "ipopt.acceptable_dual_inf_tol": 1e10, "ipopt.acceptable_constr_viol_tol": 1e-3,

@@ -148,6 +148,8 @@ def reference_rows(arm: Model, reference: Any, t: np.ndarray, notes: list[str] |
         rows[:, :n] = in_order("reference", reference, arm.names).commands[np.maximum(row, 0)]
     elif callable(reference) and hasattr(reference, "at") and "qdd" in layout:
         rows = _of_motion(arm, reference, t)
+        if rows is None:
+            rows = _of_function(arm, layout, reference, t, [] if notes is None else notes)
     elif callable(reference):
         rows = _of_function(arm, layout, reference, t, [] if notes is None else notes)
     else:
@@ -171,11 +173,17 @@ def reference_rows(arm: Model, reference: Any, t: np.ndarray, notes: list[str] |
     return rows
 
 
-def _of_motion(arm: Model, motion: Any, t: np.ndarray) -> np.ndarray:
-    """Rows of a motion that gives all times at once, so that one of thousands of pieces costs no more than a short one."""
+def _of_motion(arm: Model, motion: Any, t: np.ndarray) -> np.ndarray | None:
+    """Rows of a motion that gives all times at once, so that one of thousands of pieces costs no more than a short one.
+
+    None if its `at` gives positions alone, whose derivatives its `__call__` has.
+    """
     parts = motion.at(t)
+    if not isinstance(parts, tuple) and np.shape(parts) == (len(t), arm.n):
+        return None
     if len(parts) != 3 or any(np.shape(part) != (len(t), arm.n) for part in parts):
-        what, expected = f"`at` gave shapes {[np.shape(part) for part in parts]}", f"q, qd, qdd, each (times, {arm.n})"
+        what = f"`at` gave shapes {[np.shape(part) for part in parts]}"
+        expected = f"q, or q, qd, qdd, each (times, {arm.n})"
         raise ScenarioError(what, place=f"reference {called(motion)!r}", expected=expected)
     return np.concatenate([np.asarray(part, dtype=float) for part in parts], axis=1)
 
