@@ -289,8 +289,10 @@ def _of_motion(repeated: np.ndarray, q: np.ndarray | None, encoder: np.ndarray) 
     else:
         speeds = np.abs(np.diff(q[fresh], axis=0)) / rows[:, None]  # a row
     creeping = encoder.size > 0 and speeds.shape[1] == encoder.size
-    rests = (speeds * rows[:, None] <= JUMPS * encoder).all(axis=1) if creeping else np.zeros(len(rows), dtype=bool)
-    around = np.convolve(np.pad(rests, 1, constant_values=True), np.ones(3), "valid") if len(rests) else rests
+    rests = np.zeros(len(rows), dtype=bool)
+    if creeping:
+        rests = np.asarray((speeds * rows[:, None] <= JUMPS * encoder).all(axis=1))
+    around = np.convolve(np.pad(rests, 1, constant_values=True), np.ones(3), "valid") if len(rows) else rests
     for k in np.flatnonzero((rows > 1) & (rows - 1 <= SHORT) & (around == 3)):
         found[fresh[k] + 1 : fresh[k + 1]] = False
     for k in np.flatnonzero(rows - 1 > SHORT):
