@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import typer
 
@@ -160,9 +161,8 @@ def fmu(
     as_typed = as_options("part", "interface", "name", "platforms", version="--fmi")
     with progress("exporting the FMU"), naming_file(source), as_typed:
         binaries = None if platforms is None else words(platforms)
-        exported = aw.export.export_fmu(
-            given, output, part=part, version=version, interface=interface, name=name, platforms=binaries
-        )
+        options: dict[str, Any] = {"part": part, "version": version, "interface": interface}
+        exported = aw.export.export_fmu(given, output, name=name, platforms=binaries, **options)
     result(exported)
     counts = f"{len(exported.inputs)} inputs, {len(exported.outputs)} outputs, {len(exported.parameters)} parameters"
     say(f"wrote {exported.path}: FMI {exported.version}, {exported.interface}, {exported.part}; {counts}")

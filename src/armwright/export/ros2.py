@@ -19,7 +19,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 from xml.etree import ElementTree
 
 import numpy as np
@@ -85,7 +85,7 @@ def export_ros2(
     source: Arm | RobotDescription | Scenario,
     directory: str | os.PathLike[str],
     *,
-    command: str | None = None,
+    command: Literal["position", "velocity", "effort"] | None = None,
     rate: int | None = None,
     hardware: str = HARDWARE,
     name: str | None = None,

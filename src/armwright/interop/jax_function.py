@@ -39,7 +39,7 @@ def jax(dyn: CompiledArm, name: str, *optional: str, **options: Any) -> Callable
         dtype = package.dtypes.canonicalize_dtype(dyn.dtype)
         numbers = [package.numpy.asarray(array, dtype) for array in arrays]
         rank = len(node.common_lead([array.shape for array in numbers]))
-        found = inner(
+        found: Any = inner(
             *(_with_lead(array, rank + len(port.shape)) for array, port in zip(numbers, node.inputs, strict=True))
         )
         return found if len(found) > 1 else found[0]

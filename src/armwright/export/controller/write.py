@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 from armwright.entry import AnyScenario, as_scenario
 from armwright.errors import ModelError
@@ -77,7 +78,7 @@ def export_controller(
     name: str | None = None,
     gains: Sequence[str] = (),
     ticks: int | None = None,
-    real: str = "double",
+    real: Literal["double", "float"] = "double",
     counts: bool = False,
     ram: int | None = None,
     flash: int | None = None,
