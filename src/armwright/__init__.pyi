@@ -86,6 +86,7 @@ from . import (
     collision as collision,
     export as export,
     identification as identification,
+    interop as interop,
     kinematics as kinematics,
     modules as modules,
     pictures as pictures,

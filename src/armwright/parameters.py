@@ -7,12 +7,49 @@ import math
 import zlib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from armwright import scalar
 from armwright.errors import ScenarioError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    Number = float | np.number[Any]
+
+    class Numbers:
+        """A field that is written as one number, one for each joint, or a value for each lane, and read as code needs it.
+
+        Type checkers take the constructor's parameter from `__set__`, and what an instance has from `__get__`.
+        """
+
+        def __get__(self, instance: Any, owner: Any = None) -> Any: ...
+
+        def __set__(
+            self,
+            instance: Any,
+            value: Number | Sequence[Number] | Sequence[Sequence[Number]] | np.ndarray | Batch | Draw,
+        ) -> None: ...
+
+    class NumbersOrNone:
+        """The same, or None."""
+
+        def __get__(self, instance: Any, owner: Any = None) -> Any: ...
+
+        def __set__(
+            self,
+            instance: Any,
+            value: Number | Sequence[Number] | Sequence[Sequence[Number]] | np.ndarray | Batch | Draw | None,
+        ) -> None: ...
+
+else:
+    Numbers = NumbersOrNone = Any
+
+ZERO: Any = 0.0  # defaults of such fields
+ONE: Any = 1.0
+UNSET: Any = None
 
 
 @dataclass(frozen=True, eq=False)

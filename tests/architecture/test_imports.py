@@ -49,6 +49,7 @@ ORDER = (
     ("actuators",),  # above dynamics: friction and gear loss are part of the inverse dynamics
     ("dynamics",),
     ("kernels",),
+    ("interop",),  # kernels in JAX and PyTorch
     ("results",),
     ("collision",),  # capsules around links
     ("ik",),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import armwright as aw
 from armwright.cli.arguments import (
@@ -131,6 +131,6 @@ def _of_robot(
         "joint_pid": lambda: aw.JointPID(1.0, ki=1.0, kd=1.0),
         "computed_torque": lambda: aw.ComputedTorque(1.0, 1.0),
     }
-    loop = aw.Loop(ones[kind](), period=period, timing=aw.Timing(timing or "one-tick"))
+    loop = aw.Loop(ones[kind](), period=period, timing=aw.Timing(cast(Any, timing or "one-tick")))
     whole = max(round(1.0 / period), 1) * period if period > 0.0 else 1.0  # a second, in whole periods
     return aw.Scenario(aw.load(robot), whole if duration is None else duration, loop=loop)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import typer
 
@@ -93,28 +94,41 @@ def controller(
 
 @export.command()
 def ros2(
-    robot: Robot,
+    source: str = argument("ROBOT|SCENARIO", "A robot, as of other commands, or a scenario file (.toml)."),
     output: Path = output_option("DIR", "Folder for the files; made where there is none.", ...),
-    command: str = option(
-        "KIND", "What the controllers command: position, velocity or effort.", "position", show_default=True
+    command: str | None = option(
+        "KIND", "What the trajectory controller of a robot commands: position (the default), velocity or effort."
     ),
-    rate: int = option("HZ", "Update rate of the controller manager.", 100, show_default=True),
+    rate: int | None = option("HZ", "Update rate of the controller manager of a robot; default: 100."),
     hardware: str = option("PLUGIN", "Plugin of the arm's driver.", "mock_components/GenericSystem", show_default=True),
+    name: str | None = option("NAME", "Name of a scenario's package; default: ARM_controller."),
+    gains: str = option("G1,G2,…", "Fields of a scenario's controller that become parameters.", "", show_default=True),
+    allow: Allow = None,
 ) -> None:
-    """Write an arm for ROS 2: a URDF with ros2_control tags, its limits and its controllers.
+    """Write an arm for ROS 2, or a scenario's controller as a package with a plugin of ros2_control.
 
     NAME.urdf has the limits of every joint and of its command interfaces; joint_limits.yaml and controllers.yaml are
-    parameters for the controller manager and MoveIt. NAME.drive.toml holds what a URDF cannot.
+    parameters for the controller manager and MoveIt. NAME.drive.toml holds what a URDF cannot. The package of a scenario has
+    these, its controller as C99 and a chainable controller around it, for ROS 2 Jazzy and Kilted.
 
     \b
     Examples:
       armwright export ros2 lwa4p -o lwa4p_description
       armwright export ros2 my-arm.toml --command effort --rate 500 -o my_arm_description
+      armwright export ros2 swing.scenario.toml --gains kp,kd -o swing_controller
     """
-    with as_options("command", "rate", "hardware"):
-        exported = aw.export.export_ros2(aw.load(robot), output, command=command, rate=rate, hardware=hardware)
+    given = aw.read_scenario(source, allow=allow or ()) if source.endswith(SCENARIO) else aw.load(source)
+    options = {"command": command, "rate": rate, "hardware": hardware, "name": name, "gains": words(gains)}
+    as_typed = as_options("command", "rate", "hardware", "name", "gains")
+    with (
+        progress(f"exporting {given.name if isinstance(given, aw.Model) else given.arm.name}"),
+        naming_file(source),
+        as_typed,
+    ):
+        exported = aw.export.export_ros2(given, output, **options)
     say_each("wrote ", exported.paths)
     say_each("lost: ", exported.lost)
+    say_notes(exported.notes)
 
 
 @export.command()
@@ -147,9 +161,8 @@ def fmu(
     as_typed = as_options("part", "interface", "name", "platforms", version="--fmi")
     with progress("exporting the FMU"), naming_file(source), as_typed:
         binaries = None if platforms is None else words(platforms)
-        exported = aw.export.export_fmu(
-            given, output, part=part, version=version, interface=interface, name=name, platforms=binaries
-        )
+        options: dict[str, Any] = {"part": part, "version": version, "interface": interface}
+        exported = aw.export.export_fmu(given, output, name=name, platforms=binaries, **options)
     result(exported)
     counts = f"{len(exported.inputs)} inputs, {len(exported.outputs)} outputs, {len(exported.parameters)} parameters"
     say(f"wrote {exported.path}: FMI {exported.version}, {exported.interface}, {exported.part}; {counts}")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, cast
 
 import typer
 
@@ -123,7 +123,7 @@ def simulate(
             duration=duration,
             command=commands_of(arm, schedule, constants),
             start=start_of(arm, q0, qd0),
-            solver=aw.Solver(integrator or "auto", step, accuracy=accuracy),
+            solver=aw.Solver(cast(Any, integrator or "auto"), step, accuracy=accuracy),
             recording=aw.Recording(record_every, period=record_period),
         )
         _run(scenario, output, plot, log, hold_out)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, cast
 
 import armwright as aw
 from armwright.cli.arguments import (
@@ -71,7 +71,7 @@ def step_study(
         scenario = aw.read_scenario(robot, allow=allow or ())
         if integrator is not None:
             with naming_options("solver.integrator"):
-                solver = aw.Solver(integrator, scenario.solver.step, scenario.solver.substeps)
+                solver = aw.Solver(cast(Any, integrator), scenario.solver.step, scenario.solver.substeps)
             scenario = replace(scenario, solver=solver)
     else:
         refuse_without_file(allow)
@@ -82,7 +82,7 @@ def step_study(
                 duration=duration,
                 command=commands_of(arm, schedule, constants),
                 start=start_of(arm, q0, qd0),
-                solver=aw.Solver(integrator or "auto", step),
+                solver=aw.Solver(cast(Any, integrator or "auto"), step),
             )
     named = ("solver.integrator", "accuracies", "steps") if robot.endswith(SCENARIO) else ()
     with naming_options(*named), progress(f"trying steps for {scenario.arm.name}"):

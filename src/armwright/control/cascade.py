@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from armwright.control.joint_pid import check_tracking
 from armwright.errors import ScenarioError
 from armwright.interfaces import JointReference, Measurement
 from armwright.model import Model
+from armwright.parameters import UNSET, ZERO, Numbers, NumbersOrNone
 from armwright.scalar import Array, Scalar
 from armwright.simulation.checks import check_choice
 
@@ -53,23 +54,23 @@ class Cascade:
     gain_units: ClassVar[dict[str, str]] = {  # U: the unit of the command, Q: rad or m
         "position_kp": "1/s", "speed_kp": "U s/Q", "speed_ki": "U/Q", "current_kp": "V/A", "current_ki": "V/(A s)",
     }  # fmt: skip
-    position_kp: Any
-    speed_kp: Any
-    speed_ki: Any = 0.0
-    current_kp: Any = None
-    current_ki: Any = 0.0
-    speed_feedforward: Any = 0.0
-    speed_limit: Any = None
-    effort_limit: Any = None
-    voltage_limit: Any = None
+    position_kp: Numbers
+    speed_kp: Numbers
+    speed_ki: Numbers = ZERO
+    current_kp: NumbersOrNone = UNSET
+    current_ki: Numbers = ZERO
+    speed_feedforward: Numbers = ZERO
+    speed_limit: NumbersOrNone = UNSET
+    effort_limit: NumbersOrNone = UNSET
+    voltage_limit: NumbersOrNone = UNSET
     position_every: int = 1
     speed_every: int = 1
     position_phase: int = 0
     speed_phase: int = 0
-    anti_windup: str = "clamping"
+    anti_windup: Literal["none", "clamping", "back-calculation"] = "clamping"
     tracking_time: float | None = None
     delay_ticks: int | None = None
-    slack: Any = 0.0
+    slack: Numbers = ZERO
     signs: Any = None  # (n,) of the drives, which the loop fits
     arm: Model | None = None  # likewise
     period: float | None = None  # [s] of the loop, which fits the law to it

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from armwright.errors import ScenarioError
 from armwright.interfaces import JointReference, Measurement
 from armwright.model import Model
 from armwright.model.simplify import simplified
+from armwright.parameters import ZERO, Numbers
 from armwright.scalar import Array, Scalar
 
 
@@ -33,9 +34,9 @@ class ComputedTorque:
     """
 
     gain_units: ClassVar[dict[str, str]] = {"kp": "1/s²", "ki": "1/s³", "kd": "1/s"}
-    kp: Any
-    kd: Any
-    ki: Any = 0.0
+    kp: Numbers
+    kd: Numbers
+    ki: Numbers = ZERO
     model: Model | None = None
     period: float | None = None  # [s] of the loop, which fits the law to it
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, Self
+from typing import Self
 
 from armwright import scalar
 from armwright.actuators import friction_torques
@@ -14,6 +14,7 @@ from armwright.control.wrapper import Wrapper
 from armwright.dynamics.inverse import external_torques
 from armwright.interfaces import JointReference, Measurement
 from armwright.model import Model
+from armwright.parameters import ONE, Numbers
 from armwright.scalar import Array
 
 
@@ -35,9 +36,9 @@ class FrictionCompensation(Wrapper):
         ScenarioError: names the field, its value and what was expected.
     """
 
-    dead_band: Any
-    rest_speed: Any
-    share: Any = 1.0
+    dead_band: Numbers
+    rest_speed: Numbers
+    share: Numbers = ONE
 
     def configure(self, arm: Model, period: float) -> Self:
         """The law for an arm and a sample period [s]: numbers one a joint.

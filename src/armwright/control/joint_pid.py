@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from armwright.errors import ScenarioError
 from armwright.interfaces import JointReference, Measurement
 from armwright.model import Model
 from armwright.model.simplify import simplified
+from armwright.parameters import UNSET, ZERO, Numbers, NumbersOrNone
 from armwright.scalar import Array, Scalar
 from armwright.simulation.checks import check_choice
 
@@ -55,19 +56,19 @@ class JointPID:
         "ki": "U/(Q s)",
         "kd": "U s/Q",
     }  # U: the unit of the command, Q: rad or m
-    kp: Any
-    ki: Any = 0.0
-    kd: Any = 0.0
-    derivative: str = "error"
+    kp: Numbers
+    ki: Numbers = ZERO
+    kd: Numbers = ZERO
+    derivative: Literal["error", "measurement"] = "error"
     cutoff_hz: float | None = None
-    speed_feedforward: Any = 0.0
-    acceleration_feedforward: Any = 0.0
+    speed_feedforward: Numbers = ZERO
+    acceleration_feedforward: Numbers = ZERO
     gravity: bool = False
-    limit: Any = None
-    anti_windup: str = "none"
+    limit: NumbersOrNone = UNSET
+    anti_windup: Literal["none", "clamping", "back-calculation"] = "none"
     tracking_time: float | None = None
     delay_ticks: int | None = None
-    slack: Any = 0.0
+    slack: Numbers = ZERO
     model: Model | None = None
     period: float | None = None  # [s] of the loop, which fits the law to it
 

@@ -314,7 +314,7 @@ def compile_arm(
 
 @overload
 def compile_arm(
-    arm: AnyArm, target: str | None = None, vary: Sequence[str] = (), dtype: str | type | np.dtype = DOUBLE.name
+    arm: AnyArm, target: str | None = None, vary: Sequence[str] = (), *, dtype: type | np.dtype
 ) -> CompiledArm[Any]: ...
 
 

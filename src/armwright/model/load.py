@@ -7,7 +7,7 @@ import os
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from armwright.description import RobotDescription, builtin_names, read_description
 from armwright.description.readable import readable_robot
@@ -24,7 +24,7 @@ def load(
     tip: str | None = None,
     drive: str | os.PathLike[str] | None = None,
     meshes: str | os.PathLike[str] | Iterable[str | os.PathLike[str]] | None = None,
-    on_impossible: str = "error",
+    on_impossible: Literal["error", "warn"] = "error",
     kinematics_only: bool = False,
     **reading: Any,
 ) -> Model:

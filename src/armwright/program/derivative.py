@@ -22,12 +22,39 @@ def derivative(program: Program, by: str) -> Program:
     """
     symbols = _symbols(program)
     outputs = program.graph.call(symbols)
+    ports, rows = _slopes(program, by, symbols, outputs)
+    return _program(f"{program.name}_by_{by}", program.inputs, (*program.outputs, *ports), symbols, [*outputs, *rows])
+
+
+@alone
+def slopes(program: Program, by: Sequence[str]) -> Program:
+    """The derivatives alone of the program's outputs y by several inputs:  d<y>_d<b> = ∂y/∂b,  (*shape of y, *shape of b).
+
+    Args:
+        program: what is differentiated, exactly.   by: names of the inputs; outputs are in their order, each with all of y.
+    """
+    symbols = _symbols(program)
+    outputs = program.graph.call(symbols)
+    found = [_slopes(program, each, symbols, outputs) for each in by]
+    ports = tuple(port for pair in found for port in pair[0])
+    return _program(
+        f"{program.name}_slopes_{'_'.join(by)}",
+        program.inputs,
+        ports,
+        symbols,
+        [row for pair in found for row in pair[1]],
+    )
+
+
+def _slopes(
+    program: Program, by: str, symbols: Sequence[casadi.SX], outputs: Sequence[casadi.SX]
+) -> tuple[list[Port], list[casadi.SX]]:
+    """Ports and columns of the derivatives of all outputs by one input."""
     place = [port.name for port in program.inputs].index(by)
-    slopes = [casadi.densify(casadi.jacobian(y, symbols[place])) for y in outputs]
-    rows = [casadi.reshape(slope.T, -1, 1) for slope in slopes]
+    found = [casadi.densify(casadi.jacobian(y, symbols[place])) for y in outputs]
     inner = program.inputs[place].shape
-    ports = (*program.outputs, *(Port(f"d{port.name}_d{by}", (*port.shape, *inner)) for port in program.outputs))
-    return _program(f"{program.name}_by_{by}", program.inputs, ports, symbols, [*outputs, *rows])
+    ports = [Port(f"d{port.name}_d{by}", (*port.shape, *inner)) for port in program.outputs]
+    return ports, [casadi.reshape(slope.T, -1, 1) for slope in found]
 
 
 Called = tuple[Program, list[casadi.SX], list[casadi.SX]]  # a call: of what, its arguments, and symbols of its results

@@ -118,7 +118,7 @@ def built_controller(state: SessionState, settings: ControllerSettings) -> Any:
 
 def _value(state: SessionState, place: str, kind: str, text: str) -> Any:
     """A gain as the type of its field asks for."""
-    if kind.startswith("str"):
+    if kind.startswith(("str", "Literal")):
         return text
     if kind == "bool":
         if text not in ("yes", "no"):

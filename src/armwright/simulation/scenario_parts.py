@@ -7,11 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 from armwright.entry import expect
 from armwright.errors import ScenarioError
 from armwright.interfaces import Sensor
+from armwright.parameters import UNSET, NumbersOrNone
 from armwright.results.reducers import reducer
 from armwright.simulation.checks import check_choice, check_time, check_whole
 from armwright.simulation.integrate.events import EventFunction
@@ -115,8 +116,8 @@ class Start:
         q: (n,) [rad | m], default 0.   qd: (n,) [rad/s | m/s], default 0.
     """
 
-    q: Any = None
-    qd: Any = None
+    q: NumbersOrNone = UNSET
+    qd: NumbersOrNone = UNSET
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,7 +148,7 @@ class Solver:
         ScenarioError: names the field, its value and what was expected.
     """
 
-    integrator: str = "auto"
+    integrator: Literal["auto", "rk3", "rk4", "semi_implicit_euler", "rk45", "rodas3", "cvodes"] = "auto"
     step: float | None = None
     substeps: int | None = None
     accuracy: float | None = None
@@ -227,7 +228,7 @@ class Recording:
     """
 
     every: int | None = None
-    what: str = "all"
+    what: Literal["all", "state", "none"] = "all"
     reduce: Sequence[str] = ()
     reference: Any = None
     period: float | None = None

@@ -9,7 +9,7 @@ import numpy as np
 
 from armwright import scalar
 from armwright.errors import ScenarioError
-from armwright.parameters import Draw, numbers_by_lane
+from armwright.parameters import Draw, Numbers, numbers_by_lane
 from armwright.scalar import Array, Scalar
 from armwright.trajectory.motion import Motion
 from armwright.trajectory.poses import LARGEST, check_number, check_poses, joint_count
@@ -31,9 +31,9 @@ class Fourier(Motion):
         ScenarioError: names the field, its value and what was expected.
     """
 
-    centre: Any
-    sine: Any
-    cosine: Any
+    centre: Numbers
+    sine: Numbers
+    cosine: Numbers
     cycle: float
     time: float = 0.0
     cycles: int | None = None

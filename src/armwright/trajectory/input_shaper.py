@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -39,7 +39,7 @@ class InputShaper(Motion):
     reference: Motion
     hz: float
     damping: float = 0.0
-    kind: str = "zv"
+    kind: Literal["zv", "zvd"] = "zv"
 
     def __post_init__(self) -> None:
         if not isinstance(self.reference, Motion):

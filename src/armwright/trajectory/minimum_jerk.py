@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from armwright.errors import ScenarioError
+from armwright.parameters import UNSET, Numbers, NumbersOrNone
 from armwright.trajectory.limits import MotionLimits
 from armwright.trajectory.piecewise import PiecewiseMotion, PiecewisePolynomial
 from armwright.trajectory.poses import check_limits, check_number, chosen_duration, plain_pose, rest_to_rest_times
@@ -33,13 +34,13 @@ class MinimumJerk(PiecewiseMotion):
         ScenarioError: names the field, its value and what was expected; a state outside its limits; no duration that keeps them.
     """
 
-    start: Any
-    goal: Any
+    start: Numbers
+    goal: Numbers
     duration: Any = None
-    start_velocity: Any = None
-    start_acceleration: Any = None
-    goal_velocity: Any = None
-    goal_acceleration: Any = None
+    start_velocity: NumbersOrNone = UNSET
+    start_acceleration: NumbersOrNone = UNSET
+    goal_velocity: NumbersOrNone = UNSET
+    goal_acceleration: NumbersOrNone = UNSET
     limits: MotionLimits | None = None
     time: float = 0.0
 

@@ -23,7 +23,7 @@ from armwright.control.gains import positive_limit
 from armwright.errors import ScenarioError
 from armwright.interfaces import JointReference, Measurement, called
 from armwright.model import Model
-from armwright.parameters import lane_values
+from armwright.parameters import UNSET, NumbersOrNone, lane_values
 from armwright.program.repeat import repeated
 from armwright.scalar import Array, Scalar
 from armwright.trajectory.limits import MotionLimits
@@ -50,9 +50,9 @@ class ReferenceFilter:
     """
 
     controller: Any
-    velocity: Any = None
-    acceleration: Any = None
-    jerk: Any = None
+    velocity: NumbersOrNone = UNSET
+    acceleration: NumbersOrNone = UNSET
+    jerk: NumbersOrNone = UNSET
     arm: Model | None = None  # both are set by `configure`
     period: float | None = None
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from armwright import scalar
+from armwright.parameters import Numbers
 from armwright.scalar import Array, Scalar
 from armwright.trajectory.motion import Motion
 from armwright.trajectory.poses import check_number, check_poses, joint_count
@@ -25,8 +25,8 @@ class Ramp(Motion):
         ScenarioError: names the field, its value and what was expected.
     """
 
-    start: Any
-    goal: Any
+    start: Numbers
+    goal: Numbers
     duration: float
     time: float = 0.0
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from armwright import scalar
+from armwright.parameters import Numbers
 from armwright.scalar import Array, Scalar
 from armwright.trajectory.limits import MotionLimits
 from armwright.trajectory.motion import Motion
@@ -26,8 +27,8 @@ class RestToRest(Motion):
 
     PEAKS: ClassVar[tuple[float, float, float]]  # largest speed, acceleration and jerk, by way / durationᵏ
 
-    start: Any
-    goal: Any
+    start: Numbers
+    goal: Numbers
     duration: Any = None
     time: float = 0.0
     limits: MotionLimits | None = None

@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from armwright.parameters import Numbers
 from armwright.trajectory.limits import MotionLimits
 from armwright.trajectory.piecewise import PiecewiseMotion, PiecewisePolynomial
 from armwright.trajectory.poses import check_number, chosen_duration, move_within
@@ -26,8 +27,8 @@ class SegmentedMove(PiecewiseMotion):
 
     NEEDED: ClassVar[str]  # quantity whose limit a joint that moves must have
 
-    start: Any
-    goal: Any
+    start: Numbers
+    goal: Numbers
     limits: MotionLimits
     duration: Any = None
     time: float = 0.0

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from armwright import scalar
+from armwright.parameters import Numbers
 from armwright.scalar import Array, Scalar
 from armwright.trajectory.motion import Motion
 from armwright.trajectory.poses import check_number, check_poses, joint_count
@@ -25,8 +25,8 @@ class Sine(Motion):
         ScenarioError: names the field, its value and what was expected.
     """
 
-    centre: Any
-    amplitude: Any
+    centre: Numbers
+    amplitude: Numbers
     frequency_hz: float
     phase: float = 0.0
     time = 0.0

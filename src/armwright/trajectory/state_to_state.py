@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from armwright.errors import ScenarioError
+from armwright.parameters import UNSET, Numbers, NumbersOrNone
 from armwright.trajectory.limits import MotionLimits
 from armwright.trajectory.minimum_jerk import check_states
 from armwright.trajectory.piecewise import PiecewiseMotion, PiecewisePolynomial
@@ -38,14 +39,14 @@ class Ruckig(PiecewiseMotion):
             not possible.
     """
 
-    start: Any
-    goal: Any
+    start: Numbers
+    goal: Numbers
     limits: MotionLimits
     duration: Any = None
-    start_velocity: Any = None
-    start_acceleration: Any = None
-    goal_velocity: Any = None
-    goal_acceleration: Any = None
+    start_velocity: NumbersOrNone = UNSET
+    start_acceleration: NumbersOrNone = UNSET
+    goal_velocity: NumbersOrNone = UNSET
+    goal_acceleration: NumbersOrNone = UNSET
     time: float = 0.0
 
     def __post_init__(self) -> None:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from armwright import scalar
+from armwright.parameters import Numbers
 from armwright.scalar import Array, Scalar
 from armwright.trajectory.motion import Motion
 from armwright.trajectory.poses import check_number, check_poses, joint_count
@@ -27,8 +27,8 @@ class Step(Motion):
         ScenarioError: names the field, its value and what was expected.
     """
 
-    start: Any
-    goal: Any
+    start: Numbers
+    goal: Numbers
     time: float = 0.0
 
     def __post_init__(self) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -47,7 +47,7 @@ class Waypoints(PiecewiseMotion):
 
     points: Any
     limits: MotionLimits | None = None
-    curve: str = "cubic"
+    curve: Literal["cubic", "natural_cubic", "quintic", "natural_quintic", "parabolic"] = "cubic"
     times: Any = None
     duration: Any = None
     time: float = 0.0

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 from armwright.entry import AnyScenario, as_scenario
 from armwright.errors import ModelError
@@ -49,6 +50,7 @@ SUPPORT = Support(
 
 COMPARED = 100_000  # ticks that are compared behind an export, at most
 WRITTEN = 256  # of them in the self-test
+NO_COMPILER = "no C compiler here (gcc, clang, cc): compile and run the self-test where there is one"
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +78,7 @@ def export_controller(
     name: str | None = None,
     gains: Sequence[str] = (),
     ticks: int | None = None,
-    real: str = "double",
+    real: Literal["double", "float"] = "double",
     counts: bool = False,
     ram: int | None = None,
     flash: int | None = None,
@@ -119,17 +121,14 @@ def export_controller(
     fields = (gains,) if isinstance(gains, str) else tuple(gains)
     stages = ControllerStages.of(scenario, name, fields, counts=counts)
     recording = record(stages, ticks or min(scenario.ticks, COMPARED))
-    code = {f"{stages.name}.h": header(stages, real), f"{stages.name}.c": source(stages, real)}
+    code = controller_code(stages, real)
     taken = None if ram is None and flash is None else footprint(stages.name, code)
     if taken is not None:
         taken.check(ram, flash)
-    comparison = _compared(stages, recording, code, real) if find_compiler() is not None else None
-    short = recording.first(WRITTEN)
-    expected = short.u if comparison is None else comparison.commands[:WRITTEN]
-    texts: dict[str, str | bytes] = code | {
-        f"{stages.name}_selftest.c": selftest(stages, short, expected, real),
+    tested, comparison = with_selftest(stages, recording, code, real)
+    texts: dict[str, str | bytes] = tested | {
         "CMakeLists.txt": cmake(stages.name),
-        "README.md": readme(stages, short.ticks, real),
+        "README.md": readme(stages, min(recording.ticks, WRITTEN), real),
         f"{stages.name}.parameters": parameter_file(stages, real),
     }
     folder = Path(directory)
@@ -141,8 +140,27 @@ def export_controller(
         what = "the law reads the time t, which single precision has to within 1 µs for"
         notes.append(f"{what} {last * stages.period:.4g} s behind `init`: from then on `step` sets the status bit TIME")
     if comparison is None:
-        notes.append("no C compiler here (gcc, clang, cc): compile and run the self-test where there is one")
+        notes.append(NO_COMPILER)
     return ExportedController(stages.name, tuple(folder / file for file in texts), comparison, tuple(notes), taken)
+
+
+def controller_code(stages: ControllerStages, real: str = "double") -> dict[str, str]:
+    """Header and C file of a controller, by name."""
+    return {f"{stages.name}.h": header(stages, real), f"{stages.name}.c": source(stages, real)}
+
+
+def with_selftest(
+    stages: ControllerStages, recording: ControllerRecording, code: Mapping[str, str], real: str = "double"
+) -> tuple[dict[str, str], SoftwareInTheLoop | None]:
+    """Header and C file with their self-test, and their comparison with the simulation; None without a compiler.
+
+    Raises:
+        ModelError: in double, a command with other bits.
+    """
+    comparison = _compared(stages, recording, code, real) if find_compiler() is not None else None
+    short = recording.first(WRITTEN)
+    expected = short.u if comparison is None else comparison.commands[:WRITTEN]
+    return {**code, f"{stages.name}_selftest.c": selftest(stages, short, expected, real)}, comparison
 
 
 def _compared(

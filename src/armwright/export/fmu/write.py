@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from hashlib import sha256
 from importlib.metadata import version as version_of
 from pathlib import Path
+from typing import Literal
 
 from armwright.entry import as_arm
 from armwright.errors import ModelError
@@ -68,9 +69,9 @@ def export_fmu(
     source: Model | Scenario,
     path: str | Path,
     *,
-    part: str = "plant",
-    version: str = "3.0",
-    interface: str = "co-simulation",
+    part: Literal["plant", "controller", "both"] = "plant",
+    version: Literal["3.0", "2.0"] = "3.0",
+    interface: Literal["co-simulation", "model-exchange"] = "co-simulation",
     name: str | None = None,
     platforms: Sequence[str] | None = None,
 ) -> ExportedFmu:

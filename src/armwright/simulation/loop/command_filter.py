@@ -14,6 +14,7 @@ from armwright import scalar
 from armwright.errors import ScenarioError
 from armwright.kernels.stages import NEVER, NEXT, Call, DelayStage, Stage
 from armwright.model import Model
+from armwright.parameters import UNSET, NumbersOrNone
 from armwright.program import trace
 from armwright.scalar import Array
 from armwright.simulation.checks import check_numbers, one_each
@@ -37,9 +38,9 @@ class CommandFilter:
         ScenarioError: names the field, its value and what was expected.
     """
 
-    limit: Any = None
-    rate: Any = None
-    resolution: Any = None
+    limit: NumbersOrNone = UNSET
+    rate: NumbersOrNone = UNSET
+    resolution: NumbersOrNone = UNSET
 
     def __post_init__(self) -> None:
         for name in ("limit", "rate"):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from armwright import scalar
 from armwright.errors import ScenarioError
 from armwright.model import Model
 from armwright.model.joint_signals import joint_signal
-from armwright.parameters import Batch
+from armwright.parameters import UNSET, ZERO, Batch, Numbers, NumbersOrNone
 from armwright.scalar import Array, Scalar
 from armwright.signals import Signal
 from armwright.simulation.checks import check_choice, check_numbers, one_each
@@ -48,14 +48,14 @@ class Sensors:
         ScenarioError: names the field, its value and what was expected.
     """
 
-    counts: Any = None
-    side: str = "motor"
-    velocity: str = "exact"
-    cutoff_hz: Any = None
-    position_noise: Any = 0.0
-    velocity_noise: Any = 0.0
-    current_noise: Any = 0.0
-    counts_per_m: Any = None
+    counts: NumbersOrNone = UNSET
+    side: Literal["motor", "link"] = "motor"
+    velocity: Literal["exact", "difference", "filtered", "observer"] = "exact"
+    cutoff_hz: NumbersOrNone = UNSET
+    position_noise: Numbers = ZERO
+    velocity_noise: Numbers = ZERO
+    current_noise: Numbers = ZERO
+    counts_per_m: NumbersOrNone = UNSET
 
     def __post_init__(self) -> None:
         check_choice("sensors.velocity", self.velocity, VELOCITIES)

@@ -12,14 +12,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import ceil
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from armwright import scalar
 from armwright.errors import ScenarioError
 from armwright.kernels.stages import NEVER
-from armwright.parameters import lane_values
+from armwright.parameters import ZERO, Numbers, lane_values
 from armwright.scalar import Array, Scalar
 from armwright.simulation.checks import check_choice, check_numbers
 
@@ -47,13 +47,13 @@ class Timing:
         clock_drift: (drive's period - master's) / master's, such as 50e-6; 0: both have one clock.
     """
 
-    preset: str = "ideal"
-    measurement_delay: Any = 0.0
-    command_delay: Any = 0.0
-    jitter: Any = 0.0
-    measurement_loss: Any = 0.0
-    command_loss: Any = 0.0
-    clock_drift: Any = 0.0
+    preset: Literal["ideal", "one-tick", "sync"] = "ideal"
+    measurement_delay: Numbers = ZERO
+    command_delay: Numbers = ZERO
+    jitter: Numbers = ZERO
+    measurement_loss: Numbers = ZERO
+    command_loss: Numbers = ZERO
+    clock_drift: Numbers = ZERO
 
     def __post_init__(self) -> None:
         check_choice("timing.preset", self.preset, PRESETS)
