@@ -173,7 +173,7 @@ PARTS_OF_LAWS = {  # of a law that is a feature, or of the plain viscous one
 }
 OF_ELASTICITY = {"cubic_n_m_per_rad3", "error_phase_rad", "side"}
 STRUCTURE = {"frame", "dh", "modified_dh", "axis", "command", "bus_period_s", "motor", "friction", "limits"}
-OF_THE_FILE = {  # words about the file; and where it stands
+OF_THE_FILE = {  # words about the file; where it stands; and keys of several joints, each of which is looked at
     *("title", "notes", "sources", "gravity_m_s2", "base", "command", "tip", "built_from", "fits", "remarks"),
-    *("without_masses", "frames"),
+    *("without_masses", "frames", "defaults"),
 }
