@@ -10,7 +10,7 @@ from armwright.description.drive_file import DriveFile, JointDrive
 from armwright.description.robot import PrismaticJoint, RevoluteJoint, RobotDescription
 from armwright.errors import DescriptionError
 from description.reports import check_report
-from description.urdf_files import AXIS, LIMIT, one_joint, written
+from description.urdf_files import AXIS, INERTIAL, LIMIT, joint, link, one_joint, written
 
 REDUCTION = (
     '<transmission name="t"><joint name="j1"/><actuator name="m"><mechanicalReduction>{}</mechanicalReduction>'
@@ -137,11 +137,36 @@ def test_a_slide(tmp_path):
     assert body.friction.viscous == pytest.approx(1.0)
 
 
+def test_defaults_of_all_joints(tmp_path):
+    """They stand below a joint's own keys, and go into joints that the file does not name; a typo is named."""
+    second = link("tip", INERTIAL) + joint("j2", "upper", "tip", AXIS + LIMIT)
+    path = written(tmp_path, one_joint(more=second))
+    text = (
+        DRIVE[: DRIVE.index("[joints.j1]")]
+        + f"""
+[defaults.motor]
+gear_ratio = 100
+{MOTOR.replace(", ", chr(10))}
+[joints.j1]
+motor = {{ gear_ratio = 50 }}
+"""
+    )
+    written(tmp_path, text, "arm.drive.toml")
+    first, other = (each.motor for each in aw.load(path, on_impossible="warn").record.joints)
+    assert (first.gear_ratio.value, other.gear_ratio.value) == (50.0, 100.0)
+    assert first.resistance_ohm == other.resistance_ohm
+    written(tmp_path, text.replace("[defaults.motor]\ngear_ratio", "[defaults.motor]\ngear_ratoi"), "arm.drive.toml")
+    with pytest.raises(
+        DescriptionError, match=r"defaults\.motor\.gear_ratoi = 100: unknown key; did you mean gear_ratio"
+    ):
+        aw.load(path)
+
+
 def test_it_can_say_all_that_a_robot_file_says_of_drives():
     """Whatever a joint may have beside its place, and a robot beside its tree."""
     placed = {"name", "parent", "child", "frame", "type", "dh", "modified_dh", "axis", "mimic"}
-    for joint in (RevoluteJoint, PrismaticJoint):
-        assert set(joint.model_fields) - placed == set(JointDrive.model_fields)
+    for each in (RevoluteJoint, PrismaticJoint):
+        assert set(each.model_fields) - placed == set(JointDrive.model_fields)
     told = {"name", "title", "notes", "base", "built_from", "fits", "remarks", "without_masses", "links", "frames"}
     assert set(RobotDescription.model_fields) - told == set(DriveFile.model_fields)
 

@@ -9,7 +9,7 @@ import pytest
 
 import armwright as aw
 from armwright.cli.dead_man import Key
-from armwright.errors import BusError
+from armwright.errors import BusError, RunStopped
 from armwright.twin import objects as od
 from armwright.twin.bus import node_numbers
 from armwright.twin.rehearsal import rehearse
@@ -100,13 +100,15 @@ def test_drives_with_other_units_are_refused(short, metal, key, value, message):
 def test_a_reduced_run_is_stored_and_lets_a_full_one_go(scenario, short, metal, tmp_path):
     path = tmp_path / "arm.scenario.toml"
     said = {**SLOW, "path": path, "sha256": "abc"}
-    run = run_controller(
-        short, metal.bus, real_time=True, following_error=1.0, heartbeat=10.0, permission=Permission(**said)
-    )
-    assert run.counts == path.with_suffix(".bus.toml").exists()
+    lenient = {"following_error": 1.0, "heartbeat": 10.0, "missing": 5}
+    try:
+        counts = run_controller(short, metal.bus, real_time=True, permission=Permission(**said), **lenient).counts
+    except RunStopped:  # on a machine that was busy just then: a node's answers came too late
+        counts = False
+    assert counts == path.with_suffix(".bus.toml").exists()
     facts = {"bus": metal.bus, "bitrate": 500_000, "nodes": [3, 4]}
     facts |= {"vendors": [0x1234] * 2, "products": [od.TWIN_PRODUCT] * 2, "serials": [7, 7]}
-    if not run.counts:  # on a machine that was busy just then
+    if not counts:
         Permission(**said).write_reduced(facts)
     full = Permission(**said | {"speed": 1.0, "torque": 1.0})
     assert full.has_run_reduced(facts)

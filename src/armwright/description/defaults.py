@@ -67,7 +67,7 @@ def with_defaults(document: Mapping[str, Any], file: Any) -> dict[str, Any]:
     validated(Defaults, defaults, place="defaults", file=file)
     if isinstance(joints, list):
         document["joints"] = [
-            _filled_in(joint, defaults, document.get("source"), file) if _has_own_drive(joint) else joint
+            filled_in(joint, defaults, document.get("source"), file) if _has_own_drive(joint) else joint
             for joint in joints
         ]
     return document
@@ -78,10 +78,11 @@ def _has_own_drive(joint: Any) -> bool:
     return is_plain and joint.get("type") in moving_kinds()
 
 
-def _filled_in(joint: dict[str, Any], defaults: dict[str, Any], around: Any, file: Any) -> dict[str, Any]:
+def filled_in(joint: dict[str, Any], defaults: dict[str, Any], around: Any, file: Any) -> dict[str, Any]:
     """A joint with the default tables below its own.
 
     Args:
+        joint: its type, and its name for errors, among its keys.   defaults: tables by name, which `Defaults` has accepted.
         around: source of numbers of the document that name none.   file: for errors.
     """
     made, outer = dict(joint), joint.get("source", around)

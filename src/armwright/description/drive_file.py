@@ -15,6 +15,9 @@ limits = { current_a = 8.0 }
 
 [joints.wrist]
 servo = "sts3215-7.4v"               # from the library of servos; tables beside it change single numbers
+
+[defaults.motor]                     # what all other joints have that do not say otherwise; and defaults.friction
+gear_ratio = 100
 ```
 """
 
@@ -24,7 +27,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from pydantic import Field
+from pydantic import Field, PrivateAttr
 
 from armwright.description.drive import Command, LinearFriction, Motor, RotaryFriction
 from armwright.description.paths import path_name
@@ -69,9 +72,11 @@ class DriveFile(Record):
     gravity_m_s2: Vector3 | None = optional("In base axes.")
     tip: str | None = Field(default=None, min_length=1, description="The link that kinematics and wrench are about.")
     joints: dict[str, JointDrive] = Field(default_factory=dict, description="[joints.NAME].")
+    defaults: dict[str, Any] | None = optional("As in a robot file: for all joints that move by a drive of their own.")
     cylinders: tuple[dict[str, Any], ...] = Field(
         default=(), description="As in a robot file; anchors in the other file's link frames."
     )
+    _served: frozenset[str] = PrivateAttr(frozenset())  # joints with a servo, which take no defaults
 
 
 def drive_file_beside(robot_file: Path) -> Path | None:
@@ -102,7 +107,10 @@ def read_drive_file(path: Path) -> DriveFile:
         DescriptionError: no such file, no TOML, an unknown key.
     """
     with toml_tables(path, DescriptionError) as tables:
-        return validated(DriveFile, with_servos(tables, path), file=path)
+        found = validated(DriveFile, with_servos(tables, path), file=path)
+        joints = tables.get("joints")
+        found._served = frozenset(name for name, table in joints.items() if "servo" in table) if joints else frozenset()
+        return found
 
 
 def add_drives(path: Path, drives: DriveFile, robot: dict[str, Any], reductions: dict[str, float]) -> None:
@@ -118,7 +126,7 @@ def add_drives(path: Path, drives: DriveFile, robot: dict[str, Any], reductions:
     """
     moving = {joint["name"]: joint for joint in robot["joints"] if joint["type"] in JOINTS}
     wrong: list[Problem] = []
-    for name, drive in drives.joints.items():
+    for name, drive in _with_defaults(path, drives, moving).items():
         try:
             if name not in moving:
                 place = f"joints.{path_name(name)}"
@@ -142,6 +150,24 @@ def add_drives(path: Path, drives: DriveFile, robot: dict[str, Any], reductions:
         if (drives.gravity_m_s2.source or drives.source) is None:
             raise _no_source(path, "gravity_m_s2")
         robot["gravity_m_s2"] = _sourced({"g": drives.gravity_m_s2}, drives.source)["g"]
+
+
+def _with_defaults(path: Path, drives: DriveFile, moving: dict[str, dict[str, Any]]) -> dict[str, JointDrive]:
+    """Drives by joint, with the file's defaults in those that move and have a drive, but no servo, of their own."""
+    if drives.defaults is None:
+        return drives.joints
+    from armwright.description.defaults import Defaults, filled_in
+
+    validated(Defaults, drives.defaults, place="defaults", file=path)
+    found = dict(drives.joints)
+    for name, joint in moving.items():
+        if "mimic" in joint or name in drives._served:
+            continue
+        own = drives.joints.get(name, JointDrive())
+        tables = {key: getattr(own, key) for key in ("source", *drives.defaults) if getattr(own, key) is not None}
+        filled = filled_in({"name": name, "type": joint["type"], **tables}, drives.defaults, drives.source, path)
+        found[name] = own.replace(**{part: filled[part] for part in drives.defaults if part in filled})
+    return found
 
 
 def _add_drive(
