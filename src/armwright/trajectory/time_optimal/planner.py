@@ -232,6 +232,8 @@ class Planner:
             ScenarioError: it does not, with the place, the joint and the excess.
         """
         used = self._judged(profile.x)
+        if _largest(used) <= 1.0 + KEPT:
+            return profile, used
         least = min(2.0 * (_largest(used) - 1.0), SLOWEST)  # speeds go as √x
         for less in np.geomspace(least, SLOWEST, 9) if not any(self.ends) else ():
             scale = 1.0 - less
