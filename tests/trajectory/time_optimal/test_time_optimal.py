@@ -84,6 +84,19 @@ def test_a_grid_that_is_too_coarse_is_made_finer() -> None:
     assert largest_use(arm, motion, limits) <= 1.0 + 1e-6
 
 
+@pytest.mark.parametrize("name", ["lwa4p", "puma560"])
+@pytest.mark.sample(1)
+def test_torques_that_bind_nowhere_cost_no_time(name: str) -> None:
+    """Of these a last excess of 8e-6 of a velocity does not shrink away: the whole plan is made slower by as little."""
+    arm = built_arm(name)
+    path = random_path(arm, 2, 3)
+    limits = reachable_limits(arm, path, 2).replace(voltage=np.inf)
+    strong, free = (limits.replace(torque=torque) for torque in (1e3 * limits.torque, np.inf))
+    motion = aw.trajectories.time_optimal(arm, path, strong)
+    assert motion.duration == pytest.approx(aw.trajectories.time_optimal(arm, path, free).duration, rel=1e-3)
+    assert largest_use(arm, motion, strong) <= 1.0 + 1e-6
+
+
 @pytest.mark.parametrize(("name", "seed"), [("panda", 0), ("panda", 1), ("lwa4p", 0), ("cmu-dd", 0), ("cmu-dd", 3)])
 @pytest.mark.sample(1)
 def test_rigid_bodies_take_the_time_that_toppra_finds(name: str, seed: int) -> None:

@@ -37,7 +37,7 @@ SPREAD = 4  # times as many pieces about it, in each round but the first two, of
 FARTHEST = 16  # pieces about an excess, at most
 LEVELLED = 6  # rounds after which a ramp that exceeds a limit is levelled
 LOOSE = 1.05  # times a limit at grid points, at most, where the motion between them keeps it
-SLOWEST = 0.8  # of x: how far a plan that shrinking does not end is made slower as a whole
+SLOWEST = 0.2  # of x: what is taken off a whole plan at most where shrinking does not end, from twice the excess on
 QUANTITIES = ("velocity", "acceleration", "torque", "voltage")
 
 
@@ -232,7 +232,11 @@ class Planner:
             ScenarioError: it does not, with the place, the joint and the excess.
         """
         used = self._judged(profile.x)
-        for scale in np.linspace(1.0, SLOWEST, 9)[1:] if not any(self.ends) else ():
+        if _largest(used) <= 1.0 + KEPT:
+            return profile, used
+        least = min(2.0 * (_largest(used) - 1.0), SLOWEST)  # speeds go as √x
+        for less in np.geomspace(least, SLOWEST, 9) if not any(self.ends) else ():
+            scale = 1.0 - less
             slower = self._judged(scale * profile.x)
             if _largest(slower) <= 1.0 + KEPT:
                 return replace(profile, x=scale * profile.x), slower
