@@ -143,7 +143,7 @@ def test_no_local_optimum_of_ipopt_is_faster(name: str, seed: int) -> None:
 @settings(max_examples=24)
 @pytest.mark.study
 def test_limits_hold_on_a_grid_ten_times_denser(seed: int) -> None:
-    """Of 2,000 seeds: tools/motion_seeds.py."""
+    """Some of the problems of tools/motion_seeds.py."""
     arm, path, limits = random_problem(seed)
     motion = aw.trajectories.time_optimal(arm, path, limits, grid=60)
     assert largest_use(arm, motion, limits) <= 1.0 + 1e-6
