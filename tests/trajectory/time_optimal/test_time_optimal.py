@@ -76,7 +76,8 @@ def test_many_waypoints_with_all_limits_of_the_motors() -> None:
     assert finer.saturated > 0.95
 
 
-def test_a_grid_that_is_too_coarse_is_made_finer() -> None:
+def test_a_grid_that_is_too_coarse_is_made_finer(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("armwright.trajectory.time_optimal.plan.BETWEEN", 1)
     arm, path, limits = random_problem(384)  # of 100 points it would take more than twice as long
     motion = aw.trajectories.time_optimal(arm, path, limits, grid=100)
     assert len(motion.s) > 200

@@ -32,7 +32,7 @@ SUPPORT = KERNELS.named("time_optimal")
 
 GRID = 500
 LEAST_GRID, MOST_GRID = 10, 5_000  # more change no digit that anybody needs
-BETWEEN = 16  # grid points between two breaks of the path, on average, unless there are too many breaks for that
+BETWEEN = 24  # grid points between two breaks of the path, on average, unless there are too many breaks for that
 FINER = 3  # grids, each twice as fine, for a plan that …
 SLOWER = 1.05  # times what the limits at grid points allow is slower for what lies between them
 NEAR = 0.02  # of an even piece: a turn that near to another grid point is none of its own
