@@ -337,7 +337,10 @@ def _scenarios(
 
     read = found = aw.read_scenario(path, allow=allow or ())
     if (found.lane_count or 1) > 1:
-        say(f"armwright: note: {path.name} has {found.lane_count} lanes; this is the record's own arm", err=True)
+        say(
+            f"armwright: note: {path.name} has {found.lane_count} lanes; the twin is the nominal arm, without them",
+            err=True,
+        )
         found = replace(found, lanes=None, vary={})
     if reference is not None:
         found = following(found, reference, str(path))

@@ -177,7 +177,7 @@ class Simulation(LoopRunner):
         return run
 
     def _global_error(self, recorded: RecordedLanes, state: LoopState | None) -> GlobalError | None:
-        """How wrong a run is as a whole, from a few lanes that are simulated again, where `Solver.global_error` asks for it.
+        """Global error of a run, from a few lanes that are simulated again, if `Solver.global_error` asks for it.
 
         None where quantisers decide: errors then jump from one count to the next.
         """
@@ -383,7 +383,7 @@ class _Groups:
         self.ends: dict[int, LoopState] = {}
 
     def begin(self, first: int, count: int) -> Work:
-        """How a group is taken from tick to tick of the run, and what is done with it at the end."""
+        """Functions that take a group from tick to tick of the run, and that end it."""
         simulation, origin = self._simulation, self._simulation.origin
         last, lanes = origin + self._ticks, simulation.lanes(count, first)
         simulation.begin(lanes, self._state)

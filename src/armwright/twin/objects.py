@@ -217,7 +217,7 @@ RECORDS |= {index + 1: RECORDS[index] for index in (0x1400, 0x1600, 0x1800, 0x1A
 
 
 def packing(keys: tuple[Key, ...]) -> struct.Struct:
-    """How the values of process data lie in a frame."""
+    """Layout of process data in a frame."""
     return struct.Struct("<" + "".join(ENTRIES[key].kind.packed for key in keys))
 
 

@@ -86,7 +86,7 @@ class BusRun(Result):
         return self.counts
 
     def sentences(self) -> list[str]:
-        """Whether it is complete, why it ended early, how the drives stood at its end."""
+        """Completeness, the reason of an early end, and the state of the drives at the end."""
         why = [f"stopped early: {self.trouble}"] if self.trouble else ["ended before its last tick"]
         first = ["complete"] if self.counts else ["complete, with too many incomplete cycles"] if self.complete else why
         return [*first, *([str(self.ending)] if self.ending else [])]

@@ -36,7 +36,7 @@ CHUNK = 1000  # turns at once
 
 @dataclass(frozen=True)
 class Mounting:
-    """How a servo's encoder sits on its joint:  q = direction (counts - zero) 2π / turn.
+    """Mounting of a servo's encoder on its joint:  q = direction (counts - zero) 2π / turn.
 
     Attributes:
         turn: [counts] of one turn.   zero: [counts] at q = 0.   direction: 1 or -1.
@@ -74,7 +74,7 @@ LIMIT = "output_limit"  # the record's or the registers', whichever is less
 
 @dataclass(frozen=True, eq=False)
 class PlantRow:
-    """What came into force at a turn: goals (n,) [rad] and 1 or 0 for servos (n,) that are on or off."""
+    """Inputs that came into force at a turn: goals (n,) [rad] and 1 or 0 for servos (n,) that are on or off."""
 
     turn: int
     goals: np.ndarray
@@ -198,7 +198,7 @@ class ArmPlant:
             self._run(upto)
 
     def measure(self, servo: int) -> Measurement:
-        """What the servo's firmware read at its last turn."""
+        """Measurement that the servo's firmware read at its last turn."""
         if self._measured is None or self._measured[0] != self.turn:
             self._measured = self.turn, self._measurements()
         return self._measured[1][servo]
@@ -249,7 +249,7 @@ class ArmPlant:
         self._runner.loop.loops[0].begin_rows(self._lanes, block, row, self.turn)
 
     def _is_on(self, servo: int, goal: Goal) -> bool:
-        """Whether the model's servo is on: for goals of position, and for a duty of 0, which shorts the motor."""
+        """True if the model's servo is on: for goals of position, and for a duty of 0, which shorts the motor."""
         if goal.torque and goal.mode != "position" and (goal.mode, goal.value) != ("duty", 0.0):
             self._tell(servo, f"goals of {goal.mode} are not simulated: the servo is off")
             return False

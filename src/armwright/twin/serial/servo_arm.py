@@ -44,7 +44,7 @@ HELD_IN = {
 
 @dataclass(frozen=True)
 class Line:
-    """How servos sit on their bus, and on their joints.
+    """Ids of servos on their bus, and mountings on their joints.
 
     Attributes:
         model: of all servos, such as "sts3215".   ids: one for each joint; default 1, 2, ….   baud: [bit/s].
@@ -141,7 +141,7 @@ def ids_of(arm: Model, ids: Sequence[int] | None) -> list[int]:
 
 
 def mountings_of(arm: Model, line: Line, model: ServoModel) -> list[Mounting]:
-    """How the encoders of an arm's servos sit on its joints.
+    """Mountings of the encoders of an arm's servos on its joints.
 
     Raises:
         BusError: another number of zeros than joints, or a joint that the arm does not have.
