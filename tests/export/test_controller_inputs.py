@@ -153,7 +153,9 @@ def test_parameters_that_no_controller_can_have_are_refused(tmp_path, real):
         "kp": [4, 4, 4, 0],
         "limit": [4, 0, 5, 5],
     }
-    members = re.findall(r"^    (?:double|float) (\w+)\[2\]; /\* the controller's \*/", exported.paths[0].read_text(), re.M)
+    members = re.findall(
+        r"^    (?:double|float) (\w+)\[2\]; /\* the controller's \*/", exported.paths[0].read_text(), re.M
+    )
     assert members == ["controller_kp", "controller_limit", "law_velocity"]  # another member is called velocity
     assert [row.tolist() for row in found] == [expected[kind] for kind in kinds]
 

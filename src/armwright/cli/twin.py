@@ -315,7 +315,7 @@ def _show_run(run: BusRun, faults: Sequence[Fault], ticks: int, in_lock_step: bo
         _show_cycles("the master's cycles", run.cycles)
     say("positions and commands are those of the simulation, to the bit" if run.equal else _how_it_differs(run, faults))
     if not run.complete:
-        say(f"stopped after {len(run.time)} of {ticks} cycles: the key was let go")
+        say(f"stopped after {len(run.time)} of {ticks} cycles: the space bar was released")
 
 
 def _how_it_differs(run: BusRun, faults: Sequence[Fault]) -> str:

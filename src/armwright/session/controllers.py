@@ -74,7 +74,7 @@ def _settings(state: SessionState, kind: str, scale: str | None, gains: dict[str
     """Settings that were checked by building the controller.
 
     Args:
-        state: the session's.   kind: name of the controller.   scale: position that one volt asks for, one number or one per joint.
+        state: the session's.   kind: name of the controller.   scale: position that one volt asks for, one or one per joint.
         gains: as they were typed, numbers in the controller's own units.
     Raises:
         SessionError: an unknown law or gain, a gain or the scale that is missing.   ScenarioError: a gain that is refused.

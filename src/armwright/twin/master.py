@@ -123,9 +123,7 @@ class Ending:
             return f"{text}; the drives are disabled"
         lifted, limp = ", ".join(self.lifted), ", ".join(self.limp)
         but = f" but for {limp}, where the drive has no torque" if limp else ""
-        return (
-            f"{text}; the drives hold the arm{but}, which has no brake at {lifted}, until they are released (--release)"
-        )
+        return f"{text}; the drives hold the arm{but}, until you release them (--release): no brake holds {lifted}"
 
 
 class Master:
