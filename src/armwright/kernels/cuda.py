@@ -1,7 +1,7 @@
 """Program → CUDA C: one thread a state, or one thread a whole simulated trajectory; compiled by NVRTC through CuPy.
 
 Arrays are those of the other kernels: row-major, one row a state. The text is the sequence of IEEE operations that LLVM and C
-are given; NVRTC is told --fmad=false, so that only what is written as fma() is fused. Where libm is called (angles beyond
+are given; NVRTC gets --fmad=false, so that only what is written as fma() is fused. Where libm is called (angles beyond
 2^20 rad, and the few operations without a polynomial of ours) it is CUDA's own, which may differ in the last place.
 """
 

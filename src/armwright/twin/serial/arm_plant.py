@@ -100,7 +100,7 @@ class ArmPlant:
     Args:
         arm: all of whose joints have a servo's firmware.   mountings: (n,) of the servos.
         start: (n,) [rad] at time 0, where everything rests; default 0.
-        note: is told, once each, what a servo was asked for that the model does not have.
+        note: called once with each request to a servo that the model cannot carry out.
 
     Attributes:
         period: [s] of a turn.   turn: number of the turn that comes next.   rows: what came into force, and when.

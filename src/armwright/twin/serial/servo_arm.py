@@ -64,7 +64,7 @@ class ServoArm:
 
     Args:
         arm: all of whose joints follow goals by their firmware.   line: of its servos.
-        start: (n,) [rad] at time 0; default 0.   note: is told what a servo was asked for that the model does not have.
+        start: (n,) [rad] at time 0; default 0.   note: called with each request that the model cannot carry out.
 
     Attributes:
         plant: the arm.   bus: of the servos, at time 0.
@@ -105,10 +105,10 @@ class ServoArm:
         """Answers on a pseudo-terminal until `ended` says so.
 
         Args:
-            path: of the link that clients open; None: they open the device that `ready` is told.
+            path: of the link that clients open; None: they open the device that `ready` receives.
             cycle: period [s], and the instruction that closes a cycle, such as "sync-write:42": lock-step; None: real time.
             schedule: NAME.scenario.toml for the goals that came, written at the beginning and at the end.
-            ready: is told where clients find the servos.   patience: [s] after which a reply is dropped.
+            ready: called with the device that clients open.   patience: [s] after which a reply is dropped.
         Returns:
             counts: of instructions and replies.
         Raises:
