@@ -30,6 +30,7 @@ EVERYWHERE = {  # pattern → what to write instead
     r"\ba hint and no answer\b": "approximate",
     r"\bnothing of its own\b": "no",
     r"\bhow the arm is told\b": "the model",
+    r"\b(left|leaves?) the finite numbers\b": "diverged, diverges",
 }
 PAGES_ONLY = {
     r"\btells?\b|\btold\b": "shows, determines, states, explains",

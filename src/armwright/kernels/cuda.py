@@ -91,7 +91,7 @@ def cuda_trajectory_source(step: Program) -> str:
         step: (x, u, h) → x⁺, as the simulator traces it.
     Returns:
         text: the kernel `name_trajectory(count, ticks, every, h, x, x_step, u, u_step, record, frozen)`; record is
-            (ticks // every + 1, count, nx), frozen (count,) the tick at which a lane left the finite numbers, or -1.
+            (ticks // every + 1, count, nx), frozen (count,) the tick at which a lane diverged, or -1.
     """
     _check_step(step)
     unit = Unit(CUDA, f"{identifier(step.name)}_")
@@ -200,7 +200,7 @@ class CudaTrajectory:
             h: [s] the step.   ticks: how many.   every: a row is recorded after every so many.
         Returns:
             record: CuPy (ticks // every + 1, lanes, nx), row 0 the initial states.
-            frozen: CuPy (lanes,) the tick at which a lane left the finite numbers, or -1.
+            frozen: CuPy (lanes,) the tick at which a lane diverged, or -1.
         Raises:
             ShapeError: x or u of the wrong shape.
         """

@@ -109,7 +109,7 @@ class Simulation(LoopRunner):
         Returns:
             run: time, q, qd, qdd, tau, u and, where the record has the constants, voltage and current; units in attributes.
         Raises:
-            DivergenceError: a single run left the finite numbers.
+            DivergenceError: a single run diverged.
             Interrupted: Ctrl-C, a KeyboardInterrupt whose `run` holds the lanes that were finished.
         """
         if threads is not None:
@@ -145,7 +145,7 @@ class Simulation(LoopRunner):
         """Estimated errors of a run, where there is an estimate; a step that is coarse is noted.
 
         Raises:
-            DivergenceError: a single run left the finite numbers.
+            DivergenceError: a single run diverged.
         """
         scenario, status = self.scenario, recorded.status
         if recorded.rows is not None and not self._in_turns and scenario.solver.rule in INTEGRATORS:
@@ -239,7 +239,7 @@ class Simulation(LoopRunner):
             real_time: whether it returns no earlier than the tick ends by the clock, counted from the first such step.
         Raises:
             ScenarioError: a command beside another one that drives the arm, none where none does, or one of another shape.
-            DivergenceError: a single lane left the finite numbers; of several, those that do are frozen.
+            DivergenceError: a single lane diverged; of several, those that do are frozen.
         """
         if (command is None) == self.external:
             if command is None:
@@ -438,7 +438,7 @@ def simulate(
         run: time, q, qd, qdd, tau, u and, where the record has the constants, voltage and current; units in attributes.
     Raises:
         ScenarioError: a step too large for the arm's fastest time constant; names the step that would do.
-        DivergenceError: a single run left the finite numbers.
+        DivergenceError: a single run diverged.
         Interrupted: Ctrl-C, a KeyboardInterrupt whose `run` holds the lanes that were finished.
     """
     scenario = as_scenario(scenario)

@@ -187,7 +187,7 @@ class ArmPlant:
         """Simulates all turns that end at or before a time [s].
 
         Raises:
-            DivergenceError: the motion left the finite numbers.
+            DivergenceError: the motion diverged to infinite numbers or NaN.
         """
         self._until = until
         end = floor(until / self.period + ROUNDING)
@@ -217,7 +217,8 @@ class ArmPlant:
         stopped = self._lanes.get("frozen")[0, 0]
         if stopped >= 0.0:
             raise DivergenceError(
-                f"the motion left the finite numbers at t = {stopped * self.period:g} s", place=self.arm.name
+                f"the motion diverged to infinite numbers or NaN at t = {stopped * self.period:g} s",
+                place=self.arm.name,
             )
 
     def _put(self, turn: int, goals: Sequence[Goal]) -> None:

@@ -113,7 +113,7 @@ class ServoArm:
             counts: of instructions and replies.
         Raises:
             BusError: no terminal there, a cycle that the protocol does not have; in lock-step, a reply that was late.
-            OutputError: the schedule cannot be written.   DivergenceError: the motion left the finite numbers.
+            OutputError: the schedule cannot be written.   DivergenceError: the motion diverged to infinite numbers or NaN.
         """
         end = None if cycle is None else CycleEnd.parse(cycle[1], self.bus.framing)
         timing = None if cycle is None or end is None else LockStep(self.bus, cycle[0], end)
