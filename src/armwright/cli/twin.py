@@ -77,11 +77,9 @@ def twin(
     serial_number: int | None = option("N", "Serial number in object 1018 of every node; default 1."),
     fault: Faults = None,
     duration: float | None = option("S", "How long the twin is on the bus; by default until Ctrl-C."),
-    eds: Path | None = option("FOLDER", "Write the nodes' electronic data sheets, and do no more."),
+    eds: Path | None = option("FOLDER", "Write the nodes' electronic data sheets and exit."),
     reference: Reference = None,
-    speed: float | None = option(
-        "V", "That of the run: what the hand takes up, and forces, come as much later; default 1."
-    ),
+    speed: float | None = option("V", "Speed of the run; stretches times of payloads and wrenches too; default 1."),
     allow: Allow = None,
     serial: Path | None = option("PATH", "Be servos on a serial line instead, a pseudo-terminal with this link."),
     servo: str | None = option("MODEL", "Of all servos: sts3215 (default), xl330-m288, xl430-w250."),
@@ -91,7 +89,7 @@ def twin(
     reverse: str | None = option("J1,J2,…", "Joints that turn the other way than their encoders count."),
     q0: Position = None,
     period: float | None = option(
-        "S", "Of a cycle: lock-step, in which frames alone let time pass; default real time."
+        "S", "Period of a cycle in lock-step, where frames advance the time; default real time."
     ),
     tick: str | None = option("NAME[:ADDRESS]", "Instruction that closes a cycle; default sync-write:42 or :116."),
     patience: float | None = option(
