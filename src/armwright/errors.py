@@ -122,15 +122,15 @@ class ArmwrightError(Exception):
         return error
 
     def joined(self, *others: Problem) -> Self:
-        """The same error with further problems, for the caller to raise."""
+        """A copy of the error with further problems, for the caller to raise."""
         return self.of(*self.problems, *others)
 
     def within(self, place: str = "", file: Any = "") -> Self:
-        """The same error seen from outside, for the caller to raise: see `Problem.within`."""
+        """A copy of the error as seen from the enclosing table, for the caller to raise: see `Problem.within`."""
         return self.of(*(problem.within(place, file) for problem in self.problems))
 
     def renamed(self, rename: Callable[[str], str], in_text: Callable[[str], str] = str) -> Self:
-        """The same error with the place of every problem as the user wrote it, for the caller to raise.
+        """A copy of the error with every place as the user wrote it, for the caller to raise.
 
         Args:
             rename: a place to its new name.   in_text: a text to one with such names, of other places.

@@ -264,7 +264,7 @@ class Support:
         assert not unknown, f"{self.consumer}: {unknown}"
 
     def named(self, consumer: str) -> Support:
-        """The same declaration for another consumer."""
+        """The declaration for another consumer."""
         return replace(self, consumer=consumer)
 
     @property

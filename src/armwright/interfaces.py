@@ -47,9 +47,9 @@ class Measurement:
 
 @runtime_checkable
 class Controller(Protocol):
-    """A control law with memory: `init` gives its initial state, `step` its command and next state.
+    """A controller with memory: `init` gives its initial state, `step` its command and next state.
 
-    A law without memory may be a plain function (t, r, y) → u. Fields of a dataclass may be of any shape; one that is
+    A controller without memory may be a plain function (t, r, y) → u. Fields of a dataclass may be of any shape; one that is
     given as a `Batch` has a value a lane, and `init` and `step` see that of their lane.
     One that depends on the sample period, or checks its gains, may have `configure(arm, period) → Controller`, asked first.
     One that has `vectorised = True` is not traced, but called in Python with all lanes at once: arrays are then (lanes, n).

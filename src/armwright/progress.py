@@ -81,7 +81,7 @@ def _silent(done: int, total: int) -> None:
 
 
 def _target() -> str | None:
-    """Where a bar can be seen: "notebook", "terminal", or None; also None inside of another bar."""
+    """Place of the progress bar: "notebook" or "terminal"; None if it cannot be seen, or within another bar."""
     if getattr(_shown, "open", False) or threading.current_thread() is not threading.main_thread():
         return None
     ipython: Any = sys.modules.get("IPython")

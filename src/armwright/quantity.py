@@ -44,7 +44,7 @@ class Record(BaseModel):
         """A copy with some fields changed, validated like the original.
 
         Raises:
-            DescriptionError: the changed record cannot be believed.
+            DescriptionError: the changed record is invalid.
         """
         fields = {name: getattr(self, name) for name in self.model_fields_set} | changes
         return validated(type(self), fields)

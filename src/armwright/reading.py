@@ -96,5 +96,5 @@ def refuse_other_entries(path: Any, expected: str, error: type[ArmwrightError]) 
 
 
 def _what_it_is(mode: int) -> str:
-    """What an entry is that is no regular file; "" of one."""
+    """Kind of an entry that is no regular file; "" of a regular one."""
     return "a folder" if stat.S_ISDIR(mode) else KINDS.get(stat.S_IFMT(mode), "" if stat.S_ISREG(mode) else "no file")

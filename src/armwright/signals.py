@@ -110,7 +110,7 @@ class SignalValues(Mapping[str, Any]):
 
 @dataclass(frozen=True)
 class Layout:
-    """Signals one behind the other in a vector.
+    """Concatenation of signals into one vector.
 
     Attributes:
         signals: in order; no name comes twice.

@@ -81,7 +81,7 @@ class TomlText:
             raise error.of(*self.problems)
 
     def _follows(self, problem: Problem) -> bool:
-        """Whether a problem comes from a line that is no TOML, which is a problem of its own."""
+        """True if an invalid line of TOML, which is reported already, causes this problem."""
         lines = self.text.split("\n")
         headers = [0, *(k for k, line in enumerate(lines, 1) if HEADER.match(line)), math.inf]
         last = problem.place.replace(" ", ".").rpartition(".")[2]
@@ -100,7 +100,7 @@ class TomlText:
         return False
 
     def located(self, error: Any) -> Any:
-        """The same error, its problems of this file with the line on which their place, or the table around it, begins."""
+        """A copy of the error with lines: where the place of each problem of this file, or the table around it, begins."""
         return type(error).of(*(self.with_line(problem) for problem in error.problems))
 
     def with_line(self, problem: Problem) -> Problem:
@@ -176,7 +176,7 @@ def _split(text: str) -> tuple[list[Statement], list[tuple[int, str]]]:
 
 
 def _statement(lines: list[str], start: int) -> tuple[int, dict[str, Any] | None, str]:
-    """Where the statement that begins on a line ends, its tables or None, and why it is none."""
+    """Last line of the statement that begins at `start`, its tables (None if invalid), and the error."""
     reason = ""
     last = start + (LONGEST_BROKEN if OPEN.search(lines[start]) and not HEADER.match(lines[start]) else 1)
     for end in range(start + 1, min(last, len(lines)) + 1):

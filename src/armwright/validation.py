@@ -279,7 +279,7 @@ def _meant(place: str, problem: Problem) -> list[str]:
 
 
 def _problems(error: Any, record: type[pydantic.BaseModel]) -> list[Problem]:
-    """What one of pydantic's errors reports, seen from its place: a validator of ours may have found several things."""
+    """Problems of one of pydantic's errors, seen from its place: a validator of ours may report several."""
     raised = error["ctx"]["error"] if error["type"] == "value_error" else None
     if not isinstance(raised, Invalid):
         return [_problem(error, record)]
@@ -360,7 +360,7 @@ def place_of(location: Location, data: Any, *, is_missing: bool = False) -> str:
 
 
 def described_field(location: Location, record: type[pydantic.BaseModel]) -> tuple[str, str]:
-    """What the field at a location may hold, and its description; those of the table around it where it has none."""
+    """Expected type and description of the field at a location; those of the table around it if the field has none."""
     while location:
         key = location[-1]
         field = _fields_at(location, record).get(key) if isinstance(key, str) else None

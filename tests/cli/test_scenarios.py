@@ -57,7 +57,7 @@ def test_the_end_state_of_lanes_is_shown_as_statistics(tmp_path):
 def test_a_lane_that_diverged_is_left_out_and_counted(tmp_path, what):
     path = scenario(tmp_path, "5, 1e300, 40", what)
     shown = run("simulate", path).stdout
-    assert "in 3 lanes, of which 1 left the finite numbers or ran out of steps, compiled" in shown
+    assert "in 3 lanes, of which 1 diverged or ran out of steps, compiled" in shown
     assert "over the 2 of 3 lanes that came to their end" in shown
     assert "∞" not in shown
     told = numbers(re.search(SHOULDER, shown.partition("of the whole run")[2], re.M))

@@ -12,6 +12,7 @@ import subprocess
 import sys
 import tempfile
 import warnings
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -38,6 +39,17 @@ def write_files(name: str, folder: Path) -> None:
     """The files that a page shows, written where its commands expect them."""
     for match in FILE.finditer(page(name)):
         (folder / match["name"]).write_text(match["text"], encoding="utf-8")
+
+
+def blocks_in_order(name: str, folder: Path) -> Iterator[tuple[str, str]]:
+    """Kind and text of every code block; files that the page shows are written when it comes to them."""
+    text = page(name)
+    matches = sorted([*FILE.finditer(text), *BLOCK.finditer(text)], key=lambda match: match.start())
+    for match in matches:
+        if "name" in match.groupdict():
+            (folder / match["name"]).write_text(match["text"], encoding="utf-8")
+        else:
+            yield match["kind"], match["text"]
 
 
 def sessions(text: str) -> list[tuple[str, list[str]]]:

@@ -169,6 +169,6 @@ def compared(scenario: aw.Scenario, folder: str | Path) -> SoftwareInTheLoop | N
     try:
         return aw.export.export_controller(scenario, folder).comparison
     except ScenarioError as error:
-        if "left the finite numbers" not in str(error):
+        if "diverged to infinite numbers" not in str(error):
             raise
         return None

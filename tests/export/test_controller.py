@@ -185,7 +185,7 @@ def test_gains_become_parameters(tmp_path):
     exported = aw.export.export_controller(pid_loop(), tmp_path, gains=("kp", "kd"), ticks=100)
     name = exported.name
     assert exported.comparison is not None
-    assert "double kp[2]; /* the law's */" in exported.paths[0].read_text()
+    assert "double kp[2]; /* the controller's */" in exported.paths[0].read_text()
     body = f"""
     {name}_parameters mine = {name}_default_parameters;
     {name}_init(&state, &mine, &y, &u);
@@ -361,7 +361,7 @@ class Vectorised:
             {"controller": with_math},
             r"^loop\.controller 'with_math': cannot be traced \(test_controller\.py, line \d+\): ",
         ),
-        ({"controller": Vectorised()}, r"asks for all lanes at once; expected a law of one lane$"),
+        ({"controller": Vectorised()}, r"asks for all lanes at once; expected a controller of one lane$"),
         ({"controller": None}, r"^loop\.controller: no controller; expected one to export$"),
         (
             {"controller": aw.JointPID(kp=aw.Batch([1.0, 2.0]))},

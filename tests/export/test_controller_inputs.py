@@ -153,7 +153,9 @@ def test_parameters_that_no_controller_can_have_are_refused(tmp_path, real):
         "kp": [4, 4, 4, 0],
         "limit": [4, 0, 5, 5],
     }
-    members = re.findall(r"^    (?:double|float) (\w+)\[2\]; /\* the law's \*/", exported.paths[0].read_text(), re.M)
+    members = re.findall(
+        r"^    (?:double|float) (\w+)\[2\]; /\* the controller's \*/", exported.paths[0].read_text(), re.M
+    )
     assert members == ["controller_kp", "controller_limit", "law_velocity"]  # another member is called velocity
     assert [row.tolist() for row in found] == [expected[kind] for kind in kinds]
 
@@ -257,7 +259,7 @@ def test_gains_of_an_inner_controller_become_parameters(tmp_path):
     exported = aw.export.export_controller(pid_loop(controller=law), tmp_path, gains=("kp", "inner.kd"), ticks=100)
     assert exported.comparison is not None
     text = exported.paths[0].read_text()
-    assert "double inner_kp; /* the law's */" in text or "double inner_kp[2]; /* the law's */" in text
+    assert "double inner_kp; /* the controller's */" in text or "double inner_kp[2]; /* the controller's */" in text
     assert "inner_kd" in text
     with pytest.raises(ScenarioError, match=r"^gains = 'kq': .*\binner\.kp\b"):
         aw.export.export_controller(pid_loop(controller=law), tmp_path / "out", gains=("kq",))

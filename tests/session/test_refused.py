@@ -48,7 +48,7 @@ REFUSED = [  # line, place or file, value, reason where the expectation does not
     ("open-output-file", "open-output-file file", None, "missing"),
     ("open-output-file ''", "open-output-file file", None, "missing"),
     ("save ''", "save file", None, "missing"),
-    ("controller fuzzy", "controller kind", "fuzzy", "no such control law"),
+    ("controller fuzzy", "controller kind", "fuzzy", "no such controller"),
     ("controller joint-pid kp=1", "controller scale", None, "missing"),
     ("controller joint-pid scale=1", "controller joint-pid kp", None, "missing"),
     ("controller joint-pid kp=1 kf=2 scale=1", "controller joint-pid gain", "kf", "no such gain"),

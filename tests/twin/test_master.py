@@ -331,7 +331,7 @@ def test_a_brake_holds_what_it_can(rehearsal, holding, without):
     assert joints_without_brake(replace(arm, bodies=bodies)) == without
 
 
-# An arm of metal.
+# A real arm.
 
 PASSED = SimpleNamespace(passed=True)
 SLOW = {"serial": 7, "verdict": PASSED, "speed": 0.25, "torque": 0.5, "may_move": lambda: True}
@@ -436,7 +436,7 @@ def test_a_rehearsal_that_cannot_be_stored_is_no_refusal(slow, monkeypatch, outs
 def test_drives_of_another_arm(slow, monkeypatch, outside, change, message):
     simulated(monkeypatch)
     with Twin(slow.source, "virtual", serial=7) as twin:
-        twin.drives[1].values[od.VENDOR] = 0x1234  # one drive of metal is an arm of metal
+        twin.drives[1].values[od.VENDOR] = 0x1234  # one real drive makes the arm a real one
         change(twin.drives[1])
         with pytest.raises(BusError) as error:
             run_controller(slow, "virtual", permission=Permission(**SLOW))  # in lock-step, which metal never does

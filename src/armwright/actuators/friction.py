@@ -45,8 +45,8 @@ def sliding_friction(
 ) -> Scalar:
     """Friction torque [N m | N] of a joint that slides in a stated direction, 1 or -1, which its speed's sign may not show yet.
 
-    offset + viscous q̇ + direction · g: Coulomb's level is that of the direction, its falling part that of the speed. 0 stands for
-    a joint at rest, whose dry friction is not known from its speed and is left out.
+    offset + viscous q̇ + direction · g: the Coulomb level is that of `direction`, the Stribeck fall that of |q̇|. Direction 0 is
+    a joint at rest, whose dry friction does not follow from its speed and is left out.
     """
     level = LAWS[friction.law].level(friction, speed, load, warming, direction)
     return friction.offset + viscous_torque(friction, speed, warming) + direction * level

@@ -53,7 +53,7 @@ class GearLoss:
         return [*self.knots, *self.slopes]
 
     def unpacked(self, values: Array) -> GearLoss:
-        """The same law with other numbers."""
+        """The loss with other numbers."""
         knots = len(self.knots)
         return GearLoss(tuple(values[:knots]), tuple(values[knots:]))
 

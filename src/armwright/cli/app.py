@@ -181,7 +181,7 @@ def entry(name: str) -> Callable[..., None] | typer.Typer:
 
 
 def about(name: str) -> str:
-    """What is said of a command or a group."""
+    """Help text of a command or a group."""
     said = entry(name)
     if isinstance(said, typer.Typer):
         said = said.registered_callback.callback if said.registered_callback is not None else said.info.help

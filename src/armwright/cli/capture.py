@@ -30,7 +30,7 @@ def capture(
         "FILE", "Stored calibration, of --calibrate or LeRobot, that the servos must have; needed with --go."
     ),
     calibrate: Path | None = option(
-        "FILE.json", "Write the servos' ids, models, firmware, offsets and limits as a calibration, and do no more."
+        "FILE.json", "Write the servos' ids, models, firmware, offsets and limits as a calibration; moves nothing."
     ),
     output: Path | None = output_option("LOG.csv", "Goals and measurements, a row a cycle; needed with --go."),
     go: bool = flag("--go", "Move. Without it nothing is written to servos, and the motion is only checked."),

@@ -55,7 +55,7 @@ def dead_man_key() -> Iterator[Callable[[], bool] | None]:
         return
     with _characters() as pressed:
         key = Key(pressed)
-        say("hold the space bar down; letting it go stops the arm", err=True)
+        say("hold the space bar down; releasing it stops the arm", err=True)
         end = time.monotonic() + PATIENCE
         while not key():
             if time.monotonic() > end:

@@ -37,8 +37,8 @@ def design(
     ),
     bandwidth: str | None = option("W1,W2,…", "Of the joints in rad/s; default the stiffest that keeps the margins."),
     damping: float = option("Z", "Of the closed loops; default 1.", 1.0),
-    gain_margin: float = option("G", "Factor of a command to bear; default 2.", 2.0),
-    phase_margin: float = option("DEG", "Phase lag to bear, degrees; default 30.", 30.0),
+    gain_margin: float = option("G", "Gain margin to keep, a factor; default 2.", 2.0),
+    phase_margin: float = option("DEG", "Phase margin to keep, in degrees; default 30.", 30.0),
     poses: int = option("N", "Poses to draw within the position limits; default 2000.", 2000),
     seed: int = option("N", "Of the poses; default 0.", 0),
     reference: Path | None = option(

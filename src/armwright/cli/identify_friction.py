@@ -15,7 +15,7 @@ HEADS = ("joint", "velocity [rad/s | m/s]", "friction [N m | N]", "± std", "row
 
 def friction(
     file: Path = argument("LOG.log.toml", "The arm in motion, each joint both ways."),
-    robot: str = option("ROBOT", "The arm, known or identified; its own friction does not count.", ...),
+    robot: str = option("ROBOT", "The arm, known or identified; the friction in its file is not used.", ...),
     cutoff: float | None = option("HZ", "Cut-off of the low-pass; by default chosen."),
     warming: str = option(
         "RUN=K,…", "Gears above the reference temperature, in kelvin, by run, instead of the log's temperatures.", ""

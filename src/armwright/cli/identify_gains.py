@@ -18,7 +18,7 @@ def gains(
     robot: str = option("ROBOT", "The arm; its masses and torque constants do not count.", ...),
     loaded: Path = option("LOG", "The arm with the payload in motion.", ..., names="--loaded-log"),
     mass: float = option("KG", "Of the payload, weighed.", ...),
-    mass_std: float = option("KG", "Deviation of the mass, which counts for every gain.", 0.0),
+    mass_std: float = option("KG", "Standard deviation of the mass; enters that of every gain.", 0.0),
     com: str | None = option("X,Y,Z", "Centre of the payload [m] in the frame; by default found with the gains."),
     inertia: str | None = option(
         "XX,XY,XZ,YY,YZ,ZZ", "About the centre [kg m²]; with --com; by default found as well."

@@ -16,10 +16,12 @@ def servo(
     files: list[Path] = argument("LOG.json…", "BAM's logs of one servo: any gains, masses, lengths and motions."),
     arm_mass: float | None = option("KG", "Mass of the rod, where a log does not say; by default 0."),
     gain: float | None = option("DUTY", "Duty per radian and unit of P, of a servo that is not known."),
-    limit: float | None = option("DUTY", "Largest duty, beside --gain; 1 by default."),
-    goal_speed: float | None = option("RAD_PER_S", "Speed of the goal inside the servo, beside --gain."),
+    limit: float | None = option("DUTY", "Largest duty, with --gain; 1 by default."),
+    goal_speed: float | None = option("RAD_PER_S", "Speed of the goal inside the servo, with --gain."),
     order: str = option("M1,…,M6", "Friction models that are compared; by default all.", ""),
-    free: str = option("NAME,…", "Fitted beside motor and friction: offset, delay, gain, goal_speed.", "offset"),
+    free: str = option(
+        "NAME,…", "Fitted in addition to motor and friction: offset, delay, gain, goal_speed.", "offset"
+    ),
     seed: int = option("N", "Of the first guesses.", 0),
     output: Path | None = output_option("SERVO.toml", "Write the bench as a record, its numbers with deviations."),
     report: Path | None = option("FILE.html", "Write a page with the numbers and a plot of every log."),

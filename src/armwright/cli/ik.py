@@ -42,7 +42,7 @@ def ik(
     near: str | None = option("Q1,Q2,…", "Joint positions to begin with, in rad (m for sliding joints)."),
     aim: str | None = option(
         "WORD",
-        "What counts: pose, position, axis, pitch, yaw ('axis x': of another axis), 'base xy', 'tool z'; "
+        "Target to reach: pose, position, axis, pitch, yaw ('axis x': of another axis), 'base xy', 'tool z'; "
         "by default what the columns say.",
     ),
     goal: str | None = option(

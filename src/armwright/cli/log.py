@@ -20,7 +20,7 @@ HEADS = ("run", "use", "rows", "duration [s]", "rate [Hz]", "jitter", "gaps", "s
 
 
 def log(
-    file: Path = argument("FILE.log.toml", "Which columns of which files are what."),
+    file: Path = argument("FILE.log.toml", "The log file, which describes the columns of its data files."),
     run: str | None = option("NAME", "The run to prepare and to draw; by default the first."),
     picture: Path | None = option(
         "FILE", "Draw the run and its spectra, as logged and as prepared: .png, .svg or .pdf.", names="--plot"

@@ -22,7 +22,7 @@ measure = typer.Typer(
     no_args_is_help=True,
 )
 FORM = "a number, or VALUE,STD"
-Robot = Annotated[str | None, option("ROBOT", "Arm whose record gets the number.", ..., names="--robot")]
+Robot = Annotated[str | None, option("ROBOT", "Arm for whose robot file the number is meant.", ..., names="--robot")]
 LinkName = Annotated[str | None, option("NAME", "Link that was measured.", ..., names="--link")]
 Output = Annotated[Path | None, output_option("ARM.toml", "Write the arm with the number and its deviation.", ...)]
 Gravity = Annotated[float, option("G", "Free fall in m/s², 9.80665 by default.", ..., names="--gravity")]
@@ -34,7 +34,7 @@ def mass(
     reading: list[float] = option("KG", "Of the scale; may be repeated.", ...),
     scale_std: float = option("KG", "Standard deviation of the scale's calibration.", 0.0),
     resolution: float = option("KG", "Last digit of the scale.", 0.0),
-    tare: str = option("KG[,STD]", "Of what was weighed with the link, such as a fixture.", "0"),
+    tare: str = option("KG[,STD]", "Mass that was weighed with the link, such as a fixture.", "0"),
     robot: Robot = None,
     link: LinkName = None,
     output: Output = None,

@@ -26,8 +26,8 @@ def robot(
         "FILE", "Take links and joints of a robot's file (URDF, MJCF, TOML) or a built-in arm.", names="--from"
     ),
     joints: int | None = option("N", "Number of joints, without --from."),
-    command: str = option("WORD", "What the drives are told: voltage, current or torque.", "current"),
-    drive: Path | None = option("FILE", "Its drive file; by default the one beside it."),
+    command: str = option("WORD", "Command that the drives take: voltage, current or torque.", "current"),
+    drive: Path | None = option("FILE", "Its drive file; by default the one in the same folder."),
 ) -> None:
     """Write a robot file to fill in; every number that the drives need and that is unknown is marked TODO.
 

@@ -20,7 +20,7 @@ def plot(
     quantities: str | None = option(
         "NAME,…",
         "What to draw, such as q,qd,tau or theta,omega,torque; by default positions, velocities, "
-        "torques and what the drives were given.",
+        "torques and commands of the drives.",
     ),
     output: Path | None = output_option(
         "FILE", "Where to: .html (zoom, read off values), .png, .svg or .pdf; without it, the terminal."

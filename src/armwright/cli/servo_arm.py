@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 HEADS = ("what", "how much")
 SAID = ("servo", "ids", "baud", "rate", "step", "torque", "approach", "patience", "serial", "calibration")
 WARNING = (
-    "the arm will move. Ctrl-C stops it where it is, with torque on. If this computer dies, a servo without a watchdog of the "
-    "bus (STS) holds its last goal: keep a hand at the switch of the supply"
+    "the arm will move. Ctrl-C stops it at its present position, with torque on. If this computer or the cable fails, a servo "
+    "without a bus watchdog (STS) goes to its last goal and holds it: keep a hand on the switch of the power supply"
 )
 RANGES = "ids with commas or a dash between: 1-6 or 1,2,5"
 

@@ -184,7 +184,7 @@ def _show(scenario: Scenario, run: xr.Dataset, spent: float, written: list[Path]
     step, what = scenario.tick, "steps" if scenario.controller is None else "periods"
     lanes = "" if scenario.lane_count is None else f" in {run.sizes['lane']} lanes"
     stopped = lanes_that_stopped(run) if "lane" in run.dims else 0
-    lanes += f", of which {stopped} left the finite numbers or ran out of steps" if stopped else ""
+    lanes += f", of which {stopped} diverged or ran out of steps" if stopped else ""
     end = float(run["time"][-1]) if "time" in run.coords else scenario.ticks * step
     extent = f"{round(end / step)} {what} of {step * 1e3:g} ms"
     if scenario.solver.rule == "auto":

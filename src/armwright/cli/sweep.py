@@ -23,9 +23,9 @@ def sweep(
     lanes: float = option("N", "How many lanes, such as 1e7.", ...),
     output: Path = output_option("STORE", "Where results go: a folder that ends in .zarr.", ...),
     scheduler: str | None = option("ADDRESS", "A Dask scheduler, tcp://host:8786; default: this machine alone."),
-    chunk: int | None = option("K", "Lanes in a task, by default so many that it takes seconds."),
+    chunk: int | None = option("K", "Lanes in a task; by default a task takes some seconds."),
     retries: int = option("K", "How often a chunk is tried again after an error.", 2),
-    rows: bool = flag("--rows", "Store recorded rows too, not only what is reduced."),
+    rows: bool = flag("--rows", "Store recorded rows too, not only the reducers' values."),
     verify: bool = flag("--verify", "Simulate nothing: read the whole store, and compare it with its checksums."),
     allow: Allow = None,
 ) -> None:

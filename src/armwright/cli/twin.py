@@ -77,11 +77,9 @@ def twin(
     serial_number: int | None = option("N", "Serial number in object 1018 of every node; default 1."),
     fault: Faults = None,
     duration: float | None = option("S", "How long the twin is on the bus; by default until Ctrl-C."),
-    eds: Path | None = option("FOLDER", "Write the nodes' electronic data sheets, and do no more."),
+    eds: Path | None = option("FOLDER", "Write the nodes' electronic data sheets and exit."),
     reference: Reference = None,
-    speed: float | None = option(
-        "V", "That of the run: what the hand takes up, and forces, come as much later; default 1."
-    ),
+    speed: float | None = option("V", "Speed of the run; stretches times of payloads and wrenches too; default 1."),
     allow: Allow = None,
     serial: Path | None = option("PATH", "Be servos on a serial line instead, a pseudo-terminal with this link."),
     servo: str | None = option("MODEL", "Of all servos: sts3215 (default), xl330-m288, xl430-w250."),
@@ -91,7 +89,7 @@ def twin(
     reverse: str | None = option("J1,J2,…", "Joints that turn the other way than their encoders count."),
     q0: Position = None,
     period: float | None = option(
-        "S", "Of a cycle: lock-step, in which frames alone let time pass; default real time."
+        "S", "Period of a cycle in lock-step, where frames advance the time; default real time."
     ),
     tick: str | None = option("NAME[:ADDRESS]", "Instruction that closes a cycle; default sync-write:42 or :116."),
     patience: float | None = option(
@@ -315,7 +313,7 @@ def _show_run(run: BusRun, faults: Sequence[Fault], ticks: int, in_lock_step: bo
         _show_cycles("the master's cycles", run.cycles)
     say("positions and commands are those of the simulation, to the bit" if run.equal else _how_it_differs(run, faults))
     if not run.complete:
-        say(f"stopped after {len(run.time)} of {ticks} cycles: the key was let go")
+        say(f"stopped after {len(run.time)} of {ticks} cycles: the space bar was released")
 
 
 def _how_it_differs(run: BusRun, faults: Sequence[Fault]) -> str:
@@ -337,7 +335,10 @@ def _scenarios(
 
     read = found = aw.read_scenario(path, allow=allow or ())
     if (found.lane_count or 1) > 1:
-        say(f"armwright: note: {path.name} has {found.lane_count} lanes; this is the record's own arm", err=True)
+        say(
+            f"armwright: note: {path.name} has {found.lane_count} lanes; the twin is the nominal arm, without them",
+            err=True,
+        )
         found = replace(found, lanes=None, vary={})
     if reference is not None:
         found = following(found, reference, str(path))

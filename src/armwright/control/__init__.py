@@ -1,4 +1,4 @@
-"""Control laws of arms: small frozen records of gains that are traced into the simulation's loop."""
+"""Controllers of arms: small frozen records of gains that are traced into the simulation's loop."""
 
 from armwright.control.cascade import Cascade
 from armwright.control.computed_torque import ComputedTorque

@@ -43,7 +43,7 @@ class Cascade:
         current_kp: [V/A].   current_ki: [V/(A s)].   Absent: no current loop.
         speed_limit: [rad/s | m/s].   effort_limit: [U] of the speed stage.   voltage_limit: [V]; absent: none.
         position_every, speed_every: ticks from one of the loop's own to the next.   position_phase, speed_phase: its first tick,
-            counted from where the law begins.
+            counted from where the controller begins.
         anti_windup: "none", "clamping" or "back-calculation".   tracking_time: [s] of the latter.
         delay_ticks: whole ticks that commands take to the drives, for anti-windup; absent: those of the loop's timing.
         slack: [U] by which a drive may miss a command.
@@ -73,7 +73,7 @@ class Cascade:
     slack: Numbers = ZERO
     signs: Any = None  # (n,) of the drives, which the loop fits
     arm: Model | None = None  # likewise
-    period: float | None = None  # [s] of the loop, which fits the law to it
+    period: float | None = None  # [s] of the loop, which fits the controller to it
 
     def __post_init__(self) -> None:
         check_choice("Cascade.anti_windup", self.anti_windup, RULES)
@@ -94,7 +94,7 @@ class Cascade:
             raise ScenarioError(what, place="Cascade.voltage_limit", value=self.voltage_limit, expected=expected)
 
     def configure(self, arm: Model, period: float) -> Cascade:
-        """The law for an arm and a sample period [s]: gains one a joint.
+        """The controller for an arm and a sample period [s]: one gain per joint.
 
         Args:
             arm: the model.   period: [s].

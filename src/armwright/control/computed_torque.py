@@ -38,13 +38,13 @@ class ComputedTorque:
     kd: Numbers
     ki: Numbers = ZERO
     model: Model | None = None
-    period: float | None = None  # [s] of the loop, which fits the law to it
+    period: float | None = None  # [s] of the loop, which fits the controller to it
 
     def __post_init__(self) -> None:
         check_model("ComputedTorque", self.model)
 
     def configure(self, arm: Model, period: float) -> ComputedTorque:
-        """The law for an arm and a sample period [s]: gains one a joint.
+        """The controller for an arm and a sample period [s]: one gain per joint.
 
         Args:
             arm: the model.   period: [s].

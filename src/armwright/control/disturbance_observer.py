@@ -29,7 +29,7 @@ class DisturbanceObserver(Wrapper):
 
     tau is what the drives did with their last command, `y.applied`, at the mean measured speed: a limit winds nothing up.
     Gravity, friction, coupling and loads all count as a disturbance. In steady state d̂ is the disturbance itself, and the
-    inner law needs no integrator.
+    inner controller needs no integrator.
 
     Args:
         inner: any controller.
@@ -47,7 +47,7 @@ class DisturbanceObserver(Wrapper):
         check_time("DisturbanceObserver", "hz", self.hz)
 
     def configure(self, arm: Model, period: float) -> Self:
-        """The law for an arm and a sample period [s].
+        """The controller for an arm and a sample period [s].
 
         Args:
             arm: the model.   period: [s].

@@ -55,7 +55,7 @@ class FeedForward(Wrapper):
             raise ScenarioError(place="FeedForward.inertia", value=self.inertia, choices=INERTIAS)
 
     def configure(self, arm: Model, period: float) -> Self:
-        """The law for an arm and a sample period [s].
+        """The controller for an arm and a sample period [s].
 
         Args:
             arm: the model.   period: [s].

@@ -122,7 +122,7 @@ class Filtered(Wrapper):
             raise ScenarioError(place="Filtered.filters", value=self.filters, expected=expected)
 
     def configure(self, arm: Model, period: float) -> Self:
-        """The law for an arm and a sample period [s].
+        """The controller for an arm and a sample period [s].
 
         Args:
             arm: the model.   period: [s].

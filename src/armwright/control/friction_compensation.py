@@ -27,7 +27,7 @@ class FrictionCompensation(Wrapper):
         v = 0                                 at rest, |q_r - q| ≤ dead_band
 
     Friction by loads is that of a motor that moves the joint at constant speed.
-    A share above 1 hunts: the joint is driven to and fro across its reference.
+    A share above 1 over-compensates: the joint oscillates about its reference in a limit cycle.
 
     Args:
         inner: any controller.   dead_band: [rad | m] of the error.   rest_speed: [rad/s | m/s] above 0.
@@ -41,7 +41,7 @@ class FrictionCompensation(Wrapper):
     share: Numbers = ONE
 
     def configure(self, arm: Model, period: float) -> Self:
-        """The law for an arm and a sample period [s]: numbers one a joint.
+        """The controller for an arm and a sample period [s]: one number per joint.
 
         Args:
             arm: the model.   period: [s].

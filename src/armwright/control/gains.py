@@ -15,7 +15,7 @@ from armwright.parameters import Batch, lane_values
 
 
 def gain_units(arm: Model, law: Any, name: str) -> list[str]:
-    """The unit of a law's gain for each joint, from its class's `gain_units`; "" if unknown.
+    """The unit of a controller's gain for each joint, from its class's `gain_units`; "" if unknown.
 
     Args:
         arm: the model.   law: the controller.   name: of its gain.

@@ -70,7 +70,7 @@ class JointPID:
     delay_ticks: int | None = None
     slack: Numbers = ZERO
     model: Model | None = None
-    period: float | None = None  # [s] of the loop, which fits the law to it
+    period: float | None = None  # [s] of the loop, which fits the controller to it
 
     def __post_init__(self) -> None:
         check_choice("JointPID.derivative", self.derivative, ("error", "measurement"))
@@ -84,7 +84,7 @@ class JointPID:
         check_tracking("JointPID", self.anti_windup, self.tracking_time)
 
     def configure(self, arm: Model, period: float) -> JointPID:
-        """The law for an arm and a sample period [s]: gains one a joint.
+        """The controller for an arm and a sample period [s]: one gain per joint.
 
         Args:
             arm: the model.   period: [s].

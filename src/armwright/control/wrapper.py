@@ -46,7 +46,7 @@ class Wrapper(ABC):
         """The command (n,) in place of the inner one's u (n,), and the memory (k,) for the next tick."""
 
     def configure(self, arm: Model, period: float) -> Self:
-        """The law for an arm and a sample period [s], its inner one too.
+        """The controller for an arm and a sample period [s], its inner one too.
 
         Args:
             arm: the model.   period: [s].
@@ -62,7 +62,7 @@ class Wrapper(ABC):
         return int(getattr(self.inner, "delay_ticks", 0) or 0)
 
     def init(self, arm: Model, y: Measurement) -> Array:
-        """Initial state: nothing added, this law's memory, then the inner controller's."""
+        """Initial state: nothing added, this controller's memory, then the inner controller's."""
         nothing = scalar.zeros((1 + self.delay_ticks) * arm.n)
         inner = [np.atleast_1d(self.inner.init(arm, y))] if hasattr(self.inner, "init") else []
         return scalar.array(np.concatenate([nothing, self.memory(arm, y), *inner]))

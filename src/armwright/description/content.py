@@ -60,7 +60,7 @@ def parse_robot(text: str, place: str) -> RobotDescription:
     """The robot in a text of `robot_text`; `place` is what errors call its file.
 
     Raises:
-        DescriptionError: not TOML, or a robot that cannot be believed.
+        DescriptionError: not TOML, or an invalid robot.
     """
     try:
         document = tomllib.loads(text)

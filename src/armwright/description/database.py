@@ -45,7 +45,7 @@ def read_description(
         name_or_path: what to read.   tip: name of the frame or link that kinematics and wrench are about, in place of the file's.
         reading: options of `read_urdf` or `read_mjcf`, where it is such a file; of a TOML database `kinematics_only`.
     Raises:
-        DescriptionError: no such robot, no such file, or a file that cannot be believed; one line that names file,
+        DescriptionError: no such robot, no such file, or an invalid file; one line that names file,
             place, value and what was expected.
     """
     robot = _read(name_or_path, reading)

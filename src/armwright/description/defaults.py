@@ -42,7 +42,7 @@ SharedFriction = _shared(
 
 
 class Defaults(Record):
-    """What all joints have that do not say otherwise."""
+    """Motor and friction of all joints that state none."""
 
     motor: SharedMotor | None = optional("Motor and gear.")  # type: ignore[valid-type]
     friction: SharedFriction | None = optional("Friction.")  # type: ignore[valid-type]

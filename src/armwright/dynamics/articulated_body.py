@@ -94,7 +94,7 @@ def articulated_shares(
     """u/D as force and moment (3,), and D [kg m² | kg], of every joint: the recursion of articulated inertias.
 
     D are the pivots of the mass matrix taken from the tips, so they are positive where it is positive definite, and are those of
-    an arm with regrouped parameters too: what is regrouped turns about the axis without inertia, and leaves u as it is.
+    an arm with regrouped parameters too: regrouping changes inertia only about axes that u does not contain.
     """
     inertia = [ArticulatedInertia.rigid(body.mass, body.first_moment, body.inertia) for body in arm.bodies]
     share, d = {}, {}

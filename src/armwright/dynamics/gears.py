@@ -90,7 +90,7 @@ class Gear:
         return scalar.array([*shares, self.inertia, self.torque, *self.loss.packed()])
 
     def unpacked(self, values: Array) -> Gear:
-        """The same gear with other numbers."""
+        """The gear with other numbers."""
         k = len(self.row)
         row = [(j, value) for (j, _), value in zip(self.row, values, strict=False)]
         return Gear(row, values[k], values[k + 1], self.loss.unpacked(values[k + 2 :]))
@@ -148,7 +148,7 @@ def through_gears(mass: Array, bias: Array, gears: Sequence[Gear]) -> tuple[np.n
 def solved(
     mass: Array, bias: Array, gears: Sequence[Gear], start: Array | None = None, most: int = MOST
 ) -> tuple[np.ndarray, Factored, Scalar]:
-    """The same in at most that many solves from a start, and 1 where they end it, where they do not 0 beside any q̈."""
+    """Newton from `start` with at most `most` solves: q̈, its factors, and 1 if it converged, else 0 (q̈ then means nothing)."""
     near = newton_steps(mass, bias, gears, start, most)[: len(bias)]
     matrix, right = linearised(mass, bias, gears, near)
     factors = scalar.factor_symmetric(matrix)

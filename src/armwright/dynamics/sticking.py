@@ -53,7 +53,7 @@ class BrokenLine(GearLoss):
         return [*self.knots, *self.slopes, *self.offsets]
 
     def unpacked(self, values: Array) -> BrokenLine:
-        """The same function with other numbers."""
+        """The function with other numbers."""
         k = len(self.knots)
         return BrokenLine(tuple(values[:k]), tuple(values[k : 2 * k + 1]), tuple(values[2 * k + 1 :]))
 

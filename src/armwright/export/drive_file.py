@@ -53,7 +53,7 @@ def _cylinder(robot: RobotDescription, frames: list[ExportedJoint], cylinder: An
 
 
 def _plain(value: Any, source: str | None) -> Any:
-    """Records as tables that bear their source, numbers as numbers where they have nothing of their own to say."""
+    """Records as tables with their source; a number without std, source or date as a plain number."""
     if isinstance(value, Quantity):
         number = list(value.value) if isinstance(value.value, tuple) else value.value
         about = {key: getattr(value, key) for key in ("std", "source", "date") if getattr(value, key) is not None}

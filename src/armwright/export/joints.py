@@ -73,7 +73,7 @@ def numbers_text(numbers: Any) -> str:
 
 
 def named_in(types: Mapping[str, str], joint: Joint, file: str) -> str:
-    """What another format calls the joint's kind.
+    """Name of the joint's kind in another format.
 
     Args:
         types: its word for every kind that it has.   file: the format, such as "a URDF".

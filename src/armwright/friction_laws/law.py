@@ -50,7 +50,7 @@ class FrictionLaw:
         by_loads: whether its level depends on `Loads`, and on a Stribeck speed: it has `motor_torque`. Of all others the load is
             the torque through the gear, where it is known.
         bends: whether its slope jumps where a joint turns back, so that steps end there.
-        feature: what notes and the table of features call it; "": nothing of its own.
+        feature: what notes and the table of features call it; "": no name.
         lost: what a URDF or an MJCF does not have of it, in words; "": nothing beside its levels.
         step_limits: numbers of `own` that may make the step small: (what notes say, the key to change, the number scaled).
     """

@@ -205,7 +205,7 @@ def write_into(
     Returns:
         path: of the file.
     Raises:
-        OutputError: the file cannot be written.   DescriptionError: the robot cannot be believed, with these numbers or
+        OutputError: the file cannot be written.   DescriptionError: the robot is invalid, with these numbers or
             without; then nothing is written.
     """
     expect(estimate, Estimate, "estimate", "an aw.identification.Estimate", IdentificationError)
@@ -236,7 +236,7 @@ def updated_text(
         _set_number(parts, record, estimate.names[k], float(estimate.values[k]), float(std[k]), key)
     _add_tables(parts, estimate, key, written, own)
     text = "".join(tomlkit.dumps(part) for part in parts)
-    parse(tomlkit.parse(text).unwrap(), "the robot with its estimate", folder)  # refuses what cannot be believed
+    parse(tomlkit.parse(text).unwrap(), "the robot with its estimate", folder)  # refuses an invalid record
     return text
 
 
@@ -256,7 +256,7 @@ def write_numbers(
         path: of the file.
     Raises:
         OutputError: the file cannot be written.   IdentificationError: a path without a number.
-        DescriptionError: the robot cannot be believed with these numbers; then nothing is written.
+        DescriptionError: the robot is invalid with these numbers; then nothing is written.
     """
     path = check_destination(output, (".toml",))
     text, _ = _text_of(arm, path.parent)

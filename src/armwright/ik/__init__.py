@@ -6,5 +6,5 @@ or 1/m².
 
 Constants: most of those of the descent, its starts and its goals were chosen on arms of random axes, limits and sizes; none
 belongs to a robot. Shares of a range, of the reach or of an error do not depend on an arm's size. Constants that are a length
-or an angle tell rounding from a result or bound a step, for arms of some decimetres to some metres.
+or an angle separate rounding from a result or bound a step, for arms of some decimetres to some metres.
 """

@@ -33,7 +33,7 @@ TINY = 1e-13  # relative, on the diagonal: at singular poses J W⁻¹ Jᵀ has n
 
 @dataclass(frozen=True)
 class Goal:
-    """What makes one solution better than another, and what an angle counts as against a length.
+    """Cost by which solutions are compared, and the weight of an angle against a length.
 
     Args:
         best: of the joint positions that meet a pose those "nearest" to given ones (least Σ (q - near)²), farthest from the

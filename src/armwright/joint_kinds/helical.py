@@ -34,7 +34,7 @@ class Helical(JointKind):
         return q, self.pitch * q
 
     def project(self, turning: Array, sliding: Array) -> Array:
-        """What belongs to a turn, and p times what belongs to a slide."""
+        """The rotary part, and p times the linear part."""
         return turning + self.pitch * sliding
 
     def regrouped(self, mass: Scalar, first_moment: Array, inertia: Array) -> Regrouped:

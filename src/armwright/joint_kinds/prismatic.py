@@ -24,7 +24,7 @@ class Prismatic(JointKind):
         return 0.0, q
 
     def project(self, turning: Array, sliding: Array) -> Array:
-        """What belongs to a slide."""
+        """The linear part."""
         return sliding
 
     def regrouped(self, mass: Scalar, first_moment: Array, inertia: Array) -> Regrouped:

@@ -25,7 +25,7 @@ class Revolute(JointKind):
         return q, 0.0
 
     def project(self, turning: Array, sliding: Array) -> Array:
-        """What belongs to a turn."""
+        """The rotary part."""
         return turning
 
     def regrouped(self, mass: Scalar, first_moment: Array, inertia: Array) -> Regrouped:

@@ -126,8 +126,8 @@ def load(key: bytes | None) -> bytes | None:
 def store(key: bytes | None, code: bytes) -> None:
     """Keeps code for next time, where that is possible.
 
-    What prints code is imported when there is something to compile. If it is no longer what the key was made of, nothing
-    tells which of the two made this code.
+    The code generator is imported when there is something to compile. If its file has changed since the key was hashed, the
+    code is not stored.
     """
     folder = cache_folder() if key is not None else None
     if key is None or folder is None or _emitter() != _EMITTER:
@@ -233,7 +233,7 @@ def _usual_folder() -> Path:
 
 
 def _say_if_named(why: str) -> None:
-    """Who names a folder wants to know that it is of no use; a home that cannot be written is nobody's surprise."""
+    """Warns only if the user named the folder; a home that cannot be written is common."""
     named = os.environ.get(VARIABLE)
     if named:
         _say_once(f"{VARIABLE} = {named!r}: {why}; compiled code is not kept")

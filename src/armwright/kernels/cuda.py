@@ -1,7 +1,7 @@
 """Program → CUDA C: one thread a state, or one thread a whole simulated trajectory; compiled by NVRTC through CuPy.
 
 Arrays are those of the other kernels: row-major, one row a state. The text is the sequence of IEEE operations that LLVM and C
-are given; NVRTC is told --fmad=false, so that only what is written as fma() is fused. Where libm is called (angles beyond
+are given; NVRTC gets --fmad=false, so that only what is written as fma() is fused. Where libm is called (angles beyond
 2^20 rad, and the few operations without a polynomial of ours) it is CUDA's own, which may differ in the last place.
 """
 
@@ -91,7 +91,7 @@ def cuda_trajectory_source(step: Program) -> str:
         step: (x, u, h) → x⁺, as the simulator traces it.
     Returns:
         text: the kernel `name_trajectory(count, ticks, every, h, x, x_step, u, u_step, record, frozen)`; record is
-            (ticks // every + 1, count, nx), frozen (count,) the tick at which a lane left the finite numbers, or -1.
+            (ticks // every + 1, count, nx), frozen (count,) the tick at which a lane diverged, or -1.
     """
     _check_step(step)
     unit = Unit(CUDA, f"{identifier(step.name)}_")
@@ -200,7 +200,7 @@ class CudaTrajectory:
             h: [s] the step.   ticks: how many.   every: a row is recorded after every so many.
         Returns:
             record: CuPy (ticks // every + 1, lanes, nx), row 0 the initial states.
-            frozen: CuPy (lanes,) the tick at which a lane left the finite numbers, or -1.
+            frozen: CuPy (lanes,) the tick at which a lane diverged, or -1.
         Raises:
             ShapeError: x or u of the wrong shape.
         """

@@ -399,7 +399,7 @@ def batch_module(width: int, program: Program, dtype: str = DOUBLE.name) -> Llvm
 
 
 def _alike(one: Program, other: Program) -> bool:
-    """Whether two programs do the same, also where they were traced apart."""
+    """True if two programs, which may come from two traces, have equal instructions."""
     parts = attrgetter("operation", "results", "arguments", "place")
     if one is other or len(one.instructions) != len(other.instructions):
         return one is other

@@ -168,7 +168,7 @@ def walk_instructions(
     call: Call | None = None,
     lower: Lower = lower,
 ) -> None:
-    """Prints instructions; `values` knows what was made before them and learns what they make.
+    """Prints instructions; `values` maps each result to the machine's value, and is extended in place.
 
     Args:
         machine: prints them.   instructions: after the passes.   values: the machine's, by the program's.

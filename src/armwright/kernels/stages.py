@@ -38,7 +38,7 @@ Where servos' loops turn by themselves, every `turn.period` s from t = 0 on, a s
     if b["turns"] turn.period <= k h + t: b["x"], b["turns"] = turn.program(x, u, …, turns), b["turns"] + 1    (behind the rows)
 
 All others end a step at every change. With a plan, the command in force is chosen among several planned ones: entry s of
-block "u_plan" from "u_from"[s - 1] seconds on. A lane whose state leaves the finite numbers keeps its last finite one, and
+block "u_plan" from "u_from"[s - 1] seconds on. A lane whose state diverges keeps its last finite one, and
 block "frozen" says in which tick it happened, -1 before. So does one that takes more than `most` trials in one tick; block
 "stalled" is then 1, and "stalled_by" the entry with the largest error. "trials" counts them, "repeats" those that were too
 long. With events, a step of `Adapt` in which one happens is halved along its path `HALVINGS` times to find when, taken again

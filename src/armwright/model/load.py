@@ -43,7 +43,7 @@ def load(
     Returns:
         arm: frozen; `arm.description` keeps the record that it was built from.
     Raises:
-        DescriptionError: no such robot, or a file that cannot be believed.
+        DescriptionError: no such robot, or an invalid file.
     """
     reading |= {key: value for key, value in (("tip", tip), ("drive", drive), ("meshes", meshes)) if value is not None}
     if kinematics_only and Path(name_or_path).suffix == ".toml":

@@ -27,8 +27,8 @@ class Model(Tree):
     """A robot arm: its numeric tree, the description that it was built from, and what was changed since.
 
     Attributes:
-        description: None of a model that was made without one.   warnings: what is doubtful about the arm.
-        changes: those that `replace` made to what the description says.
+        description: its source record, or None of a model that was built directly.   warnings: doubts about the arm.
+        changes: edits to the description that `replace` made, in order.
         file: what it was loaded from, a built-in name or the path of a file; None of a variant with another description.
     """
 

@@ -1,4 +1,4 @@
-"""Steps from an arm to an equal arm with fewer operations in it. Each changes how the arm is told, never how it moves."""
+"""Steps that rewrite an arm into one with the same dynamics and fewer operations."""
 
 from __future__ import annotations
 

@@ -86,7 +86,7 @@ def read_modules(name_or_path: str | os.PathLike[str]) -> ModuleLibrary:
     Returns:
         library: its modules, each number with its source. Impossible bodies are refused when they are assembled.
     Raises:
-        DescriptionError: no such library, or a file that cannot be believed.
+        DescriptionError: no such library, or an invalid file.
     """
     return _read(name_or_path, ModuleLibrary, MODULES, "module library")
 
@@ -99,7 +99,7 @@ def read_assembly(name_or_path: str | os.PathLike[str]) -> tuple[Assembly, list[
     Returns:
         assembly, libraries: what `assemble` takes; paths of libraries start where the assembly's file is.
     Raises:
-        DescriptionError: no such file, or one that cannot be believed.
+        DescriptionError: no such file, or an invalid one.
     """
     assembly = _read(name_or_path, Assembly, ASSEMBLY, "assembly")
     try:

@@ -117,7 +117,7 @@ class CirclePiece(Record):
     centre_m: Three = Field(description="x, y, z of the centre.")
     normal: Three = Field(description="Axis; the angle counts by the right hand about it.")
     angle_rad: Number = Field(default=6.283185307179586, description="How far; absent: one turn.")
-    turns: bool = Field(default=False, description="Whether the tool turns along.")
+    turns: bool = Field(default=False, description="True: the tool turns with the path.")
 
 
 class ToolSegment(Record):

@@ -54,7 +54,7 @@ def build_parts(path: str | os.PathLike[str], folder: str | os.PathLike[str] | N
     Returns:
         build: the description with the weighed links behind it.
     Raises:
-        DescriptionError: the file, or a part in it, cannot be believed.
+        DescriptionError: the file, or a part in it, is invalid.
     """
     path = Path(path)
     database = read_record(path, PartsDatabase)

@@ -249,7 +249,7 @@ class _Handler(BaseHTTPRequestHandler):
         self._answer("text/plain", b"")
 
     def _asked(self) -> str | None:
-        """What stands behind the token in the address; None after an error, which is sent."""
+        """Path behind the token in the address; None after an error, which is sent."""
         hosts, host, origin = self.server.hosts, self.headers.get("Host"), self.headers.get("Origin")
         if host not in hosts or (origin is not None and origin != f"http://{host}"):
             self.send_error(403, f"only for http://{hosts[0]}")

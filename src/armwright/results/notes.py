@@ -67,7 +67,7 @@ def limit_notes(
         low, high = body.limits.position
         if lowest < low or highest > high:
             outside = (position < low) | (position > high)
-            end = "; nothing stops it there" if body.stops is None else ", into its stop"
+            end = "; the model has no end stop" if body.stops is None else ", into its stop"
             reached.append(f"passed its position limits [{low:.4g}, {high:.4g}] at {first(outside)}{end}")
         if max(-slowest, fastest) > body.limits.velocity:
             fast = np.abs(speed) > body.limits.velocity

@@ -1,7 +1,7 @@
 """Description of a plot of runs: panels, curves, names, units, colours and notes, shared by all kinds of plot.
 
 Still pictures (`plot`), pages (`plot_page`, `pictures.animate`) and the terminal (`pictures.terminal`) add nothing to it.
-The colours are those of Okabe and Ito, which colour-blind readers can tell apart. [OkabeIto2008]
+The colours are those of Okabe and Ito, which colour-blind readers can distinguish. [OkabeIto2008]
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ class Curve:
 
     Attributes:
         joint: name.   run: number in `Plot.runs`.
-        series: name that tells it from the other curves of its joint: "before", "lanes", "reference of before", …; "" if alone.
+        series: name among the curves of its joint: "before", "lanes", "reference of before", …; "" if alone.
         values: (k,) in the panel's unit.   bands: (low, high), each (k,), around the median of many lanes; the widest first.
     """
 

@@ -92,7 +92,11 @@ def bare_dataset(arm: Model, attrs: Mapping[str, Any], lanes: int | None) -> xr.
     coordinates: dict[str, Any] = {
         "joint": ("joint", list(arm.names), {"long_name": "joint"}),
         "kind": ("joint", [body.kind.name for body in arm.coordinates], {"long_name": "kind of joint"}),
-        "command": ("joint", [body.drive.command for body in arm.coordinates], {"long_name": "what the drive is told"}),
+        "command": (
+            "joint",
+            [body.drive.command for body in arm.coordinates],
+            {"long_name": "command that the drive takes"},
+        ),
     }
     if lanes is not None:
         coordinates["lane"] = ("lane", np.arange(lanes), {"long_name": "lane: one simulation of many"})

@@ -38,7 +38,7 @@ WORDS = re.compile(r"(?<=[a-z])(?=[A-Z])")
 
 
 class Result:
-    """What a public function found; the base of all result types."""
+    """Base of all result types of public functions."""
 
     @property
     def height(self) -> float:
@@ -55,7 +55,7 @@ class Result:
         return [Table(self.heading, ("name", "value", "unit"), list(_fields(self)), ("unit",))]
 
     def sentences(self) -> list[str]:
-        """What it means in words, the verdict first if it has one."""
+        """The meaning in words, the verdict first if there is one."""
         return []
 
     @property

@@ -65,7 +65,7 @@ def convert(
     Returns:
         conversion: the files written, what was lost, and what was doubtful.
     Raises:
-        DescriptionError: a source that cannot be believed.   OutputError: a target that cannot be written, or is the source
+        DescriptionError: an invalid source.   OutputError: a target that cannot be written, or is the source
             itself.   RunError: an .nc that is no run.   ModelError, ScheduleError: as `fit_actuators`.
     """
     _check_together(actuators, motion, target)

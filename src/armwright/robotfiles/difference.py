@@ -96,7 +96,7 @@ def diff(a: Arm, b: Arm) -> Difference:
     Returns:
         difference: its `changes`, and as `effect` total mass, and gravity torques and inertias over sample poses.
     Raises:
-        DescriptionError: a file that cannot be believed.   ModelError: an arm without a description.
+        DescriptionError: an invalid file.   ModelError: an arm without a description.
     """
     one, other = _model(a), _model(b)
     first, second = one.description, other.description

@@ -67,12 +67,12 @@ def new_robot(
     Args:
         path: of the TOML file, which must not exist.   source: a URDF, an MJCF or a TOML database, or a built-in name, whose
             geometry, masses and limits it has.   joints: number of revolute joints without a source.
-        command: "voltage", "current" or "torque": what its drives are told, which says what they need.
+        command: "voltage", "current" or "torque": the command that its drives take, which decides what they need.
         reading: what a URDF or an MJCF leaves open, as for `load`.
     Returns:
         notes: what was left out or doubtful in the source.
     Raises:
-        DescriptionError: a source that cannot be believed, neither source nor joints.   OutputError: a file that is there.
+        DescriptionError: an invalid source, neither source nor joints.   OutputError: a file that is there.
     """
     target = check_destination(path, (".toml",), read=(source,))
     if target.exists():

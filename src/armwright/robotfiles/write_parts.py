@@ -25,7 +25,7 @@ def write_parts(
     Returns:
         build: the arm with its weighed links, its warnings and what was measured.
     Raises:
-        DescriptionError: the parts cannot be believed.   OutputError: a file cannot be written; then none is.
+        DescriptionError: the parts are invalid.   OutputError: a file cannot be written; then none is.
     """
     parts, arm = Path(as_path(parts, "parts", DescriptionError)), Path(as_path(arm, "arm", OutputError))
     if os.path.realpath(arm) == os.path.realpath(parts):

@@ -50,7 +50,7 @@ def read_scenario(path: str | os.PathLike[str], *, allow: Iterable[str | os.Path
     Returns:
         scenario: as in Python; `scenario.document` keeps the file and all that it named.
     Raises:
-        ArmwrightError: no such file, or something in it that cannot be believed; names file, key, value and what was expected.
+        ArmwrightError: no such file, or an invalid value in it; names file, key, value and what was expected.
     """
     path, folders = Path(as_path(path, "path", ScenarioError)), [Path(folder) for folder in allow]
     for folder in folders:

@@ -67,7 +67,7 @@ class Files(ABC):
         """The record of a robot.
 
         Raises:
-            ArmwrightError: no such robot, or a file that cannot be believed.
+            ArmwrightError: no such robot, or an invalid file.
         """
 
     @abstractmethod

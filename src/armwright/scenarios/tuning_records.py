@@ -19,7 +19,7 @@ def _factor_or_ends(value: Any) -> Any:
     if isinstance(value, bool) or not (
         isinstance(value, (int, float)) or (isinstance(value, list) and len(value) == 2)
     ):
-        raise ValueError("expected a factor above 1, or [lowest, highest], each one number or one a joint")
+        raise ValueError("expected a factor above 1, or [lowest, highest], each one number or one per joint")
     return value
 
 
@@ -68,7 +68,7 @@ class TuningTable(Record):
         "others by pole placement; or the method by its name.",
     )
     gains: dict[str, Gain] | None = optional(
-        "Factor to either side of the start, or [lowest, highest], each one number or one a joint; absent: all "
+        "Factor to either side of the start, or [lowest, highest], each one number or one per joint; absent: all "
         "whose names end in kp, ki or kd, within a factor of 10."
     )
     objectives: dict[str, Weight] = Field(
@@ -77,7 +77,7 @@ class TuningTable(Record):
     )
     limits: dict[str, Number | tuple[Number, ...]] = Field(
         default_factory=dict,
-        description="What these should not go beyond, such as peak_torque = 40; one number or one a joint.",
+        description="What these should not go beyond, such as peak_torque = 40; one number or one per joint.",
     )
     improve_each: bool = Field(default=False, description="No objective may get worse than at the start.")
     over: Literal["mean", "worst"] = Field(default="mean", description="Of the lanes.")

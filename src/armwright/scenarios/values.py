@@ -112,7 +112,7 @@ def _formulas(place: str, texts: Any, arm: Model) -> list[str]:
 
 
 def _kind_values(place: str, table: KindTable, arm: Model) -> Fields:
-    """Fields of a controller, filter or trajectory, its kind and those of what it holds among them."""
+    """Fields of a controller, filter or trajectory, with `kind` and the fields of its parts."""
     of_reference = place.endswith("reference")
     fields: Fields = {"kind": table.kind}
     for name, value in table.fields().items():

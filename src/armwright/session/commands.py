@@ -110,7 +110,7 @@ TABLE = (
     SessionCommand(
         "controller", "what DACOut's reference input is wired to; sampled every DACSampTimePeriod", controllers.controller,
         (
-            Argument("kind", "text", "a control law, or none; without it what there is", default=""),
+            Argument("kind", "text", "a controller, or none; without it the present one is shown", default=""),
             Argument("scale", "text", "position that one volt of DACOut asks for, such as \"10 deg\"", default=""),
         ),
         "u = controller(θ_ref, θ, θ̇) every DACSampTimePeriod, θ_ref = scale · DACOut",

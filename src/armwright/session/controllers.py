@@ -1,4 +1,4 @@
-"""Controllers with DACOut as reference: the laws of `armwright.control`, with typed gains."""
+"""Controllers with DACOut as reference: those of `armwright.control`, with typed gains."""
 
 from __future__ import annotations
 
@@ -52,19 +52,21 @@ def _output(state: SessionState) -> list[Output]:
 
 
 def laws() -> dict[str, type]:
-    """Control laws by their names in a session: JointPID is joint-pid."""
+    """Controllers by their names in a session: JointPID is joint-pid."""
     from armwright import control  # late: few sessions need it
 
     members = [getattr(control, name) for name in control.__all__]
     kinds = [kind for kind in members if dataclasses.is_dataclass(kind) and hasattr(kind, "step")]
-    kinds = [kind for kind in kinds if not hasattr(kind, "changed")]  # around another law, which one line does not hold
+    kinds = [
+        kind for kind in kinds if not hasattr(kind, "changed")
+    ]  # around another controller, which one line does not hold
     return {
         re.sub(r"(?<=[a-z])(?=[A-Z])", "-", kind.__name__).lower(): kind for kind in kinds if isinstance(kind, type)
     }
 
 
 def gain_names(kind: type) -> list[str]:
-    """The fields of a law that may be typed; required ones first."""
+    """The fields of a controller that may be typed; required ones first."""
     return [field.name for field in dataclasses.fields(kind) if field.name not in BY_THE_LOOP]  # type: ignore[arg-type]
 
 
@@ -72,14 +74,14 @@ def _settings(state: SessionState, kind: str, scale: str | None, gains: dict[str
     """Settings that were checked by building the controller.
 
     Args:
-        state: the session's.   kind: name of the law.   scale: position that one volt asks for, one or one a joint.
-        gains: as they were typed, numbers in the law's own units.
+        state: the session's.   kind: name of the controller.   scale: position that one volt asks for, one or one per joint.
+        gains: as they were typed, numbers in the controller's own units.
     Raises:
         SessionError: an unknown law or gain, a gain or the scale that is missing.   ScenarioError: a gain that is refused.
     """
     kinds = {same(name): name for name in laws()}
     if same(kind) not in kinds:
-        raise SessionError("no such control law", place="controller kind", value=kind, choices=[*laws(), NONE])
+        raise SessionError("no such controller", place="controller kind", value=kind, choices=[*laws(), NONE])
     place = "controller scale"
     if scale is None:
         raise SessionError("missing", place=place, expected='position that one volt asks for, such as scale="10 deg"')
@@ -95,7 +97,7 @@ def built_controller(state: SessionState, settings: ControllerSettings) -> Any:
     """The controller of these settings.
 
     Raises:
-        SessionError: a gain that is unknown, missing or no number.   ScenarioError: a gain that the law refuses.
+        SessionError: a gain that is unknown, missing or no number.   ScenarioError: a gain that the controller refuses.
     """
     kind, place = laws()[settings.kind], f"controller {settings.kind}"
     fields = {same(field.name): field for field in dataclasses.fields(kind) if field.name not in BY_THE_LOOP}
@@ -133,7 +135,9 @@ def _value(state: SessionState, place: str, kind: str, text: str) -> Any:
         return number(place, text, "-")
     parts = split(place, text)
     if any(unit for _, unit in parts):
-        raise SessionError("has a unit", place=place, value=text, expected="a plain number in the law's own units")
+        raise SessionError(
+            "has a unit", place=place, value=text, expected="a plain number in the controller's own units"
+        )
     if len(parts) == 1:
         return number(place, text, "-")
     return vector(place, text, state.arm.names, ["-"] * state.arm.n, lambda name, index: None)

@@ -22,7 +22,7 @@ SPELLING = (
     "- and _ are alike, so are large and small letters."
 )
 ENTRY = re.compile(r"(?:^|(?<=\.)   )(?P<names>[a-z_]+(?:, [a-z_]+)*): ", re.MULTILINE)
-"""`name: what it is.   other, another: what they are.` in the docstring of a control law."""
+"""`name: what it is.   other, another: what they are.` in the docstring of a controller."""
 
 REPORT = "CMU report"  # as the pages of help call [SwartzReport]
 KEY = re.compile(r"\[([A-Z]\w*)\]")
@@ -69,7 +69,7 @@ SYMBOLS = (
     ("v̇₀", "m/s²", "acceleration of the base, by which gravity enters"),
     ("t, T", "s", "in DACOut: time, and DACSampTimePeriod, by which k counts"),
     ("u, θ_ref", "V, A, N m or N; rad", "of a controller: its command to the drives, and the positions that it is asked for"),
-    ("q, q_r, e", "rad", "in control laws: theta, the positions asked for, and q_r − q"),
+    ("q, q_r, e", "rad", "in controllers: theta, the positions asked for, and q_r − q"),
 )  # fmt: skip
 """Symbol, unit, meaning."""
 
@@ -121,7 +121,7 @@ def _of_command(command: SessionCommand) -> list[Output]:
     if rows:
         output.append(Sheet("", ("argument", "what it is", "default"), rows, words=3))
     if command.name == "controller":
-        note = "U is the unit of a joint's command: V, A, N m or N; help joint-pid tells all of that law"
+        note = "U is the unit of a joint's command: V, A, N m or N; help joint-pid explains that controller"
         output += [_gains_of_laws(), TextLine(note, "dim")]
     output += _sources(command.equation, command.source)
     if command.example:
@@ -152,7 +152,7 @@ def _sources(equation: str, source: str) -> list[Output]:
 
 
 def gains(law: type) -> dict[str, str]:
-    """Gains of a control law that may be typed → meaning and unit, from the docstring of the law."""
+    """Gains of a controller that may be typed → meaning and unit, from the docstring of the controller."""
     entries = inspect.getdoc(law) or ""
     entries = inspect.cleandoc(entries.partition("Args:\n")[2].partition("Raises:")[0])
     entries = re.sub(r"\n +", " ", entries)  # continuation lines
@@ -165,7 +165,7 @@ def gains(law: type) -> dict[str, str]:
 
 
 def _gains_of_laws() -> Sheet:
-    """Every law with those of its gains that have a unit."""
+    """Every controller with those of its gains that have a unit."""
     rows = []
     for kind, law in laws().items():
         units = {name: re.search(r"\[.*?\]", meaning) for name, meaning in gains(law).items()}
@@ -174,7 +174,7 @@ def _gains_of_laws() -> Sheet:
 
 
 def _of_law(kind: str, law: type) -> list[Output]:
-    """A control law: its equation and its gains."""
+    """A controller: its equation and its gains."""
     equation = (inspect.getdoc(law) or "").partition("Args:\n")[0].strip()
     source = " ".join(f"[{key}]" for key in KEY.findall(sys.modules[law.__module__].__doc__ or ""))
     return [
@@ -187,7 +187,7 @@ def _of_law(kind: str, law: type) -> list[Output]:
 
 
 def needed(law: type) -> list[str]:
-    """The required gains of a law."""
+    """The required gains of a controller."""
     fields = {field.name: field for field in dataclasses.fields(law)}  # type: ignore[arg-type]
     return [name for name in gains(law) if fields[name].default is dataclasses.MISSING]
 

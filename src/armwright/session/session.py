@@ -32,7 +32,7 @@ class Session(Workspace):
         Args:
             robot: name of a built-in arm, or path of a file.   ask: answers prompts; None: nobody does.
         Raises:
-            ArmwrightError: no such robot, or a file that cannot be believed.
+            ArmwrightError: no such robot, or an invalid file.
         """
         super().__init__(robot, COMMANDS, ask)
         self.depth = 0

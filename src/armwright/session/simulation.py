@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 WHOLE = 1e-9  # of a period: this near to a whole number of steps is one
-CONTROLLER = "controller_settings"  # attribute of a run: law, gains and sampling time
+CONTROLLER = "controller_settings"  # attribute of a run: controller, gains and sampling time
 WORLD = ("gravity_z", "payload")  # attributes of a run
 PLANT = ("x", "u", "frozen")  # blocks of a loop's state that are the plant's
 OF_THE_LAST = (CONTROLLER, PARTIAL, *WORLD)  # attributes of joined runs that are those of the last one

@@ -36,7 +36,7 @@ class ControllerSettings:
     """A controller with DACOut as its reference.
 
     Attributes:
-        kind: name of a control law, such as joint-pid.   gains: by name, as they were typed.
+        kind: name of a controller, such as joint-pid.   gains: by name, as they were typed.
         scale: (n,) [rad/V | m/V] position that one volt asks for.
     """
 
@@ -119,7 +119,7 @@ def load_arm(robot: str) -> LoadedArm:
     """An arm by its name or path.
 
     Raises:
-        ArmwrightError: no such robot, or a file that cannot be believed.
+        ArmwrightError: no such robot, or an invalid file.
     """
     return LoadedArm(robot, aw.load(robot))
 

@@ -47,7 +47,7 @@ class Workspace(ABC):
         """Starts with an arm, everything at zero.
 
         Raises:
-            ArmwrightError: no such robot, or a file that cannot be believed.
+            ArmwrightError: no such robot, or an invalid file.
         """
         self.state = initial_state(load_arm(robot)).replace(lines=(f"database-read robot={quoted(robot)}",))
         self.undo_stack: list[SessionState] = []

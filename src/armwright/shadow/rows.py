@@ -115,7 +115,7 @@ class RowCheck:
         self._periods: deque[float] = deque(maxlen=PERIODS)
 
     def check(self, t: np.ndarray, q: np.ndarray, tau: np.ndarray, qd: np.ndarray | None) -> CheckedRows:
-        """Which rows can be used; arguments as of `MomentumObserver.update`."""
+        """Mask of the rows that can be used; arguments as of `MomentumObserver.update`."""
         signals = {"q": q, "tau": tau, **({} if qd is None else {"qd": qd})}
         wrong = {name: ~(np.abs(each - self._middle[name]) <= self._most[name]) for name, each in signals.items()}
         whole = ~np.any([each.any(axis=1) for each in wrong.values()], axis=0)
@@ -148,7 +148,7 @@ class RowCheck:
         return median(self._periods) if self._periods else math.inf
 
     def _stamp(self, now: float) -> tuple[bool, float]:
-        """Whether a stamp can be, and the time [s] that its row stands for."""
+        """True if a time stamp is plausible, and the time [s] that its row stands for."""
         if math.isnan(self._t) and math.isfinite(now):
             self._t = now
             return True, 0.0

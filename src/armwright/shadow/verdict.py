@@ -51,7 +51,7 @@ class Judged:
 
 @dataclass(frozen=True)
 class Verdict:
-    """What a shadow found.
+    """Result of a shadow.
 
     Attributes:
         clean: no alarm, every joint judged for PRACTICALLY_ALL of the time, and no position residual is far.

@@ -40,7 +40,7 @@ def check_numbers(
         raise ScenarioError(place=place, value=value, expected=expected)
     wrong = np.argwhere(~np.asarray(fits(values)))
     if len(wrong):
-        first = tuple(int(k) for k in wrong[0])  # lane, then joint where there is one a joint
+        first = tuple(int(k) for k in wrong[0])  # lane, then joint where there is one per joint
         place += "".join(f"[{joint}]" for joint in first[1:]) + (f" of lane {first[0]}" if by_lane else "")
         raise ScenarioError(place=place, value=float(values[first]), expected=expected)
 

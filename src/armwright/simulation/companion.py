@@ -1,4 +1,4 @@
-"""How wrong a run is as a whole: a few of its lanes once more at a tenth of the accuracy, beside it and without effect on it.
+"""Global error of a run: a few of its lanes simulated again with a tenth of the tolerance, without effect on the run.
 
 The difference d(t) of the two is nearly the error of the run, as the companion's is a tenth of it; `SAFETY` covers what is left.
 Errors of most motions grow with a power of time. Of a sensitive one they grow as exp(λ t), λ being its largest exponent: each
@@ -73,7 +73,7 @@ class GlobalError:
             run.attrs["notes"] = "\n".join([*notes_of(run), self._note(self.exceeded)])
 
     def _note(self, exceeded: float) -> str:
-        """What a user should know of errors that are above the accuracy from some time [s] on."""
+        """Note for users about errors that exceed the accuracy from some time [s] on."""
         name, largest = max(self.by_quantity.items(), key=lambda item: item[1])
         found = (
             f"errors of integration reach {largest:.2g} of the range of {name}, above the accuracy of {self.accuracy:g} from "

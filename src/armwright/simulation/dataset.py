@@ -200,7 +200,7 @@ def _signal(
 
 
 def _output(arm: Model, name: str, values: np.ndarray, dims: tuple[str, ...]) -> tuple[Any, ...]:
-    """A further signal of the plant as a variable: (…, n) one a joint, or (…, 1) of the whole arm."""
+    """A further signal of the plant as a variable: (…, n) one per joint, or (…, 1) of the whole arm."""
     quantity, about = FURTHER[name]
     attributes = {"units": _unit(arm, quantity), "long_name": about}
     return (dims, values[..., 0], attributes) if name in WHOLE else ((*dims, "joint"), values, attributes)

@@ -68,7 +68,7 @@ def sensitivities(scenario: AnyScenario, by: Sequence[str]) -> xarray.Dataset:
         dataset: time, the signals, and for each its derivative d_<signal> with one more dimension, `parameter`.
     Raises:
         ScenarioError: what has no such derivative, or is not there; names it and what was expected.
-        DivergenceError: a single run left the finite numbers.
+        DivergenceError: a single run diverged.
     """
     scenario = as_scenario(scenario)
     accuracy, chosen = accuracy_of(scenario), scenario.solver.rule == "auto"
@@ -131,7 +131,7 @@ def _end_stopped(simulation: Simulation, lanes: LaneGroup, record: np.ndarray, e
         place, what = "scenario", f"more than {SWITCHES} contacts and turns of friction in one step {at}"
         expected = "a shorter step, or a smaller accuracy"
     else:
-        place, what = "scenario", f"the simulation left the finite numbers {at}"
+        place, what = "scenario", f"the simulation diverged to infinite numbers or NaN {at}"
     if single:
         error = ScenarioError if grazed else DivergenceError
         raise error(what, place=place, expected=expected, file=simulation.arm.name)

@@ -109,7 +109,7 @@ class Simulation(LoopRunner):
         Returns:
             run: time, q, qd, qdd, tau, u and, where the record has the constants, voltage and current; units in attributes.
         Raises:
-            DivergenceError: a single run left the finite numbers.
+            DivergenceError: a single run diverged.
             Interrupted: Ctrl-C, a KeyboardInterrupt whose `run` holds the lanes that were finished.
         """
         if threads is not None:
@@ -145,7 +145,7 @@ class Simulation(LoopRunner):
         """Estimated errors of a run, where there is an estimate; a step that is coarse is noted.
 
         Raises:
-            DivergenceError: a single run left the finite numbers.
+            DivergenceError: a single run diverged.
         """
         scenario, status = self.scenario, recorded.status
         if recorded.rows is not None and not self._in_turns and scenario.solver.rule in INTEGRATORS:
@@ -177,7 +177,7 @@ class Simulation(LoopRunner):
         return run
 
     def _global_error(self, recorded: RecordedLanes, state: LoopState | None) -> GlobalError | None:
-        """How wrong a run is as a whole, from a few lanes that are simulated again, where `Solver.global_error` asks for it.
+        """Global error of a run, from a few lanes that are simulated again, if `Solver.global_error` asks for it.
 
         None where quantisers decide: errors then jump from one count to the next.
         """
@@ -239,7 +239,7 @@ class Simulation(LoopRunner):
             real_time: whether it returns no earlier than the tick ends by the clock, counted from the first such step.
         Raises:
             ScenarioError: a command beside another one that drives the arm, none where none does, or one of another shape.
-            DivergenceError: a single lane left the finite numbers; of several, those that do are frozen.
+            DivergenceError: a single lane diverged; of several, those that do are frozen.
         """
         if (command is None) == self.external:
             if command is None:
@@ -383,7 +383,7 @@ class _Groups:
         self.ends: dict[int, LoopState] = {}
 
     def begin(self, first: int, count: int) -> Work:
-        """How a group is taken from tick to tick of the run, and what is done with it at the end."""
+        """Functions that take a group from tick to tick of the run, and that end it."""
         simulation, origin = self._simulation, self._simulation.origin
         last, lanes = origin + self._ticks, simulation.lanes(count, first)
         simulation.begin(lanes, self._state)
@@ -438,7 +438,7 @@ def simulate(
         run: time, q, qd, qdd, tau, u and, where the record has the constants, voltage and current; units in attributes.
     Raises:
         ScenarioError: a step too large for the arm's fastest time constant; names the step that would do.
-        DivergenceError: a single run left the finite numbers.
+        DivergenceError: a single run diverged.
         Interrupted: Ctrl-C, a KeyboardInterrupt whose `run` holds the lanes that were finished.
     """
     scenario = as_scenario(scenario)

@@ -75,7 +75,7 @@ class Moments(Frozen):
     __rmul__ = __mul__
 
     def placed(self, placement: Placement) -> Moments:
-        """The same body in another frame, in which its own frame has this placement."""
+        """The body in another frame, in which its own frame has this placement."""
         t = placement.matrix()
         moved = t @ self.matrix @ t.T
         return Moments(0.5 * (moved + moved.T))

@@ -69,11 +69,11 @@ class ArticulatedInertia:
         return ArticulatedInertia(scalar.array(linear), scalar.array(coupling), scalar.array(angular))
 
     def turned(self, axis: int, c: Scalar, s: Scalar) -> ArticulatedInertia:
-        """The same in axes that stand turned back about one of them by the angle of cosine c and sine s."""
+        """The inertia in axes turned back about one of them by the angle of cosine c and sine s."""
         return ArticulatedInertia(*(turned_matrix(x, axis, c, s) for x in (self.linear, self.coupling, self.angular)))
 
     def shifted(self, p: Array) -> ArticulatedInertia:
-        """The same about an origin from which this one is at p (3,) [m]:  H' = H + p× M,  J' = J + p× Hᵀ - H' p×."""
+        """The inertia about an origin from which this one is at p (3,) [m]:  H' = H + p× M,  J' = J + p× Hᵀ - H' p×."""
         before = self.coupling
         after = before + scalar.array([cross(p, row) for row in self.linear]).T
         angular = scalar.zeros(3, 3)

@@ -102,7 +102,7 @@ def _to_varied_axis(axis: Array) -> np.ndarray:
 def roll_pitch_yaw(rotation: Array) -> tuple[float, float, float]:
     """Angles [rad] of which `rotation_rpy` makes this rotation again, to rounding even where two of them are one.
 
-    The yaw is taken first; roll and pitch are those of what is left when it is turned back.
+    The yaw is taken first; roll and pitch are those of the rotation without the yaw.
     """
     r = np.asarray(rotation, dtype=float)
     yaw = float(scalar.atan2(r[1, 0], r[0, 0]))

@@ -60,7 +60,7 @@ class About:
 
     @property
     def seal(self) -> bytes:
-        """What the checksums of this store begin with."""
+        """First part of the checksums of this store."""
         return json.dumps(vars(self), sort_keys=True).encode()
 
     def lanes_of(self, chunk: int) -> range:
@@ -174,7 +174,7 @@ class SweepStore:
         return int(self.table[chunk, first]), int(self.table[chunk, first + 1])
 
     def intact(self, name: str, chunk: int) -> bool:
-        """Whether the file of a chunk of a result is the one that was written.
+        """True if the file of a chunk of a result is the one that was written.
 
         Raises:
             OSError: it cannot be read.
@@ -312,7 +312,7 @@ class CheckedResult:
         return np.asarray(self.array[key], dtype=self.dtype)
 
     def as_variable(self, variable: xr.Variable) -> xr.Variable:
-        """The same as a Dask array with names and units of a variable, in the store's chunks."""
+        """A variable as a Dask array with names and units, in the store's chunks."""
         import dask.array as da
         import xarray as xr
 

@@ -118,7 +118,7 @@ def largest_excess(polynomial: PiecewisePolynomial, limits: MotionLimits) -> tup
 def _sufficient(
     of: Any, limits: MotionLimits, states: tuple[np.ndarray, np.ndarray, np.ndarray], duration: float
 ) -> str:
-    """What to do about a duration [s] that exceeds limits, in words."""
+    """Advice, in words, on a duration [s] that exceeds limits."""
     moving = states[1].any() or states[2].any()
     for least in (duration, 0.0):
         try:

@@ -144,12 +144,12 @@ class PiecewisePolynomial(Motion):
         return cls(knots, np.concatenate(rows, axis=1))
 
     def scaled(self, factor: float) -> PiecewisePolynomial:
-        """The same path, `factor` times as long: speeds are divided by it, accelerations by its square."""
+        """The path in `factor` times the duration: speeds are divided by it, accelerations by its square."""
         powers = float(factor) ** -np.arange(self.coefficients.shape[2])
         return PiecewisePolynomial(self.time + factor * (self.knots - self.time), self.coefficients * powers)
 
     def delayed(self, time: float) -> PiecewisePolynomial:
-        """The same motion that begins at `time` [s]."""
+        """The motion, shifted to begin at `time` [s]."""
         return PiecewisePolynomial(self.knots - self.knots[0] + time, self.coefficients)
 
     def derivative(self) -> PiecewisePolynomial:

@@ -176,7 +176,7 @@ def simulated_on(client: Any, scenario: Scenario) -> dict[str, np.ndarray]:
 
 
 def _of_absent(name: str, scenario: Scenario) -> float:
-    """What counts where a reducer has no number: a joint without a step does not overshoot; one unsettled takes the whole run."""
+    """Value that replaces a reducer's NaN: overshoot 0, settling time the whole run, others infinite."""
     if name == "overshoot":
         return 0.0
     return scenario.ticks * scenario.tick if name.startswith("settling_time") else np.inf

@@ -25,7 +25,7 @@ class MarginConstraint:
 
 @dataclass(frozen=True)
 class Search:
-    """How gains are searched for, and which are better.
+    """Method and budget of the search for gains, and the rule by which they are compared.
 
     Attributes:
         method: "cma", the default, or "differential-evolution".   generations: of the search, default 30.

@@ -82,7 +82,7 @@ class Trouble:
 
     Attributes:
         joint: its index; None of the bus itself.   what: the problem.   expected: in its place.
-        faulted: True if the drive reports a fault.   believed: False if its node's answers are none, or not to be believed.
+        faulted: True if the drive reports a fault.   believed: False if its node's answers are none, or implausible.
     """
 
     joint: int | None
@@ -98,7 +98,7 @@ class Ending:
 
     Attributes:
         still: names of the joints that stand still.   moving: of those that still moved after `seconds`.
-        unknown: of those whose drives gave no answer that can be believed.
+        unknown: of those whose drives gave no answer that is plausible.
         held: True if the drives hold the arm; False if they are disabled.
         limp: names of the joints whose drives have no torque, such as after a fault, though they are to hold the arm.
         lifted: names of the joints that gravity moves and that have no brake.   seconds: the quick stop took.
@@ -123,9 +123,7 @@ class Ending:
             return f"{text}; the drives are disabled"
         lifted, limp = ", ".join(self.lifted), ", ".join(self.limp)
         but = f" but for {limp}, where the drive has no torque" if limp else ""
-        return (
-            f"{text}; the drives hold the arm{but}, which has no brake at {lifted}, until they are released (--release)"
-        )
+        return f"{text}; the drives hold the arm{but}, until you release them (--release): no brake holds {lifted}"
 
 
 class Master:
@@ -566,7 +564,7 @@ class Master:
         """Brings all drives to rest by a quick stop. Then they hold the arm; they are disabled where brakes do.
 
         Args:
-            trouble: the cause, whose node is not waited for if its answers cannot be believed.
+            trouble: the cause, whose node is not waited for if its answers are implausible.
         """
         self._moves = False
         n = len(self.numbers)

@@ -63,7 +63,7 @@ CHOICES: dict[Key, tuple[int, ...]] = {
 }
 ABOVE_ZERO = (ACCELERATION, DECELERATION, STOP_DECELERATION, SEARCH_SPEED, HOME_SPEED, HOMING_ACCELERATION)
 DEVICE_TYPE = 0x0002_0192  # a servo drive by CiA 402
-TWIN_VENDOR, TWIN_PRODUCT = 0, 0x4157_5457  # no vendor's number; "AWTW": a twin, and no drive of metal
+TWIN_VENDOR, TWIN_PRODUCT = 0, 0x4157_5457  # no vendor's number; "AWTW": a twin, not a real drive
 INVALID = 0x8000_0000  # of a COB-ID: no such process data
 
 # what crosses the bus with every SYNC, in the order of its bytes
@@ -217,7 +217,7 @@ RECORDS |= {index + 1: RECORDS[index] for index in (0x1400, 0x1600, 0x1800, 0x1A
 
 
 def packing(keys: tuple[Key, ...]) -> struct.Struct:
-    """How the values of process data lie in a frame."""
+    """Layout of process data in a frame."""
     return struct.Struct("<" + "".join(ENTRIES[key].kind.packed for key in keys))
 
 

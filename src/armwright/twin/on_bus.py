@@ -1,6 +1,6 @@
 """A scenario as run over a bus: measurements, commands and delays limited to those that frames can carry.
 
-    positions in counts, torques in thousandths ─→ speeds from positions ─→ the law ─→ commands in thousandths
+    positions in counts, torques in thousandths ─→ speeds from positions ─→ the controller ─→ commands in thousandths
 
 The controller of such a scenario rounds what it sees to what the bus carries before anything else. So it computes the same
 bits in the simulation, from the plant's exact state, and at the master, from frames.

@@ -86,7 +86,7 @@ class BusRun(Result):
         return self.counts
 
     def sentences(self) -> list[str]:
-        """Whether it is complete, why it ended early, how the drives stood at its end."""
+        """Completeness, the reason of an early end, and the state of the drives at the end."""
         why = [f"stopped early: {self.trouble}"] if self.trouble else ["ended before its last tick"]
         first = ["complete"] if self.counts else ["complete, with too many incomplete cycles"] if self.complete else why
         return [*first, *([str(self.ending)] if self.ending else [])]
@@ -155,10 +155,10 @@ def run_controller(
     master = Master(rehearsal, bus, nodes=nodes, eds=eds, missing=missing)
     with _bus_failures(master), master:
         identities = master.identify()
-        metal = check_permission(master, identities, permission, real_time=real_time)
+        real = check_permission(master, identities, permission, real_time=real_time)
         master.configure(heartbeat if real_time else None)
         run = _run(master, law, real_time, following_error, permission.may_move)
-        if metal and permission.reduced and run.counts:
+        if real and permission.reduced and run.counts:
             _store(permission, bound(master, identities), run)
     return run
 

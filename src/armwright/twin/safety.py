@@ -1,7 +1,7 @@
 """Safety conditions before a controller may drive a real arm over a bus.
 
-a twin on such a bus       --arm SERIAL, as object 1018 of every node says
-an arm of metal            that, a passing verdict of `validate` on this very scenario, drives whose rated torque and counts are
+a twin, bus not virtual    --arm SERIAL, as object 1018 of every node says
+a real arm                 that, a passing verdict of `validate` on this scenario, drives whose rated torque and counts are
                            the record's, real time with a heartbeat, a dead-man key, and reduced speed and torque until a
                            reduced run has come to its end
 """

@@ -131,7 +131,7 @@ class LoopAnalysis(Result):
         draw_regions(figure, self.regions, [self.loop.delay + more * self.loop.period for more in DELAYS], ink)
 
     def sections(self) -> list[tuple[str, str]]:
-        """What would keep the margins, where the loop does not."""
+        """Changes that would keep the margins, if the loop does not keep them."""
         return (
             []
             if self.keeps_margins

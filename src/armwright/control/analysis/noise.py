@@ -136,7 +136,7 @@ def _measured(
 def measured_entries(
     loop: LinearLoop, slopes: LoopSlopes, maps: list[np.ndarray], places: list[int]
 ) -> list[np.ndarray]:
-    """(…, Z, places) of each tick: what it makes of measured positions, without what the plant makes of true ones.
+    """(…, Z, places) of each tick: columns of its map through the measured positions only, without those through the plant.
 
     Args:
         loop: linearised.   slopes: of its plant.   maps: of its ticks.   places: of the positions.

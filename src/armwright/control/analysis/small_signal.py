@@ -35,7 +35,7 @@ SERVOS = "arm.replace(firmware=None), with the servo's loop in the controller"
 SUPPORT = Support(
     "loops",
     scenario=True,
-    approximated={"lanes": "the record's own arm is analysed"}
+    approximated={"lanes": "the nominal arm is analysed, without their variations"}
     | dict.fromkeys(
         (
             *("gear loss", "dry friction", "smoothed friction", "friction by direction", "friction offset"),
@@ -221,7 +221,7 @@ class SmallSignal:
             if isinstance(error, ScenarioError):
                 raise
             what = f"cannot be traced ({why(error)})"
-            raise ScenarioError(what, place=place_of(self._adapter.name), expected="a law of arrays") from error
+            raise ScenarioError(what, place=place_of(self._adapter.name), expected="a controller of arrays") from error
 
     def _seen(self, q: Array, c: Array) -> Array:
         """All that a tick sees where the arm is held at q: the plant's state, memories, commands in force."""

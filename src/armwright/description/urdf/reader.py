@@ -50,7 +50,7 @@ def read_urdf(
     Returns:
         description: `remarks` tell what was left out or doubtful, `notes` what was ignored as harmless.
     Raises:
-        DescriptionError: a file that cannot be believed; one line with file, line, element and reason.
+        DescriptionError: an invalid file; one line with file, line, element and reason.
     """
     if mimic not in MIMIC:
         raise DescriptionError(place="mimic", value=mimic, choices=MIMIC)

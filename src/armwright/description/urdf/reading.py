@@ -121,10 +121,7 @@ class UrdfReading:
         return None if self.drives is None else self.drives.joints.get(joint)
 
     def check_children(self, element: Element) -> None:
-        """Counts what is harmless in an element, and refuses what nobody would read.
-
-        A tag that is neither read nor known to be harmless is kept as wrong.
-        """
+        """Counts children that may be ignored, and records unknown tags as errors."""
         read = READ.get(element.tag, ())
         if element.text.strip():
             what = f"text between its elements is not read: {element.text.strip()[:40]!r}"

@@ -51,7 +51,7 @@ def _add_reduction(
 
 
 def _check(reading: UrdfReading, element: Element, name: str, read: tuple[str, ...] = ()) -> None:
-    """Remarks the physics of other programs, and refuses what nobody would read."""
+    """Adds a remark for physics of other programs, and records unknown tags as errors."""
     for child in element.children:
         if child.tag in (*read, *TAGS, *TRANSMISSION_HARMLESS):
             continue

@@ -68,17 +68,17 @@ self-test once with the options of your firmware: it compares {ticks} steps to t
 
 1. A sample with `measurement.lost` set is replaced by the last one that arrived; `measurement.applied`, what the drives did
    in the last period, is always read.
-2. The control law, in the time `state.tick` x {period:g} ms, and then the rate limit, limit and resolution of the command.
-3. If an input that the law reads, its state or the command is infinite or not a number, nothing of the step is kept: the law's
-   state stays, but for its counters of ticks, the last command is repeated, and the status word says `NOT_FINITE`.
+2. The controller, in the time `state.tick` x {period:g} ms, and then the rate limit, limit and resolution of the command.
+3. If an input that the controller reads, its state or the command is infinite or not a number, nothing of the step is kept: the
+   controller's state stays, but for its counters of ticks, the last command is repeated, and the status word says `NOT_FINITE`.
 
 Delays of the bus, jitter and losses of commands were simulated, and are no part of this code.
 
-The tick counts steps since `{name}_init`; a step that is left out makes the law's time stand still. {time}
-`{name}_init` begins with the law's state as the simulation does, from a measurement and the command in force, whoever gave it;
+The tick counts steps since `{name}_init`; a step that is left out makes the controller's time stand still. {time}
+`{name}_init` begins with the controller's state as the simulation does, from a measurement and the command in force;
 a command that is infinite or not a number is taken as 0, and `state.status` then says `NOT_FINITE`. `{name}_reset` takes the
 last command of this controller for that. Integrators then begin anew. `{name}_take_over` begins without a jump: its first
-command is the one in force, and what the law would have commanded differently goes away evenly over so many ticks.
+command is the one in force, and what the controller would have commanded differently goes away evenly over so many ticks.
 
 `{name}.parameters` has the numbers of `{name}_default_parameters` with a checksum. `{name}_load` reads such a file from memory
 into parameters of yours, and refuses a damaged one, one of another controller, numbers that are not finite and limits below 0.
@@ -99,10 +99,10 @@ def readme(stages: ControllerStages, ticks: int, real: str) -> str:
     words["gave"] = {"double": "it gave", "float": "this code gives in single precision"}[real]
     last = stages.ticks_of_time(real)
     words["time"] = (
-        "The law does not read the time."
+        "The controller does not read the time."
         if last is None
         else (
-            f"The law reads the time; it is right to 1 µs for {last * stages.period:.4g} s, and then the status word says `TIME`."
+            f"The controller reads the time, right to 1 µs for {last * stages.period:.4g} s; then the status word says `TIME`."
         )
     )
     return _README.format(**words, arm=stages.arm.name, period=stages.period * 1e3, ticks=ticks)

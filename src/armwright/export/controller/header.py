@@ -16,9 +16,9 @@ from armwright.signals import Layout, Signal
 STATUS = {
     "SATURATED": "a command asks for its limit or more, or changes faster than its rate",
     "OUT_OF_RANGE": "a measured or wanted position or speed is beyond the limits of its joint",
-    "NOT_FINITE": "an input that the law reads, or a result, was infinite or not a number: of the step only ticks were counted",
+    "NOT_FINITE": "an input that the controller reads, or a result, was infinite or not a number: the step only counted its tick",
     "LOST": "the sample was lost: the last one that arrived took its place",
-    "TIME": "the law reads the time, which is wrong by more than 1 us by now",
+    "TIME": "the controller reads the time, which is wrong by more than 1 us by now",
 }
 
 _FUNCTIONS = """\
@@ -93,11 +93,11 @@ def _status(macro: str) -> str:
 
 
 def _time(stages: ControllerStages, real: str) -> list[str]:
-    """The macro with the tick up to which the law's time is right, if the law reads it."""
+    """The macro with the tick up to which the controller's time is right, if the controller reads it."""
     last = stages.ticks_of_time(real)
     if last is None:
         return []
-    about = f"/* The last tick whose time, {last * stages.period:.4g} s, the law has to within 1 us. */"
+    about = f"/* The last tick whose time, {last * stages.period:.4g} s, the controller has to within 1 us. */"
     return [f"{about}\n#define {stages.name.upper()}_TIME_TICKS UINT64_C({last})"]
 
 
@@ -151,7 +151,7 @@ def _state(stages: ControllerStages, real: str) -> list[str]:
         "uint32_t lost; /* samples that were lost one after another */",
         "uint32_t status; /* of the last step */",
         *(
-            [f"{real} law[{states}]; /* the control law's own: integrators, filters, commands on their way */"]
+            [f"{real} law[{states}]; /* the controller's own: integrators, filters, commands on their way */"]
             if states
             else []
         ),
@@ -173,15 +173,15 @@ def _functions(name: str) -> str:
         "begin": [
             "Begins at tick 0 from a measurement, whose `lost` is not read, and the command that is in force, from which the",
             "rate limit starts. What is infinite or not a number in that command is taken as 0, and state->status says so;",
-            "it does so, too, where the law cannot begin from such a measurement: then begin again with another one.",
+            "it does so, too, where the controller cannot begin from such a measurement: then begin again with another one.",
         ],
         "reset": [
             "Begins anew at tick 0, as init does, from the last command that this controller issued. Behind a fault, or when",
             "another controller hands back, call init with the command then in force instead.",
         ],
         "take_over": [
-            "Begins as init does, without a jump: the first command is the one in force, up to rounding. What the law would have",
-            "commanded differently is added to its commands, less in every tick, and nothing of it from tick `ticks` on.",
+            "Begins as init does, without a jump: the first command is the one in force, up to rounding. The difference",
+            "from the controller's own is added to its commands, less in every tick, and nothing of it from tick `ticks` on.",
         ],
         "step": [
             "One tick: the command, and the status word. To be called once a period.",

@@ -2,7 +2,7 @@
 
     file = layout (4 bytes), numbers in the struct's order, CRC-32 of all that (4 bytes); everything little-endian
 
-The layout is the CRC-32 of the struct's names and sizes, the law and its period: a file for another controller is refused.
+The layout is the CRC-32 of the struct's names and sizes, the controller and its period: a file for another controller is refused.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ LIMITS = (
     "velocity",
     "acceleration",
     "jerk",
-)  # fields of laws that are limits and must be finite; others end with "limit"
+)  # fields of controllers that are limits and must be finite; others end with "limit"
 
 _DEFINED = """\
 /* A number of little-endian bytes. */
@@ -140,18 +140,20 @@ def members(stages: ControllerStages) -> list[Member]:
     values = np.split(stages.gains.values[0], ends[:-1]) if len(ends) else []
     for name, shape, value in zip(stages.gains.names, stages.gains.shapes, values, strict=True):
         word = identifier(name)
-        rows.append(Member(f"law_{word}" if word in taken else word, shape, "the law's", value, _rule(name, value)))
+        rows.append(
+            Member(f"law_{word}" if word in taken else word, shape, "the controller's", value, _rule(name, value))
+        )
     return rows
 
 
 def gain_members(stages: ControllerStages) -> list[Member]:
-    """The members that are fields of the law, in the order of its values."""
+    """The members that are fields of the controller, in the order of its values."""
     rows = members(stages)
     return rows[len(rows) - len(stages.gains.names) :]
 
 
 def _rule(name: str, values: np.ndarray) -> int:
-    """Numbers that a field of a law may have; what the scenario's break does not hold."""
+    """Numbers that a field of a controller may have; what the scenario's break does not hold."""
     last = name.rpartition(".")[2]
     rule = INFINITE if last.endswith("limit") or np.isinf(values).any() else 0
     return rule | (NOT_NEGATIVE if (last.endswith("limit") or last in LIMITS) and (values >= 0.0).all() else 0)

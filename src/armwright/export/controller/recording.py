@@ -46,7 +46,7 @@ def record(stages: ControllerStages, ticks: int) -> ControllerRecording:
     Args:
         stages: the controller's, with the loop.   ticks: how many.
     Raises:
-        ScenarioError: the simulation leaves the finite numbers; says when.
+        ScenarioError: the simulation diverges; says when.
     """
     loop = stages.loop
     lanes, initial = loop.lanes(1), loop.initial
@@ -63,7 +63,7 @@ def record(stages: ControllerStages, ticks: int) -> ControllerRecording:
         rows[start : start + count] = room[:count, 0]
     frozen = lanes.get("frozen")[0, 0]
     if frozen >= 0.0:
-        what = f"the simulation left the finite numbers at t = {frozen * loop.period:g} s"
+        what = f"the simulation diverged to infinite numbers or NaN at t = {frozen * loop.period:g} s"
         raise ScenarioError(what, place="loop.controller", expected="a loop that is stable")
     columns = dict(zip(sizes, np.split(rows, parts, axis=1), strict=True))
     lost = columns[DRAWN][:, LOSS] < stages.loss if DRAWN in columns else np.zeros(ticks, dtype=bool)

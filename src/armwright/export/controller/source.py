@@ -137,7 +137,7 @@ uint32_t {name}_step({name}_state *state, const {name}_parameters *parameters,
     if (state->bridge_ticks > 0u) {{
         int k;
         for (k = 0; k < {n}; k++) {{
-            y[{applied} + k] -= state->bridge[k] * {name}_bridged(state, {back}u); /* the law is to see its own command */
+            y[{applied} + k] -= state->bridge[k] * {name}_bridged(state, {back}u); /* the controller is to see its own command */
         }}
     }}
 {law}
@@ -170,7 +170,7 @@ def source(stages: ControllerStages, real: str) -> str:
     unit = Unit(dialect, f"{name}_")
     for program in (stages.begin, stages.law, stages.shape):
         if not any(port.size for port in program.outputs):
-            continue  # a law that remembers nothing
+            continue  # a controller that remembers nothing
         unit.add_function(program, f"{name}_{program.name}")
     unit.functions[f"{name}_arithmetic"] = arithmetic(name, real)
     words = {"name": name, "macro": name.upper(), "real": real, "f": dialect.format.suffix}
@@ -233,7 +233,7 @@ def _indented(lines: Iterable[str], depth: int = 1) -> str:
 
 
 def _gains(stages: ControllerStages, real: str) -> tuple[list[str], list[str]]:
-    """The array of the law's open fields, and the statements that fill it from the parameters."""
+    """The array of the controller's open fields, and the statements that fill it from the parameters."""
     size, first, lines = stages.gains.values.shape[1], 0, []
     for row in gain_members(stages):
         value = f"parameters->{row.name}"
@@ -266,7 +266,7 @@ def _init(stages: ControllerStages, real: str) -> dict[str, str]:
 
 
 def _time(stages: ControllerStages, real: str) -> dict[str, str]:
-    """Parts of the text of `step` that depend on the tick: a law that does not read it gets none."""
+    """Parts of the text of `step` that depend on the tick: a controller that does not read it gets none."""
     last, macro = stages.ticks_of_time(real), stages.name.upper()
     if last is None:
         return {"time": literal(0.0, REALS[real]), "status": "0u"}

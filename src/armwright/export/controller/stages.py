@@ -1,6 +1,6 @@
 """Stages of a simulated loop that run on the controller's processor, with the layouts of its inputs and outputs.
 
-    measured, reference ─→ control law ─→ rate limit, limit, resolution ─→ command
+    measured, reference ─→ controller ─→ rate limit, limit, resolution ─→ command
 
 The programs are those that the simulation's loop is compiled from. Sensors, queues of measurements and commands, jitter and
 losses belong to the bus and to the arm; of them the controller has the rule that a lost sample repeats the last one.
@@ -37,7 +37,7 @@ from armwright.simulation.scenario import Scenario
 DRAWN = "w_timing"  # the block of random numbers that decide which samples are lost
 LOSS = 2  # its entry for a measurement
 PACKAGE = Path(__file__).parents[2]
-TIME_ERROR = 1e-6  # [s] by which the law's time may be wrong before the status word says so
+TIME_ERROR = 1e-6  # [s] by which the controller's time may be wrong before the status word says so
 
 
 class RecordedLoop(LoopRunner):
@@ -62,9 +62,9 @@ class ControllerStages:
         name: a C identifier, which all of its names in C begin with.   loop: of the simulation.
         measured: layout of what arrives with a sample, which may be lost.   applied: of what the drives did, which is known.
         reference, command: layouts of what it follows and of what leaves.
-        begin: (y, c) → s, the law's state before the first tick.   law: (tick, r, y, s, c) → u_asked, s_next.
+        begin: (y, c) → s, the controller's state before the first tick.   law: (tick, r, y, s, c) → u_asked, s_next.
         shape: (u_asked, u_kept or u_issued) → u_issued_next, and u_kept_next where the rate is limited.
-        initial_command: (n,) in force before the first tick.   gains: the law's fields that are no constants of its code.
+        initial_command: (n,) in force before the first tick.   gains: the controller's fields that are no constants of its code.
         limits: (n,) of commands: the smaller of the filter's and the drive's.
         count: (n,) [rad | m] one count of each encoder, where positions come in counts; else empty.
     """
@@ -93,7 +93,7 @@ class ControllerStages:
             scenario: with a controller that can be traced, and no lanes.   name: in C; default: the arm's, and "controller".
             gains: fields of the controller that become parameters.   counts: true: positions come as the encoders' counts.
         Raises:
-            ScenarioError: no controller, several lanes, a state to go on from, a law that cannot be traced, no such field,
+            ScenarioError: no controller, several lanes, a state to go on from, a controller that cannot be traced, no such field,
                 counts of encoders that have none.
         """
         check_one_arm(scenario)
@@ -136,7 +136,7 @@ class ControllerStages:
 
     @property
     def delay_ticks(self) -> int:
-        """Whole ticks of delay from command to drive, as the control law has it."""
+        """Whole ticks of delay from command to drive, as the controller has it."""
         return int(getattr(self.loop.scenario.controller_fields.owner, "delay_ticks", 0))
 
     @property
@@ -146,11 +146,11 @@ class ControllerStages:
 
     @property
     def counters(self) -> list[int]:
-        """Entries of the law's state that count ticks, for its slower loops."""
+        """Entries of the controller's state that count ticks, for its slower loops."""
         return counters_of(self.law)
 
     def ticks_of_time(self, real: str) -> int | None:
-        """The last tick whose time the law has to within 1 µs in "double" or "float"; None for a law that does not read it."""
+        """The last tick whose time is right to within 1 µs in "double" or "float"; None if the controller reads no time."""
         if not inputs_read(self.law, "tick"):
             return None
         dtype, period = REALS[real].format.dtype, self.period
@@ -234,10 +234,10 @@ def _is_gain(value: Any) -> bool:
 
 
 def traced_beginning(loop: LoopRunner, sampling: Sampling) -> Program:
-    """The control law's initial state as a program (y, c) → s.
+    """The controller's initial state as a program (y, c) → s.
 
     Raises:
-        ScenarioError: the law, or its beginning, cannot be traced; names the line that stops it, and why.
+        ScenarioError: the controller, or its beginning, cannot be traced; names the line that stops it, and why.
     """
     adapter, arm = sampling.controller, loop.arm
 
@@ -247,7 +247,7 @@ def traced_beginning(loop: LoopRunner, sampling: Sampling) -> Program:
     try:
         if adapter.vectorised:
             raise ScenarioError(
-                "asks for all lanes at once", place=place_of(adapter.name), expected="a law of one lane"
+                "asks for all lanes at once", place=place_of(adapter.name), expected="a controller of one lane"
             )
         program = trace("begin", begin, {"y": (adapter.y.size,), "c": adapter.values.shape[1:]}, ("s",))
         if loop.untraced is not None:
@@ -255,7 +255,7 @@ def traced_beginning(loop: LoopRunner, sampling: Sampling) -> Program:
     except UNTRACEABLE as error:
         if isinstance(error, ScenarioError):
             raise
-        cause, expected = why(error), "a law written with armwright.scalar"
+        cause, expected = why(error), "a controller written with armwright.scalar"
         if isinstance(error, SymbolError):  # which knows what to write in its place
             cause, expected = error.problems[0].what, error.problems[0].expected
         what = f"cannot be traced{_line(error)}: {cause}"

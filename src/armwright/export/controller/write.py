@@ -30,7 +30,7 @@ OF_THE_BUS = "it belongs to the sensors, the bus and the arm"
 SUPPORT = Support(
     "export controller",
     scenario=True,
-    approximated={name: f"where the law computes dynamics, {how}" for name, how in KERNELS.approximated.items()},
+    approximated={name: f"where the controller computes dynamics, {how}" for name, how in KERNELS.approximated.items()},
     without_effect={
         "brakes": OF_THE_BUS,
         **dict.fromkeys(
@@ -87,7 +87,7 @@ def export_controller(
 
     Written are `NAME.h`, `NAME.c`, a self-test with recorded inputs, `CMakeLists.txt`, `README.md` and `NAME.parameters`, the
     numbers of the scenario with a checksum, which the code can load: all of them or none. The
-    code is the programs that the simulation is compiled from: control law, rate limit, limit and resolution of the command,
+    code is the programs that the simulation is compiled from: controller, rate limit, limit and resolution of the command,
     and the rule that a lost sample repeats the last one. It allocates nothing and does not recurse.
 
     Args:
@@ -105,7 +105,7 @@ def export_controller(
     Returns:
         exported: the files, and how the code compares with the simulation.
     Raises:
-        ScenarioError: no controller, several lanes, a law that cannot be traced: names the line and why.
+        ScenarioError: no controller, several lanes, a controller that cannot be traced: names the line and why.
         OutputError: the directory or a file cannot be written.
         ModelError: a controller that takes more RAM or flash than there is. The compiler ends with an error, or the compiled
             code gives other commands than the simulation; nothing is then written. Float without a compiler.
@@ -137,7 +137,7 @@ def export_controller(
     notes = list(SUPPORT.notes(scenario.arm))
     last = stages.ticks_of_time(real)
     if real == "float" and last is not None:
-        what = "the law reads the time t, which single precision has to within 1 µs for"
+        what = "the controller reads the time t, which single precision has to within 1 µs for"
         notes.append(f"{what} {last * stages.period:.4g} s behind `init`: from then on `step` sets the status bit TIME")
     if comparison is None:
         notes.append(NO_COMPILER)

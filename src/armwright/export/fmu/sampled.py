@@ -1,7 +1,7 @@
 """Co-simulation: the exported parts of a simulated loop, with the variables at their borders.
 
     u ─→ delay, drives, arm ─→ sensors ─→ y          "plant"
-    y, r ─→ control law, rate limit, limit, resolution ─→ u    "controller"
+    y, r ─→ controller, rate limit, limit, resolution ─→ u    "controller"
     r ─→ both, one after the other ─→ y, u          "both"
 
 All of it are the stages that the simulation is compiled from. A step takes the inputs as they are at its beginning; its outputs
@@ -96,7 +96,7 @@ def sampled_model(scenario: Scenario, part: str) -> SampledModel:
     loop = _printed_loop(scenario, part)
     scenario, sampling = loop.scenario, loop.config.sampling
     assert sampling is not None
-    law = None if part == "plant" else traced_beginning(loop, sampling)  # which says why a law cannot be traced
+    law = None if part == "plant" else traced_beginning(loop, sampling)  # which says why a controller cannot be traced
     lanes = loop.lanes(1)
     loop.begin(lanes, None)
     first = loop.initial
@@ -306,7 +306,7 @@ def lane_values(loop: UnrecordedLoop, part: str) -> list[FmuVariable]:
         for k in range(int(np.prod(shape, dtype=int))):
             words = f"c.{quoted(name)}" + (f".at{k}" if shape else "")
             value = float(lanes.values[0, entry])
-            rows.append(FmuVariable(words, "parameter", "tunable", "-", "gain of the law", "c", entry, value))
+            rows.append(FmuVariable(words, "parameter", "tunable", "-", "gain of the controller", "c", entry, value))
             entry += 1
     return rows
 

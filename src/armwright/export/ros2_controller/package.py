@@ -47,10 +47,10 @@ def command_interfaces(stages: ControllerStages) -> dict[str, str]:
 
 
 def state_interfaces(stages: ControllerStages) -> dict[str, str]:
-    """Kinds of the state interfaces that the control law reads, by signal; positions always.
+    """Kinds of the state interfaces that the controller reads, by signal; positions always.
 
     Raises:
-        ScenarioError: the law reads a signal that is no state of a joint.
+        ScenarioError: the controller reads a signal that is no state of a joint.
     """
     y = Layout((*stages.measured, *stages.applied))
     read = _signals_read(y, {*inputs_read(stages.law, "y"), *inputs_read(stages.begin, "y")})
@@ -64,10 +64,10 @@ def state_interfaces(stages: ControllerStages) -> dict[str, str]:
 
 
 def reference_interfaces(stages: ControllerStages) -> dict[str, str]:
-    """Kinds of the references, by signal: positions, and speeds and accelerations up to what the law reads.
+    """Kinds of the references, by signal: positions, and speeds and accelerations up to what the controller reads.
 
     Raises:
-        ScenarioError: the law follows something else than a motion of the joints.
+        ScenarioError: the controller follows something else than a motion of the joints.
     """
     others = [signal.name for signal in stages.reference if signal.name not in REFERENCES]
     if others or "q" not in stages.reference:

@@ -50,7 +50,7 @@ class ArmFit:
     """Base parameters of an arm from a log.
 
     Attributes:
-        equations: what was fitted.   base: the parameters' regrouping.   method: "ols", "wls" or "irls".
+        equations: what was fitted.   base: the parameters' regrouping.   method: key of `methods.METHODS`.
         values: β (b,).   covariance: (b, b).   weights: w_j (n,).   rms: (n,) of the residuals [N m | N].
         torque_rms: (n,) of the measured torques.   r2: (n,) 1 - residual variance over torque variance; NaN without torque.
         condition: of the weighted regressor, its columns scaled to length 1.   information: R (b, b), weighted.

@@ -52,7 +52,7 @@ class LossyModel(TorqueModel):
 
     Attributes:
         linear: the model without loss.   kept: numbers of its columns that are this model's; those of efficiencies follow.
-        stated: numbers of its rotor columns that are not fitted: without loss no torque tells them from links' inertia.
+        stated: numbers of its rotor columns that are not fitted: without loss no torque separates them from links' inertia.
         behind: (kept,) bool: on the link side of the gears.   fitted: numbers of the motors whose efficiency is fitted.
         about: (p,) parameters of the point; None: of the lossless arm, e = 1.
     """
@@ -437,7 +437,7 @@ def loss_remarks(fit: ArmFit, untold: Mapping[str, str]) -> list[str]:
     rotors = [model.linear.columns[k].joint for k in model.stated if model.linear.prior[k] != 0]
     if rotors:
         said.append(
-            f"rotor inertia of {', '.join(rotors)} is the record's: without gear loss no log would tell it from the link's"
+            f"rotor inertia of {', '.join(rotors)} is the record's: without gear loss no log can separate it from the link's"
         )
     return said
 

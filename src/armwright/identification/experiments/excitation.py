@@ -133,7 +133,7 @@ class Excitation(Result):
         )
 
     def sentences(self) -> list[str]:
-        """What was minimised, what is not honoured and why; effects that are approximated."""
+        """Remarks: the objective, constraints that are not kept and why, effects that are approximated."""
         return [*self.reasons, *self.notes]
 
     def tables(self) -> list[Table]:

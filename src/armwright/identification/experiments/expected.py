@@ -89,7 +89,7 @@ class ExperimentComparison(Result):
         return min(self.experiments, key=rank)
 
     def sentences(self) -> list[str]:
-        """What only some of the experiments separate."""
+        """Remarks on parameters that only some of the experiments separate."""
         return list(self.remarks)
 
     def tables(self) -> list[Table]:

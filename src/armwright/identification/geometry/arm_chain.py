@@ -190,7 +190,7 @@ class ArmChains:
         return lambda q: self.loads(q)[:, body, 3 * turning + axis]
 
     def loads(self, q: np.ndarray) -> np.ndarray:
-        """What gravity applies to each body and all that it carries (poses, bodies, 6) at q; computed once for the same q."""
+        """Wrench of gravity (poses, bodies, 6) on each body and all that it carries at q; computed once for equal q."""
         key = q.tobytes()
         if key not in self.known:
             self.known[key] = gravity_loads(self.arm, q)

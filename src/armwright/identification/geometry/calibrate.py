@@ -58,7 +58,7 @@ def calibrate(
 ) -> Calibration:
     """Corrections of an arm's geometry from joint readings with measured points, poses or distances.
 
-    Least squares over all corrections that the structure and the poses tell apart, whole poses weighted by their error
+    Least squares over all corrections that the structure and the poses separate, whole poses weighted by their error
     (`loss`). Corrections of the record have a prior of a size that the held-out error chooses, so that what the poses hardly
     determine stays near the record. Deviations count what the errors of a pose's points have in common.
 

@@ -80,7 +80,7 @@ def fitted(
     Args:
         setting: what to fit.   loss: what large errors cost.   strength: σ/τ.   begun: a fit to go on from.
     Raises:
-        IdentificationError: the search leaves the finite numbers.
+        IdentificationError: the search diverges.
     """
     fit, stages = begun, STAGES[loss][-1:]
     if fit is None:

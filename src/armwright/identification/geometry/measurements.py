@@ -143,7 +143,7 @@ class Measurements(Result):
         return [found, Table("joints", ("joint", "lowest [rad | m]", "highest [rad | m]"), joints)]
 
     def sentences(self) -> list[str]:
-        """What the checks found."""
+        """Findings of the checks."""
         return list(self.findings)
 
 

@@ -236,7 +236,7 @@ def _targets(chains: ArmChains, places: np.ndarray, frame: str | None) -> list[T
 
 
 def _free(arm: Model, clearance: Clearance | None) -> Clearance | None:
-    """What the poses keep; None of an arm without shapes."""
+    """Distances that the poses keep; None of an arm without shapes."""
     if clearance is not None:
         return clearance
     try:

@@ -5,7 +5,7 @@ The input is held from row to row. In time counted in samples the system
     (c_0 + c_1 s + … + c_m sᵐ) / (sⁿ + p_1 sⁿ⁻¹ + … + p_n)
 
 is then B(q)/A(q) with n coefficients of B, which m + 1 numbers determine. A free B of as many coefficients, or one of fewer,
-takes a lost zero or pole for a sample of delay; this form tells them apart.
+takes a lost zero or pole for a sample of delay; this form separates them.
 """
 
 from __future__ import annotations

@@ -230,9 +230,9 @@ def selected(
 
 
 def _is_held(held: HeldFit, fit: PredictionFit) -> bool:
-    """True if BIC speaks for the held system; where it has no more parameters than the free one, up to one of them is its credit.
+    """True if BIC prefers the held system. With no more parameters than the free one, it may be worse by one parameter's penalty.
 
-    Inputs of plants are held: between two fits that the data hardly tell apart it is the likelier one.
+    Inputs of plants are held: of two fits of nearly equal quality the held one is more likely.
     """
     credit = np.log(fit.equations) if held.count <= fit.orders.count else 0.0
     return bool(bic_of(held) <= _bic(fit) + credit)

@@ -99,7 +99,7 @@ class Census:
         lost: rows that gaps would hold.   widest: of the gaps [s].   same_time: rows at the time of the row before.
         backwards: rows earlier than the row before.   no_time: rows without time.
         whole_repeats: rows that repeat all signals but temperatures.
-        repeat_runs: how many groups of such rows, one behind the other.
+        repeat_runs: number of groups of successive rows of this kind.
         none: rows that are none.   stretches: rows without gaps and missing cells that are not bridged.   signals: by name.
         excerpt: block of rows with the most motion.   sampled: times of its samples [s].   motion: of it.
         squares, steps: of the jitter [s²], and their number.

@@ -75,7 +75,7 @@ class Preparation:
 
     @property
     def settings(self) -> dict[str, Any]:
-        """What makes the same preparation of another log, as `[fits]` of a record keeps it."""
+        """Settings that repeat this preparation on another log, as `[fits]` of a record keeps them."""
         return {
             "cutoff_hz": self.cutoff,
             "order": self.order,

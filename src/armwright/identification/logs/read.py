@@ -57,7 +57,7 @@ def read_log(
         log: frozen; `findings` has what the checks found, `blocks` and `dataset` the signals.
     Raises:
         LogError: no such file, a key or a column that is not there, a cell that holds no number; and with "raise" all
-            errors of the checks in `problems`.   DescriptionError: the robot's file cannot be believed.
+            errors of the checks in `problems`.   DescriptionError: the robot's file is invalid.
     """
     if on_error not in ("raise", "keep"):
         raise LogError(place="on_error", value=on_error, expected='"raise" or "keep"')

@@ -41,7 +41,7 @@ FEWEST = 64  # rows that a clock is told from
 
 @dataclass(frozen=True, eq=False)
 class Sampling:
-    """How a run was sampled, as its first rows tell.
+    """Sampling of a run, estimated from its first rows.
 
     Attributes:
         period: from row to row [s], usually.   resolution: to which times are rounded [s]; 0 where that is fine.
@@ -192,7 +192,7 @@ class _Steps:
 
 
 def _by_motion(found: Sampling, t: np.ndarray, q: np.ndarray, qd: np.ndarray | None) -> Sampling:
-    """Whether samples are even, by the motion (rows, joints) at stamps (rows,); where it does not tell, the stamps count."""
+    """True if samples are even, judged by the motion (rows, joints) at stamps (rows,), else by the stamps."""
     if found.resolution or len(t) < FEWEST:
         return replace(found, even=bool(found.resolution))
     best, told = np.inf, found

@@ -138,7 +138,7 @@ def _hold(done: Fitted, jacobian: np.ndarray, first: np.ndarray) -> None:
 
 
 def untold(jacobian: np.ndarray, candidates: Sequence[int]) -> dict[int, float]:
-    """Exponents of the product of candidates that a log tells worst, by their numbers; none if it is told well.
+    """Exponents of the product of candidates that a log determines worst, by their numbers; none if it is determined well.
 
     Args:
         jacobian: (m, k) of residuals in standard deviations, by coordinates in their sizes.   candidates: numbers of unknowns;

@@ -76,7 +76,7 @@ def identify_motor(
         fit: estimate, record and predictions.
     Raises:
         LogError: the log lacks what a fit needs.   ModelError: no such joint or parameter, an arm that does not match the log.
-        DescriptionError: the robot cannot be believed.
+        DescriptionError: the robot is invalid.
     """
     expect(reading, MotorReading, "reading", "an aw.identification.MotorReading", LogError)
     expect(search, MotorSearch, "search", "an aw.identification.MotorSearch", ModelError)

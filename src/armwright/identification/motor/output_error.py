@@ -178,7 +178,7 @@ LARGEST = 1e9  # of a scaled residual; a lane beyond is lost
 
 
 def _finite(residuals: np.ndarray, jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The same, with lanes that left the finite numbers, or all measure, at a large residual that nothing changes."""
+    """The residuals, with a large constant in lanes that diverge (infinite, not a number, or too large)."""
     lost = ~(np.abs(residuals) < LARGEST).all(axis=1) | ~(np.abs(jacobian) < LARGEST**1.5).all(axis=(1, 2))
     residuals[lost], jacobian[lost] = LARGEST, 0.0
     return residuals, jacobian

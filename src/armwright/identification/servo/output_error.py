@@ -60,7 +60,7 @@ class BenchProblem:
 
     @property
     def measured(self) -> np.ndarray:
-        """(rows,) positions of all logs, one behind the other [rad]."""
+        """(rows,) concatenated positions of all logs [rad]."""
         return np.concatenate([each.position for each in self.logs])
 
     @cached_property

@@ -18,7 +18,7 @@ POSES = 8  # in which an arm's torques are compared
 
 @dataclass(frozen=True)
 class Match:
-    """What a log has of an arm.
+    """Signals of an arm in a log.
 
     Attributes:
         columns: (n,) column of the log for every joint of the arm.   logged: signals that the log has of all of its joints.
@@ -42,7 +42,7 @@ class Match:
 
 
 def match(arm: Model, log: Log) -> Match:
-    """What a log has of the arm that it belongs to.
+    """Signals in a log of the arm that it belongs to.
 
     Raises:
         LogError: other joints or gears, or an arm without masses.

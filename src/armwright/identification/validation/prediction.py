@@ -25,7 +25,7 @@ class Prediction:
         measured, predicted: (rows, n); NaN where the log has none, or a simulation diverged.
         speed, acceleration: (rows, n) of the joints, where they are known.
         inputs: (rows, n) what drove the prediction, for the cross-correlation; `input_name` in words.
-        diverged: windows whose simulation left the finite numbers.
+        diverged: windows whose simulation diverged.
         direction: (rows, n) sign of the speed, through the filter that measured torques have passed.
     """
 

@@ -202,7 +202,7 @@ def validate(
         validation: `passed`, `measures`, `checks`, `notes`; printed, a table.
     Raises:
         LogError: an arm that does not match the log, a log without what is needed, unknown joints in the limits.
-        ArmwrightError: a record or a scenario that cannot be believed, or run.
+        ArmwrightError: an invalid record or scenario, or one that cannot run.
     """
     expect(preparation, Preparation | None, "preparation", "an aw.identification.Preparation", LogError)
     with automatic(progress, "validating") as tell:

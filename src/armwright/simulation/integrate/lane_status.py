@@ -71,7 +71,7 @@ class LaneStatus:
         """
         if self.frozen[0] < 0:
             return
-        what, expected = "the simulation left the finite numbers", remedy
+        what, expected = "the simulation diverged to infinite numbers or NaN", remedy
         if self.stalled[0]:
             what = (
                 f"the integrator ran out of substeps, as {entries[int(self.stalled_by[0])]} asked for more, in the tick"
@@ -96,7 +96,7 @@ class LaneStatus:
         choosing = adaptivity if adaptivity is not None and adaptivity.most else None
         if not single:
             diverged = np.where(stalled, np.nan, stopped)
-            put("diverged_at", diverged, "s", "time at which the lane left the finite numbers")
+            put("diverged_at", diverged, "s", "time at which the lane diverged")
         if adaptivity is not None:
             run.attrs |= adaptivity.allowed.attributes
         if choosing is not None and not single:

@@ -60,7 +60,7 @@ class Allowed:
         return scalar.sqrt(sum(entry * entry for entry in shares) / len(shares))
 
     def of_step(self, horizon: float | None) -> float:
-        """What a step may be wrong by, in parts of a range; with a horizon [s], what a step of one second may be."""
+        """Permitted error of a step, in parts of a range; with a horizon [s], that of one second of steps."""
         assert self.accuracy is not None
         return SHARE * self.accuracy if horizon is None else BUDGET * self.accuracy / horizon
 

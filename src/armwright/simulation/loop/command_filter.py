@@ -27,8 +27,8 @@ WHOLE = 1e-9  # of a step: a limit this near a whole number of them is meant to 
 class CommandFilter:
     """The command's way through the controller's output stage; each number may be one for each joint.
 
-    The rate is limited first, then the command; what comes of it is remembered for the next time as it is, unrounded, and
-    leaves rounded to the nearest of the steps that lie within the limit.
+    The rate is limited first, then the command. The state keeps the unrounded command; the output is rounded to the nearest step
+    of the converter within the limit.
 
     Args:
         limit: [V | A | N m | N] the most that is commanded, either way; absent or inf: no limit of the controller's own.

@@ -90,7 +90,7 @@ class LoopConfig:
 
     @property
     def is_ahead(self) -> bool:
-        """Whether "auto" keeps the errors of all steps together below an accuracy, in steps that go on beyond their tick.
+        """True if "auto" keeps the sum of all steps' errors below an accuracy, in steps that go on beyond their tick.
 
         That is where it is "rk45", as nothing is sampled; rows are then read from the path within the step.
         """

@@ -103,7 +103,7 @@ def configured(control: ControlLaw, arm: Model, period: float, ticks: int = 0) -
 
 
 def _timed(control: ControlLaw, ticks: int) -> ControlLaw:
-    """A controller whose `delay_ticks`, or those of the one that it wraps, are the loop's where they were None.
+    """The controller with `delay_ticks` that are None, its own or those of the controller within it, set to the loop's delay.
 
     Anti-windup compares what the drives did with what was asked of them `delay_ticks` before: with too few, each moving command
     looks as if it had been cut off, and the integrator waits.

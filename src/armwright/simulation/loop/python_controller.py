@@ -1,7 +1,7 @@
 """Controllers called in Python, once a tick for every lane, because they cannot be traced or request it.
 
 A lane's call means what it would in the compiled loop: arrays are (n,), its gains are its own, its state is what it returned the
-tick before. Laws that have `vectorised = True` are called once for all lanes instead, with arrays (lanes, n).
+tick before. Controllers that have `vectorised = True` are called once for all lanes instead, with arrays (lanes, n).
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from armwright.simulation.loop.controller import (
 )
 from armwright.simulation.loop.sensor_set import measurement_of
 
-ELSEWHERE = 1e-3  # [rad | m] and so on: how far measurements are moved to ask a law something else
+ELSEWHERE = 1e-3  # [rad | m] and so on: how far measurements are moved to ask a controller something else
 
 
 class PythonController:
@@ -80,7 +80,7 @@ class PythonController:
     def step(self, lanes: LaneGroup, tick: int) -> None:
         """One tick of a group of lanes: block "u_asked" from blocks "r" and "y"; lanes that are frozen are asked no more."""
         u = np.array(lanes.get("u_asked"))
-        r, y = np.array(lanes.get("r")), np.array(lanes.get("y"))  # the law's own: it may write into them
+        r, y = np.array(lanes.get("r")), np.array(lanes.get("y"))  # the controller's own: it may write into them
         alive = lanes.get("frozen")[:, 0] < 0.0
         if not self._checked and lanes.first == 0:
             lane, of = self._calls(lanes)[0]
@@ -140,7 +140,7 @@ class PythonController:
             raise ScenarioError(what, place=place_of(self.adapter.name), expected=expected) from error
 
     def _check_memory(self, lane: int, r: np.ndarray, y: np.ndarray) -> None:
-        """Asks the law the same before and after something else; nothing is kept of the answers.
+        """Asks the controller the same before and after something else; nothing is kept of the answers.
 
         Raises:
             ScenarioError: it answers otherwise: it remembers what it was asked.

@@ -71,7 +71,7 @@ class SensorSet:
         return self.layout + Layout((joint_signal(self.arm, "applied", "u", "what the drives did"),))
 
     def memory(self, view: PlantView) -> np.ndarray:
-        """Memories before the first tick, one behind the other."""
+        """Concatenated memories before the first tick."""
         parts = [_memory(sensor, view) for sensor in self.sensors]
         return scalar.array(np.concatenate(parts)) if parts else np.zeros(0)
 
@@ -105,7 +105,7 @@ class SensorSet:
         return self.layout.vector(measured), kept
 
     def without_noise(self) -> SensorSet:
-        """The same sensors, exact where they have a method `exact` that says how."""
+        """The sensors, each replaced by its `exact()` if it has that method."""
         exact = tuple(sensor.exact() if hasattr(sensor, "exact") else sensor for sensor in self.sensors)  # type: ignore[attr-defined]
         draws = tuple(_draws(sensor, self.arm) for sensor in exact)
         return replace(self, sensors=exact, draws=draws)

@@ -108,7 +108,7 @@ class Sensors:
             raise ScenarioError(what, place="sensors.counts", value=self.counts, expected=expected)
 
     def exact(self) -> Sensors:
-        """The same sensors without noise."""
+        """The sensors without noise."""
         return replace(self, position_noise=0.0, velocity_noise=0.0, current_noise=0.0)
 
     def signals(self, arm: Model) -> tuple[Signal, ...]:

@@ -84,7 +84,7 @@ class LoopState:
         return replace(self, blocks=blocks, rings=rings, python=python)
 
     def at_tick(self, tick: int) -> LoopState:
-        """The same state before another tick, not yet measured: schedules and random numbers go on from there."""
+        """The state before another tick, not yet measured: schedules and random numbers continue from there."""
         moved = {name: np.roll(ring, tick - self.tick, axis=1) for name, ring in self.rings.items()}  # slot k % length
         return replace(self, tick=tick, rings=moved, measured=False)
 

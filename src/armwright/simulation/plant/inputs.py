@@ -39,7 +39,7 @@ class PlantInputs:
 
     @classmethod
     def of(cls, command: PlantInputs | Any) -> PlantInputs:
-        """Inputs as they are, or those of commands (n,) alone."""
+        """The inputs of a command (n,) alone; PlantInputs stay as they are."""
         return command if isinstance(command, PlantInputs) else cls(command)
 
     @classmethod

@@ -287,7 +287,7 @@ def _braking(
 
 
 def at_rest(model: Model, q: Array, qd: Array, motor: Array, motor_speed: Array) -> dict[str, Any]:
-    """For every part of a plant's state the values to begin with, one a joint; all arguments (n,), `motor` as θ_motor / n."""
+    """For every part of a plant's state the values to begin with, one per joint; all arguments (n,), `motor` as θ_motor / n."""
     ratios = [body.drive.gear_ratio for body in model.coordinates]
 
     def bent(i: int, body: Body) -> Array:

@@ -108,7 +108,7 @@ class Plant(PlantOutputs):
         return inputs
 
     def _stepped(self, rule: Integrator, x: Array, inputs: PlantInputs, h: Scalar) -> Any:
-        """What a rule gives for one step, inputs held."""
+        """Result of a rule for one step, inputs held."""
         split = self.program(inputs).split if scalar.is_symbolic(x, inputs.command, h) else self.split
 
         def inputs_at(command: Array) -> PlantInputs:

@@ -40,7 +40,7 @@ class Cause:
 
 @dataclass(frozen=True)
 class Weakened:
-    """An arm whose effects are multiplied by numbers of their own, one input each of what is traced with it.
+    """An arm with one scale factor per effect, each an input of what is traced.
 
     Attributes:
         arm: with its numbers.   causes: its effects, in the order of the inputs.

@@ -256,7 +256,7 @@ def _limit_exponential(linear: Slopes, rule: Integrator, command: np.ndarray) ->
 
 
 def _largest_part(slope: np.ndarray, parts: np.ndarray, size: float) -> int:
-    """Which of some parts (k, n, n) of a slope (n, n) changes the mode of |λ| nearest to `size` [1/s] the most.
+    """Index of the part (k, n, n) of a slope (n, n) that changes the mode of |λ| nearest to `size` [1/s] the most.
 
     To first order  δλ = wᴴ δA v / wᴴ v  with the left and right eigenvectors w and v of λ.
     """

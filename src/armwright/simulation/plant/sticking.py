@@ -76,7 +76,7 @@ def _followers(model: Model) -> list[tuple[int, Scalar, Body]]:
 
 @dataclass(frozen=True, eq=False)
 class Sticking:
-    """The set-valued laws of a plant."""
+    """The set-valued friction and gear laws of a plant."""
 
     plant: PlantFlow
     places: tuple[Place, ...]
@@ -283,7 +283,7 @@ class Sticking:
         return self._with_rest(x, [scalar.equal(way, 0.0) for way in directions])
 
     def _excess(self, x: Array, inputs: PlantInputs) -> list[tuple[Scalar, Scalar, Scalar]]:
-        """Accelerations [rad/s² | m/s²] by which loads would move what sticks if it stuck no more; below 0 what is left to that.
+        """Breakaway margins [rad/s² | m/s²]: acceleration by the loads if the joint slipped; negative while it holds.
 
         Beside each the one that falling friction adds once it slides, and the one by which friction can hold in all. Of motors
         that turn several joints -1, 0 and 1: what holds them is no single torque.
@@ -474,7 +474,7 @@ class Sticking:
         return turned.T @ mass @ turned, turned.T @ bias, gears
 
     def _resisting(self, x: Array, joint: int, driven: DrivenJoint, direction: Scalar) -> Scalar:
-        """What resists at a joint that moves in a direction, joints that follow it included [N m | N]."""
+        """Friction torque against motion in `direction`, with that of the joints that follow [N m | N]."""
         total = driven.resisting
         for k, factor, body in _followers(self.plant.model):
             if k != joint or body.friction is None:

@@ -24,7 +24,7 @@ FEW_STATES, ROUGHLY = 3, 12  # in which all lanes are compared at first, and lan
 
 @dataclass(frozen=True, eq=False)
 class VariedStepLimit:
-    """The lanes of a varied arm, each an arm of its own with time constants of its own.
+    """Step limits of a varied arm: one model, with its time constants, per lane.
 
     Attributes:
         varied: the arm with its parameters left open.   values: (lanes or 1, k) of them.   laned: whether lanes have numbers.

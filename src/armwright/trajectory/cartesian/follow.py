@@ -147,7 +147,7 @@ def _solved(arm: Model, path: Any, near: Any, limits: MotionLimits) -> ToolPathS
 
 
 def _alike(arm: Model, tool: Tool, positions: np.ndarray) -> bool:
-    """Whether the tool of another model stands at positions (k, n) where that of the arm does."""
+    """True if the tools of another model and of the arm have equal poses at positions (k, n)."""
     poses = ([forward_kinematics(each, q, frame=tool.frame) for q in positions] for each in (arm, tool.arm))
     return np.allclose(*poses, rtol=0.0, atol=SAME)
 

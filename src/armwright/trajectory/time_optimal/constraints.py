@@ -128,7 +128,7 @@ class PathLimits:
         return self.dyn.inverse_dynamics(self.q[:, None], *self._motion(x, sdd))
 
     def _torque_room(self, x: np.ndarray, shares: Shares) -> tuple[np.ndarray, np.ndarray]:
-        """What limits of torque and voltage leave for M q' s̈ at x (m, j): its lowest and highest values (m, j, n)."""
+        """Lowest and highest values (m, j, n) of M q' s̈ at x (m, j) within the limits of torque and voltage."""
         least, most = self.torque_limits(x, shares)
         torque, inertia = self.torque(x, np.zeros_like(x)), self._inertia
         if not self._bends:

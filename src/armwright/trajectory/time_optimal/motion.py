@@ -87,7 +87,7 @@ class PathMotion(Motion):
 
     @cached_property
     def polynomial(self) -> PiecewisePolynomial:
-        """The same motion as polynomials of time."""
+        """The motion as polynomials of time."""
         timing = self._timing
         terms = [timing.speeds[:-1], 0.5 * timing.accelerations, timing.jerks / 6.0]
         terms = terms if np.any(self.ramps) else terms[:2]

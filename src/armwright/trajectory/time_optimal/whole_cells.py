@@ -80,7 +80,7 @@ class WholeCells:
         return greedy(lines, low, high, ends[0])
 
     def lines(self) -> CellLines:
-        """What all limits allow in every cell."""
+        """Intersection of all limits in every cell."""
         limited = np.isfinite(self.limits.acceleration)
         step, most = self.steps[:, None], self.limits.acceleration[limited]
         (d0, d1, d2), (e0, e1) = self.slopes[..., limited], self.bends[..., limited]

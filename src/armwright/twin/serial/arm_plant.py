@@ -36,7 +36,7 @@ CHUNK = 1000  # turns at once
 
 @dataclass(frozen=True)
 class Mounting:
-    """How a servo's encoder sits on its joint:  q = direction (counts - zero) 2π / turn.
+    """Mounting of a servo's encoder on its joint:  q = direction (counts - zero) 2π / turn.
 
     Attributes:
         turn: [counts] of one turn.   zero: [counts] at q = 0.   direction: 1 or -1.
@@ -74,7 +74,7 @@ LIMIT = "output_limit"  # the record's or the registers', whichever is less
 
 @dataclass(frozen=True, eq=False)
 class PlantRow:
-    """What came into force at a turn: goals (n,) [rad] and 1 or 0 for servos (n,) that are on or off."""
+    """Inputs that came into force at a turn: goals (n,) [rad] and 1 or 0 for servos (n,) that are on or off."""
 
     turn: int
     goals: np.ndarray
@@ -100,7 +100,7 @@ class ArmPlant:
     Args:
         arm: all of whose joints have a servo's firmware.   mountings: (n,) of the servos.
         start: (n,) [rad] at time 0, where everything rests; default 0.
-        note: is told, once each, what a servo was asked for that the model does not have.
+        note: called once with each request to a servo that the model cannot carry out.
 
     Attributes:
         period: [s] of a turn.   turn: number of the turn that comes next.   rows: what came into force, and when.
@@ -187,7 +187,7 @@ class ArmPlant:
         """Simulates all turns that end at or before a time [s].
 
         Raises:
-            DivergenceError: the motion left the finite numbers.
+            DivergenceError: the motion diverged to infinite numbers or NaN.
         """
         self._until = until
         end = floor(until / self.period + ROUNDING)
@@ -198,7 +198,7 @@ class ArmPlant:
             self._run(upto)
 
     def measure(self, servo: int) -> Measurement:
-        """What the servo's firmware read at its last turn."""
+        """Measurement that the servo's firmware read at its last turn."""
         if self._measured is None or self._measured[0] != self.turn:
             self._measured = self.turn, self._measurements()
         return self._measured[1][servo]
@@ -217,7 +217,8 @@ class ArmPlant:
         stopped = self._lanes.get("frozen")[0, 0]
         if stopped >= 0.0:
             raise DivergenceError(
-                f"the motion left the finite numbers at t = {stopped * self.period:g} s", place=self.arm.name
+                f"the motion diverged to infinite numbers or NaN at t = {stopped * self.period:g} s",
+                place=self.arm.name,
             )
 
     def _put(self, turn: int, goals: Sequence[Goal]) -> None:
@@ -249,7 +250,7 @@ class ArmPlant:
         self._runner.loop.loops[0].begin_rows(self._lanes, block, row, self.turn)
 
     def _is_on(self, servo: int, goal: Goal) -> bool:
-        """Whether the model's servo is on: for goals of position, and for a duty of 0, which shorts the motor."""
+        """True if the model's servo is on: for goals of position, and for a duty of 0, which shorts the motor."""
         if goal.torque and goal.mode != "position" and (goal.mode, goal.value) != ("duty", 0.0):
             self._tell(servo, f"goals of {goal.mode} are not simulated: the servo is off")
             return False

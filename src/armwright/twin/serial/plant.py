@@ -63,7 +63,7 @@ class Plant(Protocol):
         ...
 
     def measure(self, servo: int) -> Measurement:
-        """What the servo measures at the present time."""
+        """Present measurement of the servo."""
         ...
 
 

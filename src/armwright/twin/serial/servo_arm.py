@@ -44,7 +44,7 @@ HELD_IN = {
 
 @dataclass(frozen=True)
 class Line:
-    """How servos sit on their bus, and on their joints.
+    """Ids of servos on their bus, and mountings on their joints.
 
     Attributes:
         model: of all servos, such as "sts3215".   ids: one for each joint; default 1, 2, ….   baud: [bit/s].
@@ -64,7 +64,7 @@ class ServoArm:
 
     Args:
         arm: all of whose joints follow goals by their firmware.   line: of its servos.
-        start: (n,) [rad] at time 0; default 0.   note: is told what a servo was asked for that the model does not have.
+        start: (n,) [rad] at time 0; default 0.   note: called with each request that the model cannot carry out.
 
     Attributes:
         plant: the arm.   bus: of the servos, at time 0.
@@ -105,15 +105,15 @@ class ServoArm:
         """Answers on a pseudo-terminal until `ended` says so.
 
         Args:
-            path: of the link that clients open; None: they open the device that `ready` is told.
+            path: of the link that clients open; None: they open the device that `ready` receives.
             cycle: period [s], and the instruction that closes a cycle, such as "sync-write:42": lock-step; None: real time.
             schedule: NAME.scenario.toml for the goals that came, written at the beginning and at the end.
-            ready: is told where clients find the servos.   patience: [s] after which a reply is dropped.
+            ready: called with the device that clients open.   patience: [s] after which a reply is dropped.
         Returns:
             counts: of instructions and replies.
         Raises:
             BusError: no terminal there, a cycle that the protocol does not have; in lock-step, a reply that was late.
-            OutputError: the schedule cannot be written.   DivergenceError: the motion left the finite numbers.
+            OutputError: the schedule cannot be written.   DivergenceError: the motion diverged to infinite numbers or NaN.
         """
         end = None if cycle is None else CycleEnd.parse(cycle[1], self.bus.framing)
         timing = None if cycle is None or end is None else LockStep(self.bus, cycle[0], end)
@@ -141,7 +141,7 @@ def ids_of(arm: Model, ids: Sequence[int] | None) -> list[int]:
 
 
 def mountings_of(arm: Model, line: Line, model: ServoModel) -> list[Mounting]:
-    """How the encoders of an arm's servos sit on its joints.
+    """Mountings of the encoders of an arm's servos on its joints.
 
     Raises:
         BusError: another number of zeros than joints, or a joint that the arm does not have.

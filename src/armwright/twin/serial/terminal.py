@@ -124,7 +124,7 @@ def _check_link(path: Path) -> None:
 
 @dataclass
 class Counts:
-    """What a server counted: instructions, replies that were sent, and replies that were dropped because they were late."""
+    """Counts of a server: instructions, replies that were sent, and replies that were dropped because they were late."""
 
     instructions: int = 0
     replies: int = 0
