@@ -10,7 +10,7 @@ from hypothesis import assume, given, settings
 import armwright as aw
 from armwright.errors import ScenarioError
 from armwright.model import Model
-from armwright.trajectory.time_optimal import PathMotion
+from armwright.trajectory.time_optimal import PathMotion, plan
 from armwright.trajectory.time_optimal.plan import grid_points
 from armwright.trajectory.time_optimal.planner import Planner
 from physics.arms import arm as built_arm
@@ -77,7 +77,7 @@ def test_many_waypoints_with_all_limits_of_the_motors() -> None:
 
 
 def test_a_grid_that_is_too_coarse_is_made_finer(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("armwright.trajectory.time_optimal.plan.BETWEEN", 1)
+    monkeypatch.setattr(plan, "BETWEEN", 1)
     arm, path, limits = random_problem(384)  # of 100 points it would take more than twice as long
     motion = aw.trajectories.time_optimal(arm, path, limits, grid=100)
     assert len(motion.s) > 200
