@@ -53,7 +53,18 @@ print(json.dumps(found))
 
 def resolves(requirements: list[str], platform: str, python: str, *options: str) -> bool:
     """Whether uv finds wheels of all of them, and of what they need."""
-    words = ["pip", "compile", "-", "--quiet", "--only-binary", ":all:", "--python-platform", platform, *options]
+    words = [
+        "pip",
+        "compile",
+        "-",
+        "--quiet",
+        "--no-python-downloads",
+        "--only-binary",
+        ":all:",
+        "--python-platform",
+        platform,
+        *options,
+    ]
     command = [str(Path(sys.executable).parent / "uv"), *words, "--python-version", python]
     asked = "\n".join(requirements)
     return not subprocess.run(command, input=asked, encoding="utf-8", capture_output=True, check=False).returncode

@@ -55,7 +55,18 @@ def environment(words: argparse.Namespace) -> Path:
         subprocess.run([uv, "build", "--quiet", "--wheel", "--clear", "--out-dir", FOLDER / "wheel", ROOT], check=True)
         (wheel,) = (FOLDER / "wheel").glob("*.whl")
     extras = [word for extra in words.extra for word in ("--extra", extra)]
-    resolve = [uv, "pip", "compile", "--quiet", "--resolution", RESOLUTION[words.versions], "--python", python, *extras]
+    resolve = [
+        uv,
+        "pip",
+        "compile",
+        "--quiet",
+        "--no-python-downloads",
+        "--resolution",
+        RESOLUTION[words.versions],
+        "--python",
+        python,
+        *extras,
+    ]
     wheels = ["--only-binary", ":all:"]
     subprocess.run([*resolve, *wheels, "--no-header", "--output-file", versions, ROOT / "pyproject.toml"], check=True)
     install = [uv, "pip", "install", "--quiet", "--python", python, "--no-deps"]
