@@ -13,7 +13,7 @@ DEMO   := simulate cmu-dd --schedule examples/cmu-dd-feedforward.csv --q0 0,0.35
 ARGS   :=
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-all check frozen fuzz bench docs reference pictures lock clean
+.PHONY: help demo test test-all check frozen fuzz bench docs reference pictures lock lowest newest release clean
 .DELETE_ON_ERROR:
 
 help:  ## print this list
@@ -60,6 +60,15 @@ lock: $(BIN)/uv  ## bring requirements.lock up to pyproject.toml (UPGRADE=1: to 
 	$(BIN)/uv pip compile pyproject.toml --universal --python-version 3.11 --all-extras --group dev \
 	    --generate-hashes --no-emit-index-url --custom-compile-command "make lock" --quiet \
 	    $(if $(UPGRADE),--upgrade) --output-file requirements.lock
+
+lowest: $(BIN)/uv  ## try the wheel alone with the lowest versions pyproject.toml allows (ARGS="--python 3.13 --quick")
+	$(BIN)/python tools/trial.py lowest $(ARGS)
+
+newest: $(BIN)/uv  ## the same with the newest versions
+	$(BIN)/python tools/trial.py newest $(ARGS)
+
+release: $(BIN)/uv  ## build into dist, check, try the wheel in a bare environment, and list what to tag (ARGS=--quick)
+	$(BIN)/python tools/release.py $(ARGS)
 
 clean:  ## remove what was built; the environment stays
 	rm -rf build dist .pytest_cache .ruff_cache .hypothesis

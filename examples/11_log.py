@@ -26,11 +26,11 @@ signals = [
 ]
 """
 file = folder / "bench.log.toml"
-file.write_text(description)
+file.write_text(description, encoding="utf-8")
 for finding in aw.identification.read_log(file, on_error="keep").errors:
     print(finding)
 
-file.write_text(description.replace("rad/s", "deg/s"))
+file.write_text(description.replace("rad/s", "deg/s"), encoding="utf-8")
 log = aw.identification.read_log(file)  # raises if it finds an error
 data = aw.identification.prepare_log(log)
 print("\n".join(aw.identification.choose_preparation(log).reasons))

@@ -24,7 +24,7 @@ counts = np.round(run.q.values[:, 0] * 4096 / (2 * np.pi))
 amperes = np.round((run.current.values[:, 0] + 0.05 * rng.standard_normal(rows)) / 0.005) * 0.005
 table = np.column_stack([np.arange(rows) * period, volts, amperes, counts])
 np.savetxt(folder / "bench.csv", table, delimiter=",", header="t,u,i,c", comments="")
-(folder / "bench.log.toml").write_text("""
+description = """
 joints = ["motor"]
 files.bench.path = "bench.csv"
 time = { column = "t", unit = "s" }
@@ -33,7 +33,8 @@ signals = [
     { quantity = "current", columns = "i", unit = "A" },
     { quantity = "position", columns = "c", unit = "counts", counts_per_turn = 4096, side = "joint" },
 ]
-""")
+"""
+(folder / "bench.log.toml").write_text(description, encoding="utf-8")
 fit = aw.identification.identify_motor(folder / "bench.log.toml", search=aw.identification.MotorSearch(starts=4))
 print(fit.estimate.tables()[0])
 low, high = fit.estimate.interval("motor.motor.resistance_ohm")

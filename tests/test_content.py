@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import copy
+import os
 import pickle
+import subprocess
+import sys
 
 import casadi
 import numpy as np
@@ -43,3 +46,17 @@ def test_functions_of_casadi_count_by_what_they_compute():
     made = [casadi.Function("f", [x], [expression]) for expression in (x**2, x**2, x**3)]
     first, same, other = map(checksum, made)
     assert first == same != other
+
+
+def test_an_arm_has_one_checksum_in_all_processes():
+    """Sets of texts have another order in each process."""
+    script = "import armwright as aw; print([aw.load(name).sha256 for name in aw.builtin_names()])"
+    processes = [
+        subprocess.Popen(
+            [sys.executable, "-c", script], env=os.environ | {"PYTHONHASHSEED": seed}, stdout=subprocess.PIPE
+        )
+        for seed in ("1", "2", "3")
+    ]
+    said = [process.communicate()[0] for process in processes]
+    assert len(said[0]) > 1000
+    assert said == said[:1] * 3

@@ -112,7 +112,7 @@ def drive(bench, tuned, arm, modules):
 def export(folder, scenario):
     """The controller as C99, and its commands beside those of the simulation."""
     made = aw.export.export_controller(scenario, folder / "c", name="six_joints")
-    lines = len(made.paths[1].read_text().splitlines())
+    lines = len(made.paths[1].read_text(encoding="utf-8").splitlines())
     say("C", f"{made.paths[1].name}: {lines} lines of C99, no allocation, {len(made.paths)} files")
     same = made.comparison
     bits = made.notes[0] if same is None else f"{same.ticks - same.others} of {same.ticks} commands have the same bits"

@@ -38,7 +38,10 @@ def _checker(later: Later) -> Callable[[Any, ValidationInfo], Any]:
     def checked(value: Any, info: ValidationInfo) -> Any:
         """The value as a record; pydantic puts the place of this one before those of its errors."""
         if not built:
-            built.append(TypeAdapter(later.kind))
+            kind = later.kind
+            if hasattr(kind, "model_rebuild"):
+                kind.model_rebuild()  # with what writes it: until pydantic 2.14, a field of type Any could not do that later
+            built.append(TypeAdapter(kind))
         return built[0].validate_python(value, context=info.context)
 
     return checked

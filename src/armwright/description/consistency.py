@@ -231,7 +231,8 @@ def _mimic(joint: Any, moving: dict[str, Any]) -> Iterator[Problem]:
     motor, friction = joint.motor, joint.friction
     if motor is not None:
         defaults = {
-            key: field.get_default(call_default_factory=True) for key, field in type(motor).model_fields.items()
+            key: field.get_default(call_default_factory=True, validated_data={})
+            for key, field in type(motor).model_fields.items()
         }
         drive = (key for key in defaults if key not in OF_A_ROTOR)
         wrong += [f"motor.{key}" for key in drive if getattr(motor, key) != defaults[key]]

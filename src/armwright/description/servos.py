@@ -205,7 +205,9 @@ def _entries(table: Record, source: str | None) -> dict[str, Any]:
     Args:
         table: of the library.   source: of numbers for which neither they nor the table name one.
     """
-    fields = {name: getattr(table, name) for name in table.model_fields_set if name != "source"}
+    fields = {
+        name: getattr(table, name) for name in type(table).model_fields if name in table.model_fields_set - {"source"}
+    }
     around = getattr(table, "source", None) or source
     return {
         key: it.model_dump(exclude_none=True) | {"source": it.source or around} if isinstance(it, Quantity) else it

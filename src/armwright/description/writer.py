@@ -112,7 +112,7 @@ def _present_fields(record: Record) -> dict[str, Any]:
     return {
         name: v
         for name, v in values.items()
-        if v is not None and v != fields[name].get_default(call_default_factory=True)
+        if v is not None and v != fields[name].get_default(call_default_factory=True, validated_data={})
     }
 
 

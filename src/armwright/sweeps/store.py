@@ -420,7 +420,7 @@ def _digest(*parts: bytes) -> int:
 
 def _small_files(path: Path, sizes: dict[str, int]) -> str:
     """Checksum of what is written once: metadata, and arrays that no lane is in."""
-    group = json.loads((path / "zarr.json").read_text())["attributes"]
+    group = json.loads((path / "zarr.json").read_text(encoding="utf-8"))["attributes"]
     text = json.dumps({k: v for k, v in group.items() if k != ABOUT}, sort_keys=True)
     digest = hashlib.sha256(text.encode())
     for name in sorted(sizes):

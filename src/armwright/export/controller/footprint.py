@@ -79,7 +79,7 @@ def footprint(name: str, code: Mapping[str, str]) -> Footprint:
         sizes = {kind: int(size) for size, kind in re.findall(r"^\d+ (\d+) \w bytes_of_(\w+)$", shown, re.MULTILINE)}
         text, data = run_program([tools["size"], "-B", "-d", str(work / f"{name}.c.o")]).splitlines()[1].split()[:2]
         frames: dict[str, int] = {}
-        for function, size in _FRAME.findall("\n".join(path.read_text() for path in work.glob("*.su"))):
+        for function, size in _FRAME.findall("\n".join(path.read_text(encoding="utf-8") for path in work.glob("*.su"))):
             frames[function] = max(int(size), frames.get(function, 0))
     stack = _deepest(code[f"{name}.c"], frames)
     return Footprint(target, sizes.pop("state"), sum(sizes.values()), stack, int(text) + int(data))

@@ -115,7 +115,9 @@ def run_program(
     """
     place = place or Path(command[0]).name
     try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=timeout, env=environment)
+        done = subprocess.run(
+            command, capture_output=True, encoding="utf-8", errors="replace", timeout=timeout, env=environment
+        )
     except (OSError, subprocess.TimeoutExpired) as error:
         raise ModelError(str(error), place=place) from None
     if done.returncode != 0:
