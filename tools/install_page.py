@@ -61,6 +61,8 @@ def resolves(requirements: list[str], platform: str, python: str, *options: str)
         "--no-python-downloads",
         "--only-binary",
         ":all:",
+        "--python",
+        sys.executable,  # so that uv looks for no other
         "--python-platform",
         platform,
         *options,
