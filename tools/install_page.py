@@ -22,6 +22,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "docs" / "install.md"
 TRIED = ROOT / "build" / "trial" / "newest" / "bin" / "python"
+TRIES = 4  # of a question to the package index
 PYTHONS = ("3.11", "3.12", "3.13", "3.14")
 PLATFORMS = {
     "Linux x86-64": "x86_64-manylinux_2_28",
@@ -52,24 +53,25 @@ print(json.dumps(found))
 
 
 def resolves(requirements: list[str], platform: str, python: str, *options: str) -> bool:
-    """Whether uv finds wheels of all of them, and of what they need."""
-    words = [
-        "pip",
-        "compile",
-        "-",
-        "--quiet",
-        "--no-python-downloads",
-        "--only-binary",
-        ":all:",
-        "--python",
-        sys.executable,  # so that uv looks for no other
-        "--python-platform",
-        platform,
-        *options,
-    ]
-    command = [str(Path(sys.executable).parent / "uv"), *words, "--python-version", python]
-    asked = "\n".join(requirements)
-    return not subprocess.run(command, input=asked, encoding="utf-8", capture_output=True, check=False).returncode
+    """Whether uv finds wheels of all of them, and of what they need.
+
+    Raises:
+        SystemExit: uv ended TRIES times without an answer, as without a network; that is not a "no".
+    """
+    words = ["pip", "compile", "-", "--quiet", "--no-python-downloads", "--only-binary", ":all:"]
+    command = [str(Path(sys.executable).parent / "uv"), *words, "--python-platform", platform, *options]
+    command += ["--python", sys.executable, "--python-version", python]  # so that uv looks for no other
+    said = ""
+    for _ in range(TRIES):
+        done = subprocess.run(
+            command, input="\n".join(requirements), encoding="utf-8", capture_output=True, check=False
+        )
+        if done.returncode == 0:
+            return True
+        said = done.stderr
+        if "No solution found" in said:
+            return False
+    raise SystemExit(f"uv does not answer for {requirements} on {platform}, Python {python}: {said}")
 
 
 def lacking(requirements: list[str], platform: str, python: str) -> str:
