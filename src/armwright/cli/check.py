@@ -54,8 +54,8 @@ def _with_lines(problems: Sequence[Problem], summary: str) -> str:
     """The summary, then each problem with its line of the file; a single problem is part of the summary."""
     ordered = sorted(problems, key=lambda problem: problem.line)
     keys, ordered = keys_to_fill_in(ordered)
-    told = [f"  {problem}" for problem in ordered] if len(problems) > 1 else [""]
-    pairs = zip(told, map(excerpt, ordered), strict=True)
+    listed = [f"  {problem}" for problem in ordered] if len(problems) > 1 else [""]
+    pairs = zip(listed, map(excerpt, ordered), strict=True)
     advice = ["a comment beside each, written by `armwright new robot`, says what is wanted"] if keys else []
     shown = [*(f"  {line}" for line in keys), *(text for pair in pairs for text in pair if text), *advice]
     return "\n".join([summary, *shown])

@@ -140,7 +140,7 @@ class LlvmModule:
                 compute([*places[:split], *pads[split:]])
                 for port, place, pad in zip(outputs, places[split:], pads[split:], strict=True):
                     m.lines.append(f"  call void @{self._stream_function(sizes[port])}(ptr {place}, ptr {pad})")
-            m.lines.append("  fence seq_cst")  # such stores come in any order: who is told of the results must see all
+            m.lines.append("  fence seq_cst")  # such stores come in any order; other threads must see them all
             m.jump("tail")
             m.begin("direct")
         with m.repeat("tiles", full) as number:
