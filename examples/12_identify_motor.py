@@ -7,8 +7,7 @@ import numpy as np
 
 import armwright as aw
 
-folder, period, rows = Path(tempfile.mkdtemp()), 0.005, 1200
-rng = np.random.default_rng(0)
+folder, rng, period, rows = Path(tempfile.mkdtemp()), np.random.default_rng(0), 0.005, 1200
 volts = np.repeat(rng.uniform(-10, 10, rows // 30), 30)  # a level of 0.15 s behind the other
 times = (np.arange(rows) + 2.3) * period  # every command acts 2.3 samples late
 run = aw.simulate(
