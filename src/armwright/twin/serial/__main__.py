@@ -81,10 +81,13 @@ def main(words: Sequence[str] | None = None) -> int:
         if given.period is not None:
             timing = LockStep(bus, given.period, CycleEnd.parse(given.tick, bus.framing))
         with Terminal(given.path) as terminal:
-            say(f"servos on {terminal.path or terminal.device}")
-            sys.stdout.flush()  # who waits for the line reads it through a pipe
+
+            def ready() -> None:
+                say(f"servos on {terminal.path or terminal.device}")
+                sys.stdout.flush()  # who waits for the line reads it through a pipe
+
             try:
-                counts = serve(terminal, bus, timing, ended.is_set, given.patience)
+                counts = serve(terminal, bus, timing, ended.is_set, given.patience, ready)
             finally:
                 if schedule is not None:
                     schedule.write(given.schedule)

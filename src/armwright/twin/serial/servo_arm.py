@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from armwright.description.paths import path_name
@@ -120,9 +121,9 @@ class ServoArm:
         if schedule is not None:
             write_goals(self.plant, schedule)
         with Terminal(path) as terminal:
-            ready(str(terminal.path or terminal.device))
+            said = partial(ready, str(terminal.path or terminal.device))
             try:
-                return serve(terminal, self.bus, timing or RealTime(self.bus), ended, patience)
+                return serve(terminal, self.bus, timing or RealTime(self.bus), ended, patience, said)
             finally:
                 if schedule is not None:
                     write_goals(self.plant, schedule)

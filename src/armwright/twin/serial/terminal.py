@@ -133,9 +133,14 @@ class Counts:
 
 
 def serve(
-    terminal: Terminal, bus: ServoBus, timing: Timing, ended: Callable[[], bool], patience: float = PATIENCE
+    terminal: Terminal,
+    bus: ServoBus,
+    timing: Timing,
+    ended: Callable[[], bool],
+    patience: float = PATIENCE,
+    ready: Callable[[], None] = lambda: None,
 ) -> Counts:
-    """Answers on a terminal until `ended` says so.
+    """Answers on a terminal until `ended` says so; calls `ready` as soon as it answers in time.
 
     A reply that is ready more than `patience` [s] after it is due, counted from the last moment at which its instruction cannot
     have been there, is not sent: its client may have gone on, and would take it for the answer to the next instruction.
@@ -147,6 +152,7 @@ def serve(
     gc.collect()
     gc.freeze()  # a pass over the objects of all modules takes 50 ms of a slow core
     try:
+        ready()
         _serve(terminal, bus, timing, ended, patience, counts)
     finally:
         gc.unfreeze()
