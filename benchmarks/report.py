@@ -27,7 +27,7 @@ def label(head: str, key: str) -> Column:
     return Column(head, lambda r: str(r["labels"].get(key, "")), left=key in LEFT)
 
 
-LEFT = ("arm", "work", "form")  # words, not numbers
+LEFT = ("arm", "work", "form", "between")  # words, not numbers
 
 
 def time(head: str, column: str) -> Column:
@@ -156,6 +156,7 @@ CHAPTERS: dict[str, tuple[str, tuple[Column, ...]]] = {
             *(label("arm", "arm"), label("joints", "joints"), label("kernel", "work"), label("states", "states")),
             *(time("plain", "plain"), time("Pinocchio", "pinocchio_python")),
             *(ratio("Pinocchio ÷ plain", "pinocchio_python"), time("bound", "bound"), ratio("bound ÷ plain", "bound")),
+            *(time("held before its first call", "held"), ratio("held ÷ plain", "held")),
             *(time("general path", "general"), ratio("general ÷ plain", "general"), worst("error")),
         ),
     ),
@@ -238,6 +239,15 @@ CHAPTERS: dict[str, tuple[str, tuple[Column, ...]]] = {
         (
             *(label("work", "work"), label("threads", "threads"), time("ours", "threads")),
             *(ratio("times as fast as one", "one"), ratio("bare multiply-adds beside it", "bare one"), worst("error")),
+        ),
+    ),
+    "between": (
+        "A batch between other work, ns per state",
+        (
+            *(label("kernel", "work"), label("states", "states"), label("between", "between")),
+            *(time("by default", "default"), time("one thread", "one"), time("all threads", "all")),
+            fact("default ÷ best", "times of the best", number),
+            worst("error"),
         ),
     ),
     "start": (

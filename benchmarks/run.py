@@ -35,6 +35,7 @@ MODULES = (
     "rows_ik",
     "rows_planning",
     "rows_scaling",
+    "rows_between",
     "rows_large",
     "rows_start",
 )
