@@ -50,7 +50,7 @@ LANES = (100, 1_000, 10_000, 100_000, 1_000_000)
 ROWS = (1_000, 10_000, 100_000, 1_000_000)
 POSES = (100, 1_000, 10_000, 100_000, 1_000_000)
 TURNS = (20, 100, 1_000, 10_000)
-ALL_PAIRS = "its result has an entry for every pair of joints"
+ALL_PAIRS = "an entry for every pair of joints; a program and results that outgrow the caches"
 
 
 def cases(folder: Path) -> Iterator[Case]:
@@ -242,7 +242,7 @@ def main() -> int:
             slope = exponent(times)
             why = case.reason if slope > LINEAR else ""
             unexplained += slope > LINEAR and not why
-            shown = ", ".join(f"{each:.2g} s" if each >= 1 else f"{1e3 * each:.2g} ms" for each in times.values())
+            shown = ", ".join(f"{each:.2g} s" if each >= 1 else f"{1e3 * each:.3g} ms" for each in times.values())
             sizes = ", ".join(f"{size:,}" for size in times)
             print(f"| {case.over} | {case.name} | {sizes} | {shown} | {slope:.2f} | {why} |", flush=True)
     return int(unexplained > 0)
