@@ -96,12 +96,12 @@ class Planner:
         if profile.stuck is not None:
             return profile, {}
         self.least = float(PathTiming(self.s, profile.x, self.ramps).durations.sum())
-        self._loosen(self._judged(profile.x))
+        self._loosen(self.judged(profile.x))
         loose = self._settled(profile.x)
         profile = profile if loose.stuck is not None else loose
         for count in range(ROUNDS):
-            used = self._judged(profile.x)
-            if _largest(used) <= 1.0 + KEPT:
+            used = self.judged(profile.x)
+            if largest(used) <= 1.0 + KEPT:
                 return profile, used
             self._shrink(used, count)
             shrunk = self._settled(profile.x)
@@ -150,7 +150,7 @@ class Planner:
                 break
         return profile
 
-    def _judged(self, x: np.ndarray) -> dict[str, np.ndarray]:
+    def judged(self, x: np.ndarray) -> dict[str, np.ndarray]:
         """By quantity (m - 1, n) the largest part of its limit that each joint uses between grid points.
 
         At first at few times of every piece, then at many; where that finds no excess, closer and closer about every peak that
@@ -231,14 +231,14 @@ class Planner:
         Raises:
             ScenarioError: it does not, with the place, the joint and the excess.
         """
-        used = self._judged(profile.x)
-        if _largest(used) <= 1.0 + KEPT:
+        used = self.judged(profile.x)
+        if largest(used) <= 1.0 + KEPT:
             return profile, used
-        least = min(2.0 * (_largest(used) - 1.0), SLOWEST)  # speeds go as √x
+        least = min(2.0 * (largest(used) - 1.0), SLOWEST)  # speeds go as √x
         for less in np.geomspace(least, SLOWEST, 9) if not any(self.ends) else ():
             scale = 1.0 - less
-            slower = self._judged(scale * profile.x)
-            if _largest(slower) <= 1.0 + KEPT:
+            slower = self.judged(scale * profile.x)
+            if largest(slower) <= 1.0 + KEPT:
                 return replace(profile, x=scale * profile.x), slower
         name, rows = max(used.items(), key=lambda item: item[1].max())
         k, joint = np.unravel_index(int(rows.argmax()), rows.shape)
@@ -249,5 +249,6 @@ class Planner:
         )  # fmt: skip
 
 
-def _largest(used: dict[str, np.ndarray]) -> float:
+def largest(used: dict[str, np.ndarray]) -> float:
+    """The largest part of any limit."""
     return max(float(each.max()) for each in used.values())
