@@ -62,8 +62,9 @@ def time_optimal(
     rotors, friction of every law and lossy gears included. Sets of ṡ² from which the end is reached are found backwards, the
     largest ṡ² in them forwards, by exact linear programs [BobrowEtAl1985], [PhamPham2018]. Limits of velocity and acceleration
     alone hold between grid points by construction. With torques and voltages, whose tangents are taken again until the plan
-    settles, it is judged on a denser grid; limits that it exceeds there are shrunk, and it is made again. Jerk is not limited:
-    accelerations jump.
+    settles, it is judged on a denser grid; limits that it exceeds there are shrunk, and it is made again. Friction may forbid
+    speeds between lower and higher ones: no plan passes through them, but one that begins below may miss a way above. Jerk is
+    not limited: accelerations jump.
 
     The motors' heat over the whole motion, √(∫ tau² dt / T) ≤ `rms_torque`, is kept by an outer search over plans within less
     torque, each played as slowly as it takes: for a mass on a straight line 7.5 % longer than the fastest there is.
