@@ -128,9 +128,10 @@ class Planner:
     def _settled(self, x: np.ndarray) -> Profile:
         """The fastest profile with tangents of the limits at itself, found from those at x (m,).
 
-        Where all limits are convex in x it is the optimum, and each pass doubles the digits that are right.
+        Where all limits are convex in x it is the optimum, and each pass doubles the digits that are right. Where two profiles
+        follow from the tangents at each other, the slower one is taken: what it exceeds is found by judging it.
         """
-        slowings, profile = 0, Profile(x, -1.0, stuck=0)
+        slowings, profile, earlier = 0, Profile(x, -1.0, stuck=0), np.zeros(len(x))
         for count in range(PASSES):
             lines = self.points.lines(self.s, x, self.shares)
             low, high = controllable(lines, self.ends[1])
@@ -144,7 +145,10 @@ class Planner:
             v, before = np.sqrt(found), np.sqrt(x)
             rests = np.maximum(found[:-1], found[1:]) <= AT_REST * found.max()
             stuck = int(rests.argmax()) if rests.any() else None
-            profile = Profile(found, float(high[0]), stuck if low[0] <= self.ends[0] <= high[0] else 0)
+            last, profile = profile, Profile(found, float(high[0]), stuck if low[0] <= self.ends[0] <= high[0] else 0)
+            if np.abs(v - before).max() > SAME * v.max() >= np.abs(v - earlier).max():
+                return min(profile, last, key=lambda each: (each.stuck is not None, each.x.sum()))
+            earlier = before
             x = found if count < DAMPED else (0.5 * (v + before)) ** 2
             if np.abs(v - before).max() <= SAME * v.max():
                 break
