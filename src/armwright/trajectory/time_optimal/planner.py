@@ -14,12 +14,13 @@ from armwright.kernels.compiled import CompiledArm
 from armwright.kernels.speed_passes import controllable, greedy
 from armwright.trajectory.limits import MotionLimits
 from armwright.trajectory.path import JointPath
-from armwright.trajectory.time_optimal.constraints import PathLimits
+from armwright.trajectory.time_optimal.constraints import TINY, PathLimits
 from armwright.trajectory.time_optimal.timing import PathTiming
 
 MOST = 1e50  # of a path acceleration, and of x
 PASSES, DAMPED = 60, 12  # with new tangents, at most; after how many the next are taken halfway
 SAME = 1e-6  # of the largest √x: a change up to which a profile has settled
+SETTLED = 1e-9  # of the largest √x: a change up to which tangents are not taken again
 SLOWER, SLOWINGS = (
     0.25,
     16,
@@ -132,8 +133,10 @@ class Planner:
         follow from the tangents at each other, the slower one is taken: what it exceeds is found by judging it.
         """
         slowings, profile, earlier = 0, Profile(x, -1.0, stuck=0), np.zeros(len(x))
+        tangents, taken = (np.zeros((len(x), 0)),) * 3, np.full(len(x), np.inf)  # and the √x at which
         for count in range(PASSES):
-            lines = self.points.lines(self.s, x, self.shares)
+            tangents, taken = self._tangents(x, tangents, taken)
+            lines = self.points.lines(self.s, tangents, self.shares)
             low, high = controllable(lines, self.ends[1])
             if high[0] < 0.0:
                 slowings += 1
@@ -153,6 +156,25 @@ class Planner:
             if np.abs(v - before).max() <= SAME * v.max():
                 break
         return profile
+
+    def _tangents(
+        self, x: np.ndarray, before: tuple[np.ndarray, ...], taken: np.ndarray
+    ) -> tuple[tuple[np.ndarray, ...], np.ndarray]:
+        """Tangents of the limits at x (m,) and √x; those before where √x is what it was then, but for a thousandth of `SAME`."""
+        v = np.sqrt(x)
+        k = np.flatnonzero(~(np.abs(v - taken) <= SETTLED * v.max()))
+        if not len(k):
+            return before, taken
+        shares = {name: each[k] for name, each in self.shares.items()}
+        found = self.points.of_points(k).tangents(x[k], shares, TINY * x.max())
+        if len(k) == len(x):
+            return found, v
+        tangents = tuple(each.copy() for each in before)
+        for each, rows in zip(tangents, found, strict=True):
+            each[k] = rows
+        taken = taken.copy()
+        taken[k] = v[k]
+        return tangents, taken
 
     def judged(self, x: np.ndarray) -> dict[str, np.ndarray]:
         """By quantity (m - 1, n) the largest part of its limit that each joint uses between grid points.
