@@ -30,7 +30,7 @@ TOPPRA_SWING = 1e-3  # [rad] its path from the last waypoint
 
 
 def tasks(quick: bool) -> list[Task]:
-    """Five plans."""
+    """Six plans."""
     turns, motor_turns = (QUICK_TURNS, QUICK_TURNS) if quick else (TURNS, MOTOR_TURNS)
     grid, count = (QUICK_GRID, QUICK_WAYPOINTS) if quick else (GRID, WAYPOINTS)
     return [
@@ -41,6 +41,7 @@ def tasks(quick: bool) -> list[Task]:
             "planning", "planning time-optimal motor turns cmu-dd", partial(motor_turn_records, "cmu-dd", motor_turns)
         ),
         Task("planning", "planning waypoints panda", partial(waypoint_records, "panda", count)),
+        Task("planning", "planning waypoint turns puma560", partial(waypoint_turn_records, "puma560", turns)),
     ]
 
 
@@ -106,7 +107,7 @@ def waypoint_records(name: str, count: int, repetitions: int) -> list[Record]:
     arm = aw.load(name)
     limits = aw.trajectories.MotionLimits.of(arm, acceleration=ACCELERATION, torque=np.inf, voltage=np.inf)
     points = waves(limits, count)
-    plan = partial(aw.trajectories.Waypoints, points, limits)
+    plan = partial(aw.trajectories.Waypoints, points, limits, "cubic")
     motion = plan()
     times = motion.polynomial.knots
     curve = partial(CubicSpline, times, points, bc_type="clamped")
@@ -122,6 +123,26 @@ def waypoint_records(name: str, count: int, repetitions: int) -> list[Record]:
         contestants["toppra"] = Contestant("toppra", solve, count, partial(check_end, points[-1]))
     labels = {"arm": name, "joints": arm.n, "work": "waypoints: cubic, optimised times", "points": count}
     return raced(labels, contestants, repetitions, "waypoints", facts)
+
+
+def waypoint_turn_records(name: str, count: int, repetitions: int) -> list[Record]:
+    """`Waypoints` through random poses, as fast as limits of velocity and acceleration allow; toppra along the same path."""
+    arm = aw.load(name)
+    limits = aw.trajectories.MotionLimits.of(arm, **TURNING, torque=np.inf, voltage=np.inf, position=FAR)
+    points = random_turns(arm.n, count).waypoints
+    plan, contestants, facts, same = partial(aw.trajectories.Waypoints, points, limits), {}, {}, None
+    if importlib.util.find_spec("toppra") is not None:
+        ways = np.linalg.norm(np.diff(points, axis=0), axis=1) ** 0.5
+        knots = np.append(0.0, np.cumsum(ways))
+        grid = np.append((knots[:-1, None] + ways[:, None] * np.arange(BETWEEN) / BETWEEN).ravel(), knots[-1])
+        solve = by_toppra(knots, points, limits, grid)
+        duration, expected = plan().duration, float(solve().duration)
+        facts = {"motion": duration, "toppra's motion": expected}
+        contestants["toppra"] = Contestant("toppra", solve, count, partial(check_duration, duration))
+        same = partial(check_duration, expected)
+    ours = Contestant("ours", plan, count, partial(check_fast, same))
+    labels = {"arm": name, "joints": arm.n, "work": "waypoints: turns, fastest", "points": count}
+    return raced(labels, {"ours": ours} | contestants, repetitions, "waypoints", facts)
 
 
 def raced(
@@ -194,6 +215,19 @@ def check_plan(arm: aw.Model, limits: aw.trajectories.MotionLimits, same: Any, f
     if not aw.trajectories.limits_report(arm, found, limits, samples=10).kept:
         return Check(float("nan"), KEPT)
     return same(found) if same is not None else Check(max(float(found.excess), 0.0), KEPT)
+
+
+def check_fast(same: Any, found: aw.trajectories.Waypoints) -> Check:
+    """The other's duration, or the largest excess of a limit where there is none."""
+    limits, polynomial = found.limits, found.polynomial
+    assert limits is not None
+    excess = (
+        max((polynomial.largest(k) / most).max() for k, most in enumerate((limits.velocity, limits.acceleration), 1))
+        - 1.0
+    )
+    if excess > KEPT:
+        return Check(float("nan"), KEPT)
+    return same(found) if same is not None else Check(max(float(excess), 0.0), KEPT)
 
 
 def check_spline(

@@ -90,14 +90,14 @@ def largest_use(arm: Model, motion: Motion, limits: MotionLimits, denser: int = 
     return max(float((np.abs(value) / getattr(limits, name)).max()) for name, value in values.items())
 
 
-def by_toppra(arm: Model, path: JointPath, limits: MotionLimits, grid: int | np.ndarray = 1000) -> float:
-    """Duration [s] of the fastest motion by toppra, under limits of velocity, acceleration and rigid-body torque; NaN where it
-    finds none. `grid`: number of even pieces, or the points."""
+def by_toppra(arm: Model | None, path: JointPath, limits: MotionLimits, grid: int | np.ndarray = 1000) -> float:
+    """Duration [s] of the fastest motion by toppra, under limits of velocity, acceleration and rigid-body torque (of an arm);
+    NaN where it finds none. `grid`: number of even pieces, or the points."""
     toppra = pytest.importorskip("toppra", reason="toppra is the oracle here: pip install toppra")
     from toppra import algorithm, constraint
 
     toppra.setup_logging("ERROR")
-    dyn, both_ends = aw.compile(arm), constraint.DiscretizationType.Interpolation
+    both_ends = constraint.DiscretizationType.Interpolation
     curve = toppra.SplineInterpolator(path.parameter, path.waypoints, bc_type="natural")
     made: list[Any] = []
     if np.isfinite(limits.velocity).all():
@@ -106,8 +106,9 @@ def by_toppra(arm: Model, path: JointPath, limits: MotionLimits, grid: int | np.
         bounds = np.stack([-limits.acceleration, limits.acceleration], axis=1)
         made.append(constraint.JointAccelerationConstraint(bounds, discretization_scheme=both_ends))
     if np.isfinite(limits.torque).all():
-        bounds, friction = np.stack([-limits.torque, limits.torque], axis=1), np.zeros(arm.n)
-        made.append(constraint.JointTorqueConstraint(dyn.inverse_dynamics, bounds, friction, both_ends))
+        bounds, friction = np.stack([-limits.torque, limits.torque], axis=1), np.zeros(limits.n)
+        torques = aw.compile(arm).inverse_dynamics
+        made.append(constraint.JointTorqueConstraint(torques, bounds, friction, both_ends))
     points = np.linspace(0.0, path.length, grid + 1) if isinstance(grid, int) else grid
     planner = algorithm.TOPPRA(made, curve, gridpoints=points, parametrizer="ParametrizeConstAccel")
     found = planner.compute_trajectory(0.0, 0.0)

@@ -14,8 +14,12 @@ from scipy.interpolate import CubicSpline
 import armwright as aw
 from armwright.errors import ScenarioError
 from trajectory.motions import check_continuous, check_within, limits_of, random_limits
+from trajectory.path_problems import by_toppra
 
-CURVES = {"cubic": 3, "natural_cubic": 3, "quintic": 3, "natural_quintic": 3, "parabolic": 2}
+CURVES = {
+    "cubic": 3, "natural_cubic": 3, "quintic": 3, "natural_quintic": 3, "time_optimal": 2, "parabolic": 2, "fastest": 2,
+}  # fmt: skip
+JUMPING = ("parabolic", "time_optimal")
 
 
 def random_points(draw: np.random.Generator, k: int, n: int) -> np.ndarray:
@@ -31,10 +35,12 @@ def test_limits_hold_and_one_is_used(curve, seed):
     draw = np.random.default_rng(seed)
     k, n = int(draw.integers(3 if curve == "natural_quintic" else 2, 12)), int(draw.integers(1, 7))
     limits, points = random_limits(draw, n), random_points(draw, k, n)
+    if curve == "time_optimal" or (curve == "fastest" and seed % 2):
+        limits = limits.replace(jerk=np.inf)
     motion = aw.trajectories.Waypoints(points, limits, curve, time=draw.uniform(0.0, 2.0))
-    quantities = ("velocity", "acceleration", *(["jerk"] if curve != "parabolic" else []))
+    quantities = ("velocity", "acceleration", *(["jerk"] if motion.curve not in JUMPING else []))
     check_within(motion, limits, *quantities)
-    check_continuous(motion, CURVES[curve])
+    check_continuous(motion, CURVES[motion.curve])
     polynomial = motion.polynomial
     used = [polynomial.largest(order) / getattr(limits, name) for order, name in enumerate(quantities, 1)]
     assert np.max(used) > 0.999
@@ -45,7 +51,7 @@ def test_limits_hold_and_one_is_used(curve, seed):
         q = motion.at(np.linspace(motion.time, motion.time + motion.duration, 500))[0]
         assert ((q >= low - 1e-9) & (q <= high + 1e-9)).all()
     else:
-        np.testing.assert_allclose(motion.at(motion.breaks)[0], points, atol=1e-9 * (1.0 + np.abs(points).max()))
+        np.testing.assert_allclose(motion.at(motion.passes)[0], points, atol=1e-9 * (1.0 + np.abs(points).max()))
     if "natural" not in curve:
         ends = motion.at(np.array([motion.time, motion.time + motion.duration]))[1]
         np.testing.assert_allclose(ends / limits.velocity, 0.0, atol=1e-8)
@@ -113,20 +119,67 @@ def test_knot_times_are_near_an_optimisers(k, seed):
 
 def test_dense_waypoints_are_nearly_as_fast_as_their_path_can_be():
     """toppra's time along a spline through points on sines: its accelerations may jump, so that it is a lower bound."""
-    toppra = pytest.importorskip("toppra", reason="toppra is the oracle here: pip install toppra")
-    from toppra import algorithm, constraint
-
-    toppra.setup_logging("ERROR")
     knots = np.linspace(0.0, 1.0, 250)
     points = np.sin(2.0 * np.pi * (knots[:, None] * [2.0, 3.3, 4.1] + [0.0, 0.2, 0.7]))
     limits = limits_of(np.full(3, 2.0), 10.0)
-    kept = [
-        constraint.JointVelocityConstraint(np.tile([-2.0, 2.0], (3, 1))),
-        constraint.JointAccelerationConstraint(np.tile([-10.0, 10.0], (3, 1))),
-    ]
-    curve = toppra.SplineInterpolator(knots, points)
-    best = algorithm.TOPPRA(kept, curve, gridpoints=np.linspace(0.0, 1.0, 2000)).compute_trajectory(0.0, 0.0).duration
-    assert 0.98 * best < aw.trajectories.Waypoints(points, limits).duration < 1.02 * best
+    best = by_toppra(None, aw.trajectories.JointPath(points, knots), limits, 2000)
+    motion = aw.trajectories.Waypoints(points, limits)
+    assert motion.curve == "cubic"
+    assert 0.98 * best < motion.duration < 1.02 * best
+
+
+@pytest.mark.parametrize("k", [2, 3, 8, 20])
+def test_turns_take_the_time_that_toppra_finds_along_the_same_path(k):
+    points, limits = np.random.default_rng(k).uniform(-1.5, 1.5, (k, 6)), limits_of(np.full(6, 2.0), 5.0)
+    motion = aw.trajectories.Waypoints(points, limits)
+    s = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1) ** 0.5))
+    grid = np.append((s[:-1, None] + np.diff(s)[:, None] * np.arange(100) / 100.0).ravel(), s[-1])
+    best = by_toppra(None, aw.trajectories.JointPath(points, s), limits, grid)
+    assert motion.curve == "time_optimal"
+    assert motion.duration == pytest.approx(best, rel=3e-3)
+    assert motion.duration < 0.95 * aw.trajectories.Waypoints(points, limits, "cubic").duration
+    np.testing.assert_allclose(motion.at(motion.passes)[0], points, atol=1e-12)
+
+
+def test_accelerations_jump_only_where_nothing_asks_for_continuous_ones():
+    points, limits = np.random.default_rng(0).uniform(-1.5, 1.5, (6, 3)), limits_of(np.full(3, 2.0), 5.0)
+    fast, cubic = (aw.trajectories.Waypoints(points, limits, curve) for curve in ("fastest", "cubic"))
+    assert (fast.curve, cubic.curve) == ("time_optimal", "cubic")
+    between = 0.5 * (fast.duration + cubic.duration)
+    for changes, curve in (
+        ({"limits": limits.replace(jerk=1e3)}, "cubic"),
+        ({"limits": limits.replace(jerk={"joint2": 1e9})}, "cubic"),
+        ({"limits": limits.replace(acceleration={"joint2": np.inf})}, "cubic"),
+        ({"duration": 1.01 * cubic.duration}, "cubic"),
+        ({"duration": between}, "time_optimal"),
+        ({"times": 9.0 * np.arange(6.0)}, "cubic"),
+        ({"curve": "time_optimal", "duration": 2.0 * cubic.duration}, "time_optimal"),
+    ):
+        motion = aw.trajectories.Waypoints(**{"points": points, "limits": limits} | changes)
+        assert motion.curve == curve, changes
+        check_continuous(motion, CURVES[curve])
+        if "duration" in changes:
+            assert motion.duration == pytest.approx(changes["duration"], rel=1e-12)
+        np.testing.assert_allclose(motion.at(motion.passes)[0], points, atol=1e-12)
+
+
+def test_the_curve_that_keeps_the_limits_of_position_is_taken():
+    """Cubic spline and path reach 1.007 and 1.068 rad through the first points, 1.028 and 1.001 through the others."""
+    outside = np.array([[0.3, -0.5], [-0.9, -1.0], [0.6, 0.8], [0.2, 0.5]])
+    inside = np.array([[-0.9, 0.0], [0.0, -0.5], [-0.7, -1.0], [-0.2, -0.2]])
+    for points, position, duration, curve in (
+        (outside, 1.1, None, "time_optimal"), (outside, 1.04, None, "cubic"),
+        (inside, 1.04, 6.0, "cubic"), (inside, 1.01, 6.0, "time_optimal"),
+    ):  # fmt: skip
+        limits = limits_of([1.0, 1.0], 3.0, position=position)
+        motion = aw.trajectories.Waypoints(points, limits, duration=duration)
+        assert motion.curve == curve
+        assert np.abs(motion.polynomial.extrema(0)).max() <= position
+    for curve in ("fastest", "cubic", "time_optimal"):
+        with pytest.raises(
+            ScenarioError, match=r"swings 0\.0\d+ rad out of the limits of joint2 between 0\.?\d* s and"
+        ):
+            aw.trajectories.Waypoints(outside, limits_of([1.0, 1.0], 3.0, position=1.005), curve)
 
 
 @pytest.mark.parametrize(("k", "near"), [(3, 0.0), (3, 1e-6), (8, 1e-2), (20, 1e-9)])
@@ -164,7 +217,7 @@ def test_limits_of_any_size_plan_without_warnings(curve):
         limits = limits_of([1.0, 1.0], size, size)
         with warnings.catch_warnings():
             warnings.simplefilter("error")
-            motion = aw.trajectories.Waypoints(points, limits, curve)
+            motion = aw.trajectories.Waypoints(points, limits.replace(jerk=np.inf if curve in JUMPING else None), curve)
         assert (motion.polynomial.largest(2) <= size * (1.0 + 1e-9)).all()
 
 
@@ -178,20 +231,21 @@ def test_a_thousand_waypoints_are_planned_fast():
         aw.trajectories.Waypoints(points[:k], limits, curve)
         return time.process_time() - begin
 
-    for curve in ("cubic", "quintic", "parabolic"):
+    for curve in ("cubic", "quintic", "parabolic", "fastest"):
         spent(10, curve)
         many, few = (min(spent(count, curve) for _ in range(3)) for count in (1000, 100))
         assert many < 10.0 * few + 0.2, curve
 
 
 def test_a_given_duration_and_given_times():
-    limits = limits_of([1.0, 1.0], 3.0, 50.0)
     points = [[0.0, 0.0], [0.5, 0.2], [1.0, -0.3]]
     for curve in CURVES:
+        limits = limits_of([1.0, 1.0], 3.0, np.inf if curve in JUMPING else 50.0)
         fast = aw.trajectories.Waypoints(points, limits, curve)
         assert aw.trajectories.Waypoints(points, limits, curve, duration=5.0).duration == pytest.approx(5.0, rel=1e-12)
         with pytest.raises(ScenarioError, match=r"Waypoints.duration = .*the shortest that was found"):
             aw.trajectories.Waypoints(points, limits, curve, duration=0.9 * fast.duration)
+    limits = limits_of([1.0, 1.0], 3.0, 50.0)
     timed = aw.trajectories.Waypoints(points, limits, times=[1.0, 3.0, 6.0])
     assert (timed.time, timed.duration) == (1.0, 5.0)
     np.testing.assert_allclose(timed.at(3.0)[0], [0.5, 0.2], atol=1e-12)
@@ -223,6 +277,12 @@ LIMITS = limits_of([1.0, 1.0], 3.0, 50.0, position=1.05)
             {"points": [[0.0, 0.0], [1.04, 1.0], [1.04, -1.0], [0.0, 0.0]]},
             r"swings 0\.\d+ rad out of the limits of joint1",
         ),
+        ({"curve": "time_optimal"}, r"curve = 'time_optimal': its accelerations jump; expected jerk = inf"),
+        (
+            {"curve": "time_optimal", "limits": LIMITS.replace(jerk=np.inf), "times": [0.0, 5.0, 9.0]},
+            "curve = 'time_optimal': with times",
+        ),
+        ({"limits": limits_of([1.0, 1.0]), "curve": "time_optimal"}, "no acceleration limit of joint1, joint2"),
         ({"curve": "bezier"}, "curve = 'bezier'"),
         ({"times": [0.0, 2.0, 1.0]}, r"times\[2\] = 1.0: not after 2"),
         ({"times": [0.0, 2.0]}, "3 finite numbers"),

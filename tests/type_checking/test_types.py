@@ -18,7 +18,7 @@ from armwright.simulation.loop.sensors import SIDES, VELOCITIES
 from armwright.simulation.loop.timing import PRESETS
 from armwright.simulation.scenario_parts import KEPT
 from armwright.trajectory.input_shaper import IMPULSES
-from armwright.trajectory.waypoints import CURVES
+from armwright.trajectory.waypoints import CHOICES as WAYPOINT_CURVES
 
 HERE = Path(__file__).parent
 CHOICES = {  # of a field, as its type has them and as the code checks them
@@ -29,7 +29,7 @@ CHOICES = {  # of a field, as its type has them and as the code checks them
     (aw.Sensors, "velocity"): VELOCITIES,
     (aw.JointPID, "anti_windup"): ANTI_WINDUP,
     (aw.Cascade, "anti_windup"): ANTI_WINDUP,
-    (aw.trajectories.Waypoints, "curve"): (*CURVES, "parabolic"),
+    (aw.trajectories.Waypoints, "curve"): WAYPOINT_CURVES,
     (aw.trajectories.InputShaper, "kind"): tuple(IMPULSES),
 }
 

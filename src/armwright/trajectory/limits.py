@@ -82,22 +82,24 @@ class MotionLimits:
             if name not in QUANTITIES:
                 raise ScenarioError("no quantity that has a limit", place="limits", value=name, choices=QUANTITIES)
             if value is not None:
-                changed[name] = self._overridden(name, value)
+                changed[name] = self.read(f"limits.{name}", name, value)
         return replace(self, **changed)
 
-    def _overridden(self, quantity: str, value: Any) -> np.ndarray:
-        """(n,) or (n, 2) limits of a quantity from what a user wrote."""
+    def read(self, place: str, quantity: str, value: Any) -> np.ndarray:
+        """(n,) or (n, 2) limits of a quantity from what a user wrote at `place`; a mapping leaves other joints as they are here.
+
+        Raises:
+            ScenarioError: names the place, its value and what was expected.
+        """
         record = getattr(self, quantity)
         if isinstance(value, Mapping):
             limits = record.copy()
             for name, each in value.items():
                 if name not in self.names:
-                    raise ScenarioError(
-                        "no joint of the arm", place=f"limits.{quantity}", value=name, choices=self.names
-                    )
-                limits[self.names.index(name)] = checked_limit(f"limits.{quantity}[{name!r}]", each, quantity, 1)[0]
+                    raise ScenarioError("no joint of the arm", place=place, value=name, choices=self.names)
+                limits[self.names.index(name)] = checked_limit(f"{place}[{name!r}]", each, quantity, 1)[0]
             return limits
-        return checked_limit(f"limits.{quantity}", value, quantity, self.n)
+        return checked_limit(place, value, quantity, self.n)
 
     def unit(self, quantity: str, joint: int) -> str:
         """Unit of a joint's limit."""

@@ -46,7 +46,7 @@ def test_tangents_touch_the_bounds_and_follow_them_for_a_little_way(name: str) -
     shares = {each: np.ones(points.q.shape) for each in ("velocity", "acceleration", "torque", "voltage")}
     low, high = points.bounds(np.zeros((41, 1)), shares)
     x = np.full(41, 1e-3 * np.median(high - low) * path.length)
-    a, b, c = points.tangents(x, shares)
+    a, b, c = points.tangents(x, shares, 1e-9 * x.max())
     for beside, close in ((1.0, 1e-4), (1.02, 1e-3)):
         for bound in points.bounds(beside * x[:, None], shares):
             left = (c - b * beside * x[:, None] - a * bound) / np.abs(a * (high - low)).max(axis=1, keepdims=True)

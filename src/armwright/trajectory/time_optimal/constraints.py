@@ -23,6 +23,7 @@ from armwright.trajectory.rest import RESTING
 
 FLAT = 1e-13  # of a joint's largest slope: below it the joint bounds x, not s̈
 LINES = 12  # of a piecewise-linear torque that the search for a bound visits at most
+STUCK = 4  # steps without a root: those that are left go on without an end, between two lines
 SOLVED = 1e-11  # of the torques that are allowed
 NEAR = 1e-4  # of the accelerations that are allowed, over which a line's slope is measured
 UNBOUNDED = 1e100  # finite, so that bounds can be interpolated
@@ -118,6 +119,11 @@ class PathLimits:
         inertia = self.dyn.inverse_dynamics(self.q, still, self.first) - self.dyn.inverse_dynamics(self.q, still, still)
         return inertia[:, None]
 
+    @cached_property
+    def _flat_inertia(self) -> np.ndarray:
+        """(n,) magnitude of M q' up to which it counts as 0."""
+        return _flat(self._inertia)
+
     def _motion(self, x: np.ndarray, sdd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """q̇ and q̈, each (m, j, n), at x and s̈ (m, j)."""
         first = self.first[:, None]
@@ -137,16 +143,23 @@ class PathLimits:
         rising, size = inertia > 0.0, most - least
         low = self._root(x, low, np.where(rising, least, most), size)
         high = self._root(x, high, np.where(rising, most, least), size)
-        flat = np.abs(inertia) <= _flat(inertia)
+        flat = np.abs(inertia) <= self._flat_inertia
         ends = (
             np.where(flat | (np.abs(end) >= UNBOUNDED), allowed - torque, inertia * end)
             for end, allowed in ((np.where(rising, low, high), least), (np.where(rising, high, low), most))
         )
         return next(ends), next(ends)
 
-    def tangents(self, x: np.ndarray, shares: Shares) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Limits  a s̈ + b x ≤ c  that are true near x (m,): each (m, r)."""
-        beside = BESIDE * np.maximum(x, TINY * x.max())
+    def of_points(self, k: np.ndarray) -> PathLimits:
+        """The limits at some of the points."""
+        part = PathLimits(self.dyn, self.limits, self.q[k], self.first[k], self.second[k])
+        if self.has_torques:
+            vars(part).update(_inertia=self._inertia[k], _flat_inertia=self._flat_inertia)
+        return part
+
+    def tangents(self, x: np.ndarray, shares: Shares, least: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Limits  a s̈ + b x ≤ c  that are true near x (m,), of which less than `least` counts as that: each (m, r)."""
+        beside = BESIDE * np.maximum(x, least)
         levels = np.stack([np.maximum(x - beside, 0.0), x + beside], axis=1)
         limited = np.isfinite(self.limits.acceleration)
         most = (self.limits.acceleration * shares["acceleration"])[:, limited]
@@ -161,9 +174,9 @@ class PathLimits:
         a, b, c = (np.concatenate(each, axis=1) for each in zip(*rows, strict=True))
         return a, b, c
 
-    def lines(self, s: np.ndarray, x: np.ndarray, shares: Shares) -> CellLines:
-        """Limits near x (m,) at both ends of every cell of a grid s (m,), which share their s̈."""
-        a, b, c = self.tangents(x, shares)
+    def lines(self, s: np.ndarray, tangents: tuple[np.ndarray, ...], shares: Shares) -> CellLines:
+        """Limits by tangents (m, r) at both ends of every cell of a grid s (m,), which share their s̈."""
+        a, b, c = tangents
         steps = np.diff(s)
         flat = np.tile(np.maximum(FLAT * np.abs(a).max(axis=0), 1.0 / UNBOUNDED), 2)
         a = np.concatenate([a[:-1], a[1:] + 2.0 * steps[:, None] * b[1:]], axis=1)  # x goes to x + 2 Δ s̈
@@ -178,19 +191,21 @@ class PathLimits:
     def _root(self, x: np.ndarray, sdd: np.ndarray, target: np.ndarray, size: np.ndarray) -> np.ndarray:
         """s̈ (m, j, n) at which each joint's own torque is the target, by Newton's method, exact on the last line."""
         sdd = np.broadcast_to(sdd, target.shape).copy()
-        open_ = np.isfinite(sdd) & (np.abs(sdd) < UNBOUNDED) & (np.abs(self._inertia) > _flat(self._inertia))
+        open_ = np.isfinite(sdd) & (np.abs(sdd) < UNBOUNDED) & (np.abs(self._inertia) > self._flat_inertia)
         rows = np.argwhere(open_)
+        left: list[int] = []
         for _ in range(LINES):
-            if not len(rows):
+            if not len(rows) or left[-STUCK:] == [len(rows)] * STUCK:
                 break
+            left.append(len(rows))
             k, j, i = rows.T
             u, near = sdd[k, j, i], NEAR * size[k, j, i] / np.abs(self._inertia[k, 0, i])
             here, beside = (self._own_torque(k, i, x[k, j], each) for each in (u, u + near))
-            left = here - target[k, j, i]
+            error = here - target[k, j, i]
             slope = (beside - here) / near
             safe = np.where(slope * self._inertia[k, 0, i] > 0.0, slope, self._inertia[k, 0, i])
-            done = np.abs(left) <= SOLVED * np.abs(size[k, j, i])
-            sdd[k, j, i] = np.where(done, u, u - left / safe)
+            done = np.abs(error) <= SOLVED * np.abs(size[k, j, i])
+            sdd[k, j, i] = np.where(done, u, u - error / safe)
             rows = rows[~done]
         return sdd
 

@@ -32,9 +32,11 @@ def squared_speeds(speeds: Any) -> tuple[float, float]:
     return float(values[0] ** 2), float(values[1] ** 2)
 
 
-def check_limits(arm: Model, limits: MotionLimits, path: JointPath) -> None:
+def check_limits(arm: Model, limits: MotionLimits, path: JointPath, rms_torque: np.ndarray) -> None:
     """Refuses limits that the record is too incomplete for or the planner does not support, and motions without any bound.
 
+    Args:
+        arm: the model.   limits: of its joints.   path: q(s).   rms_torque: (n,) [N m | N] of the motors; infinite: no limit.
     Raises:
         ScenarioError: names the quantity and the joints.
     """
@@ -45,13 +47,15 @@ def check_limits(arm: Model, limits: MotionLimits, path: JointPath) -> None:
     dark = [
         body.joint for body in arm.coordinates if body.drive.resistance is None or body.drive.torque_constant is None
     ]
-    for quantity, lacks in (
-        ("torque", "links without masses" if massless else ""),
-        ("voltage", "links without masses" if massless else f"no motor constants of {', '.join(dark)}" if dark else ""),
+    light, unknown = "links without masses" if massless else "", f"no motor constants of {', '.join(dark)}"
+    for place, values, lacks in (
+        ("limits.torque", limits.torque, light),
+        ("rms_torque", rms_torque, light),
+        ("limits.voltage", limits.voltage, light or (unknown if dark else "")),
     ):
-        if lacks and np.isfinite(getattr(limits, quantity)).any():
-            expected = f"a record that can tell it, or {quantity} = inf in the limits"
-            raise ScenarioError(f"the record of {arm.name} has {lacks}", place=f"limits.{quantity}", expected=expected)
+        if lacks and np.isfinite(values).any():
+            expected = f"a record that can tell it, or {place.removeprefix('limits.')} = inf"
+            raise ScenarioError(f"the record of {arm.name} has {lacks}", place=place, expected=expected)
     moving = np.ptp(np.asarray(path.waypoints), axis=0) > 0.0
     bounded = np.isfinite([limits.acceleration, limits.torque, limits.voltage]).any(axis=0)
     if not (moving & bounded).any():

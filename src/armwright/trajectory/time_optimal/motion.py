@@ -32,6 +32,7 @@ class PathMotion(Motion):
         notes: about effects of the record that torques and voltages approximate.
         ramps: one for all, or (m - 1,): between grid points s̈ is linear in time, else constant, as with limits of velocity and
             acceleration alone.
+        rms_torque: (n,) [N m | N] root mean square torques of the motors over the motion, where they are limited; else None.
     """
 
     path: JointPath
@@ -42,6 +43,7 @@ class PathMotion(Motion):
     excess: float
     notes: tuple[str, ...] = ()
     ramps: bool | np.ndarray = True
+    rms_torque: np.ndarray | None = None
 
     @property
     def n(self) -> int:

@@ -14,12 +14,13 @@ from armwright.kernels.compiled import CompiledArm
 from armwright.kernels.speed_passes import controllable, greedy
 from armwright.trajectory.limits import MotionLimits
 from armwright.trajectory.path import JointPath
-from armwright.trajectory.time_optimal.constraints import PathLimits
+from armwright.trajectory.time_optimal.constraints import TINY, PathLimits
 from armwright.trajectory.time_optimal.timing import PathTiming
 
 MOST = 1e50  # of a path acceleration, and of x
 PASSES, DAMPED = 60, 12  # with new tangents, at most; after how many the next are taken halfway
 SAME = 1e-6  # of the largest √x: a change up to which a profile has settled
+SETTLED = 1e-9  # of the largest √x: a change up to which tangents are not taken again
 SLOWER, SLOWINGS = (
     0.25,
     16,
@@ -96,12 +97,12 @@ class Planner:
         if profile.stuck is not None:
             return profile, {}
         self.least = float(PathTiming(self.s, profile.x, self.ramps).durations.sum())
-        self._loosen(self._judged(profile.x))
+        self._loosen(self.judged(profile.x))
         loose = self._settled(profile.x)
         profile = profile if loose.stuck is not None else loose
         for count in range(ROUNDS):
-            used = self._judged(profile.x)
-            if _largest(used) <= 1.0 + KEPT:
+            used = self.judged(profile.x)
+            if largest(used) <= 1.0 + KEPT:
                 return profile, used
             self._shrink(used, count)
             shrunk = self._settled(profile.x)
@@ -128,11 +129,14 @@ class Planner:
     def _settled(self, x: np.ndarray) -> Profile:
         """The fastest profile with tangents of the limits at itself, found from those at x (m,).
 
-        Where all limits are convex in x it is the optimum, and each pass doubles the digits that are right.
+        Where all limits are convex in x it is the optimum, and each pass doubles the digits that are right. Where two profiles
+        follow from the tangents at each other, the slower one is taken: what it exceeds is found by judging it.
         """
-        slowings, profile = 0, Profile(x, -1.0, stuck=0)
+        slowings, profile, earlier = 0, Profile(x, -1.0, stuck=0), np.zeros(len(x))
+        tangents, taken = (np.zeros((len(x), 0)),) * 3, np.full(len(x), np.inf)  # and the √x at which
         for count in range(PASSES):
-            lines = self.points.lines(self.s, x, self.shares)
+            tangents, taken = self._tangents(x, tangents, taken)
+            lines = self.points.lines(self.s, tangents, self.shares)
             low, high = controllable(lines, self.ends[1])
             if high[0] < 0.0:
                 slowings += 1
@@ -144,13 +148,35 @@ class Planner:
             v, before = np.sqrt(found), np.sqrt(x)
             rests = np.maximum(found[:-1], found[1:]) <= AT_REST * found.max()
             stuck = int(rests.argmax()) if rests.any() else None
-            profile = Profile(found, float(high[0]), stuck if low[0] <= self.ends[0] <= high[0] else 0)
+            last, profile = profile, Profile(found, float(high[0]), stuck if low[0] <= self.ends[0] <= high[0] else 0)
+            if np.abs(v - before).max() > SAME * v.max() >= np.abs(v - earlier).max():
+                return min(profile, last, key=lambda each: (each.stuck is not None, each.x.sum()))
+            earlier = before
             x = found if count < DAMPED else (0.5 * (v + before)) ** 2
             if np.abs(v - before).max() <= SAME * v.max():
                 break
         return profile
 
-    def _judged(self, x: np.ndarray) -> dict[str, np.ndarray]:
+    def _tangents(
+        self, x: np.ndarray, before: tuple[np.ndarray, ...], taken: np.ndarray
+    ) -> tuple[tuple[np.ndarray, ...], np.ndarray]:
+        """Tangents of the limits at x (m,) and √x; those before where √x is what it was then, but for a thousandth of `SAME`."""
+        v = np.sqrt(x)
+        k = np.flatnonzero(~(np.abs(v - taken) <= SETTLED * v.max()))
+        if not len(k):
+            return before, taken
+        shares = {name: each[k] for name, each in self.shares.items()}
+        found = self.points.of_points(k).tangents(x[k], shares, TINY * x.max())
+        if len(k) == len(x):
+            return found, v
+        tangents = tuple(each.copy() for each in before)
+        for each, rows in zip(tangents, found, strict=True):
+            each[k] = rows
+        taken = taken.copy()
+        taken[k] = v[k]
+        return tangents, taken
+
+    def judged(self, x: np.ndarray) -> dict[str, np.ndarray]:
         """By quantity (m - 1, n) the largest part of its limit that each joint uses between grid points.
 
         At first at few times of every piece, then at many; where that finds no excess, closer and closer about every peak that
@@ -231,14 +257,14 @@ class Planner:
         Raises:
             ScenarioError: it does not, with the place, the joint and the excess.
         """
-        used = self._judged(profile.x)
-        if _largest(used) <= 1.0 + KEPT:
+        used = self.judged(profile.x)
+        if largest(used) <= 1.0 + KEPT:
             return profile, used
-        least = min(2.0 * (_largest(used) - 1.0), SLOWEST)  # speeds go as √x
+        least = min(2.0 * (largest(used) - 1.0), SLOWEST)  # speeds go as √x
         for less in np.geomspace(least, SLOWEST, 9) if not any(self.ends) else ():
             scale = 1.0 - less
-            slower = self._judged(scale * profile.x)
-            if _largest(slower) <= 1.0 + KEPT:
+            slower = self.judged(scale * profile.x)
+            if largest(slower) <= 1.0 + KEPT:
                 return replace(profile, x=scale * profile.x), slower
         name, rows = max(used.items(), key=lambda item: item[1].max())
         k, joint = np.unravel_index(int(rows.argmax()), rows.shape)
@@ -249,5 +275,6 @@ class Planner:
         )  # fmt: skip
 
 
-def _largest(used: dict[str, np.ndarray]) -> float:
+def largest(used: dict[str, np.ndarray]) -> float:
+    """The largest part of any limit."""
     return max(float(each.max()) for each in used.values())
