@@ -28,6 +28,10 @@ WORKS = {
     "forward_dynamics": ("#009E73", "^", "-."),
     "inverse_dynamics_derivatives": ("#CC79A7", "v", ":"),
 }
+INK = "#777777"  # seen on white and on black
+ON_ANY_PAPER = dict.fromkeys(
+    ("text.color", "axes.labelcolor", "axes.edgecolor", "axes.titlecolor", "xtick.color", "ytick.color"), INK
+)
 JOINTS = ("inverse_dynamics", "mass_matrix", "forward_dynamics")
 
 
@@ -52,13 +56,14 @@ def draw(saved: Saved, folder: Path) -> list[Path]:
     folder.mkdir(parents=True, exist_ok=True)
     paths = []
     for name, drawn in (("joints", joints), ("batch", batch_sizes), ("threads", threads)):
-        figure = drawn(saved, pyplot)
+        with matplotlib.rc_context(ON_ANY_PAPER):
+            figure = drawn(saved, pyplot)
         for axes in figure.axes:
-            axes.grid(True, which="major", color="#dddddd", linewidth=0.6)
+            axes.grid(True, which="major", color="#99999955", linewidth=0.6)
             axes.spines[["top", "right"]].set_visible(False)
-        figure.suptitle(heading(saved), fontsize=8, color="#555555", x=0.01, ha="left")
+        figure.suptitle(heading(saved), fontsize=8, color=INK, x=0.01, ha="left")
         path = folder / f"bench-{name}.png"
-        figure.savefig(path, dpi=110)
+        figure.savefig(path, dpi=110, transparent=True)
         pyplot.close(figure)
         paths.append(path)
     return paths
@@ -104,7 +109,7 @@ def threads(saved: Saved, pyplot: Any) -> Any:
     axes.plot(counts, counts, color="#999999", linewidth=0.8, label="as many times as threads")
     series: Iterator[tuple[list[Record], tuple[str, str, str], str]] = iter(
         [
-            (limit, ("#000000", "s", "--"), "fused multiply-adds, nothing else"),
+            (limit, (INK, "s", "--"), "fused multiply-adds, nothing else"),
             *(
                 ([r for r in rows if r["labels"]["work"] == w], style, w.replace("_", " "))
                 for w, style in WORKS.items()

@@ -55,7 +55,7 @@ def blocks_in_order(name: str, folder: Path) -> Iterator[tuple[str, str]]:
 def sessions(text: str) -> list[tuple[str, list[str]]]:
     """Every command of a console block, with the lines that it is said to print."""
     found: list[tuple[str, list[str]]] = []
-    for line in text.splitlines():
+    for line in text.replace("\\\n", " ").splitlines():
         if line.startswith("$ "):
             found.append((line[2:], []))
         else:

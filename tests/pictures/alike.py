@@ -11,9 +11,10 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from PIL import Image
 from scipy.ndimage import maximum_filter, minimum_filter
 from scipy.spatial import cKDTree
+
+from pictures.paper import on_white
 
 NEAR = 3  # pixels of a PNG, points of an SVG: so far anything may be from where it was
 TONE = 40  # of 255: so much lighter or darker it may be than all that is near
@@ -26,7 +27,7 @@ def unlike(made: Path, kept: Path, share: float = SHARE) -> str | None:
     """What the two differ in, in words; None: they show the same."""
     if made.suffix.lower() == ".svg":
         return _unlike_drawings(made, kept)
-    return unlike_pixels(*(np.asarray(Image.open(path).convert("RGB")).astype(int) for path in (made, kept)), share)
+    return unlike_pixels(on_white(made), on_white(kept), share)
 
 
 def unlike_pixels(made: np.ndarray, kept: np.ndarray, share: float = SHARE) -> str | None:

@@ -16,6 +16,7 @@ from pathlib import Path
 from docs.pages import run_here, write_files
 from pictures.alike import OTHER_FONTS, SHARE, unlike
 from pictures.browser import CHROMIUM, Browser
+from pictures.paper import drawing_without_paper, without_paper
 
 ROOT = Path(__file__).resolve().parents[2]
 IMAGES = ROOT / "docs" / "images"
@@ -69,23 +70,28 @@ class Picture:
         """What differs between the picture in the docs and one that was made; None: nothing."""
         if not self.kept.exists():
             return "new"
-        return unlike(made, self.kept, SHARE if self.opened is None else OTHER_FONTS)
+        return unlike(self.finished(made), self.kept, SHARE if self.opened is None else OTHER_FONTS)
+
+    def finished(self, made: Path) -> Path:
+        """What the docs keep of a picture: without paper, but for the photograph of a page; a PNG with a palette."""
+        from PIL import Image
+
+        path = made.with_name(f"finished-{made.name}")
+        if made.suffix == ".svg":
+            path.write_text(drawing_without_paper(made.read_text(encoding="utf-8")), encoding="utf-8")
+        elif self.opened is None:
+            without_paper(made).quantize(256, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE).save(
+                path, optimize=True
+            )
+        else:
+            shutil.copyfile(made, path)
+        return path
 
 
 TABLE = tuple(
     Picture(**{**row, "commands": tuple(row["commands"])})
     for row in tomllib.loads((ROOT / "docs" / "pictures.toml").read_text(encoding="utf-8"))["picture"]
 )
-
-
-def keep(made: Path, kept: Path) -> None:
-    """Copies a picture into the docs; a PNG with a palette, which takes a third of the bytes."""
-    if made.suffix == ".png":
-        from PIL import Image
-
-        Image.open(made).convert("RGB").quantize(256, dither=Image.Dither.NONE).save(kept, optimize=True)
-    else:
-        shutil.copyfile(made, kept)
 
 
 def main(names: list[str]) -> None:
@@ -98,7 +104,7 @@ def main(names: list[str]) -> None:
             made = picture.make(Path(folder))
             told = picture.changed(made)
             if told is not None:
-                keep(made, picture.kept)
+                shutil.copyfile(picture.finished(made), picture.kept)
             print(f"{picture.file}: {told or 'as it was'}", flush=True)
 
 

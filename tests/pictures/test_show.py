@@ -22,14 +22,13 @@ from armwright.pictures.joint_figure import CYLINDER, bone_size
 from armwright.pictures.png import spacing, write_png
 from armwright.pictures.posed_arm import posed_arm, upright
 from physics.arms import NAMES, arm, random_state, workshop
+from pictures.paper import on_white
 
 Y_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1.0, 0], [0, -1.0, 0, 0], [0, 0, 0, 1.0]])  # glTF's y is up
 
 
 def pixels(path) -> np.ndarray:
-    from matplotlib.image import imread
-
-    return imread(path)[..., :3]
+    return on_white(path) / 255
 
 
 @pytest.mark.sample(2)

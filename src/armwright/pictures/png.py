@@ -13,12 +13,12 @@ from armwright.pictures.render import Camera, camera, render
 AZIMUTH, ELEVATION = -0.95, 0.33  # [rad] where the camera stands
 SHORTER = 560 / 900  # of the longer side, at least
 MARGIN, FOOT = 0.05, 0.12  # of the picture on three sides, and below for axes and scale
-AXES = (("x", "#c23b3b"), ("y", "#3b8f3b"), ("z", "#3b5bc2"))
-INK = "#555555"
+AXES = (("x", "#cc4444"), ("y", "#3b8f3b"), ("z", "#4f74dd"))
+INK = "#777777"  # readable on white and on black
 
 
 def write_png(posed: PosedArm, path: Path, longer: int) -> None:
-    """Writes a picture of the arm on the ground; `longer` is its longer side in pixels."""
+    """Writes a picture of the arm on transparent ground; `longer` is its longer side in pixels."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -29,7 +29,7 @@ def write_png(posed: PosedArm, path: Path, longer: int) -> None:
     square = spacing(float(np.linalg.norm(high - low)))
     view = _view(points, longer)
     image = render(surfaces, view, floor, square)
-    figure = Figure(figsize=(view.width / 100, view.height / 100), dpi=100)
+    figure = Figure(figsize=(view.width / 100, view.height / 100), dpi=100, facecolor="none")
     FigureCanvasAgg(figure)
     axes: Any = figure.add_axes((0, 0, 1, 1))
     axes.imshow(image, interpolation="nearest", aspect="auto", extent=(0, view.width, view.height, 0))

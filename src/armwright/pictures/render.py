@@ -17,6 +17,7 @@ SOFT = 2  # neighbours of a point of the shadow map that soften its edge
 LIGHT = np.array([0.45, -0.55, 0.95])  # left, back and up: direction to the light, which turns with the camera about z
 SKY, GROUND, PAPER = np.array([0.95, 0.97, 1.0]), np.array([0.93, 0.92, 0.9]), np.array([1.0, 1.0, 1.0])
 AMBIENT, DIRECT, SHINE, GLOSS = 0.56, 0.62, 0.14, 36.0
+VEIL = 0.45  # how light the ground's own grey is: darker than white paper, lighter than dark paper
 LINE, DARK = 0.16, 0.30  # share by which the grid's lines and shadows on the ground are darker
 EDGE = 0.62  # brightness where a body ends
 RIM = 0.1  # of the picture's width: within that of its border ground and shadow fade to paper
@@ -96,7 +97,7 @@ class Surfaces:
 
 
 def render(surfaces: Surfaces, view: Camera, floor: float, grid: float) -> np.ndarray:
-    """The picture (height, width, 3), from 0 to 1.
+    """The picture (height, width, 4), from 0 to 1: bodies opaque, the ground as a veil that suits light and dark paper.
 
     Args:
         surfaces: the triangles.   view: the camera.   floor: z of the ground [m].   grid: spacing of its lines [m].
@@ -111,8 +112,13 @@ def render(surfaces: Surfaces, view: Camera, floor: float, grid: float) -> np.nd
     lit = seen.triangle != NOTHING
     image[lit] = _bodies(surfaces, seen, lit, fine, rays, light, shadow)
     image = np.where((_edges(surfaces, seen) & lit)[..., None], EDGE * image, image)
-    small = image.reshape(view.height, FINE, view.width, FINE, 3).mean(axis=(1, 3))
-    return np.clip(small, 0.0, 1.0)
+    cover = np.where(lit, 1.0, (PAPER - image).max(axis=2) / (1.0 - VEIL))[
+        ..., None
+    ]  # on white paper it is `image` again
+    inked = np.concatenate([image - PAPER * (1.0 - cover), cover], axis=2)
+    small = inked.reshape(view.height, FINE, view.width, FINE, 4).mean(axis=(1, 3))
+    colour = small[..., :3] / np.maximum(small[..., 3:], 1e-9)
+    return np.clip(np.concatenate([colour, small[..., 3:]], axis=2), 0.0, 1.0)
 
 
 def _light(view: Camera) -> np.ndarray:
