@@ -53,6 +53,11 @@ def say(text: object, *, err: bool = False) -> None:
     print(_plain(printable(str(text)), stream.isatty()), file=stream)
 
 
+def note(text: object) -> None:
+    """Says a note on standard error: what happened, beside the result."""
+    say(f"armwright: note: {text}", err=True)
+
+
 def _plain(text: str, on_terminal: bool) -> str:
     """The text with the ASCII minus, where no person reads it at a terminal."""
     return text if on_terminal else text.replace("−", "-")

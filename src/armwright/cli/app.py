@@ -18,6 +18,7 @@ from typer.core import TyperCommand, TyperGroup
 
 from armwright import __version__
 from armwright.cli.json_output import with_json
+from armwright.cli.spelling import Spelled
 from armwright.errors import ArmwrightError, RunStopped
 from armwright.terminal import say
 
@@ -195,10 +196,11 @@ def made(name: str) -> Any:
     if not isinstance(found, typer.Typer):
         alone = typer.Typer(add_completion=False, rich_markup_mode="rich")
         callback = found if name in DRAWN else with_json(found, name)
-        alone.command(name, help=about(name), rich_help_panel=PANEL_OF[name])(callback)
+        alone.command(name, cls=Spelled, help=about(name), rich_help_panel=PANEL_OF[name])(callback)
         return typer.main.get_command(alone)
     for command in found.registered_commands:
         assert command.callback is not None
+        command.cls = Spelled
         command.help = _unwrapped(command.callback.__doc__ or "")
         command.name = command.name or command.callback.__name__.replace("_", "-")
         if name not in WRITTEN:

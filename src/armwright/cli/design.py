@@ -9,6 +9,8 @@ import armwright as aw
 from armwright.cli.arguments import (
     SCENARIO,
     Allow,
+    PhaseMargin,
+    angle,
     argument,
     complete_robot,
     option,
@@ -27,8 +29,8 @@ CONTROLLERS = ("cascade", "joint_pid", "computed_torque")
 
 def design(
     scenario: str = argument(
-        "FILE.scenario.toml|ROBOT",
-        "A scenario with a controller; or an arm, with --period.",
+        "ROBOT|SCENARIO",
+        "A .scenario.toml with a controller; or an arm, with --period.",
         autocompletion=complete_robot,
     ),
     out: Path = output_option(f"DESIGNED{SCENARIO}", "The scenario with the designed gains.", ...),
@@ -38,7 +40,7 @@ def design(
     bandwidth: str | None = option("W1,W2,…", "Of the joints in rad/s; default the stiffest that keeps the margins."),
     damping: float = option("Z", "Of the closed loops; default 1.", 1.0),
     gain_margin: float = option("G", "Gain margin to keep, a factor; default 2.", 2.0),
-    phase_margin: float = option("DEG", "Phase margin to keep, in degrees; default 30.", 30.0),
+    phase_margin: PhaseMargin = "30deg",
     poses: int = option("N", "Poses to draw within the position limits; default 2000.", 2000),
     seed: int = option("N", "Of the poses; default 0.", 0),
     reference: Path | None = option(
@@ -65,7 +67,6 @@ def design(
       armwright design lwa4p --period 4e-3 --reference excite.csv -o excited.scenario.toml
       armwright design excited.scenario.toml --robot identified.toml --reference round.motion.toml -o round.scenario.toml
     """
-    import math
     from dataclasses import replace
 
     from armwright.cli.simulate import following
@@ -88,7 +89,7 @@ def design(
     with progress(f"gains of {Path(scenario).name}"):
         designed = aw.loops.design_gains(
             found, method, bandwidth=wanted, damping=damping, gain_margin=gain_margin,
-            phase_margin=math.radians(phase_margin), poses=poses, seed=seed,
+            phase_margin=angle("--phase-margin", phase_margin), poses=poses, seed=seed,
         )  # fmt: skip
         limits = designed.limits
     assert found.loop is not None

@@ -6,7 +6,16 @@ from pathlib import Path
 from typing import Literal
 
 import armwright as aw
-from armwright.cli.arguments import argument, flag, named_numbers, option, output_option, refuse
+from armwright.cli.arguments import (
+    argument,
+    complete_robot,
+    flag,
+    named_numbers,
+    only,
+    option,
+    output_option,
+    refuse,
+)
 from armwright.cli.identify_linear import show_linear
 from armwright.cli.outcome import PAGE, TOML, check_file, exit_unless, write
 from armwright.cli.tables import show
@@ -15,11 +24,13 @@ from armwright.progress import progress
 
 
 def motor(
+    robots: list[str] | None = argument(
+        "ROBOT", "The arm; by default the log's, or one motor on a bench.", None, autocompletion=complete_robot
+    ),
     file: Path = argument("LOG.log.toml", "Voltage or current, and motion."),
     model: str = option("KIND", "dc, or a black box: arx, oe, armax, n4sid, frequency (see `identify linear`).", "dc"),
     order: str = option("N", "Number of poles of a black box; auto: chosen.", "auto"),
     delay: str = option("K", "Samples of delay of a black box; auto: chosen.", "auto"),
-    robot: str | None = option("ROBOT", "The arm; by default the log's, or one motor on a bench."),
     joint: str | None = option("NAME", "One motor, measured alone; with --load or --locked, that of this joint."),
     load: list[str] | None = option(
         "INERTIA | JOINT=INERTIA,…",
@@ -52,16 +63,19 @@ def motor(
       armwright identify motor bench.log.toml -o motor.toml --report motor.html
       armwright identify motor bench.log.toml --model oe --order 2
       armwright identify motor bench.log.toml --fix R=1.3 --free Kt,J,coulomb,delay
-      armwright identify motor arm.log.toml --robot arm.toml -o arm_identified.toml
-      armwright identify motor elbow.log.toml --robot arm.toml --joint elbow --load 0 -o arm_identified.toml
+      armwright identify motor arm.toml arm.log.toml -o arm_identified.toml
+      armwright identify motor arm.toml elbow.log.toml --joint elbow --load 0 -o arm_identified.toml
     """
+    robot = only(robots)
     if model != "dc":
         from armwright.identification.linear.choice import check_model
 
         check_model(model, beside=("dc",))
-        beside = {"robot": robot, "free": free, "fix": fix, "per-run": per_run, "output": output, "report": report}
+        beside = {"free": free, "fix": fix, "per-run": per_run, "output": output, "report": report}
         beside |= {"load": load, "locked": locked or None, "priors": priors or None}
         beside |= {"run": runs, "static": static, "pwm": pwm, "starts": starts}
+        if robot is not None:
+            raise LogError(f"a black box has no arm: {model}", place="ROBOT", value=robot, expected="the log alone")
         what = f"belongs to --model dc, not to a black box: {model}"
         refuse(beside, what, error=LogError, expected="one of the two")
         return show_linear(file, model, aw.identification.LogSignals(joint=joint), order=order, delay=delay)

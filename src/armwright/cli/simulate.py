@@ -84,7 +84,7 @@ def simulate(
       armwright simulate cmu-dd --voltage 8,12,8,4,2,1 --duration 2
       armwright simulate cmu-dd --voltage 5 --duration 1 --plot run.png
       armwright simulate cmu-dd --schedule volts.csv -o run.nc
-      armwright simulate lwa4p --current 0 --q0 0,30deg,0,0,0,0 --duration 1
+      armwright simulate lwa4p --current 0 --start 0,30deg,0,0,0,0 --duration 1
       armwright simulate swing.scenario.toml -o run.nc
       armwright simulate swing.scenario.toml --allow ../robots -o run.nc
       armwright simulate arm.scenario.toml --reference pick.motion.toml --plot run.png
@@ -101,7 +101,7 @@ def simulate(
     constants = {"voltage": voltage, "current": current, "torque": torque, "command": command}
     if robot.endswith(SCENARIO):
         options = {**constants, "schedule": schedule, "duration": duration, "integrator": integrator, "step": step}
-        others = {"q0": q0, "qd0": qd0, "record-every": record_every, "record-period": record_period}
+        others = {"start": q0, "start-velocity": qd0, "record-every": record_every, "record-period": record_period}
         refuse_options(robot, {**options, **others, "accuracy": accuracy})
         scenario = aw.read_scenario(robot, allow=allow or ())
         if reference is not None:
