@@ -1,5 +1,6 @@
 """One vocabulary: old names work and say the new ones; each option has one meaning in all commands."""
 
+import re
 from math import pi
 from pathlib import Path
 
@@ -49,6 +50,71 @@ def test_every_old_name_is_of_a_command_and_gone_from_it():
             assert new in known or new == "ROBOT", (path, new)
             assert new == old or old not in known, (path, old)
             assert new == old or new not in names, (path, new)  # no chains
+
+
+PAGE = Path(__file__).parents[2] / "docs/reference/options.md"
+ROW = re.compile(
+    r"^\| (?P<names>`--[^|]+?) \| (?P<value>(?:\\\||[^|])*) \| (?P<meaning>(?:\\\||[^|])+) \|$", re.MULTILINE
+)
+WITH_DEVIATION = "[,STD]"  # of a value that may have one
+
+
+def vocabulary():
+    """Rows of the page by the option's long name: names, value, words that all its help texts have."""
+    found = {}
+    for row in ROW.finditer(PAGE.read_text(encoding="utf-8")):
+        names = [name.strip(" `") for name in row["names"].split(",")]
+        words = [each.lower() for each in re.findall(r"\*\*(.+?)\*\*", row["meaning"])]
+        value = row["value"].strip("` ").replace("\\|", "|")
+        assert names[0] not in found, names[0]
+        found[names[0]] = (set(names), value, words)
+    return found
+
+
+def kind(option):
+    """Of a value: none, a file or another; numbers of the same option may be whole in one command."""
+    if option.is_flag:
+        return "flag"
+    return "file" if "Path" in str(option.type_descriptor.annotation) else "value"
+
+
+def test_each_option_has_one_meaning_in_all_commands():
+    """Its row says its names, its value, and the words that stand in each of its help texts."""
+    table, kinds, seen = vocabulary(), {}, {}
+    for path, command in COMMANDS.items():
+        for option in (each for each in command.params if each.param_type_name == "option"):
+            name = max(option.opts, key=len)
+            assert name in table, f"{path} {name}: add it to {PAGE.name}, or take the name that there is"
+            names, value, words = table[name]
+            assert set(option.opts) <= names, (path, option.opts)
+            if name != "--output":  # whose value says what is written
+                assert (option.metavar or "").removesuffix(WITH_DEVIATION) == value.removesuffix(WITH_DEVIATION), (
+                    path,
+                    name,
+                )
+            help_text = option.help.replace("\\[", "[").lower()
+            assert all(word in help_text for word in words), (path, name, words)
+            assert kinds.setdefault(name, kind(option)) == kind(option), (path, name)
+            seen.setdefault(name, []).append(path)
+    assert set(table) == set(seen), set(table) - set(seen)
+    shared = [name for name, paths in seen.items() if len(paths) > 1 and name != "--output"]
+    assert [
+        name for name in shared if not table[name][2]
+    ] == []  # without words nothing would hold their meaning together
+    assert len(shared) > 50
+
+
+def test_a_robot_or_a_scenario_comes_first_and_no_value_is_in_degrees():
+    named = ("ROBOT", "SCENARIO", "ROBOT|SCENARIO", "SCENARIO…", "ROBOT|RUN", "A")
+    for path, command in COMMANDS.items():
+        places = [each.metavar for each in command.params if each.param_type_name == "argument"]
+        assert all(place not in named for place in places[1:]) or path == "diff", (path, places)
+        assert "OUT" not in places, path
+        values = [each.metavar or "" for each in command.params]
+        assert not any("DEG" in value for value in values), path
+        assert all("--output" in each.opts for each in command.params if "-o" in each.opts), path
+        robot = options(command).get("--robot")
+        assert robot is None or places[0] == "ROBOT|SCENARIO", path  # in place of the scenario's own
 
 
 CASES = [(path, old) for path, names in sorted(OLD.items()) for old in names if old.startswith("-")]

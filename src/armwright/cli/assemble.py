@@ -21,7 +21,7 @@ def assemble(
     output: Path | None = output_option(
         "FILE", "ARM.toml, the arm; with --all a list as .csv, or the best arm as .toml."
     ),
-    every: bool = flag("--all", "List every arm that the connectors allow instead."),
+    every: bool = flag("--all", "List all arms that the connectors allow instead."),
     modules: str | None = option("FILE", "With --all: a module library's file, or the name of a built-in one."),
     task: Path | None = option("FILE", "With --all: rank them by how well they do the task in this file."),
     max_joints: int = option("N", "With --all: most joints of an arm.", 6, show_default=True),

@@ -34,20 +34,20 @@ def capture(
     ),
     output: Path | None = output_option("LOG.csv", "Goals and measurements, a row a cycle; needed with --go."),
     go: bool = flag("--go", "Move. Without it nothing is written to servos, and the motion is only checked."),
-    servo: str | None = option("MODEL", "Of all servos: sts3215 (default), xl330-m288, xl430-w250."),
+    servo: str | None = option("MODEL", "Model of all servos: sts3215 (default), xl330-m288, xl430-w250."),
     ids: str | None = option("1-6", "Ids of the servos, such as 1-6 or 1,2,5; default the calibration's, or from 1."),
-    baud: int | None = option("BIT/S", "Of the serial line; default 1000000."),
+    baud: int | None = option("BIT/S", "Baud rate of the serial line; default 1000000."),
     zero: str | None = option(
         "C1,C2,…", "Counts that the servos show where joints are at 0; default the calibration's, or 2048."
     ),
     reverse: str | None = option("J1,J2,…", "Joints that turn the other way than their encoders count."),
-    period: float = option("S", "Time in s from cycle to cycle; default 0.02.", 0.02),
-    goal_distance: float = option("RAD", "That a goal may be away from the measured position; default 0.3.", 0.3),
+    period: float = option("S", "Period in s of a cycle; default 0.02.", 0.02),
+    goal_distance: float = option("RAD", "Farthest that a goal may be from the measured position; default 0.3.", 0.3),
     approach: float = option(
         "RAD/S", "Largest speed of a joint on the way to where the motion begins; default 0.2.", 0.2
     ),
     torque_fraction: float = option("F", "Largest duty, in parts of the whole; default 0.5.", 0.5),
-    patience: float = option("S", "For the answers to an instruction; default 0.05.", 0.05),
+    patience: float = option("S", "Longest wait in s for the servos' answers; default 0.05.", 0.05),
     release: bool = flag("--release", "Switch torque off at the end; the arm then falls."),
 ) -> None:
     """Play a motion on an arm of bus servos, and log goals, positions, speeds, loads and voltages with their times.

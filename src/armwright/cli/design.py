@@ -35,22 +35,26 @@ def design(
     ),
     out: Path = output_option(f"DESIGNED{SCENARIO}", "The scenario with the designed gains.", ...),
     method: str | None = option(
-        "NAME", "pole-placement, symmetric-optimum, loop-shaping or lqr; default by the controller."
+        "NAME", "Method: pole-placement, symmetric-optimum, loop-shaping or lqr; default by the controller."
     ),
-    bandwidth: str | None = option("W1,W2,…", "Of the joints in rad/s; default the stiffest that keeps the margins."),
-    damping: float = option("Z", "Of the closed loops; default 1.", 1.0),
+    bandwidth: str | None = option(
+        "W1,W2,…", "Bandwidth of the joints in rad/s; default the stiffest that keeps the margins."
+    ),
+    damping: float = option("Z", "Damping of the closed loops; default 1.", 1.0),
     gain_margin: float = option("G", "Gain margin to keep, a factor; default 2.", 2.0),
     phase_margin: PhaseMargin = "30deg",
     poses: int = option("N", "Poses to draw within the position limits; default 2000.", 2000),
-    seed: int = option("N", "Of the poses; default 0.", 0),
+    seed: int = option("N", "Seed of the poses; default 0.", 0),
     reference: Path | None = option(
         "FILE", "Motion to follow from its start to its end: .motion.toml or .csv of `excite`, `plan`."
     ),
     robot: str | None = option("ROBOT", "In place of a scenario's, such as the identified one; its [values] go."),
     period: float | None = option("S", "Of an arm: sample period in s."),
-    controller: str | None = option("KIND", "Of an arm: cascade, the default, joint_pid or computed_torque."),
-    timing: str | None = option("PRESET", "Of an arm: ideal, one-tick, the default, or sync."),
-    duration: float | None = option("S", "Of an arm: of its scenario in s; default 1."),
+    controller: str | None = option(
+        "KIND", "Of an arm, its controller: cascade (default), joint_pid or computed_torque."
+    ),
+    timing: str | None = option("PRESET", "Of an arm, delays of its loop: ideal, one-tick (default) or sync."),
+    duration: float | None = option("S", "Of an arm: duration in s of its scenario; default 1."),
     allow: Allow = None,
 ) -> None:
     """Design a controller's gains for a scenario's period, delay and sensors, and say what limits every joint.

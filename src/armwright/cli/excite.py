@@ -43,10 +43,11 @@ class ArmByDefault(TyperGroup):
         return super().parse_args(ctx, args)
 
 
+OPTION_OF_GUESS = {"gain": "--motor-gain", "most": "--max-command", "speed": "--max-speed"}
 excite = typer.Typer(name="excite", cls=ArmByDefault)
 
 Picture = Annotated[Path | None, option("FILE", "Draw it: .png, .svg or .pdf.", ..., names="--plot")]
-Seed = Annotated[int, option("N", "Of random numbers, 0 by default.", ..., names="--seed")]
+Seed = Annotated[int, option("N", "Seed of random numbers; default 0.", ..., names="--seed")]
 
 
 @excite.callback()
@@ -63,8 +64,8 @@ def arm(
     robot: Robot,
     output: Path = output_option("MOTION.csv", "The motion to write: t, q, qd and qdd of all joints.", ...),
     cycle: float = option("S", "Period of the motion in s; default 10.", 10.0),
-    harmonics: int = option("N", "Of each joint's Fourier series, 5 by default.", 5),
-    starts: int = option("N", "Random starts of the optimisation, 4 by default.", 4),
+    harmonics: int = option("N", "Harmonics of each joint's Fourier series; default 5.", 5),
+    starts: int = option("N", "Random starts of the optimisation; default 4.", 4),
     criterion: str = option("WHAT", "condition (default), condition_si or logdet: of the base regressor.", "condition"),
     velocity: str | None = option(
         "V1,V2,…", "Largest joint velocities; by default the record's.", names="--max-velocity"
@@ -75,7 +76,7 @@ def arm(
     torque: str | None = option("T1,T2,…", "Largest torques; by default the record's.", names="--max-torque"),
     floor: float | None = option("Z", "Lowest height of the tip in base axes, in m."),
     record_period: float = option("S", "Time in s from row to row; default 0.002.", 0.002),
-    kinematics_only: bool = flag("--kinematics-only", "Links of a TOML file may lack mass properties."),
+    kinematics_only: bool = flag("--kinematics-only", "Links of the robot file may lack masses."),
     plot: Picture = None,
     seed: Seed = 0,
 ) -> None:
@@ -132,15 +133,15 @@ def motor(
     ),
     kind: str = argument("KIND", "step, staircase, prbs, multisine or chirp."),
     output: Path = output_option("COMMAND.csv", "The command to write.", ...),
-    joint: str | None = option("NAME", "Of the robot; by default the first."),
+    joint: str | None = option("NAME", "Joint of the robot; by default the first."),
     gain: float | None = option("G", "Steady speed for a command, in rad/s per unit of it.", names="--motor-gain"),
-    time_constant: float | None = option("S", "In s."),
+    time_constant: float | None = option("S", "Time constant of the motor in s."),
     most: float | None = option("U", "Largest command.", names="--max-command"),
-    dead_zone: float | None = option("U", "Command below which nothing moves; 0 by default."),
+    dead_zone: float | None = option("U", "Command below which nothing moves; default 0."),
     speed: float | None = option("W", "Largest speed in rad/s.", names="--max-speed"),
     travel: float | None = option("Q", "How far it may move to either side, in rad."),
     period: float = option("S", "Sample period in s of whoever plays it; default 0.001.", 1e-3),
-    unit: str | None = option("UNIT", "Of the command, V by default."),
+    unit: str | None = option("UNIT", "Unit of the command; default V."),
     plot: Picture = None,
     seed: Seed = 0,
 ) -> None:
@@ -170,14 +171,14 @@ def motor(
 def poses(
     robot: Robot,
     count: int = option("N", "Poses to choose.", ..., names="--poses -n"),
-    point: list[str] = option("X,Y,Z", "Of a marker on the tool, in m in the frame; may be repeated.", ...),
+    point: list[str] = option("X,Y,Z", "Marker on the tool, in m in the frame; may be repeated.", ...),
     output: Path = output_option("POSES.csv", "The poses to write: one a row, a column for each joint.", ...),
     frame: str | None = option("NAME", "Frame that carries the markers; by default the tip."),
-    radius: float | None = option("M", "Of links without shapes, for collisions."),
-    clearance: float = option("M", "Least distance between links, 0 by default.", 0.0),
+    radius: float | None = option("M", "Radius of links without shapes, for collisions."),
+    clearance: float = option("M", "Least distance between links; default 0.", 0.0),
     floor: float | None = option("Z", "Height of a floor in base axes, in m, that the links stay above."),
-    candidates: int = option("N", "Random poses that they are chosen from, 400 by default.", 400),
-    kinematics_only: bool = flag("--kinematics-only", "Links of a TOML file may lack mass properties."),
+    candidates: int = option("N", "Candidates: random poses that they are chosen from; default 400.", 400),
+    kinematics_only: bool = flag("--kinematics-only", "Links of the robot file may lack masses."),
     plot: Picture = None,
     seed: Seed = 0,
 ) -> None:
@@ -198,7 +199,7 @@ def poses(
         obstacles = [] if floor is None else [aw.collision.PlaneObstacle([0.0, 0.0, floor], [0.0, 0.0, 1.0], "floor")]
         with as_options("radius", least="--clearance"):
             room = aw.collision.clearance(model, obstacles, radius=radius, least=clearance)
-    with as_options("count", "candidates", "seed", "frame", points="--point"):
+    with as_options("candidates", "seed", "frame", count="--poses", points="--point"):
         found = aw.identification.design_poses(
             model, count, points, frame=frame, clearance=room, candidates=candidates, seed=seed
         )
@@ -214,11 +215,17 @@ def _guess(robot: str | None, joint: str | None, given: dict[str, Any]) -> Motor
             return replace(aw.identification.MotorGuess.of(aw.load(robot), joint, most=given.get("most")), **given)
         needed = [name for name in ("gain", "time_constant", "most") if name not in given]
         if needed:
-            options = ", ".join(f"--{name.replace('_', '-')}" for name in needed)
+            options = ", ".join(OPTION_OF_GUESS.get(name, f"--{name.replace('_', '-')}") for name in needed)
             expected = "them, or ROBOT with motor constants in its record"
             raise ScenarioError(f"no {options}", place="motor", expected=expected)
         if joint is not None:
             given["joint"] = joint
         return aw.identification.MotorGuess(**given)
     except ScenarioError as error:
-        raise error.renamed(lambda place: place.replace("MotorGuess.", "--").replace("_", "-")) from None
+        raise error.renamed(_option_of_guess) from None
+
+
+def _option_of_guess(place: str) -> str:
+    """The option that gives a field of a guess."""
+    name = place.removeprefix("MotorGuess.")
+    return OPTION_OF_GUESS.get(name, f"--{name.replace('_', '-')}") if name != place else place.replace("_", "-")

@@ -53,7 +53,7 @@ def c(
 def controller(
     scenario: str = argument("SCENARIO", "A scenario file with a loop and a controller."),
     output: Path = output_option("DIR", "Folder for the files; made where there is none.", ...),
-    name: str | None = option("NAME", "What names in C begin with; default: ARM_controller."),
+    name: str | None = option("NAME", "Name that those in C begin with; default: ARM_controller."),
     gains: str = option(
         "G1,G2,…", "Fields of the controller that become parameters of the code.", "", show_default=True
     ),
@@ -142,7 +142,7 @@ def fmu(
     part: str = option("PART", "plant, controller or both; the last two need a scenario.", "plant", show_default=True),
     version: str = option("VERSION", "3.0 or 2.0.", "3.0", names="--fmi", show_default=True),
     interface: str = option("INTERFACE", "co-simulation or model-exchange.", "co-simulation", show_default=True),
-    name: str | None = option("NAME", "Model identifier; default: from the file's name."),
+    name: str | None = option("NAME", "Name of the model; default: from the file's name."),
     platforms: str | None = option(
         "P1,P2,…", "Binaries, such as x86_64-windows or host; default: all that can be built."
     ),

@@ -17,9 +17,9 @@ def arm(
         "ROBOT", "The arm; by default the one that the log names.", None, autocompletion=complete_robot
     ),
     file: Path = argument("LOG.log.toml", "Positions and torques."),
-    kinematics_only: bool = flag("--kinematics-only", "The robot's links may lack masses."),
+    kinematics_only: bool = flag("--kinematics-only", "Links of the robot file may lack masses."),
     method: str = option(
-        "NAME", "ols, wls (default), irls, tukey, essential, recursive; of the loop iv, didim or cloe.", "wls"
+        "NAME", "Method: ols, wls (default), irls, tukey, essential, recursive; of the loop iv, didim or cloe.", "wls"
     ),
     feedback: str = option(
         "KP1,…;KD1,…;S",
@@ -27,7 +27,9 @@ def arm(
         "",
     ),
     forgetting: float = option("SHARE", "What a row still counts one row later, of recursive.", 1.0),
-    friction: str = option("A,B,…", "Of viscous, coulomb, offset, asymmetric, stribeck.", "viscous,coulomb,offset"),
+    friction: str = option(
+        "A,B,…", "Friction terms: viscous, coulomb, offset, asymmetric, stribeck.", "viscous,coulomb,offset"
+    ),
     stribeck_speed: float | None = option("W", "Of stribeck, in rad/s or m/s at the joint."),
     springs: str = option("J1,J2,…", "Joints that get a spring and a counterbalance as candidates.", ""),
     fit_efficiency: str = option(

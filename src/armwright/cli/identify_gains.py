@@ -28,7 +28,7 @@ def gains(
         "XX,XY,XZ,YY,YZ,ZZ", "About the centre [kg m²]; with --com; by default found as well."
     ),
     frame: str | None = option("NAME", "Frame that carries it; by default the tip."),
-    kinematics_only: bool = flag("--kinematics-only", "The robot's links may lack masses."),
+    kinematics_only: bool = flag("--kinematics-only", "Links of the robot file may lack masses."),
     cutoff: float | None = option("HZ", "Cut-off of the low-pass; by default chosen."),
     output: Path | None = output_option("ARM.toml", "Write the arm with these torque constants and their deviations."),
     report: Path | None = option("FILE.html", "Write a page: verdict, remarks, parameters, fits."),

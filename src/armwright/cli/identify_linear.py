@@ -17,13 +17,13 @@ if TYPE_CHECKING:
 
 def linear(
     file: Path = argument("LOG.log.toml", "Runs to fit and to hold out."),
-    model: str = option("KIND", "arx, oe, armax, n4sid or frequency.", "oe"),
+    model: str = option("KIND", "Model: arx, oe (default), armax, n4sid or frequency.", "oe"),
     order: str = option("N", "Number of poles; auto: chosen.", "auto"),
     delay: str = option("K", "Samples from input to output; auto: chosen.", "auto"),
     select: str = option("CRITERION", "What chooses: cv, aic, bic, fpe or mdl.", "cv"),
     input: str | None = option("SIGNAL", "By default the voltage, current or torque.", names="--input-signal"),
     output: str | None = option("SIGNAL", "By default the speed or the position.", names="--output-signal"),
-    joint: str | None = option("NAME", "Needed where the log has several."),
+    joint: str | None = option("NAME", "Joint of the log; needed where it has several."),
     picture: Path | None = option(
         "FILE", "Draw runs and frequency response, measured and of the model: .png, .svg or .pdf.", names="--plot"
     ),

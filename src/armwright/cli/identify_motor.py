@@ -28,10 +28,14 @@ def motor(
         "ROBOT", "The arm; by default the log's, or one motor on a bench.", None, autocompletion=complete_robot
     ),
     file: Path = argument("LOG.log.toml", "Voltage or current, and motion."),
-    model: str = option("KIND", "dc, or a black box: arx, oe, armax, n4sid, frequency (see `identify linear`).", "dc"),
+    model: str = option(
+        "KIND", "Model: dc, or a black box: arx, oe, armax, n4sid, frequency (see `identify linear`).", "dc"
+    ),
     order: str = option("N", "Number of poles of a black box; auto: chosen.", "auto"),
     delay: str = option("K", "Samples of delay of a black box; auto: chosen.", "auto"),
-    joint: str | None = option("NAME", "One motor, measured alone; with --load or --locked, that of this joint."),
+    joint: str | None = option(
+        "NAME", "Joint of one motor, measured alone; with --load or --locked, that of this joint."
+    ),
     load: list[str] | None = option(
         "INERTIA | JOINT=INERTIA,…",
         "Motors of the robot moved by themselves, each turning this inertia behind its gear, in kg m²; 0: none.",
@@ -44,11 +48,13 @@ def motor(
     ),
     fix: list[str] | None = option("NAME=VALUE,…", "Known, in the record's unit: R=1.3, limits.voltage_v=24."),
     per_run: list[str] | None = option("NAME,…", "Fitted for every run by itself."),
-    runs: list[str] | None = option("NAME,…", "Runs to fit; by default as the log file states.", names="--run"),
+    runs: list[str] | None = option(
+        "NAME", "Runs to fit, may be repeated; by default as the log file states.", names="--run"
+    ),
     static: Path | None = option("LOG.log.toml", "Steady states, a row each, as additional data."),
     pwm: str | None = option("brake|coast|compare", "What the bridge does while off; compare: by the fit."),
     priors: bool = flag("--priors", "Use the record's standard deviations as measurements."),
-    starts: int | None = option("N", "First guesses; 16 by default."),
+    starts: int | None = option("N", "Random starts of the search; default 16."),
     output: Path | None = output_option("ARM.toml", "Write the record with the fitted numbers and their deviations."),
     report: Path | None = option("FILE.html", "Write a page with the numbers and with plots of every run."),
 ) -> None:

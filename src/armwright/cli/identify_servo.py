@@ -24,7 +24,7 @@ def servo(
     free: str = option(
         "NAME,…", "Fitted in addition to motor and friction: offset, delay, gain, goal_speed.", "offset"
     ),
-    seed: int = option("N", "Of the first guesses.", 0),
+    seed: int = option("N", "Seed of the first guesses; default 0.", 0),
     output: Path | None = output_option("SERVO.toml", "Write the bench as a record, its numbers with deviations."),
     report: Path | None = option("FILE.html", "Write a page with the numbers and a plot of every log."),
 ) -> None:

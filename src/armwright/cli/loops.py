@@ -26,7 +26,7 @@ def loops(
     report: Path | None = option("FILE.html", "Write a page with all results."),
     out: Path | None = output_option(f"OUT{SCENARIO}", "Write the scenario with the change that keeps the margins."),
     change: str | None = option("gains|period", "Of -o: slower gains, the default, or a shorter period."),
-    seed: int = option("N", "Of the poses; default 0.", 0),
+    seed: int = option("N", "Seed of the poses; default 0.", 0),
     allow: Allow = None,
 ) -> None:
     """Analyse sampled loops over the workspace: margins, lowest sampling rate, gain regions.

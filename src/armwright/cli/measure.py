@@ -28,14 +28,14 @@ Robot = Annotated[
 ]
 LinkName = Annotated[str | None, option("NAME", "Link that was measured.", ..., names="--link")]
 Output = Annotated[Path | None, output_option("ARM.toml", "Write the arm with the number and its deviation.", ...)]
-Gravity = Annotated[float, option("G", "Free fall in m/s², 9.80665 by default.", ..., names="--gravity")]
+Gravity = Annotated[float, option("G", "Free fall in m/s²; default 9.80665.", ..., names="--gravity")]
 STANDARD = 9.80665
 SWING = {"period": "--swing-period", "length": "--wire-length"}  # options by argument
 
 
 @measure.command()
 def mass(
-    reading: list[float] = option("KG", "Of the scale; may be repeated.", ...),
+    reading: list[float] = option("KG", "Reading of the scale; may be repeated.", ...),
     scale_std: float = option("KG", "Standard deviation of the scale's calibration.", 0.0),
     resolution: float = option("KG", "Last digit of the scale.", 0.0),
     tare: str = option("KG[,STD]", "Mass that was weighed with the link, such as a fixture.", "0"),
@@ -60,11 +60,11 @@ def mass(
 
 @measure.command()
 def centre(
-    reading: str = option("KG[,STD]", "Of the scale under the second support.", ...),
+    reading: str = option("KG[,STD]", "Reading of the scale under the second support.", ...),
     span: str = option("M[,STD]", "From the first support to the second.", ...),
-    mass: str = option("KG[,STD]", "Of the link.", ...),
+    mass: str = option("KG[,STD]", "Mass of the link.", ...),
     origin: str = option("M[,STD]", "Coordinate of the first support on the link's axis.", "0"),
-    axis: str = option("x|y|z", "The link's axis from the first support to the second, x by default.", "x"),
+    axis: str = option("x|y|z", "The link's axis from the first support to the second, default x.", "x"),
     robot: Robot = None,
     link: LinkName = None,
     output: Output = None,
@@ -87,11 +87,11 @@ def centre(
 @measure.command()
 def pendulum(
     period: str = option("S[,STD]", "Time of a full swing.", ..., names="--swing-period"),
-    mass: str = option("KG[,STD]", "Of the link.", ...),
+    mass: str = option("KG[,STD]", "Mass of the link.", ...),
     distance: str = option("M[,STD]", "From the axis of suspension to the centre of mass.", ...),
-    amplitude: float = option("RAD", "Of the swing, 0 by default.", 0.0),
+    amplitude: float = option("RAD", "Amplitude of the swing; default 0.", 0.0),
     gravity: Gravity = STANDARD,
-    about: str = option("xx|yy|zz", "The link's axis that it swings about, zz by default.", "zz"),
+    about: str = option("xx|yy|zz", "The link's axis that it swings about, default zz.", "zz"),
     robot: Robot = None,
     link: LinkName = None,
     output: Output = None,
@@ -113,12 +113,12 @@ def pendulum(
 @measure.command()
 def bifilar(
     period: str = option("S[,STD]", "Time of a full swing.", ..., names="--swing-period"),
-    mass: str = option("KG[,STD]", "Of the link.", ...),
+    mass: str = option("KG[,STD]", "Mass of the link.", ...),
     length: str = option("M[,STD]", "Height of the wires.", ..., names="--wire-length"),
     spacing: str = option("M[,STD]", "Between the wires at the link.", ...),
     spacing_top: str | None = option("M[,STD]", "Between the wires at the top; by default they are parallel."),
     gravity: Gravity = STANDARD,
-    about: str = option("xx|yy|zz", "The link's axis that hangs upright, zz by default.", "zz"),
+    about: str = option("xx|yy|zz", "The link's axis that hangs upright, default zz.", "zz"),
     robot: Robot = None,
     link: LinkName = None,
     output: Output = None,

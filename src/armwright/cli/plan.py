@@ -18,7 +18,7 @@ def plan(
     output: Path | None = output_option(
         "FILE", "Where the motion goes: .csv (t, q, qd, qdd of every joint) or .nc (NetCDF)."
     ),
-    plot: Path | None = option("FILE", "Where its plot goes: .png, .svg, .pdf, or .html to zoom into."),
+    plot: Path | None = option("FILE", "Draw it: .png, .svg, .pdf, or .html to zoom into."),
     record_period: float = option("S", "Time in s from row to row; default 0.002.", 0.002),
     allow: Allow = None,
 ) -> None:

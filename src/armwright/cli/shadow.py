@@ -42,16 +42,16 @@ def shadow(
     ),
     factor: float | None = option("K", "Deviations that a residual may reach; default 8."),
     report: Path | None = option("FILE.html", "Write a page with plots, which needs no network."),
-    live: bool = flag("--live", "Show the residuals as they come, at the pace of the log."),
-    duration: float | None = option("S", "How long to listen to a bus; by default until it is silent."),
+    live: bool = flag("--live", "Show the residuals live, at the pace of the log."),
+    duration: float | None = option("S", "Duration in s of listening to a bus; by default until it is silent."),
     output: Path | None = output_option(
         "FILE", "Where rows and residuals of a bus go: .nc, .csv, .parquet, .mcap or .mat."
     ),
-    nodes: str | None = option("N1,N2,…", "Nodes of a bus, by joint; default from 3."),
+    nodes: str | None = option("N1,N2,…", "Node numbers of the joints on a bus; default from 3."),
     counts: float | None = option(
         "N", "Counts in a turn of a joint on a bus; default 360,000.", names="--counts-per-turn"
     ),
-    period: float | None = option("S", "Time from SYNC to SYNC of a bus; by default by the clock."),
+    period: float | None = option("S", "Period in s from SYNC to SYNC of a bus; by default by the clock."),
 ) -> None:
     """Run a model beside its arm, with alarms for contacts and wrong payloads.
 

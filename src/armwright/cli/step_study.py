@@ -43,7 +43,7 @@ def step_study(
     steps: int = option(
         "K", "How many steps are tried, each half of the last.", 8, names="--step-count", show_default=True
     ),
-    integrator: str | None = option("NAME", "rk3 (by default), rk4 or semi_implicit_euler."),
+    integrator: str | None = option("NAME", "Rule: rk3 (default), rk4 or semi_implicit_euler."),
     accuracy: str = option(
         "E1,E2,…",
         "Errors to recommend for, in rad and rad/s (m and m/s).",

@@ -58,7 +58,7 @@ Reference = Annotated[
     option("FILE", "Motion that the controller follows: .motion.toml, .csv or .nc.", ..., names="--reference"),
 ]
 Seconds = Annotated[
-    float | None, option("S", "How long the controller runs; default: the scenario's.", ..., names="--duration")
+    float | None, option("S", "Duration in s of the run; default: the scenario's.", ..., names="--duration")
 ]
 
 
@@ -73,27 +73,27 @@ def twin(
     ],
     bus: str | None = option("BUS", CAN_BUS),
     nodes: Nodes = None,
-    bitrate: int | None = option("BIT/S", "Of the CAN bus, for the time that frames take; default 500000."),
+    bitrate: int | None = option("BIT/S", "Bit rate of the CAN bus, for the time that frames take; default 500000."),
     serial_number: int | None = option("N", "Serial number in object 1018 of every node; default 1."),
     fault: Faults = None,
-    duration: float | None = option("S", "How long the twin is on the bus; by default until Ctrl-C."),
+    duration: float | None = option("S", "Duration in s on the bus; by default until Ctrl-C."),
     write_eds: Path | None = option("FOLDER", "Write the nodes' electronic data sheets and exit."),
     reference: Reference = None,
     speed: float | None = option("V", "Speed of the run; stretches times of payloads and wrenches too; default 1."),
     allow: Allow = None,
-    serial: Path | None = option("PATH", "Be servos on a serial line instead, a pseudo-terminal with this link."),
-    servo: str | None = option("MODEL", "Of all servos: sts3215 (default), xl330-m288, xl430-w250."),
+    serial: str | None = option("PORT", "Be servos on a serial line instead, a pseudo-terminal with this link."),
+    servo: str | None = option("MODEL", "Model of all servos: sts3215 (default), xl330-m288, xl430-w250."),
     ids: str | None = option("1-6", "Ids of the servos, such as 1-6 or 1,2,5; default from 1."),
-    baud: int | None = option("BIT/S", "Of the serial line; default 1000000."),
+    baud: int | None = option("BIT/S", "Baud rate of the serial line; default 1000000."),
     zero: str | None = option("C1,C2,…", "Counts of the encoders where joints are at 0; default 2048."),
     reverse: str | None = option("J1,J2,…", "Joints that turn the other way than their encoders count."),
     q0: Position = None,
     period: float | None = option(
-        "S", "Period of a cycle in lock-step, where frames advance the time; default real time."
+        "S", "Period in s of a cycle in lock-step, where frames advance the time; default real time."
     ),
     tick: str | None = option("NAME[:ADDRESS]", "Instruction that closes a cycle; default sync-write:42 or :116."),
     patience: float | None = option(
-        "S", "A reply that takes longer is dropped; default 0.025, as clients give up at 0.034."
+        "S", "Longest time in s of a reply; a later one is dropped; default 0.025, as clients give up at 0.034."
     ),
     write_schedule: Path | None = option(
         "FILE.scenario.toml", "Write goals and their times; simulated, they have the same bits."
@@ -136,7 +136,7 @@ def twin(
     on_line |= {"tick": tick, "patience": patience, "write-schedule": write_schedule}
     if serial is not None:
         refuse(on_can, "is of a CAN bus, beside --serial", error=BusError, with_value=True)
-        serve_servos(arm, serial, duration, on_line)
+        serve_servos(arm, Path(serial), duration, on_line)
         return
     refuse(on_line, "is of servos", error=BusError, with_value=True, expected="--serial PATH beside it")
     _can_twin(Path(arm), duration, on_can)
@@ -200,7 +200,7 @@ def run_controller(
         "E", "In rad or m, ends the run; by default twice that of the simulated run."
     ),
     missing: int | None = option("N", "Answers that a node misses in a row before the run ends; default 2."),
-    bitrate: int | None = option("BIT/S", "Of the CAN bus, for the time that frames take; default 500000."),
+    bitrate: int | None = option("BIT/S", "Bit rate of the CAN bus, for the time that frames take; default 500000."),
     release: bool = flag(
         "--release", "Disable drives that hold the arm after a run; where nothing else does, it falls."
     ),
@@ -213,16 +213,16 @@ def run_controller(
     allow: Allow = None,
     serial: str | None = option("PORT", "Serial port of an arm of servos, in place of a CAN bus."),
     calibration: Path | None = option("FILE", "Stored calibration of the servos; needed with --go."),
-    servo: str | None = option("MODEL", "Of all servos: sts3215 (default), xl330-m288, xl430-w250."),
+    servo: str | None = option("MODEL", "Model of all servos: sts3215 (default), xl330-m288, xl430-w250."),
     ids: str | None = option("1-6", "Ids of the servos, such as 1-6 or 1,2,5; default the calibration's, or from 1."),
-    baud: int | None = option("BIT/S", "Of the serial line; default 1000000."),
+    baud: int | None = option("BIT/S", "Baud rate of the serial line; default 1000000."),
     zero: str | None = option(
         "C1,C2,…", "Counts that the servos show where joints are at 0; default the calibration's, or 2048."
     ),
     reverse: str | None = option("J1,J2,…", "Joints that turn the other way than their encoders count."),
-    goal_distance: float | None = option("RAD", "That a goal may be away from the measured position; default 0.3."),
+    goal_distance: float | None = option("RAD", "Farthest that a goal may be from the measured position; default 0.3."),
     approach: float | None = option("RAD/S", "Largest speed on the way to where the run begins; default 0.2."),
-    patience: float | None = option("S", "For the servos' answers to an instruction; default 0.05."),
+    patience: float | None = option("S", "Longest wait in s for the servos' answers; default 0.05."),
     output: Path | None = output_option("LOG.csv", "Goals and measurements of servos, a row a cycle."),
 ) -> None:
     """Run the controller of a scenario over a CAN bus or a line of servos, against the twin or a real arm.
