@@ -72,7 +72,7 @@ def test_live_tables_follow_the_log(folder, monkeypatch):
 
 REFUSED = [
     (("none.log.toml",), "none.log.toml"),
-    (("{}/log.log.toml",), "robot: missing; expected a robot's file, here or in the log"),
+    (("{}/log.log.toml",), "ROBOT: missing; expected a robot's file, here or in the log"),
     (("puma560", "{}/log.log.toml"), "joints: the log has 2 ('shoulder', 'elbow'), puma560 has 6"),
     (("two-link", "{}/log.log.toml", "--run", "fast"), "--run = 'fast'"),
     (("two-link", "{}/log.log.toml", "--deviation", "a,b"), "--deviation = 'a,b': expected numbers"),

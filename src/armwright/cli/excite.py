@@ -27,7 +27,7 @@ from armwright.cli.outcome import PICTURE, check_file, write
 from armwright.cli.tables import show
 from armwright.errors import ScenarioError
 from armwright.progress import progress
-from armwright.terminal import say
+from armwright.terminal import remark, say
 
 if TYPE_CHECKING:
     from armwright.identification.experiments.motor import MotorGuess
@@ -108,7 +108,7 @@ def arm(
     def shown(done: int, total: int) -> None:  # by the search, once its arguments are right
         if done == 0 and not sys.stderr.isatty():  # a bar would not be seen, and this may take minutes
             count = f"{total} start{'s' * (total != 1)}"
-            say(f"designing a motion of {model.name} by {count}, each of some seconds", err=True)
+            remark(f"designing a motion of {model.name} by {count}, each of some seconds")
         tell(done, total)
 
     places = {"cycle": "--cycle"} | {f"limits.{name}": f"--max-{name}" for name in given}

@@ -8,7 +8,10 @@ from typing import Any
 from typer.core import TyperCommand
 
 from armwright.cli.old_names import OLD, UNTIL, Names
-from armwright.terminal import note
+from armwright.terminal import gathered, is_quiet, note
+
+FILES = ("--output", "--plot", "--report")  # that a command is asked to write
+GLOBAL = ("--quiet", "--traceback")  # options of the whole program
 
 
 class Spelled(TyperCommand):
@@ -20,6 +23,14 @@ class Spelled(TyperCommand):
         if old and not ctx.resilient_parsing:
             args = self._renamed(ctx, list(args), old)
         return super().parse_args(ctx, args)
+
+    def invoke(self, ctx: Any) -> Any:
+        """Runs the command; where it writes a file and shall be quiet, nothing else is shown."""
+        files = [each.name for each in self.params if set(FILES) & set(each.opts)]
+        if is_quiet() and not ctx.params.get("as_json") and any(ctx.params.get(name) is not None for name in files):
+            with gathered():
+                return super().invoke(ctx)
+        return super().invoke(ctx)
 
     def _renamed(self, ctx: Any, args: list[str], old: Names) -> list[str]:
         """The words in new names; those behind `--` are arguments and stay."""
@@ -59,6 +70,13 @@ class Spelled(TyperCommand):
         place = len(args) - 1 - args[::-1].index(found[-1])
         _say("the last argument", new)
         return [*args[:place], *args[place + 1 :], new, found[-1]]
+
+
+def global_first(args: list[str]) -> list[str]:
+    """The words of a command line with options of the whole program first, wherever they stood before `--`."""
+    end = args.index("--") if "--" in args else len(args)
+    found = [word for word in args[:end] if word in GLOBAL]
+    return [*found, *(word for word in args[:end] if word not in GLOBAL), *args[end:]]
 
 
 def changed(name: str, new: str, change: str, text: str) -> str:
