@@ -6,7 +6,7 @@ BIN    := $(VENV)/bin
 PIP    := $(BIN)/python -m pip --disable-pip-version-check install --quiet
 
 # The main job: voltages planned by the inverse arm, fed forward into the built-in CMU arm.
-DEMO   := simulate cmu-dd --schedule examples/cmu-dd-feedforward.csv --q0 0,0.35,0,0.6,0,0.4 --duration 2 \
+DEMO   := simulate cmu-dd --schedule examples/cmu-dd-feedforward.csv --start 0,0.35,0,0.6,0,0.4 --duration 2 \
           -o build/demo/cmu-dd.nc --plot build/demo/cmu-dd.png
 
 # More words for pytest and the benchmark:  make test ARGS="-k pendulum", make bench ARGS=--save

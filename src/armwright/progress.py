@@ -17,7 +17,7 @@ from time import perf_counter
 from typing import Any
 
 from armwright.errors import ScenarioError
-from armwright.terminal import console
+from armwright.terminal import console, is_quiet
 
 PATIENCE = 1.0  # [s] before there is anything to see
 OFTEN = 0.1  # [s] between two pictures of a bar in a notebook
@@ -81,8 +81,9 @@ def _silent(done: int, total: int) -> None:
 
 
 def _target() -> str | None:
-    """Place of the progress bar: "notebook" or "terminal"; None if it cannot be seen, or within another bar."""
-    if getattr(_shown, "open", False) or threading.current_thread() is not threading.main_thread():
+    """Place of the progress bar: "notebook" or "terminal"; None if it cannot be seen, if all shall be quiet, or
+    within another bar."""
+    if is_quiet() or getattr(_shown, "open", False) or threading.current_thread() is not threading.main_thread():
         return None
     ipython: Any = sys.modules.get("IPython")
     shell = ipython.get_ipython() if ipython is not None else None

@@ -19,6 +19,17 @@ if TYPE_CHECKING:
 
 
 _gathered: ContextVar[list[Any] | None] = ContextVar("gathered", default=None)
+_quiet: ContextVar[bool] = ContextVar("quiet", default=False)
+
+
+def be_quiet() -> None:
+    """Leaves out notes and progress bars from here on, in this context."""
+    _quiet.set(True)
+
+
+def is_quiet() -> bool:
+    """True after `be_quiet`."""
+    return _quiet.get()
 
 
 @contextmanager
@@ -51,6 +62,17 @@ def say(text: object, *, err: bool = False) -> None:
         things.extend([text] if isinstance(text, str) else [text, str(text)])
         return
     print(_plain(printable(str(text)), stream.isatty()), file=stream)
+
+
+def remark(text: object) -> None:
+    """Says a line on standard error that is no error, unless it shall be quiet."""
+    if not is_quiet():
+        say(text, err=True)
+
+
+def note(text: object) -> None:
+    """Says a note: what happened, beside the result."""
+    remark(f"armwright: note: {text}")
 
 
 def _plain(text: str, on_terminal: bool) -> str:

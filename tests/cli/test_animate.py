@@ -23,7 +23,7 @@ def folder(tmp_path, monkeypatch):
 
 
 def test_glb_is_what_the_function_writes(folder):
-    assert run("animate", "run.nc", "--robot", "two-link", "-o", "run.glb").stdout == "wrote run.glb\n"
+    assert run("animate", "two-link", "run.nc", "-o", "run.glb").stdout == "wrote run.glb\n"
     arm, recorded = aw.load("two-link"), aw.load_run("run.nc")
     aw.animate(recorded, arm, "same.glb")
     assert (folder / "run.glb").read_bytes() == (folder / "same.glb").read_bytes()
@@ -35,7 +35,7 @@ def test_glb_is_what_the_function_writes(folder):
 
 def test_a_built_in_arm_need_not_be_named(folder):
     run("animate", "run.nc", "-o", "one.glb")
-    run("animate", "run.nc", "--robot", "two-link", "-o", "two.glb")
+    run("animate", "two-link", "run.nc", "-o", "two.glb")
     assert (folder / "one.glb").read_bytes() == (folder / "two.glb").read_bytes()
 
 
@@ -45,14 +45,14 @@ def test_the_arm_of_a_scenario_file_need_not_be_named(folder):
     text = 'robot = "mine.toml"\nduration_s = 0.1\n[commands]\nconstant = 0\n'
     (folder / "mine.scenario.toml").write_text(text, encoding="utf-8")
     run("simulate", "mine.scenario.toml", "-o", "mine.nc")
-    run("animate", "mine.nc", "--robot", "mine.toml", "-o", "named.glb")
+    run("animate", "mine.toml", "mine.nc", "-o", "named.glb")
     (folder / "mine.toml").unlink()
     run("animate", "mine.nc", "-o", "kept.glb")
     assert (folder / "kept.glb").read_bytes() == (folder / "named.glb").read_bytes()
 
 
 def test_a_lane_as_a_page(folder):
-    run("animate", "batch.nc", "--robot", "two-link", "--lane", "2", "-o", "lane.html")
+    run("animate", "two-link", "batch.nc", "--lane", "2", "-o", "lane.html")
     text = (folder / "lane.html").read_text(encoding="utf-8")
     assert text.startswith("<!DOCTYPE html>")
     assert "lane 2" in text
@@ -62,16 +62,16 @@ def test_a_lane_as_a_page(folder):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("run.nc", "--robot", "panda", "-o", "x.glb"), "the run is of two-link; expected those of panda"),
-        (("batch.nc", "--robot", "two-link", "-o", "x.glb"), "lane: the run has 3 lanes; expected one of 0, 1, 2"),
+        (("panda", "run.nc", "-o", "x.glb"), "the run is of two-link; expected those of panda"),
+        (("two-link", "batch.nc", "-o", "x.glb"), "lane: the run has 3 lanes; expected one of 0, 1, 2"),
         (
-            ("run.nc", "--robot", "two-link", "-o", "x.gif"),
+            ("two-link", "run.nc", "-o", "x.gif"),
             "x.gif: the ending '.gif' is not offered; expected .glb or .html",
         ),
-        (("gone.nc", "--robot", "two-link", "-o", "x.glb"), "gone.nc: no such file"),
-        (("run.nc", "--robot", "two-lnk", "-o", "x.glb"), "did you mean two-link?"),
-        (("run.nc", "--robot", "two-link"), "Missing option '--output'"),
-        (("unnamed.nc", "-o", "x.glb"), "not built in, and the run keeps no scenario; expected --robot FILE"),
+        (("two-link", "gone.nc", "-o", "x.glb"), "gone.nc: no such file"),
+        (("two-lnk", "run.nc", "-o", "x.glb"), "did you mean two-link?"),
+        (("two-link", "run.nc"), "Missing option '--output'"),
+        (("unnamed.nc", "-o", "x.glb"), "not built in, and the run keeps no scenario; expected ROBOT before it"),
     ],
 )
 def test_refused(folder, arguments, words):

@@ -25,15 +25,15 @@ NAMES, UNITS = ("turn", "slide"), ("rad", "m")
     ],
 )
 def test_reads(text, expected):
-    np.testing.assert_allclose(vector("--q0", text, NAMES, UNITS), expected, rtol=1e-15)
+    np.testing.assert_allclose(vector("--start", text, NAMES, UNITS), expected, rtol=1e-15)
 
 
 @pytest.mark.parametrize(
     "text", ["1,2,3", "1,", "", "a,b", "inf,1", "nan,1", "1,30deg", "1,pi", "pi/0,1", ".pi,1", "deg,1"]
 )
 def test_refuses(text):
-    with pytest.raises(ScenarioError, match=r"^--q0") as error:
-        vector("--q0", text, NAMES, UNITS)
+    with pytest.raises(ScenarioError, match=r"^--start") as error:
+        vector("--start", text, NAMES, UNITS)
     assert "expected" in str(error.value)
 
 

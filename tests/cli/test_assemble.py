@@ -96,12 +96,21 @@ def test_a_file_beside_its_library(folder: Path) -> None:
 
 def test_all_arms_of_a_kit() -> None:
     shown = run(
-        "assemble", "--all", "--modules", "toy.modules.toml", "--max-joints", "2", "--limit", "30", "--show", "5"
+        "assemble",
+        "--all",
+        "--modules",
+        "toy.modules.toml",
+        "--max-joints",
+        "2",
+        "--max-assemblies",
+        "30",
+        "--show",
+        "5",
     )
     assert "toy: 30 of " in shown
     assert "foot-elbow" in shown
     assert "… and 25 more" in shown
-    assert "longer ones were not computed (--limit 30)" in shown
+    assert "longer ones were not computed (--max-assemblies 30)" in shown
     run("assemble", "--all", "--modules", "toy.modules.toml", "--max-joints", "1", "-o", "list.csv")
     with open("list.csv", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
@@ -110,7 +119,16 @@ def test_all_arms_of_a_kit() -> None:
 
 
 def test_the_best_arm_for_a_task_is_written() -> None:
-    options = ("--modules", "toy.modules.toml", "--task", "sort.task.toml", "--max-joints", "2", "--limit", "60")
+    options = (
+        "--modules",
+        "toy.modules.toml",
+        "--task",
+        "sort.task.toml",
+        "--max-joints",
+        "2",
+        "--max-assemblies",
+        "60",
+    )
     shown = run("assemble", "--all", *options, "-o", "best.toml")
     assert "feasible" in shown
     assert "wrote best.toml" in shown
@@ -131,7 +149,7 @@ def test_the_best_arm_for_a_task_is_written() -> None:
         (("arm.assembly.toml", "-o", "arm.csv"), "the ending '.csv' is not offered"),
         (("arm.assembly.toml", "-o", "nowhere/arm.toml"), "there is no folder 'nowhere'"),
         (("--all", "--modules", "toy.modules.toml", "-o", "best.toml"), "needs --task FILE"),
-        (("--all", "--modules", "toy.modules.toml", "--limit", "0"), "limit = 0: expected 1 or more"),
+        (("--all", "--modules", "toy.modules.toml", "--max-assemblies", "0"), "limit = 0: expected 1 or more"),
         (("--all", "--modules", "toy.modules.toml", "--task", "none.toml"), "none.toml: no such file"),
         (("--all", "--modules", "sort.task.toml"), "sort.task.toml: "),
         (("toy.modules.toml",), "toy.modules.toml: "),
@@ -145,7 +163,16 @@ def test_refused(arguments: tuple[str, ...], message: str, folder: Path) -> None
 
 def test_nothing_is_written_where_no_arm_does_it(folder: Path) -> None:
     (folder / "sort.task.toml").write_text(TASK.replace("payload_kg = 1.0", "payload_kg = 1000.0"))
-    options = ("--modules", "toy.modules.toml", "--task", "sort.task.toml", "--max-joints", "2", "--limit", "10")
+    options = (
+        "--modules",
+        "toy.modules.toml",
+        "--task",
+        "sort.task.toml",
+        "--max-joints",
+        "2",
+        "--max-assemblies",
+        "10",
+    )
     assert "no arm does it; the best, foot-" in run("assemble", "--all", *options, "-o", "best.toml", code=2)
     assert not (folder / "best.toml").exists()
 

@@ -41,10 +41,10 @@ REFUSED = [
     (("simulate", "cmu-dd", "--voltage", "30deg", "--duration", "1"), "joint 'joint1' = '30deg'"),
     (("simulate", "cmu-dd", "--schedule", "nowhere.csv"), "nowhere.csv: no such file"),
     (
-        (*SIMULATE, "--q0", "1,up"),
-        "--q0 of joint 'elbow' = 'up': expected a finite number [rad], such as 0.5, 30deg or pi/6",
+        (*SIMULATE, "--start", "1,up"),
+        "--start of joint 'elbow' = 'up': expected a finite number [rad], such as 0.5, 30deg or pi/6",
     ),
-    ((*SIMULATE, "--q0", "pi/0"), "--q0 of joint 'shoulder' = 'pi/0'"),
+    ((*SIMULATE, "--start", "pi/0"), "--start of joint 'shoulder' = 'pi/0'"),
     ((*SIMULATE, "--duration", "long"), "Invalid value for '--duration'"),
     ((*SIMULATE, "--duration", "-1"), "error: --duration = -1.0: expected a time above 0 [s]"),
     ((*SIMULATE, "--duration", "nan"), "duration = nan"),

@@ -145,7 +145,7 @@ def test_a_chain_of_files_from_the_excitation_to_the_bus(robot, tmp_path, monkey
     Path("task.motion.toml").write_text(TASK)
 
     # measure
-    armwright("excite", robot, "-o", "excite.csv", "--period", 8, "--harmonics", 2, "--starts", 1, "--velocity", 0.8)
+    armwright("excite", robot, "-o", "excite.csv", "--cycle", 8, "--harmonics", 2, "--starts", 1, "--max-velocity", 0.8)
     designed = armwright(
         "design", "bench.scenario.toml", "--reference", "excite.csv", "-o", "excited.scenario.toml", "--json"
     )

@@ -203,7 +203,7 @@ def test_simulate_writes_run_and_picture(tmp_path):
 
 
 def test_simulate_shows_the_end_state():
-    shown = run("simulate", "two-link", "--torque", "0", "--duration", "0.1", "--q0=-90deg,0").stdout
+    shown = run("simulate", "two-link", "--torque", "0", "--duration", "0.1", "--start=-90deg,0").stdout
     assert re.search(r"^joint +q \[rad\] +qd \[rad/s\] +tau \[N m\]$", shown, re.M)
     assert re.search(r"^shoulder +-1.5708 ", shown, re.M)  # it hangs straight down and stays there
 
@@ -218,7 +218,18 @@ def test_simulate_reads_a_schedule(tmp_path):
 
 
 def test_simulate_takes_starts_step_and_recording(tmp_path):
-    options = ("--torque", "0", "--duration", "0.1", "--step", "5e-4", "--q0", "pi/2,30deg", "--qd0", "0.5")
+    options = (
+        "--torque",
+        "0",
+        "--duration",
+        "0.1",
+        "--step",
+        "5e-4",
+        "--start",
+        "pi/2,30deg",
+        "--start-velocity",
+        "0.5",
+    )
     run("simulate", "two-link", *options, "--record-every", "50", "-o", tmp_path / "run.nc")
     saved = aw.load_run(tmp_path / "run.nc")
     np.testing.assert_allclose(saved["time"], [0, 0.025, 0.05, 0.075, 0.1])

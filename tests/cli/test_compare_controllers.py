@@ -57,8 +57,8 @@ def run(folder, *arguments):
 @pytest.mark.study
 def test_two_controllers_on_two_motions(files):
     code, text = run(
-        files, "soft.scenario.toml", "stiff.scenario.toml", "--motion", "move.motion.toml", "--motion", "saved.csv",
-        "--runs", 2, "--settle", "0.2", "--plot", "errors.png", "-o", "errors.csv",
+        files, "soft.scenario.toml", "stiff.scenario.toml", "--reference", "move.motion.toml", "--reference", "saved.csv",
+        "--lanes", 2, "--settle", "0.2", "--plot", "errors.png", "-o", "errors.csv",
     )  # fmt: skip
     assert code == 0, text
     for word in ("soft", "stiff", "move", "saved", "AT_p", "settling"):
@@ -72,15 +72,15 @@ def test_two_controllers_on_two_motions(files):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("soft.scenario.toml",), "--motion"),
-        (("soft.scenario.toml", "--motion", "none.csv"), "none.csv"),
-        (("soft.scenario.toml", "--motion", "other.motion.toml"), "cmu-dd"),
-        (("soft.scenario.toml", "soft.scenario.toml", "--motion", "saved.csv"), "given twice"),
-        (("soft.scenario.toml", "--motion", "saved.csv", "--payload", "-1"), "--payload"),
-        (("soft.scenario.toml", "--motion", "saved.csv", "--runs", "0"), "runs"),
-        (("soft.scenario.toml", "--motion", "saved.csv", "--plot", "errors.gif"), ".gif"),
-        (("soft.scenario.toml", "--motion", "saved.csv", "-o", "errors.txt"), ".txt"),
-        (("soft.scenario.toml", "--motion", "saved.csv", "-o", "saved.csv"), "saved.csv"),
+        (("soft.scenario.toml",), "--reference"),
+        (("soft.scenario.toml", "--reference", "none.csv"), "none.csv"),
+        (("soft.scenario.toml", "--reference", "other.motion.toml"), "cmu-dd"),
+        (("soft.scenario.toml", "soft.scenario.toml", "--reference", "saved.csv"), "given twice"),
+        (("soft.scenario.toml", "--reference", "saved.csv", "--payload", "-1"), "--payload"),
+        (("soft.scenario.toml", "--reference", "saved.csv", "--lanes", "0"), "runs"),
+        (("soft.scenario.toml", "--reference", "saved.csv", "--plot", "errors.gif"), ".gif"),
+        (("soft.scenario.toml", "--reference", "saved.csv", "-o", "errors.txt"), ".txt"),
+        (("soft.scenario.toml", "--reference", "saved.csv", "-o", "saved.csv"), "saved.csv"),
     ],
 )
 def test_bad_input(files, arguments, words):

@@ -19,16 +19,16 @@ def test_a_motion_of_an_arm(tmp_path):
         "two-link",
         "-o",
         path,
-        "--velocity",
+        "--max-velocity",
         "2,3",
         "--harmonics",
         3,
         "--starts",
         1,
-        "--period",
+        "--cycle",
         4,
-        "--rate",
-        50,
+        "--record-period",
+        0.02,
         "--plot",
         picture,
     )
@@ -44,12 +44,12 @@ def test_a_motion_of_an_arm(tmp_path):
 
 def test_a_command_of_a_motor(tmp_path):
     path, picture = tmp_path / "prbs.csv", tmp_path / "prbs.svg"
-    guess = ("--gain", 12, "--time-constant", 0.05, "--most", 12)
+    guess = ("--motor-gain", 12, "--time-constant", 0.05, "--max-command", 12)
     result = run("motor", "prbs", "-o", path, *guess, "--plot", picture)
     assert result.exit_code == 0, result.output
     assert path.read_text().startswith("t [s],motor [V]\n")
     assert "<svg" in picture.read_text()
-    assert run("motor", "step", "-o", path, "--robot", "cmu-dd", "--joint", "joint1").exit_code in (0, 2)
+    assert run("motor", "cmu-dd", "step", "-o", path, "--joint", "joint1").exit_code in (0, 2)
 
 
 @pytest.mark.parametrize(
@@ -58,15 +58,34 @@ def test_a_command_of_a_motor(tmp_path):
         (["two-link", "-o", "m.csv"], "nothing bounds the speed"),
         (["nobody", "-o", "m.csv"], "nobody"),
         (["two-link", "-o", "m.txt"], "the ending '.txt' is not offered"),
-        (["motor", "prbs", "-o", "m.csv", "--gain", "1"], "no --time-constant, --most"),
-        (["motor", "prbs", "-o", "m.csv", "--gain", "0", "--time-constant", "1", "--most", "1"], "--gain = 0"),
-        (["motor", "noise", "-o", "m.csv", "--gain", "1", "--time-constant", "1", "--most", "1"], "kind = 'noise'"),
-        (["two-link"], "--output"),
-        (["two-link", "-o", "m.csv", "--velocity", "1", "--criterion", "best"], "--criterion = 'best'"),
-        (["two-link", "-o", "m.csv", "--velocity", "1", "--period", "-1"], "--period = -1"),
+        (["motor", "prbs", "-o", "m.csv", "--motor-gain", "1"], "no --time-constant, --max-command"),
         (
-            ["motor", "step", "-o", "m.csv", "--gain", "1", "--time-constant", "1", "--most", "1", "--sample", "0"],
-            "--sample = 0",
+            ["motor", "prbs", "-o", "m.csv", "--motor-gain", "0", "--time-constant", "1", "--max-command", "1"],
+            "--motor-gain = 0",
+        ),
+        (
+            ["motor", "noise", "-o", "m.csv", "--motor-gain", "1", "--time-constant", "1", "--max-command", "1"],
+            "kind = 'noise'",
+        ),
+        (["two-link"], "--output"),
+        (["two-link", "-o", "m.csv", "--max-velocity", "1", "--criterion", "best"], "--criterion = 'best'"),
+        (["two-link", "-o", "m.csv", "--max-velocity", "1", "--cycle", "-1"], "--cycle = -1"),
+        (
+            [
+                "motor",
+                "step",
+                "-o",
+                "m.csv",
+                "--motor-gain",
+                "1",
+                "--time-constant",
+                "1",
+                "--max-command",
+                "1",
+                "--period",
+                "0",
+            ],
+            "--period = 0",
         ),
     ],
 )
@@ -80,7 +99,7 @@ def test_bad_input_is_one_line(tmp_path, monkeypatch, arguments, said):
 
 
 def test_nothing_is_announced_before_a_refusal(tmp_path):
-    result = run("two-link", "-o", tmp_path / "m.csv", "--velocity", 0)
+    result = run("two-link", "-o", tmp_path / "m.csv", "--max-velocity", 0)
     assert result.exit_code == 2
-    assert result.output.startswith("armwright: error: --velocity = ")
+    assert result.output.startswith("armwright: error: --max-velocity = ")
     assert result.output.count("\n") == 1

@@ -11,7 +11,7 @@ run = CliRunner().invoke
 
 def test_arm_is_identified_and_written(tmp_path):
     log = write_log(tmp_path, aw.load("lwa4p"))
-    result = run(app, ["identify", "arm", str(log), "--robot", "lwa4p", "-o", str(tmp_path / "found.toml")])
+    result = run(app, ["identify", "arm", "lwa4p", str(log), "-o", str(tmp_path / "found.toml")])
     assert result.exit_code == 0, result.output
     assert "Izz6" in result.output
     assert "\nidentified\n" in result.output
@@ -20,7 +20,7 @@ def test_arm_is_identified_and_written(tmp_path):
 
 def test_resting_joint_ends_with_1(tmp_path):
     log = write_log(tmp_path, aw.load("lwa4p"), still=(5,))
-    result = run(app, ["identify", "arm", str(log), "--robot", "lwa4p"])
+    result = run(app, ["identify", "arm", "lwa4p", str(log)])
     assert result.exit_code == 1
     assert "not identified" in result.output
 

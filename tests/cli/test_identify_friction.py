@@ -15,10 +15,10 @@ def test_friction_is_found_and_written(tmp_path):
     moved(tmp_path, "arm", arm, torque_noise=0.01, position_noise=1e-5)
     log, output = str(tmp_path / "arm.log.toml"), str(tmp_path / "rubbed.toml")
     page = str(tmp_path / "friction.html")
-    shown = run("identify", "friction", log, "--robot", "two-link", "--table", "-o", output, "--report", page).stdout
+    shown = run("identify", "friction", "two-link", log, "--table", "-o", output, "--report", page).stdout
     assert "viscous" in (tmp_path / "friction.html").read_text(encoding="utf-8")
     assert "Friction over velocity" in shown
     assert "friction.viscous_n_m_s_per_rad" in shown
     assert aw.load(output).record.fits["friction"].verdict == "identified"
-    refused = run("identify", "friction", log, "--robot", "lwa4p", code=2)
+    refused = run("identify", "friction", "lwa4p", log, code=2)
     assert refused.stderr.count("\n") == 1

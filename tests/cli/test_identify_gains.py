@@ -22,13 +22,13 @@ def bench(tmp_path_factory):
 
 def command(bench, *more, code=0, logs=("empty", "loaded"), robot="as_bought.urdf"):
     empty, loaded = (bench / f"{name}.log.toml" for name in logs)
-    return run("identify", "gains", empty, "--loaded-log", loaded, "--robot", bench / robot, *more, code=code)
+    return run("identify", "gains", bench / robot, empty, "--loaded-log", loaded, *more, code=code)
 
 
 @pytest.mark.study
 def test_constants_are_written_for_the_next_command(bench):
     output, page = bench / "weighed.toml", bench / "gains.html"
-    shown = command(bench, "--mass", "5", "--mass-std", "0.005", "-o", output, "--report", page).stdout
+    shown = command(bench, "--payload-mass", "5", "--payload-mass-std", "0.005", "-o", output, "--report", page).stdout
     assert "drive gains from two logs" in shown
     assert "\nidentified\n" in shown
     assert "base.motor.torque_constant_n_m_per_a" in page.read_text(encoding="utf-8")
@@ -51,7 +51,7 @@ def test_what_is_identified_is_written_and_the_code_says_that_not_all_is(bench):
     true = aw.load(bench / "with_constants.urdf").with_payload(5.0, (0.05, -0.04, 0.08), np.zeros((3, 3)))
     weighed(bench, "resting", true, 1, moving=np.array([1.0, 1.0, 0.0, 1.0]))
     output = bench / "some.toml"
-    shown = command(bench, "--mass", "5", "-o", output, logs=("empty", "resting"), code=1).stdout
+    shown = command(bench, "--payload-mass", "5", "-o", output, logs=("empty", "resting"), code=1).stdout
     assert "elbow: it does not move in the log with the payload" in shown
     constants = [body.drive.torque_constant for body in aw.load(output).coordinates]
     assert [constant is None for constant in constants] == [False, False, True, False]
@@ -60,15 +60,15 @@ def test_what_is_identified_is_written_and_the_code_says_that_not_all_is(bench):
 def test_bad_input(bench):
     output = bench / "never.toml"
     for more, words in (
-        (("--mass", "0"), "mass = 0.0"),
-        (("--mass", "5", "--com", "0.1,0.2"), "--com = '0.1,0.2': expected 3 numbers"),
-        (("--mass", "5", "--com", "0,0,0", "--inertia", "1,2,x,4,5,6"), "--inertia"),
-        (("--mass", "5", "--frame", "nowhere"), "nowhere"),
-        (("--mass", "5", "-o", bench / "as_bought.urdf"), ".toml"),
+        (("--payload-mass", "0"), "mass = 0.0"),
+        (("--payload-mass", "5", "--com", "0.1,0.2"), "--com = '0.1,0.2': expected 3 numbers"),
+        (("--payload-mass", "5", "--com", "0,0,0", "--inertia", "1,2,x,4,5,6"), "--inertia"),
+        (("--payload-mass", "5", "--frame", "nowhere"), "nowhere"),
+        (("--payload-mass", "5", "-o", bench / "as_bought.urdf"), ".toml"),
     ):
         shown = command(bench, *more, *(() if "-o" in more else ("-o", output)), code=2)
         assert words in shown.stderr
         assert shown.stderr.count("\n") == 1
-    assert "exchanged" in command(bench, "--mass", "5", logs=("loaded", "empty"), code=2).stderr
+    assert "exchanged" in command(bench, "--payload-mass", "5", logs=("loaded", "empty"), code=2).stderr
     assert "Missing option" in command(bench, code=2).stderr
     assert not output.exists()

@@ -63,7 +63,7 @@ BAD = [
     "--delay -2",
     "--select x",
     "--joint knee",
-    "--input qd",
+    "--input-signal qd",
     "--plot no/x.png",
     "--report x.pdf",
 ]

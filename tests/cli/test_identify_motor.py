@@ -39,7 +39,6 @@ def test_mistakes_are_one_line_and_write_nothing(tmp_path):
         ["--fix", "R"],
         ["--free", "mass"],
         ["--pwm", "slow"],
-        ["--robot", "cmu-dd"],
         ["--starts", "0"],
         ["--static", "nowhere.log.toml"],
         ["--joint", "elbow"],

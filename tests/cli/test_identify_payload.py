@@ -17,9 +17,7 @@ def test_a_payload_is_found_and_written(tmp_path):
     moved(tmp_path, "empty", arm, **noise)
     loaded, empty, output = (str(tmp_path / name) for name in ("loaded.log.toml", "empty.log.toml", "carrying.toml"))
     page = str(tmp_path / "payload.html")
-    shown = run(
-        "identify", "payload", loaded, "--robot", "lwa4p", "--cutoff", "20", "-o", output, "--report", page
-    ).stdout
+    shown = run("identify", "payload", "lwa4p", loaded, "--cutoff", "20", "-o", output, "--report", page).stdout
     assert "payload.mass_kg" in (tmp_path / "payload.html").read_text(encoding="utf-8")
     assert "payload.mass_kg" in shown
     assert "wrote" in shown
@@ -27,9 +25,9 @@ def test_a_payload_is_found_and_written(tmp_path):
     assert abs(float(mass) - 1.5) < 0.03
     assert 0 < mass.std < 0.05
     assert aw.load(output).provenance("payload.mass_kg").kind == "fit"
-    both = run("identify", "payload", empty, "--robot", "lwa4p", "--loaded-log", loaded, "--cutoff", "20").stdout
+    both = run("identify", "payload", "lwa4p", empty, "--loaded-log", loaded, "--cutoff", "20").stdout
     assert "two logs" in both
-    nothing = run("identify", "payload", empty, "--robot", "lwa4p", "--cutoff", "20", "-o", output + "x", code=2)
+    nothing = run("identify", "payload", "lwa4p", empty, "--cutoff", "20", "-o", output + "x", code=2)
     assert nothing.stderr.count("\n") == 1
-    nothing = run("identify", "payload", empty, "--robot", "lwa4p", "--cutoff", "20", code=1)
+    nothing = run("identify", "payload", "lwa4p", empty, "--cutoff", "20", code=1)
     assert "not identified" in nothing.stdout

@@ -17,15 +17,7 @@ from armwright.cli.json_output import document
 from armwright.cli.tables import number, table
 from armwright.terminal import console, say
 
-NO_JSON = {
-    "show",
-    "plot",
-    "animate",
-    "sim",
-    "new robot",
-    "examples list",
-    "examples copy",
-}  # these draw, converse, or write files
+NO_JSON = {"show", "plot", "animate", "sim"}  # these draw, or converse
 
 
 def shown(*arguments, code=0):
@@ -89,6 +81,15 @@ def test_other_exit_codes_and_errors(tmp_path):
     assert next(iter(found["rows"][0].values())) is None  # nan is null
     result = CliRunner().invoke(app, ["info", "pma560", "--json"])
     assert (result.exit_code, result.stdout) == (2, "")
+
+
+@pytest.mark.parametrize(
+    "words", ["robots", "servos", "servos mx-64", "examples list", "check two-link", "diff panda puma560"]
+)
+def test_a_command_without_numbers_is_one_document_too(words):
+    made = shown(*words.split())
+    assert made["command"] == words.removesuffix(" mx-64").removesuffix(" two-link").removesuffix(" panda puma560")
+    assert made["tables"] or made["text"] or made["results"]
 
 
 def test_numbers_words_and_repeated_rows():

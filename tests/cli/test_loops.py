@@ -72,7 +72,7 @@ def test_a_loop_that_is_too_slow(tmp_path):
     ("arguments", "text", "words"),
     [
         (("--gain-margin", "0.5"), SCENARIO, "gain_margin"),
-        (("--phase-margin", "200"), SCENARIO, "phase_margin"),
+        (("--phase-margin", "200deg"), SCENARIO, "phase_margin"),
         (("--poses", "0"), SCENARIO, "poses"),
         (("--plot", "loops.gif"), SCENARIO, ".gif"),
         (("--change", "gains"), SCENARIO, "--change"),

@@ -70,7 +70,7 @@ def test_diff_lists_parameters_and_consequence(tmp_path):
 
 
 def test_diff_gathers_sources(tmp_path):
-    run("convert", "puma560", tmp_path / "puma.urdf")
+    run("convert", "puma560", "-o", tmp_path / "puma.urdf")
     shown = run("diff", "puma560", tmp_path / "puma.urdf").stdout
     assert "Same value, other source or deviation" in shown
     assert re.search(r"and \d+ more", shown)
@@ -78,10 +78,10 @@ def test_diff_gathers_sources(tmp_path):
 
 
 def test_convert_tells_what_it_wrote_and_lost(tmp_path):
-    shown = run("convert", "panda", tmp_path / "panda.urdf").stdout
+    shown = run("convert", "panda", "-o", tmp_path / "panda.urdf").stdout
     assert f"wrote {tmp_path / 'panda.urdf'}\nwrote {tmp_path / 'panda.drive.toml'}\n" in shown
     assert "lost: friction by the law 'sigmoid' (its viscous part is written): joints joint1" in shown
-    assert run("convert", "panda", tmp_path / "panda.toml").stdout == f"wrote {tmp_path / 'panda.toml'}\n"
+    assert run("convert", "panda", "-o", tmp_path / "panda.toml").stdout == f"wrote {tmp_path / 'panda.toml'}\n"
 
 
 @pytest.mark.parametrize("ending", ["html", "glb"])
@@ -96,9 +96,9 @@ REFUSED = [
     (("check", "broken.toml"), "broken.toml:1: "),
     (("diff", "panda"), "Missing argument 'B'"),
     (("diff", "panda", "pnda"), "did you mean panda?"),
-    (("convert", "panda", "panda.stl"), "the ending '.stl' is not offered; expected .toml, .urdf, .xml or .mjcf"),
-    (("convert", "panda", "nowhere/panda.toml"), "there is no folder 'nowhere'"),
-    (("convert", "panda", "p.toml", "--smoothing", "0.1"), "smoothing: unknown option"),
+    (("convert", "panda", "-o", "panda.stl"), "the ending '.stl' is not offered; expected .toml, .urdf, .xml or .mjcf"),
+    (("convert", "panda", "-o", "nowhere/panda.toml"), "there is no folder 'nowhere'"),
+    (("convert", "panda", "-o", "p.toml", "--smoothing", "0.1"), "smoothing: unknown option"),
     (("show", "panda"), "--output: missing; expected .png, .html or .glb"),
     (("show", "panda", "-o", "arm.jpg"), "the ending '.jpg' is not offered; expected .png, .html or .glb"),
     (("show", "panda", "-o", "arm.png", "--q", "1,2"), "--q = '1,2': expected 7 numbers"),

@@ -33,7 +33,7 @@ def command(*arguments, code):
 
 
 def test_the_right_arm_raises_nothing(folder):
-    shown = command(folder / "log.log.toml", "--robot", folder / "two-link.toml", code=0)
+    shown = command(folder / "two-link.toml", folder / "log.log.toml", code=0)
     assert "no alarm" in shown
     assert "standard deviations of the residuals: residuals of the validation with log.log.toml" in shown
     assert "passes its limits" in shown or "passed" in shown or "verdict:" in shown
@@ -41,7 +41,7 @@ def test_the_right_arm_raises_nothing(folder):
 
 def test_another_payload_raises_an_alarm(folder):
     page = folder / "shadow.html"
-    arguments = (folder / "heavy.log.toml", "--robot", folder / "two-link.toml")
+    arguments = (folder / "two-link.toml", folder / "heavy.log.toml")
     shown = command(*arguments, "--report", page, code=1)
     assert "kg at the tip explains" in shown
     text = page.read_text()
@@ -59,7 +59,7 @@ def test_live_tables_follow_the_log(folder, monkeypatch):
     found = aw.shadow.shadow_log(aw.identification.read_log(folder / "heavy.log.toml"), folder / "two-link.toml")
     pauses = []
     monkeypatch.setattr(shadow_live.time, "sleep", pauses.append)
-    shown = command(folder / "heavy.log.toml", "--robot", folder / "two-link.toml", "--live", code=1)
+    shown = command(folder / "two-link.toml", folder / "heavy.log.toml", "--live", code=1)
     assert len(pauses) == 20  # ten tables a second
     assert "kg at the tip explains" in shown
     (run,) = found.runs
@@ -72,22 +72,22 @@ def test_live_tables_follow_the_log(folder, monkeypatch):
 
 REFUSED = [
     (("none.log.toml",), "none.log.toml"),
-    (("{}/log.log.toml",), "robot: missing; expected a robot's file, here or in the log"),
-    (("{}/log.log.toml", "--robot", "puma560"), "joints: the log has 2 ('shoulder', 'elbow'), puma560 has 6"),
-    (("{}/log.log.toml", "--robot", "two-link", "--run", "fast"), "--run = 'fast'"),
-    (("{}/log.log.toml", "--robot", "two-link", "--deviation", "a,b"), "--deviation = 'a,b': expected numbers"),
-    (("{}/log.log.toml", "--robot", "two-link", "--deviation", "0"), "--deviation = 0.0: expected a torque above 0"),
-    (("{}/log.log.toml", "--robot", "two-link", "--deviation", "1,2,3"), "expected a torque above 0, or 2 of them"),
-    (("{}/log.log.toml", "--robot", "two-link", "--factor", "-1"), "--factor = -1.0: expected a number above 0"),
-    (("{}/log.log.toml", "--robot", "two-link", "--report", "x.pdf"), "the ending '.pdf' is not offered"),
-    (("{}/log.log.toml", "--robot", "two-link", "--nodes", "3,4"), "--nodes: does not go with it; expected a bus"),
+    (("{}/log.log.toml",), "ROBOT: missing; expected a robot's file, here or in the log"),
+    (("puma560", "{}/log.log.toml"), "joints: the log has 2 ('shoulder', 'elbow'), puma560 has 6"),
+    (("two-link", "{}/log.log.toml", "--run", "fast"), "--run = 'fast'"),
+    (("two-link", "{}/log.log.toml", "--deviation", "a,b"), "--deviation = 'a,b': expected numbers"),
+    (("two-link", "{}/log.log.toml", "--deviation", "0"), "--deviation = 0.0: expected a torque above 0"),
+    (("two-link", "{}/log.log.toml", "--deviation", "1,2,3"), "expected a torque above 0, or 2 of them"),
+    (("two-link", "{}/log.log.toml", "--factor", "-1"), "--factor = -1.0: expected a number above 0"),
+    (("two-link", "{}/log.log.toml", "--report", "x.pdf"), "the ending '.pdf' is not offered"),
+    (("two-link", "{}/log.log.toml", "--nodes", "3,4"), "--nodes: does not go with it; expected a bus"),
     (("socketcan:can0", "--report", "x.html"), "--report: does not go with it; expected a log"),
-    (("socketcan:can0",), "--robot: missing; expected the arm whose drives are on the bus"),
-    (("socketcan:none0", "--robot", "lwa4p"), "cannot be opened"),
-    (("socketcan:can0", "--robot", "lwa4p", "--nodes", "a"), "--nodes = 'a': expected whole numbers"),
-    (("virtual:nobody", "--robot", "lwa4p", "--duration", "0.1"), "no frames were received"),
-    (("virtual:nobody", "--robot", "lwa4p", "--period", "0"), "--period = 0.0: expected a time above 0"),
-    (("{}/voltages.log.toml", "--robot", "two-link"), "no torques or currents of all joints"),
+    (("socketcan:can0",), "ROBOT: missing; expected the arm whose drives are on the bus"),
+    (("lwa4p", "socketcan:none0"), "cannot be opened"),
+    (("lwa4p", "socketcan:can0", "--nodes", "a"), "--nodes = 'a': expected whole numbers"),
+    (("lwa4p", "virtual:nobody", "--duration", "0.1"), "no frames were received"),
+    (("lwa4p", "virtual:nobody", "--period", "0"), "--period = 0.0: expected a time above 0"),
+    (("two-link", "{}/voltages.log.toml"), "no torques or currents of all joints"),
 ]
 
 

@@ -43,7 +43,9 @@ def asked(*arguments: str):
 
 
 def test_steps_and_recommendations_are_shown():
-    result = asked("two-link", "--command", "90,20", "--duration", "0.04", "--steps", "3", "--accuracy", "0.1,1e-30")
+    result = asked(
+        "two-link", "--command", "90,20", "--duration", "0.04", "--step-count", "3", "--accuracies", "0.1,1e-30"
+    )
     assert result.exit_code == 0
     assert "two-link: rk3 (order 3) against CVODES" in result.output
     assert "for an accuracy of 0.1: a step of 4 ms" in result.output
@@ -53,7 +55,7 @@ def test_steps_and_recommendations_are_shown():
 def test_a_scenario_file_says_all_of_it(tmp_path):
     path = tmp_path / "push.scenario.toml"
     path.write_text(SCENARIO.replace("solver.step_s", 'solver.integrator = "rk45"\nsolver.rtol = 1e-4\nsolver.step_s'))
-    result = asked(str(path), "--steps", "3", "--integrator", "rk4", "--accuracy", "1e-3")
+    result = asked(str(path), "--step-count", "3", "--integrator", "rk4", "--accuracies", "1e-3")
     assert result.exit_code == 0, result.stderr
     assert "two-link: rk4 (order 4) against CVODES" in result.output
     assert "for an accuracy of 0.001: a step of" in result.output
@@ -64,14 +66,17 @@ def test_a_scenario_file_says_all_of_it(tmp_path):
     [
         (["two-link", "--duration", "1"], "no command given; expected one of --schedule FILE and --torque"),
         (
-            ["two-link", "--torque", "0", "--duration", "1", "--accuracy", "1e-3,x"],
-            "--accuracy = '1e-3,x': expected numbers",
+            ["two-link", "--torque", "0", "--duration", "1", "--accuracies", "1e-3,x"],
+            "--accuracies = '1e-3,x': expected numbers",
         ),
         (
             ["two-link", "--torque", "0", "--duration", "1", "--integrator", "rk45"],
             "--integrator = 'rk45': chooses its",
         ),
-        (["two-link", "--torque", "0", "--duration", "1", "--steps", "0"], "--steps = 0: expected a whole number"),
+        (
+            ["two-link", "--torque", "0", "--duration", "1", "--step-count", "0"],
+            "--step-count = 0: expected a whole number",
+        ),
         (["two-link", "--torque", "0"], "error: --duration: expected a time above 0 [s]"),
         (["x.scenario.toml", "--duration", "1"], "--duration: the scenario file states this already"),
     ],
@@ -101,7 +106,7 @@ def test_an_arm_that_sticks_is_compared_with_steps_that_follow_it(tmp_path):
 
 def test_of_a_stiff_arm_the_stiff_rule_is_shown_with_what_limits_the_others(tmp_path):
     gear = "[joints.elasticity]\nstiffness_n_m_per_rad = 1e8\ndamping_n_m_s_per_rad = 1e4\n"
-    arguments = ("--voltage", "12", "--duration", "0.02", "--steps", "2", "--accuracy", "1e-2,1e-7")
+    arguments = ("--voltage", "12", "--duration", "0.02", "--step-count", "2", "--accuracies", "1e-2,1e-7")
     shown = study_of(GEARED_MOTOR.replace("[[links]]", f"{gear}\n[[links]]"), tmp_path / "arm.toml", *arguments)
     assert re.search(r"4 to 2 +too large", shown)
     assert "of the elastic gear of joint 'axis'" in shown
@@ -122,9 +127,9 @@ def test_runs_that_a_count_parts_are_told(tmp_path):
     """A column says from when on, and a sentence why."""
     path = tmp_path / "counted.scenario.toml"
     path.write_text(COUNTED)
-    result = asked(str(path), "--steps", "2", "--accuracy", "1e-3")
+    result = asked(str(path), "--step-count", "2", "--accuracies", "1e-3")
     assert result.exit_code == 0, result.stderr
     assert "other counts from [s]" in result.output
     assert "rows behind are not compared" in result.output
-    plain = asked("two-link", "--command", "90,20", "--duration", "0.04", "--steps", "2")
+    plain = asked("two-link", "--command", "90,20", "--duration", "0.04", "--step-count", "2")
     assert "counts" not in plain.output

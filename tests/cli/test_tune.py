@@ -93,7 +93,7 @@ def test_margins_that_no_gains_reach_say_which_delay_or_period_would_do(tmp_path
     file = tmp_path / "arm.scenario.toml"
     file.write_text(SCENARIO.format(period=2e-3) + "command_delay_s = 0.02\n")
     output = tmp_path / "tuned.scenario.toml"
-    asked = ("--gain", "kp=1.01", "--phase-margin", "35", "--generations", "1", "--lanes", "4")
+    asked = ("--gain", "kp=1.01", "--phase-margin", "35deg", "--generations", "1", "--lanes", "4")
     result = CliRunner().invoke(app, ["tune", str(file), "-o", str(output), *asked])
     assert result.exit_code == 2
     assert re.search(r"no gains found that keep .* at 2 ms .*; expected a delay of [\d.]+ ms or less", result.stderr)

@@ -77,13 +77,16 @@ def found_in(path: Path) -> list[tuple[list[str], bool]]:
 
 
 @pytest.mark.parametrize("path", [*PAGES, *EXAMPLES], ids=lambda path: path.relative_to(ROOT).as_posix())
-def test_its_command_lines_are_understood(path):
+def test_its_command_lines_are_understood(path, capsys):
     wrong = []
     for words, is_whole in found_in(path):
         try:
             understood(words, is_whole)
         except Error as error:
             wrong.append(f"armwright {shlex.join(words)}: {error.format_message()}")
+        wrong += [
+            f"armwright {shlex.join(words)}: {note}" for note in capsys.readouterr().err.splitlines()
+        ]  # old names
     assert not wrong, "\n".join(wrong)
 
 

@@ -158,7 +158,14 @@ def test_what_cannot_be_is_refused(arm, motion, kind, error, words):
 def test_convert_writes_both_files(tmp_path):
     swing().save(aw.load("so101"), tmp_path / "swing.csv")
     done = run(
-        "convert", "so101", str(tmp_path / "a.xml"), "--actuators", "dcmotor", "--motion", str(tmp_path / "swing.csv")
+        "convert",
+        "so101",
+        "-o",
+        str(tmp_path / "a.xml"),
+        "--actuators",
+        "dcmotor",
+        "--reference",
+        str(tmp_path / "swing.csv"),
     )
     assert done.exit_code == 0
     assert "<dcmotor" in (tmp_path / "a.xml").read_text()

@@ -117,8 +117,8 @@ def test_the_command_writes_and_refuses(tmp_path):
     names = ["puma560.urdf", "puma560.drive.toml", "joint_limits.yaml", "controllers.yaml"]
     assert [line.split("/")[-1] for line in shown.splitlines()[:4]] == names
     for extra, expected in (
-        (("--command", "force"), "--command = 'force': did you mean effort?"),
-        (("--rate", "0"), "--rate = 0: expected a whole number of 1 Hz or more"),
+        (("--command-interface", "force"), "--command-interface = 'force': did you mean effort?"),
+        (("--update-rate", "0"), "--update-rate = 0: expected a whole number of 1 Hz or more"),
         (("--hardware", ""), "--hardware = '': expected the name of a plugin"),
     ):
         shown = command("puma560", "-o", tmp_path / "other", *extra, code=2)

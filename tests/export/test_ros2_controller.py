@@ -333,6 +333,6 @@ def test_the_command_writes_a_package(tmp_path):
         20.0,
     ]
     assert (tmp_path / "pkg/src/my_law_plugin.cpp").is_file()
-    result = CliRunner().invoke(app, ["export", "ros2", str(path), "-o", str(tmp_path / "no"), "--rate", "10"])
+    result = CliRunner().invoke(app, ["export", "ros2", str(path), "-o", str(tmp_path / "no"), "--update-rate", "10"])
     assert (result.exit_code, result.output.count("\n")) == (2, 1)
-    assert "--rate = 10: goes with an arm" in result.output
+    assert "--update-rate = 10: goes with an arm" in result.output

@@ -178,7 +178,7 @@ def test_convert_and_simulate_write_them(tmp_path, run):
     pytest.importorskip("mcap")
     aw.save(run, tmp_path / "run.nc")
     for ending in ("mcap", "mat", "csv"):
-        command("convert", tmp_path / "run.nc", tmp_path / f"run.{ending}")
+        command("convert", tmp_path / "run.nc", "-o", tmp_path / f"run.{ending}")
         aw.save(aw.load_run(tmp_path / "run.nc"), tmp_path / f"saved.{ending}")
     assert (tmp_path / "run.mcap").read_bytes() == (tmp_path / "saved.mcap").read_bytes()
     assert (tmp_path / "run.csv").read_bytes() == (tmp_path / "saved.csv").read_bytes()
@@ -190,12 +190,12 @@ def test_refusals_are_one_line(tmp_path, run, monkeypatch):
     aw.save(run, tmp_path / "run.nc")
     (tmp_path / "bad.nc").write_bytes(b"no run")
     cases = [
-        (("convert", tmp_path / "run.nc", tmp_path / "run.toml"), "the ending '.toml' is not offered"),
-        (("convert", tmp_path / "none.nc", tmp_path / "run.mcap"), "no such file"),
-        (("convert", tmp_path / "bad.nc", tmp_path / "run.mcap"), "cannot be read as a run"),
-        (("convert", tmp_path / "run.nc", tmp_path / "run.nc"), "is read, and would be replaced"),
-        (("convert", tmp_path / "run.nc", tmp_path / "x.mat", "--smoothing", "0.1"), "goes with a robot file"),
-        (("convert", "cmu-dd", tmp_path / "run.mcap"), "the ending '.mcap' is not offered"),
+        (("convert", tmp_path / "run.nc", "-o", tmp_path / "run.toml"), "the ending '.toml' is not offered"),
+        (("convert", tmp_path / "none.nc", "-o", tmp_path / "run.mcap"), "no such file"),
+        (("convert", tmp_path / "bad.nc", "-o", tmp_path / "run.mcap"), "cannot be read as a run"),
+        (("convert", tmp_path / "run.nc", "-o", tmp_path / "run.nc"), "is read, and would be replaced"),
+        (("convert", tmp_path / "run.nc", "-o", tmp_path / "x.mat", "--smoothing", "0.1"), "goes with a robot file"),
+        (("convert", "cmu-dd", "-o", tmp_path / "run.mcap"), "the ending '.mcap' is not offered"),
     ]
     for arguments, expected in cases:
         shown = command(*arguments, code=2).strip()

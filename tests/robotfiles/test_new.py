@@ -170,7 +170,7 @@ def test_the_commands(tmp_path):
         return run_here(["armwright", *words], tmp_path)
 
     chain(tmp_path)
-    done = run("new", "robot", "arm.toml", "--from", "arm.urdf", "--command", "voltage")
+    done = run("new", "robot", "arm.toml", "--from", "arm.urdf", "--drive-command", "voltage")
     assert (done.returncode, done.stderr) == (0, "")
     assert "next: armwright check arm.toml" in done.stdout
     done = run("check", "arm.toml")

@@ -68,7 +68,7 @@ def test_a_light_joint_that_leaves_its_model(tmp_path):
     assert not found.alarms
     assert found.largest("position")[1] > 0.5
     assert not found.verdict.clean
-    shown = CliRunner().invoke(app, ["shadow", str(path), "--robot", "two-link", "--deviation", "4"])
+    shown = CliRunner().invoke(app, ["shadow", "two-link", str(path), "--deviation", "4"])
     assert shown.exit_code == 1
     assert "elbow: the position residual reached" in shown.output
     assert "no alarm" not in shown.output

@@ -75,7 +75,17 @@ class Machine:
         time.sleep(0.3)
 
     def run(self, missing):
-        words = ["run-controller", str(self.file), "--bus", BUS, "--arm", "1", "--go", "--missing", str(missing)]
+        words = [
+            "run-controller",
+            str(self.file),
+            "--bus",
+            BUS,
+            "--serial-number",
+            "1",
+            "--go",
+            "--missing",
+            str(missing),
+        ]
         process = self.start(*words, stdin=subprocess.DEVNULL)
         for line in process.stdout:
             if "last answer after" in line:  # the rehearsal is over, the bus is next

@@ -124,7 +124,7 @@ def test_a_twin_of_a_slower_run_is_pushed_later(file, bus, monkeypatch):
 def test_data_sheets_are_written(file, tmp_path):
     from canopen.objectdictionary.eds import import_eds
 
-    assert invoked("twin", file, "--eds", tmp_path / "sheets").exit_code == 0
+    assert invoked("twin", file, "--write-eds", tmp_path / "sheets").exit_code == 0
     found = import_eds(str(tmp_path / "sheets" / "two-link-4.eds"), 4)
     assert found[0x1018][4].default == 1
 
@@ -133,10 +133,10 @@ def test_data_sheets_of_any_name_stay_in_their_folder(file, tmp_path):
     robot = tmp_path / "two.toml"
     text = robot.read_text(encoding="utf-8")
     robot.write_text(text.replace('name = "two-link"', 'name = "../räum"', 1), encoding="utf-8")
-    result = invoked("twin", file, "--eds", tmp_path / "sheets")
+    result = invoked("twin", file, "--write-eds", tmp_path / "sheets")
     assert result.exit_code == 0, result.output
     assert sorted(path.name for path in (tmp_path / "sheets").iterdir()) == ["_räum-3.eds", "_räum-4.eds"]
-    refused = invoked("twin", file, "--eds", robot)
+    refused = invoked("twin", file, "--write-eds", robot)
     assert refused.exit_code == 2
     assert "is no folder" in refused.output
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import contextlib
+import contextvars
 import errno
 import functools
 import importlib
 import inspect
 import os
 import sys
+import traceback
 from collections.abc import Callable
 from io import TextIOWrapper
 from typing import Annotated, Any
@@ -18,9 +20,11 @@ from typer.core import TyperCommand, TyperGroup
 
 from armwright import __version__
 from armwright.cli.json_output import with_json
+from armwright.cli.spelling import Spelled, global_first
 from armwright.errors import ArmwrightError, RunStopped
-from armwright.terminal import say
+from armwright.terminal import be_quiet, say
 
+_with_traceback = contextvars.ContextVar("traceback", default=False)
 LONGEST = 2500  # characters of an error: a word that was typed may have any length
 UsageError: Any = typer.BadParameter.__mro__[1]  # typer keeps it to itself
 
@@ -41,7 +45,6 @@ MODULES = {
     "run-controller": "twin",
 }  # others: as their name
 DRAWN = ("show", "plot", "animate", "sim")  # these draw, or converse: --json would have nothing to write
-WRITTEN = ("new", "examples")  # these write or list files
 
 
 class Commands(TyperGroup):
@@ -76,8 +79,15 @@ class Commands(TyperGroup):
         listing.list_commands = self.list_commands  # type: ignore[method-assign]
         listing.format_help(ctx, formatter)
 
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Reads options of the whole program wherever they stand, and the name of a command."""
+        return super().parse_args(ctx, global_first(list(args)))
+
     def main(self, *args: Any, standalone_mode: bool = True, **extra: Any) -> Any:
-        """Runs a command; ends the process with its exit code."""
+        """Runs a command; ends the process with its exit code. What --quiet and --traceback set ends with it."""
+        return contextvars.copy_context().run(self._run, *args, standalone_mode=standalone_mode, **extra)
+
+    def _run(self, *args: Any, standalone_mode: bool, **extra: Any) -> Any:
         for stream in (sys.stdout, sys.stderr):
             if isinstance(stream, TextIOWrapper):
                 stream.reconfigure(errors="replace")  # a console without τ and ² shows ? for them
@@ -132,6 +142,8 @@ def _silence() -> None:
 
 def _fail(message: str, code: int = 2) -> int:
     """Shows an error, further mistakes of a file on lines of their own, and gives the exit code."""
+    if _with_traceback.get():
+        traceback.print_exc()
     lines = [" ".join(line.split()) for line in message.split("\n  ")]
     shown = [line if len(line) <= LONGEST else f"{line[:LONGEST]}…" for line in lines]
     say("\n  ".join([f"armwright: error: {shown[0]}", *shown[1:]]), err=True)
@@ -158,6 +170,13 @@ def _commands(
     version: Annotated[
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version and stop.")
     ] = False,
+    quiet: Annotated[
+        bool,
+        typer.Option("--quiet", help="Only errors, and the result that was asked for: a file, else what is shown."),
+    ] = False,
+    with_traceback: Annotated[
+        bool, typer.Option("--traceback", help="With an error its traceback, for a report.")
+    ] = False,
 ) -> None:
     """Models, simulates, identifies and controls robot arms with their motors.
 
@@ -170,6 +189,9 @@ def _commands(
       armwright new robot my-arm.toml --from my-arm.urdf
       armwright examples copy examples
     """
+    if quiet:
+        be_quiet()
+    _with_traceback.set(with_traceback)
     if context.invoked_subcommand is None:
         typer.echo(context.get_help())
 
@@ -195,14 +217,14 @@ def made(name: str) -> Any:
     if not isinstance(found, typer.Typer):
         alone = typer.Typer(add_completion=False, rich_markup_mode="rich")
         callback = found if name in DRAWN else with_json(found, name)
-        alone.command(name, help=about(name), rich_help_panel=PANEL_OF[name])(callback)
+        alone.command(name, cls=Spelled, help=about(name), rich_help_panel=PANEL_OF[name])(callback)
         return typer.main.get_command(alone)
     for command in found.registered_commands:
         assert command.callback is not None
+        command.cls = Spelled
         command.help = _unwrapped(command.callback.__doc__ or "")
         command.name = command.name or command.callback.__name__.replace("_", "-")
-        if name not in WRITTEN:
-            command.callback = with_json(command.callback, f"{name} {command.name}")
+        command.callback = with_json(command.callback, f"{name} {command.name}")
     group = typer.main.get_group(found)
     group.rich_help_panel = PANEL_OF[name]
     return group

@@ -15,7 +15,7 @@ from rich.markup import escape
 
 import armwright as aw
 from armwright.errors import ABSENT, ArmwrightError, DivergenceError, ScenarioError
-from armwright.terminal import say
+from armwright.terminal import note
 
 if TYPE_CHECKING:
     import numpy as np
@@ -68,6 +68,10 @@ Robot = Annotated[
         "ROBOT", "Name of a built-in arm, or path of a robot's TOML, URDF or MJCF file.", autocompletion=complete_robot
     ),
 ]
+AnyScenario = Annotated[Path, argument("SCENARIO", "A .scenario.toml with a controller.")]
+PhaseMargin = Annotated[
+    str, option("ANGLE", "Phase margin to keep, such as 45deg; default 30deg.", ..., names="--phase-margin")
+]
 Table = Annotated[Path, argument("IN.csv", "CSV file, one set of data a row.")]
 Out = Annotated[Path | None, output_option("OUT.csv", "CSV file for the results; without it they are printed.", ...)]
 Schedule = Annotated[
@@ -92,10 +96,10 @@ Duration = Annotated[
     float | None, option("S", "Duration in s; by default until the schedule's last row.", ..., names="--duration")
 ]
 Position = Annotated[
-    str | None, option("Q1,Q2,…", "Initial positions in rad (or 30deg, pi/2) or m; default 0.", ..., names="--q0")
+    str | None, option("Q1,Q2,…", "Initial positions in rad (or 30deg, pi/2) or m; default 0.", ..., names="--start")
 ]
 Velocity = Annotated[
-    str | None, option("W1,W2,…", "Initial velocities in rad/s or m/s; default 0.", ..., names="--qd0")
+    str | None, option("W1,W2,…", "Initial velocities in rad/s or m/s; default 0.", ..., names="--start-velocity")
 ]
 
 ANGLE = re.compile(r"^(?P<factor>[+-]?[\d.]*)\*?pi(?:/(?P<by>[\d.]+))?$")
@@ -147,18 +151,42 @@ def _number(place: str, text: str, unit: str) -> float:
     return value
 
 
+def angle(place: str, text: str) -> float:
+    """Angle [rad] of text such as `30deg`, `pi/6` or `0.5`.
+
+    Args:
+        place: name of the option.   text: that was typed.
+    Raises:
+        ScenarioError: something that is no finite number.
+    """
+    return _number(place, text, "rad")
+
+
+def only(robots: Sequence[str] | None) -> str | None:
+    """The robot of a first argument that may be left out; None if it was.
+
+    Raises:
+        ScenarioError: there are several.
+    """
+    if robots and len(robots) > 1:
+        raise ScenarioError(
+            "one robot, then the file", place="arguments", value=" ".join(robots), expected="ROBOT once"
+        )
+    return robots[0] if robots else None
+
+
 def start_of(arm: Model, q0: str | None, qd0: str | None) -> Start:
-    """Initial positions and speeds from the options --q0 and --qd0."""
+    """Initial positions and speeds from the options --start and --start-velocity."""
     from armwright.model.joint_signals import joint_units
 
     units = joint_units(arm, "q")
-    q = None if q0 is None else vector("--q0", q0, arm.names, units)
+    q = None if q0 is None else vector("--start", q0, arm.names, units)
     if q is not None and q0 is not None and "deg" not in q0:
         far = [k for k, unit in enumerate(units) if unit == "rad" and abs(q[k]) > 2.0 * pi]
         for k in far[:1]:
             turns = f"radians? {q[k]:g} rad is {abs(q[k]) / (2.0 * pi):.1f} turns"
-            say(f"armwright: note: --q0 of joint {arm.names[k]!r}: {turns}; degrees are written {q[k]:g}deg", err=True)
-    qd = None if qd0 is None else vector("--qd0", qd0, arm.names, joint_units(arm, "qd"))
+            note(f"--start of joint {arm.names[k]!r}: {turns}; degrees are written {q[k]:g}deg")
+    qd = None if qd0 is None else vector("--start-velocity", qd0, arm.names, joint_units(arm, "qd"))
     return aw.Start(q, qd)
 
 
@@ -299,8 +327,8 @@ OPTION_OF = {  # field of a scenario, or argument of a function → the option t
     "solver.integrator": "--integrator",
     "recording.period": "--record-period",
     "recording.every": "--record-every",
-    "accuracies": "--accuracy",
-    "steps": "--steps",
+    "accuracies": "--accuracies",
+    "steps": "--step-count",
 }
 IN_TEXT = re.compile(r"\b(?:solver|recording)\.\w+")
 QUOTED = re.compile(r"['\"](\w+)['\"]")

@@ -21,13 +21,13 @@ def assemble(
     output: Path | None = output_option(
         "FILE", "ARM.toml, the arm; with --all a list as .csv, or the best arm as .toml."
     ),
-    every: bool = flag("--all", "List every arm that the connectors allow instead."),
+    every: bool = flag("--all", "List all arms that the connectors allow instead."),
     modules: str | None = option("FILE", "With --all: a module library's file, or the name of a built-in one."),
     task: Path | None = option("FILE", "With --all: rank them by how well they do the task in this file."),
     max_joints: int = option("N", "With --all: most joints of an arm.", 6, show_default=True),
     min_joints: int = option("N", "With --all: fewest joints of an arm.", 1, show_default=True),
     max_links: int = option("N", "With --all: how many modules without joints in a row.", 1, show_default=True),
-    limit: int = option("N", "With --all: how many are computed.", 1000, show_default=True),
+    limit: int = option("N", "With --all: how many are computed.", 1000, names="--max-assemblies", show_default=True),
     show: int = option("N", "With --all: how many are printed.", 20, show_default=True),
 ) -> None:
     """Put modules together, check that they fit, and write the resulting arm.
@@ -40,7 +40,7 @@ def assemble(
     \b
     Examples:
       armwright assemble lwa4p.assembly.toml -o arm.toml
-      armwright assemble --all --modules improv --max-joints 4 --limit 100
+      armwright assemble --all --modules improv --max-joints 4 --max-assemblies 100
       armwright assemble --all --modules improv --min-joints 6 --task pick.task.toml -o best.toml
     """
     if every == (assembly is not None):
@@ -118,7 +118,7 @@ def _all(modules: str, task: Path | None, rules: dict[str, int], output: Path | 
         console.print(f"{result.total - open_} are too short for the furthest pose")
     if len(rows) < open_:
         order = "others" if task is not None else "longer ones"
-        console.print(f"{open_ - len(rows)} {order} were not computed (--limit {rules['limit']})")
+        console.print(f"{open_ - len(rows)} {order} were not computed (--max-assemblies {rules['limit']})")
     say_notes(f"module {name} is left out: {reason}" for name, reason in result.left_out.items())
     if output is not None:
         console.print(f"wrote {output}")

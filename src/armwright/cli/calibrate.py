@@ -5,15 +5,17 @@ from __future__ import annotations
 from pathlib import Path
 
 import armwright as aw
-from armwright.cli.arguments import argument, as_options, option, output_option, words
+from armwright.cli.arguments import argument, as_options, complete_robot, only, option, output_option, words
 from armwright.cli.outcome import PAGE, PICTURE, TOML, check_file, exit_unless, write
 from armwright.cli.tables import show
 from armwright.errors import IdentificationError
 
 
 def calibrate(
+    robots: list[str] | None = argument(
+        "ROBOT", "The arm; by default the file's.", None, autocompletion=complete_robot
+    ),
     file: Path = argument("FILE.calibration.toml", "What was measured, and the table that holds it."),
-    robot: str | None = option("ROBOT", "The arm; by default the file's."),
     terms: str = option(
         "T1,T2,…",
         "Some of zeros, frames (both by default), eccentricity, joint compliance, link compliance.",
@@ -34,8 +36,9 @@ def calibrate(
     \b
     Examples:
       armwright calibrate tiago.calibration.toml
-      armwright calibrate tracker.calibration.toml --robot arm.toml -o calibrated.toml --report calibration.html
+      armwright calibrate arm.toml tracker.calibration.toml -o calibrated.toml --report calibration.html
     """
+    robot = only(robots)
     check_file(output, TOML, (file, robot))
     check_file(report, PAGE)
     check_file(plot, PICTURE)

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 import armwright as aw
 from armwright.cli.arguments import Robot, as_options, flag, option, output_option, refuse
 from armwright.cli.outcome import check_file
-from armwright.cli.servo_arm import SAID, WARNING, calibration_of, line_of, stopping
+from armwright.cli.servo_arm import NAMED, SAID, WARNING, calibration_of, line_of, stopping
 from armwright.cli.tables import console_for_tables, table
 from armwright.errors import BusError, RunStopped
-from armwright.terminal import say
+from armwright.terminal import note, say
 
 if TYPE_CHECKING:
     from armwright.model import Model
@@ -25,7 +25,7 @@ STORED = ("joint", "id", "model", "firmware", "drive mode", "offset", "lowest", 
 def capture(
     robot: Robot,
     serial: str = option("PORT", "Serial port of the arm, such as /dev/ttyUSB0 or COM3.", ...),
-    motion: Path | None = option("FILE", "Motion: .csv or .nc of `armwright plan` or `armwright excite`."),
+    reference: Path | None = option("FILE", "Motion to follow: .csv or .nc of `armwright plan` or `armwright excite`."),
     calibration: Path | None = option(
         "FILE", "Stored calibration, of --calibrate or LeRobot, that the servos must have; needed with --go."
     ),
@@ -34,20 +34,20 @@ def capture(
     ),
     output: Path | None = output_option("LOG.csv", "Goals and measurements, a row a cycle; needed with --go."),
     go: bool = flag("--go", "Move. Without it nothing is written to servos, and the motion is only checked."),
-    servo: str | None = option("MODEL", "Of all servos: sts3215 (default), xl330-m288, xl430-w250."),
+    servo: str | None = option("MODEL", "Model of all servos: sts3215 (default), xl330-m288, xl430-w250."),
     ids: str | None = option("1-6", "Ids of the servos, such as 1-6 or 1,2,5; default the calibration's, or from 1."),
-    baud: int | None = option("BIT/S", "Of the serial line; default 1000000."),
+    baud: int | None = option("BIT/S", "Baud rate of the serial line; default 1000000."),
     zero: str | None = option(
         "C1,C2,…", "Counts that the servos show where joints are at 0; default the calibration's, or 2048."
     ),
     reverse: str | None = option("J1,J2,…", "Joints that turn the other way than their encoders count."),
-    rate: float = option("HZ", "Cycles a second; default 50.", 50.0),
-    step: float = option("RAD", "That a goal may be away from the measured position; default 0.3.", 0.3),
+    period: float = option("S", "Period in s of a cycle; default 0.02.", 0.02),
+    goal_distance: float = option("RAD", "Farthest that a goal may be from the measured position; default 0.3.", 0.3),
     approach: float = option(
         "RAD/S", "Largest speed of a joint on the way to where the motion begins; default 0.2.", 0.2
     ),
-    torque: float = option("F", "Largest duty, in parts of the whole; default 0.5.", 0.5),
-    patience: float = option("S", "For the answers to an instruction; default 0.05.", 0.05),
+    torque_fraction: float = option("F", "Largest duty, in parts of the whole; default 0.5.", 0.5),
+    patience: float = option("S", "Longest wait in s for the servos' answers; default 0.05.", 0.05),
     release: bool = flag("--release", "Switch torque off at the end; the arm then falls."),
 ) -> None:
     """Play a motion on an arm of bus servos, and log goals, positions, speeds, loads and voltages with their times.
@@ -63,36 +63,40 @@ def capture(
     \b
     Examples:
       armwright capture arm.toml --serial /dev/ttyUSB0 --calibrate my.calibration.json
-      armwright capture arm.toml --serial /dev/ttyUSB0 --motion swing.csv --calibration my.calibration.json
-      armwright capture arm.toml --serial /dev/ttyUSB0 --motion swing.csv --calibration my.calibration.json --go -o swing-log.csv
+      armwright capture arm.toml --serial /dev/ttyUSB0 --reference swing.csv --calibration my.calibration.json
+      armwright capture arm.toml --serial /dev/ttyUSB0 --reference swing.csv --calibration my.calibration.json --go -o log.csv
     """
     from armwright.twin.serial.arm_servos import ServoSettings
     from armwright.twin.serial.capture import capture as play, plan_capture
     from armwright.twin.serial.client import SerialPort
 
-    with as_options(*SAID, zeros="--zero", reversed="--reverse"):
+    with as_options(*SAID, **NAMED):
         arm, line = (
             aw.load(robot),
             line_of({"servo": servo, "ids": ids, "baud": baud, "zero": zero, "reverse": reverse}),
         )
         if calibrate is not None:
-            refuse({"motion": motion, "calibration": calibration, "output": output}, "is of a motion", error=BusError)
+            refuse(
+                {"reference": reference, "calibration": calibration, "output": output}, "is of a motion", error=BusError
+            )
             _store(arm, line, serial, calibrate)
             return
-        if motion is None:
-            raise BusError("missing", place="--motion", expected="--motion FILE or --calibrate FILE.json")
+        if reference is None:
+            raise BusError("missing", place="--reference", expected="--reference FILE or --calibrate FILE.json")
         if go and output is None:
             raise BusError("missing", place="--output", expected="-o LOG.csv beside --go")
         check_file(output, (".csv",))
-        settings = ServoSettings(rate, step, torque, release, approach, patience)
-        plan = plan_capture(arm, motion, line, settings, calibration_of(calibration, needed=go))
+        if not 1e-4 <= period <= 10.0:
+            raise BusError(place="--period", value=period, expected="1e-4 … 10 s")
+        settings = ServoSettings(1.0 / period, goal_distance, torque_fraction, release, approach, patience)
+        plan = plan_capture(arm, reference, line, settings, calibration_of(calibration, needed=go))
         title = f"{arm.name}: {plan.times[-1]:.4g} s in {len(plan.times)} cycles"
         console_for_tables().print(table(title, HEADS, plan.rows(), HEADS))
         if not go:
             _look(plan, serial, line.baud)
             return
         assert output is not None
-        say(f"armwright: note: {WARNING}", err=True)
+        note(WARNING)
         with SerialPort(serial, line.baud) as port, stopping(None) as stopped:
             try:
                 found = play(plan, port, stopped, say)
@@ -128,7 +132,7 @@ def _look(plan: CapturePlan, serial: str, baud: int) -> None:
     try:
         port = SerialPort(serial, baud)
     except BusError as error:
-        say(f"armwright: note: {error}; the servos were not read", err=True)
+        note(f"{error}; the servos were not read")
         say(f"approach: at most {plan.longest_approach}")
     else:
         with port:
@@ -136,5 +140,5 @@ def _look(plan: CapturePlan, serial: str, baud: int) -> None:
             servos.identify()
             say(f"approach of {approach(plan.fit, servos.positions(), plan.goals[0], plan.settings)}")
     if plan.fit.calibration is None:
-        say("armwright: note: without --calibration, --go is refused", err=True)
+        note("without --calibration, --go is refused")
     say("dry run: nothing was written to servos; --go moves the arm")

@@ -17,17 +17,19 @@ if TYPE_CHECKING:
 
 
 def compare_controllers(
-    scenarios: list[Path] = argument("FILE.scenario.toml…", "Scenarios of one arm, each with a controller."),
+    scenarios: list[Path] = argument("SCENARIO…", "Scenarios of one arm, each with a controller."),
     motion: list[Path] = option(
         "FILE",
         "Motion to follow: .motion.toml with its payloads, or .csv or .nc of one that was saved; may be repeated.",
         ...,
-        names="--motion -m",
+        names="--reference -m",
     ),
     payload: list[str] | None = option(
         "KG", "Point mass at the tip during all of every motion; 0: what the motion carries; may be repeated."
     ),
-    runs: int | None = option("N", "Runs with different noise and draws; default: the files' lanes, or 8."),
+    runs: int | None = option(
+        "N", "Lanes: runs with different noise and draws; default the files' own, or 8.", names="--lanes"
+    ),
     band: float = option("B", "Band of the settling time in rad or m; default 0.001.", 1e-3),
     settle: float = option("S", "Time to watch after each motion's end, s; default 1.", 1.0),
     output: Path | None = output_option("FILE", "Write every measure: .csv by case and joint, or .nc."),
@@ -40,8 +42,8 @@ def compare_controllers(
 
     \b
     Examples:
-      armwright compare-controllers pid.scenario.toml cascade.scenario.toml --motion pick.motion.toml
-      armwright compare-controllers a.scenario.toml --motion a.csv --payload 0 --payload 2 -o errors.csv --plot errors.png
+      armwright compare-controllers pid.scenario.toml cascade.scenario.toml --reference pick.motion.toml
+      armwright compare-controllers a.scenario.toml --reference a.csv --payload 0 --payload 2 -o errors.csv --plot errors.png
     """
     from armwright.control.comparison.compare import ENDINGS
 

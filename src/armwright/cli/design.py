@@ -9,6 +9,8 @@ import armwright as aw
 from armwright.cli.arguments import (
     SCENARIO,
     Allow,
+    PhaseMargin,
+    angle,
     argument,
     complete_robot,
     option,
@@ -27,28 +29,32 @@ CONTROLLERS = ("cascade", "joint_pid", "computed_torque")
 
 def design(
     scenario: str = argument(
-        "FILE.scenario.toml|ROBOT",
-        "A scenario with a controller; or an arm, with --period.",
+        "ROBOT|SCENARIO",
+        "A .scenario.toml with a controller; or an arm, with --period.",
         autocompletion=complete_robot,
     ),
     out: Path = output_option(f"DESIGNED{SCENARIO}", "The scenario with the designed gains.", ...),
     method: str | None = option(
-        "NAME", "pole-placement, symmetric-optimum, loop-shaping or lqr; default by the controller."
+        "NAME", "Method: pole-placement, symmetric-optimum, loop-shaping or lqr; default by the controller."
     ),
-    bandwidth: str | None = option("W1,W2,…", "Of the joints in rad/s; default the stiffest that keeps the margins."),
-    damping: float = option("Z", "Of the closed loops; default 1.", 1.0),
+    bandwidth: str | None = option(
+        "W1,W2,…", "Bandwidth of the joints in rad/s; default the stiffest that keeps the margins."
+    ),
+    damping: float = option("Z", "Damping of the closed loops; default 1.", 1.0),
     gain_margin: float = option("G", "Gain margin to keep, a factor; default 2.", 2.0),
-    phase_margin: float = option("DEG", "Phase margin to keep, in degrees; default 30.", 30.0),
+    phase_margin: PhaseMargin = "30deg",
     poses: int = option("N", "Poses to draw within the position limits; default 2000.", 2000),
-    seed: int = option("N", "Of the poses; default 0.", 0),
+    seed: int = option("N", "Seed of the poses; default 0.", 0),
     reference: Path | None = option(
         "FILE", "Motion to follow from its start to its end: .motion.toml or .csv of `excite`, `plan`."
     ),
     robot: str | None = option("ROBOT", "In place of a scenario's, such as the identified one; its [values] go."),
     period: float | None = option("S", "Of an arm: sample period in s."),
-    controller: str | None = option("KIND", "Of an arm: cascade, the default, joint_pid or computed_torque."),
-    timing: str | None = option("PRESET", "Of an arm: ideal, one-tick, the default, or sync."),
-    duration: float | None = option("S", "Of an arm: of its scenario in s; default 1."),
+    controller: str | None = option(
+        "KIND", "Of an arm, its controller: cascade (default), joint_pid or computed_torque."
+    ),
+    timing: str | None = option("PRESET", "Of an arm, delays of its loop: ideal, one-tick (default) or sync."),
+    duration: float | None = option("S", "Of an arm: duration in s of its scenario; default 1."),
     allow: Allow = None,
 ) -> None:
     """Design a controller's gains for a scenario's period, delay and sensors, and say what limits every joint.
@@ -65,7 +71,6 @@ def design(
       armwright design lwa4p --period 4e-3 --reference excite.csv -o excited.scenario.toml
       armwright design excited.scenario.toml --robot identified.toml --reference round.motion.toml -o round.scenario.toml
     """
-    import math
     from dataclasses import replace
 
     from armwright.cli.simulate import following
@@ -88,7 +93,7 @@ def design(
     with progress(f"gains of {Path(scenario).name}"):
         designed = aw.loops.design_gains(
             found, method, bandwidth=wanted, damping=damping, gain_margin=gain_margin,
-            phase_margin=math.radians(phase_margin), poses=poses, seed=seed,
+            phase_margin=angle("--phase-margin", phase_margin), poses=poses, seed=seed,
         )  # fmt: skip
         limits = designed.limits
     assert found.loop is not None

@@ -9,6 +9,7 @@ import typer
 from armwright.cli.arguments import argument
 from armwright.terminal import say
 
+HEADS = ("file", "what it is")
 examples = typer.Typer(name="examples")
 
 
@@ -25,16 +26,11 @@ def list_examples() -> None:
     Example:
       armwright examples list
     """
-    from rich.table import Table
-    from rich.text import Text
-
-    from armwright.cli.tables import console_for_tables
+    from armwright.cli.tables import console_for_tables, table
     from armwright.examples import example_files, example_title
 
-    table = Table("file", "what it is", box=None, header_style="bold", pad_edge=False)
-    for name, path in example_files().items():
-        table.add_row(Text(name, style="bold"), Text(example_title(path)))
-    console_for_tables().print(table)
+    rows = [[name, example_title(path)] for name, path in example_files().items()]
+    console_for_tables().print(table(None, HEADS, rows, HEADS))
 
 
 @examples.command("copy")

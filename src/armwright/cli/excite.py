@@ -11,12 +11,23 @@ import typer
 from typer.core import TyperGroup
 
 import armwright as aw
-from armwright.cli.arguments import Robot, argument, as_options, flag, numbers, option, output_option, vector
+from armwright.cli.arguments import (
+    Robot,
+    argument,
+    as_options,
+    complete_robot,
+    flag,
+    numbers,
+    only,
+    option,
+    output_option,
+    vector,
+)
 from armwright.cli.outcome import PICTURE, check_file, write
 from armwright.cli.tables import show
 from armwright.errors import ScenarioError
 from armwright.progress import progress
-from armwright.terminal import say
+from armwright.terminal import remark, say
 
 if TYPE_CHECKING:
     from armwright.identification.experiments.motor import MotorGuess
@@ -32,10 +43,11 @@ class ArmByDefault(TyperGroup):
         return super().parse_args(ctx, args)
 
 
+OPTION_OF_GUESS = {"gain": "--motor-gain", "most": "--max-command", "speed": "--max-speed"}
 excite = typer.Typer(name="excite", cls=ArmByDefault)
 
 Picture = Annotated[Path | None, option("FILE", "Draw it: .png, .svg or .pdf.", ..., names="--plot")]
-Seed = Annotated[int, option("N", "Of random numbers, 0 by default.", ..., names="--seed")]
+Seed = Annotated[int, option("N", "Seed of random numbers; default 0.", ..., names="--seed")]
 
 
 @excite.callback()
@@ -51,16 +63,20 @@ def _about() -> None:
 def arm(
     robot: Robot,
     output: Path = output_option("MOTION.csv", "The motion to write: t, q, qd and qdd of all joints.", ...),
-    period: float = option("S", "Period in s, 10 by default.", 10.0),
-    harmonics: int = option("N", "Of each joint's Fourier series, 5 by default.", 5),
-    starts: int = option("N", "Random starts of the optimisation, 4 by default.", 4),
+    cycle: float = option("S", "Period of the motion in s; default 10.", 10.0),
+    harmonics: int = option("N", "Harmonics of each joint's Fourier series; default 5.", 5),
+    starts: int = option("N", "Random starts of the optimisation; default 4.", 4),
     criterion: str = option("WHAT", "condition (default), condition_si or logdet: of the base regressor.", "condition"),
-    velocity: str | None = option("V1,V2,…", "Largest joint velocities; by default the record's."),
-    acceleration: str | None = option("A1,A2,…", "Largest accelerations; by default the record's."),
-    torque: str | None = option("T1,T2,…", "Largest torques; by default the record's."),
+    velocity: str | None = option(
+        "V1,V2,…", "Largest joint velocities; by default the record's.", names="--max-velocity"
+    ),
+    acceleration: str | None = option(
+        "A1,A2,…", "Largest accelerations; by default the record's.", names="--max-acceleration"
+    ),
+    torque: str | None = option("T1,T2,…", "Largest torques; by default the record's.", names="--max-torque"),
     floor: float | None = option("Z", "Lowest height of the tip in base axes, in m."),
-    rate: float = option("HZ", "Rows in a second, 500 by default.", 500.0),
-    kinematics_only: bool = flag("--kinematics-only", "Links of a TOML file may lack mass properties."),
+    record_period: float = option("S", "Time in s from row to row; default 0.002.", 0.002),
+    kinematics_only: bool = flag("--kinematics-only", "Links of the robot file may lack masses."),
     plot: Picture = None,
     seed: Seed = 0,
 ) -> None:
@@ -72,18 +88,18 @@ def arm(
     \b
     Examples:
       armwright excite lwa4p -o motion.csv --plot motion.png
-      armwright excite arm.urdf -o motion.csv --velocity 1 --period 20 --floor 0.1
+      armwright excite arm.urdf -o motion.csv --max-velocity 1 --cycle 20 --floor 0.1
     """
     from armwright.model.joint_signals import joint_units
 
     check_file(output, (".csv",))
-    if not 0.1 <= rate <= 1e6:
-        raise ScenarioError(place="--rate", value=rate, expected="0.1 … 1e6 Hz")
+    if not 1e-6 <= record_period <= 10.0:
+        raise ScenarioError(place="--record-period", value=record_period, expected="1e-6 … 10 s")
     check_file(plot, PICTURE)
     model = aw.load(robot, kinematics_only=kinematics_only)
     given = {"velocity": ("qd", velocity), "acceleration": ("qdd", acceleration), "torque": ("tau", torque)}
     most = {
-        name: vector(f"--{name}", text, model.names, joint_units(model, unit))
+        name: vector(f"--max-{name}", text, model.names, joint_units(model, unit))
         for name, (unit, text) in given.items()
         if text is not None
     }
@@ -92,38 +108,40 @@ def arm(
     def shown(done: int, total: int) -> None:  # by the search, once its arguments are right
         if done == 0 and not sys.stderr.isatty():  # a bar would not be seen, and this may take minutes
             count = f"{total} start{'s' * (total != 1)}"
-            say(f"designing a motion of {model.name} by {count}, each of some seconds", err=True)
+            remark(f"designing a motion of {model.name} by {count}, each of some seconds")
         tell(done, total)
 
-    places = {"cycle": "--period"} | {f"limits.{name}": f"--{name}" for name in given}
+    places = {"cycle": "--cycle"} | {f"limits.{name}": f"--max-{name}" for name in given}
     with (
         as_options("harmonics", "starts", "criterion", "seed", **places),
         progress(f"designing a motion of {model.name}") as tell,
     ):
         limits = aw.trajectories.MotionLimits.of(model, **most)
         found = aw.identification.design_excitation(
-            model, limits=limits, box=box, cycle=period, harmonics=harmonics, criterion=criterion,  # type: ignore[arg-type]
+            model, limits=limits, box=box, cycle=cycle, harmonics=harmonics, criterion=criterion,  # type: ignore[arg-type]
             starts=starts, seed=seed, progress=shown,
         )  # fmt: skip
     say(found)
-    write(output, lambda path: found.save(path, rate))
+    write(output, lambda path: found.save(path, 1.0 / record_period))
     write(plot, lambda path: aw.identification.plot_experiment(found, path))
 
 
 @excite.command()
 def motor(
+    robots: list[str] | None = argument(
+        "ROBOT", "Take the guess from this record.", None, autocompletion=complete_robot
+    ),
     kind: str = argument("KIND", "step, staircase, prbs, multisine or chirp."),
     output: Path = output_option("COMMAND.csv", "The command to write.", ...),
-    robot: str | None = option("ROBOT", "Take the guess from this record."),
-    joint: str | None = option("NAME", "Of the robot; by default the first."),
-    gain: float | None = option("G", "Steady speed for a command, in rad/s per unit of it."),
-    time_constant: float | None = option("S", "In s."),
-    most: float | None = option("U", "Largest command."),
-    dead_zone: float | None = option("U", "Command below which nothing moves; 0 by default."),
-    speed: float | None = option("W", "Largest speed in rad/s."),
+    joint: str | None = option("NAME", "Joint of the robot; by default the first."),
+    gain: float | None = option("G", "Steady speed for a command, in rad/s per unit of it.", names="--motor-gain"),
+    time_constant: float | None = option("S", "Time constant of the motor in s."),
+    most: float | None = option("U", "Largest command.", names="--max-command"),
+    dead_zone: float | None = option("U", "Command below which nothing moves; default 0."),
+    speed: float | None = option("W", "Largest speed in rad/s.", names="--max-speed"),
     travel: float | None = option("Q", "How far it may move to either side, in rad."),
-    sample: float = option("S", "Sample period of whoever plays it, 0.001 s by default.", 1e-3),
-    unit: str | None = option("UNIT", "Of the command, V by default."),
+    period: float = option("S", "Sample period in s of whoever plays it; default 0.001.", 1e-3),
+    unit: str | None = option("UNIT", "Unit of the command; default V."),
     plot: Picture = None,
     seed: Seed = 0,
 ) -> None:
@@ -131,8 +149,8 @@ def motor(
 
     \b
     Examples:
-      armwright excite motor prbs -o prbs.csv --gain 12 --time-constant 0.05 --most 12
-      armwright excite motor staircase -o static.csv --robot cmu-dd --joint joint1 --travel 1
+      armwright excite motor prbs -o prbs.csv --motor-gain 12 --time-constant 0.05 --max-command 12
+      armwright excite motor cmu-dd staircase -o static.csv --joint joint1 --travel 1
     """
     check_file(output, (".csv",))
     check_file(plot, PICTURE)
@@ -141,9 +159,9 @@ def motor(
         "unit": unit,
     }  # fmt: skip
     given = {name: value for name, value in options.items() if value is not None}
-    guess = _guess(robot, joint, given)
-    with as_options("seed", period="--sample"):
-        found = aw.identification.motor_experiment(kind, guess, period=sample, seed=seed)
+    guess = _guess(only(robots), joint, given)
+    with as_options("seed", "period"):
+        found = aw.identification.motor_experiment(kind, guess, period=period, seed=seed)
     say(found)
     write(output, found.save)
     write(plot, lambda path: aw.identification.plot_experiment(found, path))
@@ -152,15 +170,15 @@ def motor(
 @excite.command()
 def poses(
     robot: Robot,
-    count: int = option("N", "Of poses.", ..., names="--count -n"),
-    point: list[str] = option("X,Y,Z", "Of a marker on the tool, in m in the frame; may be repeated.", ...),
+    count: int = option("N", "Poses to choose.", ..., names="--poses -n"),
+    point: list[str] = option("X,Y,Z", "Marker on the tool, in m in the frame; may be repeated.", ...),
     output: Path = output_option("POSES.csv", "The poses to write: one a row, a column for each joint.", ...),
     frame: str | None = option("NAME", "Frame that carries the markers; by default the tip."),
-    radius: float | None = option("M", "Of links without shapes, for collisions."),
-    clearance: float = option("M", "Least distance between links, 0 by default.", 0.0),
+    radius: float | None = option("M", "Radius of links without shapes, for collisions."),
+    clearance: float = option("M", "Least distance between links; default 0.", 0.0),
     floor: float | None = option("Z", "Height of a floor in base axes, in m, that the links stay above."),
-    candidates: int = option("N", "Random poses that they are chosen from, 400 by default.", 400),
-    kinematics_only: bool = flag("--kinematics-only", "Links of a TOML file may lack mass properties."),
+    candidates: int = option("N", "Candidates: random poses that they are chosen from; default 400.", 400),
+    kinematics_only: bool = flag("--kinematics-only", "Links of the robot file may lack masses."),
     plot: Picture = None,
     seed: Seed = 0,
 ) -> None:
@@ -181,7 +199,7 @@ def poses(
         obstacles = [] if floor is None else [aw.collision.PlaneObstacle([0.0, 0.0, floor], [0.0, 0.0, 1.0], "floor")]
         with as_options("radius", least="--clearance"):
             room = aw.collision.clearance(model, obstacles, radius=radius, least=clearance)
-    with as_options("count", "candidates", "seed", "frame", points="--point"):
+    with as_options("candidates", "seed", "frame", count="--poses", points="--point"):
         found = aw.identification.design_poses(
             model, count, points, frame=frame, clearance=room, candidates=candidates, seed=seed
         )
@@ -197,11 +215,17 @@ def _guess(robot: str | None, joint: str | None, given: dict[str, Any]) -> Motor
             return replace(aw.identification.MotorGuess.of(aw.load(robot), joint, most=given.get("most")), **given)
         needed = [name for name in ("gain", "time_constant", "most") if name not in given]
         if needed:
-            options = ", ".join(f"--{name.replace('_', '-')}" for name in needed)
-            expected = "them, or --robot with motor constants in its record"
+            options = ", ".join(OPTION_OF_GUESS.get(name, f"--{name.replace('_', '-')}") for name in needed)
+            expected = "them, or ROBOT with motor constants in its record"
             raise ScenarioError(f"no {options}", place="motor", expected=expected)
         if joint is not None:
             given["joint"] = joint
         return aw.identification.MotorGuess(**given)
     except ScenarioError as error:
-        raise error.renamed(lambda place: place.replace("MotorGuess.", "--").replace("_", "-")) from None
+        raise error.renamed(_option_of_guess) from None
+
+
+def _option_of_guess(place: str) -> str:
+    """The option that gives a field of a guess."""
+    name = place.removeprefix("MotorGuess.")
+    return OPTION_OF_GUESS.get(name, f"--{name.replace('_', '-')}") if name != place else place.replace("_", "-")

@@ -53,12 +53,12 @@ def c(
 def controller(
     scenario: str = argument("SCENARIO", "A scenario file with a loop and a controller."),
     output: Path = output_option("DIR", "Folder for the files; made where there is none.", ...),
-    name: str | None = option("NAME", "What names in C begin with; default: ARM_controller."),
+    name: str | None = option("NAME", "Name that those in C begin with; default: ARM_controller."),
     gains: str = option(
         "G1,G2,…", "Fields of the controller that become parameters of the code.", "", show_default=True
     ),
     single: bool = flag("--float", "Compute in float instead of double."),
-    counts: bool = flag("--counts", "Take positions in counts of the scenario's encoders."),
+    counts: bool = flag("--encoder-counts", "Take positions in counts of the scenario's encoders."),
     ram: int | None = option("BYTES", "RAM that the target has for it.", min=0),
     flash: int | None = option("BYTES", "Flash that it has.", min=0),
     allow: Allow = None,
@@ -97,9 +97,13 @@ def ros2(
     source: str = argument("ROBOT|SCENARIO", "A robot, as of other commands, or a scenario file (.toml)."),
     output: Path = output_option("DIR", "Folder for the files; made where there is none.", ...),
     command: str | None = option(
-        "KIND", "What the trajectory controller of a robot commands: position (the default), velocity or effort."
+        "KIND",
+        "What the trajectory controller of a robot commands: position (the default), velocity or effort.",
+        names="--command-interface",
     ),
-    rate: int | None = option("HZ", "Update rate of the controller manager of a robot; default: 100."),
+    rate: int | None = option(
+        "HZ", "Update rate of the controller manager of a robot; default: 100.", names="--update-rate"
+    ),
     hardware: str = option("PLUGIN", "Plugin of the arm's driver.", "mock_components/GenericSystem", show_default=True),
     name: str | None = option("NAME", "Name of a scenario's package; default: ARM_controller."),
     gains: str = option("G1,G2,…", "Fields of a scenario's controller that become parameters.", "", show_default=True),
@@ -114,12 +118,12 @@ def ros2(
     \b
     Examples:
       armwright export ros2 lwa4p -o lwa4p_description
-      armwright export ros2 my-arm.toml --command effort --rate 500 -o my_arm_description
+      armwright export ros2 my-arm.toml --command-interface effort --update-rate 500 -o my_arm_description
       armwright export ros2 swing.scenario.toml --gains kp,kd -o swing_controller
     """
     given = aw.read_scenario(source, allow=allow or ()) if source.endswith(SCENARIO) else aw.load(source)
     options = {"command": command, "rate": rate, "hardware": hardware, "name": name, "gains": words(gains)}
-    as_typed = as_options("command", "rate", "hardware", "name", "gains")
+    as_typed = as_options("hardware", "name", "gains", command="--command-interface", rate="--update-rate")
     with (
         progress(f"exporting {given.name if isinstance(given, aw.Model) else given.arm.name}"),
         naming_file(source),
@@ -138,7 +142,7 @@ def fmu(
     part: str = option("PART", "plant, controller or both; the last two need a scenario.", "plant", show_default=True),
     version: str = option("VERSION", "3.0 or 2.0.", "3.0", names="--fmi", show_default=True),
     interface: str = option("INTERFACE", "co-simulation or model-exchange.", "co-simulation", show_default=True),
-    name: str | None = option("NAME", "Model identifier; default: from the file's name."),
+    name: str | None = option("NAME", "Name of the model; default: from the file's name."),
     platforms: str | None = option(
         "P1,P2,…", "Binaries, such as x86_64-windows or host; default: all that can be built."
     ),

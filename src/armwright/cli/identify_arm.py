@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import armwright as aw
-from armwright.cli.arguments import argument, flag, option, output_option, words
+from armwright.cli.arguments import argument, complete_robot, flag, only, option, output_option, words
 from armwright.cli.outcome import PAGE, TOML, check_file, exit_unless, write
 from armwright.cli.tables import show
 from armwright.errors import IdentificationError
@@ -13,11 +13,13 @@ from armwright.progress import progress
 
 
 def arm(
+    robots: list[str] | None = argument(
+        "ROBOT", "The arm; by default the one that the log names.", None, autocompletion=complete_robot
+    ),
     file: Path = argument("LOG.log.toml", "Positions and torques."),
-    robot: str | None = option("ROBOT", "The arm; by default the one that the log names."),
-    kinematics_only: bool = flag("--kinematics-only", "The robot's links may lack masses."),
+    kinematics_only: bool = flag("--kinematics-only", "Links of the robot file may lack masses."),
     method: str = option(
-        "NAME", "ols, wls (default), irls, tukey, essential, recursive; of the loop iv, didim or cloe.", "wls"
+        "NAME", "Method: ols, wls (default), irls, tukey, essential, recursive; of the loop iv, didim or cloe.", "wls"
     ),
     feedback: str = option(
         "KP1,…;KD1,…;S",
@@ -25,7 +27,9 @@ def arm(
         "",
     ),
     forgetting: float = option("SHARE", "What a row still counts one row later, of recursive.", 1.0),
-    friction: str = option("A,B,…", "Of viscous, coulomb, offset, asymmetric, stribeck.", "viscous,coulomb,offset"),
+    friction: str = option(
+        "A,B,…", "Friction terms: viscous, coulomb, offset, asymmetric, stribeck.", "viscous,coulomb,offset"
+    ),
     stribeck_speed: float | None = option("W", "Of stribeck, in rad/s or m/s at the joint."),
     springs: str = option("J1,J2,…", "Joints that get a spring and a counterbalance as candidates.", ""),
     fit_efficiency: str = option(
@@ -48,12 +52,12 @@ def arm(
 
     \b
     Examples:
-      armwright identify arm arm.log.toml --robot arm.urdf --kinematics-only -o arm_identified.toml
-      armwright identify arm arm.log.toml --robot lwa4p --method irls --friction viscous,asymmetric
-      armwright identify arm arm.log.toml --robot arm.toml --fit-efficiency shoulder,elbow -o arm_identified.toml
-      armwright identify arm arm.log.toml --robot two-link --method iv --feedback "900,300;120,40;0.005"
+      armwright identify arm arm.urdf arm.log.toml --kinematics-only -o arm_identified.toml
+      armwright identify arm lwa4p arm.log.toml --method irls --friction viscous,asymmetric
+      armwright identify arm arm.toml arm.log.toml --fit-efficiency shoulder,elbow -o arm_identified.toml
+      armwright identify arm two-link arm.log.toml --method iv --feedback "900,300;120,40;0.005"
     """
-
+    robot = only(robots)
     check_file(output, TOML, (file, robot))
     check_file(report, PAGE)
     model = None if robot is None else aw.load(robot, kinematics_only=kinematics_only)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import armwright as aw
-from armwright.cli.arguments import argument, flag, named_numbers, option, output_option, words
+from armwright.cli.arguments import argument, complete_robot, flag, named_numbers, option, output_option, words
 from armwright.cli.outcome import PAGE, TOML, check_file, exit_unless, write
 from armwright.cli.tables import show
 from armwright.errors import IdentificationError
@@ -14,8 +14,8 @@ HEADS = ("joint", "velocity [rad/s | m/s]", "friction [N m | N]", "± std", "row
 
 
 def friction(
+    robot: str = argument("ROBOT", "The arm; the friction in its file is not used.", autocompletion=complete_robot),
     file: Path = argument("LOG.log.toml", "The arm in motion, each joint both ways."),
-    robot: str = option("ROBOT", "The arm, known or identified; the friction in its file is not used.", ...),
     cutoff: float | None = option("HZ", "Cut-off of the low-pass; by default chosen."),
     warming: str = option(
         "RUN=K,…", "Gears above the reference temperature, in kelvin, by run, instead of the log's temperatures.", ""
@@ -32,8 +32,8 @@ def friction(
 
     \b
     Examples:
-      armwright identify friction arm.log.toml --robot lwa4p --table
-      armwright identify friction arm.log.toml --robot arm.toml -o arm_with_friction.toml
+      armwright identify friction lwa4p arm.log.toml --table
+      armwright identify friction arm.toml arm.log.toml -o arm_with_friction.toml
     """
     from armwright.cli.tables import console_for_tables, number, table as shown_table
     from armwright.identification.arm.friction import friction_over_speed, friction_rows, with_identified_friction

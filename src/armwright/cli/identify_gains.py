@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import armwright as aw
-from armwright.cli.arguments import argument, flag, numbers, option, output_option
+from armwright.cli.arguments import argument, complete_robot, flag, numbers, option, output_option
 from armwright.cli.outcome import PAGE, TOML, check_file, exit_unless, write
 from armwright.cli.tables import show
 from armwright.errors import IdentificationError
@@ -14,17 +14,21 @@ TENSOR = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 
 
 def gains(
+    robot: str = argument(
+        "ROBOT", "The arm; its masses and torque constants do not count.", autocompletion=complete_robot
+    ),
     file: Path = argument("LOG.log.toml", "The arm without the payload in motion."),
-    robot: str = option("ROBOT", "The arm; its masses and torque constants do not count.", ...),
     loaded: Path = option("LOG", "The arm with the payload in motion.", ..., names="--loaded-log"),
-    mass: float = option("KG", "Of the payload, weighed.", ...),
-    mass_std: float = option("KG", "Standard deviation of the mass; enters that of every gain.", 0.0),
+    mass: float = option("KG", "Mass of the payload, weighed.", ..., names="--payload-mass"),
+    mass_std: float = option(
+        "KG", "Standard deviation of the mass; enters that of every gain.", 0.0, names="--payload-mass-std"
+    ),
     com: str | None = option("X,Y,Z", "Centre of the payload [m] in the frame; by default found with the gains."),
     inertia: str | None = option(
         "XX,XY,XZ,YY,YZ,ZZ", "About the centre [kg m²]; with --com; by default found as well."
     ),
     frame: str | None = option("NAME", "Frame that carries it; by default the tip."),
-    kinematics_only: bool = flag("--kinematics-only", "The robot's links may lack masses."),
+    kinematics_only: bool = flag("--kinematics-only", "Links of the robot file may lack masses."),
     cutoff: float | None = option("HZ", "Cut-off of the low-pass; by default chosen."),
     output: Path | None = output_option("ARM.toml", "Write the arm with these torque constants and their deviations."),
     report: Path | None = option("FILE.html", "Write a page: verdict, remarks, parameters, fits."),
@@ -37,8 +41,8 @@ def gains(
 
     \b
     Examples:
-      armwright identify gains empty.log.toml --loaded-log loaded.log.toml --robot arm.urdf --mass 5 -o arm.toml
-      armwright identify gains empty.log.toml --loaded-log loaded.log.toml --robot lwa4p --mass 5 --com 0.05,0,0.08
+      armwright identify gains arm.urdf empty.log.toml --loaded-log loaded.log.toml --payload-mass 5 -o arm.toml
+      armwright identify gains lwa4p empty.log.toml --loaded-log loaded.log.toml --payload-mass 5 --com 0.05,0,0.08
     """
     import numpy as np
 

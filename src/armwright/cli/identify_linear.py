@@ -17,13 +17,13 @@ if TYPE_CHECKING:
 
 def linear(
     file: Path = argument("LOG.log.toml", "Runs to fit and to hold out."),
-    model: str = option("KIND", "arx, oe, armax, n4sid or frequency.", "oe"),
+    model: str = option("KIND", "Model: arx, oe (default), armax, n4sid or frequency.", "oe"),
     order: str = option("N", "Number of poles; auto: chosen.", "auto"),
     delay: str = option("K", "Samples from input to output; auto: chosen.", "auto"),
     select: str = option("CRITERION", "What chooses: cv, aic, bic, fpe or mdl.", "cv"),
-    input: str | None = option("SIGNAL", "By default the voltage, current or torque."),
-    output: str | None = option("SIGNAL", "By default the speed or the position."),
-    joint: str | None = option("NAME", "Needed where the log has several."),
+    input: str | None = option("SIGNAL", "By default the voltage, current or torque.", names="--input-signal"),
+    output: str | None = option("SIGNAL", "By default the speed or the position.", names="--output-signal"),
+    joint: str | None = option("NAME", "Joint of the log; needed where it has several."),
     picture: Path | None = option(
         "FILE", "Draw runs and frequency response, measured and of the model: .png, .svg or .pdf.", names="--plot"
     ),
@@ -38,7 +38,7 @@ def linear(
     Examples:
       armwright identify linear motor.log.toml
       armwright identify linear motor.log.toml --model n4sid --order 2 --plot motor.png
-      armwright identify linear arm.log.toml --joint elbow --input tau --output qd --model frequency
+      armwright identify linear arm.log.toml --joint elbow --input-signal tau --output-signal qd --model frequency
     """
     signals = aw.identification.LogSignals(input, output, joint)
     show_linear(file, model, signals, order=order, delay=delay, select=select, picture=picture, report=report)

@@ -6,7 +6,16 @@ from pathlib import Path
 from typing import Literal
 
 import armwright as aw
-from armwright.cli.arguments import argument, flag, named_numbers, option, output_option, refuse
+from armwright.cli.arguments import (
+    argument,
+    complete_robot,
+    flag,
+    named_numbers,
+    only,
+    option,
+    output_option,
+    refuse,
+)
 from armwright.cli.identify_linear import show_linear
 from armwright.cli.outcome import PAGE, TOML, check_file, exit_unless, write
 from armwright.cli.tables import show
@@ -15,12 +24,18 @@ from armwright.progress import progress
 
 
 def motor(
+    robots: list[str] | None = argument(
+        "ROBOT", "The arm; by default the log's, or one motor on a bench.", None, autocompletion=complete_robot
+    ),
     file: Path = argument("LOG.log.toml", "Voltage or current, and motion."),
-    model: str = option("KIND", "dc, or a black box: arx, oe, armax, n4sid, frequency (see `identify linear`).", "dc"),
+    model: str = option(
+        "KIND", "Model: dc, or a black box: arx, oe, armax, n4sid, frequency (see `identify linear`).", "dc"
+    ),
     order: str = option("N", "Number of poles of a black box; auto: chosen.", "auto"),
     delay: str = option("K", "Samples of delay of a black box; auto: chosen.", "auto"),
-    robot: str | None = option("ROBOT", "The arm; by default the log's, or one motor on a bench."),
-    joint: str | None = option("NAME", "One motor, measured alone; with --load or --locked, that of this joint."),
+    joint: str | None = option(
+        "NAME", "Joint of one motor, measured alone; with --load or --locked, that of this joint."
+    ),
     load: list[str] | None = option(
         "INERTIA | JOINT=INERTIA,…",
         "Motors of the robot moved by themselves, each turning this inertia behind its gear, in kg m²; 0: none.",
@@ -33,11 +48,13 @@ def motor(
     ),
     fix: list[str] | None = option("NAME=VALUE,…", "Known, in the record's unit: R=1.3, limits.voltage_v=24."),
     per_run: list[str] | None = option("NAME,…", "Fitted for every run by itself."),
-    runs: list[str] | None = option("NAME,…", "Runs to fit; by default as the log file states.", names="--run"),
+    runs: list[str] | None = option(
+        "NAME", "Runs to fit, may be repeated; by default as the log file states.", names="--run"
+    ),
     static: Path | None = option("LOG.log.toml", "Steady states, a row each, as additional data."),
     pwm: str | None = option("brake|coast|compare", "What the bridge does while off; compare: by the fit."),
     priors: bool = flag("--priors", "Use the record's standard deviations as measurements."),
-    starts: int | None = option("N", "First guesses; 16 by default."),
+    starts: int | None = option("N", "Random starts of the search; default 16."),
     output: Path | None = output_option("ARM.toml", "Write the record with the fitted numbers and their deviations."),
     report: Path | None = option("FILE.html", "Write a page with the numbers and with plots of every run."),
 ) -> None:
@@ -52,16 +69,19 @@ def motor(
       armwright identify motor bench.log.toml -o motor.toml --report motor.html
       armwright identify motor bench.log.toml --model oe --order 2
       armwright identify motor bench.log.toml --fix R=1.3 --free Kt,J,coulomb,delay
-      armwright identify motor arm.log.toml --robot arm.toml -o arm_identified.toml
-      armwright identify motor elbow.log.toml --robot arm.toml --joint elbow --load 0 -o arm_identified.toml
+      armwright identify motor arm.toml arm.log.toml -o arm_identified.toml
+      armwright identify motor arm.toml elbow.log.toml --joint elbow --load 0 -o arm_identified.toml
     """
+    robot = only(robots)
     if model != "dc":
         from armwright.identification.linear.choice import check_model
 
         check_model(model, beside=("dc",))
-        beside = {"robot": robot, "free": free, "fix": fix, "per-run": per_run, "output": output, "report": report}
+        beside = {"free": free, "fix": fix, "per-run": per_run, "output": output, "report": report}
         beside |= {"load": load, "locked": locked or None, "priors": priors or None}
         beside |= {"run": runs, "static": static, "pwm": pwm, "starts": starts}
+        if robot is not None:
+            raise LogError(f"a black box has no arm: {model}", place="ROBOT", value=robot, expected="the log alone")
         what = f"belongs to --model dc, not to a black box: {model}"
         refuse(beside, what, error=LogError, expected="one of the two")
         return show_linear(file, model, aw.identification.LogSignals(joint=joint), order=order, delay=delay)

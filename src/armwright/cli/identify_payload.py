@@ -5,14 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 import armwright as aw
-from armwright.cli.arguments import argument, option, output_option
+from armwright.cli.arguments import argument, complete_robot, option, output_option
 from armwright.cli.outcome import PAGE, TOML, check_file, exit_unless, write
 from armwright.cli.tables import show
 
 
 def payload(
+    robot: str = argument("ROBOT", "The arm without the payload.", autocompletion=complete_robot),
     file: Path = argument("LOG.log.toml", "The arm with its payload in motion."),
-    robot: str = option("ROBOT", "The arm without the payload.", ...),
     loaded: Path | None = option(
         "LOG",
         "The arm with the payload; LOG.log.toml is then without, and only kinematics count.",
@@ -32,8 +32,8 @@ def payload(
 
     \b
     Examples:
-      armwright identify payload loaded.log.toml --robot lwa4p
-      armwright identify payload empty.log.toml --robot lwa4p --loaded-log loaded.log.toml -o carrying.toml
+      armwright identify payload lwa4p loaded.log.toml
+      armwright identify payload lwa4p empty.log.toml --loaded-log loaded.log.toml -o carrying.toml
     """
     from armwright.identification.arm.payload import with_identified_payload
 

@@ -15,14 +15,16 @@ from armwright.progress import progress
 def servo(
     files: list[Path] = argument("LOG.json…", "BAM's logs of one servo: any gains, masses, lengths and motions."),
     arm_mass: float | None = option("KG", "Mass of the rod, where a log does not say; by default 0."),
-    gain: float | None = option("DUTY", "Duty per radian and unit of P, of a servo that is not known."),
-    limit: float | None = option("DUTY", "Largest duty, with --gain; 1 by default."),
-    goal_speed: float | None = option("RAD_PER_S", "Speed of the goal inside the servo, with --gain."),
-    order: str = option("M1,…,M6", "Friction models that are compared; by default all.", ""),
+    gain: float | None = option(
+        "DUTY", "Duty per radian and unit of P, of a servo that is not known.", names="--duty-gain"
+    ),
+    limit: float | None = option("DUTY", "Largest duty, with --duty-gain; 1 by default.", names="--max-duty"),
+    goal_speed: float | None = option("RAD_PER_S", "Speed of the goal inside the servo, with --duty-gain."),
+    order: str = option("M1,…,M6", "Friction models that are compared; by default all.", "", names="--friction-models"),
     free: str = option(
         "NAME,…", "Fitted in addition to motor and friction: offset, delay, gain, goal_speed.", "offset"
     ),
-    seed: int = option("N", "Of the first guesses.", 0),
+    seed: int = option("N", "Seed of the first guesses; default 0.", 0),
     output: Path | None = output_option("SERVO.toml", "Write the bench as a record, its numbers with deviations."),
     report: Path | None = option("FILE.html", "Write a page with the numbers and a plot of every log."),
 ) -> None:
@@ -35,8 +37,8 @@ def servo(
     \b
     Examples:
       armwright identify servo bench/*.json -o servo.toml --report servo.html
-      armwright identify servo bench/*.json --arm-mass 0.03 --order M1,M4
-      armwright identify servo bench/*.json --gain 0.166 --limit 0.97 --goal-speed 5.2 --free offset,goal_speed
+      armwright identify servo bench/*.json --arm-mass 0.03 --friction-models M1,M4
+      armwright identify servo bench/*.json --duty-gain 0.166 --max-duty 0.97 --goal-speed 5.2 --free offset,goal_speed
     """
     check_file(output, TOML, tuple(files))
     check_file(report, PAGE, tuple(files))
@@ -44,8 +46,8 @@ def servo(
     if gain is not None:
         loop = aw.identification.ServoLoop(gain, 1.0 if limit is None else limit, goal_speed_rad_per_s=goal_speed)
     elif limit is not None or goal_speed is not None:
-        place, value = ("--limit", limit) if limit is not None else ("--goal-speed", goal_speed)
-        raise ModelError("without --gain", place=place, value=value, expected="--gain beside it")
+        place, value = ("--max-duty", limit) if limit is not None else ("--goal-speed", goal_speed)
+        raise ModelError("without --duty-gain", place=place, value=value, expected="--duty-gain beside it")
     orders = words(order) or list(aw.identification.ServoSearch().orders)
     search = aw.identification.ServoSearch(orders=orders, free=words(free), seed=seed)
     with progress("fitting") as tell:

@@ -49,7 +49,7 @@ def ik(
         "WORD", "Best solution by it: nearest (to --near), limits (far from them) or manipulability."
     ),
     tolerance: float = option("T", "On distance in m and angle in rad.", 1e-8),
-    method: str = option("NAME", "closed-form, numeric, or auto: closed form where the arm has one.", "auto"),
+    method: str = option("NAME", "Method: closed-form, numeric, or auto: closed form where the arm has one.", "auto"),
     every: bool = flag("--all", "All solutions of the closed form, a row each."),
 ) -> None:
     """Inverse kinematics of a table: joint positions for the pose in each row.

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import armwright as aw
-from armwright.cli.arguments import SCENARIO, Allow, argument, option, output_option
+from armwright.cli.arguments import SCENARIO, Allow, AnyScenario, PhaseMargin, angle, option, output_option
 from armwright.cli.outcome import PAGE, PICTURE, TOML, check_file, exit_unless, say_each, write
 from armwright.cli.tables import show
 from armwright.errors import ScenarioError
@@ -19,15 +18,15 @@ if TYPE_CHECKING:
 
 
 def loops(
-    scenario: Path = argument("FILE.scenario.toml", "A scenario with a controller."),
+    scenario: AnyScenario,
     poses: int = option("N", "Poses to draw within the position limits; default 100000.", 100_000),
     gain_margin: float = option("G", "Gain margin to keep, a factor; default 2.", 2.0),
-    phase_margin: float = option("DEG", "Phase margin to keep, in degrees; default 30.", 30.0),
+    phase_margin: PhaseMargin = "30deg",
     plot: Path | None = option("FILE", "Draw the region of gains that keep the margins: .png, .svg or .pdf."),
     report: Path | None = option("FILE.html", "Write a page with all results."),
     out: Path | None = output_option(f"OUT{SCENARIO}", "Write the scenario with the change that keeps the margins."),
     change: str | None = option("gains|period", "Of -o: slower gains, the default, or a shorter period."),
-    seed: int = option("N", "Of the poses; default 0.", 0),
+    seed: int = option("N", "Seed of the poses; default 0.", 0),
     allow: Allow = None,
 ) -> None:
     """Analyse sampled loops over the workspace: margins, lowest sampling rate, gain regions.
@@ -39,7 +38,7 @@ def loops(
     \b
     Examples:
       armwright loops arm.scenario.toml
-      armwright loops arm.scenario.toml --phase-margin 45 --report loops.html
+      armwright loops arm.scenario.toml --phase-margin 45deg --report loops.html
       armwright loops arm.scenario.toml -o slower.scenario.toml
     """
     check_file(plot, PICTURE, (scenario,))
@@ -52,7 +51,7 @@ def loops(
     found = aw.read_scenario(scenario, allow=allow or ())
     with progress(f"loops of {scenario.name}"):
         analysis = aw.loops.analyse_loops(
-            found, poses, seed=seed, gain_margin=gain_margin, phase_margin=math.radians(phase_margin)
+            found, poses, seed=seed, gain_margin=gain_margin, phase_margin=angle("--phase-margin", phase_margin)
         )
         remedies = [] if analysis.keeps_margins else analysis.remedies.sentences()
     show(analysis)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 import armwright as aw
-from armwright.cli.arguments import as_options, numbers, option, output_option
+from armwright.cli.arguments import argument, as_options, complete_robot, numbers, option, output_option
 from armwright.cli.outcome import TOML, check_file, write
 from armwright.cli.tables import show
 from armwright.errors import IdentificationError
@@ -22,16 +22,20 @@ measure = typer.Typer(
     no_args_is_help=True,
 )
 FORM = "a number, or VALUE,STD"
-Robot = Annotated[str | None, option("ROBOT", "Arm for whose robot file the number is meant.", ..., names="--robot")]
+Robot = Annotated[
+    str | None,
+    argument("ROBOT", "Arm for whose robot file the number is meant.", ..., autocompletion=complete_robot),
+]
 LinkName = Annotated[str | None, option("NAME", "Link that was measured.", ..., names="--link")]
 Output = Annotated[Path | None, output_option("ARM.toml", "Write the arm with the number and its deviation.", ...)]
-Gravity = Annotated[float, option("G", "Free fall in m/s², 9.80665 by default.", ..., names="--gravity")]
+Gravity = Annotated[float, option("G", "Free fall in m/s²; default 9.80665.", ..., names="--gravity")]
 STANDARD = 9.80665
+SWING = {"period": "--swing-period", "length": "--wire-length"}  # options by argument
 
 
 @measure.command()
 def mass(
-    reading: list[float] = option("KG", "Of the scale; may be repeated.", ...),
+    reading: list[float] = option("KG", "Reading of the scale; may be repeated.", ...),
     scale_std: float = option("KG", "Standard deviation of the scale's calibration.", 0.0),
     resolution: float = option("KG", "Last digit of the scale.", 0.0),
     tare: str = option("KG[,STD]", "Mass that was weighed with the link, such as a fixture.", "0"),
@@ -44,7 +48,7 @@ def mass(
     \b
     Examples:
       armwright measure mass --reading 2.314 --reading 2.315 --resolution 0.001
-      armwright measure mass --reading 2.314 --scale-std 0.002 --robot arm.toml --link forearm -o arm.toml
+      armwright measure mass arm.toml --reading 2.314 --scale-std 0.002 --link forearm -o arm.toml
     """
     _check(robot, link, output)
     with as_options("scale_std", "resolution", "tare", readings="--reading"):
@@ -56,11 +60,11 @@ def mass(
 
 @measure.command()
 def centre(
-    reading: str = option("KG[,STD]", "Of the scale under the second support.", ...),
+    reading: str = option("KG[,STD]", "Reading of the scale under the second support.", ...),
     span: str = option("M[,STD]", "From the first support to the second.", ...),
-    mass: str = option("KG[,STD]", "Of the link.", ...),
+    mass: str = option("KG[,STD]", "Mass of the link.", ...),
     origin: str = option("M[,STD]", "Coordinate of the first support on the link's axis.", "0"),
-    axis: str = option("x|y|z", "The link's axis from the first support to the second, x by default.", "x"),
+    axis: str = option("x|y|z", "The link's axis from the first support to the second, default x.", "x"),
     robot: Robot = None,
     link: LinkName = None,
     output: Output = None,
@@ -82,12 +86,12 @@ def centre(
 
 @measure.command()
 def pendulum(
-    period: str = option("S[,STD]", "Of a full swing.", ...),
-    mass: str = option("KG[,STD]", "Of the link.", ...),
+    period: str = option("S[,STD]", "Time of a full swing.", ..., names="--swing-period"),
+    mass: str = option("KG[,STD]", "Mass of the link.", ...),
     distance: str = option("M[,STD]", "From the axis of suspension to the centre of mass.", ...),
-    amplitude: float = option("RAD", "Of the swing, 0 by default.", 0.0),
+    amplitude: float = option("RAD", "Amplitude of the swing; default 0.", 0.0),
     gravity: Gravity = STANDARD,
-    about: str = option("xx|yy|zz", "The link's axis that it swings about, zz by default.", "zz"),
+    about: str = option("xx|yy|zz", "The link's axis that it swings about, default zz.", "zz"),
     robot: Robot = None,
     link: LinkName = None,
     output: Output = None,
@@ -96,25 +100,25 @@ def pendulum(
 
     \b
     Example:
-      armwright measure pendulum --period 1.1832,0.0005 --mass 2.314,0.001 --distance 0.21,0.0003 --about yy
+      armwright measure pendulum --swing-period 1.1832,0.0005 --mass 2.314,0.001 --distance 0.21,0.0003 --about yy
     """
     _check(robot, link, output)
     given = {"period": period, "mass": mass, "distance": distance}
-    with as_options(*given, "amplitude", "gravity"):
-        readings = {name: _reading(f"--{name}", text) for name, text in given.items()}
+    with as_options(*given, "amplitude", "gravity", **SWING):
+        readings = {name: _reading(SWING.get(name, f"--{name}"), text) for name, text in given.items()}
         found = aw.identification.measured_inertia_pendulum(**readings, amplitude=amplitude, gravity=gravity)
     _finish(found, _moment(about), robot, link, output)
 
 
 @measure.command()
 def bifilar(
-    period: str = option("S[,STD]", "Of a full swing.", ...),
-    mass: str = option("KG[,STD]", "Of the link.", ...),
-    length: str = option("M[,STD]", "Height of the wires.", ...),
+    period: str = option("S[,STD]", "Time of a full swing.", ..., names="--swing-period"),
+    mass: str = option("KG[,STD]", "Mass of the link.", ...),
+    length: str = option("M[,STD]", "Height of the wires.", ..., names="--wire-length"),
     spacing: str = option("M[,STD]", "Between the wires at the link.", ...),
     spacing_top: str | None = option("M[,STD]", "Between the wires at the top; by default they are parallel."),
     gravity: Gravity = STANDARD,
-    about: str = option("xx|yy|zz", "The link's axis that hangs upright, zz by default.", "zz"),
+    about: str = option("xx|yy|zz", "The link's axis that hangs upright, default zz.", "zz"),
     robot: Robot = None,
     link: LinkName = None,
     output: Output = None,
@@ -123,13 +127,15 @@ def bifilar(
 
     \b
     Example:
-      armwright measure bifilar --period 1.52,0.001 --mass 2.314,0.001 --length 1.2,0.001 --spacing 0.3,0.0005
+      armwright measure bifilar --swing-period 1.52,0.001 --mass 2.314,0.001 --wire-length 1.2,0.001 --spacing 0.3,0.0005
     """
     _check(robot, link, output)
     given = {"period": period, "mass": mass, "length": length, "spacing": spacing, "spacing_top": spacing_top}
-    with as_options(*given, "gravity"):
+    with as_options(*given, "gravity", **SWING):
         readings = {
-            name: _reading(f"--{name.replace('_', '-')}", text) for name, text in given.items() if text is not None
+            name: _reading(SWING.get(name, f"--{name.replace('_', '-')}"), text)
+            for name, text in given.items()
+            if text is not None
         }
         found = aw.identification.measured_inertia_bifilar(**readings, gravity=gravity)
     _finish(found, _moment(about), robot, link, output)
@@ -151,12 +157,10 @@ def _moment(about: str) -> str:
 
 def _check(robot: str | None, link: str | None, output: Path | None) -> None:
     """Refuses a robot without a link or a file to write, and the other way round."""
-    given: dict[str, Any] = {"--robot": robot, "--link": link, "--output": output}
+    given: dict[str, Any] = {"ROBOT": robot, "--link": link, "--output": output}
     missing = [name for name, value in given.items() if value is None]
     if missing and len(missing) < len(given):
-        raise IdentificationError(
-            "missing", place=missing[0], expected="--robot, --link and --output together, or none"
-        )
+        raise IdentificationError("missing", place=missing[0], expected="ROBOT, --link and --output together, or none")
     check_file(output, TOML)
 
 

@@ -25,8 +25,10 @@ def robot(
     source: str | None = option(
         "FILE", "Take links and joints of a robot's file (URDF, MJCF, TOML) or a built-in arm.", names="--from"
     ),
-    joints: int | None = option("N", "Number of joints, without --from."),
-    command: str = option("WORD", "Command that the drives take: voltage, current or torque.", "current"),
+    joints: int | None = option("N", "Number of joints, without --from.", names="--joint-count"),
+    command: str = option(
+        "WORD", "What the drives take: voltage, current or torque.", "current", names="--drive-command"
+    ),
     drive: Path | None = option("FILE", "Its drive file; by default the one in the same folder."),
 ) -> None:
     """Write a robot file to fill in; every number that the drives need and that is unknown is marked TODO.
@@ -37,8 +39,8 @@ def robot(
     \b
     Examples:
       armwright new robot my-arm.toml --from arm.urdf
-      armwright new robot my-arm.toml --from arm.xml --command voltage
-      armwright new robot my-arm.toml --joints 3
+      armwright new robot my-arm.toml --from arm.xml --drive-command voltage
+      armwright new robot my-arm.toml --joint-count 3
     """
     notes = aw.robotfiles.new_robot(
         target, source, joints=joints, command=command, **({} if drive is None else {"drive": drive})

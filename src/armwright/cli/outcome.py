@@ -12,7 +12,7 @@ import typer
 
 from armwright.errors import DivergenceError, ScenarioError
 from armwright.output import check_destination
-from armwright.terminal import say
+from armwright.terminal import note, say
 
 PAGE, PICTURE, TOML = (".html",), (".png", ".svg", ".pdf"), (".toml",)  # endings
 
@@ -44,7 +44,8 @@ def say_each(words: str, items: Iterable[Any], *, err: bool = False) -> None:
 
 def say_notes(notes: Iterable[Any]) -> None:
     """Says notes on standard error."""
-    say_each("armwright: note: ", notes, err=True)
+    for each in notes:
+        note(each)
 
 
 def exit_unless(good: bool) -> None:

@@ -7,9 +7,8 @@ from pathlib import Path
 import typer
 
 from armwright.cli.arguments import argument, option, output_option
-from armwright.cli.outcome import say_each
 from armwright.progress import progress
-from armwright.terminal import say
+from armwright.terminal import remark, say
 
 parts = typer.Typer(name="parts")
 
@@ -38,8 +37,8 @@ def build(
 
     with progress(f"weighing {file.name}"):
         built = write_parts(file, output, audit)
-    say_each("measured: ", built.overrides, err=True)
-    say_each("warning: ", built.warnings, err=True)
+    for line in (*(f"measured: {each}" for each in built.overrides), *(f"warning: {each}" for each in built.warnings)):
+        remark(line)
     arm = built.description
     links = f"{len(arm.links)} link{'s' * (len(arm.links) != 1)}"
     say(f"wrote {output}: {arm.name}, {links}, {arm.total_mass:.6g} kg")

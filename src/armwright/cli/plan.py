@@ -18,8 +18,8 @@ def plan(
     output: Path | None = output_option(
         "FILE", "Where the motion goes: .csv (t, q, qd, qdd of every joint) or .nc (NetCDF)."
     ),
-    plot: Path | None = option("FILE", "Where its plot goes: .png, .svg, .pdf, or .html to zoom into."),
-    rate: float = option("HZ", "Rows in a second, 500 by default.", 500.0),
+    plot: Path | None = option("FILE", "Draw it: .png, .svg, .pdf, or .html to zoom into."),
+    record_period: float = option("S", "Time in s from row to row; default 0.002.", 0.002),
     allow: Allow = None,
 ) -> None:
     """Plan the motion of a motion file, within its limits or those of the robot file.
@@ -37,10 +37,10 @@ def plan(
 
     check_file(output, ENDINGS, (file,))
     check_file(plot, PICTURES, (file,))
-    if not 0.1 <= rate <= 1e6:
-        raise ScenarioError(place="--rate", value=rate, expected="0.1 … 1e6 Hz")
+    if not 1e-6 <= record_period <= 10.0:
+        raise ScenarioError(place="--record-period", value=record_period, expected="1e-6 … 10 s")
     found = aw.trajectories.plan(file, allow=allow or ())
     say(found)
-    write(output, lambda path: found.save(path, rate))
+    write(output, lambda path: found.save(path, 1.0 / record_period))
     write(plot, found.plot)
     exit_unless(found.kept)

@@ -17,7 +17,7 @@ from armwright.cli.dead_man import dead_man_key
 from armwright.cli.outcome import check_file, exit_unless
 from armwright.cli.tables import console_for_tables, show, table
 from armwright.errors import BusError, RunStopped
-from armwright.terminal import say
+from armwright.terminal import note, say
 
 if TYPE_CHECKING:
     from armwright.simulation.scenario import Scenario
@@ -25,7 +25,9 @@ if TYPE_CHECKING:
     from armwright.twin.serial.servo_arm import Line
 
 HEADS = ("what", "how much")
-SAID = ("servo", "ids", "baud", "rate", "step", "torque", "approach", "patience", "serial", "calibration")
+SAID = ("servo", "ids", "baud", "approach", "patience", "serial", "calibration")  # options by argument
+NAMED = {"zeros": "--zero", "reversed": "--reverse", "rate": "--period", "step": "--goal-distance"}
+NAMED |= {"torque": "--torque-fraction"}
 WARNING = (
     "the arm will move. Ctrl-C stops it at its present position, with torque on. If this computer or the cable fails, a servo "
     "without a bus watchdog (STS) goes to its last goal and holds it: keep a hand on the switch of the power supply"
@@ -47,16 +49,26 @@ def serve_servos(robot: str, path: Path, duration: float | None, options: Mappin
         refuse({"tick": options["tick"]}, "is of lock-step", error=BusError, expected="--period beside it")
     arm = aw.load(robot)
     with as_options(
-        "servo", "ids", "baud", "schedule", "serial", "period", "tick", zeros="--zero", reversed="--reverse"
+        "servo",
+        "ids",
+        "baud",
+        "serial",
+        "period",
+        "tick",
+        zeros="--zero",
+        reversed="--reverse",
+        schedule="--write-schedule",
     ):
         line = line_of(options)
-        start = start_of(arm, options["q0"], None).q
+        start = start_of(arm, options["start"], None).q
         goals = servo_model(line.model).by_name["goal_position"].address
         cycle = None if options["period"] is None else (options["period"], options["tick"] or f"sync-write:{goals}")
         made = ServoArm(arm, line, start=start, note=_note)
         with stopping(duration) as ended:
             more = {} if options["patience"] is None else {"patience": options["patience"]}
-            counts = made.serve(path, ended, cycle=cycle, schedule=options["schedule"], ready=_ready(made), **more)
+            counts = made.serve(
+                path, ended, cycle=cycle, schedule=options["write-schedule"], ready=_ready(made), **more
+            )
     rows = [
         ("simulated time", f"{made.plant.turn * made.plant.period:.6g} s"),
         ("instructions", str(counts.instructions)),
@@ -80,8 +92,9 @@ def run_servos(scenario: Scenario, serial: str, options: Mapping[str, Any], go: 
 
     output = options["output"]
     check_file(output, (".csv",))
-    given = {name: options[name] for name in ("step", "approach", "patience") if options[name] is not None}
-    with as_options(*SAID, "speed", "following_error", zeros="--zero", reversed="--reverse"):
+    names = {"step": "goal-distance", "approach": "approach", "patience": "patience"}
+    given = {name: options[word] for name, word in names.items() if options[word] is not None}
+    with as_options(*SAID, "speed", "following_error", **NAMED):
         line, stored = line_of(options), calibration_of(options["calibration"], needed=go)
         settings = ServoSettings(torque=options["torque"], release=release, **given)
         rehearsal = rehearse_servos(scenario, line, calibration=stored, settings=settings, speed=options["speed"])
@@ -89,7 +102,7 @@ def run_servos(scenario: Scenario, serial: str, options: Mapping[str, Any], go: 
         if not go:
             say("dry run: nothing was sent; --go runs it")
             return
-        say(f"armwright: note: {WARNING}", err=True)
+        note(WARNING)
         with SerialPort(serial, line.baud) as port, stopping(None) as stopped, dead_man_key() as held:
             try:
                 run = run_on_servos(
@@ -179,7 +192,7 @@ def _ready(made: Any) -> Callable[[str], None]:
 
 
 def _note(text: str) -> None:
-    say(f"armwright: note: {text}", err=True)
+    note(text)
     sys.stderr.flush()
 
 

@@ -13,6 +13,7 @@ from armwright.cli.arguments import (
     flag,
     node_numbers,
     numbers,
+    only,
     option,
     output_option,
     refuse,
@@ -26,13 +27,14 @@ INTERFACES = ("virtual", "socketcan", "udp_multicast")  # before the colon of a 
 
 
 def shadow(
+    robots: list[str] | None = argument(
+        "ROBOT",
+        "Path of the arm's record, or name of a built-in arm; by default the robot that the log names.",
+        None,
+        autocompletion=complete_robot,
+    ),
     source: str = argument(
         "LOG|BUS", "The arm's log, FILE.log.toml; or the bus of its drives, such as socketcan:can0."
-    ),
-    robot: str | None = option(
-        "ARM",
-        "Path of the arm's record, or name of a built-in arm; by default the robot that the log names.",
-        autocompletion=complete_robot,
     ),
     run: list[str] | None = option("NAME", "A run, may be repeated; by default all."),
     deviation: str | None = option(
@@ -40,14 +42,16 @@ def shadow(
     ),
     factor: float | None = option("K", "Deviations that a residual may reach; default 8."),
     report: Path | None = option("FILE.html", "Write a page with plots, which needs no network."),
-    live: bool = flag("--live", "Show the residuals as they come, at the pace of the log."),
-    duration: float | None = option("S", "How long to listen to a bus; by default until it is silent."),
+    live: bool = flag("--live", "Show the residuals live, at the pace of the log."),
+    duration: float | None = option("S", "Duration in s of listening to a bus; by default until it is silent."),
     output: Path | None = output_option(
         "FILE", "Where rows and residuals of a bus go: .nc, .csv, .parquet, .mcap or .mat."
     ),
-    nodes: str | None = option("N1,N2,…", "Nodes of a bus, by joint; default from 3."),
-    counts: float | None = option("N", "Counts in a turn of a joint on a bus; default 360,000."),
-    period: float | None = option("S", "Time from SYNC to SYNC of a bus; by default by the clock."),
+    nodes: str | None = option("N1,N2,…", "Node numbers of the joints on a bus; default from 3."),
+    counts: float | None = option(
+        "N", "Counts in a turn of a joint on a bus; default 360,000.", names="--counts-per-turn"
+    ),
+    period: float | None = option("S", "Period in s from SYNC to SYNC of a bus; by default by the clock."),
 ) -> None:
     """Run a model beside its arm, with alarms for contacts and wrong payloads.
 
@@ -59,27 +63,28 @@ def shadow(
 
     \b
     Examples:
-      armwright shadow today.log.toml --robot arm.toml
-      armwright shadow today.log.toml --robot arm.toml --report shadow.html
-      armwright shadow today.log.toml --robot arm.toml --run pick --live
-      armwright shadow today.log.toml --robot lwa4p --deviation 2,2,2,2,1,1
-      armwright shadow socketcan:can0 --robot arm.toml --duration 60 -o bus.mcap
+      armwright shadow arm.toml today.log.toml
+      armwright shadow arm.toml today.log.toml --report shadow.html
+      armwright shadow arm.toml today.log.toml --run pick --live
+      armwright shadow lwa4p today.log.toml --deviation 2,2,2,2,1,1
+      armwright shadow arm.toml socketcan:can0 --duration 60 -o bus.mcap
     """
     from armwright.shadow.alarms import FACTOR
 
+    robot = only(robots)
     factor = FACTOR if factor is None else factor
     deviations: Any = numbers("--deviation", deviation, "numbers with commas between, one for each joint, or one")
     if deviations is not None and len(deviations) == 1:
         deviations = deviations[0]
-    of_bus = {"output": output, "duration": duration, "nodes": nodes, "counts": counts, "period": period}
+    of_bus = {"output": output, "duration": duration, "nodes": nodes, "counts-per-turn": counts, "period": period}
     if source.partition(":")[0] in INTERFACES:
         from armwright.cli.shadow_live import listen
 
         of_log = {"run": run, "report": report, "live": live or None}
         refuse(of_log, "does not go with it", expected="a log", file=source)
         if robot is None:
-            raise ScenarioError("missing", place="--robot", expected="the arm whose drives are on the bus")
-        with as_options("deviation", "factor", "counts", "period", "nodes"):
+            raise ScenarioError("missing", place="ROBOT", expected="the arm whose drives are on the bus")
+        with as_options("deviation", "factor", "period", "nodes", counts="--counts-per-turn"):
             of_nodes = node_numbers(nodes, ScenarioError)
             clean = listen(robot, source, deviations, factor, duration, of_nodes, counts, period, output)
         exit_unless(clean)
@@ -89,7 +94,7 @@ def shadow(
     log = Path(source)
     with progress(f"reading {log.name}"):
         read = aw.identification.read_log(log)
-    with as_options("run", "deviation", "factor", arm="--robot"), progress(f"beside {log.name}", "rows") as tell:
+    with as_options("run", "deviation", "factor", arm="ROBOT"), progress(f"beside {log.name}", "rows") as tell:
         found = aw.shadow.shadow_log(read, robot, runs=run, deviation=deviations, factor=factor, progress=tell)
     if live:
         from armwright.cli.shadow_live import replay

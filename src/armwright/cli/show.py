@@ -23,7 +23,7 @@ def show(
     output: Path | None = output_option("FILE", "The picture: .png, .html or .glb; replaced where it exists."),
     size: int | None = option("N", "Pixels of a PNG's longer side; default 900."),
     q: str | None = option("Q1,Q2,…", "The pose, in rad (or 30deg, pi/2) or m; default 0."),
-    live: bool = flag("--live", "Serve the page to this machine's browsers until Ctrl-C."),
+    live: bool = flag("--live", "Serve a live page to this machine's browsers until Ctrl-C."),
     port: int | None = option("N", "Port of the live page on 127.0.0.1; by default one that is free."),
     browser: bool = flag("--open", "Open the live page in the browser."),
 ) -> None:

@@ -54,7 +54,7 @@ def simulate(
     accuracy: float | None = option("E", "How wrong the motion may be, in parts of its range; default 1e-3."),
     step: float | None = option("S", "A fixed step in s; by default steps are as long as the accuracy allows."),
     integrator: str | None = option(
-        "NAME", "auto (by default), rk3 (with a step), rk4, semi_implicit_euler, rk45, rodas3 or cvodes."
+        "NAME", "Rule: auto (default), rk3 (with a step), rk4, semi_implicit_euler, rk45, rodas3 or cvodes."
     ),
     q0: Position = None,
     qd0: Velocity = None,
@@ -65,7 +65,7 @@ def simulate(
     record_every: int | None = option("K", "Record every K-th step, default 1; 0: only start and end."),
     record_period: float | None = option("S", "Time in s from row to row; default 1e-3 without a step."),
     output: Path | None = output_option("FILE", "Where the run goes: .nc (NetCDF), .csv, .parquet, .mcap or .mat."),
-    plot: Path | None = option("FILE", "Where its plot goes: .png, .svg, .pdf, or .html to zoom into."),
+    plot: Path | None = option("FILE", "Draw it: .png, .svg, .pdf, or .html to zoom into."),
     log: Path | None = option("FILE.log.toml", "Describe the run of -o as a log for identify, or add it to one."),
     hold_out: bool = flag("--hold-out", "Of --log: the run is for the verdict, not for a fit."),
 ) -> None:
@@ -84,7 +84,7 @@ def simulate(
       armwright simulate cmu-dd --voltage 8,12,8,4,2,1 --duration 2
       armwright simulate cmu-dd --voltage 5 --duration 1 --plot run.png
       armwright simulate cmu-dd --schedule volts.csv -o run.nc
-      armwright simulate lwa4p --current 0 --q0 0,30deg,0,0,0,0 --duration 1
+      armwright simulate lwa4p --current 0 --start 0,30deg,0,0,0,0 --duration 1
       armwright simulate swing.scenario.toml -o run.nc
       armwright simulate swing.scenario.toml --allow ../robots -o run.nc
       armwright simulate arm.scenario.toml --reference pick.motion.toml --plot run.png
@@ -101,7 +101,7 @@ def simulate(
     constants = {"voltage": voltage, "current": current, "torque": torque, "command": command}
     if robot.endswith(SCENARIO):
         options = {**constants, "schedule": schedule, "duration": duration, "integrator": integrator, "step": step}
-        others = {"q0": q0, "qd0": qd0, "record-every": record_every, "record-period": record_period}
+        others = {"start": q0, "start-velocity": qd0, "record-every": record_every, "record-period": record_period}
         refuse_options(robot, {**options, **others, "accuracy": accuracy})
         scenario = aw.read_scenario(robot, allow=allow or ())
         if reference is not None:

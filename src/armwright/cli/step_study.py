@@ -40,10 +40,16 @@ def step_study(
     step: float | None = option(
         "S", "The step in s around which steps are tried, from 4 times it down; by default 0.001."
     ),
-    steps: int = option("K", "How many steps are tried, each half of the last.", 8, show_default=True),
-    integrator: str | None = option("NAME", "rk3 (by default), rk4 or semi_implicit_euler."),
+    steps: int = option(
+        "K", "How many steps are tried, each half of the last.", 8, names="--step-count", show_default=True
+    ),
+    integrator: str | None = option("NAME", "Rule: rk3 (default), rk4 or semi_implicit_euler."),
     accuracy: str = option(
-        "E1,E2,…", "Errors to recommend for, in rad and rad/s (m and m/s).", "1e-3,1e-6,1e-9", show_default=True
+        "E1,E2,…",
+        "Errors to recommend for, in rad and rad/s (m and m/s).",
+        "1e-3,1e-6,1e-9",
+        names="--accuracies",
+        show_default=True,
     ),
     q0: Position = None,
     qd0: Velocity = None,
@@ -58,16 +64,16 @@ def step_study(
     \b
     Examples:
       armwright step-study cmu-dd --voltage 8,12,8,4,2,1 --duration 1
-      armwright step-study puma560 --voltage 5 --duration 0.5 --integrator rk4 --accuracy 1e-6
+      armwright step-study puma560 --voltage 5 --duration 0.5 --integrator rk4 --accuracies 1e-6
       armwright step-study swing.scenario.toml
     """
     from armwright.cli.tables import show
 
-    accuracies: Any = numbers("--accuracy", accuracy, "numbers with commas between, such as 1e-3,1e-6")
+    accuracies: Any = numbers("--accuracies", accuracy, "numbers with commas between, such as 1e-3,1e-6")
     constants = {"voltage": voltage, "current": current, "torque": torque, "command": command}
     if robot.endswith(SCENARIO):
         options = {**constants, "schedule": schedule, "duration": duration, "step": step}
-        refuse_options(robot, {**options, "q0": q0, "qd0": qd0})
+        refuse_options(robot, {**options, "start": q0, "start-velocity": qd0})
         scenario = aw.read_scenario(robot, allow=allow or ())
         if integrator is not None:
             with naming_options("solver.integrator"):

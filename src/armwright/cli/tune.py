@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import contextlib
-import math
 from pathlib import Path
 from typing import Any
 
 import armwright as aw
-from armwright.cli.arguments import SCENARIO, Allow, argument, flag, option, output_option
+from armwright.cli.arguments import SCENARIO, Allow, AnyScenario, angle, flag, option, output_option
 from armwright.cli.outcome import PAGE, PICTURE, TOML, check_file, exit_unless, write
 from armwright.cli.tables import show
 from armwright.errors import ScenarioError
@@ -17,9 +16,11 @@ from armwright.terminal import say
 
 
 def tune(
-    scenario: Path = argument("FILE.scenario.toml", "A scenario with a controller."),
+    scenario: AnyScenario,
     out: Path = output_option(f"TUNED{SCENARIO}", "The scenario with the tuned gains.", ...),
-    start: str | None = option("METHOD", "scenario (its own gains), analytic, or a method of design."),
+    start: str | None = option(
+        "METHOD", "Gains to begin with: scenario (its own), analytic, or a method of design.", names="--start-gains"
+    ),
     gain: list[str] | None = option(
         "NAME=F|LOW:HIGH", "A gain to tune, within a factor or bounds; default: all, within 10."
     ),
@@ -29,17 +30,17 @@ def tune(
     limit: list[str] | None = option("NAME=VALUE", "What no run should go beyond, such as peak_torque=40."),
     improve_each: bool | None = flag("--improve-each", "No objective may get worse.", None),
     worst: bool | None = flag("--worst", "The worst lane counts, not the mean.", None),
-    lanes: int | None = option("N", "Of a scenario that has one; half judge the result; default 64."),
-    method: str | None = option("NAME", "cma, the default, or differential-evolution."),
-    generations: int | None = option("N", "Of the search; default 30."),
-    candidates: int | None = option("N", "In each; default 4 + 3 ln of the gains."),
+    lanes: int | None = option("N", "Lanes of a scenario that has one; half judge the result; default 64."),
+    method: str | None = option("NAME", "Method: cma (default) or differential-evolution."),
+    generations: int | None = option("N", "Generations of the search; default 30."),
+    candidates: int | None = option("N", "Candidates in each generation; default 4 + 3 ln of the gains."),
     front: int | None = option("N", "Further searches for the Pareto front of two objectives; default 0."),
     gain_margin: float | None = option("G", "Gain margin to keep, a factor; default 2."),
-    phase_margin: float | None = option("DEG", "Phase margin to keep, in degrees; default 30."),
+    phase_margin: str | None = option("ANGLE", "Phase margin to keep, such as 45deg; default 30deg."),
     plot: Path | None = option("FILE", "Draw the Pareto front, or the search: .png, .svg or .pdf."),
     report: Path | None = option("FILE.html", "Write a page with all results."),
     scheduler: str | None = option("ADDRESS", "Dask scheduler whose workers simulate; local: on this machine."),
-    seed: int | None = option("N", "Of search, poses and draws; default 0."),
+    seed: int | None = option("N", "Seed of search, poses and draws; default 0."),
     allow: Allow = None,
 ) -> None:
     """Tune a controller's gains over uncertain arms by simulation, under a margin constraint.
@@ -52,7 +53,7 @@ def tune(
     \b
     Examples:
       armwright tune arm.scenario.toml -o tuned.scenario.toml
-      armwright tune arm.scenario.toml -o tuned.scenario.toml --start analytic --report tuned.html
+      armwright tune arm.scenario.toml -o tuned.scenario.toml --start-gains analytic --report tuned.html
       armwright tune arm.scenario.toml -o tuned.scenario.toml --gain position_kp=2:40 --gain speed_kp=5
     """
     from armwright.sweeps.cluster import connected
@@ -61,7 +62,9 @@ def tune(
     check_file(plot, PICTURE, (scenario, out))
     check_file(report, PAGE, (scenario, out))
     found = aw.read_scenario(scenario, allow=allow or ())
-    margins = aw.tuning.MarginConstraint(gain_margin, phase_margin and math.radians(phase_margin))
+    margins = aw.tuning.MarginConstraint(
+        gain_margin, None if phase_margin is None else angle("--phase-margin", phase_margin)
+    )
     over = "worst" if worst else None
     gains, weights = _pairs("--gain", gain, bounds=True), _pairs("--objective", objective)
     limits = _pairs("--limit", limit)

@@ -27,7 +27,7 @@ from armwright.cli.outcome import exit_unless
 from armwright.cli.servo_arm import run_servos, serve_servos
 from armwright.cli.tables import console_for_tables, show, table
 from armwright.errors import BusError
-from armwright.terminal import result, say
+from armwright.terminal import note, result, say
 
 if TYPE_CHECKING:
     from armwright.simulation.scenario import Scenario
@@ -52,13 +52,13 @@ Faults = Annotated[
         names="--fault",
     ),
 ]
-File = Annotated[Path, argument("FILE.scenario.toml", "A scenario with a controller.")]
+File = Annotated[Path, argument("SCENARIO", "A .scenario.toml with a controller.")]
 Reference = Annotated[
     Path | None,
     option("FILE", "Motion that the controller follows: .motion.toml, .csv or .nc.", ..., names="--reference"),
 ]
 Seconds = Annotated[
-    float | None, option("S", "How long the controller runs; default: the scenario's.", ..., names="--duration")
+    float | None, option("S", "Duration in s of the run; default: the scenario's.", ..., names="--duration")
 ]
 
 
@@ -66,36 +66,36 @@ def twin(
     arm: Annotated[
         str,
         argument(
-            "ARM",
-            "FILE.scenario.toml with a controller; with --serial, a built-in arm or a robot's file.",
+            "ROBOT|SCENARIO",
+            "A .scenario.toml with a controller; with --serial, a built-in arm or a robot's file.",
             autocompletion=complete_robot,
         ),
     ],
     bus: str | None = option("BUS", CAN_BUS),
     nodes: Nodes = None,
-    bitrate: int | None = option("BIT/S", "Of the CAN bus, for the time that frames take; default 500000."),
+    bitrate: int | None = option("BIT/S", "Bit rate of the CAN bus, for the time that frames take; default 500000."),
     serial_number: int | None = option("N", "Serial number in object 1018 of every node; default 1."),
     fault: Faults = None,
-    duration: float | None = option("S", "How long the twin is on the bus; by default until Ctrl-C."),
-    eds: Path | None = option("FOLDER", "Write the nodes' electronic data sheets and exit."),
+    duration: float | None = option("S", "Duration in s on the bus; by default until Ctrl-C."),
+    write_eds: Path | None = option("FOLDER", "Write the nodes' electronic data sheets and exit."),
     reference: Reference = None,
     speed: float | None = option("V", "Speed of the run; stretches times of payloads and wrenches too; default 1."),
     allow: Allow = None,
-    serial: Path | None = option("PATH", "Be servos on a serial line instead, a pseudo-terminal with this link."),
-    servo: str | None = option("MODEL", "Of all servos: sts3215 (default), xl330-m288, xl430-w250."),
+    serial: str | None = option("PORT", "Be servos on a serial line instead, a pseudo-terminal with this link."),
+    servo: str | None = option("MODEL", "Model of all servos: sts3215 (default), xl330-m288, xl430-w250."),
     ids: str | None = option("1-6", "Ids of the servos, such as 1-6 or 1,2,5; default from 1."),
-    baud: int | None = option("BIT/S", "Of the serial line; default 1000000."),
+    baud: int | None = option("BIT/S", "Baud rate of the serial line; default 1000000."),
     zero: str | None = option("C1,C2,…", "Counts of the encoders where joints are at 0; default 2048."),
     reverse: str | None = option("J1,J2,…", "Joints that turn the other way than their encoders count."),
     q0: Position = None,
     period: float | None = option(
-        "S", "Period of a cycle in lock-step, where frames advance the time; default real time."
+        "S", "Period in s of a cycle in lock-step, where frames advance the time; default real time."
     ),
     tick: str | None = option("NAME[:ADDRESS]", "Instruction that closes a cycle; default sync-write:42 or :116."),
     patience: float | None = option(
-        "S", "A reply that takes longer is dropped; default 0.025, as clients give up at 0.034."
+        "S", "Longest time in s of a reply; a later one is dropped; default 0.025, as clients give up at 0.034."
     ),
-    schedule: Path | None = option(
+    write_schedule: Path | None = option(
         "FILE.scenario.toml", "Write goals and their times; simulated, they have the same bits."
     ),
 ) -> None:
@@ -111,9 +111,9 @@ def twin(
     Examples:
       armwright twin arm.scenario.toml --bus udp_multicast:239.74.163.2
       armwright twin arm.scenario.toml --bus socketcan:vcan0 --fault stuck-encoder:joint2@1.5
-      armwright twin arm.scenario.toml --eds sheets
+      armwright twin arm.scenario.toml --write-eds sheets
       armwright twin arm.toml --serial /tmp/arm --ids 1-6
-      armwright twin arm.toml --serial /tmp/arm --period 0.02 --tick sync-write:42 --schedule run.scenario.toml
+      armwright twin arm.toml --serial /tmp/arm --period 0.02 --tick sync-write:42 --write-schedule run.scenario.toml
     """
     on_can = {
         "bus": bus,
@@ -121,14 +121,22 @@ def twin(
         "bitrate": bitrate,
         "serial-number": serial_number,
         "fault": fault,
-        "eds": eds,
+        "write-eds": write_eds,
     }
     on_can |= {"reference": reference, "speed": speed, "allow": allow}
-    on_line = {"servo": servo, "ids": ids, "baud": baud, "zero": zero, "reverse": reverse, "q0": q0, "period": period}
-    on_line |= {"tick": tick, "patience": patience, "schedule": schedule}
+    on_line = {
+        "servo": servo,
+        "ids": ids,
+        "baud": baud,
+        "zero": zero,
+        "reverse": reverse,
+        "start": q0,
+        "period": period,
+    }
+    on_line |= {"tick": tick, "patience": patience, "write-schedule": write_schedule}
     if serial is not None:
         refuse(on_can, "is of a CAN bus, beside --serial", error=BusError, with_value=True)
-        serve_servos(arm, serial, duration, on_line)
+        serve_servos(arm, Path(serial), duration, on_line)
         return
     refuse(on_line, "is of servos", error=BusError, with_value=True, expected="--serial PATH beside it")
     _can_twin(Path(arm), duration, on_can)
@@ -145,7 +153,7 @@ def _can_twin(scenario: Path, duration: float | None, options: Mapping[str, Any]
     from armwright.twin.twin import Twin
 
     given = {name: value for name, value in options.items() if value is not None}
-    bus, eds = given.get("bus", "virtual"), options["eds"]
+    bus, eds = given.get("bus", "virtual"), options["write-eds"]
     _, found = _scenarios(scenario, options["allow"], options["reference"], None)
     with as_options("nodes", "bus", "bitrate", "speed", serial="--serial-number"):
         found = reduced(found, given.get("speed", 1.0))
@@ -161,7 +169,7 @@ def _can_twin(scenario: Path, duration: float | None, options: Mapping[str, Any]
         _write_sheets(made, eds)
         return
     if is_virtual(bus):
-        say(f"armwright: note: {ALONE}", err=True)
+        note(ALONE)
     with made:
         numbers = ", ".join(f"{name} {node.number}" for name, node in zip(made.arm.names, made.nodes, strict=True))
         say(f"{made.arm.name} on {bus}: {numbers}; {made.load}")
@@ -182,40 +190,47 @@ def run_controller(
     eds: list[Path] | None = option("FILE", "Data sheet of the nodes, or one for each; by default that of the twin."),
     real_time: bool = flag("--real-time", "A SYNC every period by the clock; on a virtual bus SYNC waits by default."),
     speed: float = option("V", "Speed of the reference, in parts of it; default 1.", 1.0),
-    torque: float = option("F", "Largest torque, in parts of the rated one; of servos largest duty; default 1.", 1.0),
+    torque: float = option(
+        "F",
+        "Largest torque, in parts of the rated one; of servos largest duty; default 1.",
+        1.0,
+        names="--torque-fraction",
+    ),
     following_error: float | None = option(
         "E", "In rad or m, ends the run; by default twice that of the simulated run."
     ),
     missing: int | None = option("N", "Answers that a node misses in a row before the run ends; default 2."),
-    bitrate: int | None = option("BIT/S", "Of the CAN bus, for the time that frames take; default 500000."),
+    bitrate: int | None = option("BIT/S", "Bit rate of the CAN bus, for the time that frames take; default 500000."),
     release: bool = flag(
         "--release", "Disable drives that hold the arm after a run; where nothing else does, it falls."
     ),
-    arm: int | None = option("SERIAL", "Serial number of the arm, on a CAN bus that is not virtual."),
+    arm: int | None = option(
+        "N", "Serial number of the arm, on a CAN bus that is not virtual.", names="--serial-number"
+    ),
     fault: Faults = None,
     reference: Reference = None,
     duration: Seconds = None,
     allow: Allow = None,
     serial: str | None = option("PORT", "Serial port of an arm of servos, in place of a CAN bus."),
     calibration: Path | None = option("FILE", "Stored calibration of the servos; needed with --go."),
-    servo: str | None = option("MODEL", "Of all servos: sts3215 (default), xl330-m288, xl430-w250."),
+    servo: str | None = option("MODEL", "Model of all servos: sts3215 (default), xl330-m288, xl430-w250."),
     ids: str | None = option("1-6", "Ids of the servos, such as 1-6 or 1,2,5; default the calibration's, or from 1."),
-    baud: int | None = option("BIT/S", "Of the serial line; default 1000000."),
+    baud: int | None = option("BIT/S", "Baud rate of the serial line; default 1000000."),
     zero: str | None = option(
         "C1,C2,…", "Counts that the servos show where joints are at 0; default the calibration's, or 2048."
     ),
     reverse: str | None = option("J1,J2,…", "Joints that turn the other way than their encoders count."),
-    step: float | None = option("RAD", "That a servo's goal may be away from the measured position; default 0.3."),
+    goal_distance: float | None = option("RAD", "Farthest that a goal may be from the measured position; default 0.3."),
     approach: float | None = option("RAD/S", "Largest speed on the way to where the run begins; default 0.2."),
-    patience: float | None = option("S", "For the servos' answers to an instruction; default 0.05."),
+    patience: float | None = option("S", "Longest wait in s for the servos' answers; default 0.05."),
     output: Path | None = output_option("LOG.csv", "Goals and measurements of servos, a row a cycle."),
 ) -> None:
     """Run the controller of a scenario over a CAN bus or a line of servos, against the twin or a real arm.
 
     By default this is a dry run: the run is simulated as the bus would carry it, limits are checked, and nothing is sent.
     With --go it happens: on a virtual bus against a twin in this process, in lock-step and so exactly as simulated;
-    elsewhere in real time, against nodes with the serial number given by --arm. A real arm needs a passing verdict of
-    `armwright validate` on the scenario, a first run with at most --speed 0.25 --torque 0.5, and the space bar held down
+    elsewhere in real time, against nodes with the serial number given by --serial-number. A real arm needs a passing verdict of
+    `armwright validate` on the scenario, a first run with at most --speed 0.25 --torque-fraction 0.5, and the space bar held down
     while it moves. Whatever ends a run, all drives that answer get a quick stop; where the record has no brakes they hold
     the arm until --release.
 
@@ -231,14 +246,14 @@ def run_controller(
     Examples:
       armwright run-controller arm.scenario.toml
       armwright run-controller arm.scenario.toml --go
-      armwright run-controller arm.scenario.toml --bus udp_multicast:239.74.163.2 --arm 1 --go
+      armwright run-controller arm.scenario.toml --bus udp_multicast:239.74.163.2 --serial-number 1 --go
       armwright run-controller arm.scenario.toml --serial /dev/ttyUSB0 --calibration my.calibration.json --go -o run.csv
     """
     on_line = {"calibration": calibration, "servo": servo, "ids": ids, "baud": baud, "zero": zero, "reverse": reverse}
-    on_line |= {"step": step, "approach": approach, "patience": patience, "output": output}
+    on_line |= {"goal-distance": goal_distance, "approach": approach, "patience": patience, "output": output}
     if serial is not None:
         on_can = {"bus": bus, "nodes": nodes, "eds": eds, "real-time": real_time or None, "missing": missing}
-        on_can |= {"bitrate": bitrate, "arm": arm, "fault": fault}
+        on_can |= {"bitrate": bitrate, "serial-number": arm, "fault": fault}
         refuse(on_can, "is of a CAN bus, beside --serial", error=BusError, with_value=True)
         _, found = _scenarios(scenario, allow, reference, duration)
         run_servos(
@@ -259,13 +274,13 @@ def run_controller(
     check_bus(bus)
     read, found = _scenarios(scenario, allow, reference, duration)
     faults, numbers = _faults(found, fault), node_numbers(nodes, BusError)
-    with as_options("speed", "torque", "nodes", "bitrate", "following_error", "missing"):
+    with as_options("speed", "nodes", "bitrate", "following_error", "missing", torque="--torque-fraction"):
         rehearsal = rehearse(found, bitrate=bitrate, speed=speed, torque=torque, nodes=numbers)
         check_arguments(rehearsal, following_error=following_error, missing=missing)
     motion = (b"" if reference is None else reference.read_bytes()) + str(duration).encode()
     permission = Permission.of(scenario, read, motion, serial=arm, speed=speed, torque=torque)
     if release:
-        with as_options("arm", "nodes"):
+        with as_options("nodes", arm="--serial-number"):
             release_drives(rehearsal, bus, nodes=numbers, permission=permission)
         say("all drives are disabled")
         return
@@ -285,7 +300,7 @@ def run_controller(
             from armwright.cli.dead_man import dead_man_key
 
             permission = replace(permission, may_move=stack.enter_context(dead_man_key()))
-        with as_options("arm", "speed", "real_time", "nodes"):
+        with as_options("speed", "real_time", "nodes", arm="--serial-number"):
             run = run_over_bus(
                 rehearsal,
                 bus,
@@ -335,10 +350,7 @@ def _scenarios(
 
     read = found = aw.read_scenario(path, allow=allow or ())
     if (found.lane_count or 1) > 1:
-        say(
-            f"armwright: note: {path.name} has {found.lane_count} lanes; the twin is the nominal arm, without them",
-            err=True,
-        )
+        note(f"{path.name} has {found.lane_count} lanes; the twin is the nominal arm, without them")
         found = replace(found, lanes=None, vary={})
     if reference is not None:
         found = following(found, reference, str(path))

@@ -16,7 +16,7 @@ FAILS = 1  # the exit code where the record does not keep its limits
 
 def validate(
     robot: str = argument(
-        "SCENARIO|ARM", "Path of a robot's file, name of a built-in arm, or path of a .scenario.toml."
+        "ROBOT|SCENARIO", "Path of a robot's file, name of a built-in arm, or path of a .scenario.toml."
     ),
     log: Path = argument("FILE.log.toml", "The log to compare with."),
     limits: Path | None = option(

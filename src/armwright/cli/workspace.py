@@ -24,7 +24,7 @@ def workspace(
         "WORD", "What manipulability counts: rotation, pose, position, axis, pitch, …; default pose.", "pose"
     ),
     length: float = option("L", "Metres that a turn by 1 rad counts as; default 1.", 1.0),
-    seed: int = option("N", "Of the samples; default 0.", 0),
+    seed: int = option("N", "Seed of the samples; default 0.", 0),
 ) -> None:
     """Draw the workspace of an arm: reachable positions, and manipulability there.
 

@@ -1,6 +1,6 @@
 """Safety conditions before a controller may drive a real arm over a bus.
 
-a twin, bus not virtual    --arm SERIAL, as object 1018 of every node says
+a twin, bus not virtual    --serial-number N, as object 1018 of every node says
 a real arm                 that, a passing verdict of `validate` on this scenario, drives whose rated torque and counts are
                            the record's, real time with a heartbeat, a dead-man key, and reduced speed and torque until a
                            reduced run has come to its end
@@ -155,7 +155,7 @@ def check_serial(master: Master, identities: Sequence[Identity], permission: Per
         return
     if permission.serial is None:
         what = "the drives on this bus may be those of a real arm"
-        expected = "its serial number, as object 1018 says it (--arm SERIAL)"
+        expected = "its serial number, as object 1018 says it (--serial-number N)"
         raise BusError(what, place="arm", value=None, expected=expected)
     for number, name, identity in zip(master.numbers, master.names, identities, strict=True):
         if identity.serial != permission.serial:
@@ -194,7 +194,7 @@ def check_permission(
         )
     if not permission.reduced and not permission.has_run_reduced(bound(master, identities)):
         what = f"speed {permission.speed:g} and torque {permission.torque:g} before a reduced run that counts"
-        expected = f"at most {REDUCED_SPEED:g} and {REDUCED_TORQUE:g} (--speed, --torque) in the first run"
+        expected = f"at most {REDUCED_SPEED:g} and {REDUCED_TORQUE:g} (--speed, --torque-fraction) in the first run"
         raise BusError(what, place="speed", value=permission.speed, expected=expected)
     return True
 

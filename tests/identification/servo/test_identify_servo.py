@@ -161,11 +161,11 @@ def test_a_rod_of_unknown_mass_is_said(logs):
 
 def test_the_command_shows_and_writes_it(logs, tmp_path):
     paths, record = [str(as_json(each, tmp_path)) for each in logs], tmp_path / "servo.toml"
-    options = ["--gain", "0.166", "--limit", "0.97", "--order", "M1", "-o", str(record)]
+    options = ["--duty-gain", "0.166", "--max-duty", "0.97", "--friction-models", "M1", "-o", str(record)]
     shown = run("identify", "servo", *paths, *options).stdout
     for words in ("servo.motor.resistance_ohm", "± std", "M1", "identified", "wrote"):
         assert words in shown
     assert aw.load(record).n == 1
-    wrong = run("identify", "servo", paths[0], "--limit", "0.9", code=2)
+    wrong = run("identify", "servo", paths[0], "--max-duty", "0.9", code=2)
     assert wrong.stderr.startswith("armwright: error: ")
-    assert "--gain" in wrong.stderr
+    assert "--duty-gain" in wrong.stderr

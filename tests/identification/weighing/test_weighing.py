@@ -162,17 +162,17 @@ def test_the_command_measures_and_writes(tmp_path):
     """Exit 0 with the interval; exit 2 and one line of what is wrong."""
     run = CliRunner().invoke
     out = tmp_path / "arm.toml"
-    words = ["measure", "mass", "--reading", "2.9", "--scale-std", "0.01", "--robot", "two-link", "--link", "forearm"]
+    words = ["measure", "mass", "two-link", "--reading", "2.9", "--scale-std", "0.01", "--link", "forearm"]
     found = run(app, [*words, "-o", str(out)])
     assert found.exit_code == 0, found.output
     assert "95 %: 2.8804 to 2.9196 kg" in found.output
     assert float(aw.load(out).record.link("forearm").mass_kg) == 2.9
-    for each in ("centre --reading 1.0 --span 0.4 --mass 2", "pendulum --period 1.3,.001 --mass 2 --distance 0.2",
-                 "bifilar --period 1.3 --mass 2 --length 1 --spacing 0.2,0.001"):  # fmt: skip
+    for each in ("centre --reading 1.0 --span 0.4 --mass 2", "pendulum --swing-period 1.3,.001 --mass 2 --distance 0.2",
+                 "bifilar --swing-period 1.3 --mass 2 --length 1 --spacing 0.2,0.001"):  # fmt: skip
         assert run(app, ["measure", *each.split()]).exit_code == 0, each
     wrong = run(app, words)
     assert wrong.exit_code == 2
     assert "--output" in wrong.output
-    wrong = run(app, ["measure", "pendulum", "--period", "1.3,1,1", "--mass", "2", "--distance", "0.2"])
+    wrong = run(app, ["measure", "pendulum", "--swing-period", "1.3,1,1", "--mass", "2", "--distance", "0.2"])
     assert wrong.exit_code == 2
-    assert "--period" in wrong.output
+    assert "--swing-period" in wrong.output

@@ -283,7 +283,7 @@ def test_the_command_is_dry_by_default_and_plays_with_go(arm, motion, served, tm
     aw.robotfiles.write_toml(arm, robot)
     motion.save(arm, file)
     servos = ["capture", robot, "--ids", "3,1", "--reverse", "knee"]
-    words = [*servos, "--motion", file, "--step", "1", "--rate", "25"]
+    words = [*servos, "--reference", file, "--goal-distance", "1", "--period", "0.04"]
 
     def run(*more, words=words):
         return CliRunner().invoke(app, [str(word) for word in (*words, *more)])

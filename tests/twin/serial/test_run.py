@@ -192,10 +192,10 @@ def test_the_command_is_dry_by_default_and_refuses_what_is_of_the_other_bus(tmp_
         (["--go"], 2, "there is none to compare the servos with; expected --calibration FILE"),
         (["--bus", "virtual"], 2, "--bus = 'virtual': is of a CAN bus, beside --serial"),
         (["--missing", "2"], 2, "--missing = 2: is of a CAN bus"),
-        (["--torque", "2"], 2, "--torque = 2"),
+        (["--torque-fraction", "2"], 2, "--torque-fraction = 2"),
     ):
         result = CliRunner().invoke(app, [*words, *more])
         output = " ".join(result.output.split())
         assert (result.exit_code, said in output) == (code, True), output
-    result = CliRunner().invoke(app, ["run-controller", str(file), "--step", "1"])
-    assert (result.exit_code, "--step = 1.0: is of servos" in result.output) == (2, True)
+    result = CliRunner().invoke(app, ["run-controller", str(file), "--goal-distance", "1"])
+    assert (result.exit_code, "--goal-distance = 1.0: is of servos" in result.output) == (2, True)

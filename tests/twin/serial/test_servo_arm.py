@@ -90,7 +90,7 @@ def test_dynamixel_sdk_drives_an_arm_in_lock_step(twin, tmp_path):
     for seed in (1, 2):
         folder = tmp_path / str(seed)
         folder.mkdir()
-        end = twin(3, "--servo", "xl330-m288", "--period", PERIOD, "--schedule", folder / "run.scenario.toml")
+        end = twin(3, "--servo", "xl330-m288", "--period", PERIOD, "--write-schedule", folder / "run.scenario.toml")
         command = [sys.executable, str(Path(__file__).with_name("client_arm.py")), str(tmp_path / "port"), str(seed)]
         environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path[1:])}
         done = subprocess.run(command, capture_output=True, text=True, timeout=120, env=environment, check=False)
@@ -111,7 +111,7 @@ def test_raw_frames_drive_an_arm_in_lock_step(twin, tmp_path):
     for seed in (1, 2):
         folder, rng, positions = tmp_path / str(seed), random.Random(seed), []
         folder.mkdir()
-        end = twin(3, "--period", PERIOD, "--tick", "sync-write:42", "--schedule", folder / "run.scenario.toml")
+        end = twin(3, "--period", PERIOD, "--tick", "sync-write:42", "--write-schedule", folder / "run.scenario.toml")
         port = open_port(tmp_path / "port")
 
         def put(number, address, *data, port=port):
@@ -178,7 +178,10 @@ MISTAKES = {
     "a tick": (["3.toml", "--tick", "action"], "--tick: is of lock-step; expected --period beside it"),
     "a bus": (["3.toml", "--bus", "virtual"], "--bus = 'virtual': is of a CAN bus, beside --serial"),
     "a joint": (["3.toml", "--reverse", "toe"], "--reverse = 'toe': no such joint; there is ankle, hip, knee"),
-    "a file": (["3.toml", "--schedule", "goals.csv"], "--schedule = 'goals.csv': expected NAME.scenario.toml"),
+    "a file": (
+        ["3.toml", "--write-schedule", "goals.csv"],
+        "--write-schedule = 'goals.csv': expected NAME.scenario.toml",
+    ),
 }
 
 

@@ -97,7 +97,9 @@ class MotorGuess:
         }  # fmt: skip
         missing = [what for what, there in known.items() if not there]
         if drive.resistance is None or drive.torque_constant is None or missing:
-            expected = "a record that has it" + (", or most=… (--most)" if missing == ["largest voltage"] else "")
+            expected = "a record that has it" + (
+                ", or most=… (--max-command)" if missing == ["largest voltage"] else ""
+            )
             raise ModelError(f"no {', no '.join(missing)}", place=f"joint {name!r}", expected=expected)
         kt = abs(float(drive.gear_ratio) * float(drive.torque_constant))
         ke = kt if drive.back_emf_constant is None else abs(float(drive.gear_ratio) * float(drive.back_emf_constant))

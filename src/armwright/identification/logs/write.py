@@ -81,7 +81,7 @@ def write_measured(
         for quantity, column in quantities.items()
     ]
     table = {"files": {FILE: {}}, "time": {"column": "t"}, "signals": signals}
-    with contextlib.suppress(LogError):  # `--robot` names it then
+    with contextlib.suppress(LogError):  # the command's ROBOT names it then
         table = {"robot": _robot(path, arm), **table}
     return _with_run(path, table, rows, anew=True)
 

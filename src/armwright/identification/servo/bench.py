@@ -94,7 +94,10 @@ def loop_of(logs: Sequence[BenchLog], loop: ServoLoop | None) -> ServoLoop:
         return loop
     name, known = next((each.servo for each in logs if each.servo), ""), known_loops()
     if name not in known:
-        what, expected = "a servo whose loop is not known", "loop=aw.identification.ServoLoop(…) (--gain, --limit)"
+        what, expected = (
+            "a servo whose loop is not known",
+            "loop=aw.identification.ServoLoop(…) (--duty-gain, --max-duty)",
+        )
         raise LogError(what, place="motor", value=name, expected=expected, choices=known, file=logs[0].name)
     return known[name]
 

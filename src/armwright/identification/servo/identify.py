@@ -107,7 +107,9 @@ def identify_servo(
         if held_out:
             fit = refined(BenchProblem(known, loop, fit.problem.order), fit.z, SETTLED)
         elif len(asked) > 1:
-            remarks.append(f"too few logs to hold one out: {name} is taken, the smallest model (orders=…, --order)")
+            remarks.append(
+                f"too few logs to hold one out: {name} is taken, the smallest model (orders=…, --friction-models)"
+            )
     larger = [each for each in asked if held_out and list(ORDERS).index(each) > list(ORDERS).index(name)]
     shifts = [_shift(asked[name], asked[each]) for each in larger if _no_worse(errors[each], errors[name])]
     compared = [

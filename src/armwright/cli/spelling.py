@@ -1,0 +1,112 @@
+"""Words of a command line before typer reads them: old names become new ones."""
+
+from __future__ import annotations
+
+from math import isfinite
+from typing import Any
+
+from typer.core import TyperCommand
+
+from armwright.cli.old_names import OLD, UNTIL, Names
+from armwright.terminal import gathered, is_quiet, note
+
+FILES = ("--output", "--plot", "--report")  # that a command is asked to write
+GLOBAL = ("--quiet", "--traceback")  # options of the whole program
+
+
+class Spelled(TyperCommand):
+    """Command that understands the old names of its options and arguments, see `old_names`, and says the new ones."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Reads the words with old names replaced, each in a note on standard error."""
+        old = OLD.get(path_of(ctx), {})
+        if old and not ctx.resilient_parsing:
+            args = self._renamed(ctx, list(args), old)
+        return super().parse_args(ctx, args)
+
+    def invoke(self, ctx: Any) -> Any:
+        """Runs the command; where it writes a file and shall be quiet, nothing else is shown."""
+        files = [each.name for each in self.params if set(FILES) & set(each.opts)]
+        if is_quiet() and not ctx.params.get("as_json") and any(ctx.params.get(name) is not None for name in files):
+            with gathered():
+                return super().invoke(ctx)
+        return super().invoke(ctx)
+
+    def _renamed(self, ctx: Any, args: list[str], old: Names) -> list[str]:
+        """The words in new names; those behind `--` are arguments and stay."""
+        end = args.index("--") if "--" in args else len(args)
+        first, kept, words = [], [], iter(args[:end])
+        for word in words:
+            name, equals, value = word.partition("=")
+            if name not in old:
+                kept.append(word)
+                continue
+            entry = old[name]
+            new, change = entry if isinstance(entry, tuple) else (entry, None)
+            taken = None if equals else next(words, None) if change or new == "ROBOT" else None
+            text = value if equals else taken
+            if (change or new == "ROBOT") and text is None:  # no value: typer says so, of the new name
+                kept.append(name if new == "ROBOT" else new)
+            elif new == "ROBOT":
+                _say(name, f"{new}, the first argument")
+                first.append(text)
+            elif change:
+                kept += [new, changed(name, new, change, text or "")]
+            else:
+                _say(name, new)
+                kept.append(f"{new}={value}" if equals else new)
+        return [*first, *self._last_as_option(ctx, kept, old), *args[end:]]
+
+    def _last_as_option(self, ctx: Any, args: list[str], old: Names) -> list[str]:
+        """The words with a last argument that became an option as that option."""
+        new = next((new for name, new in old.items() if not name.startswith("-")), None)
+        if not isinstance(new, str):
+            return args
+        parser = self.make_parser(ctx)
+        declared, parser._args = len(parser._args), []
+        found = parser.parse_args(list(args))[1]
+        if len(found) != declared + 1:
+            return args
+        place = len(args) - 1 - args[::-1].index(found[-1])
+        _say("the last argument", new)
+        return [*args[:place], *args[place + 1 :], new, found[-1]]
+
+
+def global_first(args: list[str]) -> list[str]:
+    """The words of a command line with options of the whole program first, wherever they stood before `--`."""
+    end = args.index("--") if "--" in args else len(args)
+    found = [word for word in args[:end] if word in GLOBAL]
+    return [*found, *(word for word in args[:end] if word not in GLOBAL), *args[end:]]
+
+
+def changed(name: str, new: str, change: str, text: str) -> str:
+    """Value of the new name from that of an old one: a period of a rate, an angle with its unit; others as they are.
+
+    Args:
+        name, new: of the option.   change: "1/x" or "deg".   text: that was typed.
+    """
+    try:
+        value = float(text)
+    except ValueError:
+        return text
+    if change == "deg":
+        say_new = f"{new} {text}deg"
+        found = f"{text}deg"
+    else:
+        found = f"{1.0 / value:.15g}" if value and isfinite(value) else text
+        say_new = f"{new} {found}"
+    _say(f"{name} {text}", say_new)
+    return found
+
+
+def path_of(ctx: Any) -> str:
+    """Name of a command with that of its group, such as `identify arm`."""
+    words: list[str] = []
+    while ctx.parent is not None:
+        words.insert(0, ctx.info_name)
+        ctx = ctx.parent
+    return " ".join(words)
+
+
+def _say(old: str, new: str) -> None:
+    note(f"{old} is now {new}; version {UNTIL} refuses the old name")
