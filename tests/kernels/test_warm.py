@@ -65,7 +65,7 @@ def test_without_another_process_kernels_are_compiled_here(uncached, made, monke
 def test_warm_kernels_of_singles_and_of_varied_parameters(uncached):
     dyn = aw.compile("puma560", dtype="float32", vary=["link6.mass_kg"], warm=NAMES[:2])
     assert len(dyn._kernels) == 2
-    tau = dyn.inverse_dynamics(*STATE.astype(np.float32), parameters=np.float32([1.0]))
+    tau = dyn.inverse_dynamics(*STATE.astype(np.float32), parameters=np.ones(1, np.float32))
     assert tau.dtype == np.float32
     assert len(dyn._kernels) == 2
 
