@@ -260,6 +260,8 @@ def numbers_or_nan(value: Any) -> np.ndarray:
 
 def has_masked_entries(value: Any) -> bool:
     """True for a masked array that hides an entry, and for a list of such."""
+    if "numpy.ma" not in sys.modules:  # nobody has made one; its import would take as long as compiling a small kernel
+        return False
     parts = value if isinstance(value, (list, tuple)) else [value]
     return any(np.ma.isMaskedArray(part) and bool(np.ma.getmaskarray(part).any()) for part in parts)
 

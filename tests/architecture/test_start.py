@@ -54,6 +54,18 @@ def starts(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, Any]
     return {which: started(folder) for which in ("cold", "warm")}
 
 
+def test_inverse_kinematics_needs_no_scipy(tmp_path):
+    script = (
+        "import sys, armwright as aw\n"
+        "q = [0.3, 0.3, 0.3, -0.9, 0.3, 0.9, 0.3]\n"
+        "found = aw.inverse_kinematics('panda', aw.forward_kinematics(aw.load('panda'), q))\n"
+        "print(bool(found.success), 'scipy' in sys.modules, 'numpy.ma' in sys.modules)"
+    )
+    environment = os.environ | {"ARMWRIGHT_CACHE_DIR": str(tmp_path / "cache")}
+    run = subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=False)
+    assert run.stdout.split() == ["True", "False", "False"], run.stderr
+
+
 def started(folder: Path) -> dict[str, Any]:
     environment = os.environ | {"ARMWRIGHT_CACHE_DIR": str(folder)}
     run = subprocess.run([sys.executable, "-c", SCRIPT], env=environment, capture_output=True, text=True, check=False)

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 import armwright as aw
 from armwright.errors import ModelError, ShapeError
+from armwright.ik.starts import random_positions, sampled_ranges
 from ik.arms import arm_of, samples
 from ik.closed_form.made_arms import arm_of_axes
 
@@ -305,3 +306,16 @@ def test_bad_input_is_named(targets, options, place):
     with pytest.raises((ModelError, ShapeError)) as error:
         aw.inverse_kinematics(aw.load("puma560"), targets, **options)
     assert error.value.place == place
+
+
+@pytest.mark.parametrize("name", ["puma560", "panda"])
+def test_starts_fill_the_range_of_every_joint_evenly(name):
+    arm = aw.load(name)
+    low, high = sampled_ranges(arm)
+    shares = (random_positions(arm, 2048) - low) / (high - low)
+    assert ((shares >= 0.0) & (shares < 1.0)).all()
+    for column in shares.T:
+        counts = np.histogram(column, 8, (0.0, 1.0))[0]
+        assert np.abs(counts - 256).max() <= 26  # independent numbers are as wrong as 50
+    correlation = np.corrcoef(shares.T) - np.eye(arm.n)
+    assert np.abs(correlation).max() < 0.1

@@ -90,12 +90,13 @@ def simulate(
       armwright simulate arm.scenario.toml --reference pick.motion.toml --plot run.png
       armwright simulate excited.scenario.toml -o excited.csv --log arm.log.toml
     """
-    from armwright.results.plot import check_plot
-    from armwright.results.recording import check_recording
-
     if output is not None:
+        from armwright.results.recording import check_recording
+
         check_recording(output)
     if plot is not None:
+        from armwright.results.plot import check_plot
+
         check_plot(plot)
     _check_log(log, output, hold_out)
     constants = {"voltage": voltage, "current": current, "torque": torque, "command": command}

@@ -83,7 +83,7 @@ def best_different(
 def _ranks(descent: int) -> np.ndarray:
     """(RANKED,) rows of the table of starts that a further descent tries first, behind those that are ranked by distance.
 
-    An odd number apart: every second or fourth point of a Sobol sequence lies in the same half or quarter of all of them.
+    Rows that follow one another lie far apart in every joint.
     """
     return ((NEAREST_OF + STRIDE * descent + np.arange(RANKED)) % STARTS).astype(float)
 

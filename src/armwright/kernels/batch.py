@@ -51,12 +51,14 @@ class Kernel:
         target: Target,
         check: Callable[[tuple[Any, ...]], None] | None = None,
         format: Format = DOUBLE,
+        *,
+        apart: bool = False,
     ):
         """Compiles the program.
 
         Args:
             program: what is compiled.   target: for which processor, and how many numbers of the format it computes at once.
-            check: looks at the arrays of every call before they are used.   format: of the numbers.
+            check: looks at the arrays of every call before they are used.   format: of the numbers.   apart: as of `Engine`.
         """
         self.format, self.dtype = format, format.dtype
         self._check = check
@@ -68,7 +70,7 @@ class Kernel:
         self._expected = [(port.name, port.shape) for port in program.inputs]
         self._shapes = [port.shape for port in program.outputs]
         self._plans: dict[tuple[tuple[int, ...], ...], tuple[int, list[tuple[int, ...]]]] = {}
-        engine = Engine(self.target, batch_module, program, format.name)
+        engine = Engine(self.target, batch_module, program, format.name, apart=apart)
         ins, outs = len(program.inputs), len(program.outputs)
         steps = [POINTER, ctypes.c_int64] * ins
         self._run = engine.function(f"{program.name}.batch", ctypes.c_int64, *steps, *[POINTER] * outs)

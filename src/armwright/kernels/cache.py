@@ -36,6 +36,8 @@ import casadi
 import llvmlite
 from llvmlite import binding
 
+from armwright.program.turns import alone
+
 VARIABLE = "ARMWRIGHT_CACHE_DIR"  # the folder; empty: nothing is kept
 MAGIC = b"armwright code 3"
 HEAD = struct.Struct(f"<{len(MAGIC)}s32sQ32s")
@@ -50,6 +52,7 @@ TAKEN = (  # what says of one entry that it cannot be replaced, and nothing of t
 )
 
 
+@alone
 def key(build: Callable[..., object], ingredients: tuple[object, ...], *machine: object) -> bytes | None:
     """The digest of everything that the code of `build(…, *ingredients)` follows from, or None where that is not known.
 

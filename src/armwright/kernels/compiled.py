@@ -177,12 +177,42 @@ class CompiledArm(KernelMethods[Real]):
     def _traced(self, name: str, optional: tuple[str, ...], options: dict[str, Any]) -> Any:
         return trace_kernel(self.arm, SIGNATURES[name], optional, varied=self.varied, **options)
 
-    def _compiled(self, name: str, program: Any) -> Any:
+    def warm(self, names: Sequence[str]) -> None:
+        """Compiles kernels now, together: one is traced while others are compiled, long ones each in a process of its own.
+
+        Args:
+            names: of kernels, in the form without optional inputs; those that are compiled already cost nothing.
+        Raises:
+            ShapeError: no kernel has that name.   ModelError: no list of names; otherwise as `kernel`.
+        """
+        if isinstance(names, str) or not isinstance(names, Sequence):
+            raise ModelError(place="warm", value=names, expected="a list of names of kernels")
+        for name in names:
+            if not isinstance(name, str) or name not in SIGNATURES:
+                raise ShapeError(place="warm", value=name, choices=SIGNATURES)
+        missing = [name for name in dict.fromkeys(names) if (name,) not in self._kernels]
+        if not missing:
+            return
+        from concurrent.futures import ThreadPoolExecutor
+
+        with (
+            automatic(None, f"compiling kernels of {self.arm.name}") as tell,
+            ThreadPoolExecutor(os.cpu_count()) as pool,
+        ):
+            works = [
+                pool.submit(self._compiled, name, self._traced(name, (), {}), apart=len(missing) > 1)
+                for name in missing
+            ]
+            for k, (name, work) in enumerate(zip(missing, works, strict=True), 1):
+                self._kernels[(name,)] = work.result()
+                tell(k, len(missing))
+
+    def _compiled(self, name: str, program: Any, *, apart: bool = False) -> Any:
         # This brings LLVM, which an arm that is compiled and not used does without.
         from armwright.kernels.batch import Kernel
 
         check = None if self.varied is None else _checked(self.varied, len(SIGNATURES[name].inputs))
-        return Kernel(program, self.target, check, self.format)
+        return Kernel(program, self.target, check, self.format, apart=apart)
 
     def _method(self, method: Callable[..., Any], form: str) -> Callable[..., Any]:
         """A kernel's method of this arm, a native function where there can be one, which is kept in its place.
@@ -299,6 +329,7 @@ def compile_arm(
     target: str | None = None,
     vary: Sequence[str] = (),
     dtype: Literal["float64"] | type[np.float64] | np.dtype[np.float64] = "float64",
+    warm: Sequence[str] = (),
 ) -> CompiledArm[np.float64]: ...
 
 
@@ -309,17 +340,27 @@ def compile_arm(
     vary: Sequence[str] = (),
     *,
     dtype: Literal["float32"] | type[np.float32] | np.dtype[np.float32],
+    warm: Sequence[str] = (),
 ) -> CompiledArm[np.float32]: ...
 
 
 @overload
 def compile_arm(
-    arm: AnyArm, target: str | None = None, vary: Sequence[str] = (), *, dtype: type | np.dtype
+    arm: AnyArm,
+    target: str | None = None,
+    vary: Sequence[str] = (),
+    *,
+    dtype: type | np.dtype,
+    warm: Sequence[str] = (),
 ) -> CompiledArm[Any]: ...
 
 
 def compile_arm(
-    arm: AnyArm, target: str | None = None, vary: Sequence[str] = (), dtype: str | type | np.dtype = DOUBLE.name
+    arm: AnyArm,
+    target: str | None = None,
+    vary: Sequence[str] = (),
+    dtype: str | type | np.dtype = DOUBLE.name,
+    warm: Sequence[str] = (),
 ) -> CompiledArm[Any]:
     """Kernels for an arm, compiled when first used.
 
@@ -334,9 +375,15 @@ def compile_arm(
             rounded once. Half of all results are within 1 to 9 roundings (6e-8) of their largest entry on the built-in arms, but
             for `operational_inertia`; the worst that were found, where terms cancel or the mass matrix is ill-conditioned, are at
             1600. The documentation has a table by function and arm.
+        warm: kernels to compile now, such as ["inverse_dynamics", "mass_matrix"], together and on all cores; `dyn.warm(names)`
+            does it later.
     Returns:
         dyn: the kernels as methods, (…, n) arrays in and out.
     Raises:
-        ModelError: no arm, an unknown target, parameter or dtype, or a target that this processor does not reach.
+        ModelError: no arm, an unknown target, parameter or dtype, a target that this processor does not reach, or an arm that
+            lacks what a kernel of `warm` needs.
+        ShapeError: no kernel has a name of `warm`.
     """
-    return CompiledArm(as_arm(arm), target, vary, dtype)
+    dyn = CompiledArm(as_arm(arm), target, vary, dtype)
+    dyn.warm(warm)
+    return dyn

@@ -16,6 +16,7 @@ from typing import Any, ClassVar, Protocol
 from llvmlite import binding
 
 from armwright.kernels import cache
+from armwright.kernels.object_code import from_another_process, native_machine, object_code
 from armwright.kernels.target import LIBM, Target
 
 JITLINK = {"ELF": ("x86_64", "aarch64"), "MachO": ("x86_64", "arm64", "aarch64")}  # format: processors; not on Windows
@@ -35,7 +36,12 @@ class Engine:
     """Native code of one module. Functions obtained from it must keep it alive: dropping it unmaps the code."""
 
     def __init__(
-        self, target: Target, build: Callable[..., Text], *ingredients: Any, symbols: Mapping[str, int] = NO_SYMBOLS
+        self,
+        target: Target,
+        build: Callable[..., Text],
+        *ingredients: Any,
+        symbols: Mapping[str, int] = NO_SYMBOLS,
+        apart: bool = False,
     ):
         """The code of `build(target.width, *ingredients)`, from the cache where it is there.
 
@@ -44,15 +50,18 @@ class Engine:
             build: a function at the top level of a file of `kernels`; it sees nothing but its arguments.
             ingredients: programs, stages, numbers and strings that it makes the module of.
             symbols: addresses of functions that the code calls beside those of `LIBM`, by name.
+            apart: a long module is compiled in another process, while this one goes on in other threads.
         """
         linked = linker(binding.get_default_triple())
-        machine = binding.Target.from_default_triple().create_target_machine(
-            cpu=target.cpu, features=target.features, opt=3, **linked.CODE
-        )
+        processor = target.cpu, target.features, linked.CODE
+        machine = native_machine(*processor)
         key = cache.key(build, ingredients, linked.__name__, machine.triple, target)
         code = cache.load(key)
         if code is None:
-            code = compiled(build(target.width, *ingredients), machine)
+            module = build(target.width, *ingredients)
+            code = from_another_process(module.text(), *processor) if apart else None
+            if code is None:
+                code = compiled(module, machine)
             cache.store(key, code)
         self._linked = linked(code, machine, symbols)
 
@@ -65,18 +74,7 @@ class Engine:
 
 def compiled(module: Text, machine: binding.TargetMachine) -> bytes:
     """Object code of a module."""
-    parsed = binding.parse_assembly(module.text())
-    parsed.triple = machine.triple  # both before the passes run, which crash without
-    parsed.data_layout = str(machine.target_data)
-    # Our text has been simplified already, its functions are not to be inlined and its lanes are vectors: of LLVM's usual passes
-    # these few give code of the same speed in a tenth of the time.
-    passes = binding.create_new_module_pass_manager()
-    passes.add_sroa_pass()
-    passes.add_instruction_combine_pass()  # folds shuffles of tiles, and addresses
-    passes.add_simplify_cfg_pass()
-    options = binding.create_pipeline_tuning_options(speed_level=1)
-    passes.run(parsed, binding.create_pass_builder(machine, options))
-    return machine.emit_object(parsed)
+    return object_code(module.text(), machine)
 
 
 class JitLinked:

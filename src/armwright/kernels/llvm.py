@@ -82,7 +82,7 @@ class LlvmModule:
         inputs = [load_tile(m, f"%in{k}", port.size) for k, port in enumerate(program.inputs)]
         instructions = optimised(program.instructions)
         if len(instructions) <= WHOLE:
-            for k, values in enumerate(walk(m, program, inputs, self.caller(m))):
+            for k, values in enumerate(walk(m, program, inputs, self.caller(m), instructions=instructions)):
                 store_tile(m, f"%out{k}", values)
         else:
             instructions, places = _computed_once(program, instructions)
@@ -211,7 +211,7 @@ class LlvmModule:
         """A program's outputs: in one block, or, where it is long, in functions of a few thousand instructions each."""
         instructions = optimised(program.instructions)
         if len(instructions) <= WHOLE:
-            return walk(m, program, inputs, self.caller(m))
+            return walk(m, program, inputs, self.caller(m), instructions=instructions)
         blocks = self._in_pieces(m, program, instructions, inputs)
         return [
             [m.load(pointer, entry) for entry in range(port.size)]

@@ -6,12 +6,12 @@ import ctypes
 import struct
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from armwright.kernels.engine import Engine
-from armwright.kernels.loop_exchange import POINTERS
-from armwright.kernels.loop_printer import NUMBERS, argument_names, loop_module
+from armwright.kernels.loop_arguments import NUMBERS, POINTERS, argument_names
 from armwright.kernels.stages import (
     CURSOR,
     NEVER,
@@ -24,6 +24,9 @@ from armwright.kernels.stages import (
     block_sizes,
 )
 from armwright.kernels.target import Target
+
+if TYPE_CHECKING:
+    from armwright.kernels.llvm import LlvmModule
 
 ENDLESS = 2**62  # a last tick that does not come
 
@@ -136,6 +139,13 @@ class LaneGroup:
         missing = self.tiles * self.width - self.count
         padded = np.concatenate([rows, np.broadcast_to(rows[:1], (missing, *rows.shape[1:]))])
         return padded.reshape(self.tiles, self.width, *rows.shape[1:])
+
+
+def loop_module(width: int, *stages: Stage) -> LlvmModule:
+    """The module of stages, as `loop_printer` prints it."""
+    from armwright.kernels import loop_printer
+
+    return loop_printer.loop_module(width, *stages)
 
 
 class NativeLoop:

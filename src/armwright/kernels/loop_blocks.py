@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from armwright.kernels.llvm import LlvmModule
 from armwright.kernels.llvm_machine import LlvmMachine
+from armwright.kernels.loop_arguments import ROWS
 from armwright.kernels.machine import Value
 from armwright.kernels.stages import CURSOR, NEVER, NEXT, SINCE, RowsStage, Stage, block_sizes, unspread
 from armwright.program import Program
-
-ROWS = ("tick", "offset", "values")  # of all lanes' schedules, one behind another
 
 
 class BlockPrinter:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from armwright.kernels.loop_arguments import POINTERS
 from armwright.kernels.loop_blocks import at_lane
 from armwright.kernels.stages import Exchange
 
-POINTERS = ("queue", "tasks", "attempts", "ranks", "results")  # of numbers that all lanes share, and how many attempts
 BLOCKS = ("over", "fresh", "task_number", "attempt_number", "task", "attempt", "result")
 
 

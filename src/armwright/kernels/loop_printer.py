@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from armwright.kernels import philox
 from armwright.kernels.llvm import LlvmModule
-from armwright.kernels.loop_blocks import ROWS
-from armwright.kernels.loop_exchange import BLOCKS, POINTERS, exchange
+from armwright.kernels.loop_arguments import NUMBERS, POINTERS, REALS, argument_names
+from armwright.kernels.loop_exchange import BLOCKS, exchange
 from armwright.kernels.loop_steps import StepPrinter
 from armwright.kernels.machine import Value
 from armwright.kernels.stages import (
@@ -18,32 +18,10 @@ from armwright.kernels.stages import (
     DrawStage,
     Exchange,
     RecordStage,
-    RowsStage,
     Stage,
     TableStage,
-    block_sizes,
 )
 from armwright.kernels.tiles import store_tile
-
-NUMBERS = ("tile0", "tile1", "tick0", "tick1", "last", "every", "h", "lane0", "seed", "origin", "substeps", "part")
-REALS = ("h", "part")  # of them; part: of a segment that a substep is
-
-
-def argument_names(plan: tuple[Stage, ...]) -> list[str]:
-    """Names of the 64-bit arguments in the native function's table, in order: numbers, then pointers."""
-    names = [*NUMBERS, *(f"{block}.block" for block in block_sizes(plan))]
-    for stage in plan:
-        if isinstance(stage, TableStage):
-            names.append(f"{stage.block}.table")
-        elif isinstance(stage, RowsStage):
-            names += [f"{stage.block}.rows.{part}" for part in ROWS]
-        elif isinstance(stage, DelayStage):
-            names.append(f"{stage.to}.ring")
-        elif isinstance(stage, RecordStage):
-            names += [f"{stage.name}.record", f"{stage.name}.stride"]
-        elif isinstance(stage, Exchange):
-            names += [f"{pointer}.shared" for pointer in POINTERS] + ["attempts.stride"]
-    return names
 
 
 def loop_module(width: int, *stages: Stage) -> LlvmModule:

@@ -140,6 +140,7 @@ def walk(
     inputs: Sequence[Sequence[Value]],
     call: Call | None = None,
     lower: Lower = lower,
+    instructions: Sequence[Instruction] | None = None,
 ) -> list[list[Value]]:
     """Prints a program's operations.
 
@@ -147,6 +148,7 @@ def walk(
         machine: prints them.   program: what is printed.   inputs: the machine's values of every entry of every input.
         call: prints a call of another program, flat arguments to flat results; needed where the program makes one.
         lower: prints an operation of the table on values, (machine, name, *values) to a value; C prints calls for some.
+        instructions: the program's after the passes, where the caller has them already.
     Returns:
         outputs: the machine's values of every entry of every output.
     """
@@ -155,7 +157,8 @@ def walk(
     def write(port: int, entry: int, value: Value) -> None:
         outputs[port][entry] = value
 
-    walk_instructions(machine, optimised(program.instructions), {}, lambda p, e: inputs[p][e], write, call, lower)
+    passed = optimised(program.instructions) if instructions is None else instructions
+    walk_instructions(machine, passed, {}, lambda p, e: inputs[p][e], write, call, lower)
     return outputs
 
 

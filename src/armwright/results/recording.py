@@ -25,10 +25,6 @@ from armwright.joint_kinds import KINDS
 from armwright.model import Model
 from armwright.model.joint_signals import LONG_NAMES, UNITS, command_unit, joint_units
 from armwright.output import check_destination, whole_file
-from armwright.results.csv_tables import joint_columns, write_table
-from armwright.results.mat_file import write_mat
-from armwright.results.mcap_file import write_mcap
-from armwright.results.run_file import write_netcdf
 from armwright.results.run_schema import A_RUN, check_run
 
 if TYPE_CHECKING:
@@ -152,6 +148,8 @@ def wide(run: xr.Dataset) -> dict[str, np.ndarray]:
     Raises:
         RunError: no run.
     """
+    from armwright.results.csv_tables import joint_columns
+
     check_run(run)
     if "joint" in run.dims and not {"time", *LONG_NAMES} & {*run.dims, *run.variables}:
         return _wide_reduced(run)
@@ -170,6 +168,8 @@ def wide(run: xr.Dataset) -> dict[str, np.ndarray]:
 
 def _wide_reduced(run: xr.Dataset) -> dict[str, np.ndarray]:
     """A run without recorded motion as one table: a row a lane, the results of each joint's reducers."""
+    from armwright.results.csv_tables import joint_columns
+
     joints = [str(joint) for joint in run["joint"].values]
     columns = {"lane": run["lane"].values} if "lane" in run.dims else {}
     for name, variable in run.data_vars.items():
@@ -223,7 +223,7 @@ def save(run: AnyRun, path: str | os.PathLike[str]) -> None:
     check_run(run)
     path = check_recording(path)
     writers = {
-        ".nc": write_netcdf,
+        ".nc": _write_netcdf,
         ".csv": _write_csv,
         ".parquet": _write_parquet,
         ".mcap": _write_mcap,
@@ -237,17 +237,29 @@ def save(run: AnyRun, path: str | os.PathLike[str]) -> None:
             raise OutputError(f"cannot be written: {reason}", file=path) from error
 
 
+def _write_netcdf(run: xr.Dataset, path: Path) -> None:
+    from armwright.results.run_file import write_netcdf
+
+    write_netcdf(run, path)
+
+
 def _write_csv(run: xr.Dataset, path: Path) -> None:
+    from armwright.results.csv_tables import write_table
+
     with open(path, "w", encoding="utf-8", newline="") as file:
         write_table(None, wide(run), file)
 
 
 def _write_mcap(run: xr.Dataset, path: Path) -> None:
+    from armwright.results.mcap_file import write_mcap
+
     run = in_order(run)
     write_mcap(run, path, _all_units(run))
 
 
 def _write_mat(run: xr.Dataset, path: Path) -> None:
+    from armwright.results.mat_file import write_mat
+
     run = in_order(run) if "time" in run.coords and "joint" in run.coords else run
     write_mat(run, path, _all_units(run))
 
