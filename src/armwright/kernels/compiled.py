@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from armwright.model.vary import Varied
 
 LIST = ", ".join(sorted(SIGNATURES))
+CPU = "cpu"  # the device that code is made for unless another is named
 KERNELS = Support(
     "kernels",
     approximated={
@@ -181,8 +182,11 @@ class CompiledArm(KernelMethods[Real]):
         # This brings LLVM, which an arm that is compiled and not used does without.
         from armwright.kernels.batch import Kernel
 
-        check = None if self.varied is None else _checked(self.varied, len(SIGNATURES[name].inputs))
-        return Kernel(program, self.target, check, self.format)
+        return Kernel(program, self.target, self._parameter_check(name), self.format)
+
+    def _parameter_check(self, name: str) -> Callable[[tuple[Any, ...]], None] | None:
+        """What looks at the parameters that vary in every call of a kernel, None where none does."""
+        return None if self.varied is None else _checked(self.varied, len(SIGNATURES[name].inputs))
 
     def _method(self, method: Callable[..., Any], form: str) -> Callable[..., Any]:
         """A kernel's method of this arm, a native function where there can be one, which is kept in its place.
@@ -281,11 +285,20 @@ def _again(
 
 
 def _checked(varied: Varied, place: int) -> Callable[[tuple[Any, ...]], None]:
-    """Looks at a call's array of parameters, the one at `place`; one that is no array of them the kernel itself refuses."""
+    """Looks at a call's array of parameters, the one at `place`; one that is no array of them the kernel itself refuses.
+
+    An array on a GPU is not looked at: it would have to be waited for and copied.
+    """
 
     def check(arrays: tuple[Any, ...]) -> None:
         from armwright.kernels.batch import as_numbers
 
+        if (
+            len(arrays) > place
+            and hasattr(arrays[place], "__dlpack_device__")
+            and not isinstance(arrays[place], np.ndarray)
+        ):
+            return
         values = as_numbers(arrays[place], "parameters", PARAMETERS) if len(arrays) > place else np.empty(0)
         if values.shape[-1:] == (len(varied.parameters),):
             varied.check(values)
@@ -318,8 +331,18 @@ def compile_arm(
 ) -> CompiledArm[Any]: ...
 
 
+@overload
 def compile_arm(
-    arm: AnyArm, target: str | None = None, vary: Sequence[str] = (), dtype: str | type | np.dtype = DOUBLE.name
+    arm: AnyArm, target: None = None, vary: Sequence[str] = (), dtype: str | type | np.dtype = "float64", *, device: str
+) -> Any: ...  # its methods take and give arrays of CuPy, PyTorch and JAX, which have no type here
+
+
+def compile_arm(
+    arm: AnyArm,
+    target: str | None = None,
+    vary: Sequence[str] = (),
+    dtype: str | type | np.dtype = DOUBLE.name,
+    device: str = CPU,
 ) -> CompiledArm[Any]:
     """Kernels for an arm, compiled when first used.
 
@@ -334,9 +357,16 @@ def compile_arm(
             rounded once. Half of all results are within 1 to 9 roundings (6e-8) of their largest entry on the built-in arms, but
             for `operational_inertia`; the worst that were found, where terms cancel or the mass matrix is ill-conditioned, are at
             1600. The documentation has a table by function and arm.
+        device: "cpu"; or "cuda" for a GPU of NVIDIA ("cuda:1" for the second), with arrays of CuPy, PyTorch or JAX in and out.
+            That needs the extra `cuda`, and has the methods, `kernel`, `derivative` and `casadi`, no `target`, `out` and `bind`.
     Returns:
         dyn: the kernels as methods, (…, n) arrays in and out.
     Raises:
-        ModelError: no arm, an unknown target, parameter or dtype, or a target that this processor does not reach.
+        ModelError: no arm, an unknown target, parameter, dtype or device, or a target that this processor does not reach; no
+            GPU, driver or compiler for it.
     """
-    return CompiledArm(as_arm(arm), target, vary, dtype)
+    if device == CPU:
+        return CompiledArm(as_arm(arm), target, vary, dtype)
+    from armwright.kernels.cuda_arm import CudaArm
+
+    return CudaArm(as_arm(arm), target, vary, dtype, device)
