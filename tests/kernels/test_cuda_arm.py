@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import importlib.util
+import itertools
 import pickle
 import re
 import sys
@@ -290,8 +291,9 @@ def _programs(name: str) -> list:
 
 @pytest.mark.study
 @pytest.mark.skipif(not NVRTC, reason="the extra `cuda` is not installed")
-@pytest.mark.parametrize("architecture", ARCHITECTURES)
-@pytest.mark.parametrize("name", ["puma560", "panda", CHAIN, OPEN])
+@pytest.mark.parametrize(
+    ("name", "architecture"), [*itertools.product(["puma560", "panda", OPEN], ARCHITECTURES), (CHAIN, "sm_90")]
+)
 def test_nvrtc_compiles_every_kernel(name, architecture, record_property):
     _, known = nvrtc_can()
     if int(architecture.removeprefix("sm_")) not in known:
@@ -304,8 +306,7 @@ def test_nvrtc_compiles_every_kernel(name, architecture, record_property):
         record_property(f"{name} {program.name} {architecture}", f"{registers} registers, {spilled} bytes spilled")
         print(f"{name:24} {program.name:30} {architecture}: {registers} registers, {spilled} bytes spilled")
         assert registers <= 255
-        if not any(word in program.name for word in SPILLING) and name != CHAIN:
-            assert spilled == 0, program.name
+        assert spilled == 0 or name == CHAIN or program.name not in IN_REGISTERS, program.name
 
 
 @pytest.mark.study

@@ -7,7 +7,9 @@ Compiled kernels are kept with the other code on disk (`cache`).
 from __future__ import annotations
 
 import ctypes
+import importlib
 import math
+import sys
 import weakref
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -249,8 +251,8 @@ def _architecture(capability: tuple[int, int], known: Sequence[int], version: st
 
 
 def _bindings(name: str) -> Any:
-    import importlib
-
+    if sys.platform == "darwin":
+        raise ModelError("NVIDIA makes no driver for macOS", place="device", value="cuda", expected="cpu")
     try:
         return importlib.import_module(f"cuda.bindings.{name}")
     except ImportError:
