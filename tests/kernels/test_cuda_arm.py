@@ -270,12 +270,7 @@ def test_without_nvrtc_it_says_what_to_get(gpu, monkeypatch):
 # --- with NVRTC, which needs no GPU ---------------------------------------------------------------------------------------
 
 ARCHITECTURES = ("sm_80", "sm_90", "sm_100")
-SPILLING = (
-    "derivatives",
-    "linearised",
-    "regressor",
-    "coriolis",
-)  # in names of kernels that do not fit into 255 registers
+IN_REGISTERS = ("inverse_dynamics", "forward_dynamics", "mass_matrix", "forward_kinematics")
 OPEN, CHAIN = "puma560 with open parameters", "chain of 12 joints"
 VARIED = ("link3.mass_kg", "link4.com_m", "waist.motor.rotor_inertia_kg_m2")
 
@@ -305,7 +300,6 @@ def test_nvrtc_compiles_every_kernel(name, architecture, record_property):
         spilled = sum(map(int, re.findall(r"(\d+) bytes spill stores", log)))
         record_property(f"{name} {program.name} {architecture}", f"{registers} registers, {spilled} bytes spilled")
         print(f"{name:24} {program.name:30} {architecture}: {registers} registers, {spilled} bytes spilled")
-        assert registers <= 255
         assert spilled == 0 or name == CHAIN or program.name not in IN_REGISTERS, program.name
 
 
