@@ -234,6 +234,16 @@ CHAPTERS: dict[str, tuple[str, tuple[Column, ...]]] = {
             *(ratio("few ÷ many", "few"), ratio("fill ÷ many", "fill"), worst("error")),
         ),
     ),
+    "gpu": (
+        "A GPU beside this processor, ns per state",
+        (
+            *(label("arm", "arm"), label("kernel", "work"), label("numbers", "form"), label("states", "states")),
+            *(time("one thread", "one"), time("all threads", "threads"), time("GPU", "gpu"), time("copied", "copied")),
+            *(ratio("one thread ÷ GPU", "one"), ratio("all threads ÷ GPU", "threads")),
+            fact("same bits", "same", lambda share: f"{100 * share:.4g} %"),
+            *(fact("bytes a state", "bytes", number), worst("error")),
+        ),
+    ),
     "threads": (
         "Threads, ns per state",
         (

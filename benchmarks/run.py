@@ -39,6 +39,7 @@ MODULES = (
     "rows_large",
     "rows_start",
 )
+OF_GPU = ("rows_gpu",)  # alone where nothing else is asked for: a machine with a GPU may have no peers
 PEERS = {"pinocchio": "pin", "mujoco": "mujoco"}  # whose results ours are checked against
 RESULTS = Path(__file__).with_name("results")
 REPETITIONS, QUICK_REPETITIONS = 11, 1
@@ -47,7 +48,7 @@ REPETITIONS, QUICK_REPETITIONS = 11, 1
 def main(arguments: list[str] | None = None) -> int:
     options = parsed(arguments)
     lacking = [package for module, package in PEERS.items() if importlib.util.find_spec(module) is None]
-    if lacking:
+    if lacking and options.chapters != ["gpu"]:
         print(f"the peers check every row, and are not installed: pip install {' '.join(lacking)}", file=sys.stderr)
         return 2
     if options.chapters and options.save is False and newest_of_this(described(), RESULTS) is None:
@@ -60,7 +61,8 @@ def main(arguments: list[str] | None = None) -> int:
         options.quick, options.only or "", chapters=options.chapters or [*CHAPTERS], million=options.million
     )
     if not any(chapter["rows"] for chapter in saved["chapters"].values()):
-        print(f"--only {options.only!r}: no row has these words; --list tells them all", file=sys.stderr)
+        why = f"no row has the words {options.only!r}; --list tells them all" if options.only else "there is no row"
+        print(f"{why}: nothing is timed", file=sys.stderr)
         return 2
     show(saved, Console(width=None if sys.stdout.isatty() else 320))
     failed = [row for chapter in saved["chapters"].values() for row in chapter["rows"] if not row["checked"]]
@@ -121,9 +123,9 @@ def parsed(arguments: list[str] | None) -> argparse.Namespace:
     return options
 
 
-def tasks(quick: bool, *, million: bool = False) -> list[tuple[Task, Any]]:
-    """Every task, and the module that it is from; those of a million only where they are asked for: they take minutes."""
-    modules = [importlib.import_module(name) for name in MODULES]
+def tasks(quick: bool, *, million: bool = False, names: tuple[str, ...] = MODULES + OF_GPU) -> list[tuple[Task, Any]]:
+    """Every task of some modules, and its module; those of a million only where they are asked for: they take minutes."""
+    modules = [importlib.import_module(name) for name in names]
     found = [(task, module) for module in modules for task in module.tasks(quick)]
     if million:
         found += [
@@ -137,7 +139,8 @@ def tasks(quick: bool, *, million: bool = False) -> list[tuple[Task, Any]]:
 
 def measured(quick: bool, only: str, *, chapters: list[str], million: bool = False) -> Saved:
     """Runs the tasks of some chapters whose title has all the words, and tells what came out of it."""
-    found = [(task, module) for task, module in tasks(quick, million=million) if task.chapter in chapters]
+    names = OF_GPU if chapters == ["gpu"] else MODULES + OF_GPU if "gpu" in chapters else MODULES
+    found = [pair for pair in tasks(quick, million=million, names=names) if pair[0].chapter in chapters]
     wanted = [(task, module) for task, module in found if all(word in task.title for word in only.split())]
     repetitions = QUICK_REPETITIONS if quick else REPETITIONS
     filled: dict[str, dict[str, list[Any]]] = {chapter: {"rows": [], "notes": []} for chapter in CHAPTERS}

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from armwright.model.vary import Varied
 
 LIST = ", ".join(sorted(SIGNATURES))
+CPU = "cpu"  # the device that code is made for unless another is named
 KERNELS = Support(
     "kernels",
     approximated={
@@ -211,8 +212,11 @@ class CompiledArm(KernelMethods[Real]):
         # This brings LLVM, which an arm that is compiled and not used does without.
         from armwright.kernels.batch import Kernel
 
-        check = None if self.varied is None else _checked(self.varied, len(SIGNATURES[name].inputs))
-        return Kernel(program, self.target, check, self.format, apart=apart)
+        return Kernel(program, self.target, self._parameter_check(name), self.format, apart=apart)
+
+    def _parameter_check(self, name: str) -> Callable[[tuple[Any, ...]], None] | None:
+        """What looks at the parameters that vary in every call of a kernel, None where none does."""
+        return None if self.varied is None else _checked(self.varied, len(SIGNATURES[name].inputs))
 
     def _method(self, method: Callable[..., Any], form: str) -> Callable[..., Any]:
         """A kernel's method of this arm, a native function where there can be one, which is kept in its place.
@@ -311,11 +315,20 @@ def _again(
 
 
 def _checked(varied: Varied, place: int) -> Callable[[tuple[Any, ...]], None]:
-    """Looks at a call's array of parameters, the one at `place`; one that is no array of them the kernel itself refuses."""
+    """Looks at a call's array of parameters, the one at `place`; one that is no array of them the kernel itself refuses.
+
+    An array on a GPU is not looked at: it would have to be waited for and copied.
+    """
 
     def check(arrays: tuple[Any, ...]) -> None:
         from armwright.kernels.batch import as_numbers
 
+        if (
+            len(arrays) > place
+            and hasattr(arrays[place], "__dlpack_device__")
+            and not isinstance(arrays[place], np.ndarray)
+        ):
+            return
         values = as_numbers(arrays[place], "parameters", PARAMETERS) if len(arrays) > place else np.empty(0)
         if values.shape[-1:] == (len(varied.parameters),):
             varied.check(values)
@@ -355,12 +368,25 @@ def compile_arm(
 ) -> CompiledArm[Any]: ...
 
 
+@overload
+def compile_arm(
+    arm: AnyArm,
+    target: None = None,
+    vary: Sequence[str] = (),
+    *,
+    dtype: str | type | np.dtype = "float64",
+    warm: Sequence[str] = (),
+    device: str,
+) -> Any: ...  # its methods take and give arrays of CuPy, PyTorch and JAX, which have no type here
+
+
 def compile_arm(
     arm: AnyArm,
     target: str | None = None,
     vary: Sequence[str] = (),
     dtype: str | type | np.dtype = DOUBLE.name,
     warm: Sequence[str] = (),
+    device: str = CPU,
 ) -> CompiledArm[Any]:
     """Kernels for an arm, compiled when first used.
 
@@ -377,13 +403,20 @@ def compile_arm(
             1600. The documentation has a table by function and arm.
         warm: kernels to compile now, such as ["inverse_dynamics", "mass_matrix"], together and on all cores; `dyn.warm(names)`
             does it later.
+        device: "cpu"; or "cuda" for a GPU of NVIDIA ("cuda:1" for the second), with arrays of CuPy, PyTorch or JAX in and out.
+            That needs the extra `cuda`, and has the methods, `kernel`, `derivative` and `casadi`, no `target`, `out` and `bind`.
     Returns:
         dyn: the kernels as methods, (…, n) arrays in and out.
     Raises:
-        ModelError: no arm, an unknown target, parameter or dtype, a target that this processor does not reach, or an arm that
-            lacks what a kernel of `warm` needs.
+        ModelError: no arm, an unknown target, parameter, dtype or device, a target that this processor does not reach, or an arm
+            that lacks what a kernel of `warm` needs; no GPU, driver or compiler for it.
         ShapeError: no kernel has a name of `warm`.
     """
-    dyn = CompiledArm(as_arm(arm), target, vary, dtype)
+    if device == CPU:
+        dyn: CompiledArm[Any] = CompiledArm(as_arm(arm), target, vary, dtype)
+    else:
+        from armwright.kernels.cuda_arm import CudaArm
+
+        dyn = CudaArm(as_arm(arm), target, vary, dtype, device)
     dyn.warm(warm)
     return dyn

@@ -1,21 +1,15 @@
-"""Program → CUDA C: one thread a state, or one thread a whole simulated trajectory; compiled by NVRTC through CuPy.
+"""Program → CUDA C: one thread a state, or one thread a whole simulated trajectory. `cuda_device` compiles it, by NVRTC.
 
 Arrays are those of the other kernels: row-major, one row a state. The text is the sequence of IEEE operations that LLVM and C
-are given; NVRTC gets --fmad=false, so that only what is written as fma() is fused. Where libm is called (angles beyond
-2^20 rad, and the few operations without a polynomial of ours) it is CUDA's own, which may differ in the last place.
+are given; NVRTC gets --fmad=false, so that only what is written as fma() is fused. Where libm is called it is CUDA's own, which
+may differ in the last place: for angles beyond 2^20 rad, in float 2^17, and the few operations without a polynomial of ours.
 """
 
 from __future__ import annotations
 
-import math
-from typing import Any
-
-import numpy as np
-
-from armwright.errors import ModelError, ShapeError
-from armwright.kernels.batch import common_lead, wrong_count
 from armwright.kernels.c import Unit
 from armwright.kernels.c_syntax import Dialect, identifier
+from armwright.kernels.format import DOUBLE, SINGLE, Format
 from armwright.program import Program
 
 #: CUDA C as a dialect of C99: other words for integers, bits and functions of the device.
@@ -28,22 +22,79 @@ CUDA = Dialect(
     nan="__longlong_as_double(0x7ff8000000000000LL)",
     guarded=False,
 )
+CUDA_FLOAT = Dialect(
+    SINGLE,
+    integer="unsigned int",
+    literal="0x{:08x}U",
+    function="static __device__ ",
+    never_inlined="static __device__ __noinline__ ",
+    infinity="__int_as_float(0x7f800000)",
+    nan="__int_as_float(0x7fc00000)",
+    guarded=False,
+)
+DIALECTS = {dialect.format: dialect for dialect in (CUDA, CUDA_FLOAT)}
 
-#: What the machine calls for the bits of a double; NVRTC includes no headers, and these need none.
+#: What the machine calls for the bits of a number; NVRTC includes no headers, and these need none.
 BITS = """\
-static __device__ unsigned long long {prefix}bits_of(double x)
+static __device__ {integer} {prefix}bits_of({real} x)
 {{
-    return (unsigned long long)__double_as_longlong(x);
+    return ({integer}){to_bits}(x);
 }}
 
-static __device__ double {prefix}from_bits(unsigned long long i)
+static __device__ {real} {prefix}from_bits({integer} i)
 {{
-    return __longlong_as_double((long long)i);
+    return {from_bits}(({signed})i);
 }}
 """
+_WORDS = {  # of BITS
+    DOUBLE: {"to_bits": "__double_as_longlong", "from_bits": "__longlong_as_double", "signed": "long long"},
+    SINGLE: {"to_bits": "__float_as_int", "from_bits": "__int_as_float", "signed": "int"},
+}
 
-OPTIONS = ("--fmad=false", "--std=c++14")
 THREADS = 128  # a block
+WARP = 32  # threads that run in step
+COLUMNS = 16  # of a row that pass through a warp's tile at once; a tile's rows are one longer, which keeps banks apart
+UNROLLED = 64  # numbers in a row that can stay in registers; those of longer ones are copied in a loop
+
+# A warp's 32 rows lie in one piece of memory. It reads and writes them number after number, so that neighbouring threads touch
+# neighbouring numbers, and a tile in shared memory hands each thread its own row.
+_TILES = """\
+template <int size, int width>
+static __device__ __forceinline__ void load_columns(const {real} *rows, int first, int count, {real} *tile, {real} *own)
+{{
+    const int lane = threadIdx.x % {warp}, row = lane < count ? lane : 0; /* threads without a state repeat the first */
+    #pragma unroll
+    for (int k = lane; k < {warp} * width; k += {warp}) {{
+        if (k / width < count) {{
+            tile[k / width * {pitch} + k % width] = rows[k / width * size + first + k % width];
+        }}
+    }}
+    __syncwarp();
+    #pragma unroll
+    for (int e = 0; e < width; e++) {{
+        own[first + e] = tile[row * {pitch} + e];
+    }}
+    __syncwarp();
+}}
+
+template <int size, int width>
+static __device__ __forceinline__ void store_columns({real} *rows, int first, int count, {real} *tile, const {real} *own)
+{{
+    const int lane = threadIdx.x % {warp};
+    #pragma unroll
+    for (int e = 0; e < width; e++) {{
+        tile[lane * {pitch} + e] = own[first + e];
+    }}
+    __syncwarp();
+    #pragma unroll
+    for (int k = lane; k < {warp} * width; k += {warp}) {{
+        if (k / width < count) {{
+            rows[k / width * size + first + k % width] = tile[k / width * {pitch} + k % width];
+        }}
+    }}
+    __syncwarp();
+}}
+"""
 
 _THREAD = """\
     const long long lane = (long long)blockIdx.x * blockDim.x + threadIdx.x;
@@ -52,26 +103,65 @@ _THREAD = """\
     }"""
 
 
-def cuda_source(program: Program) -> str:
+def cuda_source(program: Program, format: Format = DOUBLE) -> str:
     """The program as a CUDA kernel `name(count, in0, step0, in1, step1, …, out0, out1, …)`, one thread a state.
 
+    It is launched in blocks of `THREADS`. Inputs and outputs without entries are left out of the parameters.
+
     Args:
-        program: what is printed.
+        program: what is printed.   format: of its numbers.
     Returns:
-        text: a file for NVRTC or nvcc with --fmad=false. A step is the number of doubles from a state's row of an input to
+        text: a file for NVRTC or nvcc with --fmad=false. A step is the number of entries from a state's row of an input to
             the next: the row's size, or 0 for one row that serves all states.
     """
-    unit = Unit(CUDA, f"{identifier(program.name)}_")
+    dialect = DIALECTS[format]
+    real, name = dialect.real, identifier(program.name)
+    unit = Unit(dialect, f"{name}_")
     state = unit.add_function(program, _state_function(program))
-    inputs = [f"const double *in{k}, long long step{k}" for k in range(len(program.inputs))]
-    outputs = [f"double *out{k}" for k in range(len(program.outputs))]
-    rows = [f"in{k} + lane * step{k}" for k in range(len(program.inputs))]
-    rows += [f"out{k} + lane * {port.size}" for k, port in enumerate(program.outputs)]
-    lines = [
-        f'extern "C" __global__ void {identifier(program.name)}(long long count, {", ".join([*inputs, *outputs])})',
-        *("{", _THREAD, f"    {state}({', '.join(rows)});", "}"),
+    inputs = [(k, port.size) for k, port in enumerate(program.inputs) if port.size]
+    outputs = [(k, port.size) for k, port in enumerate(program.outputs) if port.size]
+    parameters = [f"const {real} *in{k}, long long step{k}" for k, _ in inputs] + [
+        f"{real} *out{k}" for k, _ in outputs
     ]
-    return _text(unit, lines)
+    own = [f"own{k}" for k, _ in inputs] + [f"result{k}" for k, _ in outputs]
+    sizes = [size for _, size in (*inputs, *outputs)]
+    lines = [
+        f'extern "C" __global__ void __launch_bounds__({THREADS}) {name}(long long count, {", ".join(parameters)})',
+        "{",
+        f"    __shared__ {real} tiles[{THREADS // WARP}][{WARP * (COLUMNS + 1)}];",
+        f"    {real} *tile = tiles[threadIdx.x / {WARP}];",
+        f"    const long long first = ((long long)blockIdx.x * {THREADS} + threadIdx.x) / {WARP} * {WARP}; /* of the warp */",
+        "    if (first >= count) {",
+        "        return;",
+        "    }",
+        f"    const int rows = count - first < {WARP} ? (int)(count - first) : {WARP};",
+        *(f"    {real} {array}[{size}];" for array, size in zip(own, sizes, strict=True)),
+    ]
+    for k, size in inputs:
+        lines += [f"    if (step{k} == 0) {{", "        #pragma unroll", f"        for (int e = 0; e < {size}; e++) {{"]
+        lines += [f"            own{k}[e] = in{k}[e];", "        }", "    } else {"]
+        lines += [f"    {line}" for line in _columns("load", size, f"in{k} + first * {size}", f"own{k}")]
+        lines += ["    }"]
+    lines += [f"    {state}({', '.join(own)});"]
+    for k, size in outputs:
+        lines += _columns("store", size, f"out{k} + first * {size}", f"result{k}")
+    tiles = _TILES.format(real=real, warp=WARP, pitch=COLUMNS + 1)
+    return _text(unit, [tiles, *lines, "}"])
+
+
+def _columns(verb: str, size: int, rows: str, own: str) -> list[str]:
+    """Calls that load or store a port's rows, up to `COLUMNS` of their columns at a time."""
+    whole, rest = divmod(size, COLUMNS)
+
+    def call(width: int, first: object) -> str:
+        return f"{verb}_columns<{size}, {width}>({rows}, {first}, rows, tile, {own});"
+
+    if size <= UNROLLED:
+        lines = [f"    {call(COLUMNS, k * COLUMNS)}" for k in range(whole)]
+    else:
+        lines = [f"    for (int column = 0; column < {whole * COLUMNS}; column += {COLUMNS}) {{"]
+        lines += [f"        {call(COLUMNS, 'column')}", "    }"]
+    return lines + [f"    {call(rest, whole * COLUMNS)}"] * (rest > 0)
 
 
 def cuda_trajectory_source(step: Program) -> str:
@@ -134,104 +224,11 @@ def _check_step(step: Program) -> None:
 
 
 def _text(unit: Unit, kernel: list[str]) -> str:
-    helpers = [BITS.format(prefix=unit.prefix)] if unit.uses("bits_of") or unit.uses("from_bits") else []
+    uses = unit.uses("bits_of") or unit.uses("from_bits")
+    helpers = [bits(unit.dialect, unit.prefix)] if uses else []
     return "\n".join([*helpers, *(f"{text}\n" for text in unit.functions.values()), *kernel, ""])
 
 
-class CudaKernel:
-    """A program on the GPU: `kernel(a, b, …)` takes CuPy arrays (…, *shape) and broadcasts over their leading axes."""
-
-    def __init__(self, program: Program):
-        """Compiles the program.
-
-        Raises:
-            ModelError: CuPy is not installed, or there is no GPU.
-        """
-        self.program = program
-        self._function = _compiled(cuda_source(program), identifier(program.name))
-
-    def __call__(self, *arrays: Any) -> Any:
-        """The program's outputs for all states.
-
-        Args:
-            arrays: one an input, (…, *shape), CuPy or NumPy; leading axes are broadcast against each other.
-        Returns:
-            results: CuPy arrays (…, *shape); a tuple where there are several. They may still be in the making.
-        Raises:
-            ShapeError: an array of the wrong shape.
-        """
-        cupy = _cupy()
-        ports = self.program.inputs
-        if len(arrays) != len(ports):
-            raise wrong_count(self.program.name, arrays, ports)
-        inputs = [cupy.asarray(array, dtype=np.float64) for array in arrays]
-        lead = common_lead(self.program.name, inputs, [(port.name, port.shape) for port in ports])
-        count = math.prod(lead)
-        values: list[Any] = [np.int64(count)]
-        for array, port in zip(inputs, ports, strict=True):
-            if array.size == port.size:
-                values += [cupy.ascontiguousarray(array), np.int64(0)]
-            else:
-                rows = cupy.broadcast_to(array, lead + port.shape)
-                values += [cupy.ascontiguousarray(rows), np.int64(port.size)]
-        results = [cupy.empty(lead + port.shape) for port in self.program.outputs]
-        if count:
-            self._function((-(-count // THREADS),), (THREADS,), (*values, *results))
-        return results[0] if len(results) == 1 else tuple(results)
-
-
-class CudaTrajectory:
-    """A step program on the GPU: whole trajectories with constant commands, one thread a lane."""
-
-    def __init__(self, step: Program):
-        """Compiles the loop around the step.
-
-        Raises:
-            ModelError: CuPy is not installed, or there is no GPU.
-        """
-        self.step = step
-        self._function = _compiled(cuda_trajectory_source(step), f"{identifier(step.name)}_trajectory")
-
-    def __call__(self, x: Any, u: Any, h: float, ticks: int, every: int = 1) -> tuple[Any, Any]:
-        """The states of every lane.
-
-        Args:
-            x: (lanes, nx) initial states.   u: (nu,) or (lanes, nu) commands, held.
-            h: [s] the step.   ticks: how many.   every: a row is recorded after every so many.
-        Returns:
-            record: CuPy (ticks // every + 1, lanes, nx), row 0 the initial states.
-            frozen: CuPy (lanes,) the tick at which a lane diverged, or -1.
-        Raises:
-            ShapeError: x or u of the wrong shape.
-        """
-        cupy = _cupy()
-        nx, nu = self.step.inputs[0].size, self.step.inputs[1].size
-        x, u = cupy.asarray(x, dtype=np.float64), cupy.asarray(u, dtype=np.float64)
-        if x.ndim != 2 or x.shape[1] != nx or u.shape not in ((nu,), (len(x), nu)):
-            expected = f"(lanes, {nx}) and ({nu},) or (lanes, {nu})"
-            raise ShapeError(f"shapes {x.shape} and {u.shape}", place="trajectory: x and u", expected=expected)
-        lanes = len(x)
-        record, frozen = cupy.empty((ticks // every + 1, lanes, nx)), cupy.empty(lanes)
-        sizes = (np.int64(lanes), np.int64(ticks), np.int64(every), np.float64(h))
-        rows = (cupy.ascontiguousarray(x), np.int64(nx), cupy.ascontiguousarray(u), np.int64(nu if u.ndim == 2 else 0))
-        if lanes:
-            self._function((-(-lanes // THREADS),), (THREADS,), (*sizes, *rows, record, frozen))
-        return record, frozen
-
-
-def _compiled(text: str, name: str) -> Any:
-    return _cupy().RawModule(code=text, options=OPTIONS).get_function(name)
-
-
-def _cupy() -> Any:
-    try:
-        import cupy  # pyright: ignore[reportMissingImports]
-    except ImportError:
-        raise ModelError("CuPy is not installed: pip install cupy-cuda12x", place="CUDA kernels") from None
-    try:
-        devices = cupy.cuda.runtime.getDeviceCount()
-    except cupy.cuda.runtime.CUDARuntimeError as error:
-        raise ModelError(str(error), place="CUDA kernels", expected="an NVIDIA GPU with its driver") from None
-    if devices == 0:
-        raise ModelError("there is none", place="CUDA kernels", expected="an NVIDIA GPU")
-    return cupy
+def bits(dialect: Dialect, prefix: str) -> str:
+    """The functions between numbers and their bits."""
+    return BITS.format(prefix=prefix, integer=dialect.integer, real=dialect.real, **_WORDS[dialect.format])
