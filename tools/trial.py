@@ -20,9 +20,7 @@ ROOT = Path(__file__).resolve().parent.parent
 FOLDER = ROOT / "build" / "trial"
 RESOLUTION = {"lowest": "lowest-direct", "newest": "highest"}
 PARTS = shlex.quote(str(ROOT / "src" / "armwright" / "robots" / "cmu-dd.parts.toml"))
-DEMO = (
-    "simulate cmu-dd --schedule cmu-dd-feedforward.csv --start 0,0.35,0,0.6,0,0.4 --duration 2 -o demo.nc --plot demo.png"
-)
+DEMO = "simulate cmu-dd --schedule cmu-dd-feedforward.csv --start 0,0.35,0,0.6,0,0.4 --duration 2 -o demo.nc --plot demo.png"
 SMOKE = (  # a command of each kind, in a folder with the examples
     DEMO,
     "info puma560",
