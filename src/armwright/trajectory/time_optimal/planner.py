@@ -20,6 +20,8 @@ from armwright.trajectory.time_optimal.timing import PathTiming
 MOST = 1e50  # of a path acceleration, and of x
 PASSES, DAMPED = 60, 12  # with new tangents, at most; after how many the next are taken halfway
 SAME = 1e-6  # of the largest √x: a change up to which a profile has settled
+CLOSE = 1e-2  # of the largest √x: a change up to which tangents are taken at the profile itself: they double its digits
+FALLING = 0.25  # of √x: tangents are taken no lower, as those of friction near rest allow nothing
 SETTLED = 1e-9  # of the largest √x: a change up to which tangents are not taken again
 SLOWER, SLOWINGS = (
     0.25,
@@ -149,12 +151,14 @@ class Planner:
             rests = np.maximum(found[:-1], found[1:]) <= AT_REST * found.max()
             stuck = int(rests.argmax()) if rests.any() else None
             last, profile = profile, Profile(found, float(high[0]), stuck if low[0] <= self.ends[0] <= high[0] else 0)
-            if np.abs(v - before).max() > SAME * v.max() >= np.abs(v - earlier).max():
-                return min(profile, last, key=lambda each: (each.stuck is not None, each.x.sum()))
-            earlier = before
-            x = found if count < DAMPED else (0.5 * (v + before)) ** 2
-            if np.abs(v - before).max() <= SAME * v.max():
+            change = np.abs(v - before).max()
+            if change <= SAME * v.max():
                 break
+            if np.abs(v - earlier).max() <= SAME * v.max():
+                return min(profile, last, key=lambda each: (each.stuck is not None, each.x.sum()))
+            near = v if count < DAMPED or change <= CLOSE * v.max() else 0.5 * (v + before)
+            inner = np.maximum(near[1:-1], FALLING * before[1:-1])
+            earlier, x = before, np.concatenate([near[:1], inner, near[-1:]]) ** 2
         return profile
 
     def _tangents(

@@ -20,6 +20,7 @@ from armwright.trajectory.time_optimal.feasibility import too_fast
 FLAT = 1e-13  # of a joint's largest slope: below it the joint bounds x, not u
 UNBOUNDED = 1e100  # finite, so that it can be multiplied by 0
 PIECES = 48  # of the path between two of its breaks, at least: within 0.1 % of what 100 allow
+BLOCK, BESIDE = 2048, 2  # cells computed at once; on either side of a cell, that its caps depend on
 HALVINGS = 60  # of a path speed at the end that is too high
 TURNING = (
     0.5  # of a joint's largest q' beside a grid point: what is taken for q' there where it is less, as for a cap of x
@@ -82,15 +83,29 @@ class WholeCells:
     def lines(self) -> CellLines:
         """Intersection of all limits in every cell."""
         limited = np.isfinite(self.limits.acceleration)
-        step, most = self.steps[:, None], self.limits.acceleration[limited]
-        (d0, d1, d2), (e0, e1) = self.slopes[..., limited], self.bends[..., limited]
-        # the coefficients of q̈ are  a u + b x,  with x at the cell's beginning
-        a = np.concatenate([d0, d1 + step * e0, d2 + 2.0 * step * e1], axis=1)
-        b = np.concatenate([e0, 0.5 * (e0 + e1), e1], axis=1)
-        flat = np.tile(np.maximum(FLAT * np.abs(d0).max(axis=0), 1.0 / UNBOUNDED), 3)
-        a = np.where(np.abs(a) > flat, a, flat)
-        offset, slope = np.tile(most, 3) / np.abs(a), -b / a
-        return CellLines(offset, slope, offset, slope, self.cap(), self.steps, mirrored=True)
+        most = np.tile(self.limits.acceleration[limited], 3)
+        flat = np.tile(np.maximum(FLAT * np.abs(self.slopes[0]).max(axis=0)[limited], 1.0 / UNBOUNDED), 3)
+        offset, slope, cap = np.empty((len(self.steps), len(most))), np.empty((len(self.steps), len(most))), []
+        for first, last in self._blocks():
+            part, k = self._part(first, last), slice(first, last)
+            step, (d0, d1, d2), (e0, e1) = part.steps[:, None], part.slopes[..., limited], part.bends[..., limited]
+            # the coefficients of q̈ are  a u + b x,  with x at the cell's beginning
+            a = np.concatenate([d0, d1 + step * e0, d2 + 2.0 * step * e1], axis=1)
+            b = np.concatenate([e0, 0.5 * (e0 + e1), e1], axis=1)
+            a = np.where(np.abs(a) > flat, a, flat)
+            offset[k], slope[k] = most / np.abs(a), -b / a
+            before = min(first, BESIDE)
+            cap.append(self._part(first - before, last + BESIDE).cap()[before : before + last - first])
+        cap.append(self._part(max(len(self.steps) - BESIDE, 0), len(self.steps)).cap()[-1:])
+        return CellLines(offset, slope, offset, slope, np.concatenate(cap), self.steps, mirrored=True)
+
+    def _blocks(self) -> list[tuple[int, int]]:
+        """First and last cells, the last excluded, of blocks that stay in the processor's cache."""
+        return [(k, min(k + BLOCK, len(self.steps))) for k in range(0, len(self.steps), BLOCK)]
+
+    def _part(self, first: int, last: int) -> WholeCells:
+        """Some of the cells."""
+        return WholeCells(self.s[first : last + 1], self.slopes[:, first:last], self.bends[:, first:last], self.limits)
 
     def cap(self) -> np.ndarray:
         """(m,) x at the grid points up to which no joint exceeds its velocity limit between them either.
@@ -117,6 +132,10 @@ class WholeCells:
         Args:
             x: (m,) ṡ² at the grid points.
         """
+        blocks = self._blocks()
+        if len(blocks) > 1:
+            parts = [self._part(*each).used(x[each[0] : each[1] + 1]) for each in blocks]
+            return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
         u = (np.diff(x) / (2.0 * self.steps))[:, None]
         (d0, d1, d2), (e0, e1), x0, x1 = self.slopes, self.bends, x[:-1, None], x[1:, None]
         b0, b1, b2 = d0 * u + e0 * x0, d1 * u + 0.5 * (e0 * x1 + e1 * x0), d2 * u + e1 * x1
