@@ -154,7 +154,7 @@ class GpuFunction:
         self._gpu, self._module, self._function = gpu, module, function
 
     def __call__(self, count: int, threads: int, parameters: Sequence[Any], stream: int) -> None:
-        """Starts it for `count` states, of which it is told first, in blocks of some threads.
+        """Starts it for `count` states, its first parameter, in blocks of some threads.
 
         Args:
             parameters: behind the count: integers, floats and ctypes objects.
