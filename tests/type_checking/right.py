@@ -9,6 +9,8 @@ import armwright as aw
 arm = aw.load("puma560", on_impossible="warn")
 dyn = aw.compile(arm, vary=["link6.mass_kg"])
 single = aw.compile(arm, dtype="float32")
+on_gpu = aw.compile(arm, dtype="float32", device="cuda")
+on_gpu.inverse_dynamics(object(), object(), object())  # arrays of CuPy, PyTorch or JAX
 q = np.zeros(6)
 lanes = np.zeros((4, 6))
 tau = single.inverse_dynamics(q, [0.0] * 6, lanes, wrench=np.zeros(6))
