@@ -4,10 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 import armwright as aw
 from armwright.control.analysis.analyse import HEADS, analyse_loops
 from armwright.control.analysis.linear_loop import LinearLoop
+from armwright.control.analysis.region_picture import edge_distance
 from armwright.errors import ScenarioError
 
 PD = aw.JointPID(kp=300.0, kd=40.0, gravity=True)
@@ -69,6 +71,18 @@ def test_a_region_holds_what_margins_say():
             margins = LinearLoop(scenario(law, preset="one-tick")).margins(POSES, held=True)
             up, down, phase = (each[:, 1] for each in (margins.gain_up, margins.gain_down, margins.phase))
             assert region.keeps[i, k] == bool(((up > 2.0) & (down < 0.5) & (phase > 0.5)).all())
+
+
+def test_the_drawn_edge_of_a_region_separates_the_points_of_the_grid():
+    """Those that keep the margins lie inside, however thin the region; and a circle's edge has no stairs."""
+    x, y = np.meshgrid(np.arange(25.0), np.arange(25.0))
+    disc = np.hypot(x - 12, y - 12) < 8.3
+    thin = np.zeros_like(disc)
+    thin[5, 3:20] = thin[17, 9] = True
+    for keeps in (disc, thin, np.ones_like(disc), np.zeros_like(disc)):
+        np.testing.assert_array_equal(edge_distance(keeps) > 0, keeps)
+    (edge,) = Figure().subplots().contour(edge_distance(disc), levels=[0.0]).allsegs[0]
+    assert np.ptp(np.hypot(*(edge - 12).T)) < 0.5  # of the bare points it is 0.65
 
 
 def test_a_scenario_s_lanes_do_not_change_a_region():

@@ -15,6 +15,23 @@ if TYPE_CHECKING:
 COLOURS = ("#9ec9ee", "#4f8fce", "#1f4e8c")  # from the smallest to the largest delay
 OWN = "#e8590c"  # of the loop's own gains: seen on all of these, on light pages and on dark ones
 COLUMNS = 3
+NEAREST = 0.05  # steps of the grid: so near to a point the drawn edge may pass
+
+
+def edge_distance(keeps: np.ndarray) -> np.ndarray:
+    """Distance from the edge of a region in steps of the grid, above 0 inside, smoothed: its contour at 0 has no stairs.
+
+    Args:
+        keeps: (rows, columns) true inside. The contour separates these points from the others exactly as they are.
+    """
+    from scipy.ndimage import distance_transform_edt, gaussian_filter
+
+    framed = np.pad(keeps, 1, mode="edge")
+    if framed.all() or not framed.any():
+        return np.where(keeps, 1.0, -1.0)
+    inside, outside = (np.asarray(distance_transform_edt(each)) for each in (framed, ~framed))
+    smooth = gaussian_filter(inside - outside, 1.0, mode="nearest")[1:-1, 1:-1]
+    return np.where(keeps, np.maximum(smooth, NEAREST), np.minimum(smooth, -NEAREST))
 
 
 def draw_regions(figure: Figure, regions: Sequence[Sequence[GainRegion]], delays: Sequence[float], ink: str) -> None:
@@ -35,7 +52,7 @@ def draw_regions(figure: Figure, regions: Sequence[Sequence[GainRegion]], delays
     for axis, each in zip(axes, regions, strict=False):
         first, second = each[0].values
         for region, colour in zip(each, COLOURS, strict=False):
-            axis.contourf(second, first, region.keeps.astype(float), levels=[0.5, 1.5], colors=[colour])
+            axis.contourf(second, first, edge_distance(region.keeps), levels=[0.0, np.inf], colors=[colour])
         axis.plot(each[0].own[1], each[0].own[0], "x", color=OWN, markersize=8, markeredgewidth=2.5)
         axis.set(xscale="log", yscale="log", xlim=(second[0], second[-1]), ylim=(first[0], first[-1]))
         for which in (axis.xaxis, axis.yaxis):
