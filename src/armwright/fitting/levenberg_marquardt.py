@@ -3,15 +3,19 @@
     (JᵀJ + λ diag JᵀJ) δ = −Jᵀ e,    λ smaller behind a step that lowers eᵀe, larger behind one that does not and is undone
 
 Every search is a lane with a damping λ of its own. What differs between problems are parts: the `Damping`, the step from a point
-to the next (`move`: bounds, a longest step), and the `ends` of a search. Infinite errors refuse a point.
+to the next (`move`, or a `box` within which δ is least), and the `ends` of a search. Infinite errors refuse a point.
+
+A narrow valley that bends is left by a straight step. With the second derivative e″ along δ, from one more point on it, the step
+follows the bend: δ + a / 2, (JᵀJ + λ diag JᵀJ) a = −Jᵀ e″. [TranstrumSethna2012]
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import lsq_linear
 
 Evaluate = Callable[
     [np.ndarray], tuple[np.ndarray, np.ndarray]
@@ -19,6 +23,9 @@ Evaluate = Callable[
 Ends = Callable[
     [np.ndarray, np.ndarray, np.ndarray], np.ndarray
 ]  # gained, cost, (J δ)² of accepted steps (lanes,) → (lanes,)
+Errors = Callable[[np.ndarray], np.ndarray]  # points (points, k) → errors (points, m)
+Box = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]  # points (lanes, k) → least and largest δ (lanes, k)
+PROBE = 0.1  # of a step, at which its second derivative is taken
 ROUNDS = 60  # accepted steps of a lane at most
 
 
@@ -26,7 +33,10 @@ ROUNDS = 60  # accepted steps of a lane at most
 class Damping:
     """Damping of a search: `better` and `worse` are its factors behind a step that helps and one that does not.
 
+    Where steps are compared, that of the best one takes the place of `better`.
+
     Beyond `most` no step helps any more: the lane is at a minimum to rounding, or at the edge of what is allowed.
+    `tried` are factors of λ whose steps are compared, where errors alone cost less than their derivatives.
     """
 
     first: float = 1e-3
@@ -34,6 +44,7 @@ class Damping:
     worse: float = 4.0
     least: float = 1e-12
     most: float = 1e10
+    tried: tuple[float, ...] = (0.1, 1.0, 10.0)
 
 
 USUAL = Damping()
@@ -83,6 +94,8 @@ def descended(
     ends: Ends,
     rounds: int = ROUNDS,
     trials: float = np.inf,
+    box: Box | None = None,
+    errors: Errors | None = None,
 ) -> Descent:
     """The searches behind further steps.
 
@@ -90,28 +103,101 @@ def descended(
         evaluate: errors and their derivatives.   begun: where they are.   move: (x, δ) → the next points.
         ends: whether a lane's accepted step was its last, by what it gained, the cost and the squares of what it moves.
         rounds: accepted steps of any lane.   trials: steps, accepted or not.
+        box: within which δ is the least-squares step; None: anywhere. A step that is cut off at a bound leaves a narrow valley.
+        errors: by which the steps of `damping.tried`, straight and bent, are compared; None: the step of λ is taken. Where none
+            of these helps, and the best loses no more than a last step gains, the lane has ended.
     """
     now, accepted = begun, np.zeros(len(begun.x), dtype=int)
     while not now.ended.all() and accepted.max() < rounds and trials > 0:
         trials -= 1
-        size = np.maximum(np.linalg.norm(now.jacobian, axis=1), 1e-300)
-        unit = now.jacobian / size[:, None]
-        normal = np.matmul(unit.transpose(0, 2, 1), unit)
-        damped = normal + now.damping[:, None, None] * np.eye(size.shape[1])
-        step = np.linalg.solve(damped, -np.einsum("lmk,lm->lk", unit, now.errors)[..., None])[..., 0]
-        x = move(now.x, step / size)
-        errors, jacobian = evaluate(x)
-        cost, new = now.cost, cost_of(errors)
+        here = _Linear.at(now, box)
+        level, step = now.damping, here.solved(now.damping[:, None], -here.slope[:, None])[:, 0]
+        if errors is not None:
+            level, step = _compared(now, here, damping.tried, move, errors)
+        x = move(now.x, step / here.size)
+        new_errors, jacobian = evaluate(x)
+        cost, new = now.cost, cost_of(new_errors)
         better = (new <= cost) & ~now.ended
-        moved = np.einsum("lj,ljk,lk->l", step, normal, step)
-        ended = now.ended | (better & ends(cost - new, new, moved)) | (~better & (now.damping >= damping.most))
-        factor = np.where(better, damping.better, damping.worse)
+        moved = np.einsum("lj,ljk,lk->l", step, here.normal, step)
+        last = ends(np.where(better, cost - new, new - cost), new, moved)
+        spent = now.damping >= damping.most
+        ended = now.ended | np.where(better, last, spent if errors is None else spent | last)
+        factor = np.where(better, damping.better if errors is None else 1.0, damping.worse)
         now = Descent(
             np.where(better[:, None], x, now.x),
-            np.where(better[:, None], errors, now.errors),
+            np.where(better[:, None], new_errors, now.errors),
             np.where(better[:, None, None], jacobian, now.jacobian),
-            np.clip(now.damping * factor, damping.least, damping.most),
+            np.clip(level * factor, damping.least, damping.most),
             ended,
         )
         accepted += better
     return now
+
+
+@dataclass(frozen=True, eq=False)
+class _Linear:
+    """The linear problems at the points of searches, in steps scaled by the size of their columns.
+
+    Attributes:
+        size: (lanes, k) norms of J's columns.   unit: (lanes, m, k) J / size.   normal: (lanes, k, k) unitᵀ unit.
+        slope: (lanes, k) unitᵀ e.   low, high: (lanes, k) of scaled steps; None: without bounds.
+    """
+
+    size: np.ndarray
+    unit: np.ndarray
+    normal: np.ndarray
+    slope: np.ndarray
+    low: np.ndarray | None
+    high: np.ndarray | None
+
+    @classmethod
+    def at(cls, now: Descent, box: Box | None) -> _Linear:
+        """At the points where searches are."""
+        size = np.maximum(np.linalg.norm(now.jacobian, axis=1), 1e-300)
+        unit = now.jacobian / size[:, None]
+        low, high = (None, None) if box is None else (each * size for each in box(now.x))
+        normal = np.matmul(unit.transpose(0, 2, 1), unit)
+        return cls(size, unit, normal, np.einsum("lmk,lm->lk", unit, now.errors), low, high)
+
+    def solved(self, levels: np.ndarray, right: np.ndarray) -> np.ndarray:
+        """Scaled steps (lanes, tried, k) of least cost in the box:  (normal + λ) δ = right.
+
+        Args:
+            levels: (lanes, tried) λ.   right: (lanes, tried, k).
+        """
+        damped = self.normal[:, None] + levels[:, :, None, None] * np.eye(self.size.shape[1])
+        steps = np.linalg.solve(damped, right[..., None])[..., 0]
+        if self.low is None or self.high is None:
+            return steps
+        beyond = ((steps < self.low[:, None]) | (steps > self.high[:, None])).any(axis=2)
+        for lane, tried in np.argwhere(beyond):
+            root = np.linalg.cholesky(damped[lane, tried]).T  # ‖root (δ − step)‖² is the cost above its least
+            bounds = (self.low[lane], self.high[lane])
+            steps[lane, tried] = lsq_linear(root, root @ steps[lane, tried], bounds, method="bvls").x
+        return steps
+
+
+def _compared(
+    now: Descent,
+    here: _Linear,
+    tried: Sequence[float],
+    move: Callable[[np.ndarray, np.ndarray], np.ndarray],
+    errors: Errors,
+) -> tuple[np.ndarray, np.ndarray]:
+    """The damping (lanes,) and the scaled step (lanes, k) of least cost, of straight steps and of such that follow the bend."""
+    lanes, k = now.x.shape
+    levels = now.damping[:, None] * np.array(tried)
+
+    def behind(steps: np.ndarray) -> np.ndarray:
+        points = move(now.x[:, None], steps / here.size[:, None])
+        return errors(points.reshape(-1, k)).reshape(lanes, -1, now.errors.shape[1])
+
+    right = np.repeat(-here.slope[:, None], len(tried), axis=1)
+    steps = here.solved(levels, right)
+    along = np.matmul(steps, here.unit.transpose(0, 2, 1))
+    bend = np.nan_to_num(2.0 / PROBE * ((behind(PROBE * steps) - now.errors[:, None]) / PROBE - along))
+    bent = here.solved(levels, right - 0.5 * np.matmul(bend, here.unit))
+    every = np.concatenate([steps, bent], axis=1)
+    wrong = behind(every)
+    best = np.argmin(cost_of(wrong.reshape(-1, wrong.shape[2])).reshape(lanes, -1), axis=1)
+    return levels[np.arange(lanes), best % len(tried)], every[np.arange(lanes), best]

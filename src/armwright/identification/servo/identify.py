@@ -21,7 +21,7 @@ from armwright.identification.servo.bench import PATHS, ServoLoop, bench_record,
 from armwright.identification.servo.bench_log import BenchLog, as_bench_logs
 from armwright.identification.servo.orders import DELAY, OFFSET, ORDERS
 from armwright.identification.servo.output_error import BenchProblem
-from armwright.identification.servo.search import SETTLED, OrderFit, fit_orders, refined
+from armwright.identification.servo.search import SETTLED, OrderFit, fit_orders, next_larger, refined
 from armwright.identification.servo.servo_fit import OrderErrors, ServoFit
 from armwright.progress import Shown, automatic
 
@@ -75,7 +75,7 @@ def identify_servo(
     has beside the servo's 0; the bench is (m l² + m_a l² / 3 + J) q̈ = τ_m + τ_e - friction. [DuclusaudEtAl2025] The supply is
     as logged. The friction model is the smallest one that predicts logs that were held out no worse than the best, by the
     standard error of their difference or 2 %; it is then fitted to all logs. Intervals count the correlation of the residuals,
-    and by how much larger models that predict as well move the numbers.
+    and by how much the next larger models, where they predict as well, move the numbers.
 
     Args:
         logs: files of BAM's JSON, or `BenchLog`s, of one servo, with any gains, masses, lengths and motions.
@@ -107,11 +107,20 @@ def identify_servo(
         if held_out:
             fit = refined(BenchProblem(known, loop, fit.problem.order), fit.z, SETTLED)
         elif len(asked) > 1:
+<<<<<<< HEAD
             remarks.append(
                 f"too few logs to hold one out: {name} is taken, the smallest model (orders=…, --friction-models)"
             )
     larger = [each for each in asked if held_out and list(ORDERS).index(each) > list(ORDERS).index(name)]
     shifts = [_shift(asked[name], asked[each]) for each in larger if _no_worse(errors[each], errors[name])]
+=======
+            remarks.append(f"too few logs to hold one out: {name} is taken, the smallest model (orders=…, --order)")
+    shifts = [
+        _shift(fit, refined(BenchProblem(known, loop, asked[each].problem.order), asked[each].z))
+        for each in next_larger(name, asked)
+        if held_out and _no_worse(errors[each], errors[name])
+    ]
+>>>>>>> servo3
     compared = [
         OrderErrors(each, len(of.z), float(np.mean(_by_log(of.problem, of.errors))), _mean(errors[each]), each == name)
         for each, of in asked.items()
@@ -217,8 +226,7 @@ def _sha256(logs: Sequence[BenchLog]) -> str:
 
 def _shift(fit: OrderFit, larger: OrderFit) -> np.ndarray:
     """(columns,) by how much a larger model, fitted to the same logs, moves the record's numbers."""
-    ends = [each.problem.values(each.z) for each in (larger, fit)]
-    return ends[0] - ends[1]
+    return larger.problem.values(larger.z) - fit.problem.values(fit.z)
 
 
 def _of_larger(shifts: Sequence[np.ndarray], columns: int) -> np.ndarray:

@@ -1,7 +1,9 @@
 """Output error of a servo's bench: every log simulated as a whole from its goals, compared with its positions.
 
 Lanes of the compiled simulator are logs times points of the search, finite differences among them. Friction that holds the joint
-at rest makes the motion bend where it breaks loose, so differences are taken over steps that are large beside rounding.
+at rest makes the motion bend where it breaks loose, so differences are taken over steps that are large beside rounding. Errors
+hardly change along directions in which numbers of friction replace each other; differences by one number after the other are too
+wrong for these. So the steps follow the principal directions of the last derivatives, half a standard deviation along each.
 """
 
 from __future__ import annotations
@@ -25,7 +27,8 @@ from armwright.simulation.scenario import Scenario
 from armwright.simulation.scenario_parts import Inputs, Recording, Solver, Start
 from armwright.simulation.simulation import Simulation
 
-STEP = 2e-3  # of a coordinate, which is a logarithm or in parts of its scale
+STEP = 2e-3  # of a coordinate, a logarithm or in parts of its scale: the first ones, and the least of later ones
+LONGEST_STEP, DEVIATIONS = 0.1, 0.5  # of a coordinate, and of the standard deviation along a direction
 MOST_LANES = 1024  # of a simulation: as many as their rows find room for
 ROUNDING = 1e-9  # of a tick
 EVERY = 4  # turns of the loop from one stored state to the next, between which Hermite's cubic is 1e-5 rad wrong
@@ -121,34 +124,66 @@ class BenchProblem:
         """Measured less simulated positions (points, rows) at coordinates z (points, k) [rad]."""
         return self.measured - self.predictions(self.values(z))
 
-    def evaluate(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Errors (points, rows) and their derivatives (points, rows, k) by the coordinates."""
-        points, k = z.shape
-        steps = np.where(z + STEP <= self.order.high, STEP, -STEP)
-        moved = z[:, None, :] + steps[:, None, :] * np.eye(k)
-        every = np.concatenate([z[:, None, :], moved], axis=1).reshape(-1, k)
-        errors = self.errors(every).reshape(points, 1 + k, -1)
-        slopes = (errors[:, 1:] - errors[:, :1]) / steps[:, :, None]
-        return errors[:, 0], np.nan_to_num(slopes.transpose(0, 2, 1))
+    def evaluate(self, z: np.ndarray, steps: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """Errors (points, rows) and their derivatives (points, rows, k) by the coordinates.
 
-    def descend(self, z: np.ndarray, rounds: int, trials: float, settled: float) -> Descent:
-        """Searches from coordinates z (points, k), within bounds, until a step gains less than a share `settled` of the cost."""
+        Args:
+            z: (points, k).   steps: (points, k, k) over which differences are taken; None: one along each coordinate.
+        """
+        points, k = z.shape
         low, high = self.order.low, self.order.high
+        steps = np.broadcast_to(STEP * np.eye(k), (points, k, k)) if steps is None else steps
+        ahead, back = (np.clip(z[:, None] + way * steps, low, high) - z[:, None] for way in (1.0, -1.0))
+        shorter = np.linalg.norm(ahead, axis=2) < np.linalg.norm(back, axis=2)  # cut off at a bound
+        moved = np.where(shorter[:, :, None], back, ahead)
+        every = np.concatenate([z[:, None], z[:, None] + moved], axis=1).reshape(-1, k)
+        errors = self.errors(every).reshape(points, 1 + k, -1)
+        changes = np.nan_to_num(errors[:, 1:] - errors[:, :1])
+        return errors[:, 0], np.matmul(np.linalg.pinv(moved), changes).transpose(0, 2, 1)
+
+    def steps_by(self, z: np.ndarray, errors: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
+        """Steps for differences (points, k, k): along principal directions of numbers within their bounds, and along others."""
+        bound = np.minimum(z - self.order.low, self.order.high - z) < STEP
+        size = np.maximum(np.linalg.norm(jacobian, axis=1), 1e-300)
+        unit = np.where(bound[:, None], 0.0, jacobian / size[:, None])
+        share, directions = np.linalg.eigh(
+            np.matmul(unit.transpose(0, 2, 1), unit) + bound[:, None] * np.eye(bound.shape[1])
+        )
+        sigma = np.sqrt(np.mean(np.nan_to_num(errors) ** 2, axis=1))
+        by = DEVIATIONS * sigma[:, None] / np.sqrt(np.maximum(share, 1e-12))
+        steps = directions.transpose(0, 2, 1) * by[:, :, None] / size[:, None]
+        longest = np.maximum(np.abs(steps).max(axis=2, keepdims=True), 1e-300)
+        return steps * np.clip(longest, STEP, LONGEST_STEP) / longest
+
+    def descend(self, z: np.ndarray, rounds: int, trials: float, settled: float, bent: bool = False) -> Descent:
+        """Searches from coordinates z (points, k), within bounds, until a step gains less than a share `settled` of the cost.
+
+        Args:
+            z: to begin with.   rounds: steps that help.   trials: steps.   settled: share of the cost.
+            bent: whether steps follow narrow valleys, where most of the way is along one.
+        """
+        low, high = self.order.low, self.order.high
+        steps: list[np.ndarray] = []  # of the last point, for the next
 
         def evaluate(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            errors, jacobian = self.evaluate(x)
-            slope = np.einsum("lmk,lm->lk", jacobian, np.nan_to_num(errors))
-            leaves = ((x <= low) & (slope > 0.0)) | ((x >= high) & (slope < 0.0))
-            return errors, np.where(leaves[:, None, :], 0.0, jacobian)  # at a bound that it would leave, a number stays
+            found = self.evaluate(x, steps.pop() if steps else None)
+            steps.append(self.steps_by(x, *found))
+            return found
 
         def ends(gained: np.ndarray, cost: np.ndarray, moved: np.ndarray) -> np.ndarray:
             return gained < settled * cost
 
+        def box(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            return np.maximum(low - x, -LONGEST), np.minimum(high - x, LONGEST)
+
         def move(x: np.ndarray, step: np.ndarray) -> np.ndarray:
-            return np.clip(x + np.clip(step, -LONGEST, LONGEST), low, high)
+            return np.clip(x + step, low, high)
 
         begun = Descent.begin(evaluate, np.clip(z, low, high), DAMPING.first)
-        return descended(evaluate, begun, damping=DAMPING, move=move, ends=ends, rounds=rounds, trials=trials)
+        errors = self.errors if bent else None
+        return descended(
+            evaluate, begun, damping=DAMPING, move=move, ends=ends, rounds=rounds, trials=trials, box=box, errors=errors
+        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,7 +23,7 @@ DRAWS_OF_ORDER, KEPT_OF_ORDER = (
 SPREAD = 0.3  # standard deviation of the logarithm by which such a guess leaves what it comes from
 DRAWN = ("M1", "M3")  # orders of which a good minimum is missed by a search that begins at the fit of a smaller one
 # Of the cost: a step that gains less ends the search. A number one standard deviation off costs a part in as many as rows.
-COMPARED, SETTLED = 1e-4, 1e-7
+COMPARED, SETTLED = 1e-4, 1e-5
 ROUNDS_OF_START, ROUNDS, ROUNDS_TO_SETTLE = 2, 8, 15  # steps from each start, of the best one, and of the final fit
 
 
@@ -81,6 +81,12 @@ def fit_orders(
 
 def _all_before(name: str) -> set[str]:
     return {*BEFORE[name], *(each for before in BEFORE[name] for each in _all_before(before))}
+
+
+def next_larger(name: str, of: Collection[str]) -> list[str]:
+    """The orders of some that contain one, but for those that contain another such."""
+    larger = [each for each in of if name in _all_before(each)]
+    return [each for each in larger if not _all_before(each) & set(larger)]
 
 
 def _first(problem: BenchProblem, scales: Scales, rng: np.random.Generator) -> np.ndarray:
@@ -156,6 +162,6 @@ def _searched(problem: BenchProblem, starts: np.ndarray) -> OrderFit:
 def refined(problem: BenchProblem, z: np.ndarray, settled: float = COMPARED) -> OrderFit:
     """The fit from one start (k,), until a step gains less than a share `settled` of the cost."""
     rounds = ROUNDS if settled == COMPARED else ROUNDS_TO_SETTLE
-    done = problem.descend(z[None], rounds, rounds + 4, settled)
-    errors, jacobian = problem.evaluate(done.x)  # of all numbers, also of those at a bound
+    done = problem.descend(z[None], rounds, rounds + 4, settled, bent=True)
+    errors, jacobian = problem.evaluate(done.x, problem.steps_by(done.x, done.errors, done.jacobian))
     return OrderFit(problem, done.x[0], errors[0], jacobian[0])
