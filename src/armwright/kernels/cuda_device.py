@@ -154,11 +154,7 @@ class GpuFunction:
         self._gpu, self._module, self._function = gpu, module, function
 
     def __call__(self, count: int, threads: int, parameters: Sequence[Any], stream: int) -> None:
-<<<<<<< HEAD
-        """Starts it for `count` states, in blocks of some threads; `count` is its first parameter.
-=======
         """Starts it for `count` states, its first parameter, in blocks of some threads.
->>>>>>> cuda
 
         Args:
             parameters: behind the count: integers, floats and ctypes objects.

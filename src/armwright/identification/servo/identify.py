@@ -107,20 +107,14 @@ def identify_servo(
         if held_out:
             fit = refined(BenchProblem(known, loop, fit.problem.order), fit.z, SETTLED)
         elif len(asked) > 1:
-<<<<<<< HEAD
             remarks.append(
                 f"too few logs to hold one out: {name} is taken, the smallest model (orders=…, --friction-models)"
             )
-    larger = [each for each in asked if held_out and list(ORDERS).index(each) > list(ORDERS).index(name)]
-    shifts = [_shift(asked[name], asked[each]) for each in larger if _no_worse(errors[each], errors[name])]
-=======
-            remarks.append(f"too few logs to hold one out: {name} is taken, the smallest model (orders=…, --order)")
     shifts = [
         _shift(fit, refined(BenchProblem(known, loop, asked[each].problem.order), asked[each].z))
         for each in next_larger(name, asked)
         if held_out and _no_worse(errors[each], errors[name])
     ]
->>>>>>> servo3
     compared = [
         OrderErrors(each, len(of.z), float(np.mean(_by_log(of.problem, of.errors))), _mean(errors[each]), each == name)
         for each, of in asked.items()
