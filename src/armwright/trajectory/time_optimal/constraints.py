@@ -199,14 +199,14 @@ class PathLimits:
                 break
             left.append(len(rows))
             k, j, i = rows.T
-            u, near = sdd[k, j, i], NEAR * size[k, j, i] / np.abs(self._inertia[k, 0, i])
-            here, beside = (self._own_torque(k, i, x[k, j], each) for each in (u, u + near))
-            error = here - target[k, j, i]
-            slope = (beside - here) / near
-            safe = np.where(slope * self._inertia[k, 0, i] > 0.0, slope, self._inertia[k, 0, i])
-            done = np.abs(error) <= SOLVED * np.abs(size[k, j, i])
-            sdd[k, j, i] = np.where(done, u, u - error / safe)
-            rows = rows[~done]
+            error = self._own_torque(k, i, x[k, j], sdd[k, j, i]) - target[k, j, i]
+            on = np.abs(error) > SOLVED * np.abs(size[k, j, i])
+            rows, error = rows[on], error[on]
+            k, j, i = rows.T
+            near, inertia = NEAR * size[k, j, i] / np.abs(self._inertia[k, 0, i]), self._inertia[k, 0, i]
+            beside = self._own_torque(k, i, x[k, j], sdd[k, j, i] + near) - target[k, j, i]
+            slope = (beside - error) / near
+            sdd[k, j, i] -= error / np.where(slope * inertia > 0.0, slope, inertia)
         return sdd
 
     def _own_torque(self, k: np.ndarray, i: np.ndarray, x: np.ndarray, sdd: np.ndarray) -> np.ndarray:
