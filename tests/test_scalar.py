@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import math
+import operator
 
 import casadi
 import numpy as np
@@ -267,3 +268,43 @@ def test_jacobian():
     for run in (lambda f, *x: f(*x), evaluate):
         np.testing.assert_allclose(run(slope, x, a), expected, rtol=0, atol=1e-15)
     assert slope(x, a).dtype == float
+
+
+OPERATIONS = {
+    "+": (operator.add, casadi.OP_ADD),
+    "-": (operator.sub, casadi.OP_SUB),
+    "*": (operator.mul, casadi.OP_MUL),
+    "/": (operator.truediv, casadi.OP_DIV),
+}
+CONSTANTS = [0.0, -0.0, 1.0, -1.0, 2.5, np.nan, np.inf, -np.inf, 0, 1, True, np.float64(0.0), np.int64(3)]
+
+
+@pytest.mark.parametrize("sign", OPERATIONS)
+@pytest.mark.parametrize("constant", CONSTANTS, ids=repr)
+def test_what_is_known_of_a_constant_is_what_casadi_makes_of_it(sign, constant):
+    function, code = OPERATIONS[sign]
+    x = Symbol.named("x")
+    y = x * 0.0 + constant  # a symbol that is a constant
+    for a, b in ((x, constant), (constant, x), (x, y), (y, x), (y, y), (y, constant), (constant, y)):
+        plain = casadi.SX.binary(code, *(each.sx if isinstance(each, Symbol) else float(each) for each in (a, b)))
+        made = function(a, b)
+        assert isinstance(made, Symbol)
+        assert str(made.sx) == str(plain)
+
+
+def test_no_symbol_comes_of_what_is_no_number():
+    x = Symbol.named("x")
+    for thing in ("1", None, [1.0], 1j):
+        for function, _ in OPERATIONS.values():
+            with pytest.raises(TypeError):
+                function(x, thing)
+            with pytest.raises(TypeError):
+                function(thing, x)
+
+
+def test_remembered_constants_are_forgotten_before_they_fill_memory(monkeypatch):
+    monkeypatch.setattr(scalar, "MOST_CONSTANTS", 4)
+    x = Symbol.named("x")
+    for k in range(20):
+        assert str((x + (k + 0.5)).sx) == str(x.sx + (k + 0.5))
+    assert len(scalar._constants) <= 4

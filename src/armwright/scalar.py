@@ -46,43 +46,35 @@ class Symbol:
 
     # Operators return NotImplemented for arrays, so that NumPy maps them over the elements.
 
-    # SX.binary, because CasADi's own operators try every type they know before they add: seven times as slow.
-
-    def _binary(self, other: Any, operation: int, swap: bool = False) -> Any:
-        if isinstance(other, Symbol):
-            other = other.sx
-        elif isinstance(other, (float, int, np.floating, np.integer)):
-            other = float(other)
-        else:
-            return NotImplemented
-        return Symbol(casadi.SX.binary(operation, *((other, self.sx) if swap else (self.sx, other))))
+    # Most operands of a recursion along an arm are 0 or 1. What CasADi makes of these is known without asking it.
 
     def __add__(self, other):
-        return self._binary(other, casadi.OP_ADD)
+        return _sum(self, _as_symbol(other))
 
     def __radd__(self, other):
-        return self._binary(other, casadi.OP_ADD, swap=True)
+        return _sum(_as_symbol(other), self)
 
     def __sub__(self, other):
-        return self._binary(other, casadi.OP_SUB)
+        other = _as_symbol(other)
+        return self if other is ZERO else _binary(casadi.OP_SUB, self, other)
 
     def __rsub__(self, other):
-        return self._binary(other, casadi.OP_SUB, swap=True)
+        return _binary(casadi.OP_SUB, _as_symbol(other), self)
 
     def __mul__(self, other):
-        return self._binary(other, casadi.OP_MUL)
+        return _product(self, _as_symbol(other))
 
     def __rmul__(self, other):
-        return self._binary(other, casadi.OP_MUL, swap=True)
+        return _product(_as_symbol(other), self)
 
     def __truediv__(self, other):
-        return self._binary(other, casadi.OP_DIV)
+        return _binary(casadi.OP_DIV, self, _as_symbol(other))
 
     def __rtruediv__(self, other):
-        return self._binary(other, casadi.OP_DIV, swap=True)
+        return _binary(casadi.OP_DIV, _as_symbol(other), self)
 
     def __pow__(self, other):
-        return self._binary(other, casadi.OP_POW)
+        return _binary(casadi.OP_POW, self, _as_symbol(other))
 
     def __neg__(self):
         return Symbol(-self.sx)
@@ -109,6 +101,48 @@ class Symbol:
 
     __ne__ = __eq__
     __hash__ = None  # type: ignore[assignment]
+
+
+ZERO, ONE = Symbol(casadi.SX(0.0)), Symbol(casadi.SX(1.0))
+MOST_CONSTANTS = 10_000  # that are remembered: those of a few arms
+_constants: dict[float, Symbol] = {}
+
+
+def _as_symbol(value: Any) -> Any:
+    """A number as a symbol; NotImplemented for what is none. CasADi has one zero, so -0 is `ZERO` too."""
+    if type(value) is Symbol:
+        return value
+    if not isinstance(value, (float, int, np.floating, np.integer)):
+        return NotImplemented
+    number = float(value)
+    known = _constants.get(number)
+    if known is None:
+        if len(_constants) >= MOST_CONSTANTS:
+            _constants.clear()
+        known = ZERO if number == 0.0 else ONE if number == 1.0 else Symbol(casadi.SX(number))
+        _constants[number] = known
+    return known
+
+
+def _sum(a: Any, b: Any) -> Any:
+    if a is ZERO or b is NotImplemented:
+        return b
+    return a if b is ZERO or a is NotImplemented else _binary(casadi.OP_ADD, a, b)
+
+
+def _product(a: Any, b: Any) -> Any:
+    if a is NotImplemented or b is NotImplemented:
+        return NotImplemented
+    if a is ZERO or b is ZERO:
+        return ZERO
+    return b if a is ONE else a if b is ONE else _binary(casadi.OP_MUL, a, b)
+
+
+def _binary(operation: int, a: Any, b: Any) -> Any:
+    """SX.binary, because CasADi's own operators try every type they know before they add: seven times as slow."""
+    if a is NotImplemented or b is NotImplemented:
+        return NotImplemented
+    return Symbol(casadi.SX.binary(operation, a.sx, b.sx))
 
 
 def _misuse(use: str, instead: str) -> SymbolError:
