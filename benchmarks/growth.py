@@ -46,10 +46,11 @@ class Case:
 
 
 JOINTS, SHORTER = (6, 12, 30, 60, 100), (6, 12, 20, 30)
-LANES = (100, 1_000, 10_000, 100_000)
+LANES = (100, 1_000, 10_000, 100_000, 1_000_000)
 ROWS = (1_000, 10_000, 100_000, 1_000_000)
-POSES = (100, 1_000, 10_000, 100_000)
-ALL_PAIRS = "its result has an entry for every pair of joints"
+POSES = (100, 1_000, 10_000, 100_000, 1_000_000)
+TURNS = (20, 100, 1_000, 10_000)
+ALL_PAIRS = "an entry for every pair of joints; a program and results that outgrow the caches"
 
 
 def cases(folder: Path) -> Iterator[Case]:
@@ -62,14 +63,14 @@ def cases(folder: Path) -> Iterator[Case]:
     yield Case(
         "joints", "`aw.simulate`, its first run", SHORTER, first_run, "the plant's linear rates hold pairs", once=True
     )
-    yield Case("rows", "`aw.simulate`, a row each 1 ms", ROWS[:-1], simulated_rows)
+    yield Case("rows", "`aw.simulate`, a row each 1 ms", ROWS, simulated_rows)
     yield Case("rows", "`read_log`", ROWS, partial(logged, folder, read))
     yield Case("rows", "`identify_arm`", ROWS[1:], partial(logged, folder, identified))
     yield Case("rows", "`validate`, without a simulation", ROWS[1:], partial(logged, folder, validated))
-    yield Case("lanes", "`aw.simulate`, 100 steps", LANES, simulated_lanes)
+    yield Case("lanes", "`aw.simulate`, 100 steps", LANES[:-1], simulated_lanes)
     yield Case("lanes", "`aw.simulate`, 100 steps, reduced", LANES, partial(simulated_lanes, reduced=True))
-    yield Case("waypoints", "`time_optimal`, random turns", (20, 60, 200, 600), time_optimal)
-    yield Case("waypoints", "`Waypoints`, random turns", (20, 60, 200, 600), waypoints)
+    yield Case("waypoints", "`time_optimal`, random turns", TURNS, time_optimal)
+    yield Case("waypoints", "`Waypoints`, random turns", TURNS, waypoints)
     yield Case("poses", "`inverse_kinematics`, closed form", POSES, partial(solved, "puma560"))
     yield Case("poses", "`inverse_kinematics`, by iteration", POSES, partial(solved, "panda"))
     yield Case("poses", "`workspace`", POSES[1:], lambda n: partial(aw.kinematics.workspace, aw.load("puma560"), n))
@@ -241,7 +242,7 @@ def main() -> int:
             slope = exponent(times)
             why = case.reason if slope > LINEAR else ""
             unexplained += slope > LINEAR and not why
-            shown = ", ".join(f"{each:.2g} s" if each >= 1 else f"{1e3 * each:.2g} ms" for each in times.values())
+            shown = ", ".join(f"{each:.2g} s" if each >= 1 else f"{1e3 * each:.3g} ms" for each in times.values())
             sizes = ", ".join(f"{size:,}" for size in times)
             print(f"| {case.over} | {case.name} | {sizes} | {shown} | {slope:.2f} | {why} |", flush=True)
     return int(unexplained > 0)

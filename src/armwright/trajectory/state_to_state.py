@@ -82,7 +82,7 @@ def _planned(poses: dict[str, np.ndarray], limits: MotionLimits, duration: float
     try:
         import ruckig  # type: ignore[import-not-found]
     except ImportError:
-        expected = "pip install armwright[trajectory]"
+        expected = "pip install armwright[trajectory], on a platform that Ruckig has wheels for"
         raise ScenarioError("needs ruckig, which is not installed", place="Ruckig", expected=expected) from None
     asked = ruckig.InputParameter(limits.n)
     for theirs, ours in (("current", "start"), ("target", "goal")):
