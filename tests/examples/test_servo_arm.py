@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from docs.pages import ROOT, run_here
-from pictures.alike import unlike
+from pictures.gallery import TABLE
 
 pytestmark = pytest.mark.study  # half a minute
 
@@ -27,4 +27,5 @@ def test_the_shoulder_sags_and_rests_by_its_approach(tmp_path):
     assert (gain_998 < 0.1).all()
     assert np.abs(gain_18[2:] - armwright[2:]).max() < 0.2  # made for P = 32
     assert (armwright[:2] / gain_18[:2] > 1.8).all()  # and so half of what P = 16 does
-    assert unlike(tmp_path / "out" / "servo_arm.png", ROOT / "docs" / "images" / "servo_arm.png") is None
+    picture = next(each for each in TABLE if each.file == "servo_arm.png")
+    assert picture.changed(tmp_path / "out" / "servo_arm.png") is None

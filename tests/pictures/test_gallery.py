@@ -13,6 +13,7 @@ from docs.pages import ROOT, page
 from pictures.alike import unlike
 from pictures.browser import CHROMIUM
 from pictures.gallery import IMAGES, TABLE
+from pictures.paper import on_white
 
 SHOWN = re.compile(r"!\[[^\]]+\]\((?P<path>[^)]+)\)")
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
@@ -87,6 +88,6 @@ def test_pictures_of_arms_in_other_poses_are_told_apart(tmp_path):
     for name, elbow in (("kept", 0.5), ("moved", 0.7)):
         aw.show(arm, tmp_path / f"{name}.png", [0.3, elbow], size=300)
     assert unlike(tmp_path / "moved.png", tmp_path / "kept.png")
-    pixels = np.asarray(Image.open(tmp_path / "kept.png").convert("RGB"))
+    pixels = on_white(tmp_path / "kept.png").astype("uint8")
     Image.fromarray(np.roll(pixels, 1, axis=1)).save(tmp_path / "shifted.png")
     assert unlike(tmp_path / "shifted.png", tmp_path / "kept.png") is None
