@@ -26,6 +26,15 @@ def rod(*args, **joint):
     return pendulum(*args, **joint).with_values({f'"rod q".inertia_kg_m2.{axis}': 1e-4 for axis in ("xx", "yy", "zz")})
 
 
+def loaded():
+    """A motion of SO-101 that takes up a body."""
+    rests = [
+        aw.trajectories.Quintic([a] * 6, [b] * 6, duration=0.1, time=t)
+        for a, b, t in ((0.0, 0.1, 0.0), (0.1, 0.0, 0.1))
+    ]
+    return aw.trajectories.Joined(rests, [aw.Payload(0.1, 0.5, com=[0.1, 0.0, 0.0], inertia=[1e-3] * 3)])
+
+
 @cache
 def swing():
     """A motion of SO-101 through its range."""
@@ -148,11 +157,23 @@ def test_latency_is_a_delay_and_play_is_told():
         ("panda", SWING, "position", ModelError, "is commanded by torque"),
         ("so101", SWING, "velocity", ModelError, "dcmotor, position"),
         ("so101", aw.trajectories.Sine([0.0] * 6, [0.1] * 6, 1.0), "position", ScheduleError, "does not end"),
+        ("so101", loaded(), "position", ScheduleError, "carries a payload, which the file has not"),
     ],
 )
 def test_what_cannot_be_is_refused(arm, motion, kind, error, words):
     with pytest.raises(error, match=words):
         aw.export.fit_actuators(arm, motion, kind, progress=False)
+
+
+def test_a_poor_fit_is_said(tmp_path):
+    """A goal that moves slower than the motion, which a gain with damping cannot follow; without that, nothing is said."""
+    assert not aw.export.fit_actuators(rod(), SWING, progress=False).poor
+    slow, table, file = rod(PLAIN | {"goal_speed_rad_per_s": 0.3}), tmp_path / "swing.csv", tmp_path / "slow.toml"
+    aw.robotfiles.write_toml(slow.record, file)
+    SWING.save(slow, table)
+    done = run("convert", str(file), str(tmp_path / "a.xml"), "--actuators", "position", "--motion", str(table))
+    assert done.exit_code == 0
+    assert "note: the fit of q is poor: MuJoCo is" in done.stderr
 
 
 def test_convert_writes_both_files(tmp_path):

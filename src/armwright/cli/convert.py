@@ -7,7 +7,7 @@ from typing import Any
 
 import armwright as aw
 from armwright.cli.arguments import argument, as_options, option, output_option
-from armwright.cli.outcome import say_each
+from armwright.cli.outcome import say_each, say_notes
 from armwright.cli.tables import show
 
 
@@ -33,7 +33,8 @@ def convert(
     PlotJuggler and Rerun, .mat for MATLAB, .csv, .parquet.
 
     With --actuators and --reference an MJCF has the servos of an arm as actuators, fitted so that MuJoCo moves as Armwright does;
-    their numbers, with units and standard deviations, are in NAME.actuators.json beside it, for other simulators.
+    their numbers, with units and standard deviations, are in NAME.actuators.json beside it, for other simulators. A note on
+    standard error names joints whose fit is poor; the exit code is 0.
 
     A URDF gets its drive train in NAME.drive.toml beside it. From TOML to TOML it is the canonical form: the same arm, and
     the same bytes every time. A built-in arm converted to TOML is a file of yours to change.
@@ -51,6 +52,7 @@ def convert(
         done = aw.robotfiles.convert(source, target, actuators=actuators, motion=reference, **reading)
     if done.actuators is not None:
         show(done.actuators)
+        say_notes(done.actuators.poor)
     say_each("wrote ", done.written)
     say_each("lost: ", done.lost)
     say_each("note: ", done.notes)

@@ -40,6 +40,7 @@ STIFF = 0.3  # weight of a number's logarithm beside a joint's difference before
 ROUNDS = 8
 FAR = 1e-3  # step of a logarithm for differences
 ENDING = ".actuators.json"
+POOR, LEAST = 0.05, 1e-3  # of a joint's motion (standard deviation), and in rad | m: a larger difference is poor
 UNITS = {"stiffness": ("N m/rad", "N/m"), "damping": ("N m s/rad", "N s/m"), "armature": ("kg m²", "kg"),
          "friction": ("N m", "N"), "effort": ("N m", "N"), "play": ("rad", "m"), "rms": ("rad", "m")}  # fmt: skip
 
@@ -162,6 +163,20 @@ class ActuatorFit(Result):
             f"MuJoCo {self.version} is {before:.2g} {self._unit('rms')} from Armwright with the record's numbers, "
             f"{after:.2g} with these (root mean square over {self.motion}).",
             f"MuJoCo {since} or later reads it{why}.",
+        ]
+
+    @property
+    def poor(self) -> list[str]:
+        """One sentence on each joint that MuJoCo moves otherwise: by more than 1e-3 rad | m and 5 % of its motion, rms."""
+        before, after, moved = self.rms(self.before), self.rms(self.after), self.simulated.std(axis=0)
+        instead = (
+            "" if self.kind == "dcmotor" else ", or fit a dcmotor, which has the goal's speed and the voltage's limit"
+        )
+        return [
+            f"the fit of {name} is poor: MuJoCo is {after[i]:.2g} {UNITS['rms'][self._linear[i]]} from Armwright with it, "
+            f"{before[i]:.2g} without, in a motion of {moved[i]:.2g} (rms); take a motion like those you will run{instead}"
+            for i, name in enumerate(self.names)
+            if after[i] > max(LEAST, POOR * moved[i])
         ]
 
     @property

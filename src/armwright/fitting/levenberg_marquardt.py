@@ -5,7 +5,7 @@
 Every search is a lane with a damping λ of its own. What differs between problems are parts: the `Damping`, the step from a point
 to the next (`move`, or a `box` within which δ is least), and the `ends` of a search. Infinite errors refuse a point.
 
-A narrow valley that bends is left by a straight step. With the second derivative e″ along δ, from one more point on it, the step
+A narrow valley that bends is left by a straight step. With the second derivative e″ along δ, by the errors at its end, the step
 follows the bend: δ + a / 2, (JᵀJ + λ diag JᵀJ) a = −Jᵀ e″. [TranstrumSethna2012]
 """
 
@@ -25,7 +25,6 @@ Ends = Callable[
 ]  # gained, cost, (J δ)² of accepted steps (lanes,) → (lanes,)
 Errors = Callable[[np.ndarray], np.ndarray]  # points (points, k) → errors (points, m)
 Box = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]  # points (lanes, k) → least and largest δ (lanes, k)
-PROBE = 0.1  # of a step, at which its second derivative is taken
 ROUNDS = 60  # accepted steps of a lane at most
 
 
@@ -193,11 +192,10 @@ def _compared(
         return errors(points.reshape(-1, k)).reshape(lanes, -1, now.errors.shape[1])
 
     right = np.repeat(-here.slope[:, None], len(tried), axis=1)
-    steps = here.solved(levels, right)
-    along = np.matmul(steps, here.unit.transpose(0, 2, 1))
-    bend = np.nan_to_num(2.0 / PROBE * ((behind(PROBE * steps) - now.errors[:, None]) / PROBE - along))
-    bent = here.solved(levels, right - 0.5 * np.matmul(bend, here.unit))
-    every = np.concatenate([steps, bent], axis=1)
-    wrong = behind(every)
+    straight = here.solved(levels, right)
+    wrong = behind(straight)
+    rest = wrong - now.errors[:, None] - np.matmul(straight, here.unit.transpose(0, 2, 1))  # e″ / 2
+    bent = here.solved(levels, right - np.matmul(np.nan_to_num(rest, posinf=0.0, neginf=0.0), here.unit))
+    every, wrong = np.concatenate([straight, bent], axis=1), np.concatenate([wrong, behind(bent)], axis=1)
     best = np.argmin(cost_of(wrong.reshape(-1, wrong.shape[2])).reshape(lanes, -1), axis=1)
     return levels[np.arange(lanes), best % len(tried)], every[np.arange(lanes), best]
