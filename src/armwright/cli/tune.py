@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import armwright as aw
-from armwright.cli.arguments import SCENARIO, Allow, AnyScenario, angle, flag, option, output_option
+from armwright.cli.arguments import Allow, AnyScenario, angle, flag, option, output_option
 from armwright.cli.outcome import PAGE, PICTURE, TOML, check_file, exit_if, exit_unless, until_stopped, write
 from armwright.cli.tables import show
 from armwright.errors import ScenarioError
@@ -17,7 +17,7 @@ from armwright.terminal import say
 
 def tune(
     scenario: AnyScenario,
-    out: Path = output_option(f"TUNED{SCENARIO}", "The scenario with the tuned gains.", ...),
+    out: Path = output_option("SCENARIO", "The scenario with the tuned gains.", ...),
     start: str | None = option(
         "METHOD", "Gains to begin with: scenario (its own), analytic, or a method of design.", names="--start-gains"
     ),
