@@ -44,7 +44,7 @@ def motor(
         "NAME", "Joint of one motor, measured alone; with --load or --locked, that of this joint."
     ),
     load: list[str] | None = option(
-        "INERTIA | JOINT=INERTIA,…",
+        "[JOINT=]INERTIA,…",
         "Motors of the robot moved by themselves, each turning this inertia behind its gear, in kg m²; 0: none.",
     ),
     locked: bool = flag("--locked", "The rotor was held: the current tells R and L."),

@@ -49,7 +49,7 @@ class Spelled(TyperCommand):
         first, kept, words = [], [], iter(args[:end])
         for word in words:
             name, equals, value = word.partition("=")
-            if name not in old:
+            if name not in old or not name.startswith("-"):
                 kept.append(word)
                 continue
             entry = old[name]
