@@ -302,7 +302,7 @@ def _unmarked(text: str | None) -> str:
 def _help(text: str) -> str:
     """The help text; what stands behind a \\b are examples."""
     prose, _, examples = text.partition("\b")
-    lines = [line.strip() for line in examples.strip().splitlines()]
+    lines = [line.removeprefix("  ").rstrip() for line in examples.strip().splitlines()]
     prose = re.sub(r"(\b[a-zτ]+_JOINT\b)", r"`\1`", prose.strip())
     return prose + (f"\n\n```sh\n{chr(10).join(lines[1:])}\n```" if lines else "")
 

@@ -256,11 +256,16 @@ class SymbolError(ArmwrightError, TypeError):
 
 
 class Interrupted(KeyboardInterrupt):
-    """Ctrl-C ended a simulation; `run` holds the lanes that were finished, or of one group of lanes the time until then."""
+    """Ctrl-C ended long work, which keeps what was found until then.
 
-    def __init__(self, message: str, run: Any):
+    Attributes:
+        run: of a simulation, the lanes that were finished, or of one group of lanes the time until then.
+        found: of a search or a fit, its result so far.
+    """
+
+    def __init__(self, message: str, run: Any = None, found: Any = None):
         super().__init__(message)
-        self.run = run
+        self.run, self.found = run, found
 
 
 def keys_to_fill_in(problems: Sequence[Problem]) -> tuple[list[str], list[Problem]]:

@@ -12,6 +12,7 @@ import contextvars
 import sys
 import threading
 from collections.abc import Callable, Iterator
+from datetime import timedelta
 from html import escape
 from time import perf_counter
 from typing import Any
@@ -176,8 +177,10 @@ class _NotebookBar:
     def _page(self) -> str:
         done, total = self.at
         value = f' value="{done}" max="{total}"' if total else ""
-        speed = rate(done / max(perf_counter() - self.began, 1e-9), self.unit) if total and self.unit else ""
-        return f"<div>{escape(self.words)} <progress{value}></progress> {escape(speed)}</div>"
+        spent = max(perf_counter() - self.began, 1e-9)
+        speed = rate(done / spent, self.unit) if total and self.unit else ""
+        left = f"{timedelta(seconds=round(spent * (total - done) / done))} left" if 0 < done < total else ""
+        return f"<div>{escape(self.words)} <progress{value}></progress> {left} {escape(speed)}</div>"
 
 
 def rate(speed: float | None, unit: str) -> str:

@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from armwright.progress import PATIENCE, automatic, progress, rate
+from armwright.progress import PATIENCE, _NotebookBar, automatic, progress, rate
 
 
 def test_silent_without_a_terminal(capfd):
@@ -38,6 +38,15 @@ def test_a_simulation_in_python_shows_one_bar_where_a_person_sees_it(argument, s
     shown = on_terminal(script)
     assert (b"simulating two-link" in shown) == seen
     assert b"compiling" not in shown  # inside of another bar none is opened
+
+
+def test_a_notebook_shows_the_time_left(monkeypatch):
+    bar = _NotebookBar("working", "steps")
+    bar.at, bar.began = (1, 4), 0.0
+    monkeypatch.setattr("armwright.progress.perf_counter", lambda: 30.0)
+    assert bar._page() == '<div>working <progress value="1" max="4"></progress> 0:01:30 left 0.0333 steps/s</div>'
+    bar.at = (0, 4)
+    assert "left" not in bar._page()
 
 
 def on_terminal(script):

@@ -167,6 +167,7 @@ def test_a_file_that_was_the_last_argument(tmp_path):
 
 def test_old_names_leave_other_words_alone(capsys):
     assert read("plan", "--", "--rate") == {"file": Path("--rate"), "record_period": 0.002}
+    assert read("convert", "OUT", "-o", "new.toml")["source"] == "OUT"
     assert read("plan", "a", "--record-period", "4")["record_period"] == 4.0
     assert read("loops", "a", "--phase-margin", "45deg")["phase_margin"] == "45deg"
     assert capsys.readouterr().err == ""

@@ -20,11 +20,12 @@ from typer.core import TyperCommand, TyperGroup
 
 from armwright import __version__
 from armwright.cli.json_output import with_json
-from armwright.cli.spelling import Spelled, global_first
+from armwright.cli.spelling import Spelled, global_first, without_types
 from armwright.errors import ArmwrightError, RunStopped
 from armwright.terminal import be_quiet, say
 
 _with_traceback = contextvars.ContextVar("traceback", default=False)
+NARROW = 76  # columns of an example
 LONGEST = 2500  # characters of an error: a word that was typed may have any length
 UsageError: Any = typer.BadParameter.__mro__[1]  # typer keeps it to itself
 
@@ -39,6 +40,11 @@ PANELS = {
     "Learn": "examples",
 }
 PANEL_OF = {name: panel for panel, names in PANELS.items() for name in names.split()}
+OPTION_PANELS = {  # of commands for both kinds of arms
+    "On a CAN bus": "--bus --nodes --bitrate --eds --write-eds --real-time --missing --serial-number --fault",
+    "On a line of servos": "--serial --calibration --servo --ids --baud --zero --reverse --goal-distance --approach "
+    "--patience --period --tick --start --write-schedule --output",
+}
 MODULES = {
     "inverse-dynamics": "dynamics",
     "forward-dynamics": "dynamics",
@@ -77,6 +83,7 @@ class Commands(TyperGroup):
             name=self.name, commands=listed, params=self.params, help=self.help, rich_markup_mode="rich"
         )
         listing.list_commands = self.list_commands  # type: ignore[method-assign]
+        without_types(self.get_params(ctx))
         listing.format_help(ctx, formatter)
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
@@ -218,7 +225,12 @@ def made(name: str) -> Any:
         alone = typer.Typer(add_completion=False, rich_markup_mode="rich")
         callback = found if name in DRAWN else with_json(found, name)
         alone.command(name, cls=Spelled, help=about(name), rich_help_panel=PANEL_OF[name])(callback)
-        return typer.main.get_command(alone)
+        command = typer.main.get_command(alone)
+        if name in ("twin", "run-controller"):
+            panels = {option: panel for panel, options in OPTION_PANELS.items() for option in options.split()}
+            for each in (each for each in command.params if each.param_type_name == "option"):
+                each.rich_help_panel = panels.get(each.opts[0])  # type: ignore[attr-defined]
+        return command
     for command in found.registered_commands:
         assert command.callback is not None
         command.cls = Spelled
@@ -233,4 +245,15 @@ def made(name: str) -> Any:
 def _unwrapped(text: str) -> str:
     """Paragraphs without the source's line breaks, so that they fill the terminal; those marked \\b stay as they are."""
     paragraphs = inspect.cleandoc(text).split("\n\n")
-    return "\n\n".join(part if part.startswith("\b") else " ".join(part.split()) for part in paragraphs)
+    return "\n\n".join(_folded(part) if part.startswith("\b") else " ".join(part.split()) for part in paragraphs)
+
+
+def _folded(examples: str) -> str:
+    """Command lines that go on in a further line where a terminal of 80 columns would break them."""
+    lines = []
+    for line in examples.splitlines():
+        while len(line) > NARROW and (place := line.rfind(" -", 4, NARROW - 2)) > 0:
+            lines.append(f"{line[:place]} \\")
+            line = f"      {line[place:].strip()}"
+        lines.append(line)
+    return "\n".join(lines)

@@ -68,6 +68,14 @@ Robot = Annotated[
         "ROBOT", "Name of a built-in arm, or path of a robot's TOML, URDF or MJCF file.", autocompletion=complete_robot
     ),
 ]
+RobotOrScenario = Annotated[
+    str,
+    argument(
+        "ROBOT|SCENARIO",
+        "Name of a built-in arm, or path of a robot's file or of a .scenario.toml.",
+        autocompletion=complete_robot,
+    ),
+]
 AnyScenario = Annotated[Path, argument("SCENARIO", "A .scenario.toml with a controller.")]
 PhaseMargin = Annotated[
     str, option("ANGLE", "Phase margin to keep, such as 45deg; default 30deg.", ..., names="--phase-margin")

@@ -96,7 +96,7 @@ def capture(
             _look(plan, serial, line.baud)
             return
         assert output is not None
-        note(WARNING)
+        say(f"armwright: note: {WARNING}", err=True)  # with --quiet too
         with SerialPort(serial, line.baud) as port, stopping(None) as stopped:
             try:
                 found = play(plan, port, stopped, say)

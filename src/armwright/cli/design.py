@@ -33,7 +33,7 @@ def design(
         "A .scenario.toml with a controller; or an arm, with --period.",
         autocompletion=complete_robot,
     ),
-    out: Path = output_option(f"DESIGNED{SCENARIO}", "The scenario with the designed gains.", ...),
+    out: Path = output_option("SCENARIO", "The scenario with the designed gains.", ...),
     method: str | None = option(
         "NAME", "Method: pole-placement, symmetric-optimum, loop-shaping or lqr; default by the controller."
     ),

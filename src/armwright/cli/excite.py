@@ -23,7 +23,7 @@ from armwright.cli.arguments import (
     output_option,
     vector,
 )
-from armwright.cli.outcome import PICTURE, check_file, write
+from armwright.cli.outcome import PICTURE, check_file, exit_if, until_stopped, write
 from armwright.cli.tables import show
 from armwright.errors import ScenarioError
 from armwright.progress import progress
@@ -117,13 +117,14 @@ def arm(
         progress(f"designing a motion of {model.name}") as tell,
     ):
         limits = aw.trajectories.MotionLimits.of(model, **most)
-        found = aw.identification.design_excitation(
+        found, stopped = until_stopped(lambda: aw.identification.design_excitation(
             model, limits=limits, box=box, cycle=cycle, harmonics=harmonics, criterion=criterion,  # type: ignore[arg-type]
             starts=starts, seed=seed, progress=shown,
-        )  # fmt: skip
+        ))  # fmt: skip
     say(found)
     write(output, lambda path: found.save(path, 1.0 / record_period))
     write(plot, lambda path: aw.identification.plot_experiment(found, path))
+    exit_if(stopped)
 
 
 @excite.command()

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Literal
+
+import typer
 
 import armwright as aw
 from armwright.cli.arguments import (
@@ -18,9 +22,12 @@ from armwright.cli.arguments import (
 )
 from armwright.cli.identify_linear import show_linear
 from armwright.cli.outcome import PAGE, TOML, check_file, exit_unless, write
-from armwright.cli.tables import show
-from armwright.errors import LogError, ModelError
+from armwright.cli.tables import console_for_tables, number, show, table
+from armwright.errors import Interrupted, LogError, ModelError
 from armwright.progress import progress
+from armwright.terminal import note
+
+HEADS = ("number", "value")
 
 
 def motor(
@@ -37,7 +44,7 @@ def motor(
         "NAME", "Joint of one motor, measured alone; with --load or --locked, that of this joint."
     ),
     load: list[str] | None = option(
-        "INERTIA | JOINT=INERTIA,…",
+        "[JOINT=]INERTIA,…",
         "Motors of the robot moved by themselves, each turning this inertia behind its gear, in kg m²; 0: none.",
     ),
     locked: bool = flag("--locked", "The rotor was held: the current tells R and L."),
@@ -90,7 +97,7 @@ def motor(
     refuse(black_box, "belongs to a black box, not to --model dc", error=LogError, expected="one of the two")
     check_file(output, TOML, (file, robot, static))
     check_file(report, PAGE, (file, robot, static))
-    with progress("fitting") as tell:
+    with progress("fitting") as tell, _numbers_if_stopped():
         found = aw.identification.identify_motor(
             file,
             robot,
@@ -109,6 +116,20 @@ def motor(
     write(output, found.write)
     write(report, found.report)
     exit_unless(found.estimate.verdict == "identified")
+
+
+@contextmanager
+def _numbers_if_stopped() -> Iterator[None]:
+    """After Ctrl-C, shows the numbers of the unfinished fit, which is not written, and ends with exit code 130."""
+    try:
+        yield
+    except Interrupted as stop:
+        if stop.found is None:
+            raise
+        note(f"stopped by Ctrl-C {stop}; this fit is not finished: no deviations, no verdict, nothing is written")
+        rows = [[name, number(value)] for name, value in stop.found.items()]
+        console_for_tables().print(table("numbers so far", HEADS, rows, HEADS[:1]))
+        raise typer.Exit(130) from None
 
 
 def _names(words: list[str] | None) -> list[str] | None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import armwright as aw
 from armwright.cli.arguments import argument, option, output_option, words
-from armwright.cli.outcome import PAGE, TOML, check_file, exit_unless, write
+from armwright.cli.outcome import PAGE, TOML, check_file, exit_if, exit_unless, until_stopped, write
 from armwright.cli.tables import show
 from armwright.errors import ModelError
 from armwright.progress import progress
@@ -51,8 +51,11 @@ def servo(
     orders = words(order) or list(aw.identification.ServoSearch().orders)
     search = aw.identification.ServoSearch(orders=orders, free=words(free), seed=seed)
     with progress("fitting") as tell:
-        found = aw.identification.identify_servo(files, loop, arm_mass=arm_mass, search=search, progress=tell)
+        found, stopped = until_stopped(
+            lambda: aw.identification.identify_servo(files, loop, arm_mass=arm_mass, search=search, progress=tell)
+        )
     show(found)
     write(output, found.write)
     write(report, found.report)
+    exit_if(stopped)
     exit_unless(found.good)

@@ -31,7 +31,7 @@ MOST = 10_000  # numbers of an array that is written; a longer one belongs into 
 DEEPEST = 6  # objects in objects
 JSON = Annotated[
     bool,
-    typer.Option("--json", help="Write what is shown as one JSON document: tables with all digits, units, results."),
+    typer.Option("--json", help="Print one JSON document in place of tables, with all digits."),
 ]
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import armwright as aw
-from armwright.cli.arguments import SCENARIO, Allow, AnyScenario, PhaseMargin, angle, option, output_option
+from armwright.cli.arguments import Allow, AnyScenario, PhaseMargin, angle, option, output_option
 from armwright.cli.outcome import PAGE, PICTURE, TOML, check_file, exit_unless, say_each, write
 from armwright.cli.tables import show
 from armwright.errors import ScenarioError
@@ -24,7 +24,7 @@ def loops(
     phase_margin: PhaseMargin = "30deg",
     plot: Path | None = option("FILE", "Draw the region of gains that keep the margins: .png, .svg or .pdf."),
     report: Path | None = option("FILE.html", "Write a page with all results."),
-    out: Path | None = output_option(f"OUT{SCENARIO}", "Write the scenario with the change that keeps the margins."),
+    out: Path | None = output_option("SCENARIO", "Write the scenario with the change that keeps the margins."),
     change: str | None = option("gains|period", "Of -o: slower gains, the default, or a shorter period."),
     seed: int = option("N", "Seed of the poses; default 0.", 0),
     allow: Allow = None,

@@ -6,14 +6,15 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import typer
 
-from armwright.errors import DivergenceError, ScenarioError
+from armwright.errors import DivergenceError, Interrupted, ScenarioError
 from armwright.output import check_destination
 from armwright.terminal import note, say
 
+T = TypeVar("T")
 PAGE, PICTURE, TOML = (".html",), (".png", ".svg", ".pdf"), (".toml",)  # endings
 
 
@@ -46,6 +47,27 @@ def say_notes(notes: Iterable[Any]) -> None:
     """Says notes on standard error."""
     for each in notes:
         note(each)
+
+
+def until_stopped(work: Callable[[], T]) -> tuple[T, bool]:
+    """Result of long work, and True if Ctrl-C ended it with what was found until then, which a note says.
+
+    Raises:
+        KeyboardInterrupt: nothing was found until then.
+    """
+    try:
+        return work(), False
+    except Interrupted as stop:
+        if stop.found is None:
+            raise
+        note(f"stopped by Ctrl-C {stop}; what was found until then is kept")
+        return stop.found, True
+
+
+def exit_if(stopped: bool) -> None:
+    """Ends the command with exit code 130 if Ctrl-C stopped it."""
+    if stopped:
+        raise typer.Exit(130)
 
 
 def exit_unless(good: bool) -> None:

@@ -102,7 +102,7 @@ def run_servos(scenario: Scenario, serial: str, options: Mapping[str, Any], go: 
         if not go:
             say("dry run: nothing was sent; --go runs it")
             return
-        note(WARNING)
+        say(f"armwright: note: {WARNING}", err=True)  # with --quiet too
         with SerialPort(serial, line.baud) as port, stopping(None) as stopped, dead_man_key() as held:
             try:
                 run = run_on_servos(

@@ -17,7 +17,7 @@ from armwright.cli.arguments import (
     Current,
     Duration,
     Position,
-    Robot,
+    RobotOrScenario,
     Schedule,
     Torque,
     Velocity,
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 
 
 def simulate(
-    robot: Robot,
+    robot: RobotOrScenario,
     schedule: Schedule = None,
     voltage: Voltage = None,
     current: Current = None,

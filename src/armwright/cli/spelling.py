@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from math import isfinite
 from typing import Any
 
@@ -24,6 +25,16 @@ class Spelled(TyperCommand):
             args = self._renamed(ctx, list(args), old)
         return super().parse_args(ctx, args)
 
+    def collect_usage_pieces(self, ctx: Any) -> list[str]:
+        """Words of the line of usage: arguments by their names, in brackets where they may be left out."""
+        names = [(each.metavar, each.required) for each in self.params if each.param_type_name == "argument"]
+        return ["[OPTIONS]", *(str(name) if required else f"[{name}]" for name, required in names)]
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Writes the help."""
+        without_types(self.get_params(ctx))
+        super().format_help(ctx, formatter)
+
     def invoke(self, ctx: Any) -> Any:
         """Runs the command; where it writes a file and shall be quiet, nothing else is shown."""
         files = [each.name for each in self.params if set(FILES) & set(each.opts)]
@@ -38,7 +49,7 @@ class Spelled(TyperCommand):
         first, kept, words = [], [], iter(args[:end])
         for word in words:
             name, equals, value = word.partition("=")
-            if name not in old:
+            if name not in old or not name.startswith("-"):
                 kept.append(word)
                 continue
             entry = old[name]
@@ -70,6 +81,13 @@ class Spelled(TyperCommand):
         place = len(args) - 1 - args[::-1].index(found[-1])
         _say("the last argument", new)
         return [*args[:place], *args[place + 1 :], new, found[-1]]
+
+
+def without_types(parameters: Iterable[Any]) -> None:
+    """Leaves out the types of flags and arguments in the help: `<bool>`, `<path>`. Values of options have names that say more."""
+    for each in parameters:
+        if each.param_type_name == "argument" or each.is_flag:
+            each.display_type_rich = lambda **_: None
 
 
 def global_first(args: list[str]) -> list[str]:

@@ -13,7 +13,7 @@ from armwright.cli.arguments import (
     Current,
     Duration,
     Position,
-    Robot,
+    RobotOrScenario,
     Schedule,
     Torque,
     Velocity,
@@ -30,7 +30,7 @@ from armwright.progress import progress
 
 
 def step_study(
-    robot: Robot,
+    robot: RobotOrScenario,
     schedule: Schedule = None,
     voltage: Voltage = None,
     current: Current = None,

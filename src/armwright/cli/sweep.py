@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,7 +11,7 @@ import typer
 import armwright as aw
 from armwright.cli.arguments import SCENARIO, Allow, argument, as_options, flag, option, output_option
 from armwright.cli.outcome import exit_unless, say_each
-from armwright.errors import ScenarioError
+from armwright.errors import ArmwrightError, ScenarioError
 from armwright.progress import progress, rate
 from armwright.terminal import console, result, say
 
@@ -63,7 +64,10 @@ def sweep(
             raise
         raise error.renamed(key_in_file, keys_in_text).within(file=scenario) from None
     except KeyboardInterrupt:
-        say("armwright: stopped; finished chunks are kept, and the same command goes on", err=True)
+        kept = 0
+        with suppress(ArmwrightError):  # no chunk is finished, or not even the store is begun
+            kept = aw.sweeps.load_sweep(output).attrs["lanes_finished"]
+        say(f"armwright: stopped; {kept:,} finished lanes are kept in {output}, and the same command goes on", err=True)
         raise typer.Exit(130) from None
     _show(done)
     exit_unless(not done.failed)

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import armwright as aw
-from armwright.cli.arguments import SCENARIO, Allow, AnyScenario, angle, flag, option, output_option
-from armwright.cli.outcome import PAGE, PICTURE, TOML, check_file, exit_unless, write
+from armwright.cli.arguments import Allow, AnyScenario, angle, flag, option, output_option
+from armwright.cli.outcome import PAGE, PICTURE, TOML, check_file, exit_if, exit_unless, until_stopped, write
 from armwright.cli.tables import show
 from armwright.errors import ScenarioError
 from armwright.progress import progress
@@ -17,7 +17,7 @@ from armwright.terminal import say
 
 def tune(
     scenario: AnyScenario,
-    out: Path = output_option(f"TUNED{SCENARIO}", "The scenario with the tuned gains.", ...),
+    out: Path = output_option("SCENARIO", "The scenario with the tuned gains.", ...),
     start: str | None = option(
         "METHOD", "Gains to begin with: scenario (its own), analytic, or a method of design.", names="--start-gains"
     ),
@@ -48,7 +48,8 @@ def tune(
     Options replace values of the file's table tuning. A
     scenario without lanes and draws gets masses within
     ±30 % and friction within a factor of two. Half of the lanes judge the result.
-    Exit code: 0 better gains were found and written, 1 none were and nothing was written, 2 bad input.
+    After Ctrl-C, the best gains until then are judged and written.
+    Exit code: 0 better gains were found and written, 1 none were and nothing was written, 2 bad input, 130 Ctrl-C.
 
     \b
     Examples:
@@ -71,17 +72,19 @@ def tune(
     cluster = contextlib.nullcontext() if scheduler is None else connected(None if scheduler == "local" else scheduler)
     with cluster as client, progress(f"tuning {scenario.name}") as shown:
         search = aw.tuning.Search(method, generations, candidates, front, over, improve_each, seed, client)
-        result = aw.tuning.tune(
+        result, stopped = until_stopped(lambda: aw.tuning.tune(
             found, gains, start=start, objectives=weights, limits=limits, lanes=lanes, margins=margins, search=search,
             progress=shown,
-        )  # fmt: skip
+        ))  # fmt: skip
     if result.changed:
         result.save(out, allow=allow or ())
     show(result)
     write(plot, result.plot)
     write(report, result.report)
+    if result.changed:
+        say(f"wrote {out}")
+    exit_if(stopped)
     exit_unless(result.changed)
-    say(f"wrote {out}")
 
 
 def _pairs(place: str, texts: list[str] | None, bounds: bool = False) -> dict[str, Any] | None:

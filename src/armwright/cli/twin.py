@@ -46,8 +46,9 @@ Nodes = Annotated[str | None, option("N1,N2,…", "Node numbers of the joints; d
 Faults = Annotated[
     list[str] | None,
     option(
-        "KIND[:JOINT][=AMOUNT][@S]",
-        "Inject a fault into the twin: lost-frames, late-sync, stuck-encoder, over-temperature, supply-sag; may be repeated.",
+        "FAULT",
+        "Inject a fault into the twin, KIND[:JOINT][=AMOUNT][@S]: lost-frames, late-sync, stuck-encoder, over-temperature, "
+        "supply-sag; may be repeated.",
         ...,
         names="--fault",
     ),
@@ -105,7 +106,7 @@ def twin(
     `run-controller` starts its own twin. The end shows the number of cycles, and how many were late or incomplete.
 
     With --serial the arm's joints must follow goals by their servos' firmware (`command = "position"`). The makers' own
-    software and LeRobot open PATH as the port of the arm. Its registers begin with the numbers of the record.
+    software and LeRobot open PORT as the port of the arm. Its registers begin with the numbers of the record.
 
     \b
     Examples:

@@ -13,7 +13,7 @@ from armwright.control.analysis.regions import check_margins
 from armwright.control.analysis.small_signal import SERVOS
 from armwright.control.design import design_gains
 from armwright.entry import AnyScenario, as_scenario
-from armwright.errors import ScenarioError
+from armwright.errors import Interrupted, ScenarioError
 from armwright.parameters import numbers_by_lane
 from armwright.progress import Progress, Shown, automatic
 from armwright.scenarios.files import Document
@@ -77,6 +77,7 @@ def tune(
     Raises:
         ScenarioError: unstable start gains, margins that no gains were found to keep, a reference that does not
             move, or bad arguments. `cma` is not installed.
+        Interrupted: Ctrl-C; `found` holds the result of the generations until then.
     """
     scenario = as_scenario(scenario)
     SUPPORT.refuse(scenario.arm, "servo")
@@ -117,14 +118,23 @@ def _tuned(scenario: Scenario, arguments: Mapping[str, Any], progress: Progress)
     budget = (asked["method"], asked["generations"], asked["candidates"], number)
     search = GainSearch(objective, constraint, scales, tuned_in, first if constraint.keeps(space.start) else np.inf)
     total = asked["generations"] * (1 + asked["front"])
-    search.run(*budget, _further(progress, 0, total))
-    if search.best is None:
-        raise constraint.refusal()
-    _along_the_front(search, asked["front"], budget, progress)
+    stopped = False
+    try:
+        search.run(*budget, _further(progress, 0, total))
+        if search.best is None:
+            raise constraint.refusal()
+        _along_the_front(search, asked["front"], budget, progress)
+    except KeyboardInterrupt:
+        if search.best is None or len(search.history) < 2:  # no generation is complete
+            raise
+        stopped = True
     fixed = {name: each for name, each in designed.items() if name not in space.names}
     uncertainty = Uncertainty.of(asked["draws"] or ({} if own.resolved.lane_count is not None else USUAL))
     tried = _tried(search, means)
-    return _judged(own, scenario, search, judged_in, fixed, tried, asked["start"], uncertainty.words(own.arm))
+    result = _judged(own, scenario, search, judged_in, fixed, tried, asked["start"], uncertainty.words(own.arm))
+    if stopped:
+        raise Interrupted(f"after {len(search.history) - 1} of {asked['generations']} generations", found=result)
+    return result
 
 
 def _tried(search: GainSearch, first: Mapping[str, np.ndarray]) -> Tried:

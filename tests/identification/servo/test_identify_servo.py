@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import armwright as aw
+from armwright.identification.servo import search as search_module
 from armwright.identification.servo.bench import PATHS
 from armwright.identification.servo.orders import OFFSET, Scales, order_of
 from armwright.identification.servo.output_error import BenchProblem
@@ -169,3 +170,21 @@ def test_the_command_shows_and_writes_it(logs, tmp_path):
     wrong = run("identify", "servo", paths[0], "--max-duty", "0.9", code=2)
     assert wrong.stderr.startswith("armwright: error: ")
     assert "--duty-gain" in wrong.stderr
+
+
+def test_ctrl_c_keeps_the_models_that_were_compared(logs, tmp_path, monkeypatch):
+    paths, record = [str(as_json(each, tmp_path)) for each in logs], tmp_path / "servo.toml"
+    searched, done = search_module._searched, []
+
+    def until_the_second(problem, starts):
+        done.append(problem.order.name)
+        if len(done) == 2:
+            raise KeyboardInterrupt
+        return searched(problem, starts)
+
+    monkeypatch.setattr(search_module, "_searched", until_the_second)
+    options = ["--duty-gain", "0.166", "--max-duty", "0.97", "--friction-models", "M1,M2", "-o", str(record)]
+    found = run("identify", "servo", *paths, *options, code=130)
+    assert "note: stopped by Ctrl-C before M2 could be compared; what was found until then is kept" in found.stderr
+    assert "stopped by Ctrl-C before M2 could be compared" in found.stdout
+    assert aw.load(record).n == 1

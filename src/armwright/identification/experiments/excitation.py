@@ -22,7 +22,7 @@ import numpy as np
 from scipy.linalg import block_diag, null_space
 
 from armwright.entry import AnyArm, as_arm
-from armwright.errors import ScenarioError
+from armwright.errors import Interrupted, ScenarioError
 from armwright.identification.experiments.columns import DRIVES, BaseRegressor
 from armwright.identification.experiments.information import (
     Criterion,
@@ -187,6 +187,7 @@ def design_excitation(
         excitation: trajectory, condition number, used part of every limit, reasons.
     Raises:
         ScenarioError: numbers that are none, a joint that nothing bounds, or no motion within the limits.
+        Interrupted: Ctrl-C; `found` holds the best motion of the starts until then.
     """
     arm = as_arm(arm)
     _check(cycle, harmonics, starts, criterion, seed)
@@ -195,17 +196,24 @@ def design_excitation(
     problem = ExcitationProblem.of(bounds, columns, cycle, harmonics, criterion)
     found = []
     with automatic(progress, f"designing a motion of {arm.name}") as tell:
-        for k in range(starts):
-            tell(k, starts)
-            found.append(problem.solved(np.random.default_rng([seed, k])))
-        tell(starts, starts)
+        try:
+            for k in range(starts):
+                tell(k, starts)
+                found.append(problem.solved(np.random.default_rng([seed, k])))
+            tell(starts, starts)
+        except KeyboardInterrupt:
+            if all(each is None for each in found):
+                raise
     within = [each for each in found if each is not None]
     if not within:
         raise ScenarioError(
             f"no motion within the limits was found from {starts} starts", place=arm.name,
             expected="wider limits, a longer cycle or more starts",
         )  # fmt: skip
-    return _result(problem, min(within, key=problem.value), found)
+    result = _result(problem, min(within, key=problem.value), found)
+    if len(found) < starts:
+        raise Interrupted(f"after {len(found)} of {starts} starts", found=result)
+    return result
 
 
 def _kept(used: dict[str, np.ndarray], outside: float) -> bool:

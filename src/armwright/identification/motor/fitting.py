@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from armwright.description.robot import RobotDescription
-from armwright.errors import ModelError
+from armwright.errors import Interrupted, ModelError
 from armwright.fitting.covariance import covariance_of
 from armwright.fitting.directions import directions, without as less
 from armwright.identification.motor.drive_record import HOLD_FIRST
@@ -101,10 +101,15 @@ def settled(
 
     Args:
         done: where it begins.   first: (k,) coordinates at which numbers are held.
+    Raises:
+        Interrupted: Ctrl-C; `found` holds the fitted numbers at the beginning of the round.
     """
     for number in range(ROUNDS):
         progress(number, ROUNDS)
-        done.z[done.kept] = refined(without(done.problem, done.held, done.z), done.z[done.kept])
+        try:
+            done.z[done.kept] = refined(without(done.problem, done.held, done.z), done.z[done.kept])
+        except KeyboardInterrupt:
+            raise Interrupted(f"in round {number + 1} of {ROUNDS}", found=_numbers(done)) from None
         _note_ends(done)
         residuals, (jacobian,) = done.problem.evaluate(done.z[None])
         scaled = _scaled(done.problem, residuals[0])
@@ -116,6 +121,13 @@ def settled(
         if len(done.held) == before and (len(scaled) == 1 or bool(np.all(np.abs(scaled - 1.0) < SAME))):
             break
     return done
+
+
+def _numbers(done: Fitted) -> dict[str, float]:
+    """Values of the numbers that an unfinished fit is about, by their names."""
+    values, _ = values_of(done.problem.unknowns, done.z)
+    named = [(each.name, float(value)) for each, value in zip(done.problem.unknowns, values, strict=True)]
+    return dict(named[k] for k in done.kept if not done.problem.unknowns[k].nuisance)
 
 
 def _hold(done: Fitted, jacobian: np.ndarray, first: np.ndarray) -> None:

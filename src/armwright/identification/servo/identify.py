@@ -12,7 +12,7 @@ import numpy as np
 
 from armwright.description.paths import unit_at
 from armwright.entry import expect
-from armwright.errors import ModelError
+from armwright.errors import Interrupted, ModelError
 from armwright.fitting.covariance import covariance_of
 from armwright.fitting.measures import agreement
 from armwright.identification.estimate import Estimate
@@ -86,6 +86,7 @@ def identify_servo(
         fit: the estimate, the record, the models that were compared.
     Raises:
         LogError: names file, place, value and what was expected.   ModelError: a wrong option.
+        Interrupted: Ctrl-C; `found` holds the fit by the friction models that were compared until then.
     """
     expect(search, ServoSearch, "search", "an aw.identification.ServoSearch", ModelError)
     if loop is not None:
@@ -99,7 +100,12 @@ def identify_servo(
         )
     training, held_out = _split(known)
     with automatic(progress, "fitting") as tell:
-        fits = fit_orders([known[k] for k in training], loop, extra, search.orders, search.seed, tell)
+        stopped = ""
+        try:
+            fits = fit_orders([known[k] for k in training], loop, extra, search.orders, search.seed, tell)
+        except Interrupted as stop:
+            fits, stopped = stop.found, str(stop)
+            remarks.append(f"stopped by Ctrl-C {stopped}")
         asked = {name: fit for name, fit in fits.items() if name in search.orders}
         errors = {name: _mean_errors(fit, [known[k] for k in held_out]) for name, fit in asked.items()}
         name = _chosen(errors) if held_out else next(iter(asked))
@@ -119,7 +125,10 @@ def identify_servo(
         OrderErrors(each, len(of.z), float(np.mean(_by_log(of.problem, of.errors))), _mean(errors[each]), each == name)
         for each, of in asked.items()
     ]
-    return _concluded(fit, known, loop, compared, remarks, shifts)
+    result = _concluded(fit, known, loop, compared, remarks, shifts)
+    if stopped:
+        raise Interrupted(stopped, found=result)
+    return result
 
 
 def _split(logs: Sequence[BenchLog]) -> tuple[list[int], list[int]]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from armwright.errors import Interrupted
 from armwright.identification.motor.unknowns import values_of
 from armwright.identification.servo.bench import ServoLoop
 from armwright.identification.servo.bench_log import BenchLog
@@ -66,15 +67,23 @@ def fit_orders(
     Args:
         logs: with a mass of the rod.   loop: of the servo.   extra: further unknowns.   orders: names that are asked for.
         seed: of the draws.   progress: called with orders done and of all.
+    Raises:
+        Interrupted: Ctrl-C; `found` holds the fits until then.
     """
     wanted = [name for name in ORDERS if any(name == each or name in _all_before(each) for each in orders)]
     rng, scales, found = np.random.default_rng(seed), Scales.of(logs), {}
     for number, name in enumerate(wanted):
         progress(number, len(wanted))
         problem = BenchProblem(tuple(logs), loop, order_of(name, loop, scales, extra))
-        starts = [_first(problem, scales, rng)] if name in DRAWN else []
-        starts += [_from_earlier(problem, found[each], rng) for each in BEFORE[name]]
-        found[name] = _searched(problem, np.concatenate(starts))
+        try:
+            starts = [_first(problem, scales, rng)] if name in DRAWN else []
+            starts += [_from_earlier(problem, found[each], rng) for each in BEFORE[name]]
+            found[name] = _searched(problem, np.concatenate(starts))
+        except KeyboardInterrupt:
+            if not any(each in found for each in orders):
+                raise
+            missing = [each for each in orders if each not in found]
+            raise Interrupted(f"before {', '.join(missing)} could be compared", found=found) from None
     progress(len(wanted), len(wanted))
     return found
 
