@@ -338,5 +338,10 @@ def compile_arm(
         dyn: the kernels as methods, (…, n) arrays in and out.
     Raises:
         ModelError: no arm, an unknown target, parameter or dtype, or a target that this processor does not reach.
+    Example:
+        >>> dyn = aw.compile("cmu-dd")
+        >>> q = np.zeros((1000, 6))  # a thousand states
+        >>> dyn.mass_matrix(q).shape
+        (1000, 6, 6)
     """
     return CompiledArm(as_arm(arm), target, vary, dtype)
