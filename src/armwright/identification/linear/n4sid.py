@@ -53,6 +53,12 @@ class SubspaceMethod:
         direct: True: D is estimated; False: it is 0.
     Raises:
         LogError: names the field.
+    Example:
+        >>> u = np.random.default_rng(0).standard_normal(500)
+        >>> y = np.concatenate([[0.0], 0.5 * u[:-1]])  # half of it, a row later
+        >>> method = aw.identification.SubspaceMethod(horizon=20)
+        >>> aw.identification.fit_n4sid(u, y, 0.01, order=1, method=method).order
+        1
     """
 
     horizon: int | None = None
