@@ -47,8 +47,8 @@ fuzz: $(VENV)/.all  ## feed everything damaged input for MINUTES=10, count outco
 bench: $(VENV)/.all  ## time the kernels beside their peers
 	$(BIN)/python benchmarks/run.py $(ARGS)
 
-docs: $(VENV)/.all  ## build the site into build/docs
-	$(BIN)/python -m sphinx -W --keep-going -b html docs build/docs
+docs: $(VENV)/.all  ## build the site into build/docs (LINKS=1: with links to NumPy, SciPy, xarray, Python; needs the network)
+	LINKS=$(LINKS) $(BIN)/python -m sphinx -W --keep-going -b html docs build/docs
 
 reference: $(VENV)/.all  ## write the generated parts of docs anew, from docstrings, commands, keys of files and benchmarks
 	$(BIN)/python docs/ext/armwright_pages.py

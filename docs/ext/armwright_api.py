@@ -16,7 +16,7 @@ import armwright as aw
 PAGES = Path(__file__).parents[1] / "reference" / "python"
 ENTRY = re.compile(r"^([\w.]+)(\([^)]*\))?(?:: (.*))?$")  # NAME, NAME(what the signature shows), NAME: members
 LISTED = re.compile(r"<!-- generated: api\n(.*?)-->", re.DOTALL)
-SECTION = re.compile(r"^(Args|Attributes|Returns|Raises|Yields):$")
+SECTION = re.compile(r"^(Args|Attributes|Returns|Raises|Yields|Example):$")
 SEVERAL = re.compile(r" {3}(?=[\w, ]+: )")  # between two arguments on one line
 CITATION = re.compile(r"\[([A-Z][A-Za-z]+(?:\d{4}[a-z]?)?)\](?!\()")
 WIDTH = 100  # of a signature
@@ -32,28 +32,40 @@ def api(*lines: str) -> str:
 
 def others(group: str) -> str:
     """Entries for the public names of a group, or of those at the "top", that no list of the pages has."""
+    return api(*names_of_others(group))
+
+
+def names_of_others(group: str) -> list[str]:
+    """Public names of a group, or of those at the "top", that no list of the pages has."""
     pages = [path.read_text(encoding="utf-8") for path in PAGES.glob("*.md")]
     listed = {
         re.split(r"[:(]", line)[0] for page in pages for text in LISTED.findall(page) for line in text.splitlines()
     }
     here = aw.__all__ if group == "top" else [f"{group}.{name}" for name in getattr(aw, group).__all__]
-    names = [name for name in here if name not in listed and not inspect.ismodule(_found(name))]
-    known = [name for name in names if group == "top" or name.partition(".")[2] not in aw.__all__]
-    return "\n\n".join(part for name in known for part in _entry(name))
+    names = [name for name in here if name not in listed and not inspect.ismodule(found(name))]
+    return [name for name in names if group == "top" or name.partition(".")[2] not in aw.__all__]
 
 
-def _entry(line: str) -> Iterator[str]:
+def parsed(line: str) -> tuple[str, str | None, list[str]]:
+    """Name, what its signature shows if not its arguments, and names of the members that are shown with it."""
     match = ENTRY.match(line)
     assert match is not None, f"docs/reference/python: {line!r} is no name"
     path, shown, members = match.groups()
-    thing = _found(path)
+    return path, shown, _documented(found(path)) if members == "*" else (members or "").split()
+
+
+def _entry(line: str) -> Iterator[str]:
+    path, shown, members = parsed(line)
+    thing = found(path)
     name = f"aw.{path}" if _public(path) else f"armwright.{path}"
     yield f"### `{name}`"
-    yield from _body(name, thing, shown)
-    for member in _documented(thing) if members == "*" else (members or "").split():
+    yield from _call(name, thing, shown)
+    yield from body(thing)
+    for member in members:
         yield f"#### `{path.rpartition('.')[2]}.{member}`"
-        static = inspect.getattr_static(thing, member, None)
-        yield from _body(member, getattr(static, "function", static), None)  # a kernel's method keeps its function
+        value = function_of(inspect.getattr_static(thing, member, None))
+        yield from _call(member, value, None)
+        yield from body(value)
 
 
 def _documented(thing: type) -> list[str]:
@@ -71,7 +83,7 @@ def _public(path: str) -> bool:
     return path in aw.__all__ or (group in aw.__all__ and name in getattr(aw, group).__all__)
 
 
-def _found(path: str) -> Any:
+def found(path: str) -> Any:
     """Object by its path within the package."""
     if _public(path):
         return functools.reduce(getattr, path.split("."), aw)
@@ -82,13 +94,23 @@ def _found(path: str) -> Any:
         return importlib.import_module(f"armwright.{path}")
 
 
-def _body(name: str, thing: Any, shown: str | None) -> Iterator[str]:
-    thing = thing.func if isinstance(thing, functools.cached_property) else thing
-    thing = thing.__func__ if isinstance(thing, (classmethod, staticmethod)) else thing
+def function_of(value: Any) -> Any:
+    """The function of a member that Python wraps, or a kernel's method."""
+    for name in ("__func__", "func", "function"):
+        value = value if inspect.isclass(value) else getattr(value, name, value)
+    return value
+
+
+def _call(name: str, thing: Any, shown: str | None) -> Iterator[str]:
     signature = shown if shown is not None else _signature(thing)
     if signature not in ("", "()") or inspect.isfunction(thing):
         call = textwrap.fill(f"{name}{signature}", WIDTH, subsequent_indent="    ", break_long_words=False)
         yield f"```python\n{call}\n```"
+
+
+def body(thing: Any) -> Iterator[str]:
+    """Docstring of a thing, or of a member's function, as Markdown."""
+    thing = function_of(thing)
     text = inspect.getdoc(thing) if callable(thing) or inspect.ismodule(thing) or isinstance(thing, property) else ""
     yield from markdown(text or "")
 
@@ -99,8 +121,13 @@ def _signature(thing: Any) -> str:
     if not callable(thing) or protocol:
         return ""
     parameters = [p.replace(annotation=p.empty) for p in inspect.signature(thing).parameters.values()]
-    kept = [p for p in parameters if p.name not in ("self", "cls")]
-    return str(inspect.Signature([p if p.default is p.empty else p.replace(default=_Shown(p.default)) for p in kept]))
+    return str(inspect.Signature([shown_default(p) for p in parameters if p.name not in ("self", "cls")]))
+
+
+def shown_default(parameter: inspect.Parameter) -> inspect.Parameter:
+    """The parameter with its default as it is typed."""
+    default = parameter.default
+    return parameter if default is parameter.empty else parameter.replace(default=_Shown(default))
 
 
 class _Shown:
@@ -127,15 +154,18 @@ def markdown(text: str) -> Iterator[str]:
 
 
 def _section(name: str, lines: list[str]) -> Iterator[str]:
-    if name:
+    if name == "Example":
+        example = textwrap.dedent("\n".join(lines)).strip("\n")
+        yield from ["**Example**", f"```pycon\n{example}\n```"]
+    elif name:
         items = list(_items(lines))
         yield from [f"**{HEADS[name]}**", "\n".join(f"- {item}" for item in items)] if items else []
-        return
-    for paragraph in re.split(r"\n\s*\n", "\n".join(lines).strip("\n")):
-        if paragraph.startswith("    "):
-            yield f"```text\n{textwrap.dedent(paragraph)}\n```"
-        elif paragraph:
-            yield "\n".join(escaped(line.strip()) for line in paragraph.splitlines())
+    else:
+        for paragraph in re.split(r"\n\s*\n", "\n".join(lines).strip("\n")):
+            if paragraph.startswith("    "):
+                yield f"```text\n{textwrap.dedent(paragraph)}\n```"
+            elif paragraph:
+                yield "\n".join(escaped(line.strip()) for line in paragraph.splitlines())
 
 
 def entries_of(text: str, section: str) -> list[str]:

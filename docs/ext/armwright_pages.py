@@ -39,10 +39,10 @@ def pages() -> Iterator[tuple[Path, str, str]]:
     for path in sorted(DOCS.rglob("*.md")):
         text = path.read_text(encoding="utf-8")
         if MARK.search(text):
-            yield path, text, MARK.sub(lambda mark, path=path: _part(mark, path, made), text)
+            yield path, text, MARK.sub(lambda mark, path=path: part(mark, path, made), text)
 
 
-def _part(mark: re.Match[str], path: Path, made: dict[str, Callable[..., str]]) -> str:
+def part(mark: re.Match[str], path: Path, made: dict[str, Callable[..., str]]) -> str:
     """A mark with the text that belongs below it. A list of names stands on lines of its own, other words beside the name."""
     words = mark["words"].strip("\n").split("\n") if "\n" in mark["words"] else mark["words"].split()
     text = made[mark["name"]](*words)

@@ -98,6 +98,12 @@ class ArmwrightError(Exception):
 
     Attributes:
         problems: all that is wrong, the most telling first; `str` shows one a line, in the order of the file's lines.
+    Example:
+        >>> try:
+        ...     aw.load("two-links")
+        ... except aw.ArmwrightError as error:
+        ...     print(error)
+        robot = 'two-links': not a built-in arm and not a file; did you mean two-link?
     """
 
     def __init__(

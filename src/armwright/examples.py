@@ -59,6 +59,9 @@ def copy_examples(folder: str | os.PathLike[str]) -> list[Path]:
         paths: of the copies.
     Raises:
         OutputError: one of the files is there already, or the folder cannot be written; nothing is copied then.
+    Example:
+        >>> len(aw.copy_examples("own")) > 50
+        True
     """
     folder = as_path(folder, "folder", OutputError)
     sources = example_files()

@@ -62,6 +62,11 @@ class Batch:
         values: (lanes, …) numbers, or a sequence of other values such as schedules.
     Raises:
         ScenarioError: no lanes, rows of unequal shape, or a batch inside.
+    Example:
+        >>> q = aw.Batch([[0.0, 0.0], [0.5, 0.0], [1.0, 0.0]])  # three starts
+        >>> run = aw.simulate(aw.Scenario("two-link", 0.1, command=[0.0, 0.0], start=q))
+        >>> run.q.sel(time=0.1, joint="shoulder").values.round(3)
+        array([-0.065,  0.442,  0.964])
     """
 
     values: Any
@@ -110,6 +115,11 @@ class Draw:
     Attributes:
         kind: "record", "normal", "uniform" or "lognormal".   centre: mean, median or lower bound, a number or an array.
         spread: standard deviation, that of the logarithm, or the upper bound.   low, high: bounds that values stay between.
+    Example:
+        >>> mass = {"forearm.mass_kg": aw.Draw.uniform(1.0, 2.0)}
+        >>> scenario = aw.Scenario("two-link", 0.1, command=[20.0, 5.0], vary=mass, lanes=4)
+        >>> aw.simulate(scenario).q.sizes["lane"]
+        4
     """
 
     kind: str = "record"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import inspect
 import re
 import subprocess
 import sys
@@ -13,23 +14,68 @@ from pathlib import Path
 import pydantic
 import pytest
 
+from armwright.kernels.signatures import SIGNATURES
 from docs.pages import ROOT, page
+from public_names import GROUPS, PUBLIC
 
 KEY = re.compile(r"\[([A-Z][A-Za-z]+(?:\d{4})?)\]")
 LISTED = re.compile(r"^\((\w+)\)=\n\*\*(\w+)\.\*\*", re.MULTILINE)
 
 
-@pytest.mark.study
-def test_it_builds_without_warnings(tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of the site, which builds without a warning and without a network."""
     pytest.importorskip("sphinx")
-    command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-b", "html", "-d", str(tmp_path / "trees")]
-    done = subprocess.run([*command, str(ROOT / "docs"), str(tmp_path / "site")], capture_output=True, text=True)
+    folder = tmp_path_factory.mktemp("docs")
+    command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-b", "html", "-d", str(folder / "trees")]
+    done = subprocess.run([*command, str(ROOT / "docs"), str(folder / "site")], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    site = tmp_path / "site"
+    return folder / "site"
+
+
+@pytest.mark.study
+def test_its_pages_have_their_generated_parts_and_no_path_of_this_machine(site: Path) -> None:
     kernels = (site / "conventions.html").read_text(encoding="utf-8")
     assert "forward_kinematics" in kernels
     assert "viscous_n_m_s_per_rad" in (site / "reference" / "robot-file.html").read_text(encoding="utf-8")
     assert str(ROOT) not in "".join(path.read_text(encoding="utf-8") for path in site.rglob("*.html"))
+
+
+@pytest.mark.study
+def test_every_public_object_can_be_linked_to(site: Path) -> None:
+    """`objects.inv`, which other projects' documentation reads, has all public names, their members and the groups."""
+    from sphinx.util.inventory import InventoryFile
+
+    found = InventoryFile.loads((site / "objects.inv").read_bytes(), uri="").data
+    kinds = {name: kind for kind, names in found.items() if kind.startswith("py:") for name in names}
+    for name, value in PUBLIC.items():
+        assert kinds.get(f"armwright.{name}") in _kinds(value), name
+        for member in _methods(value) if isinstance(value, type) else ():
+            assert kinds.get(f"armwright.{name}.{member}") == "py:method", f"{name}.{member}"
+    assert {kinds.get(f"armwright.CompiledArm.{name}") for name in SIGNATURES} == {"py:method"}
+    for group, module in GROUPS.items():
+        assert kinds[f"armwright.{group}"] == "py:module"
+        assert all(f"armwright.{group}.{name}" in kinds for name in module.__all__)
+
+
+def _kinds(value: object) -> tuple[str, ...]:
+    return ("py:class", "py:exception") if isinstance(value, type) else ("py:function",)
+
+
+def _methods(thing: type) -> set[str]:
+    """Public methods of a class that we wrote, inherited ones too."""
+    ours = [owner for owner in thing.__mro__ if owner.__module__.startswith("armwright")]
+    return {n for owner in ours for n, value in [*vars(owner).items()] if n[0] != "_" and inspect.isfunction(value)}
+
+
+@pytest.mark.study
+def test_a_public_type_in_a_signature_is_a_link_and_its_source_is_shown(site: Path) -> None:
+    text = (site / "reference" / "python" / "index.html").read_text(encoding="utf-8")
+    entry = re.search(r'<dt[^>]* id="armwright\.load">.*?</dt>', text, re.DOTALL)
+    assert entry is not None
+    assert 'href="#armwright.Model"' in entry[0]
+    assert "_modules/armwright/model/load.html#load" in entry[0]
+    assert (site / "_modules" / "armwright" / "model" / "load.html").exists()
 
 
 def _docstrings() -> Iterator[str]:

@@ -28,6 +28,10 @@ def motor_current(arm: Model, tau: Array) -> np.ndarray:
         i: (n,) [A].
     Raises:
         ModelError: a drive without a torque constant.
+    Example:
+        >>> arm = aw.load("cmu-dd")
+        >>> aw.motor_current(arm, [15.0, 50.0, 7.0, 10.0, 1.0, 0.5]).round(2)
+        array([1.79, 2.38, 1.75, 1.04, 0.72, 0.45])
     """
     _check_motors(arm, "motor_current", "torque_constant_n_m_per_a")
     return scalar.array([joint_current(body.drive, tau[i]) for i, body in enumerate(arm.coordinates)])
@@ -43,6 +47,11 @@ def motor_voltage(arm: Model, qd: Array, tau: Array) -> np.ndarray:
         V: (n,) [V].
     Raises:
         ModelError: a drive without resistance or torque constant.
+    Example:
+        >>> arm = aw.load("cmu-dd")
+        >>> tau = aw.gravity_torques(arm, [0.0, 0.35, 0.0, 0.6, 0.0, 0.4])
+        >>> aw.motor_voltage(arm, np.zeros(6), tau).round(2)  # what holds the arm still
+        array([ 0.  , 22.52, -2.31, 11.91, -1.92,  0.93])
     """
     for body in arm.coordinates:
         _check_stateless(body, "a voltage of the motor")
@@ -61,6 +70,10 @@ def motor_torque(arm: Model, qd: Array, voltage: Array) -> np.ndarray:
         tau: (n,) [N m | N], referred to the joints, before rotor, gear loss and friction.
     Raises:
         ModelError: a drive without resistance or torque constant.
+    Example:
+        >>> arm = aw.load("cmu-dd")
+        >>> aw.motor_torque(arm, np.zeros(6), [8, 12, 8, 4, 2, 1]).round(2)
+        array([15.27, 52.5 ,  7.27,  9.85,  0.81,  0.33])
     """
     _check_motors(arm, "motor_torque", *COMMAND_NEEDS["voltage"])
     w = to_motors(shares_of(arm), qd)

@@ -54,6 +54,9 @@ def link_capsules(arm: AnyArm, radius: float | Mapping[str, float] | None = None
         capsules: in the order of the links.
     Raises:
         ModelError: a link without shapes and without radius, a name that is no link.   RunError: a mesh that cannot be read.
+    Example:
+        >>> len(aw.collision.link_capsules("puma560", radius=0.06))
+        6
     """
     arm = as_arm(arm)
     links = {link.name: link for link in arm.description.links} if arm.description is not None else {}

@@ -165,6 +165,11 @@ def clearance(
         ScenarioError: what is no obstacle, no distance.
         ModelError: a link without shapes and without radius, a radius with which all links always overlap, or a name that is no
             link.   RunError: a mesh that cannot be read.
+    Example:
+        >>> floor = aw.collision.PlaneObstacle((0, 0, -0.3), (0, 0, 1), name="floor")
+        >>> near = aw.collision.clearance("puma560", [floor], radius=0.06)
+        >>> print(near.nearest(np.zeros((1, 6))))
+        link2 and link4: 31.42 mm
     """
     arm = as_arm(arm)
     obstacles = (obstacles,) if isinstance(obstacles, Obstacle) else tuple(obstacles)

@@ -25,6 +25,11 @@ class PlaneObstacle:
         point: (3,) [m] any point of the plane.   normal: (3,) out of the solid side, of any length but 0.   name: for reports.
     Raises:
         ScenarioError: names the field, its value and what was expected.
+    Example:
+        >>> floor = aw.collision.PlaneObstacle((0, 0, -0.3), normal=(0, 0, 1), name="floor")
+        >>> near = aw.collision.clearance("puma560", [floor], radius=0.06)
+        >>> near.pairs[-1]
+        ('link6', 'floor')
     """
 
     point: Any
@@ -53,6 +58,11 @@ class BoxObstacle:
         rpy: (3,) [rad] its angles about fixed x, then y, then z.   name: for reports.
     Raises:
         ScenarioError: names the field, its value and what was expected.
+    Example:
+        >>> table = aw.collision.BoxObstacle((0.4, 0.6, 0.1), (0.7, 0.2, 0.1), name="table")
+        >>> near = aw.collision.clearance("puma560", [table], radius=0.06)
+        >>> near.pairs[-1]
+        ('link6', 'table')
     """
 
     size: Any
@@ -82,6 +92,11 @@ class SphereObstacle:
         radius: [m].   position: (3,) [m] of its middle.   name: for reports.
     Raises:
         ScenarioError: names the field, its value and what was expected.
+    Example:
+        >>> ball = aw.collision.SphereObstacle(0.1, position=(0.7, 0.2, 0.1), name="ball")
+        >>> near = aw.collision.clearance("puma560", [ball], radius=0.06)
+        >>> near.pairs[-1]
+        ('link6', 'ball')
     """
 
     radius: float

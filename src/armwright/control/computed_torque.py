@@ -31,6 +31,12 @@ class ComputedTorque:
         model: the arm that is reckoned with, which may differ from the simulated one; absent: that, as its record has it.
     Raises:
         ScenarioError: names the field, its value and what was expected.
+    Example:
+        >>> control = aw.ComputedTorque(kp=100.0, kd=20.0)
+        >>> loop = aw.Loop(control, aw.trajectories.Step([0.0, 0.0], [0.5, -0.5]), period=0.002)
+        >>> run = aw.simulate(aw.Scenario("two-link", 1.0, loop=loop))
+        >>> run.q.values[-1].round(3)
+        array([ 0.5, -0.5])
     """
 
     gain_units: ClassVar[dict[str, str]] = {"kp": "1/s²", "ki": "1/s³", "kd": "1/s"}

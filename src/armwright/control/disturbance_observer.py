@@ -37,6 +37,13 @@ class DisturbanceObserver(Wrapper):
         hz: bandwidth of Q.
     Raises:
         ScenarioError: names the field, its value and what was expected.
+    Example:
+        >>> pd = aw.JointPID(kp=[900.0, 250.0], kd=[180.0, 50.0])  # no gravity, no integrator
+        >>> control = aw.DisturbanceObserver(pd, inertia=[9.7, 0.85], hz=10.0)
+        >>> loop = aw.Loop(control, aw.trajectories.Step([0.0, 0.0], [0.5, -0.5]), period=0.002)
+        >>> run = aw.simulate(aw.Scenario("two-link", 1.5, loop=loop))
+        >>> run.q.values[-1].round(2)
+        array([ 0.5, -0.5])
     """
 
     inertia: Any

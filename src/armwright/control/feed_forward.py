@@ -37,6 +37,13 @@ class FeedForward(Wrapper):
         model: the arm that is reckoned with; absent: the simulated one as its record has it.
     Raises:
         ScenarioError: names the field, its value and what was expected.
+    Example:
+        >>> control = aw.FeedForward(aw.JointPID(kp=100.0, kd=20.0), inertia="full")
+        >>> move = aw.trajectories.Quintic([0.0, 0.0], [0.5, -0.5], duration=0.5)
+        >>> loop = aw.Loop(control, move, period=0.002)
+        >>> run = aw.simulate(aw.Scenario("two-link", 0.6, loop=loop))
+        >>> run.q.values[-1].round(3)
+        array([ 0.501, -0.5  ])
     """
 
     gravity: bool = True

@@ -34,6 +34,9 @@ class LowPass:
         hz: the natural frequency, below half of the sampling rate.   damping: ζ; by default Butterworth's, 1/√2.
     Raises:
         ScenarioError: names the field, its value and what was expected.
+    Example:
+        >>> aw.LowPass(50.0, damping=1.0)  # of `aw.Filtered`
+        LowPass(hz=50.0, damping=1.0)
     """
 
     hz: float
@@ -58,6 +61,9 @@ class Notch:
         width_hz: of the band in which, with depth 0, the gain is below 1/√2.   depth: the gain at hz, from 0 to below 1.
     Raises:
         ScenarioError: names the field, its value and what was expected.
+    Example:
+        >>> aw.Notch(30.0, width_hz=10.0)  # of `aw.Filtered`: takes 30 Hz out
+        Notch(hz=30.0, width_hz=10.0, depth=0.0)
     """
 
     hz: float
@@ -109,6 +115,12 @@ class Filtered(Wrapper):
         inner: any controller.   filters: `LowPass` and `Notch`, in order.
     Raises:
         ScenarioError: names the field, its value and what was expected.
+    Example:
+        >>> control = aw.JointPID(kp=[900.0, 250.0], kd=[180.0, 50.0], gravity=True)
+        >>> smooth = aw.Filtered(control, [aw.Notch(40.0, width_hz=10.0), aw.LowPass(100.0)])
+        >>> loop = aw.Loop(smooth, aw.trajectories.Step([0.0, 0.0], [0.5, -0.5]), period=0.002)
+        >>> aw.simulate(aw.Scenario("two-link", 1.0, loop=loop)).q.values[-1].round(2)
+        array([ 0.5, -0.5])
     """
 
     filters: Sequence[LowPass | Notch]

@@ -34,6 +34,11 @@ class FrictionCompensation(Wrapper):
         share: of the record's friction.
     Raises:
         ScenarioError: names the field, its value and what was expected.
+    Example:
+        >>> pid = aw.JointPID(kp=[400, 900, 300, 150, 30, 20], kd=[40, 90, 30, 12, 3, 2])
+        >>> control = aw.FrictionCompensation(pid, dead_band=1e-3, rest_speed=0.01, share=0.8)
+        >>> control.share
+        0.8
     """
 
     dead_band: Numbers

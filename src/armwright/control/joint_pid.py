@@ -49,6 +49,12 @@ class JointPID:
         model: the arm that gravity is reckoned with; absent: the simulated one as its record has it.
     Raises:
         ScenarioError: names the field, its value and what was expected.
+    Example:
+        >>> control = aw.JointPID(kp=[900.0, 250.0], kd=[180.0, 50.0], gravity=True)
+        >>> loop = aw.Loop(control, aw.trajectories.Step([0.0, 0.0], [0.5, -0.5]), period=0.002)
+        >>> run = aw.simulate(aw.Scenario("two-link", 1.0, loop=loop))
+        >>> run.q.values[-1].round(2)
+        array([ 0.5 , -0.49])
     """
 
     gain_units: ClassVar[dict[str, str]] = {

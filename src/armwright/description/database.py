@@ -28,6 +28,9 @@ def builtin_names() -> list[str]:
 
     Returns:
         names: what `load` takes, in alphabetical order.
+    Example:
+        >>> "ur5e" in aw.builtin_names()
+        True
     """
     folder = resources.files("armwright.robots")
     names = (entry.name for entry in folder.iterdir() if entry.name.endswith(".toml"))

@@ -127,6 +127,10 @@ def servos() -> dict[str, Servo]:
     Returns:
         servos: motor constants at the output shaft, friction, limits, firmware with factory settings, bus and data sheet of
             each, by name.
+    Example:
+        >>> servo = aw.robotfiles.servos()["sts3215-12v"]
+        >>> print(servo.title)
+        Feetech STS3215-C018, 12 V, 1:345
     """
     return {servo.name: servo for servo in servo_library().servos}
 

@@ -37,6 +37,9 @@ def to_toml(arm: Arm | RobotDescription, folder: str | os.PathLike[str] | None =
     Raises:
         OutputError: a mesh that is not below the folder.
         ModelError: no arm, one without a description, or one that `replace` changed, which no description holds.
+    Example:
+        >>> aw.robotfiles.to_toml(aw.load("two-link")).splitlines()[0]
+        'name = "two-link"'
     """
     description = record_of(arm)
     place = None if folder is None else Path(folder).resolve()
@@ -72,6 +75,10 @@ def write_toml(arm: Arm | RobotDescription, path: str | os.PathLike[str]) -> Pat
         path: where it is.
     Raises:
         OutputError: the file cannot be written, or a mesh is not below its folder.   ModelError: as `to_toml`.
+    Example:
+        >>> path = aw.robotfiles.write_toml(aw.load("two-link"), "arm.toml")
+        >>> aw.load(path).n
+        2
     """
     path, text = Path(path), to_toml(arm, Path(path).parent)
     with whole_file(path) as temporary:

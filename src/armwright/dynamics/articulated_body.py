@@ -39,6 +39,10 @@ def articulated_body(arm: Model, q: Array, qd: Array, tau: Array, wrench: Array 
     Raises:
         ModelError: a wrench on an arm that branches and names no tip; joints that follow others, coupled motors and gears with
             loss, whose accelerations depend on each other all at once.
+    Example:
+        >>> arm = aw.load("two-link")
+        >>> aw.articulated_body(arm, [0.3, 0.5], [1.0, -0.5], [20.0, 5.0]).round(3)
+        array([-10.674,  20.384])
     """
     lossy = any(loses_power(body) for body in arm.coordinates)
     for met, what in (

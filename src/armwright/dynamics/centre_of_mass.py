@@ -23,6 +23,10 @@ def centre_of_mass(arm: Model, q: Array) -> np.ndarray:
         p: (3,) in base axes, from the base's origin [m].
     Raises:
         ModelError: the moving links have no mass.
+    Example:
+        >>> arm = aw.load("two-link")
+        >>> aw.centre_of_mass(arm, [0.3, 0.5]).round(3)
+        array([0.78 , 0.322, 0.   ])
     """
     total = sum(body.mass for body in arm.bodies)
     if not scalar.is_symbolic(total) and not total > 0.0:

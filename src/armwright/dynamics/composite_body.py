@@ -30,6 +30,10 @@ def composite_body(arm: Model, q: Array, qd: Array, tau: Array, wrench: Array | 
         qdd: (n,) [rad/s² | m/s²]; not finite where M is singular.
     Raises:
         ModelError: a wrench on an arm that branches and names no tip.
+    Example:
+        >>> arm = aw.load("two-link")
+        >>> aw.composite_body(arm, [0.3, 0.5], [1.0, -0.5], [20.0, 5.0]).round(3)
+        array([-10.674,  20.384])
     """
     arm, driven, gears = motors(arm, qd, tau, external_torques(arm, q, qd, wrench))
     return composite_accelerations(arm, q, qd, driven, link_friction(arm, qd), wrench, gears)

@@ -21,6 +21,11 @@ def coriolis_matrix(arm: Model, q: Array, qd: Array) -> np.ndarray:
         arm: the model.   q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].
     Returns:
         C: (n, n) [N m s/rad | N s/m] and, for mixed joints, [N m s/m, N s/rad].
+    Example:
+        >>> arm = aw.load("two-link")
+        >>> qd = np.array([1.0, -0.5])
+        >>> (aw.coriolis_matrix(arm, [0.3, 0.5], qd) @ qd).round(3)
+        array([0.575, 0.767])
     """
     weightless = arm.replace(gravity=scalar.zeros(3))
     return scalar.jacobian(lambda x: link_torques(weightless, q, x, scalar.zeros(arm.n)), 0.5 * qd)

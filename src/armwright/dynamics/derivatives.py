@@ -46,6 +46,13 @@ def inverse_dynamics_derivatives(
         dtau_dqdd: (n, n) [kg m² | kg m | kg]; `mass_matrix` without gear loss, coupled motors and friction by loads.
     Raises:
         ModelError: a wrench on an arm that branches and names no tip.
+    Example:
+        >>> arm = aw.load("two-link")
+        >>> q, qd, qdd = [0.3, 0.5], [1.0, -0.5], [0.0, 2.0]
+        >>> by_q, by_qd = aw.inverse_dynamics_derivatives(arm, q, qd, qdd)[:2]
+        >>> by_q.round(3)
+        array([[-31.553, -11.741],
+               [-11.26 ,  -9.855]])
     """
     n = arm.n
 
@@ -91,6 +98,13 @@ def forward_dynamics_derivatives(
         dqdd_dtau: (n, n) [1/(kg m²) | 1/(kg m) | 1/kg]. None is finite where M is singular.
     Raises:
         ModelError: a wrench on an arm that branches and names no tip.
+    Example:
+        >>> arm = aw.load("two-link")
+        >>> q, qd, tau = [0.3, 0.5], [1.0, -0.5], [20.0, 5.0]
+        >>> by_q, by_qd, by_tau = aw.forward_dynamics_derivatives(arm, q, qd, tau)
+        >>> by_tau.round(4)  # the inverse of the mass matrix
+        array([[ 0.271 , -0.7171],
+               [-0.7171,  3.0689]])
     """
     return driven_derivatives(arm, q, qd, tau, lambda qd, tau: tau, wrench)
 

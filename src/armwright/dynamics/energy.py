@@ -20,6 +20,10 @@ def energy(arm: Model, q: Array, qd: Array) -> tuple[Scalar, Scalar]:
         arm: the model.   q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].
     Returns:
         kinetic: () [J], links and rotors.   potential: () [J], zero where all mass lies at the base's origin.
+    Example:
+        >>> arm = aw.load("two-link")
+        >>> np.round(aw.energy(arm, [0.3, 0.5], [1.0, -0.5]), 3)
+        array([ 3.809, 31.553])
     """
     return kinetic_energy(arm, q, qd), potential_energy(arm, q)
 
@@ -32,6 +36,10 @@ def kinetic_energy(arm: Model, q: Array, qd: Array) -> Scalar:
         arm: the model.   q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].
     Returns:
         T: () [J], links and rotors.
+    Example:
+        >>> arm = aw.load("two-link")
+        >>> round(float(aw.kinetic_energy(arm, [0.3, 0.5], [1.0, -0.5])), 3)
+        3.809
     """
     total, shares = _kinetic_energy(arm, q, qd), shares_of(arm)
     for i, (body, w) in enumerate(zip(arm.coordinates, to_motors(shares, qd), strict=True)):
@@ -68,6 +76,11 @@ def potential_energy(arm: Model, q: Array) -> Scalar:
         arm: the model.   q: (n,) [rad | m].
     Returns:
         U: () [J].
+    Example:
+        >>> arm = aw.load("two-link")
+        >>> low, high = (aw.potential_energy(arm, [angle, 0.0]) for angle in (0.0, 1.5708))
+        >>> round(float(high - low), 2)
+        84.37
     """
     placed = body_placements(arm, q)
     height = -sum(

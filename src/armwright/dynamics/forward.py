@@ -39,6 +39,10 @@ def forward_dynamics(arm: Model, q: Array, qd: Array, tau: Array, wrench: Array 
         qdd: (n,) [rad/s² | m/s²]; not finite where M is singular, NaN where 12 of Newton's steps do not end.
     Raises:
         ModelError: a wrench on an arm that branches and names no tip.
+    Example:
+        >>> arm = aw.load("two-link")
+        >>> aw.forward_dynamics(arm, [0.3, 0.5], [1.0, -0.5], [20.0, 5.0]).round(3)
+        array([-10.674,  20.384])
     """
     arm, driven, gears = motors(arm, qd, tau, external_torques(arm, q, qd, wrench))
     return accelerations(arm, q, qd, driven, link_friction(arm, qd), wrench, gears)
@@ -82,5 +86,9 @@ def forward_arm(arm: Model, q: Array, qd: Array, u: Array) -> np.ndarray:
         qdd: (n,) [rad/s² | m/s²].
     Raises:
         ModelError: a drive without the constants that its command needs.
+    Example:
+        >>> arm = aw.load("cmu-dd")
+        >>> aw.forward_arm(arm, np.zeros(6), np.zeros(6), [8, 12, 8, 4, 2, 1]).round(2)
+        array([ 10.01,   5.43,  29.46,  -5.61,  -1.26, -59.94])
     """
     return forward_dynamics(arm, q, qd, drive_torque(arm, qd, u))

@@ -33,6 +33,11 @@ def inverse_dynamics(arm: Model, q: Array, qd: Array, qdd: Array, wrench: Array 
         tau: (n,) [N m | N] torques of the motors, each referred to its joint, before rotor, gear loss and friction.
     Raises:
         ModelError: a wrench on an arm that branches and names no tip.
+    Example:
+        >>> arm = aw.load("two-link")
+        >>> q, qd, qdd = [0.3, 0.5], [1.0, -0.5], [0.0, 2.0]
+        >>> aw.inverse_dynamics(arm, q, qd, qdd).round(3)
+        array([81.629, 13.409])
     """
     return inverse_torques(arm, q, qd, qdd, wrench)
 
@@ -67,6 +72,10 @@ def bias_torques(arm: Model, q: Array, qd: Array, wrench: Array | None = None) -
         h: (n,) [N m | N].
     Raises:
         ModelError: a wrench on an arm that branches and names no tip.
+    Example:
+        >>> arm = aw.load("two-link")
+        >>> aw.bias_torques(arm, [0.3, 0.5], [1.0, -0.5]).round(3)
+        array([77.114, 11.703])
     """
     needed = newton_euler(arm, q, qd, scalar.zeros(arm.n), wrench)
     return needed + friction_torques(arm, qd, -needed)
@@ -80,6 +89,10 @@ def gravity_torques(arm: Model, q: Array) -> np.ndarray:
         arm: the model.   q: (n,) [rad | m].
     Returns:
         g: (n,) [N m | N].
+    Example:
+        >>> arm = aw.load("two-link")
+        >>> aw.gravity_torques(arm, [0.0, 0.0]).round(3)  # stretched out level
+        array([84.366, 15.696])
     """
     return link_torques(arm, q, scalar.zeros(arm.n), scalar.zeros(arm.n))
 

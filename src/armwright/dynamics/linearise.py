@@ -28,6 +28,11 @@ def forward_arm_linearised(arm: Model, q: Array, qd: Array, u: Array) -> tuple[n
         B: (2n, n) [rad/s² | m/s²] per unit of u.
     Raises:
         ModelError: a drive without the constants that its command needs.
+    Example:
+        >>> arm = aw.load("cmu-dd")
+        >>> q, qd, volts = np.zeros(6), np.zeros(6), [8, 12, 8, 4, 2, 1]
+        >>> [each.shape for each in aw.forward_arm_linearised(arm, q, qd, volts)]
+        [(12, 12), (12, 6)]
     """
     by_q, by_qd, by_u = driven_derivatives(arm, q, qd, u, lambda qd, u: drive_torque(arm, qd, u))
     unit, none = np.eye(arm.n), scalar.zeros(arm.n, arm.n)

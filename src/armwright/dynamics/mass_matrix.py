@@ -28,6 +28,11 @@ def mass_matrix(arm: Model, q: Array) -> np.ndarray:
         arm: the model.   q: (n,) [rad | m].
     Returns:
         M: (n, n) symmetric; [kg m²] for two revolute joints, [kg m] for mixed ones, [kg] for two prismatic ones.
+    Example:
+        >>> arm = aw.load("two-link")
+        >>> aw.mass_matrix(arm, [0.3, 0.5]).round(3)
+        array([[9.662, 2.257],
+               [2.257, 0.853]])
     """
     inertia = _composite_bodies(arm, q)
     return scalar.array(inertia + coupled_inertia(arm)) if any(shares_of(arm)) else inertia

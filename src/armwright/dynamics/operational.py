@@ -26,6 +26,10 @@ def operational_inertia(arm: Model, q: Array, frame: str | None = None) -> np.nd
         Lambda: (6, 6) symmetric, linear rows first, in base axes; [kg | kg m | kg m²].
     Raises:
         ModelError: no such frame, no tip, or fewer than six joints carry the frame, so that Λ exists nowhere.
+    Example:
+        >>> arm = aw.load("ur5e")
+        >>> aw.operational_inertia(arm, [0.0, -1.0, 1.2, -0.5, 0.8, 0.0]).shape
+        (6, 6)
     """
     path = arm.path(arm.frame(frame).body)
     carried = len(path if arm.mimics is None else {arm.mimics.coordinate[i] for i in path})

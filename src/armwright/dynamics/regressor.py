@@ -34,6 +34,11 @@ def regressor(arm: Model, q: Array, qd: Array, qdd: Array) -> np.ndarray:
         arm: the model.   q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].   qdd: (n,) [rad/s² | m/s²].
     Returns:
         Y: (n, 10 N) [N m | N] per [kg, kg m, kg m²].
+    Example:
+        >>> arm = aw.load("two-link")
+        >>> q, qd, qdd = [0.3, 0.5], [1.0, -0.5], [0.0, 2.0]
+        >>> (aw.regressor(arm, q, qd, qdd) @ arm.inertial_parameters).round(3)
+        array([81.629, 13.409])
     """
 
     def torques(parameters: np.ndarray) -> np.ndarray:
@@ -60,6 +65,10 @@ def regressor_drive(arm: Model, qd: Array, qdd: Array) -> np.ndarray:
         Y_d: (n, 7 N) [N m | N] per [kg m² | kg, N m s/rad | N s/m, then N m | N].
     Raises:
         ModelError: a motor that other joints turn as well, whose inertia is no number of one joint.
+    Example:
+        >>> arm = aw.load("cmu-dd")
+        >>> aw.regressor_drive(arm, np.ones(6), np.ones(6)).shape
+        (6, 42)
     """
     for body in arm.bodies:
         _ = body.drive.armature  # refuses coupled motors

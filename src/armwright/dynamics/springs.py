@@ -24,6 +24,10 @@ def spring_torques(arm: Model, q: Array) -> np.ndarray:
         arm: the model.   q: (n,) [rad | m].
     Returns:
         s: (n,) [N m | N]; 0 where no spring acts.
+    Example:
+        >>> arm = aw.load("two-link")
+        >>> aw.spring_torques(arm, [0.3, 0.5])  # this arm has no springs
+        array([0., 0.])
     """
     return sprung_torques(arm, q)
 

@@ -114,6 +114,10 @@ def export_ros2(
         ScenarioError: a scenario without a controller that can be traced, with another reference than a motion of the
             joints, with a period that is no whole rate in Hz.
         OutputError: a file cannot be written.
+    Example:
+        >>> made = aw.export.export_ros2(aw.load("two-link"), "ros2")
+        >>> [path.name for path in made.paths]
+        ['two-link.urdf', 'two-link.drive.toml', 'joint_limits.yaml', 'controllers.yaml']
     """
     if not isinstance(hardware, str) or not hardware.strip():
         raise ModelError(place="hardware", value=hardware, expected=f"the name of a plugin, such as {HARDWARE}")

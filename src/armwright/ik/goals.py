@@ -42,6 +42,12 @@ class Goal:
         length: [m/rad] of angles, also where a target is not reached; absent: a third of the arm's reach.
     Raises:
         ModelError: no such goal, a length that is none.
+    Example:
+        >>> arm, q = aw.load("panda"), [0.0, -0.8, 0.0, -2.3, 0.0, 1.6, 0.8]
+        >>> pose = aw.forward_kinematics(arm, q)
+        >>> goal = aw.kinematics.Goal("limits")
+        >>> bool(aw.inverse_kinematics(arm, pose, goal=goal).success)
+        True
     """
 
     best: Best | None = None

@@ -83,6 +83,10 @@ def manipulability(
     Raises:
         ShapeError: q has another shape.   ModelError: no such frame or aim, a length that is not above 0, or an arm that
             branches and names no tip.
+    Example:
+        >>> found = aw.kinematics.manipulability("two-link", [0.3, 1.5708], aim="position")
+        >>> round(float(found.yoshikawa), 3)  # best with the elbow at a right angle
+        0.8
     """
     arm = as_arm(arm)
     checked_task(arm, aim, length)

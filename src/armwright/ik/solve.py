@@ -82,6 +82,12 @@ def inverse_kinematics(
         ShapeError: targets or starts of a wrong shape, or rotation matrices alone.   ModelError: no arm, no pose (no rotation
             matrix, NaN), no such frame, a tolerance below 1e-12, an arm that branches and names no tip, or one without the
             closed form that is asked for.
+    Example:
+        >>> arm = aw.load("ur5e")
+        >>> goal = aw.forward_kinematics(arm, [0.0, -1.0, 1.2, -0.5, 0.8, 0.0])
+        >>> found = aw.inverse_kinematics(arm, goal, near=[0.1, -0.9, 1.1, -0.4, 0.7, 0.1])
+        >>> found.q.round(4)
+        array([ 0. , -1. ,  1.2, -0.5,  0.8,  0. ])
     """
     arm = as_arm(arm)
     poses, shape, part = checked_targets(targets, aim)

@@ -85,6 +85,10 @@ def pose_towards(position: Any, direction: Any, axis: str = "z") -> np.ndarray:
         poses: (…, 4, 4).
     Raises:
         ShapeError: other shapes.   ModelError: a direction without length, no such axis, numbers that are not finite.
+    Example:
+        >>> pose = aw.kinematics.pose_towards([0.4, 0.2, 0.3], [0.0, 0.0, -1.0])  # downwards
+        >>> pose[:3, 3]
+        array([0.4, 0.2, 0.3])
     """
     at, way = checked_array(position, "position"), checked_array(direction, "direction")
     for place, value in (("position", at), ("direction", way)):

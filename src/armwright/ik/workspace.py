@@ -48,6 +48,10 @@ def workspace(
             `smallest_singular_value`, `condition`, `limit_margin`; over `percentile`: `<name>_percentiles` of the last five.
     Raises:
         ModelError: no such frame or aim, samples, length or threads that are none, or an arm that branches and names no tip.
+    Example:
+        >>> reach = aw.kinematics.workspace("two-link", samples=10_000)
+        >>> round(float(reach.reach.max()), 2)  # the farthest that the tip comes
+        1.8
     """
     arm = as_arm(arm)
     import xarray as xr

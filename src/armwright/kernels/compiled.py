@@ -411,6 +411,11 @@ def compile_arm(
         ModelError: no arm, an unknown target, parameter, dtype or device, a target that this processor does not reach, or an arm
             that lacks what a kernel of `warm` needs; no GPU, driver or compiler for it.
         ShapeError: no kernel has a name of `warm`.
+    Example:
+        >>> dyn = aw.compile("cmu-dd")
+        >>> q = np.zeros((1000, 6))  # a thousand states
+        >>> dyn.mass_matrix(q).shape
+        (1000, 6, 6)
     """
     if device == CPU:
         dyn: CompiledArm[Any] = CompiledArm(as_arm(arm), target, vary, dtype)

@@ -6,6 +6,7 @@ Editors and type checkers read `kernel_methods.pyi`, which `tools/kernel_stub.py
 from __future__ import annotations
 
 import inspect
+import re
 from collections.abc import Callable
 from typing import Any, Generic, TypeVar
 
@@ -92,7 +93,16 @@ def _docstring(signature: Signature) -> str:
     raises = ["    ModelError: the arm lacks what the kernel needs, such as a motor constant or a tip."]
     if signature.most_joints is not None:
         raises = [f"    ModelError: an arm of more than {signature.most_joints} joints, for which this is not offered."]
-    return "\n".join([equation, "", "Args:", *inputs, *options, out, "Returns:", *outputs, "Raises:", *raises])
+    sections = ["Args:", *inputs, *options, out, "Returns:", *outputs, "Raises:", *raises]
+    return "\n".join([equation, "", *sections, *_example(signature)])
+
+
+def _example(signature: Signature) -> list[str]:
+    """The example of the float reference, with the same results from the compiled arm."""
+    text = inspect.cleandoc(signature.function.__doc__ or "").partition("\nExample:\n")[2]
+    compiled = re.sub(r"arm = aw\.load\((.*?)\)", r"dyn = aw.compile(\1)", text)
+    compiled = re.sub(r"aw\.(\w+)\(arm, ", r"dyn.\1(", compiled)
+    return ["Example:", compiled.replace(" arm.", " dyn.arm.")] if text else []
 
 
 for _signature in SIGNATURES.values():

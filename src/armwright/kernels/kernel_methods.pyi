@@ -48,6 +48,11 @@ class KernelMethods(Generic[Real]):
             tau: (…, n) [N m | N]
         Raises:
             ModelError: the arm lacks what the kernel needs, such as a motor constant or a tip.
+        Example:
+            >>> dyn = aw.compile("two-link")
+            >>> q, qd, qdd = [0.3, 0.5], [1.0, -0.5], [0.0, 2.0]
+            >>> dyn.inverse_dynamics(q, qd, qdd).round(3)
+            array([81.629, 13.409])
         """
 
     def forward_dynamics(
@@ -72,6 +77,10 @@ class KernelMethods(Generic[Real]):
             qdd: (…, n) [rad/s² | m/s²]
         Raises:
             ModelError: the arm lacks what the kernel needs, such as a motor constant or a tip.
+        Example:
+            >>> dyn = aw.compile("two-link")
+            >>> dyn.forward_dynamics([0.3, 0.5], [1.0, -0.5], [20.0, 5.0]).round(3)
+            array([-10.674,  20.384])
         """
 
     def mass_matrix(
@@ -90,6 +99,11 @@ class KernelMethods(Generic[Real]):
             M: (…, n, n) [kg m² | kg m | kg]
         Raises:
             ModelError: the arm lacks what the kernel needs, such as a motor constant or a tip.
+        Example:
+            >>> dyn = aw.compile("two-link")
+            >>> dyn.mass_matrix([0.3, 0.5]).round(3)
+            array([[9.662, 2.257],
+                   [2.257, 0.853]])
         """
 
     def bias_torques(
@@ -112,6 +126,10 @@ class KernelMethods(Generic[Real]):
             h: (…, n) [N m | N]
         Raises:
             ModelError: the arm lacks what the kernel needs, such as a motor constant or a tip.
+        Example:
+            >>> dyn = aw.compile("two-link")
+            >>> dyn.bias_torques([0.3, 0.5], [1.0, -0.5]).round(3)
+            array([77.114, 11.703])
         """
 
     def gravity_torques(
@@ -130,6 +148,10 @@ class KernelMethods(Generic[Real]):
             g: (…, n) [N m | N]
         Raises:
             ModelError: the arm lacks what the kernel needs, such as a motor constant or a tip.
+        Example:
+            >>> dyn = aw.compile("two-link")
+            >>> dyn.gravity_torques([0.0, 0.0]).round(3)  # stretched out level
+            array([84.366, 15.696])
         """
 
     def spring_torques(
@@ -148,6 +170,10 @@ class KernelMethods(Generic[Real]):
             s: (…, n) [N m | N]
         Raises:
             ModelError: the arm lacks what the kernel needs, such as a motor constant or a tip.
+        Example:
+            >>> dyn = aw.compile("two-link")
+            >>> dyn.spring_torques([0.3, 0.5])  # this arm has no springs
+            array([0., 0.])
         """
 
     def forward_kinematics(
@@ -168,6 +194,10 @@ class KernelMethods(Generic[Real]):
             T: (…, 4, 4) [- | m]
         Raises:
             ModelError: the arm lacks what the kernel needs, such as a motor constant or a tip.
+        Example:
+            >>> dyn = aw.compile("two-link")
+            >>> dyn.forward_kinematics([0.3, 0.5])[:3, 3].round(3)  # where the tip is
+            array([1.513, 0.869, 0.   ])
         """
 
     def jacobian(
@@ -188,6 +218,10 @@ class KernelMethods(Generic[Real]):
             J: (…, 6, n) [m/rad | -, - | 1/m]
         Raises:
             ModelError: the arm lacks what the kernel needs, such as a motor constant or a tip.
+        Example:
+            >>> dyn = aw.compile("two-link")
+            >>> (dyn.jacobian([0.3, 0.5])[:3] @ [1.0, -0.5]).round(3)  # speed of the tip
+            array([-0.582,  1.234,  0.   ])
         """
 
     def motor_voltage(
@@ -208,6 +242,11 @@ class KernelMethods(Generic[Real]):
             voltage: (…, n) [V]
         Raises:
             ModelError: the arm lacks what the kernel needs, such as a motor constant or a tip.
+        Example:
+            >>> dyn = aw.compile("cmu-dd")
+            >>> tau = dyn.gravity_torques([0.0, 0.35, 0.0, 0.6, 0.0, 0.4])
+            >>> dyn.motor_voltage(np.zeros(6), tau).round(2)  # what holds the arm still
+            array([ 0.  , 22.52, -2.31, 11.91, -1.92,  0.93])
         """
 
     def motor_torque(
@@ -228,6 +267,10 @@ class KernelMethods(Generic[Real]):
             tau: (…, n) [N m | N]
         Raises:
             ModelError: the arm lacks what the kernel needs, such as a motor constant or a tip.
+        Example:
+            >>> dyn = aw.compile("cmu-dd")
+            >>> dyn.motor_torque(np.zeros(6), [8, 12, 8, 4, 2, 1]).round(2)
+            array([15.27, 52.5 ,  7.27,  9.85,  0.81,  0.33])
         """
 
     def forward_arm(
@@ -250,6 +293,10 @@ class KernelMethods(Generic[Real]):
             qdd: (…, n) [rad/s² | m/s²]
         Raises:
             ModelError: the arm lacks what the kernel needs, such as a motor constant or a tip.
+        Example:
+            >>> dyn = aw.compile("cmu-dd")
+            >>> dyn.forward_arm(np.zeros(6), np.zeros(6), [8, 12, 8, 4, 2, 1]).round(2)
+            array([ 10.01,   5.43,  29.46,  -5.61,  -1.26, -59.94])
         """
 
     def inverse_dynamics_derivatives(
@@ -276,6 +323,13 @@ class KernelMethods(Generic[Real]):
             dtau_dqdd: (…, n, n) [kg m² | kg m | kg]
         Raises:
             ModelError: an arm of more than 30 joints, for which this is not offered.
+        Example:
+            >>> dyn = aw.compile("two-link")
+            >>> q, qd, qdd = [0.3, 0.5], [1.0, -0.5], [0.0, 2.0]
+            >>> by_q, by_qd = dyn.inverse_dynamics_derivatives(q, qd, qdd)[:2]
+            >>> by_q.round(3)
+            array([[-31.553, -11.741],
+                   [-11.26 ,  -9.855]])
         """
 
     def forward_dynamics_derivatives(
@@ -302,6 +356,13 @@ class KernelMethods(Generic[Real]):
             dqdd_dtau: (…, n, n) [1/(kg m²) | 1/(kg m) | 1/kg]
         Raises:
             ModelError: an arm of more than 30 joints, for which this is not offered.
+        Example:
+            >>> dyn = aw.compile("two-link")
+            >>> q, qd, tau = [0.3, 0.5], [1.0, -0.5], [20.0, 5.0]
+            >>> by_q, by_qd, by_tau = dyn.forward_dynamics_derivatives(q, qd, tau)
+            >>> by_tau.round(4)  # the inverse of the mass matrix
+            array([[ 0.271 , -0.7171],
+                   [-0.7171,  3.0689]])
         """
 
     def forward_arm_linearised(
@@ -325,6 +386,11 @@ class KernelMethods(Generic[Real]):
             B: (…, 2n, n) [rad/s² | m/s², per unit of u]
         Raises:
             ModelError: an arm of more than 30 joints, for which this is not offered.
+        Example:
+            >>> dyn = aw.compile("cmu-dd")
+            >>> q, qd, volts = np.zeros(6), np.zeros(6), [8, 12, 8, 4, 2, 1]
+            >>> [each.shape for each in dyn.forward_arm_linearised(q, qd, volts)]
+            [(12, 12), (12, 6)]
         """
 
     def regressor(
@@ -347,6 +413,11 @@ class KernelMethods(Generic[Real]):
             Y: (…, n, 10N) [N m | N, per kg, kg m, kg m²]
         Raises:
             ModelError: an arm of more than 30 joints, for which this is not offered.
+        Example:
+            >>> dyn = aw.compile("two-link")
+            >>> q, qd, qdd = [0.3, 0.5], [1.0, -0.5], [0.0, 2.0]
+            >>> (dyn.regressor(q, qd, qdd) @ dyn.arm.inertial_parameters).round(3)
+            array([81.629, 13.409])
         """
 
     def regressor_drive(
@@ -367,6 +438,10 @@ class KernelMethods(Generic[Real]):
             Y_drive: (…, n, 7N) [N m | N, per unit of arm.drive_parameters]
         Raises:
             ModelError: the arm lacks what the kernel needs, such as a motor constant or a tip.
+        Example:
+            >>> dyn = aw.compile("cmu-dd")
+            >>> dyn.regressor_drive(np.ones(6), np.ones(6)).shape
+            (6, 42)
         """
 
     def coriolis_matrix(
@@ -387,6 +462,11 @@ class KernelMethods(Generic[Real]):
             C: (…, n, n) [N m s/rad | N m s/m, N s/rad | N s/m]
         Raises:
             ModelError: an arm of more than 30 joints, for which this is not offered.
+        Example:
+            >>> dyn = aw.compile("two-link")
+            >>> qd = np.array([1.0, -0.5])
+            >>> (dyn.coriolis_matrix([0.3, 0.5], qd) @ qd).round(3)
+            array([0.575, 0.767])
         """
 
     def energy(
@@ -408,6 +488,10 @@ class KernelMethods(Generic[Real]):
             potential: (…) [J]
         Raises:
             ModelError: the arm lacks what the kernel needs, such as a motor constant or a tip.
+        Example:
+            >>> dyn = aw.compile("two-link")
+            >>> np.round(dyn.energy([0.3, 0.5], [1.0, -0.5]), 3)
+            array([ 3.809, 31.553])
         """
 
     def centre_of_mass(
@@ -426,6 +510,10 @@ class KernelMethods(Generic[Real]):
             p: (…, 3) [m]
         Raises:
             ModelError: the arm lacks what the kernel needs, such as a motor constant or a tip.
+        Example:
+            >>> dyn = aw.compile("two-link")
+            >>> dyn.centre_of_mass([0.3, 0.5]).round(3)
+            array([0.78 , 0.322, 0.   ])
         """
 
     def operational_inertia(
@@ -446,6 +534,10 @@ class KernelMethods(Generic[Real]):
             Lambda: (…, 6, 6) [kg | kg m | kg m²]
         Raises:
             ModelError: the arm lacks what the kernel needs, such as a motor constant or a tip.
+        Example:
+            >>> dyn = aw.compile("ur5e")
+            >>> dyn.operational_inertia([0.0, -1.0, 1.2, -0.5, 0.8, 0.0]).shape
+            (6, 6)
         """
 
     def jacobian_dot_qd(
@@ -468,4 +560,8 @@ class KernelMethods(Generic[Real]):
             a: (…, 6) [m/s², rad/s²]
         Raises:
             ModelError: the arm lacks what the kernel needs, such as a motor constant or a tip.
+        Example:
+            >>> dyn = aw.compile("two-link")
+            >>> dyn.jacobian_dot_qd([0.3, 0.5], [1.0, -0.5])[:3].round(3)
+            array([-1.095, -0.439,  0.   ])
         """

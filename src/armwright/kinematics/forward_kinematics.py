@@ -40,5 +40,9 @@ def forward_kinematics(arm: Model, q: Array, frame: str | None = None) -> np.nda
         T: (4, 4) homogeneous transform, the frame's coordinates to base coordinates; [-] and [m].
     Raises:
         ModelError: no such frame, or the arm branches and names no tip.
+    Example:
+        >>> arm = aw.load("two-link")
+        >>> aw.forward_kinematics(arm, [0.3, 0.5])[:3, 3].round(3)  # where the tip is
+        array([1.513, 0.869, 0.   ])
     """
     return frame_placement(arm, q, frame).matrix()

@@ -25,6 +25,10 @@ def jacobian(arm: Model, q: Array, frame: str | None = None) -> np.ndarray:
         J: (6, n) linear rows first, of the frame's origin, in base axes; [m/rad | -] and [- | 1/m].
     Raises:
         ModelError: no such frame, or the arm branches and names no tip.
+    Example:
+        >>> arm = aw.load("two-link")
+        >>> (aw.jacobian(arm, [0.3, 0.5])[:3] @ [1.0, -0.5]).round(3)  # speed of the tip
+        array([-0.582,  1.234,  0.   ])
     """
     tip = arm.frame(frame)
     placed = body_placements(arm, q)

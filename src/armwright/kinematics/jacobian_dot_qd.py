@@ -26,6 +26,10 @@ def jacobian_dot_qd(arm: Model, q: Array, qd: Array, frame: str | None = None) -
         a: (6,) linear rows first, of the frame's origin, in base axes; [m/s²] and [rad/s²].
     Raises:
         ModelError: no such frame, or the arm branches and names no tip.
+    Example:
+        >>> arm = aw.load("two-link")
+        >>> aw.jacobian_dot_qd(arm, [0.3, 0.5], [1.0, -0.5])[:3].round(3)
+        array([-1.095, -0.439,  0.   ])
     """
     target, motion = arm.frame(frame), joint_motions(arm, q)
     path = arm.path(target.body)

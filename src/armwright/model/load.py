@@ -44,6 +44,10 @@ def load(
         arm: frozen; `arm.description` keeps the record that it was built from.
     Raises:
         DescriptionError: no such robot, or an invalid file.
+    Example:
+        >>> arm = aw.load("ur5e")
+        >>> print(arm.n, arm.names[0])
+        6 shoulder_pan_joint
     """
     reading |= {key: value for key, value in (("tip", tip), ("drive", drive), ("meshes", meshes)) if value is not None}
     if kinematics_only and Path(name_or_path).suffix == ".toml":

@@ -20,6 +20,11 @@ class Payload:
         frame: name of the frame that carries it; by default the tip.
 
     Time, mass, com and inertia may each be a `Batch`, one value a lane.
+    Example:
+        >>> lift = aw.Inputs(payload=aw.Payload(time=0.1, mass=2.0))  # a point mass at the tip
+        >>> scenario = aw.Scenario("two-link", 0.3, command=[84.366, 15.696], inputs=lift)
+        >>> aw.simulate(scenario).q.values[-1].round(3)  # level until 0.1 s
+        array([ 0.023, -0.204])
     """
 
     time: Any

@@ -56,6 +56,9 @@ def assemble(
     Raises:
         DescriptionError: an unknown module or connector, connectors that do not fit, an angle that is no step, a
             closed chain, two roots, an impossible body.
+    Example:
+        >>> aw.modules.assemble("examples/chain/arm.assembly.toml").name
+        'six'
     """
     place = assembly.name if isinstance(assembly, Assembly) else as_path(assembly, "assembly", DescriptionError)
     built_from = None

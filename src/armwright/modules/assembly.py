@@ -87,6 +87,9 @@ def read_modules(name_or_path: str | os.PathLike[str]) -> ModuleLibrary:
         library: its modules, each number with its source. Impossible bodies are refused when they are assembled.
     Raises:
         DescriptionError: no such library, or an invalid file.
+    Example:
+        >>> aw.modules.read_modules("improv").name
+        'improv'
     """
     return _read(name_or_path, ModuleLibrary, MODULES, "module library")
 

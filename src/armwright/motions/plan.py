@@ -187,6 +187,10 @@ def plan(path: str | os.PathLike[str], *, allow: Iterable[str | os.PathLike[str]
     Raises:
         ArmwrightError: no such file, a key or value that cannot be, a segment that cannot be planned; names file, segment,
             key, value and what was expected.
+    Example:
+        >>> plan = aw.trajectories.plan("examples/motions/pick-and-place.motion.toml")
+        >>> print(plan.kept, round(plan.motion.duration, 2))
+        True 10.43
     """
     path = Path(as_path(path, "path", ScenarioError))
     files = FolderFiles(path.parent, [Path(folder) for folder in allow])

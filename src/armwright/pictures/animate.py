@@ -53,6 +53,9 @@ def animate(run: AnyRun, arm: AnyArm, path: str | os.PathLike[str], *, lane: int
         RunError: no run, a run of another arm, several lanes and none chosen, rows that are no finite numbers, a mesh
             that is missing or cannot be read.
         OutputError: an unknown ending, a folder that is missing, no permission, a full disk.
+    Example:
+        >>> run = aw.simulate(aw.Scenario("two-link", 0.2, command=[0.0, 0.0]))
+        >>> aw.animate(run, "two-link", "fall.html")
     """
     run = as_run(run)
     arm = as_arm(arm)

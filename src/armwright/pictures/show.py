@@ -62,6 +62,9 @@ def show(
     Raises:
         ShapeError: q is no pose of the arm.
         OutputError: the picture cannot be written, or not in that size; the port is in use, or no port.
+    Example:
+        >>> aw.show("two-link", "arm.png", q=[0.3, 0.5]).path.name
+        'arm.png'
     """
     arm = as_arm(arm)
     if live:

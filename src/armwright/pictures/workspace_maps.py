@@ -32,6 +32,9 @@ def draw_workspace(dataset: AnyRun, path: str | os.PathLike[str]) -> None:
         dataset: what `workspace` returned.   path: ending in .png, .svg, .pdf or .html; replaced where it exists.
     Raises:
         OutputError: an unknown ending, a folder that is missing, no permission, a full disk.
+    Example:
+        >>> reach = aw.kinematics.workspace("two-link", samples=2000)
+        >>> aw.pictures.draw_workspace(reach, "reach.png")
     """
     dataset = as_run(dataset, "dataset")
     path = check_destination(path, ENDINGS)

@@ -74,6 +74,9 @@ def plot(
     Raises:
         RunError: no run, an unknown joint or quantity, runs of arms with different joints, nothing finite to draw.
         OutputError: an unknown ending, a folder that is missing, no permission, a full disk.
+    Example:
+        >>> run = aw.simulate(aw.Scenario("two-link", 0.2, command=[0.0, 0.0]))
+        >>> aw.plot(run, "fall.png")
     """
     path = None if path is None else check_plot(path)
     described = describe(runs, joints, quantities)

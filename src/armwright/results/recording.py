@@ -218,6 +218,9 @@ def save(run: AnyRun, path: str | os.PathLike[str]) -> None:
         RunError: no run.
         OutputError: an unknown ending, a folder that is missing, no permission, a full disk, Parquet without pyarrow, MCAP
             without mcap.
+    Example:
+        >>> run = aw.simulate(aw.Scenario("two-link", 0.2, command=[0.0, 0.0]))
+        >>> aw.save(run, "fall.nc")  # or fall.csv, fall.parquet
     """
     run = as_run(run)
     check_run(run)

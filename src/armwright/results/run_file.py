@@ -41,6 +41,11 @@ def load_run(path: str | os.PathLike[str]) -> xr.Dataset:
     Raises:
         RunError: no such file, one that is no NetCDF file, was damaged or names other files, or one whose variables are not
             those of a run: missing, of another type or shape, larger than the file can hold, times that do not increase.
+    Example:
+        >>> run = aw.simulate(aw.Scenario("two-link", 0.2, command=[0.0, 0.0]))
+        >>> aw.save(run, "fall.nc")
+        >>> dict(aw.load_run("fall.nc").sizes)
+        {'time': 201, 'joint': 2, 'quantity': 2, 'state_entry': 50}
     """
     path = Path(as_path(path, "path", RunError))
     if not os.path.isfile(path):  # which is False of a name too long; Path.is_file raises

@@ -34,6 +34,11 @@ def statistics(run: AnyRun, percentiles: Sequence[float] = PERCENTILES) -> xr.Da
             number less one), "min", "max", "p5", "p25", …; units as in the run.
     Raises:
         RunError: no run, one without lanes, no lane that reached its end, or percentiles outside of 0 to 100.
+    Example:
+        >>> torque = aw.Batch([[0.0, 0.0], [20.0, 5.0], [40.0, 10.0]])
+        >>> run = aw.simulate(aw.Scenario("two-link", 0.2, command=torque))
+        >>> aw.statistics(run).q.sel(statistic="mean").values[-1].round(3)
+        array([-0.219,  0.373])
     """
     run = as_run(run)
     import xarray as xr

@@ -159,6 +159,10 @@ def check(name_or_path: str | os.PathLike[str] | Model | RobotDescription, **rea
         report: its `errors` and `warnings`.
     Raises:
         DescriptionError: a file that cannot be read as a record at all.   ModelError: an arm that differs from its description.
+    Example:
+        >>> report = aw.robotfiles.check("examples/scara.toml")
+        >>> print(report.good, len(report.findings))
+        True 0
     """
     if isinstance(name_or_path, (Model, RobotDescription)):
         robot, aged, file = record_of(name_or_path), [], ""

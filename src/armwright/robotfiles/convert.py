@@ -67,6 +67,10 @@ def convert(
     Raises:
         DescriptionError: an invalid source.   OutputError: a target that cannot be written, or is the source
             itself.   RunError: an .nc that is no run.   ModelError, ScheduleError: as `fit_actuators`.
+    Example:
+        >>> made = aw.robotfiles.convert("ur5e", "ur5e.urdf")
+        >>> [path.name for path in made.written]
+        ['ur5e.urdf', 'ur5e.drive.toml']
     """
     _check_together(actuators, motion, target)
     source = as_path(source, "source", DescriptionError)

@@ -97,6 +97,11 @@ def diff(a: Arm, b: Arm) -> Difference:
         difference: its `changes`, and as `effect` total mass, and gravity torques and inertias over sample poses.
     Raises:
         DescriptionError: an invalid file.   ModelError: an arm without a description.
+    Example:
+        >>> arm = aw.load("two-link")
+        >>> heavy = arm.with_values({"forearm.mass_kg": 2.0})
+        >>> [change.path for change in aw.robotfiles.diff(arm, heavy).changes]
+        ['forearm.mass_kg']
     """
     one, other = _model(a), _model(b)
     first, second = one.description, other.description

@@ -73,6 +73,10 @@ def new_robot(
         notes: what was left out or doubtful in the source.
     Raises:
         DescriptionError: an invalid source, neither source nor joints.   OutputError: a file that is there.
+    Example:
+        >>> notes = aw.robotfiles.new_robot("own.toml", joints=2)
+        >>> list(notes)  # nothing is doubtful without a source
+        []
     """
     target = check_destination(path, (".toml",), read=(source,))
     if target.exists():

@@ -51,6 +51,10 @@ def read_scenario(path: str | os.PathLike[str], *, allow: Iterable[str | os.Path
         scenario: as in Python; `scenario.document` keeps the file and all that it named.
     Raises:
         ArmwrightError: no such file, or an invalid value in it; names file, key, value and what was expected.
+    Example:
+        >>> scenario = aw.read_scenario("examples/swing.scenario.toml")
+        >>> print(scenario.duration, scenario.loop.period)
+        1.0 0.001
     """
     path, folders = Path(as_path(path, "path", ScenarioError)), [Path(folder) for folder in allow]
     for folder in folders:

@@ -76,6 +76,11 @@ def reproduce(path: str | os.PathLike[str], progress: Shown = None) -> Reproduct
         RunError: no run, or one that does not keep what it was made from: it was made in Python or by options of the
             command and not from a scenario file, or files were too large to be kept.
         ScenarioError: what is kept is no scenario file.
+    Example:
+        >>> scenario = aw.read_scenario("examples/swing.scenario.toml")
+        >>> aw.save(aw.simulate(scenario), "swing.nc")
+        >>> aw.reproduce("swing.nc").same
+        True
     """
     old = load_run(path)
     now, then = provenance(), _made_with(path, old.attrs.get("made_with", "{}"))

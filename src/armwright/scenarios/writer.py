@@ -73,6 +73,10 @@ def write_scenario(
         ScenarioError: what no scenario file can express, such as a controller or a function of Python; names the field and what
             would do. A file that it names which is not below its folder, or has other contents now.
         OutputError: it cannot be written.
+    Example:
+        >>> scenario = aw.Scenario("two-link", 0.2, command=[0.0, 0.0])
+        >>> [path.name for path in aw.write_scenario(scenario, "fall.scenario.toml")]
+        ['fall.scenario.toml']
     """
     scenario = as_scenario(scenario)
     path, allow = Path(path), [Path(each) for each in allow]

@@ -49,6 +49,9 @@ class ShadowBandwidths:
         rest: [rad/s | m/s] slower is at rest.
     Raises:
         ScenarioError: a value that is not above 0.
+    Example:
+        >>> bandwidths = aw.shadow.ShadowBandwidths(residual_hz=2.0)  # slower, less noise
+        >>> shadow = aw.shadow.ArmShadow("two-link", deviation=0.5, bandwidths=bandwidths)
     """
 
     filter_hz: float = 20.0

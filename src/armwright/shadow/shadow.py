@@ -58,6 +58,13 @@ class ArmShadow:
             record needs a passing verdict of `validate`.
     Raises:
         LogError: `on_alarm` without a passing verdict.   ScenarioError: a factor or a deviation that is not above 0.
+    Example:
+        >>> arm, q = aw.load("two-link"), np.tile([0.3, 0.5], (500, 1))  # at rest
+        >>> tau = aw.gravity_torques(arm, q[0]) + [5.0, 0.0]  # 5 N m more than the model says
+        >>> shadow = aw.shadow.ArmShadow(arm, deviation=0.2)
+        >>> alarms = shadow.update(np.arange(500) * 2e-3, q, np.tile(tau, (500, 1)))
+        >>> {alarm.joint for alarm in alarms}
+        {'shoulder'}
     """
 
     def __init__(

@@ -85,6 +85,11 @@ class Scenario:
         notes: about its file, which a run repeats.
     Raises:
         ScenarioError: what cannot be run; one line that names the field, its value and what was expected.
+    Example:
+        >>> start = [0.3, 0.5]
+        >>> scenario = aw.Scenario("two-link", duration=0.2, command=[20.0, 5.0], start=start)
+        >>> aw.simulate(scenario).q.values[-1].round(3)
+        array([0.089, 0.897])
     """
 
     arm: Model

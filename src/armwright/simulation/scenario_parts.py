@@ -42,6 +42,13 @@ class Loop:
         initial_command: (n,) in force before the first tick; default: what holds the arm, within its drives' limits.
     Raises:
         ScenarioError: names the field, its value and what was expected.
+    Example:
+        >>> control = aw.JointPID(kp=[900.0, 250.0], kd=[180.0, 50.0], gravity=True)
+        >>> move = aw.trajectories.Quintic([0.0, 0.0], [0.5, -0.5], duration=0.5)
+        >>> loop = aw.Loop(control, move, period=0.002)
+        >>> run = aw.simulate(aw.Scenario("two-link", 0.8, loop=loop))
+        >>> run.q.values[-1].round(2)
+        array([ 0.51, -0.49])
     """
 
     controller: Any = None
@@ -99,6 +106,11 @@ class Inputs:
         enabled: 1 where servos are on, 0 where they are off: one for all, (servos,), or a Schedule with a column for every
             joint whose command is a position; absent: on.
         payload: what the end effector takes up and puts down: a `Payload` or several, in the order of their times.
+    Example:
+        >>> push = aw.Inputs(wrench=[0.0, 50.0, 0.0, 0.0, 0.0, 0.0])  # 50 N on the tip
+        >>> scenario = aw.Scenario("two-link", 0.2, command=[84.366, 15.696], inputs=push)
+        >>> aw.simulate(scenario).q.values[-1].round(3)
+        array([-0.058,  1.098])
     """
 
     wrench: Any = None
@@ -114,6 +126,11 @@ class Start:
 
     Args:
         q: (n,) [rad | m], default 0.   qd: (n,) [rad/s | m/s], default 0.
+    Example:
+        >>> start = aw.Start(q=[0.5, -0.2], qd=[1.0, 0.0])
+        >>> scenario = aw.Scenario("two-link", 0.2, command=[0.0, 0.0], start=start)
+        >>> aw.simulate(scenario).qd.values[0]
+        array([1., 0.])
     """
 
     q: NumbersOrNone = UNSET
@@ -146,6 +163,11 @@ class Solver:
             it is as a whole, in `global_error`; not where counts or command steps decide.
     Raises:
         ScenarioError: names the field, its value and what was expected.
+    Example:
+        >>> solver = aw.Solver(step=1e-3, integrator="rk4")
+        >>> scenario = aw.Scenario("two-link", 0.2, command=[0.0, 0.0], solver=solver)
+        >>> aw.simulate(scenario).q.values[-1].round(3)
+        array([-0.256,  0.36 ])
     """
 
     integrator: Literal["auto", "rk3", "rk4", "semi_implicit_euler", "rk45", "rodas3", "cvodes"] = "auto"
@@ -225,6 +247,11 @@ class Recording:
         reference: what `reduce` measures errors from where commands are given over time; a loop has its own.
     Raises:
         ScenarioError: names the field, its value and what was expected.
+    Example:
+        >>> recording = aw.Recording(period=0.05)
+        >>> scenario = aw.Scenario("two-link", 0.2, command=[0.0, 0.0], recording=recording)
+        >>> aw.simulate(scenario).time.values.round(2)
+        array([0.  , 0.05, 0.1 , 0.15, 0.2 ])
     """
 
     every: int | None = None

@@ -69,6 +69,11 @@ def sensitivities(scenario: AnyScenario, by: Sequence[str]) -> xarray.Dataset:
     Raises:
         ScenarioError: what has no such derivative, or is not there; names it and what was expected.
         DivergenceError: a single run diverged.
+    Example:
+        >>> scenario = aw.Scenario("two-link", 0.2, command=[20.0, 5.0])
+        >>> found = aw.simulation.sensitivities(scenario, ["forearm.mass_kg"])
+        >>> list(found.data_vars)
+        ['q', 'd_q', 'qd', 'd_qd']
     """
     scenario = as_scenario(scenario)
     accuracy, chosen = accuracy_of(scenario), scenario.solver.rule == "auto"

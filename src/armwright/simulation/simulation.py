@@ -64,6 +64,13 @@ class Simulation(LoopRunner):
         untraced: why the controller runs in Python; None where it is compiled, or there is none.
     Raises:
         ScenarioError: a joint without inertia, or a step too large for the arm's fastest time constant.
+    Example:
+        >>> arm = aw.load("two-link")
+        >>> sim = aw.simulation.Simulation(aw.Scenario(arm, start=[0.3, 0.5]))
+        >>> while sim.time < 0.05:
+        ...     step = sim.step(aw.gravity_torques(arm, sim.measurement.q))
+        >>> sim.measurement.q.round(6)
+        array([0.3, 0.5])
     """
 
     def __init__(self, scenario: Scenario, *, loop: CompiledLoop | None = None, lands: bool = False):
@@ -440,6 +447,12 @@ def simulate(
         ScenarioError: a step too large for the arm's fastest time constant; names the step that would do.
         DivergenceError: a single run diverged.
         Interrupted: Ctrl-C, a KeyboardInterrupt whose `run` holds the lanes that were finished.
+    Example:
+        >>> start = [0.0, 0.35, 0.0, 0.6, 0.0, 0.4]
+        >>> scenario = aw.Scenario("cmu-dd", 0.5, command=[8, 12, 8, 4, 2, 1], start=start)
+        >>> run = aw.simulate(scenario)
+        >>> run.q.values[-1].round(3)
+        array([ 0.221,  0.263,  0.821,  0.378,  0.917, -0.378])
     """
     scenario = as_scenario(scenario)
     with automatic(progress, f"simulating {scenario.arm.name}", "steps") as tell:

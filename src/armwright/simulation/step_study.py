@@ -177,6 +177,11 @@ def step_study(
     Raises:
         ScenarioError: an integrator that chooses its own steps, no steps, no such accuracy, too many lanes for CVODES.
         DivergenceError: CVODES cannot solve it.
+    Example:
+        >>> scenario = aw.Scenario("two-link", 0.2, command=[20.0, 5.0])
+        >>> study = aw.simulation.step_study(scenario, steps=3, accuracies=(1e-3, 1e-6))
+        >>> len(study.trials)
+        3
     """
     scenario = as_scenario(scenario)
     if scenario.solver.rule == "auto":

@@ -29,6 +29,11 @@ class Fourier(Motion):
         time: [s] of its beginning.   cycles: number of them; None: it goes on for good.
     Raises:
         ScenarioError: names the field, its value and what was expected.
+    Example:
+        >>> sine, cosine = [[0.2], [0.1]], [[0.0], [0.1]]  # a row for each joint
+        >>> motion = aw.trajectories.Fourier([0.0, 0.0], sine, cosine, cycle=4.0)
+        >>> motion.at(1.0)[0].round(3)
+        array([0.2, 0.1])
     """
 
     centre: Numbers

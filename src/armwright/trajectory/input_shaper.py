@@ -34,6 +34,11 @@ class InputShaper(Motion):
         kind: "zv" or "zvd", which takes twice as long and forgives a wrong frequency.
     Raises:
         ScenarioError: names the field, its value and what was expected.
+    Example:
+        >>> move = aw.trajectories.Quintic([0.0, 0.0], [0.5, -0.5], duration=1.0)
+        >>> shaped = aw.trajectories.InputShaper(move, hz=5.0)  # of a vibration of 5 Hz
+        >>> round(float(shaped.duration), 3)
+        1.1
     """
 
     reference: Motion

@@ -28,6 +28,12 @@ class Joined(Motion):
         payloads: bodies in the hand, each from its time on; a simulation that follows the motion has them there.
     Raises:
         ScenarioError: none, motions of different joints, one that begins elsewhere or at another time; names it.
+    Example:
+        >>> there = aw.trajectories.Quintic([0.0, 0.0], [0.5, -0.5], duration=1.0)
+        >>> back = aw.trajectories.Quintic([0.5, -0.5], [0.0, 0.0], duration=1.0, time=1.0)
+        >>> aw.trajectories.Joined([there, back]).at([1.0, 2.0])[0]
+        array([[ 0.5, -0.5],
+               [ 0. ,  0. ]])
     """
 
     motions: Sequence[Motion]

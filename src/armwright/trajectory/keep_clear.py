@@ -85,6 +85,13 @@ def check_clearance(arm: AnyArm, motion: AnyMotion, clearance: Clearance) -> tup
         nearest: distance and pair.   time: [s].
     Raises:
         ScenarioError: something comes nearer than `clearance.least`: what, how near and when; the clearance of another arm.
+    Example:
+        >>> floor = aw.collision.PlaneObstacle((0, 0, -0.3), (0, 0, 1), name="floor")
+        >>> near = aw.collision.clearance("puma560", [floor], radius=0.06)
+        >>> move = aw.trajectories.Quintic(np.zeros(6), np.full(6, 0.3), duration=1.0)
+        >>> found, time = aw.trajectories.check_clearance(aw.load("puma560"), move, near)
+        >>> print(found)
+        link2 and link4: 31.42 mm
     """
     arm = as_arm(arm)
     motion = as_motion(motion, arm)

@@ -214,6 +214,12 @@ def limits_report(
         report: lowest and highest values, shares of limits and their times, by quantity and joint; what is exceeded.
     Raises:
         ScenarioError: a motion of other joints, or one that does not end.
+    Example:
+        >>> limits = aw.trajectories.MotionLimits.of("two-link", torque=[100.0, 30.0])
+        >>> move = aw.trajectories.Quintic([0.0, 0.0], [0.5, -0.5], duration=0.4)
+        >>> report = aw.trajectories.limits_report("two-link", move, limits)
+        >>> report.kept
+        False
     """
     arm = as_arm(arm)
     motion = as_motion(motion, arm)

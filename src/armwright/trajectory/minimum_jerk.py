@@ -32,6 +32,12 @@ class MinimumJerk(PiecewiseMotion):
         start_acceleration, goal_acceleration: (n,) [rad/s² | m/s²]; None: 0.   limits: that are kept; None: none are.
     Raises:
         ScenarioError: names the field, its value and what was expected; a state outside its limits; no duration that keeps them.
+    Example:
+        >>> move = aw.trajectories.MinimumJerk([0.0, 0.0], [0.5, -0.5], duration=1.0)
+        >>> move.at([0.0, 0.5, 1.0])[0].round(3)
+        array([[ 0.  ,  0.  ],
+               [ 0.25, -0.25],
+               [ 0.5 , -0.5 ]])
     """
 
     start: Numbers

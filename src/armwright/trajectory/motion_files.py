@@ -36,6 +36,12 @@ def load_motion(path: str | os.PathLike[str], arm: Model | None = None) -> Piece
     Raises:
         ScheduleError: no such file, no such columns, times that do not increase; with file and line.   RunError: no
             NetCDF file of a motion.   ScenarioError: other joints than the arm's.
+    Example:
+        >>> arm = aw.load("two-link")
+        >>> move = aw.trajectories.Quintic([0.0, 0.0], [0.5, -0.5], duration=1.0)
+        >>> move.save(arm, "move.csv")
+        >>> aw.trajectories.load_motion("move.csv", arm).at(1.0)[0].round(6)
+        array([ 0.5, -0.5])
     """
     if not isinstance(path, (str, os.PathLike)):
         raise ScheduleError(value=path, expected="the path of a motion, .csv or .nc")

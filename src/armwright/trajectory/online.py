@@ -47,6 +47,12 @@ class ReferenceFilter:
             a `Batch` of either; absent: the limits of the arm's record.
     Raises:
         ScenarioError: names the field, its value and what was expected.
+    Example:
+        >>> pid = aw.JointPID(kp=[900.0, 250.0], kd=[180.0, 50.0], gravity=True)
+        >>> control = aw.trajectories.ReferenceFilter(pid, 1.0, 5.0, 50.0)  # speed to jerk
+        >>> loop = aw.Loop(control, aw.trajectories.Step([0.0, 0.0], [0.5, -0.5]), period=0.002)
+        >>> aw.simulate(aw.Scenario("two-link", 1.5, loop=loop)).q.values[-1].round(2)
+        array([ 0.5, -0.5])
     """
 
     controller: Any

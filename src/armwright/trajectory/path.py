@@ -29,6 +29,12 @@ class JointPath:
         parameter: (k,) s at the waypoints, from 0 on, increasing.
     Raises:
         ScenarioError: names the waypoint, its value and what was expected.
+    Example:
+        >>> path = aw.trajectories.JointPath([[0.0, 0.0], [0.5, -0.5], [1.0, 0.0]])
+        >>> limits = aw.trajectories.MotionLimits.of("two-link", torque=[120.0, 30.0])
+        >>> motion = aw.trajectories.time_optimal("two-link", path, limits, grid=100)
+        >>> round(motion.duration, 2)
+        0.81
     """
 
     waypoints: Any

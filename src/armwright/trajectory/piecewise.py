@@ -29,6 +29,11 @@ class PiecewisePolynomial(Motion):
         coefficients: (k, n, degree + 1) [rad | m, …/s, …/s², …], the constant term first.
     Raises:
         ScenarioError: shapes that do not fit, numbers that are not finite, times that do not increase.
+    Example:
+        >>> line = [[[0.0, 0.5], [0.0, -0.5]]]  # q = 0.5 t and -0.5 t
+        >>> motion = aw.trajectories.PiecewisePolynomial([0.0, 1.0], line)
+        >>> motion.at(0.5)[0]
+        array([ 0.25, -0.25])
     """
 
     knots: np.ndarray

@@ -23,6 +23,11 @@ class Ramp(Motion):
         start, goal: (n,) [rad | m].   duration: [s].   time: [s] of its beginning.
     Raises:
         ScenarioError: names the field, its value and what was expected.
+    Example:
+        >>> ramp = aw.trajectories.Ramp([0.0, 0.0], [0.5, -0.5], duration=1.0)
+        >>> q, qd, qdd = ramp.at(0.5)
+        >>> print(q, qd)
+        [ 0.25 -0.25] [ 0.5 -0.5]
     """
 
     start: Numbers

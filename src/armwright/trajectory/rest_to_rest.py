@@ -73,6 +73,11 @@ class Cubic(RestToRest):
         limits: that are kept; None: none are.
     Raises:
         ScenarioError: names the field, its value and what was expected; with limits a pose outside and how far.
+    Example:
+        >>> move = aw.trajectories.Cubic([0.0, 0.0], [0.5, -0.5], duration=1.0)
+        >>> q, qd, qdd = move.at(0.25)
+        >>> print(q.round(4), qd)
+        [ 0.0781 -0.0781] [ 0.5625 -0.5625]
     """
 
     PEAKS: ClassVar[tuple[float, float, float]] = (1.5, 6.0, 12.0)
@@ -97,6 +102,11 @@ class Quintic(RestToRest):
         limits: that are kept; None: none are.
     Raises:
         ScenarioError: names the field, its value and what was expected; with limits a pose outside and how far.
+    Example:
+        >>> move = aw.trajectories.Quintic([0.0, 0.0], [0.5, -0.5], duration=1.0)
+        >>> q, qd, qdd = move.at(0.25)
+        >>> print(q.round(4), qd.round(3))
+        [ 0.0518 -0.0518] [ 0.527 -0.527]
     """
 
     PEAKS: ClassVar[tuple[float, float, float]] = (15.0 / 8.0, 10.0 / 3.0**0.5, 60.0)

@@ -49,6 +49,12 @@ class SCurve(SegmentedMove):
         duration: [s]; None: what the slowest joint needs.   time: [s] of its beginning.
     Raises:
         ScenarioError: a pose outside its limits, no jerk limit, a duration too short, a move without length.
+    Example:
+        >>> own = {"velocity": 1.0, "acceleration": 4.0, "jerk": 40.0}
+        >>> limits = aw.trajectories.MotionLimits.of("two-link", **own)
+        >>> move = aw.trajectories.SCurve([0.0, 0.0], [0.5, -0.5], limits)
+        >>> round(float(move.duration), 3)
+        0.85
     """
 
     NEEDED = "jerk"

@@ -23,6 +23,11 @@ class Sine(Motion):
         centre, amplitude: (n,) [rad | m].   frequency_hz: f.   phase: [rad].
     Raises:
         ScenarioError: names the field, its value and what was expected.
+    Example:
+        >>> sine = aw.trajectories.Sine([0.0, 0.0], [0.3, 0.1], frequency_hz=0.5)
+        >>> sine.at([0.0, 0.5])[0].round(3)
+        array([[0. , 0. ],
+               [0.3, 0.1]])
     """
 
     centre: Numbers

@@ -37,6 +37,13 @@ class Ruckig(PiecewiseMotion):
         ScenarioError: Ruckig is not installed; a joint that moves without a limit of acceleration or jerk; a pose or the state at
             the goal outside its limits; a way that leaves the limits of position, with the joint and how far; a duration that is
             not possible.
+    Example:
+        >>> own = {"velocity": 1.0, "acceleration": 4.0, "jerk": 40.0}
+        >>> limits = aw.trajectories.MotionLimits.of("two-link", **own)
+        >>> start, goal, speed = [0.0, 0.0], [0.5, -0.5], [0.2, 0.0]
+        >>> move = aw.trajectories.Ruckig(start, goal, limits, start_velocity=speed)
+        >>> round(float(move.duration), 3)
+        0.85
     """
 
     start: Numbers

@@ -25,6 +25,10 @@ class Step(Motion):
         start, goal: (n,) [rad | m].   time: [s].
     Raises:
         ScenarioError: names the field, its value and what was expected.
+    Example:
+        >>> step = aw.trajectories.Step([0.0, 0.0], [0.5, -0.5], time=0.1)
+        >>> step.at(0.2)[0]
+        array([ 0.5, -0.5])
     """
 
     start: Numbers

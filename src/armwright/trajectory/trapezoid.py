@@ -30,6 +30,11 @@ class Trapezoid(SegmentedMove):
         duration: [s]; None: what the slowest joint needs.   time: [s] of its beginning.
     Raises:
         ScenarioError: a pose outside its limits, no acceleration limit, a duration too short, a move without length.
+    Example:
+        >>> limits = aw.trajectories.MotionLimits.of("two-link", velocity=1.0, acceleration=4.0)
+        >>> move = aw.trajectories.Trapezoid([0.0, 0.0], [0.5, -0.5], limits)
+        >>> round(float(move.duration), 3)
+        0.75
     """
 
     NEEDED = "acceleration"

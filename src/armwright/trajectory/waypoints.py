@@ -58,6 +58,12 @@ class Waypoints(PiecewiseMotion):
     Raises:
         ScenarioError: what are no waypoints, coincident ones, times that do not increase, limits that are exceeded or that
             bound nothing; names the waypoint, the joint and the numbers.
+    Example:
+        >>> points = [[0.0, 0.0], [0.5, -0.5], [1.0, 0.0]]
+        >>> move = aw.trajectories.Waypoints(points, times=[0.0, 1.0, 2.0])
+        >>> move.at([0.5, 1.0])[0].round(3)
+        array([[ 0.156, -0.25 ],
+               [ 0.5  , -0.5  ]])
     """
 
     points: Any

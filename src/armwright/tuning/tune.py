@@ -78,6 +78,14 @@ def tune(
         ScenarioError: unstable start gains, margins that no gains were found to keep, a reference that does not
             move, or bad arguments. `cma` is not installed.
         Interrupted: Ctrl-C; `found` holds the result of the generations until then.
+    Example:
+        >>> pid = aw.JointPID(kp=[900.0, 250.0], kd=[180.0, 50.0])
+        >>> move = aw.trajectories.Quintic([0.0, 0.0], [0.5, -0.5], duration=0.5)
+        >>> scenario = aw.Scenario("two-link", 0.5, loop=aw.Loop(pid, move, period=0.002))
+        >>> search = aw.tuning.Search(generations=3, candidates=4)
+        >>> found = aw.tuning.tune(scenario, {"kp": 4.0}, lanes=8, search=search)
+        >>> found.improved
+        True
     """
     scenario = as_scenario(scenario)
     SUPPORT.refuse(scenario.arm, "servo")

@@ -66,6 +66,10 @@ class Fault:
         amount: in the kind's unit: how long, how many; None: the usual one.
     Raises:
         BusError: no such kind, or a number below 0.
+    Example:
+        >>> fault = aw.bus.Fault("lost-frames", joint="joint2", at=0.5)
+        >>> print(fault)  # 100 frames, 0.5 s after the start
+        lost-frames:joint2=100@0.5
     """
 
     kind: str

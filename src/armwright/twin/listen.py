@@ -138,6 +138,12 @@ def bus_recording(
         arm: the model.   rows: as of `BusListener.rows`.   residuals: of each row, as `ArmShadow.last` has them.
     Returns:
         run: with dimensions time and joint.
+    Example:
+        >>> rows = [(0.0, np.zeros(2), np.zeros(2)), (0.01, np.full(2, 0.1), np.ones(2))]
+        >>> run = aw.bus.bus_recording("two-link", rows)
+        >>> run.q.values
+        array([[0. , 0. ],
+               [0.1, 0.1]])
     """
     arm = as_arm(arm)
     t, q, tau = (np.array([row[k] for row in rows], dtype=float) for k in range(3))

@@ -116,6 +116,12 @@ def scenario_on_bus(scenario: AnyScenario, *, bitrate: int = BITRATE, nodes: Seq
         BusError: all that is wrong: no loop, controller or duration; an arm that moves at the start; a reference without
             positions of the joints; a resolution of commands; a measurement that frames do not carry; an arm without limits,
             or with drives that take voltages; a period that the bus or object 60C2 does not hold; nodes that are none.
+    Example:
+        >>> speed = aw.Cascade(10.0, speed_kp=[15, 21, 16, 15, 1.4, 1.3], speed_ki=100.0)
+        >>> move = aw.trajectories.Quintic(np.zeros(6), np.full(6, 0.1), duration=1.0)
+        >>> scenario = aw.Scenario("lwa4p", 1.0, loop=aw.Loop(speed, move, period=0.004))
+        >>> aw.bus.scenario_on_bus(scenario).loop.timing.preset
+        'sync'
     """
     scenario, problems = checked_run(scenario, "thousandths of the rated torque")
     assert scenario.loop is not None

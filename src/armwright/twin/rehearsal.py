@@ -168,6 +168,12 @@ def rehearse(
         BusError: a scenario that a bus cannot carry, with all that is wrong; a motion beyond the limits of the record, or one
             that is not slower at a lower speed; names the joint.
         ScenarioError: a controller that cannot be traced, or a motion that diverges.
+    Example:
+        >>> speed = aw.Cascade(10.0, speed_kp=[15, 21, 16, 15, 1.4, 1.3], speed_ki=100.0)
+        >>> move = aw.trajectories.Quintic(np.zeros(6), np.full(6, 0.1), duration=1.0)
+        >>> scenario = aw.Scenario("lwa4p", 1.0, loop=aw.Loop(speed, move, period=0.004))
+        >>> print(aw.bus.rehearse(scenario).sentences()[0])
+        6 nodes at 4 ms and 500 kbit/s: load 69% to 84%, last answer after 1.43 to 1.73 ms
     """
     scenario = as_scenario(scenario)
     source = reduced(scenario, speed, torque)

@@ -260,6 +260,12 @@ def analyse_loops(
         analysis: by joint, and of the coupled loop.
     Raises:
         ScenarioError: a scenario without a controller, or with one that cannot be traced; margins that are none.
+    Example:
+        >>> pid = aw.JointPID(kp=[900.0, 250.0], kd=[180.0, 50.0])
+        >>> loop = aw.Loop(pid, aw.trajectories.Step([0.0, 0.0], [0.5, -0.5]), period=0.002)
+        >>> scenario = aw.Scenario("two-link", 1.0, loop=loop)
+        >>> aw.loops.analyse_loops(scenario, poses=100).good  # all loops keep their margins
+        True
     """
     scenario = as_scenario(scenario)
     check_margins(gain_margin, phase_margin)

@@ -48,6 +48,12 @@ def zero_order_hold(a: Any, b: Any, period: float, delay: float = 0.0) -> Held:
     Raises:
         ScenarioError: a period or delay that is none, matrices that are not finite or do not fit together, or a system that
             grows beyond the largest number within a period.
+    Example:
+        >>> a, b = np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[0.0], [1.0]])
+        >>> held = aw.loops.zero_order_hold(a, b, period=0.1)
+        >>> held.new.round(3)  # of a force on a mass of 1 kg
+        array([[0.005],
+               [0.1  ]])
     """
     check_time("period", period)
     late_by = scalar.real_number(delay)
@@ -117,6 +123,10 @@ def sampled_system(a: Any, b: Any, c: Any, period: float, delay: float = 0.0) ->
         system: its state is x, and behind it the commands that wait.
     Raises:
         ScenarioError: as `zero_order_hold`; a batch of systems; a delay of more states.
+    Example:
+        >>> a, b, c = np.array([[-1.0]]), np.array([[1.0]]), np.array([[1.0]])
+        >>> aw.loops.sampled_system(a, b, c, period=0.1).poles().round(3)
+        array([0.905+0.j])
     """
     import control
 

@@ -51,6 +51,11 @@ def limit_cycle(loop: LinearLoop, q: Any, joint: int) -> LimitCycle | None:
         cycle: None where none is foreseen: oscillations die away, or grow beyond 20 counts.
     Raises:
         ScenarioError: encoders without counts, several poses, or no such joint.
+    Example:
+        >>> scenario = aw.read_scenario("examples/bus-4ms.scenario.toml")
+        >>> loop = aw.loops.LinearLoop(scenario)
+        >>> aw.loops.limit_cycle(loop, np.zeros(6), 0) is None
+        True
     """
     expect(loop, LinearLoop, "loop", "an aw.loops.LinearLoop", ScenarioError)
     slopes, scenario = loop.slopes(q), loop.scenario

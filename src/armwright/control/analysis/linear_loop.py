@@ -57,6 +57,11 @@ class LinearLoop:
     Attributes:
         names: of the joints.   period: [s].   delay: [s] of measurements and commands together.
         cycle: ticks after which the loop repeats itself.
+    Example:
+        >>> scenario = aw.read_scenario("examples/bus-4ms.scenario.toml")
+        >>> loop = aw.loops.LinearLoop(scenario)
+        >>> bool(loop.radius(np.zeros(6)) < 1.0)  # the loop is stable
+        True
     """
 
     def __init__(self, scenario: Scenario, period: float | None = None, plant: SmallPlant | None = None):

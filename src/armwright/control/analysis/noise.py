@@ -74,6 +74,11 @@ def noise_gain(loop: LinearLoop, q: Any, *, gains: Any = None, joint: int | None
         gain: standard deviations for noise of standard deviation 1.
     Raises:
         ScenarioError: poses that are none of the arm.
+    Example:
+        >>> scenario = aw.read_scenario("examples/bus-4ms.scenario.toml")
+        >>> loop = aw.loops.LinearLoop(scenario)
+        >>> aw.loops.noise_gain(loop, np.zeros(6)).command.shape
+        (6, 6)
     """
     slopes, maps, columns = _measured(loop, q, gains, joint)
     n = slopes.b.shape[-1]
@@ -107,6 +112,11 @@ def quantisation(loop: LinearLoop, q: Any, *, gains: Any = None) -> Quantisation
         quantisation: counts, ripple, and the room up to a limit cycle.
     Raises:
         ScenarioError: poses that are none of the arm.
+    Example:
+        >>> scenario = aw.read_scenario("examples/bus-4ms.scenario.toml")
+        >>> loop = aw.loops.LinearLoop(scenario)
+        >>> aw.loops.quantisation(loop, np.zeros(6)).may_swing
+        array([False,  True,  True, False,  True, False])
     """
     gain, scenario = noise_gain(loop, q, gains=gains), loop.scenario
     assert scenario.loop is not None

@@ -69,6 +69,14 @@ def gain_region(
         region: which pairs keep them.
     Raises:
         ScenarioError: names that are none, or gains that are no numbers.
+    Example:
+        >>> scenario = aw.read_scenario("examples/bus-4ms.scenario.toml")
+        >>> gains = {"position_kp": [2.0, 8.0, 32.0], "speed_kp": [5.0, 20.0]}
+        >>> region = aw.loops.gain_region(scenario, "joint2", gains, np.zeros((1, 6)))
+        >>> region.keeps
+        array([[False,  True],
+               [False,  True],
+               [False, False]])
     """
     scenario = as_scenario(scenario)
     arm, control = LinearLoop(scenario).scenario.arm, scenario.controller  # which refuses what has no loop
@@ -175,6 +183,11 @@ def longest_period(
         period: [s]; 0 where not even a 400th of the loop's own keeps them, nor one far below a stated delay.
             One that is 0.1 % longer fails.
         failing: [s] the shortest that was seen to fail; None where even 400 times the loop's own keeps them.
+    Example:
+        >>> scenario = aw.read_scenario("examples/bus-4ms.scenario.toml")
+        >>> period, failing = aw.loops.longest_period(scenario, np.zeros(6))
+        >>> round(1e3 * period, 1)  # ms
+        8.3
     """
     scenario = as_scenario(scenario)
     check_margins(gain_margin, phase_margin)

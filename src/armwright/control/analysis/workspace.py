@@ -91,6 +91,10 @@ def joint_inertias(arm: AnyArm, poses: int | np.ndarray = 100_000, seed: int = 0
         inertias: at each pose.
     Raises:
         ScenarioError: as `sampled_poses`, or poses of another arm.
+    Example:
+        >>> found = aw.loops.joint_inertias("two-link", poses=1000)
+        >>> found.held.max(axis=0).round(2)  # stretched out
+        array([10.05,  0.85])
     """
     arm = as_arm(arm)
     listed = isinstance(poses, (np.ndarray, list, tuple))

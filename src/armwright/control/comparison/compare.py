@@ -196,6 +196,14 @@ def compare_controllers(
         comparison: its dataset, and the rows of a table.
     Raises:
         ScenarioError: no controllers or motions, another arm, a motion of other joints or without an end; as `simulate`.
+    Example:
+        >>> pid = aw.JointPID(kp=[900.0, 250.0], kd=[180.0, 50.0])
+        >>> move = aw.trajectories.Quintic([0.0, 0.0], [0.5, -0.5], duration=0.5)
+        >>> scenario = aw.Scenario("two-link", 1.0, loop=aw.Loop(pid, move, period=0.002))
+        >>> kinds = {"PD": pid, "with model": aw.FeedForward(pid, inertia="full")}
+        >>> found = aw.loops.compare_controllers(scenario, kinds, {"move": move}, runs=1)
+        >>> {row["controller"]: row["rms error 1"] for row in found.rows()}
+        {'PD': 0.0833, 'with model': 0.000306}
     """
     scenario = as_scenario(scenario)
     arm = scenario.arm

@@ -143,6 +143,11 @@ def design_gains(
     Raises:
         ScenarioError: no such controller, a bandwidth that the rule cannot give, or margins that no bandwidth keeps: says which
             period or delay would do. The extra `control` is not installed.
+    Example:
+        >>> scenario = aw.read_scenario("examples/bus-4ms.scenario.toml")
+        >>> design = aw.loops.design_gains(scenario, poses=50)
+        >>> design.gains["position_kp"].round(1)
+        array([ 4.7,  4.3,  9.3,  9.3, 12.3, 13.9])
     """
     scenario = as_scenario(scenario)
     check_margins(gain_margin, phase_margin)

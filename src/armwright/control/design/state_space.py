@@ -33,6 +33,10 @@ def state_space(arm: AnyArm, q: Any = None, *, period: float | None = None, dela
         system: of python-control, with n inputs and 2n outputs [units of the joints' commands, positions and speeds].
     Raises:
         ScenarioError: a pose of another length, a delay without a period, or python-control is not installed.
+    Example:
+        >>> system = aw.loops.state_space("two-link", [-1.5708, 0.0])  # hanging
+        >>> np.sort(system.poles().imag).round(3)
+        array([-7.177, -2.859,  2.859,  7.177])
     """
     arm = as_arm(arm)
     control = import_control()

@@ -109,6 +109,13 @@ def export_controller(
         OutputError: the directory or a file cannot be written.
         ModelError: a controller that takes more RAM or flash than there is. The compiler ends with an error, or the compiled
             code gives other commands than the simulation; nothing is then written. Float without a compiler.
+    Example:
+        >>> pid = aw.JointPID(kp=[900.0, 250.0], kd=[180.0, 50.0], limit=[150, 40])
+        >>> loop = aw.Loop(pid, aw.trajectories.Step([0.0, 0.0], [0.5, -0.5]), period=0.002)
+        >>> scenario = aw.Scenario("two-link", 0.1, loop=loop)
+        >>> made = aw.export.export_controller(scenario, "c", name="hold")
+        >>> [path.name for path in made.paths][:3]
+        ['hold.h', 'hold.c', 'hold_selftest.c']
     """
     scenario = as_scenario(scenario)
     if real not in REALS:

@@ -95,6 +95,10 @@ def export_fmu(
         ModelError: a name that is no C identifier, an unknown part, version, interface or platform, a compiler that fails.
         ScenarioError: a controller that cannot be traced, several lanes, a start that goes on from a state.
         OutputError: the file cannot be written.
+    Example:
+        >>> made = aw.export.export_fmu("two-link", "arm.fmu", platforms=["host"])
+        >>> made.version
+        '3.0'
     """
     path = Path(path)
     for place, value, choices in (

@@ -72,6 +72,14 @@ def identify_arm(
         IdentificationError: no robot, no torques, too few rows, an unknown term; of gears with loss a method or a torque that
             goes without, an efficiency to fit of which the log hardly says anything.
         LogError: joints of the robot that are not in the log, a filter that the log's rate does not allow.
+    Example:
+        >>> arm, rng = aw.load("two-link"), np.random.default_rng(0)
+        >>> pushes = aw.Schedule(np.arange(16) / 2, rng.uniform(-20, 20, (16, 2)), arm.names)
+        >>> run = aw.simulate(aw.Scenario(arm, 8.0, command=pushes, start=[-1.5, 0.0]))
+        >>> aw.save(run, "swing.csv")
+        >>> log = aw.identification.write_log(run, "swing.csv", "swing.log.toml", arm)
+        >>> aw.identification.identify_arm(log, arm, friction=()).verdict
+        'identified'
     """
     if method not in METHODS:
         raise IdentificationError(place="method", value=method, choices=tuple(METHODS))

@@ -159,6 +159,14 @@ def identify_payload(
             the frame's axes. "not identified" where the mass cannot be told, or half of its 95 % interval is over 10 % of it.
     Raises:
         IdentificationError: a log without positions or torques, of another arm, with too few rows.
+    Example:
+        >>> arm, rng = aw.load("two-link"), np.random.default_rng(0)
+        >>> pushes = aw.Schedule(np.arange(16) / 2, rng.uniform(-20, 20, (16, 2)), arm.names)
+        >>> loaded = arm.with_payload(1.5, [0.0, 0.0, 0.0], [0.01, 0.01, 0.01])
+        >>> aw.save(run := aw.simulate(aw.Scenario(loaded, 8.0, command=pushes)), "swing.csv")
+        >>> log = aw.identification.write_log(run, "swing.csv", "swing.log.toml", arm)
+        >>> round(float(aw.identification.identify_payload(log, arm).values[0]), 2)  # kg
+        1.5
     """
     log = as_log(log)
     arm = as_arm(arm)

@@ -188,6 +188,11 @@ def design_excitation(
     Raises:
         ScenarioError: numbers that are none, a joint that nothing bounds, or no motion within the limits.
         Interrupted: Ctrl-C; `found` holds the best motion of the starts until then.
+    Example:
+        >>> limits = aw.trajectories.MotionLimits.of("two-link", position=1.0, velocity=2.0)
+        >>> found = aw.identification.design_excitation("two-link", limits=limits, starts=1)
+        >>> found.condition < 30
+        True
     """
     arm = as_arm(arm)
     _check(cycle, harmonics, starts, criterion, seed)

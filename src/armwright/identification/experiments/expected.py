@@ -245,6 +245,14 @@ def compare_experiments(
         comparison: expected deviations, condition numbers, and sentences on what only some of them separate.
     Raises:
         ScenarioError, IdentificationError: what cannot be compared; names it.
+    Example:
+        >>> wave, still = aw.trajectories.Fourier, np.zeros((2, 1))
+        >>> small = wave([-1.5, 0.0], [[0.2], [0.1]], still, cycle=4.0, cycles=1)
+        >>> large = wave([-1.5, 0.0], [[0.8], [0.6]], still, cycle=4.0, cycles=1)
+        >>> both, arm = {"small": small, "large": large}, aw.load("two-link")
+        >>> found = aw.identification.compare_experiments(both, noise=0.1, arm=arm)
+        >>> found.sentences()[0]
+        'small: Izz2, Ia2 and Izz1* cannot be distinguished with it; large would do it'
     """
     if not isinstance(candidates, Mapping) or not candidates:
         raise IdentificationError(place="candidates", value=candidates, expected="experiments by name")

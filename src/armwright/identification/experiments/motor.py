@@ -46,6 +46,10 @@ class MotorGuess:
         unit: of the command.   joint: its name, the head of columns.
     Raises:
         ScenarioError: names the field, its value and what was expected.
+    Example:
+        >>> guess = aw.identification.MotorGuess(gain=5.0, time_constant=0.05, most=10.0)
+        >>> guess.dead_zone
+        0.0
     """
 
     gain: float
@@ -198,6 +202,11 @@ def motor_experiment(kind: str, guess: MotorGuess, *, period: float = 1e-3, seed
         experiment: its command, with reasons.
     Raises:
         ScenarioError: an unknown kind, or travel or speed that leave no room for it; says how much it would take.
+    Example:
+        >>> guess = aw.identification.MotorGuess(gain=5.0, time_constant=0.05, most=10.0)
+        >>> test = aw.identification.motor_experiment("step", guess)
+        >>> test.kind
+        'step'
     """
     if not isinstance(kind, str) or kind not in KINDS:
         raise ScenarioError("unknown", place="kind", value=kind, choices=tuple(KINDS))

@@ -24,6 +24,10 @@ def plot_experiment(experiment: Excitation | MotorExperiment, path: str | os.Pat
         experiment: of `design_excitation` or `motor_experiment`.   path: ending in .png, .svg or .pdf.
     Raises:
         OutputError: the file cannot be written.
+    Example:
+        >>> guess = aw.identification.MotorGuess(gain=5.0, time_constant=0.05, most=10.0)
+        >>> test = aw.identification.motor_experiment("step", guess)
+        >>> aw.identification.plot_experiment(test, "step.png")
     """
     target = check_destination(path, PICTURES)
     figure = draw_motion(experiment) if isinstance(experiment, Excitation) else draw_command(experiment)

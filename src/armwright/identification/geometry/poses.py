@@ -123,6 +123,11 @@ def design_poses(
     Raises:
         IdentificationError: arguments that are none, fewer poses than determine the geometry, or no free ones.
         ModelError: no such frame.
+    Example:
+        >>> points = [[0.1, 0.0, 0.0], [0.0, 0.1, 0.0], [0.0, 0.0, 0.1]]
+        >>> poses = aw.identification.design_poses("lwa4p", 12, points, candidates=50)
+        >>> poses.q.shape
+        (12, 6)
     """
     model = as_arm(arm)
     wanted, many = (_whole(name, value) for name, value in (("count", count), ("candidates", candidates)))

@@ -29,6 +29,13 @@ class IdentifiedActuator(Wrapper):
         inner: any controller.   model: with one input and one output, of the loop's period.
     Raises:
         ScenarioError: the model has several inputs or outputs.
+    Example:
+        >>> u = np.repeat(np.random.default_rng(0).standard_normal(60), 10)
+        >>> y = np.concatenate([[0.0], 0.5 * u[:-1]])  # the drive gives half, a row later
+        >>> model = aw.identification.fit_arx(u, y, 0.002, order=1, delay=1).state_space
+        >>> pid = aw.JointPID(kp=[900.0, 250.0], kd=[180.0, 50.0])
+        >>> aw.identification.IdentifiedActuator(pid, model).model.d.shape
+        (1, 1)
     """
 
     model: StateSpace

@@ -66,6 +66,12 @@ def fit_arx(data: Any, y: Any = None, period: Any = None, **options: Unpack[Opti
         model: with covariance, poles, gain, and the fit of its free simulation.
     Raises:
         LogError: as `fit_oe`.
+    Example:
+        >>> u = np.repeat(np.random.default_rng(0).standard_normal(60), 10)
+        >>> y = np.concatenate([[0.0], 0.5 * u[:-1]])  # half of it, a row later
+        >>> model = aw.identification.fit_arx(u, y, 0.01, order=1, delay=1)
+        >>> round(float(model.quantities[0].value), 3)  # its gain
+        0.5
     """
     return _fit("arx", data, y, period, **options)
 
@@ -88,6 +94,13 @@ def fit_oe(data: Any, y: Any = None, period: Any = None, **options: Unpack[Optio
         model: with covariance, poles, gain, and the fit of its free simulation on runs to fit and to hold out.
     Raises:
         LogError: not a number, constant signals, two clocks, too few rows for the order; names what and where.
+    Example:
+        >>> from scipy.signal import lfilter
+        >>> u = np.repeat(np.random.default_rng(0).standard_normal(60), 10)
+        >>> y = lfilter([0.0, 0.2], [1.0, -0.9], u)
+        >>> model = aw.identification.fit_oe(u, y, 0.01, order=1, delay=1)
+        >>> {each.name: round(float(each.value), 3) for each in model.quantities}
+        {'gain': 2.0, 'time_constant1': 0.095}
     """
     return _fit("oe", data, y, period, **options)
 
@@ -104,6 +117,13 @@ def fit_armax(data: Any, y: Any = None, period: Any = None, **options: Unpack[Op
         model: with covariance, poles, gain, and the fit of its free simulation.
     Raises:
         LogError: as `fit_oe`.
+    Example:
+        >>> rng = np.random.default_rng(0)
+        >>> u = np.repeat(rng.standard_normal(100), 10)
+        >>> y = np.concatenate([[0.0], 0.5 * u[:-1]]) + 0.01 * rng.standard_normal(1000)
+        >>> model = aw.identification.fit_armax(u, y, 0.01, order=1, delay=1)
+        >>> round(float(model.quantities[0].value), 2)
+        0.5
     """
     return _fit("armax", data, y, period, **options)
 

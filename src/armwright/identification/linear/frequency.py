@@ -141,6 +141,11 @@ def frequency_response(
         response: with coherence and standard deviation.
     Raises:
         LogError: bad data, several inputs, too few rows for the segment.
+    Example:
+        >>> u = np.random.default_rng(0).standard_normal(2000)
+        >>> found = aw.identification.frequency_response(u, 0.5 * u, 0.01)
+        >>> float(abs(found.response[3]).round(3))
+        0.5
     """
     records = records_of(data, y, period, signals)
     if len(records.inputs) > 1 or len(records.outputs) > 1:

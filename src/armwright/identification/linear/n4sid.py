@@ -53,6 +53,12 @@ class SubspaceMethod:
         direct: True: D is estimated; False: it is 0.
     Raises:
         LogError: names the field.
+    Example:
+        >>> u = np.random.default_rng(0).standard_normal(500)
+        >>> y = np.concatenate([[0.0], 0.5 * u[:-1]])  # half of it, a row later
+        >>> method = aw.identification.SubspaceMethod(horizon=20)
+        >>> aw.identification.fit_n4sid(u, y, 0.01, order=1, method=method).order
+        1
     """
 
     horizon: int | None = None
@@ -102,6 +108,12 @@ def fit_n4sid(
         model: with poles, gain and their standard deviations; `singular` values of the projection.
     Raises:
         LogError: as `fit_oe`; an input that excites too few frequencies.
+    Example:
+        >>> u = np.random.default_rng(0).standard_normal(500)
+        >>> y = np.concatenate([[0.0], 0.5 * u[:-1]])  # half of it, a row later
+        >>> model = aw.identification.fit_n4sid(u, y, 0.01, order=1)
+        >>> model.order
+        1
     """
     expect(search, OrderSearch, "search", "an aw.identification.OrderSearch", LogError)
     expect(method, SubspaceMethod, "method", "an aw.identification.SubspaceMethod", LogError)

@@ -36,6 +36,9 @@ class LogSignals:
     Args:
         input: name, or names; None: the log's voltage, current or torque.   output: likewise; None: its speed or position.
         joint: name, or names; needed where several joints have both.
+    Example:
+        >>> aw.identification.LogSignals(input="voltage", output="speed")
+        LogSignals(input='voltage', output='speed', joint=None)
     """
 
     input: str | Sequence[str] | None = None

@@ -43,6 +43,12 @@ class OrderSearch:
         most_order: largest order that is tried; None: 5, or 10 states of `fit_n4sid`.   most_delay: largest delay [samples].
     Raises:
         LogError: names the field.
+    Example:
+        >>> u = np.random.default_rng(0).standard_normal(300)
+        >>> y = np.concatenate([[0.0], 0.5 * u[:-1]])  # half of it, a row later
+        >>> search = aw.identification.OrderSearch("bic")
+        >>> aw.identification.fit_arx(u, y, 0.01, search=search).order
+        1
     """
 
     select: Criterion = "cv"

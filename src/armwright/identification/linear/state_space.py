@@ -115,6 +115,13 @@ class FilteredSensor:
         name, unit: of what it gives.
     Raises:
         ScenarioError: the model has several inputs or outputs.
+    Example:
+        >>> u = np.repeat(np.random.default_rng(0).standard_normal(60), 10)
+        >>> y = np.concatenate([[0.0], 0.5 * u[:-1]])  # half of the speed, a row later
+        >>> model = aw.identification.fit_arx(u, y, 0.002, order=1, delay=1).state_space
+        >>> sensor = aw.identification.FilteredSensor(model, of="qd", name="tacho", unit="V")
+        >>> sensor.name
+        'tacho'
     """
 
     model: StateSpace

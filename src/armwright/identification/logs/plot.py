@@ -37,6 +37,9 @@ def plot_log(
         preparation: None: what `choose_preparation` says.
     Raises:
         LogError: no such run, or no stretch that is long enough.   OutputError: the file cannot be written.
+    Example:
+        >>> log = aw.identification.read_log("examples/logs/dc_motor/dc_motor.log.toml")
+        >>> aw.identification.plot_log(log, "log.png")
     """
     log = as_log(log)
     target = check_destination(path, PICTURES)

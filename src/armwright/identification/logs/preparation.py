@@ -138,6 +138,11 @@ def choose_preparation(
         preparation: for `prepare_log`; its `reasons` are the choices in words.
     Raises:
         LogError: no such run, or a choice that the log's rate does not allow.
+    Example:
+        >>> log = aw.identification.read_log("examples/logs/dc_motor/dc_motor.log.toml")
+        >>> found = aw.identification.choose_preparation(log)
+        >>> round(found.cutoff, 2)  # Hz
+        5.07
     """
     log = as_log(log)
     chosen = log.run(run)

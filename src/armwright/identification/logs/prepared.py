@@ -48,6 +48,11 @@ def prepare_log(log: AnyLog, run: str | None = None, preparation: Preparation | 
             velocities and accelerations. Attribute `preparation` has the choices in words.
     Raises:
         LogError: no stretch is long enough.
+    Example:
+        >>> log = aw.identification.read_log("examples/logs/dc_motor/dc_motor.log.toml")
+        >>> even = aw.identification.prepare_log(log)  # filtered, in even rows
+        >>> sorted(even.data_vars)
+        ['qd', 'qdd', 'voltage']
     """
     import xarray as xr
 

@@ -58,6 +58,10 @@ def read_log(
     Raises:
         LogError: no such file, a key or a column that is not there, a cell that holds no number; and with "raise" all
             errors of the checks in `problems`.   DescriptionError: the robot's file is invalid.
+    Example:
+        >>> log = aw.identification.read_log("examples/logs/dc_motor/dc_motor.log.toml")
+        >>> [run.name for run in log.runs]
+        ['prbs', 'step']
     """
     if on_error not in ("raise", "keep"):
         raise LogError(place="on_error", value=on_error, expected='"raise" or "keep"')

@@ -43,6 +43,13 @@ def write_log(
         path: where it is.
     Raises:
         LogError: rows or an arm that the log cannot name, or a log of other signals.   OutputError: it cannot be written.
+    Example:
+        >>> arm = aw.load("two-link")
+        >>> run = aw.simulate(aw.Scenario(arm, 1.0, command=[3.0, 1.0], start=[-1.0, 0.5]))
+        >>> aw.save(run, "swing.csv")
+        >>> path = aw.identification.write_log(run, "swing.csv", "swing.log.toml", arm)
+        >>> aw.identification.read_log(path).joints
+        ('shoulder', 'elbow')
     """
     run = as_run(run)
     arm = as_arm(arm)

@@ -77,6 +77,11 @@ def identify_motor(
     Raises:
         LogError: the log lacks what a fit needs.   ModelError: no such joint or parameter, an arm that does not match the log.
         DescriptionError: the robot is invalid.
+    Example:
+        >>> log = "examples/logs/dc_motor/dc_motor.log.toml"
+        >>> fit = aw.identification.identify_motor(log)
+        >>> print(fit.estimate.verdict)
+        identified
     """
     expect(reading, MotorReading, "reading", "an aw.identification.MotorReading", LogError)
     expect(search, MotorSearch, "search", "an aw.identification.MotorSearch", ModelError)

@@ -47,6 +47,10 @@ class MotorSearch:
         starts: number of first guesses.   seed: of their draws.
     Raises:
         ModelError: names the field.
+    Example:
+        >>> search = aw.identification.MotorSearch(starts=2)
+        >>> search.starts
+        2
     """
 
     per_run: Sequence[str] = ()

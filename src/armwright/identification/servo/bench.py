@@ -58,6 +58,10 @@ class ServoLoop:
         source: of these numbers.
     Raises:
         ModelError: names the field.
+    Example:
+        >>> loop = aw.identification.ServoLoop(p_scale_per_rad=0.16, output="duty")
+        >>> loop.output_limit
+        1.0
     """
 
     p_scale_per_rad: float

@@ -43,6 +43,10 @@ class ServoSearch:
         seed: of the first guesses.
     Raises:
         ModelError: names the field.
+    Example:
+        >>> search = aw.identification.ServoSearch(["M1", "M4"], free=["offset", "delay"])
+        >>> search.orders
+        ['M1', 'M4']
     """
 
     orders: Sequence[str] = tuple(ORDERS)

@@ -203,6 +203,14 @@ def validate(
     Raises:
         LogError: an arm that does not match the log, a log without what is needed, unknown joints in the limits.
         ArmwrightError: an invalid record or scenario, or one that cannot run.
+    Example:
+        >>> arm, rng = aw.load("two-link"), np.random.default_rng(0)
+        >>> pushes = aw.Schedule(np.arange(16) / 2, rng.uniform(-20, 20, (16, 2)), arm.names)
+        >>> run = aw.simulate(aw.Scenario(arm, 8.0, command=pushes, start=[-1.5, 0.0]))
+        >>> aw.save(run, "swing.csv")
+        >>> log = aw.identification.write_log(run, "swing.csv", "swing.log.toml", arm)
+        >>> aw.identification.validate(arm, log, simulation=False).verdict
+        'passes: all 2 limits are kept'
     """
     expect(preparation, Preparation | None, "preparation", "an aw.identification.Preparation", LogError)
     with automatic(progress, "validating") as tell:

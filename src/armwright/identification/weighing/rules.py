@@ -31,6 +31,10 @@ def measured_mass(
         mass: [kg]. The buoyancy of air, 0.015 % of a mass of aluminium by more than of a steel weight, is not corrected.
     Raises:
         IdentificationError: no readings, a mass of 0 or less, a negative deviation.
+    Example:
+        >>> mass = aw.identification.measured_mass([1.251, 1.249, 1.250], resolution=0.001)
+        >>> print(f"{mass.value:.4f} ± {mass.std:.4f} kg")
+        1.2500 ± 0.0006 kg
     """
     values = np.atleast_1d(numbers_or_nan(readings))
     if values.ndim != 1 or not len(values) or not np.isfinite(values).all():
@@ -65,6 +69,11 @@ def measured_centre(
     Raises:
         IdentificationError: readings that are none, a span or a mass of 0 or less, a scale that holds less than 0 or more than
             the link, as of a centre beside the supports.
+    Example:
+        >>> reading, mass = (0.6, 0.001), (1.25, 0.001)  # kg, with standard deviations
+        >>> centre = aw.identification.measured_centre(reading, span=0.4, mass=mass)
+        >>> print(f"{centre.value:.4f} ± {centre.std:.4f} m")
+        0.1920 ± 0.0004 m
     """
     parts = {
         "reading [kg]": reading_of("reading", reading),
@@ -100,6 +109,11 @@ def measured_inertia_pendulum(
         inertia: [kg m²] about the axis through the centre, parallel to that of suspension.
     Raises:
         IdentificationError: readings that are none, or no pendulum: the moment is not above 0.
+    Example:
+        >>> period, mass, distance = (1.2, 0.001), (1.25, 0.001), (0.2, 0.001)  # ± each
+        >>> found = aw.identification.measured_inertia_pendulum(period, mass, distance)
+        >>> print(f"{found.value:.4f} ± {found.std:.4f} kg m²")
+        0.0394 ± 0.0002 kg m²
     """
     swing, g = reading_of("amplitude", amplitude, 0.0)[0], reading_of("gravity", gravity, above=0.0)[0]
     if swing > LARGEST:
@@ -138,6 +152,11 @@ def measured_inertia_bifilar(
         inertia: [kg m²].
     Raises:
         IdentificationError: readings that are none, or 0 or less.
+    Example:
+        >>> period, mass = (1.2, 0.001), (1.25, 0.001)  # with standard deviations
+        >>> found = aw.identification.measured_inertia_bifilar(period, mass, 0.8, spacing=0.3)
+        >>> print(f"{found.value:.6f} ± {found.std:.6f} kg m²")
+        0.012576 ± 0.000023 kg m²
     """
     g = reading_of("gravity", gravity, above=0.0)[0]
     given = {"period [s]": period, "mass [kg]": mass, "length [m]": length, "spacing [m]": spacing}
@@ -161,6 +180,12 @@ def measured_tensor(axes: Any, moments: Sequence[ValueWithStd | MeasuredNumber])
         tensor: estimate of xx, xy, xz, yy, yz, zz [kg m²] about the centre, with covariance.
     Raises:
         IdentificationError: axes that do not determine the tensor, or a tensor that no body has.
+    Example:
+        >>> axes = [[1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 0], [1, 0, 1], [0, 1, 1]]
+        >>> moments = [0.010, 0.012, 0.005, 0.010, 0.0085, 0.0095]  # kg m² about each
+        >>> tensor = aw.identification.measured_tensor(axes, moments)
+        >>> print(tensor.names, tensor.values.round(4))
+        ('xx', 'xy', 'xz', 'yy', 'yz', 'zz') [ 0.01  -0.001  0.001  0.012  0.001  0.005]
     """
     directions = np.atleast_2d(numbers_or_nan(axes))
     if (

@@ -25,6 +25,12 @@ class Schedule:
         names: (n,) the joints.
     Raises:
         ScheduleError: shapes that do not fit, numbers that are not finite, times that do not increase from 0.
+    Example:
+        >>> pulse = aw.Schedule([0.0, 0.1], [[5.0, 0.0], [0.0, 0.0]], ("shoulder", "elbow"))
+        >>> run = aw.simulate(aw.Scenario("two-link", 0.2, command=pulse))
+        >>> run.u.values[[0, -1]]
+        array([[5., 0.],
+               [0., 0.]])
     """
 
     times: np.ndarray
@@ -113,6 +119,11 @@ def read_schedule(path: str | os.PathLike[str], names: Sequence[str], units: Seq
     Raises:
         ScheduleError: a file that is no such table (see `read_numbers`), or times that do not increase from 0; one line
             that names file, line, column, value and what was expected.
+    Example:
+        >>> arm = aw.load("cmu-dd")
+        >>> schedule = aw.simulation.read_schedule("examples/cmu-dd-steps.csv", arm.names)
+        >>> schedule.times
+        array([0. , 0.6, 1.2])
     """
     return parse_schedule(table_text(path), os.fspath(path), names, units)
 

@@ -32,6 +32,9 @@ def joint_stops(arm: AnyArm) -> dict[str, EventFunction]:
         arm: the model; joints without limits have no such events.
     Returns:
         events: by name, "JOINT low" and "JOINT high": q_j - limit [rad | m].
+    Example:
+        >>> list(aw.simulation.joint_stops(aw.load("ur5e")))[:2]
+        ['shoulder_pan_joint low', 'shoulder_pan_joint high']
     """
     arm = as_arm(arm)
 

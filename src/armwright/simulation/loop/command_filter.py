@@ -36,6 +36,10 @@ class CommandFilter:
         resolution: [of the same] its steps, of a DAC or of a PWM's timer; absent: none.
     Raises:
         ScenarioError: names the field, its value and what was expected.
+    Example:
+        >>> converter = aw.CommandFilter(limit=10.0, resolution=20.0 / 4096)  # a 12-bit DAC
+        >>> converter.limit
+        10.0
     """
 
     limit: NumbersOrNone = UNSET

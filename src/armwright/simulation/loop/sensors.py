@@ -46,6 +46,13 @@ class Sensors:
         current_noise: [A].
     Raises:
         ScenarioError: names the field, its value and what was expected.
+    Example:
+        >>> control = aw.JointPID(kp=[900.0, 250.0], kd=[180.0, 50.0], gravity=True)
+        >>> sensors = aw.Sensors(counts=4096, side="link", velocity="difference")
+        >>> goal = aw.trajectories.Step([0.0, 0.0], [0.5, -0.5])
+        >>> loop = aw.Loop(control, goal, period=0.002, sensors=sensors)
+        >>> aw.simulate(aw.Scenario("two-link", 1.0, loop=loop)).q.values[-1].round(2)
+        array([ 0.5 , -0.49])
     """
 
     counts: NumbersOrNone = UNSET

@@ -45,6 +45,13 @@ class Timing:
         jitter: [s] the most that a command is late beyond its delay, uniform.
         measurement_loss, command_loss: probability that a sample is lost; the last one is then repeated.
         clock_drift: (drive's period - master's) / master's, such as 50e-6; 0: both have one clock.
+    Example:
+        >>> control = aw.JointPID(kp=[900.0, 250.0], kd=[180.0, 50.0], gravity=True)
+        >>> late = aw.Timing("one-tick", command_delay=0.001)
+        >>> goal = aw.trajectories.Step([0.0, 0.0], [0.5, -0.5])
+        >>> loop = aw.Loop(control, goal, 0.002, timing=late)
+        >>> aw.simulate(aw.Scenario("two-link", 1.0, loop=loop)).q.values[-1].round(2)
+        array([ 0.5, -0.5])
     """
 
     preset: Literal["ideal", "one-tick", "sync"] = "ideal"

@@ -39,6 +39,10 @@ class ToolLimits:
         angular_speed: [rad/s]; absent: no limit.   angular_acceleration: [rad/s²]; both are needed for turns in place.
     Raises:
         ScenarioError: names the limit, its value and what was expected.
+    Example:
+        >>> limits = aw.trajectories.ToolLimits(angular_speed=1.0)  # of `follow_path`
+        >>> limits.angular_speed
+        1.0
     """
 
     jerk: float | None = None
@@ -86,6 +90,14 @@ def follow_path(
     Raises:
         ScenarioError: as `solve_path`; a limit exceeded with "nowhere"; a speed that singularity forbids: where, which joint,
             which speed it would need.   ModelError: no arm.
+    Example:
+        >>> arm, q = aw.load("ur5e"), [0.0, -1.0, 1.2, -0.5, 0.8, 0.0]
+        >>> start = aw.forward_kinematics(arm, q)
+        >>> line = aw.trajectories.Line(start[:3, 3] + [0.0, 0.1, 0.0])
+        >>> path = aw.trajectories.CartesianPath([line], start)
+        >>> motion = aw.trajectories.follow_path(arm, path, speed=0.1, acceleration=0.5, near=q)
+        >>> round(float(motion.duration), 2)
+        1.3
     """
     arm = as_arm(arm)
     expect(tool, ToolLimits, "tool", "an aw.trajectories.ToolLimits", ScenarioError)

@@ -36,6 +36,13 @@ class CartesianPath:
         blend_angle: [rad] largest angle between them.
     Raises:
         ScenarioError: names the segment, its value and what was expected.
+    Example:
+        >>> start = aw.forward_kinematics(aw.load("ur5e"), [0.0, -1.0, 1.2, -0.5, 0.8, 0.0])
+        >>> there = aw.trajectories.Line(start[:3, 3] + [0.0, 0.1, 0.0])
+        >>> up = aw.trajectories.Line(start[:3, 3] + [0.0, 0.1, 0.1])
+        >>> path = aw.trajectories.CartesianPath([there, up], start, blend=0.02)
+        >>> round(float(path.length), 3)
+        0.186
     """
 
     segments: Any

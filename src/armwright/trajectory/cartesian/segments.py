@@ -27,6 +27,11 @@ class Line:
         goal: (4, 4) pose, or (3,) position [m] that keeps the rotation.
     Raises:
         ScenarioError: no pose.
+    Example:
+        >>> start = aw.forward_kinematics(aw.load("ur5e"), [0.0, -1.0, 1.2, -0.5, 0.8, 0.0])
+        >>> line = aw.trajectories.Line(start[:3, 3] + [0.0, 0.1, 0.0])
+        >>> round(float(aw.trajectories.CartesianPath([line], start).length), 3)
+        0.1
     """
 
     goal: Any
@@ -47,6 +52,11 @@ class Arc:
         through: (3,) [m] position that the arc passes.   goal: (4, 4) pose, or (3,) position that keeps the rotation.
     Raises:
         ScenarioError: no position, no pose.
+    Example:
+        >>> arc = aw.trajectories.Arc(through=[0.1, 0.1, 0.0], goal=[0.2, 0.0, 0.0])
+        >>> path = aw.trajectories.CartesianPath([arc], start=np.eye(4))
+        >>> round(float(path.length), 3)  # π · 0.1 m
+        0.314
     """
 
     through: Any
@@ -86,6 +96,11 @@ class Circle:
         turns: whether the tool turns along with the circle; else it keeps its rotation.
     Raises:
         ScenarioError: names the field, its value and what was expected.
+    Example:
+        >>> circle = aw.trajectories.Circle(centre=[0.1, 0.0, 0.0], normal=[0.0, 0.0, 1.0])
+        >>> path = aw.trajectories.CartesianPath([circle], start=np.eye(4))
+        >>> round(float(path.length), 3)  # 2π · 0.1 m
+        0.628
     """
 
     centre: Any
@@ -127,6 +142,12 @@ class Poses:
         poses: (k, 4, 4), or (k, 3) positions [m] that keep the rotation.
     Raises:
         ScenarioError: what is no pose; names the first.
+    Example:
+        >>> poses = np.array([np.eye(4), np.eye(4)])
+        >>> poses[:, 0, 3] = [0.1, 0.2]
+        >>> path = aw.trajectories.CartesianPath([aw.trajectories.Poses(poses)], np.eye(4))
+        >>> round(float(path.length), 3)
+        0.2
     """
 
     poses: Any

@@ -131,6 +131,13 @@ def solve_path(
         ScenarioError: a path out of reach (where, how far), past a limit of position (which joint, where, how far), or through
             a singularity (where, which joint, its speed), or too near to something (what, where, how near).
         ModelError: no such frame or aim.
+    Example:
+        >>> arm = aw.load("ur5e")
+        >>> start = aw.forward_kinematics(arm, [0.0, -1.0, 1.2, -0.5, 0.8, 0.0])
+        >>> line = aw.trajectories.Line(start[:3, 3] + [0.0, 0.1, 0.0])
+        >>> path = aw.trajectories.CartesianPath([line], start)
+        >>> max(aw.trajectories.solve_path(arm, path).deviation) < 1e-6
+        True
     """
     arm = as_arm(arm)
     limits = checked_limits(arm, limits)

@@ -84,6 +84,12 @@ def time_optimal(
     Raises:
         ScenarioError: a path outside the position limits or too near to something, limits that cannot be judged or that nothing
             satisfies, with the place on the path, the joint and by how much.   ModelError: no arm.
+    Example:
+        >>> start, goal = [0.0, 0.35, 0.0, 0.6, 0.0, 0.4], [0.7, 0.3, 0.5, 0.2, -0.6, 0.1]
+        >>> path = aw.trajectories.JointPath([start, goal])
+        >>> fast = aw.trajectories.time_optimal("cmu-dd", path, grid=100)
+        >>> round(fast.duration, 2)  # within the motors' torques and voltages
+        0.28
     """
     arm = as_arm(arm)
     path = path if isinstance(path, JointPath) else JointPath(path)
