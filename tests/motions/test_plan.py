@@ -362,6 +362,13 @@ def test_each_segment_that_breaks_a_limit_is_named(tmp_path, segment, kind, jump
     assert "all limits" not in str(beyond)
 
 
+def test_the_fastest_curve_jumps_in_acceleration_only_without_a_limit_of_jerk(tmp_path):
+    fastest, free = POINTS + 'curve = "fastest"\n', FILE.replace("jerk = 60.0", "")
+    durations = [planned(tmp_path, each, file).motion.duration for file in (FILE, free) for each in (POINTS, fastest)]
+    assert durations[1] == durations[0]
+    assert durations[3] < 0.98 * durations[2]
+
+
 def test_limits_of_a_tool_count_where_its_path_leaves_them_free(tmp_path):
     turning = SEAM.format('aim = "position"\nangular_speed_rad_per_s = {}').replace("[0, 0.2, 0]", "[0.1, 0.2, 0]")
     with pytest.raises(
