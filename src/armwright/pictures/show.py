@@ -63,8 +63,9 @@ def show(
         ShapeError: q is no pose of the arm.
         OutputError: the picture cannot be written, or not in that size; the port is in use, or no port.
     Example:
-        >>> aw.show("two-link", "arm.png", q=[0.3, 0.5]).path.name
-        'arm.png'
+        >>> shown = aw.show("two-link", "arm.html", q=[0.3, 0.5])  # a page with sliders
+        >>> shown.path.name
+        'arm.html'
     """
     arm = as_arm(arm)
     if live:
