@@ -188,3 +188,14 @@ def test_ctrl_c_keeps_the_models_that_were_compared(logs, tmp_path, monkeypatch)
     assert "note: stopped by Ctrl-C before M2 could be compared; what was found until then is kept" in found.stderr
     assert "stopped by Ctrl-C before M2 could be compared" in found.stdout
     assert aw.load(record).n == 1
+
+
+def test_rows_in_one_count_weigh_as_what_they_tell(logs):
+    """As one row where the count is all that is wrong, fully where the model is wrong by much more."""
+    problem = BenchProblem((logs[0],), LOOP, order_of("M1", LOOP, Scales.of(logs)))
+    count = 2 * np.pi / 4096
+    position, ends = logs[0].position, np.flatnonzero(np.diff(logs[0].position, prepend=np.nan, append=np.nan))
+    only_counts = problem.weights(count**2 / 12)
+    np.testing.assert_allclose(np.add.reduceat(only_counts**2, ends[:-1]), 1.0, rtol=1e-6)
+    assert len(position) == len(only_counts)
+    assert problem.weights(1.0).min() > 0.999

@@ -78,8 +78,9 @@ def identify_servo(
     K_t, R and J at the output shaft, friction by one of BAM's models M1 to M6, and q_offset, the angle that gravity's downward
     has beside the servo's 0; the bench is (m l² + m_a l² / 3 + J) q̈ = τ_m + τ_e - friction. [DuclusaudEtAl2025] The supply is
     as logged. The friction model is the smallest one that predicts logs that were held out no worse than the best, by the
-    standard error of their difference or 2 %; it is then fitted to all logs. Intervals count the correlation of the residuals,
-    and by how much the next larger models, where they predict as well, move the numbers.
+    standard error of their difference or 2 %; it is then fitted to all logs, in which rows in the same count have its error in
+    common. Intervals count the correlation of the residuals, and by how much the next larger models, where they predict as well,
+    move the numbers.
 
     Args:
         logs: files of BAM's JSON, or `BenchLog`s, of one servo, with any gains, masses, lengths and motions.
@@ -115,13 +116,13 @@ def identify_servo(
         name = _chosen(errors) if held_out else next(iter(asked))
         fit = asked[name]
         if held_out:
-            fit = refined(BenchProblem(known, loop, fit.problem.order), fit.z, SETTLED)
+            fit = refined(BenchProblem(known, loop, fit.problem.order), fit.z, SETTLED, fit.square)
         elif len(asked) > 1:
             remarks.append(
                 f"too few logs to hold one out: {name} is taken, the smallest model (orders=…, --friction-models)"
             )
     shifts = [
-        _shift(fit, refined(BenchProblem(known, loop, asked[each].problem.order), asked[each].z))
+        _shift(fit, refined(BenchProblem(known, loop, asked[each].problem.order), asked[each].z, square=fit.square))
         for each in next_larger(name, asked)
         if held_out and _no_worse(errors[each], errors[name])
     ]
@@ -254,7 +255,7 @@ def _covariance(fit: OrderFit, free: np.ndarray) -> np.ndarray:
     blocks = []
     for log, part in zip(fit.problem.logs, fit.problem.parts, strict=True):
         first = np.flatnonzero(np.diff(log.position, prepend=np.nan))
-        weight = 1.0 / (sigma * np.sqrt(np.diff(first, append=len(log.t))))
+        weight = fit.weights[part][first] / (sigma * np.sqrt(np.diff(first, append=len(log.t))))
         columns = np.add.reduceat(fit.jacobian[part][:, free], first) * weight[:, None]
         blocks.append((columns[:, None, :], (np.add.reduceat(fit.errors[part], first) * weight)[:, None]))
     return covariance_of(blocks)

@@ -155,18 +155,37 @@ class BenchProblem:
         longest = np.maximum(np.abs(steps).max(axis=2, keepdims=True), 1e-300)
         return steps * np.clip(longest, STEP, LONGEST_STEP) / longest
 
-    def descend(self, z: np.ndarray, rounds: int, trials: float, settled: float, bent: bool = False) -> Descent:
+    def weights(self, square: float) -> np.ndarray:
+        """Weights of errors (rows,) whose mean square is `square` [rad²]: 1 / √(1 + (m − 1) ρ) for m rows in the same count.
+
+        These have the error of their count in common, uniform over it: ρ = count² / 12 / square, at most 1. While a servo rests,
+        its many rows so weigh as one where counts are all that is wrong, and as many where the model is.
+        """
+        found = []
+        for log in self.logs:
+            steps = np.abs(np.diff(log.position))
+            count = np.min(steps, where=steps > 0.0, initial=np.inf)
+            rho = min(count**2 / 12.0 / max(square, 1e-300), 1.0) if np.isfinite(count) else 0.0
+            same = np.diff(np.flatnonzero(np.diff(log.position, prepend=np.nan)), append=len(log.t))
+            found.append(np.repeat(1.0 / np.sqrt(1.0 + (same - 1.0) * rho), same))
+        return np.concatenate(found)
+
+    def descend(
+        self, z: np.ndarray, rounds: int, trials: float, settled: float, weights: np.ndarray | None = None
+    ) -> Descent:
         """Searches from coordinates z (points, k), within bounds, until a step gains less than a share `settled` of the cost.
 
         Args:
             z: to begin with.   rounds: steps that help.   trials: steps.   settled: share of the cost.
-            bent: whether steps follow narrow valleys, where most of the way is along one.
+            weights: (rows,) of the errors, for steps that follow narrow valleys as well, where most of the way is along one;
+                None: 1, and straight steps.
         """
-        low, high = self.order.low, self.order.high
+        low, high, weight = self.order.low, self.order.high, 1.0 if weights is None else weights
         steps: list[np.ndarray] = []  # of the last point, for the next
 
         def evaluate(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            found = self.evaluate(x, steps.pop() if steps else None)
+            errors, jacobian = self.evaluate(x, steps.pop() if steps else None)
+            found = errors * weight, (jacobian.transpose(0, 2, 1) * weight).transpose(0, 2, 1)
             steps.append(self.steps_by(x, *found))
             return found
 
@@ -180,7 +199,7 @@ class BenchProblem:
             return np.clip(x + step, low, high)
 
         begun = Descent.begin(evaluate, np.clip(z, low, high), DAMPING.first)
-        errors = self.errors if bent else None
+        errors = None if weights is None else lambda x: self.errors(x) * weights
         return descended(
             evaluate, begun, damping=DAMPING, move=move, ends=ends, rounds=rounds, trials=trials, box=box, errors=errors
         )

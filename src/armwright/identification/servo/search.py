@@ -34,13 +34,19 @@ class OrderFit:
 
     Attributes:
         problem: what was fitted.   z: (k,) coordinates.   errors: (rows,) measured less simulated [rad].
-        jacobian: (rows, k) their derivatives.
+        jacobian: (rows, k) their derivatives.   weights: (rows,) of the errors in the fit.
     """
 
     problem: BenchProblem
     z: np.ndarray
     errors: np.ndarray
     jacobian: np.ndarray
+    weights: np.ndarray
+
+    @property
+    def square(self) -> float:
+        """Mean square of the errors [rad²]."""
+        return float(np.mean(self.errors**2))
 
     @property
     def cost(self) -> float:
@@ -168,9 +174,14 @@ def _searched(problem: BenchProblem, starts: np.ndarray) -> OrderFit:
     return refined(problem, begun.x[int(np.argmin(begun.cost))])
 
 
-def refined(problem: BenchProblem, z: np.ndarray, settled: float = COMPARED) -> OrderFit:
-    """The fit from one start (k,), until a step gains less than a share `settled` of the cost."""
-    rounds = ROUNDS if settled == COMPARED else ROUNDS_TO_SETTLE
-    done = problem.descend(z[None], rounds, rounds + 4, settled, bent=True)
+def refined(problem: BenchProblem, z: np.ndarray, settled: float = COMPARED, square: float = np.inf) -> OrderFit:
+    """The fit from one start (k,), until a step gains less than a share `settled` of the cost.
+
+    Args:
+        problem: to fit.   z: where it starts.   settled: share of the cost.
+        square: mean square of the errors [rad²], by which rows in the same count weigh less; infinite: all weigh the same.
+    """
+    rounds, weights = ROUNDS if settled == COMPARED else ROUNDS_TO_SETTLE, problem.weights(square)
+    done = problem.descend(z[None], rounds, rounds + 4, settled, weights)
     errors, jacobian = problem.evaluate(done.x, problem.steps_by(done.x, done.errors, done.jacobian))
-    return OrderFit(problem, done.x[0], errors[0], jacobian[0])
+    return OrderFit(problem, done.x[0], errors[0], jacobian[0], weights)
