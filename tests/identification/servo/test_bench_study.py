@@ -91,8 +91,8 @@ def real_logs(*names):
     ("fitted", "tested", "above"),
     [
         (("xl330_kp100", "xl330_kp200"), ("xl330_kp800",), ()),
-        # At kp = 800 the servo stalls at full duty and is up to 40 °C warm, and the fit has a resistance of 4.9 Ω; the motions at
-        # lower gains, at most 31 °C, have 2.5 to 3.4 Ω. M6 as published was fitted to all gains, of another unit.
+        # At kp = 800 the servo stalls at full duty and is up to 40 °C warm, and the fit has a resistance of 5.0 Ω; the motions at
+        # lower gains, at most 31 °C, have 3.4 Ω. M6 as published was fitted to all gains, of another unit.
         pytest.param(("xl330_kp800",), ("xl330_kp100", "xl330_kp200"), ("m6",), id="from the highest gain"),
     ],
 )
