@@ -179,7 +179,7 @@ class _NotebookBar:
         value = f' value="{done}" max="{total}"' if total else ""
         spent = max(perf_counter() - self.began, 1e-9)
         speed = rate(done / spent, self.unit) if total and self.unit else ""
-        left = f"{timedelta(seconds=round(spent * (total - done) / done))} left" if 0 < done < total else ""
+        left = f"{timedelta(seconds=round(spent * (total - done) / done))} left" if total and 0 < done < total else ""
         return f"<div>{escape(self.words)} <progress{value}></progress> {left} {escape(speed)}</div>"
 
 
