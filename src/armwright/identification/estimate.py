@@ -207,6 +207,11 @@ def write_into(
     Raises:
         OutputError: the file cannot be written.   DescriptionError: the robot is invalid, with these numbers or
             without; then nothing is written.
+    Example:
+        >>> log = "examples/logs/lwa4p/lwa4p.log.toml"
+        >>> fit = aw.identification.identify_friction(log, "lwa4p", candidates=())
+        >>> path = aw.identification.write_into("lwa4p", fit, "arm.toml")
+        >>> arm = aw.load(path)  # with friction of the kind `fit`
     """
     expect(estimate, Estimate, "estimate", "an aw.identification.Estimate", IdentificationError)
     path = check_destination(output, (".toml",))

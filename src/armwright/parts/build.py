@@ -37,6 +37,11 @@ class PartsBuild:
     Args:
         database: the parts.   links: weighed.   description: the arm.
         overrides: what measurements replaced.   warnings: probable mistakes; `description.remarks` has them as text.
+    Example:
+        >>> parts = aw.__path__[0] + "/robots/cmu-dd.parts.toml"
+        >>> build = aw.robotfiles.write_parts(parts, "own.toml")
+        >>> build.warnings
+        ()
     """
 
     database: PartsDatabase

@@ -26,6 +26,11 @@ def write_parts(
         build: the arm with its weighed links, its warnings and what was measured.
     Raises:
         DescriptionError: the parts are invalid.   OutputError: a file cannot be written; then none is.
+    Example:
+        >>> parts = aw.__path__[0] + "/robots/cmu-dd.parts.toml"
+        >>> build = aw.robotfiles.write_parts(parts, "own.toml")
+        >>> [link.link.name for link in build.links][:2]
+        ['link1', 'link2']
     """
     parts, arm = Path(as_path(parts, "parts", DescriptionError)), Path(as_path(arm, "arm", OutputError))
     if os.path.realpath(arm) == os.path.realpath(parts):

@@ -272,6 +272,11 @@ def shadow_log(
     Raises:
         LogError: another arm's log, positions or torques that are missing.   ScenarioError: as `ArmShadow`.
         ModelError: an arm without masses, or currents of motors whose constants are not known.
+    Example:
+        >>> log = "examples/logs/lwa4p/lwa4p.log.toml"
+        >>> found = aw.shadow.shadow_log(log, "lwa4p", deviation=5.0)
+        >>> len(found.alarms)
+        0
     """
     log = as_log(log)
     if arm is None and log.arm is None:

@@ -141,6 +141,14 @@ def run_controller(
             `run` is what was recorded.
         BusError: refused before a drive was enabled: no such bus, arguments out of range, nodes that do not answer or are no
             such drives, two devices with one number, an arm that must not move or stands elsewhere.
+    Example:
+        >>> from dataclasses import replace
+        >>> scenario = aw.read_scenario("examples/bus-8ms.scenario.toml")
+        >>> scenario = replace(scenario, lanes=None, vary={}, duration=0.2)
+        >>> with aw.bus.Twin(scenario):
+        ...     run = aw.bus.run_controller(scenario)
+        >>> run.equal  # to the simulation, bit by bit
+        True
     """
     check_bus(bus)
     expect(permission, Permission, "permission", "an aw.bus.Permission(…)", BusError)
@@ -178,6 +186,12 @@ def release_drives(
         permission: with the arm's serial number, on a bus that is not virtual.   bitrate: [bit/s].
     Raises:
         BusError: no such bus, nodes that do not answer or that are those of another arm.
+    Example:
+        >>> from dataclasses import replace
+        >>> scenario = aw.read_scenario("examples/bus-8ms.scenario.toml")
+        >>> scenario = replace(scenario, lanes=None, vary={}, duration=0.2)
+        >>> with aw.bus.Twin(scenario):
+        ...     aw.bus.release_drives(scenario, "virtual")
     """
     check_bus(bus)
     rehearsal = scenario if isinstance(scenario, Rehearsal) else rehearse(scenario, bitrate=bitrate)

@@ -58,6 +58,13 @@ class Twin:
         load: of the bus.   failure: the error that ended the simulation; None while it goes on.
     Raises:
         BusError: no such bus, node or serial numbers that are none, or an arm that cannot be driven over a bus.
+    Example:
+        >>> from dataclasses import replace
+        >>> scenario = aw.read_scenario("examples/bus-8ms.scenario.toml")
+        >>> scenario = replace(scenario, lanes=None, vary={}, duration=0.2)
+        >>> with aw.bus.Twin(scenario) as twin:
+        ...     len(twin.nodes)
+        6
     """
 
     def __init__(

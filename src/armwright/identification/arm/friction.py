@@ -169,6 +169,11 @@ def identify_friction(
             friction explains less than half of what the arm leaves unexplained and a tenth of the torque's power is left.
     Raises:
         IdentificationError: an arm without masses, an unknown candidate, a log that does not fit.
+    Example:
+        >>> log = "examples/logs/lwa4p/lwa4p.log.toml"
+        >>> fit = aw.identification.identify_friction(log, "lwa4p", candidates=())
+        >>> fit["joint1.friction.viscous_n_m_s_per_rad"] > 0
+        True
     """
     log = as_log(log)
     arm = as_arm(arm)

@@ -73,6 +73,10 @@ class MotorReading:
         runs: names; None: those to fit.   signals: "q", "qd", "current", "tau"; None: all that are logged.
         speed: "difference" of the positions over a sample, "instant", or "auto": a difference where it is quantised.
         static: a log of steady states, a row each, as additional data.
+    Example:
+        >>> reading = aw.identification.MotorReading(signals=["q", "current"])
+        >>> reading.speed
+        'auto'
     """
 
     runs: Sequence[str] | None = None

@@ -91,6 +91,12 @@ def write_verdict(validation: Validation) -> Path:
         path: of the file.
     Raises:
         LogError: a built-in arm, or one made in Python.   OutputError: the file cannot be written.
+    Example:
+        >>> log = "examples/logs/lwa4p/lwa4p.log.toml"
+        >>> path = aw.robotfiles.convert("lwa4p", "arm.toml").written[0]
+        >>> found = aw.identification.validate(path, log, simulation=False)
+        >>> aw.identification.write_verdict(found).name
+        'arm.verdict.toml'
     """
     expect(validation, Validation, "validation", "what aw.identification.validate returns", LogError)
     if validation.record is None:
@@ -150,6 +156,10 @@ def stored_verdict(record: str | os.PathLike[str], sha256: str | None = None) ->
         verdict: None where there is none.
     Raises:
         LogError: no such record, or a verdict that cannot be read.
+    Example:
+        >>> path = aw.robotfiles.convert("two-link", "arm.toml").written[0]
+        >>> aw.identification.stored_verdict(path) is None  # nothing was validated yet
+        True
     """
     path = verdict_path(record)
     if not path.exists():
@@ -169,6 +179,13 @@ def passing_verdict(record: str | os.PathLike[str], sha256: str | None = None) -
         verdict: that was found.
     Raises:
         LogError: no verdict, one that failed, or one of another state of the record.
+    Example:
+        >>> path = aw.robotfiles.convert("two-link", "arm.toml").written[0]
+        >>> try:
+        ...     aw.identification.passing_verdict(path)
+        ... except aw.ArmwrightError as error:
+        ...     print(error.expected)
+        a record that `armwright validate RECORD LOG` has passed since its last change
     """
     found = stored_verdict(record, sha256)
     if found is None or not found.passed:

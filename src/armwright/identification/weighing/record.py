@@ -40,6 +40,11 @@ def write_measured(
     Raises:
         IdentificationError: an unknown key, a number of another quantity, or no such link.
         OutputError, DescriptionError: as `write_into`; a link that no body has with these numbers.
+    Example:
+        >>> found = {"mass": aw.identification.measured_mass([2.9], scale_std=0.01)}
+        >>> path = aw.identification.write_measured("two-link", "forearm", found, "arm.toml")
+        >>> aw.load(path).parameters["forearm.mass_kg"].value
+        2.9
     """
     if isinstance(measured, Estimate):
         numbers = {
