@@ -45,7 +45,7 @@ def test_a_controller_that_is_compared_with_its_simulation(tmp_path):
 def test_help_teaches_by_example():
     shown = run("export", "c", "--help").stdout
     assert "Examples:" in shown
-    assert "armwright export c puma560 --functions" in shown
+    assert "armwright export c puma560" in shown
 
 
 LANES = EXAMPLES / "bus-4ms.scenario.toml"

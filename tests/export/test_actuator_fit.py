@@ -171,7 +171,9 @@ def test_a_poor_fit_is_said(tmp_path):
     slow, table, file = rod(PLAIN | {"goal_speed_rad_per_s": 0.3}), tmp_path / "swing.csv", tmp_path / "slow.toml"
     aw.robotfiles.write_toml(slow.record, file)
     SWING.save(slow, table)
-    done = run("convert", str(file), str(tmp_path / "a.xml"), "--actuators", "position", "--motion", str(table))
+    done = run(
+        "convert", str(file), "-o", str(tmp_path / "a.xml"), "--actuators", "position", "--reference", str(table)
+    )
     assert done.exit_code == 0
     assert "note: the fit of q is poor: MuJoCo is" in done.stderr
 

@@ -49,11 +49,11 @@ def loaded(folder):
 COMMANDS = {
     "log": "log {log}",
     "linear": "identify linear {log} --order 1 --delay 3",
-    "motor": "identify motor {log} --robot {folder}/truth.toml --starts 1",
+    "motor": "identify motor {folder}/truth.toml {log} --starts 1",
     "validate motor": "validate {folder}/truth.toml {log}",
-    "arm": "identify arm {log} --robot {folder}/truth.toml --cutoff 20",
-    "payload": "identify payload {log} --robot {folder}/without.toml",
-    "friction": "identify friction {log} --robot {folder}/truth.toml",
+    "arm": "identify arm {folder}/truth.toml {log} --cutoff 20",
+    "payload": "identify payload {folder}/without.toml {log}",
+    "friction": "identify friction {folder}/truth.toml {log}",
     "validate arm": "validate {folder}/truth.toml {log}",
 }
 

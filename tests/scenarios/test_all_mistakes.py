@@ -134,7 +134,7 @@ com_m = [0, 0, 0]
 inertia_kg_m2 = [1, 0.1, 0.1]  #! xx = 1 > yy + zz
 [[segments]]
 kind = "waypoints"
-curve = "cubik"  #! expected 'cubic'
+curve = "cubik"  #! expected 'fastest', 'cubic'
 points = [[0, 0, 0, 0, 0, 0]]
 [[segments]]
 kind = "waypoints"

@@ -128,7 +128,9 @@ def test_the_guess_of_a_record_is_the_motor_of_the_simulation():
 def test_a_record_without_a_largest_voltage_gets_one(tmp_path):
     """As `identify motor` writes it of a bench: the limit of its supply is no part of a log."""
     model = aw.load(true_record(tmp_path))
-    with pytest.raises(ModelError, match=r"no largest voltage; expected a record that has it, or most=… \(--most\)"):
+    with pytest.raises(
+        ModelError, match=r"no largest voltage; expected a record that has it, or most=… \(--max-command\)"
+    ):
         aw.identification.MotorGuess.of(model)
     guess = aw.identification.MotorGuess.of(model, most=9.0)
     assert guess.most == 9.0
