@@ -16,6 +16,7 @@ import armwright as aw
 from armwright.cli.app import app
 from armwright.identification.motor import fitting
 from armwright.tuning.search import GainSearch
+from foreground import FOREGROUND
 from identification.motor_truth import write_log
 
 from .test_tune import SCENARIO, run as tuned
@@ -29,10 +30,9 @@ def stopped(folder, *words, seen=AT_WORK, most=100.0):
     leader, follower = pty.openpty()
     environment = {key: value for key, value in os.environ.items() if key not in ("NO_COLOR", "CI")}
     process = subprocess.Popen(
-        [sys.executable, "-m", "armwright", *map(str, words)], cwd=folder, stdout=subprocess.PIPE, stderr=follower,
+        [*FOREGROUND, sys.executable, "-m", "armwright", *map(str, words)], cwd=folder, stdout=subprocess.PIPE, stderr=follower,
         start_new_session=True,
         env=environment | {"TERM": "xterm", "COLUMNS": "200"},
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a shell's background jobs ignore it
     )  # fmt: skip
     os.close(follower)
     shown, end, sent = b"", time.monotonic() + most, False

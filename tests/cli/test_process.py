@@ -9,6 +9,7 @@ import time
 import pytest
 
 from armwright.results.run_file import load_run
+from foreground import FOREGROUND
 
 COMMAND = (sys.executable, "-m", "armwright")
 
@@ -82,11 +83,10 @@ def test_ctrl_c_ends_quietly_and_keeps_what_is_finished(tmp_path, tmp_path_facto
     cache = tmp_path_factory.mktemp("cache")
     arguments = ("simulate", "cmu-dd", "--voltage", "0", "--duration", "100000", "--record-every", "1000")
     process = subprocess.Popen(
-        [*COMMAND, *arguments, "-o", str(tmp_path / "run.nc")],
+        [*FOREGROUND, *COMMAND, *arguments, "-o", str(tmp_path / "run.nc")],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a shell's background jobs ignore it
         env={**os.environ, "ARMWRIGHT_CACHE_DIR": str(cache)},
     )
     end = time.monotonic() + 60.0

@@ -21,6 +21,7 @@ from typer.testing import CliRunner
 import armwright as aw
 from armwright.cli.app import app
 from armwright.errors import OutputError, RunError, ShapeError
+from foreground import FOREGROUND
 
 ARM = aw.load("two-link")
 SHOW = (sys.executable, "-m", "armwright", "show", "two-link", "--live")
@@ -305,8 +306,7 @@ def test_a_port_in_use_is_one_line(live):
 @pytest.mark.skipif(sys.platform == "win32", reason="needs POSIX signals")
 def test_ctrl_c_ends_it_and_leaves_no_process_and_no_port():
     process = subprocess.Popen(
-        [*SHOW, "--open"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a shell's background jobs ignore it
+        [*FOREGROUND, *SHOW, "--open"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
         env={**os.environ, "BROWSER": "false", "DISPLAY": "", "PYTHONUNBUFFERED": ""},
     )  # fmt: skip
     assert process.stdout is not None

@@ -5,11 +5,14 @@ from __future__ import annotations
 import os
 import re
 import select
+import subprocess
 import sys
 import time
 from pathlib import Path
 
 import pytest
+
+from foreground import FOREGROUND
 
 SIM = (sys.executable, "-m", "armwright", "sim")
 WIDTH = 130  # characters of the terminal
@@ -22,24 +25,19 @@ class Terminal:
 
     def __init__(self, folder: Path, command: tuple[str, ...] = SIM, width: int = WIDTH):
         import pty
+        import termios
 
-        pid, self.fd = pty.fork()
-        if pid == 0:
-            os.chdir(folder)
-            import fcntl
-            import signal
-            import struct
-            import termios
-
-            fcntl.ioctl(0, termios.TIOCSWINSZ, struct.pack("HHHH", 60, width, 0, 0))
-            # Tests that run in the background are started with Ctrl-C ignored, which a terminal's own session is not.
-            for number in (signal.SIGINT, signal.SIGHUP):
-                signal.signal(number, signal.SIG_DFL)
-            keep = {
-                name: value for name, value in os.environ.items() if not name.startswith(("PYTEST", "COLUMNS", "LINES"))
-            }
-            os.execve(command[0], command, {**keep, "TERM": "xterm-256color", "PROMPT_TOOLKIT_NO_CPR": "1"})
-        self.pid, self.raw, self.gone = pid, "", False
+        self.fd, other = pty.openpty()
+        termios.tcsetwinsize(other, (60, width))
+        keep = {
+            name: value for name, value in os.environ.items() if not name.startswith(("PYTEST", "COLUMNS", "LINES"))
+        }
+        self.process = subprocess.Popen(
+            [*FOREGROUND, *command], cwd=folder, stdin=other, stdout=other, stderr=other, start_new_session=True,
+            env={**keep, "TERM": "xterm-256color", "PROMPT_TOOLKIT_NO_CPR": "1"},
+        )  # fmt: skip
+        os.close(other)
+        self.raw, self.gone = "", False
 
     @property
     def text(self) -> str:
@@ -83,4 +81,4 @@ class Terminal:
 
     def close(self) -> int:
         os.close(self.fd)
-        return os.waitpid(self.pid, 0)[1]
+        return self.process.wait()

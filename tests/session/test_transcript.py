@@ -133,7 +133,7 @@ def test_ctrl_c_keeps_what_was_done_and_names_it(terminal):
 @needs_pty
 def test_the_end_of_input_leaves_soon_after_a_quick_start(terminal):
     os.write(terminal.fd, b"\x04")
-    _, status, used = os.wait4(terminal.pid, 0)
-    terminal.close = lambda: os.close(terminal.fd)
-    assert os.waitstatus_to_exitcode(status) == 0
+    _, status, used = os.wait4(terminal.process.pid, 0)
+    terminal.process.returncode = os.waitstatus_to_exitcode(status)
+    assert terminal.process.returncode == 0
     assert used.ru_utime + used.ru_stime < 2.0  # [s] of the processor; 0.7 where this was written
