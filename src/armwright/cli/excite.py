@@ -141,7 +141,7 @@ def motor(
     dead_zone: float | None = option("U", "Command below which nothing moves; default 0."),
     speed: float | None = option("W", "Largest speed in rad/s.", names="--max-speed"),
     travel: float | None = option("Q", "How far it may move to either side, in rad."),
-    period: float = option("S", "Sample period in s of whoever plays it; default 0.001.", 1e-3),
+    period: float = option("S", "Period in s between two rows of the command; default 0.001.", 1e-3),
     unit: str | None = option("UNIT", "Unit of the command; default V."),
     plot: Picture = None,
     seed: Seed = 0,

@@ -52,13 +52,14 @@ class Kernel:
         check: Callable[[tuple[Any, ...]], None] | None = None,
         format: Format = DOUBLE,
         *,
-        apart: bool = False,
+        other_process: bool = False,
     ):
         """Compiles the program.
 
         Args:
             program: what is compiled.   target: for which processor, and how many numbers of the format it computes at once.
-            check: looks at the arrays of every call before they are used.   format: of the numbers.   apart: as of `Engine`.
+            check: looks at the arrays of every call before they are used.
+            format: of the numbers.   other_process: as of `Engine`.
         """
         self.format, self.dtype = format, format.dtype
         self._check = check
@@ -70,7 +71,7 @@ class Kernel:
         self._expected = [(port.name, port.shape) for port in program.inputs]
         self._shapes = [port.shape for port in program.outputs]
         self._plans: dict[tuple[tuple[int, ...], ...], tuple[int, list[tuple[int, ...]]]] = {}
-        engine = Engine(self.target, batch_module, program, format.name, apart=apart)
+        engine = Engine(self.target, batch_module, program, format.name, other_process=other_process)
         ins, outs = len(program.inputs), len(program.outputs)
         steps = [POINTER, ctypes.c_int64] * ins
         self._run = engine.function(f"{program.name}.batch", ctypes.c_int64, *steps, *[POINTER] * outs)

@@ -201,18 +201,18 @@ class CompiledArm(KernelMethods[Real]):
             ThreadPoolExecutor(os.cpu_count()) as pool,
         ):
             works = [
-                pool.submit(self._compiled, name, self._traced(name, (), {}), apart=len(missing) > 1)
+                pool.submit(self._compiled, name, self._traced(name, (), {}), other_process=len(missing) > 1)
                 for name in missing
             ]
             for k, (name, work) in enumerate(zip(missing, works, strict=True), 1):
                 self._kernels[(name,)] = work.result()
                 tell(k, len(missing))
 
-    def _compiled(self, name: str, program: Any, *, apart: bool = False) -> Any:
+    def _compiled(self, name: str, program: Any, *, other_process: bool = False) -> Any:
         # This brings LLVM, which an arm that is compiled and not used does without.
         from armwright.kernels.batch import Kernel
 
-        return Kernel(program, self.target, self._parameter_check(name), self.format, apart=apart)
+        return Kernel(program, self.target, self._parameter_check(name), self.format, other_process=other_process)
 
     def _parameter_check(self, name: str) -> Callable[[tuple[Any, ...]], None] | None:
         """What looks at the parameters that vary in every call of a kernel, None where none does."""

@@ -41,7 +41,7 @@ class Engine:
         build: Callable[..., Text],
         *ingredients: Any,
         symbols: Mapping[str, int] = NO_SYMBOLS,
-        apart: bool = False,
+        other_process: bool = False,
     ):
         """The code of `build(target.width, *ingredients)`, from the cache where it is there.
 
@@ -50,7 +50,7 @@ class Engine:
             build: a function at the top level of a file of `kernels`; it sees nothing but its arguments.
             ingredients: programs, stages, numbers and strings that it makes the module of.
             symbols: addresses of functions that the code calls beside those of `LIBM`, by name.
-            apart: a long module is compiled in another process, while this one goes on in other threads.
+            other_process: a long module is compiled in another process, while this one goes on in other threads.
         """
         linked = linker(binding.get_default_triple())
         processor = target.cpu, target.features, linked.CODE
@@ -59,7 +59,7 @@ class Engine:
         code = cache.load(key)
         if code is None:
             module = build(target.width, *ingredients)
-            code = from_another_process(module.text(), *processor) if apart else None
+            code = from_another_process(module.text(), *processor) if other_process else None
             if code is None:
                 code = compiled(module, machine)
             cache.store(key, code)

@@ -30,7 +30,7 @@ DIGITS = 12  # of the largest entry; further digits depend on the order of the s
 TRUST = ("estimate", "cad", "drawing", "datasheet", "publication", "definition", "fit", "measurement")  # least first
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class PartsBuild:
     """An arm built from parts.
 
@@ -40,8 +40,8 @@ class PartsBuild:
     Example:
         >>> parts = aw.__path__[0] + "/robots/cmu-dd.parts.toml"
         >>> build = aw.robotfiles.write_parts(parts, "own.toml")
-        >>> build.warnings
-        ()
+        >>> build
+        <PartsBuild 'cmu-dd', 93.8349 kg, 6 links, 0 overrides, 0 warnings>
     """
 
     database: PartsDatabase
@@ -49,6 +49,10 @@ class PartsBuild:
     description: RobotDescription
     overrides: tuple[Problem, ...]
     warnings: tuple[Problem, ...]
+
+    def __repr__(self) -> str:
+        arm, counts = self.description, {"links": self.links, "overrides": self.overrides, "warnings": self.warnings}
+        return f"<PartsBuild {arm.name!r}, {arm.total_mass:.6g} kg, {', '.join(f'{len(v)} {k}' for k, v in counts.items())}>"
 
 
 def build_parts(path: str | os.PathLike[str], folder: str | os.PathLike[str] | None = None) -> PartsBuild:
