@@ -140,16 +140,14 @@ def test_a_whole_pose_is_refused_where_an_axis_is_kept(arms):
         [aw.trajectories.Line(further(start, [0.0, 0.06, 0.0], [0.4, 0.0, 0.0]))], start
     )
     assert aw.trajectories.solve_path(arm, path, near=DOWN, aim="yaw").deviation[1] < 1e-6
-    with pytest.raises(ScenarioError, match=r"path at s = .* out of reach.* mm and .* mrad off"):
+    with pytest.raises(ScenarioError, match=r"path at s = .* mm and .* mrad"):
         aw.trajectories.solve_path(arm, path, near=DOWN, aim="axis")  # the hand swings in one plane only
     four, begin = arms("pitch-4"), start_of("pitch-4", BENT[:4])
     line = aw.trajectories.CartesianPath([aw.trajectories.Line(begin[:3, 3] + [0.0, 0.06, 0.0])], begin)
-    with pytest.raises(ScenarioError, match="out of reach"):
+    with pytest.raises(ScenarioError, match="of reach"):
         aw.trajectories.solve_path(four, line, near=BENT[:4])
     assert aw.trajectories.solve_path(four, line, aim="pitch").deviation[1] < 1e-6
-    with pytest.raises(
-        ScenarioError, match=r"path at s = 0 .*the tool's z axis is vertical, where its yaw has no slope"
-    ):
+    with pytest.raises(ScenarioError, match=r"path at s = 0 .*z axis .* yaw"):
         aw.trajectories.solve_path(arm, path, near=DOWN, aim="yaw z")
 
 
@@ -187,8 +185,6 @@ def test_a_turn_in_place_that_does_not_count_is_refused(arms):
         ],
         start,
     )
-    with pytest.raises(
-        ScenarioError, match=r"path at s = 0 .*: no joint moves: the tool's turn does not count with aim = 'axis'"
-    ):
+    with pytest.raises(ScenarioError, match=r"path at s = 0 .*no joint .* aim = 'axis'"):
         aw.trajectories.solve_path(arm, path, near=DOWN, aim="axis")
     assert aw.trajectories.solve_path(arm, path, near=DOWN, aim="yaw").deviation[1] < 1e-6
