@@ -66,9 +66,8 @@ def test_cmu_dd_is_an_estimate_throughout():
 
 def test_unknown_number():
     """A path that leads to no number suggests the nearest that do."""
-    with raises_at(DescriptionError, "path", r"link3\.mass_kg", value="link3.mass", file="puma560") as refused:
+    with raises_at(DescriptionError, "path", r"link3\.mass_kg", value="link3.mass", file="puma560"):
         arm("puma560").provenance("link3.mass")
-    assert (refused.value.value, refused.value.file) == ("link3.mass", "puma560")
 
 
 def test_model_without_a_record():

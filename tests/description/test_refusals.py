@@ -414,6 +414,5 @@ def test_numbers_too_large_to_compute_with(old, new, place, on_impossible):
     text = (resources.files("armwright.robots") / "two-link.toml").read_text()
     assert old in text
     robot = parse(tomlkit.parse(text.replace(old, new)).unwrap(), "arm.toml")
-    with raises_at(DescriptionError, place, r"1e\+(09|100) at most") as caught:
+    with raises_at(DescriptionError, place, r"1e\+(09|100) at most"):
         build_model(robot, on_impossible=on_impossible)
-    assert caught.value.place == place

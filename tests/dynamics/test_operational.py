@@ -42,9 +42,8 @@ def test_fewer_than_six_joints_are_refused():
     """Λ⁻¹ is singular everywhere then."""
     for name, carried in (("two-link", 2), ("workshop", 3)):
         model = arm(name)
-        with raises_at(ModelError, f"joints that carry {model.tip!r}", "six", value=carried) as error:
+        with raises_at(ModelError, f"joints that carry {model.tip!r}", "six", value=carried):
             operational_inertia(model, np.zeros(model.n))
-        assert (error.value.place, error.value.value) == (f"joints that carry {model.tip!r}", carried)
 
 
 def test_singular_position_shows():

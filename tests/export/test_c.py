@@ -500,7 +500,6 @@ def test_it_is_written_whole_or_not_at_all(tmp_path):
     for folder in (tmp_path / "file" / "sub", tmp_path / "file"):
         with raises_at(OutputError, file=folder) as error:
             write_c(arm("two-link"), ["jacobian"], folder)
-        assert error.value.file == str(folder)
     (tmp_path / "out" / "two_link.c").mkdir(parents=True)  # a folder where the C file should go
     with raises_at(OutputError, file=tmp_path / "out" / "two_link.c"):
         write_c(arm("two-link"), ["jacobian"], tmp_path / "out")

@@ -340,7 +340,6 @@ def test_file_is_named_where_a_part_cannot_be(tmp_path):
     with raises_at(DescriptionError, "link 'link1' part '1-30' hole 'bore'", r"1e\+06 kg/m³") as caught:
         build_parts(path)
     assert caught.value.file == str(path)
-    assert caught.value.place.startswith("link 'link1' part ")
 
 
 @pytest.mark.parametrize(

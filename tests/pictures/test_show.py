@@ -153,9 +153,8 @@ def test_refused(tmp_path):
     with pytest.raises(OutputError, match=r"expected \.png, \.html or \.glb"):
         aw.show(arm("panda"), tmp_path / "arm.bmp")
     for wrong in ([0.0], np.full(7, np.nan)):
-        with raises_at(ShapeError, "q", "7 finite numbers") as refused:
+        with raises_at(ShapeError, "q", "7 finite numbers"):
             aw.show(arm("panda"), tmp_path / "arm.png", wrong)
-        assert refused.value.place == "q"
     with raises_at(ModelError, "arm", value=7):
         aw.show(7, tmp_path / "arm.png")  # type: ignore[arg-type]
     for size in (10, 10**6, 300.0, True):

@@ -400,9 +400,8 @@ def test_a_permission_for_a_reduced_run_does_not_cover_a_full_one(rehearsal, slo
         (slow, {"torque": 0.4}, "torque"),
         (slow, {"speed": 1.0}, "speed"),
     ):
-        with raises_at(BusError, place, "rehearsed") as error:
+        with raises_at(BusError, place, "rehearsed"):
             disturbed(run, monkeypatch, lambda each, *rest: [each], metal=True, permission=Permission(**SLOW | said))
-        assert error.value.place == place
 
 
 def test_a_scenario_runs_at_the_speed_that_is_permitted(rehearsal, monkeypatch, outside):

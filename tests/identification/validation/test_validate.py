@@ -237,9 +237,8 @@ def test_limits_that_cannot_be(two_link, limits, words):
 def test_arms_and_logs_that_do_not_match(two_link, motor_log):
     arm, log = two_link
     record, _ = motor_log
-    with raises_at(LogError, "joints", r"2 \('shoulder', 'elbow'\).*1 \('motor'\)") as error:
+    with raises_at(LogError, "joints", r"2 \('shoulder', 'elbow'\).*1 \('motor'\)"):
         validate(record, log)
-    assert error.value.place == "joints"
     with raises_at(LogError, "run", value="third"):
         validate(arm, log, runs=["third"])
     massless = replace(

@@ -291,7 +291,6 @@ def test_a_path_speed_that_is_too_high_is_named_with_the_highest(end: int) -> No
     path, speeds = random_path(arm, 0), np.where(np.arange(2) == end, 1e3, 0.0)
     with raises_at(ScenarioError, f"speeds[{end}]", r"[\d.]+ or less") as caught:
         aw.trajectories.time_optimal(arm, path, grid=50, speeds=tuple(speeds))
-    assert caught.value.place == f"speeds[{end}]"
     highest = float(caught.value.expected.split()[0])
     aw.trajectories.time_optimal(arm, path, grid=50, speeds=tuple(0.95e-3 * highest * speeds))
     with pytest.raises(ScenarioError, match="speeds"):

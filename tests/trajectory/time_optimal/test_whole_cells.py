@@ -108,7 +108,6 @@ def test_speeds_at_the_ends_are_kept_and_too_high_ones_named() -> None:
     for end, speeds in ((0, (50.0, 0.0)), (1, (0.0, 50.0))):
         with raises_at(ScenarioError, f"speeds[{end}]", r"[\d.]+ or less") as caught:
             aw.trajectories.time_optimal(ARM, points, limits, speeds=speeds)
-        assert caught.value.place == f"speeds[{end}]"
         highest = float(caught.value.expected.split()[0])
         aw.trajectories.time_optimal(ARM, points, limits, speeds=tuple(0.999 * highest * (np.arange(2) == end)))
 
