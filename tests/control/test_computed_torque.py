@@ -65,7 +65,7 @@ def test_an_offset_dies_away_with_the_chosen_poles():
 
 def test_a_model_of_other_joints_is_refused():
     law = ComputedTorque(kp=1.0, kd=1.0, model=arm("cmu-dd"))
-    with raises_at(ScenarioError, "ComputedTorque.model", "6 joints.* the 2 of two-link: shoulder, elbow"):
+    with raises_at(ScenarioError, "ComputedTorque.model", "6 joints.* 2 of two-link: shoulder, elbow"):
         aw.Scenario(arm("two-link"), duration=0.1, loop=aw.Loop(controller=law, period=1e-3))
 
 

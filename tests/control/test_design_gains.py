@@ -211,7 +211,7 @@ def test_a_current_loop_is_designed_by_the_magnitude_optimum():
         )
         for changes in ({}, {"inductance": None})
     )
-    with raises_at(aw.ArmwrightError, "current_kp", "resistance and inductance of joint 'shoulder'"):
+    with raises_at(aw.ArmwrightError, "current_kp", "inductance .*'shoulder'"):
         aw.loops.design_gains(one, poses=50)
     design = aw.loops.design_gains(wound, poses=50)
     assert design.keeps

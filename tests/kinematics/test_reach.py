@@ -44,5 +44,5 @@ def test_a_slide_without_limits_has_no_end(tmp_path):
 def test_a_tree_without_a_tip_has_none(tmp_path):
     import dataclasses
 
-    with raises_at(ModelError, "tip", "base, column, carriage, hand"):
+    with raises_at(ModelError, "tip", "column, carriage, hand"):
         reach(dataclasses.replace(mixed_arm(tmp_path), tip=None))

@@ -71,7 +71,7 @@ def test_where_a_tool_is_slower_than_asked_is_said(tmp_path):
         r"segments\[0\] is [\d.]+ times slower than requested: s = .* m: [\d.]+ times too fast, joint", str(slow)
     )
     assert re.search(r"segments\[0\] is up to [\d.]+ times slower than requested: s = ", str(local))
-    with pytest.raises(ScenarioError, match=r"segments\[0\]\.path at s = .*: joint '\w+' .* rad/s"):
+    with raises_at(ScenarioError, re.compile(r"segments\[0\]\.path at s = .*"), r"joint '\w+' .* rad/s"):
         planned(tmp_path, "", SEAM.format("constant = true"))
     with pytest.raises(ScenarioError, match=r"slow = 'there'"):
         planned(tmp_path, "", SEAM.format('slow = "there"'))
@@ -281,9 +281,9 @@ limits = {{ acceleration = 3.0, jerk = 60.0 }}
 def test_obstacles_are_kept_away_from(tmp_path):
     far = planned(tmp_path, MOVE.format(""), OBSTACLES.format(least=0.0, floor=-1.0))
     assert "nearest: " in str(far)
-    with raises_at(ScenarioError, "segments[0]", r" mm apart at .* s; .*3000 mm"):
+    with raises_at(ScenarioError, "segments[0]", " mm .* s; .*3000 mm"):
         planned(tmp_path, MOVE.format(""), OBSTACLES.format(least=3.0, floor=-1.0))
-    with raises_at(ScenarioError, "segments[0]", r"floor overlap by .* mm at .* s"):
+    with raises_at(ScenarioError, "segments[0]", "floor .* mm at .* s"):
         planned(tmp_path, MOVE.format(""), OBSTACLES.format(least=0.0, floor=0.4))
 
 
@@ -370,7 +370,7 @@ def test_the_fastest_curve_jumps_in_acceleration_only_without_a_limit_of_jerk(tm
 
 def test_limits_of_a_tool_count_where_its_path_leaves_them_free(tmp_path):
     turning = SEAM.format('aim = "position"\nangular_speed_rad_per_s = {}').replace("[0, 0.2, 0]", "[0.1, 0.2, 0]")
-    with pytest.raises(ScenarioError, match=r"segments\[0\]\.path at .* angular speed .* rad/s"):
+    with raises_at(ScenarioError, re.compile(r"segments\[0\]\.path at s = .*"), r"angular speed .* rad/s"):
         planned(tmp_path, "", turning.replace("{}", "1e-3"))
     assert planned(tmp_path, "", turning.replace("{}", "10.0")).kept
 

@@ -214,7 +214,7 @@ def test_another_recording_period_cannot_go_on_from_a_run():
 
 
 def test_defaults_are_not_named_as_if_they_had_been_given():
-    with raises_at(ScenarioError, "duration", "0.001 s, .* from row to row", value=0.0105):
+    with raises_at(ScenarioError, "duration", r"0\.001 s, .* row to row", value=0.0105):
         replace(pushed("puma560"), duration=0.0105)
     with raises_at(ScenarioError, "duration", r"0\.001 s, .*solver\.step", value=0.0105):
         replace(pushed("puma560"), duration=0.0105, solver=aw.Solver("rk4"))

@@ -278,7 +278,7 @@ def test_coulomb_friction_bounds_the_step():
     """An explicit rule needs h < 2.5 J qd_smooth / Fc, here far less than 1 ms."""
     friction = {"coulomb_positive_n_m": 2.0, "coulomb_negative_n_m": 2.0, "smoothing_rad_per_s": 1e-4}
     arm = motor_alone(friction=friction)
-    with raises_at(ScenarioError, "step", r"dry friction of joint 'axis' \(friction\.smoothing_rad_per_s\)"):
+    with raises_at(ScenarioError, "step", r"dry friction .*'axis' \(friction\.smoothing_rad_per_s\)"):
         aw.simulate(aw.Scenario(arm, duration=0.1, command=[1.0], solver=aw.Solver(step=1e-3)))
     limit = 2.5127 * (0.02 + 25e-4) * 1e-4 / 2.0
     assert compile_loop(arm).step_limit.largest_step(_rk3(), np.zeros(1)) == pytest.approx(limit, rel=0.01)
@@ -434,7 +434,7 @@ def test_gear_loss_under_load_bounds_the_step():
         motor={"gear_efficiency": 0.6},
         friction={"smoothing_rad_per_s": 1e-3, "viscous_n_m_s_per_rad": 0.03},
     )
-    with raises_at(ScenarioError, "step", "gear loss of joint 'axis'"):
+    with raises_at(ScenarioError, "step", "gear loss .*'axis'"):
         aw.simulate(aw.Scenario(arm, duration=0.1, command=[1.5], solver=aw.Solver(step=1e-3)))
     aw.simulate(aw.Scenario(arm, duration=0.1, command=[1e-3], solver=aw.Solver(step=1e-3)))
 

@@ -1,5 +1,6 @@
 """A controller run over a bus of servos: in lock-step its motion is that of the rehearsal; what is refused, and how it stops."""
 
+import re
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -132,7 +133,7 @@ def test_it_goes_to_where_it_begins_and_stops_when_it_is_told():
 def test_a_following_error_ends_it():
     given = scenario()
     port = served(given.arm)
-    with pytest.raises(RunStopped, match=r"joint '\w+': following error \S+ rad at \S+ s; .* 0\.02") as stop:
+    with raises_at(RunStopped, re.compile(r"joint '\w+'"), r"error \S+ rad .* \S+ s; .* 0\.02") as stop:
         run_on_servos(rehearsed(port, given), port, following_error=0.02)
     assert 0 < len(stop.value.run.q) < 50
 
