@@ -35,7 +35,11 @@ def raises_at(
     """
     with pytest.raises(kind, match=match) as caught:
         yield caught
-    error = caught.value
+    _check(caught.value, place, value, file)
+    del caught  # the error's traceback holds this frame: a cycle would keep what the block made
+
+
+def _check(error: ArmwrightError, place: str | re.Pattern, value: Any, file: Any) -> None:
     assert re.fullmatch(place, error.place) if isinstance(place, re.Pattern) else error.place == place, error.place
     assert value is ABSENT or error.value == value, error.value
     assert file is None or error.file == str(file), error.file

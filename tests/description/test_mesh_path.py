@@ -80,7 +80,7 @@ def test_found_in_given_folders_and_by_the_environment(tree, tmp_path, monkeypat
     ],
 )
 def test_never_outside(tree, name):
-    with raises_at(DescriptionError, "<mesh>", "leads out|expected", file=f"{tree / 'urdf' / 'arm.urdf'}:3"):
+    with raises_at(DescriptionError, "<mesh>", file="arm.urdf:3"):
         find(tree, name)
 
 

@@ -41,5 +41,5 @@ def test_derivatives_for_optimal_control():
 
 def test_unknown_name():
     """The nearest names are offered."""
-    with raises_at(ShapeError, "kernel", r"jacobian\?", value="jacobean"):
+    with raises_at(ShapeError, "kernel", r"\bjacobian\b", value="jacobean"):
         aw.compile(aw.load("two-link")).casadi("jacobean")
