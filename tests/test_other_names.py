@@ -31,7 +31,7 @@ def test_every_name_that_is_told_is_there():
     ],
 )
 def test_public_names(name, here):
-    with pytest.raises(AttributeError, match=f"has no attribute '{name}'; here it is {here}$"):
+    with pytest.raises(AttributeError, match=f"'{name}'; .* {here}$"):
         getattr(aw, name)
 
 
@@ -39,12 +39,12 @@ def test_public_names(name, here):
     ("name", "here"), [("rnea", "inverse_dynamics"), ("crba", "mass_matrix"), ("jacob0", "jacobian")]
 )
 def test_kernels(name, here):
-    with pytest.raises(AttributeError, match=f"no kernel is called '{name}'; here it is {here}$"):
+    with pytest.raises(AttributeError, match=f"'{name}'; .* {here}$"):
         getattr(aw.compile(aw.load("two-link")), name)
 
 
 def test_names_that_nobody_has():
-    with pytest.raises(AttributeError, match=r"has no attribute 'xyzzy'$"):
+    with pytest.raises(AttributeError, match=r"'xyzzy'$"):
         _ = aw.xyzzy
     with pytest.raises(AttributeError, match="there is bias_torques, centre_of_mass"):
         _ = aw.compile(aw.load("two-link")).xyzzy

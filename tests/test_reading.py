@@ -16,6 +16,7 @@ from armwright.parts.build import build_parts
 from armwright.reading import read_file
 from armwright.results.csv_tables import CsvColumn, read_numbers
 from armwright.session.files import read_script
+from raises_at import raises_at
 
 READERS = {  # what reads a file that the user names
     "toml": aw.load,
@@ -84,13 +85,13 @@ def test_a_file_that_is_too_large(tmp_path):
     path = tmp_path / "large.toml"
     path.write_bytes(b"x" * 11)
     assert read_file(path, "a TOML file", DescriptionError, most=11) == b"x" * 11
-    with pytest.raises(DescriptionError, match="too large; expected 10 bytes at most"):
+    with raises_at(DescriptionError, match="10 bytes", file=path):
         read_file(path, "a TOML file", DescriptionError, most=10)
 
 
 @pytest.mark.parametrize("path", [3, None, 1.5, ["a"]])
 def test_what_is_no_path(path):
-    with pytest.raises(DescriptionError, match="expected the path of a TOML file"):
+    with pytest.raises(DescriptionError, match="a TOML file"):
         read_file(path, "a TOML file", DescriptionError)
-    with pytest.raises(ArmwrightError, match="expected the path of a CSV file"):
+    with pytest.raises(ArmwrightError, match="a CSV file"):
         aw.simulation.read_schedule(path, ["elbow"])

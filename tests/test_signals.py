@@ -9,6 +9,7 @@ from armwright.errors import ShapeError
 from armwright.model.joint_signals import joint_signal, motion_layout
 from armwright.signals import Layout, Signal, SignalValues
 from physics.arms import arm
+from raises_at import raises_at
 from simulation.runs import mixed_arm
 
 LAYOUT = Layout.of([Signal("q", "rad", (2,)), Signal("T", "1", (2, 2)), Signal("mass", "kg")])
@@ -31,9 +32,9 @@ def test_names_are_places():
 def test_what_does_not_fit_is_refused():
     with pytest.raises(ShapeError, match="occurs twice"):
         LAYOUT + Layout.of([Signal("q", "rad")])
-    with pytest.raises(ShapeError, match="did you mean"):
+    with raises_at(ShapeError, "signal", value="mas"):
         LAYOUT.place("mas")
-    with pytest.raises(ShapeError, match="signal 'T': has no value"):
+    with raises_at(ShapeError, "signal 'T'"):
         LAYOUT.vector({"q": [0, 0]})
     with pytest.raises(ShapeError, match="shape"):
         LAYOUT.vector({"q": [0, 0, 0], "T": np.eye(2), "mass": 1.0})
@@ -47,7 +48,7 @@ def test_values_have_names():
     values = SignalValues({"force": 1.0})
     assert values.force == values["force"] == 1.0
     assert dict(values) == {"force": 1.0}
-    with pytest.raises(AttributeError, match="no signal 'forces'; did you mean force"):
+    with pytest.raises(AttributeError, match=r"'forces'; .* force\?"):
         _ = values.forces
 
 

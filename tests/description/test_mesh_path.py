@@ -7,6 +7,7 @@ import pytest
 from armwright.description.mesh_path import find_mesh, package_folders
 from armwright.description.xml_tree import Element
 from armwright.errors import DescriptionError
+from raises_at import raises_at
 
 HERE = Element("mesh", {}, "arm.urdf", 3)
 
@@ -79,7 +80,7 @@ def test_found_in_given_folders_and_by_the_environment(tree, tmp_path, monkeypat
     ],
 )
 def test_never_outside(tree, name):
-    with pytest.raises(DescriptionError, match=r"arm\.urdf:3: .*(leads out|expected)"):
+    with raises_at(DescriptionError, "<mesh>", file="arm.urdf:3"):
         find(tree, name)
 
 
@@ -97,5 +98,5 @@ def test_the_whole_disk_is_no_search_path(tree, tmp_path):
 
 
 def test_a_given_folder_that_is_none(tree):
-    with pytest.raises(DescriptionError, match="no such folder"):
+    with raises_at(DescriptionError, "packages", "no such folder"):
         find(tree, "a.stl", tree / "nothing")

@@ -12,6 +12,7 @@ from armwright.description.mjcf import read_mjcf
 from armwright.errors import DescriptionError
 from description.reports import check_report
 from description.urdf_files import written
+from raises_at import raises_at
 
 mujoco = pytest.importorskip("mujoco", reason="MJCF is read through MuJoCo: pip install mujoco")
 
@@ -141,7 +142,7 @@ def test_constraints_can_be_off(tmp_path):
 def test_springs_that_yield_are_refused(tmp_path):
     """Beyond their yield MuJoCo's springs creep; elastic ones would bring the joint back."""
     text = mjcf("<joint name='j' stiffness='3' springyield='0.1'/>")
-    with pytest.raises(DescriptionError, match="joint 'j': a spring that yields, which is not offered"):
+    with raises_at(DescriptionError, "joint 'j'", "spring that yields"):
         aw.load(written(tmp_path, text, "a.xml"))
 
 
@@ -218,7 +219,7 @@ def test_includes_are_read(tmp_path):
 
 def test_without_mujoco(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "mujoco", None)
-    with pytest.raises(DescriptionError, match=r"not installed: pip install armwright\[bench\]"):
+    with pytest.raises(DescriptionError, match=r"pip install armwright\[bench\]"):
         read_mjcf(written(tmp_path, mjcf(), "a.xml"))
 
 

@@ -18,6 +18,7 @@ from armwright.identification.estimate import write_numbers
 from armwright.quantity import Source
 from armwright.twin.serial.frames import FRAMINGS
 from armwright.twin.serial.registers import servo_model
+from raises_at import raises_at
 
 PUBLISHED = Path(__file__).resolve().parents[3] / "shared" / "data" / "servos"
 SERVOS = servos()
@@ -300,8 +301,8 @@ def test_a_drive_file_beside_a_urdf_names_servos(tmp_path):
     assert joint.friction.viscous_n_m_s_per_rad.source == "servos-bam-sts3215"
     assert float(joint.limits.velocity_rad_per_s) == pytest.approx(5.4454)
     (tmp_path / "one.drive.toml").write_text('[joints.q]\nservo = "sts32"\n', encoding="utf-8")
-    with pytest.raises(
-        DescriptionError, match=r"one\.drive\.toml:2: joints\.q\.servo = 'sts32': no such servo.*sts3215"
+    with raises_at(
+        DescriptionError, "joints.q.servo", "sts3215", value="sts32", file=f"{tmp_path / 'one.drive.toml'}:2"
     ):
         aw.load(tmp_path / "one.urdf")
 

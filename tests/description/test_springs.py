@@ -18,6 +18,7 @@ from armwright.validation import validated
 from description.reports import check_report
 from description.test_drive_effects import record
 from physics.arms import arm, sprung
+from raises_at import raises_at
 
 LINE = {"stiffness_n_m_per_rad": 30.0, "rest_rad": 0.2, "preload_n_m": 1.0}
 TABLE = {"positions_rad": [-1.0, 0.0, 2.0], "torques_n_m": [3.0, 0.0, -1.0], "outside": "constant"}
@@ -59,7 +60,7 @@ REFUSALS = [  # robot, joint, place, and some of what the error says
     ({}, {"spring": without(LINE, "rest_rad")}, "joint 'hinge' spring.stiffness_n_m_per_rad", "needs rest_rad beside it"),
     ({}, {"spring": without(TABLE, "outside")}, "joint 'hinge' spring.positions_rad", "needs outside"),
     ({}, {"spring": {**TABLE, "torques_n_m": [1.0, 2.0]}}, "joint 'hinge' spring.torques_n_m", "3 numbers, as in positions_rad"),
-    ({}, {"spring": {**TABLE, "positions_rad": [0.0, 0.0, 1.0]}}, "joint 'hinge' spring.positions_rad", "above the one before"),
+    ({}, {"spring": {**TABLE, "positions_rad": [0.0, 0.0, 1.0]}}, "joint 'hinge' spring.positions_rad", "above the"),
     ({}, {"spring": {**TABLE, "outside": "refused"}}, "joint 'hinge' spring.outside", "constant"),
     ({}, {"spring": {"stiffness_n_per_m": 3.0, "rest_m": 0.0}}, "joint 'hinge' spring.stiffness_n_per_m", "unknown key"),
     ({}, {"spring": {**LINE, "stiffness_n_m_per_rad": -1.0}}, "joint 'hinge' spring.stiffness_n_m_per_rad", "0 or more"),
@@ -174,7 +175,7 @@ CLOSE = ([-0.2, 0.0, 1e-160], [0.0, 0.0, 1.0], [-1e308, 1e308, -1e308], [1.0, 1.
 @pytest.mark.parametrize("positions", CLOSE)
 def test_points_that_rounding_brings_together_are_refused(positions):
     """The slope between them would be a division by zero."""
-    with pytest.raises(DescriptionError, match="each above the one before"):
+    with raises_at(DescriptionError, "positions_m", "above the"):
         validated(
             LinearSpringRecord,
             {"positions_m": positions, "forces_n": [1, 0, 2], "outside": "linear"},

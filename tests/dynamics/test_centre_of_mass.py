@@ -12,6 +12,7 @@ from armwright.errors import ModelError
 from armwright.kinematics.forward_kinematics import body_placements
 from armwright.model import build_model
 from physics.arms import NAMES, all_positions, arm, description, random_state
+from raises_at import raises_at
 from reference.random_trees import random_description
 
 
@@ -47,5 +48,5 @@ def test_no_mass_has_no_centre():
     """An error, not NaN."""
     model = arm("two-link")
     model = replace(model, bodies=tuple(body.with_inertial_parameters(np.zeros(10)) for body in model.bodies))
-    with pytest.raises(ModelError, match=r"mass of the moving links \[kg\] = 0.0: expected more than 0"):
+    with raises_at(ModelError, "mass of the moving links [kg]", value=0.0):
         centre_of_mass(model, np.zeros(2))

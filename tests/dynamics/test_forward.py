@@ -11,6 +11,7 @@ from armwright.errors import ModelError
 from armwright.kernels.signatures import SIGNATURES
 from armwright.model.simplify import simplified
 from armwright.program import trace
+from raises_at import raises_at
 from reference.chains import chain
 
 
@@ -55,7 +56,7 @@ def test_derivatives_end_at_thirty_joints():
     for name in limited:
         inputs = [q] * len(SIGNATURES[name].inputs)
         for call in (lambda name=name, inputs=inputs: getattr(dyn, name)(*inputs), lambda name=name: dyn.casadi(name)):
-            with pytest.raises(ModelError, match=rf"^chain31: joints of {name} = 31: expected 30 or fewer$"):
+            with raises_at(ModelError, f"chain31: joints of {name}", "30 or fewer", value=31):
                 call()
         assert "more than 30 joints" in getattr(aw.CompiledArm, name).__doc__
     assert dyn.gravity_torques(q).shape == (31,)

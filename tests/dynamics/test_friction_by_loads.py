@@ -16,6 +16,7 @@ from armwright.friction_laws import LAWS
 from armwright.interfaces import JointReference, Measurement
 from armwright.kernels.signatures import SIGNATURES
 from physics.differences import assert_slope, differences
+from raises_at import raises_at
 from simulation.test_load_dependent_friction import MADE, SERVOS, level, loaded_arm, published, record
 
 SMOOTHING = 0.05
@@ -262,7 +263,7 @@ def test_a_gear_has_its_loss_by_efficiency_or_by_this_law(tmp_path):
     path = tmp_path / "arm.toml"
     text = path.read_text(encoding="utf-8").replace("gear_ratio = 1.0", "gear_ratio = 1.0\ngear_efficiency = 0.8", 1)
     path.write_text(text, encoding="utf-8")
-    with pytest.raises(DescriptionError, match=r"(?s)servo.*motor.gear_efficiency.*load-dependent"):
+    with raises_at(DescriptionError, "joint 'servo' motor.gear_efficiency", "load-dependent"):
         aw.load(path)
 
 

@@ -24,6 +24,7 @@ from armwright.model import Friction, Model
 from dynamics.gear_tables import LINEAR_TABLE, ROWS, TABLE, TORQUES, efficiencies, lift, worn
 from dynamics.test_gears import coupled, states
 from physics.arms import arm
+from raises_at import raises_at
 from simulation.energies import Balance
 from simulation.plants import COULOMB, MOTOR, pendulum
 
@@ -229,7 +230,7 @@ def test_slopes_on_both_sides_of_rest(name, speed):
 
 
 def test_articulated_bodies_refuse_friction_by_load():
-    with pytest.raises(ModelError, match="gears with loss"):
+    with raises_at(ModelError, "articulated_body", "gears with loss", value="lift"):
         articulated_body(with_load(lift({}), 0.2, "joint"), np.zeros(1), np.zeros(1), np.zeros(1))
 
 

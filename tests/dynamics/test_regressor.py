@@ -14,6 +14,7 @@ from armwright.model.simplify import aligned_frames
 from armwright.spatial import inertia_about_origin
 from dynamics.test_gears import coupled
 from physics.arms import NAMES, arm, description, has_friction_by_loads, projection, random_state, traced
+from raises_at import raises_at
 from reference.random_trees import random_description
 
 ARMS = [*NAMES, *range(1, 37, 3)]
@@ -49,7 +50,7 @@ def test_coupled_motors_are_refused_as_their_parameters_are():
     with pytest.raises(ModelError) as refused:
         regressor_drive(model, np.ones(6), np.ones(6))
     assert refused.value.problems == parameters.value.problems
-    with pytest.raises(ModelError, match="turns this motor too"):
+    with raises_at(ModelError, "motor.coupling", "'joint5'"):
         aw.compile(model).regressor_drive(np.ones(6), np.ones(6))
     assert regressor(model, np.ones(6), np.ones(6), np.ones(6)).shape == (6, 60)
 

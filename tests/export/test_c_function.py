@@ -10,6 +10,7 @@ from armwright.errors import ModelError
 from armwright.export.c_function import parse_form
 from armwright.kernels.signatures import SIGNATURES
 from physics.arms import arm, random_state
+from raises_at import raises_at
 
 
 @pytest.mark.parametrize(
@@ -84,5 +85,5 @@ def test_a_word_is_complete_and_names_nothing_twice(word, what):
 
 
 def test_a_frame_that_the_arm_lacks():
-    with pytest.raises(ModelError, match="frame = 'hand': puma560 has no such frame; there is base, link1"):
+    with raises_at(ModelError, "frame", "base, link1", value="hand"):
         parse_form("jacobian:frame=hand").trace(arm("puma560"))

@@ -13,6 +13,7 @@ import armwright as aw
 from armwright.cli.app import app
 from armwright.description import builtin_names
 from armwright.errors import ModelError, OutputError
+from raises_at import raises_at
 
 yaml = pytest.importorskip("yaml")
 
@@ -126,7 +127,7 @@ def test_the_command_writes_and_refuses(tmp_path):
         assert "\n" not in shown
     assert not (tmp_path / "other").exists()
     (tmp_path / "file").write_text("")
-    with pytest.raises(OutputError, match="cannot be created, or is no folder"):
+    with raises_at(OutputError, file=tmp_path / "file"):
         aw.export.export_ros2(aw.load("puma560"), tmp_path / "file")
     with pytest.raises(ModelError, match="rate"):
         aw.export.export_ros2(aw.load("puma560"), tmp_path, rate=1.5)

@@ -103,7 +103,7 @@ def main() -> None:
 
     assert list(ARM["toy friction"].where(arm)) == ["joint2", "joint3"]
     assert "toy friction" in GROUPS["friction"]
-    with pytest.raises(aw.ArmwrightError, match="joint 'joint5' type = 'thread': a URDF has no thread joint"):
+    with pytest.raises(aw.ArmwrightError, match=r"'joint5' type = 'thread': .*URDF"):
         write_urdf(arm, "toys.urdf")
     plain = parse(turning, "plain")
     for losses in (write_urdf(plain, Path("plain.urdf")), write_mjcf(plain, Path("plain.xml"))):

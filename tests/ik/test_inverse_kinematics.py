@@ -213,9 +213,9 @@ def test_targets_in_millimetres_are_asked_about(name):
 
 @pytest.mark.parametrize(("name", "here"), [("q0", "near"), ("tol", "tolerance"), ("mask", "aim"), ("end", "frame")])
 def test_keywords_of_other_toolboxes_are_answered(name, here):
-    with pytest.raises(TypeError, match=rf"no argument '{name}'; here it is '{here}'"):
+    with pytest.raises(TypeError, match=f"'{name}'.* '{here}'"):
         aw.inverse_kinematics(aw.load("puma560"), [0.4, 0.1, 0.3], **{name: 1.0})
-    with pytest.raises(TypeError, match="unexpected keyword argument 'xyzzy'"):
+    with pytest.raises(TypeError, match="'xyzzy'"):
         aw.inverse_kinematics(aw.load("puma560"), [0.4, 0.1, 0.3], xyzzy=1.0)
 
 

@@ -13,6 +13,7 @@ from armwright.errors import ModelError, ShapeError
 from armwright.kernels.signatures import SIGNATURES
 from docs.pages import blocks, comparable, python
 from interop.packages import PACKAGES
+from raises_at import raises_at
 
 pytestmark = pytest.mark.filterwarnings(
     "ignore:.*torch.jit.script.*is deprecated:FutureWarning"
@@ -146,13 +147,13 @@ def test_parameters_of_the_record_have_gradients(package):
 def test_wrong_calls_are_ours(package, dyn):
     function = package.function(dyn, "inverse_dynamics")
     q, wrong = package.array(np.zeros(6)), package.array(np.zeros(5))
-    with pytest.raises(ShapeError, match=r"inverse_dynamics: qd: shape \(5,\); expected \(…, 6\)"):
+    with raises_at(ShapeError, "inverse_dynamics: qd", r"\(5,\).*\(…, 6\)"):
         function(q, wrong, q)
-    with pytest.raises(ShapeError, match="2 arrays; expected 3: q, qd, qdd"):
+    with raises_at(ShapeError, "inverse_dynamics", "2 arrays.*3: q, qd, qdd"):
         function(q, q)
-    with pytest.raises(ShapeError, match="axes that broadcast"):
+    with raises_at(ShapeError, "inverse_dynamics", "broadcast"):
         function(*(package.array(np.zeros((count, 6))) for count in (2, 3, 2)))
-    with pytest.raises(ModelError, match=r"expected a compiled arm: aw.compile\(arm\)"):
+    with raises_at(ModelError, "dyn"):
         package.function(dyn.arm, "inverse_dynamics")
     with pytest.raises(ShapeError, match="inverse_dynamics"):
         package.function(dyn, "inverse_dynamic")
@@ -202,7 +203,7 @@ def test_the_page_prints_what_it_shows(tmp_path):
 @pytest.mark.parametrize("name", PACKAGES)
 def test_without_the_package_one_line_says_what_to_install(name, monkeypatch):
     monkeypatch.setitem(sys.modules, name, None)
-    with pytest.raises(ModelError, match=rf"aw.interop.{name}: .* is not installed: pip install {name}"):
+    with raises_at(ModelError, f"aw.interop.{name}", f"pip install {name}"):
         getattr(aw.interop, name)(aw.compile(aw.load("two-link")), "gravity_torques")
 
 

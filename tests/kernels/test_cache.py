@@ -265,7 +265,7 @@ def test_usual_folder_is_private(tmp_path, monkeypatch):
 def test_folder_that_others_can_write_is_not_used_and_says_so_once(folder, compiled, mode):
     right = bits()
     folder.chmod(mode)
-    with pytest.warns(RuntimeWarning, match=f"mode {mode:o}.*nobody else can write") as said:
+    with pytest.warns(RuntimeWarning, match=f"mode {mode:o}") as said:
         assert [bits() for _ in range(2)] == 2 * [right]
     assert len(said) == 1
     assert len(compiled) == 3

@@ -25,6 +25,7 @@ from armwright.simulation.loop.compiled import compile_loop
 from kernels.fake_cuda import FakeCuda, fake_cupy, fake_torch
 from kernels.harness import same_bits
 from physics.arms import arm
+from raises_at import raises_at
 from reference.chains import chain
 
 NVRTC = all(importlib.util.find_spec(name) is not None for name in ("cuda", "cuda.bindings"))
@@ -111,7 +112,7 @@ def test_cupy_arrays(gpu, monkeypatch):
     )
     with pytest.raises(ShapeError, match="complex"):
         dyn.gravity_torques(cupy.asarray(q + 0j))
-    with pytest.raises(ShapeError, match=r"gravity_torques: q: shape \(300, 5\); expected \(…, 6\)"):
+    with raises_at(ShapeError, "gravity_torques: q", r"\(300, 5\).*\(…, 6\)"):
         dyn.gravity_torques(cupy.asarray(q[:, :5]))
 
 
@@ -126,11 +127,11 @@ def test_torch_tensors(gpu, monkeypatch):
     assert isinstance(found, torch.Tensor)
     assert np.array_equal(found.array, here.inverse_dynamics(q, qd, qdd[0]))
     assert gpu.launches == [("inverse_dynamics", 3, 128, 9)]
-    with pytest.raises(ShapeError, match=r"requires a gradient; expected tensor.detach"):
+    with raises_at(ShapeError, "gravity_torques: q", r"gradient.*tensor\.detach"):
         dyn.gravity_torques(torch.Tensor(q, requires_grad=True))
-    with pytest.raises(ModelError, match=r"gravity_torques: an array that is not on a GPU; expected arrays on cuda:0"):
+    with raises_at(ModelError, "gravity_torques", "on cuda:0"):
         dyn.gravity_torques(torch.Tensor(q, "cpu"))
-    with pytest.raises(ModelError, match="arrays of CuPy and PyTorch; expected arrays of one library"):
+    with raises_at(ModelError, "bias_torques", "CuPy and PyTorch"):
         dyn.bias_torques(torch.Tensor(q), cupy.asarray(qd))
 
 
@@ -151,7 +152,7 @@ def test_jax_arrays(gpu, monkeypatch):
         assert isinstance(first, jax.Array)
         assert np.array_equal(first, here.inverse_dynamics(q, qd, qdd[0]))
         assert np.array_equal(second, here.inverse_dynamics(qd, q, qdd[0]))
-        with pytest.raises(ShapeError, match="traced array; expected an array with values"):
+        with raises_at(ShapeError, "gravity_torques: q", "traced"):
             jax.jit(dyn.gravity_torques)(jax.numpy.asarray(q))
 
 
@@ -167,11 +168,11 @@ def test_arrays_that_only_say_where_they_are(gpu):
     theirs = SimpleNamespace(__cuda_array_interface__=ours.__cuda_array_interface__ | {"strides": (48, 8)})
     assert np.array_equal(dyn.gravity_torques(theirs).numpy(), here.gravity_torques(q))
     reversed_ = SimpleNamespace(__cuda_array_interface__=ours.__cuda_array_interface__ | {"strides": (-48, 8)})
-    with pytest.raises(ShapeError, match=r"gravity_torques: q: .* contiguous rows of float64"):
+    with raises_at(ShapeError, "gravity_torques: q", r"\(40, 6\).*rows of float64"):
         dyn.gravity_torques(reversed_)
-    with pytest.raises(ShapeError, match=r"gravity_torques: q: .* contiguous rows of float64"):
+    with raises_at(ShapeError, "gravity_torques: q", "<f4.*rows of float64"):
         dyn.gravity_torques(device.put(q.astype("f")))
-    with pytest.raises(ShapeError, match=r"bias_torques: q: .* contiguous rows of float64"):
+    with raises_at(ShapeError, "bias_torques: q", r"\(40, 1, 6\).*float64 \(40, 4, 6\)"):
         dyn.bias_torques(device.put(q[:, None]), device.put(qd[:4]))
     del found, ours, theirs, reversed_
     assert not gpu.memory
@@ -189,7 +190,7 @@ def test_trajectories_are_the_simulator_s(gpu):
     record, frozen = CudaTrajectory(simulator.step, Gpu())(np.hstack([q0, 0 * q0]), u, 1e-3, ticks, every)
     assert np.array_equal(record[:, :, : model.n].transpose(1, 0, 2), expected)
     assert (frozen == -1.0).all()
-    with pytest.raises(ShapeError, match=r"x and u: shapes \(4,\) and \(9, 2\); expected \(lanes, 4\)"):
+    with raises_at(ShapeError, "trajectory: x and u", r"\(4,\) and \(9, 2\).*\(lanes, 4\)"):
         CudaTrajectory(simulator.step, Gpu())(np.zeros(4), u, 1e-3, 1)
 
 
@@ -203,9 +204,7 @@ def test_compiled_kernels_are_kept(gpu):
     aw.compile(model, device="cuda").gravity_torques(np.ones(2))
     assert gpu.compiled == ["sm_90", "sm_80"]  # which an 8.6 runs, too
     gpu.CAPABILITY = (7, 5)
-    with pytest.raises(
-        ModelError, match=r"NVRTC 13.0 makes no code for a GPU of compute capability 7.5, but for 8.0, 9.0"
-    ):
+    with raises_at(ModelError, "device", r"NVRTC 13\.0 .* 7\.5, .* 8\.0, 9\.0"):
         aw.compile(model, device="cuda").gravity_torques(np.ones(2))
 
 
@@ -218,20 +217,20 @@ def test_copies_and_pickles_compile_anew(gpu):
 
 def test_what_a_gpu_does_not_have_is_refused(gpu):
     model = arm("two-link")
-    with pytest.raises(ModelError, match="target of device 'cuda' = 'x86-64-v3': expected None"):
+    with raises_at(ModelError, "target of device 'cuda'", value="x86-64-v3"):
         aw.compile(model, "x86-64-v3", device="cuda")
     dyn = aw.compile(model, device="cuda")
-    with pytest.raises(ModelError, match="gravity_torques: out: is not offered on a GPU"):
+    with raises_at(ModelError, "gravity_torques: out"):
         dyn.gravity_torques(np.ones(2), out=np.ones(2))
-    with pytest.raises(ModelError, match="gravity_torques: bind: is not offered on a GPU"):
+    with raises_at(ModelError, "gravity_torques: bind"):
         dyn.bind("gravity_torques")
     gpu.room = 100
-    with pytest.raises(ModelError, match="cuMemAlloc: out of memory"):
+    with raises_at(ModelError, "device", "cuMemAlloc"):
         dyn.gravity_torques(np.ones((20, 2)))
     for device in ("gpu", "cuda:", "cuda:x", 0):
-        with pytest.raises(ModelError, match=r'device = .*: expected "cpu", "cuda"'):
+        with raises_at(ModelError, "device", '"cpu", "cuda"', value=device):
             aw.compile(model, device=device)
-    with pytest.raises(ModelError, match="device = 'cuda:3': there are 1, counted from 0"):
+    with raises_at(ModelError, "device", "there are 1", value="cuda:3"):
         aw.compile(model, device="cuda:3")
 
 
@@ -263,7 +262,7 @@ def test_without_nvrtc_it_says_what_to_get(gpu, monkeypatch):
         raise RuntimeError('Failure finding "libnvrtc.so.13"')
 
     monkeypatch.setattr(sys.modules["cuda.bindings.nvrtc"], "nvrtcVersion", no_library)
-    with pytest.raises(ModelError, match=r'NVRTC, .* is not installed: pip install "armwright\[cuda\]"'):
+    with raises_at(ModelError, "device", r'NVRTC.*pip install "armwright\[cuda\]"'):
         aw.compile(arm("two-link"), device="cuda").gravity_torques(np.ones(2))
 
 
@@ -307,7 +306,7 @@ def test_nvrtc_compiles_every_kernel(name, architecture, record_property):
 @pytest.mark.skipif(not NVRTC, reason="the extra `cuda` is not installed")
 def test_nvrtc_fuses_nothing_by_itself():
     """A product and a sum that the program has apart stay apart: in the machine code, DMUL and DADD."""
-    with pytest.raises(ModelError, match=r"NVRTC: .*invalid value for --gpu-architecture"):
+    with pytest.raises(ModelError, match=r"NVRTC: .*--gpu-architecture"):
         cubin("", "sm_5")
     text = 'extern "C" __global__ void f(double *x) { x[0] = x[0] * x[1] + x[2]; }'
     fused, apart = (b"fma.rn" in _ptx(text, option) for option in ("--fmad=true", "--fmad=false"))

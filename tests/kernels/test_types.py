@@ -83,7 +83,7 @@ def test_unknown_kernels_and_wrong_arguments_are_errors(found):
 
 
 def test_unknown_kernel_is_an_error_with_its_name_here():
-    with pytest.raises(AttributeError, match="no kernel is called 'rnea'; here it is inverse_dynamics"):
+    with pytest.raises(AttributeError, match=r"'rnea'.* inverse_dynamics"):
         aw.compile(aw.load("two-link")).rnea  # noqa: B018
 
 

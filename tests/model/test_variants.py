@@ -12,6 +12,7 @@ from armwright.description.writer import to_toml
 from armwright.errors import DescriptionError, ModelError
 from armwright.model import build_model
 from physics.arms import NAMES, arm, random_state, workshop
+from raises_at import raises_at
 from reference.random_trees import random_description
 
 TENSOR = np.array([[0.02, 0.001, -0.002], [0.001, 0.03, 0.003], [-0.002, 0.003, 0.025]])
@@ -100,7 +101,7 @@ def test_a_payload_can_be_varied_and_written_and_read_again():
 
 def test_two_payloads_need_two_names():
     once = arm("panda").with_payload(1.0, [0, 0, 0.1], np.zeros(3))
-    with pytest.raises(DescriptionError, match="has this name already"):
+    with raises_at(DescriptionError, "with_payload(name='payload')"):
         once.with_payload(1.0, [0, 0, 0.1], np.zeros(3))
     twice = once.with_payload({"value": 0.5, "std": 0.01}, [0, 0, 0], TENSOR, name="camera", source="measurement")
     assert twice.provenance("camera.mass_kg").kind == "measurement"
@@ -252,7 +253,7 @@ def test_coupled_motors():
 
     part = with_locked(whole, {"joint4": 0.1})
     assert part.joints[4].motor.coupling == ()  # type: ignore[union-attr]
-    with pytest.raises(DescriptionError, match="joint 'joint5': 'joint4' turns its motor too"):
+    with raises_at(DescriptionError, "with_locked: joint 'joint5'", "'joint4'"):
         with_locked(whole, {"joint5": 0.1})
     assert len(with_locked(whole, {"joint5": 0.1, "joint4": 0.0}).joints) == 6
 
@@ -268,11 +269,11 @@ def test_an_impossible_arm_that_was_accepted_stays_so(tmp_path):
 def test_joints_that_mimic_others():
     """They are held with the joint that they follow, and stay with it in a subchain."""
     whole = arm("gripper")
-    with pytest.raises(DescriptionError, match="the joint mimics 'left'; expected that one locked"):
+    with raises_at(DescriptionError, "with_locked: joint 'right'", "'left'"):
         whole.with_locked({"right": 0.0})
     assert whole.with_locked({"left": 0.01}).names == ["joint1", "joint2", "joint3", "joint4"]
     assert len(whole.with_locked({"left": 0.01}).bodies) == 5
-    with pytest.raises(DescriptionError, match="joint 'right': it mimics 'left', which does not move between the two"):
+    with raises_at(DescriptionError, "subchain('base', 'right_link') joint 'right'", "'left'"):
         whole.subchain("base", "right_link")
     part = whole.with_locked({"left": 0.01}).subchain("base", "right_link")
     q = random_state(part, 1)[0]
@@ -283,5 +284,5 @@ def test_joints_that_mimic_others():
 def test_without_a_description_there_is_no_variant():
     import dataclasses
 
-    with pytest.raises(ModelError, match="was not made from a description"):
+    with raises_at(ModelError, "arm", value="panda"):
         dataclasses.replace(arm("panda"), description=None).with_locked({"joint1": 0.0})

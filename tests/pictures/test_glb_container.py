@@ -110,5 +110,5 @@ def test_the_rules_see_times_that_stand_still_and_signs_that_jump(file):
     for k in range(4):
         at = turns["byteOffset"] + 16 + 4 * k
         struct.pack_into("<f", jumps, at, -struct.unpack_from("<f", jumps, at)[0])
-    with pytest.raises(AssertionError, match="no jump of sign"):
+    with pytest.raises(AssertionError, match="jump of sign"):
         Gltf(joined(document, bytes(jumps)))

@@ -8,6 +8,7 @@ from rich.console import Console
 
 from armwright.errors import RunError
 from armwright.pictures.terminal import ROWS, show_runs, strip
+from raises_at import raises_at
 from simulation.runs import invented, mixed_arm
 
 
@@ -95,9 +96,9 @@ def test_strips_of_a_joint_have_one_scale(run):
 def test_joints_go_by_number_and_quantities_by_the_names_of_the_session(run):
     spoken = shown({"run": run}, joints=["2"], quantities=["theta", "torque"])
     assert spoken == shown({"run": run}, joints=["slide"], quantities=["q", "tau"])
-    with pytest.raises(RunError, match="quantity = 'thta': no such quantity; did you mean theta"):
+    with raises_at(RunError, "run quantity", "theta", value="thta"):
         shown({"run": run}, quantities=["thta"])
-    with pytest.raises(RunError, match="joint = '4': no such joint"):
+    with raises_at(RunError, "run joint", value="4"):
         shown({"run": run}, joints=["4"])
 
 

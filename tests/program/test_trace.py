@@ -74,9 +74,9 @@ def test_branch_on_a_symbol_names_its_place():
     def branching(q):
         return q if q[0] < 1.0 else -q
 
-    with pytest.raises(SymbolError, match=r"test_trace\.py:\d+: a comparison of a traced symbol.*scalar\.less"):
+    with pytest.raises(SymbolError, match=r"test_trace\.py:\d+: a comparison .*scalar\.less"):
         trace("branching", branching, {"q": (2,)})
-    with pytest.raises(SymbolError, match=r"test_trace\.py:\d+: a branch on a traced symbol.*scalar\.where"):
+    with pytest.raises(SymbolError, match=r"test_trace\.py:\d+: a branch .*scalar\.where"):
         trace("branching", lambda q: q if q[0] else -q, {"q": (2,)})
 
 

@@ -15,6 +15,7 @@ import armwright as aw
 from armwright.cli.app import app
 from armwright.errors import OutputError, RunError
 from armwright.results.mat_file import KEYWORDS, matlab_names
+from raises_at import raises_at
 
 LOG = """
 joints = ["joint1", "joint2"]
@@ -202,12 +203,12 @@ def test_refusals_are_one_line(tmp_path, run, monkeypatch):
         assert expected in shown
         assert "\n" not in shown
     early = run.assign_coords(time=run["time"].values - 1.0)
-    with pytest.raises(OutputError, match=r"time = -1.0: no stamp of ROS 2; expected 0 to 2147483647 s"):
+    with raises_at(OutputError, "time", "0 to 2147483647 s", value=-1.0):
         aw.save(early, tmp_path / "early.mcap")
     with pytest.raises(RunError):
         aw.save(run.drop_dims("time"), tmp_path / "none.mcap")
     assert not list(tmp_path.glob("*.mcap"))
     find = importlib.util.find_spec
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "mcap" else find(name))
-    with pytest.raises(OutputError, match=r"MCAP needs mcap, which is not installed: pip install armwright\[logs\]"):
+    with pytest.raises(OutputError, match=r"pip install armwright\[logs\]"):
         aw.save(run, tmp_path / "run.mcap")

@@ -21,6 +21,7 @@ from armwright.errors import ArmwrightError, RunError, ScenarioError
 from armwright.pictures.terminal import show_runs
 from armwright.results.run_file import SEAL, SEAL_LENGTH
 from cli.test_bad_input import refused
+from raises_at import raises_at
 from results import damaged_runs
 
 FILES = 16  # two of each way of damage
@@ -153,7 +154,7 @@ def test_a_saved_file_has_a_checksum_that_other_readers_pass_over(tmp_path, run)
     data = bytearray(path.read_bytes())
     data[len(data) // 2] ^= 1
     path.write_bytes(data)
-    with pytest.raises(RunError, match="does not have its checksum: it was damaged or changed"):
+    with raises_at(RunError, match="checksum", file=path):
         aw.load_run(path)
 
 
@@ -188,9 +189,7 @@ def test_data_elsewhere_and_absurd_sizes_are_refused_before_they_are_read(tmp_pa
             file.create_dataset("heat", (10**6,), chunks=(1000,), dtype=h5py.string_dtype())
     if sealed:
         seal(path)
-    with pytest.raises(
-        RunError, match=r"run.nc: cannot be read as a run: heat (lies in another file|is a link|declares)"
-    ):
+    with raises_at(RunError, match=": heat ", file=path):
         aw.load_run(path)
 
 

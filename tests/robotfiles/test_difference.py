@@ -8,6 +8,7 @@ import pytest
 import armwright as aw
 from armwright.errors import DescriptionError
 from physics.arms import FORMS, arm
+from raises_at import raises_at
 
 
 @pytest.mark.parametrize("name", [*FORMS, "so101"])
@@ -95,5 +96,5 @@ def test_joints_in_another_order():
 
 
 def test_no_such_arm():
-    with pytest.raises(DescriptionError, match="did you mean puma560"):
+    with raises_at(DescriptionError, "robot", r"puma560\?", value="puma56"):
         aw.robotfiles.diff("puma56", "puma560")

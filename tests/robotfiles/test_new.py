@@ -112,7 +112,7 @@ def test_the_last_few_are_named_with_their_meaning(tmp_path):
     aw.robotfiles.new_robot(path, joints=1, command="torque")
     text = re.sub(r'"TODO"(?=.*#.*CAD)', "[0, 0, 1]", path.read_text(encoding="utf-8"))
     path.write_text(re.sub(r"(inertia_kg_m2) = .*", r"\1 = 0", text), encoding="utf-8")
-    with pytest.raises(DescriptionError, match="gear_ratio = 'TODO': to be filled in; expected a number other than 0"):
+    with pytest.raises(DescriptionError, match=r"gear_ratio = 'TODO': .* a number other than 0"):
         aw.load(path)
 
 

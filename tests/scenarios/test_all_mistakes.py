@@ -211,5 +211,5 @@ velocity_kp = 3
 """
     path = tmp_path / "vel.scenario.toml"
     path.write_text(text, encoding="utf-8")
-    with pytest.raises(ArmwrightError, match=r"velocity_kp.*did you mean speed_kp\?"):
+    with pytest.raises(ArmwrightError, match=r"velocity_kp.* speed_kp\?"):
         aw.read_scenario(path)

@@ -11,6 +11,7 @@ import pytest
 
 import armwright as aw
 from armwright.errors import Interrupted, RunError
+from raises_at import raises_at
 
 TEXT = 'robot = "two-link"\nduration_s = 0.02\nsolver.step_s = 1e-3\n'
 DRIVEN = TEXT + "[commands]\nconstant = [20, 5]\n"
@@ -30,7 +31,7 @@ def test_a_changed_scenario_is_no_longer_the_files(tmp_path):
     changed = dataclasses.replace(scenario(tmp_path), duration=0.01)
     run = aw.simulate(changed)
     assert "scenario" not in run.attrs
-    with pytest.raises(RunError, match="keeps no scenario: only runs of a scenario file as it is read keep one"):
+    with pytest.raises(RunError, match="no scenario"):
         aw.reproduce(saved(tmp_path, run))
 
 
@@ -48,7 +49,7 @@ def test_shapes_and_coordinates_are_compared(tmp_path):
 def test_what_a_run_was_made_with_must_be_readable(tmp_path):
     run = aw.simulate(scenario(tmp_path))
     run.attrs["made_with"] = "zzz"
-    with pytest.raises(RunError, match="made_with = 'zzz': expected versions by name"):
+    with raises_at(RunError, "made_with", value="zzz"):
         aw.reproduce(saved(tmp_path, run))
 
 

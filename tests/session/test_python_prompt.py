@@ -10,6 +10,7 @@ import pytest
 from armwright.errors import ABSENT, SessionError
 from armwright.session import Session
 from armwright.session.listing import TextLine
+from raises_at import raises_at
 from session.terminal import SIM, Terminal, needs_pty
 from session.walks import refused
 
@@ -73,7 +74,7 @@ def test_a_question_comes_after_what_was_printed_and_before_the_answer(capsys, m
 
 
 def test_python_needs_somebody_or_a_statement(session):
-    with pytest.raises(SessionError, match="no terminal to type at"):
+    with raises_at(SessionError, "python", "no terminal"):
         session.run("python")
 
 

@@ -13,6 +13,7 @@ from armwright.errors import LogError, ScenarioError, ShapeError
 from armwright.shadow.observer import MomentumObserver, with_kilogram
 from identification.arm.simulated_log import motion
 from identification.real_logs import DATA, LWA_4P, log_of
+from raises_at import raises_at
 
 RATE = 500.0
 SOON = 0.5  # [s] within which another payload has to be noticed
@@ -255,12 +256,10 @@ def test_deviations_of_the_records_numbers(tmp_path):
 def test_a_loop_is_closed_over_a_validated_record_alone(tmp_path):
     arm = aw.load("two-link")
     noise, heard = noise_of(arm), []
-    with pytest.raises(LogError, match=r"record: not known; expected the path of the record's file"):
+    with raises_at(LogError, "record", "not known"):
         aw.shadow.ArmShadow(arm, deviation=1.0, on_alarm=heard.append)
     bare = aw.robotfiles.write_toml(arm.description, tmp_path / "bare.toml")
-    with pytest.raises(
-        LogError, match=r"bare.toml: no verdict on this record; expected a record that `armwright validate"
-    ):
+    with raises_at(LogError, match="no verdict.*`armwright validate", file=bare):
         aw.shadow.ArmShadow(bare, deviation=1.0, on_alarm=heard.append)
     record = validated(tmp_path, arm, noise)
     shadow = aw.shadow.ArmShadow(record, on_alarm=heard.append)
@@ -269,7 +268,7 @@ def test_a_loop_is_closed_over_a_validated_record_alone(tmp_path):
     assert [alarm.t for alarm in heard] == [alarm.t for alarm in shadow.alarms]
     assert heard
     record.write_text(record.read_text() + "\n# changed\n")
-    with pytest.raises(LogError, match="the verdict is of another state of the record"):
+    with raises_at(LogError, match="another state", file=record):
         aw.shadow.ArmShadow(record, on_alarm=heard.append)
 
 

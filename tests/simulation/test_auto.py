@@ -10,6 +10,7 @@ import armwright as aw
 from armwright.errors import DivergenceError, ScenarioError
 from armwright.simulation.integrate.step_control import share_of_range
 from physics.arms import arm
+from raises_at import raises_at
 from simulation.fields import scenario_of
 from simulation.plants import MOTOR, pendulum
 
@@ -147,9 +148,7 @@ def test_it_goes_on_to_the_bit():
 
 def test_a_lane_that_runs_out_of_substeps_is_marked_with_tick_and_joint():
     scenario = replace(pushed("puma560", 1.0), solver=aw.Solver(accuracy=1e-9, max_substeps=3))
-    with pytest.raises(
-        DivergenceError, match=r"ran out of substeps, as (q|qd) of \w+ asked for more, in the tick at t = .* max_sub"
-    ):
+    with pytest.raises(DivergenceError, match=r"(q|qd) of \w+ .* t = .* max_sub"):
         aw.simulate(scenario)
     lanes = aw.Batch(np.array([np.zeros(6), 40.0 * np.ones(6)]))
     run = aw.simulate(replace(scenario, command=lanes))
@@ -164,7 +163,7 @@ def test_the_limit_of_substeps_does_not_depend_on_the_recording_period():
     run = aw.simulate(rare)
     assert int(run.steps_tried) > 1000
     np.testing.assert_allclose(run.q.values[-1], aw.simulate(fine).q.values[-1], atol=1e-6)
-    with pytest.raises(DivergenceError, match="ran out of substeps"):
+    with pytest.raises(DivergenceError, match="of substeps"):
         aw.simulate(replace(rare, solver=aw.Solver(accuracy=1e-10, max_substeps=1)))
 
 
@@ -215,19 +214,15 @@ def test_another_recording_period_cannot_go_on_from_a_run():
 
 
 def test_defaults_are_not_named_as_if_they_had_been_given():
-    with pytest.raises(ScenarioError, match=r"expected a multiple of 0.001 s, the time from row to row; another rec"):
+    with raises_at(ScenarioError, "duration", r"0\.001 s, .* row to row", value=0.0105):
         replace(pushed("puma560"), duration=0.0105)
-    with pytest.raises(
-        ScenarioError, match=r"expected a multiple of 0.001 s, the step; another solver.step changes it"
-    ):
+    with raises_at(ScenarioError, "duration", r"0\.001 s, .*solver\.step", value=0.0105):
         replace(pushed("puma560"), duration=0.0105, solver=aw.Solver("rk4"))
 
 
 def test_a_tiny_recording_period_is_refused_for_its_rows():
     scenario = replace(pushed("puma560"), duration=1000.0, recording=aw.Recording(period=1e-9))
-    with pytest.raises(
-        ScenarioError, match=r"more than there is memory for; .* a recording.period longer than 1e-09 s"
-    ):
+    with raises_at(ScenarioError, "recording", "recording.period .* 1e-09 s"):
         aw.simulate(scenario)
 
 

@@ -16,6 +16,7 @@ from armwright.errors import RunError, ScenarioError
 from armwright.results.aliases import LOOP_STATE
 from frozen.runs import RUNS, controlled, stubborn, two_link
 from physics.arms import arm
+from raises_at import raises_at
 from simulation.fields import scenario_of, with_fields
 from simulation.plants import BRAKE, MANY, MOTOR, pendulum
 
@@ -205,7 +206,7 @@ def test_rows_of_a_reference_belong_to_their_ticks():
     np.testing.assert_array_equal(simulation.reference_now.q, rows[-1])
     simulation.reset()
     np.testing.assert_array_equal(simulation.run(0.1).q.values, whole.q.values)
-    with pytest.raises(ScenarioError, match=r"loop\.reference: shape \(7, 2\); expected a pose"):
+    with raises_at(ScenarioError, "loop.reference", r"\(7, 2\).* \(2,\)"):
         aw.simulation.Simulation(two_link(reference=rows[:7]))
 
 
@@ -337,7 +338,7 @@ def test_what_is_no_start_is_refused(fields, said):
 
 
 def test_a_state_of_another_arm_or_of_other_lanes_is_refused():
-    with pytest.raises(ScenarioError, match="expected the 12 numbers of puma560 with its drives"):
+    with raises_at(ScenarioError, "start", "12 numbers of puma560"):
         aw.Scenario(arm("puma560"), command=np.zeros(6), duration=0.01, start=STATE)
     bare = aw.simulate(
         aw.Scenario(
@@ -348,22 +349,22 @@ def test_a_state_of_another_arm_or_of_other_lanes_is_refused():
             recording=aw.Recording(what="state"),
         )
     )
-    with pytest.raises(ScenarioError, match="start: a dataset without loop_state"):
+    with raises_at(ScenarioError, "start", "loop_state"):
         aw.Scenario(MANY["elastic"], command=[1.0], duration=0.01, start=bare, solver=aw.Solver(step=2e-4))
     lanes = aw.simulation.Simulation(aw.Scenario(arm("two-link"), command=aw.Batch(np.zeros((3, 2))), duration=0.01))
     other = aw.simulation.Simulation(aw.Scenario(arm("two-link"), command=aw.Batch(np.zeros((4, 2))), duration=0.01))
-    with pytest.raises(ScenarioError, match="state: 3 lanes; expected 4"):
+    with raises_at(ScenarioError, "state", "3 lanes; .* 4"):
         other.restore(lanes.state)
-    with pytest.raises(ScenarioError, match="start: 3 lanes; expected 4, as command has"):
+    with raises_at(ScenarioError, "start", "3 lanes; .* 4, .* command"):
         dataclasses.replace(other.scenario, start=lanes.state)
-    with pytest.raises(ScenarioError, match="start: a state with 'q elbow'; expected the 2 numbers of chain"):
+    with raises_at(ScenarioError, "start", "'q elbow'.* 2 numbers of chain"):
         aw.simulation.Simulation(aw.Scenario(MANY["plain"], command=[0.0], duration=0.01)).restore(STATE)
 
 
 def test_a_lane_that_diverged_is_no_start():
     qd0 = aw.Batch([[0.0, 0.0], [1e200, 0.0]])
     run = aw.simulate(aw.Scenario(arm("two-link"), command=np.zeros(2), duration=0.01, start=aw.Start(qd=qd0)))
-    with pytest.raises(ScenarioError, match="start: lane 1 stopped at t = 0 s"):
+    with raises_at(ScenarioError, "start", "lane 1 .* t = 0 s"):
         aw.Scenario(arm("two-link"), command=np.zeros(2), duration=0.01, start=run)
     aw.simulate(aw.Scenario(arm("two-link"), command=np.zeros(2), duration=0.01, start=run.isel(lane=0)))
 
@@ -372,7 +373,7 @@ def test_a_file_that_is_no_state_is_refused(tmp_path):
     (tmp_path / "text.npz").write_text("text")
     np.savez(tmp_path / "other.npz", q=np.zeros(2))
     for name in ("text.npz", "other.npz", "missing.npz"):
-        with pytest.raises(RunError, match=f"{name}: (cannot be read|expected the state of a simulation)"):
+        with raises_at(RunError, file=tmp_path / name):
             aw.simulation.LoopState.load(tmp_path / name)
 
 
@@ -381,13 +382,13 @@ def test_commands_that_do_not_fit_are_refused():
         aw.simulation.Simulation(two_link()),
         aw.simulation.Simulation(two_link(controller=None, duration=None)),
     )
-    with pytest.raises(ScenarioError, match="command: beside the scenario's commands or controller"):
+    with raises_at(ScenarioError, "command", "^command: beside"):
         driven.step([0.0, 0.0])
-    with pytest.raises(ScenarioError, match="command: missing; expected one"):
+    with raises_at(ScenarioError, "command", "missing"):
         outside.step()
-    with pytest.raises(ScenarioError, match=r"command: shape \(3,\); expected \(2,\)"):
+    with raises_at(ScenarioError, "command", r"\(3,\).* \(2,\)"):
         outside.step([0.0, 0.0, 0.0])
-    with pytest.raises(ScenarioError, match="nothing drives the arm"):
+    with raises_at(ScenarioError, "command", "nothing drives"):
         outside.run(0.01)
 
 

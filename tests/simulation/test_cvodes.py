@@ -11,6 +11,7 @@ from armwright.errors import DivergenceError, ScenarioError
 from armwright.simulation.loop.timing import Timing
 from armwright.simulation.plant.plant import plant_derivative
 from physics.arms import arm
+from raises_at import raises_at
 from simulation.fields import scenario_of
 from simulation.test_simulation import motor_alone
 
@@ -148,7 +149,7 @@ def test_too_many_lanes_are_refused():
     many = aw.Scenario(
         arm("two-link"), duration=0.1, command=aw.Batch(np.zeros((1001, 2))), solver=aw.Solver(integrator="cvodes")
     )
-    with pytest.raises(ScenarioError, match="1001 lanes; expected at most 1000, or integrator = 'rk45'"):
+    with raises_at(ScenarioError, "solver.integrator", "1001 lanes.* 1000, .*'rk45'", value="cvodes"):
         aw.simulate(many)
 
 
@@ -158,6 +159,6 @@ def test_a_lane_that_has_no_solution_is_marked_and_the_others_go_on(capfd):
     run = aw.simulate(scenario_of(motor_alone(), command=[1.0], q0=far, qd0=far, **common))
     assert run.diverged_at.values[0] == 0.0
     assert np.isnan(run.diverged_at.values[1])
-    with pytest.raises(DivergenceError, match="diverged to infinite numbers or NaN at t = 0 s"):
+    with pytest.raises(DivergenceError, match=r"diverged .* t = 0 s"):
         aw.simulate(scenario_of(motor_alone(), command=[1.0], q0=[1e308], qd0=[1e308], **common))
     assert capfd.readouterr().err == ""

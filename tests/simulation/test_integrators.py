@@ -12,6 +12,7 @@ from armwright.simulation.integrate.integrators import INTEGRATORS, semi_implici
 from armwright.simulation.loop.compiled import compile_loop
 from armwright.simulation.plant.step_limits import StepLimit
 from physics.arms import arm
+from raises_at import raises_at
 from simulation.fields import scenario_of
 from simulation.plants import ELASTIC, LUGRE, MOTOR, ON_MOTOR, chain
 
@@ -95,7 +96,7 @@ def test_the_largest_step_follows_the_rule():
     stability, u = StepLimit(model), np.zeros(model.n)
     steps = {name: stability.largest_step(rule, u) for name, rule in INTEGRATORS.items()}
     assert steps["semi_implicit_euler"] < steps["rk3"] < steps["rk4"]
-    with pytest.raises(ScenarioError, match=r"rk4 would blow up or lose track; expected [0-9.e-]+ s; or"):
+    with raises_at(ScenarioError, "step", "rk4 .*[0-9.e-]+ s; or"):
         stability.check_step("rk4", INTEGRATORS["rk4"], 1.01 * steps["rk4"], u[None])
 
 

@@ -46,7 +46,7 @@ def scenarios(lanes, duration):
 def test_finished_lanes_are_kept(which, threads):
     scenario = scenarios(4000, 4.0)[which]
     whole = aw.simulate(scenario)
-    with pytest.raises(Interrupted, match=r"stopped by Ctrl-C after \d+ of 4000 lanes") as stop:
+    with pytest.raises(Interrupted, match=r"\d+ of 4000 lanes") as stop:
         aw.simulate(scenario, threads=threads, progress=stopping_at(0.3))
     run = stop.value.run
     lanes = run.lane.values
@@ -64,7 +64,7 @@ def test_finished_lanes_are_kept(which, threads):
 def test_a_run_of_one_group_keeps_its_time(which, lanes):
     scenario = scenarios(lanes, 20.0)[which]
     whole = aw.simulate(scenario)
-    with pytest.raises(Interrupted, match=r"after \d+ of 20000 ticks of") as stop:
+    with pytest.raises(Interrupted, match=r"\d+ of 20000 ticks") as stop:
         aw.simulate(scenario, progress=stopping_at(0.004))
     run = stop.value.run
     count = run.sizes["time"]

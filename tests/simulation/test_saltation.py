@@ -10,6 +10,7 @@ import pytest
 import armwright as aw
 from armwright.errors import ScenarioError
 from armwright.model.vary import Varied
+from raises_at import raises_at
 from simulation.exact import ExactPlant
 from simulation.plants import ELASTIC, MOTOR, chain, pendulum
 
@@ -178,7 +179,7 @@ def at_peak(above, damping=20.0):
 @pytest.mark.parametrize("solver", [aw.Solver(), aw.Solver("rk4", 1e-3)], ids=["auto", "by hand"])
 def test_a_contact_that_is_only_touched_is_refused_by_its_name(above, solver):
     grazing = replace(at_peak(above), solver=solver)
-    with pytest.raises(ScenarioError, match=r"joint 'joint0': meets or leaves its upper stop at t = 0\.18"):
+    with raises_at(ScenarioError, "joint 'joint0'", r"upper stop at t = 0\.18"):
         aw.simulation.sensitivities(grazing, ["start.qd[0]"])
     for clear in (1e-4, -1e-4):
         assert np.isfinite(aw.simulation.sensitivities(at_peak(clear), ["start.qd[0]"]).d_qd.values).all()
@@ -202,7 +203,7 @@ def test_a_load_that_only_just_does_not_break_a_joint_loose_is_refused_by_its_jo
     assert 0 < k < len(load) - 1
     before, at, after = np.abs(load[k - 1 : k + 2])
     peak = at - (after - before) ** 2 / (8.0 * (after - 2.0 * at + before))
-    with pytest.raises(ScenarioError, match=r"joint 'joint0': it stops, or breaks loose, at t = 0\.\d+ s so slowly"):
+    with raises_at(ScenarioError, "joint 'joint0'", r"t = 0\.\d+ s so slowly"):
         aw.simulation.sensitivities(scenario(peak), ["rod1.mass_kg"])
     assert np.isfinite(aw.simulation.sensitivities(scenario(0.99 * peak), ["rod1.mass_kg"]).d_q.values).all()
     assert not aw.simulation.sensitivities(scenario(1.01 * peak), ["rod1.mass_kg"]).d_q.values[:, 0].any()

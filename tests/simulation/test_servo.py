@@ -11,6 +11,7 @@ from scipy.integrate import solve_ivp
 import armwright as aw
 from armwright.description.database import parse
 from armwright.model import build_model
+from raises_at import raises_at
 
 GRAVITY, MASS, LENGTH, ARMATURE, VOLTS = 9.81, 0.3, 0.1, 0.028, 7.4
 KT, R, VISCOUS = 1.0, 2.2, 0.1
@@ -250,7 +251,7 @@ def test_sensitivities_of_an_exact_loop_are_differences():
         ends = [aw.simulate(replace(scenario, vary={name: value + sign * step})).q.values for sign in (1, -1)]
         expected, mine = (ends[0] - ends[1]) / (2 * step), found["d_q"].values[..., k]
         assert np.abs(mine - expected).max() < 2e-5 * np.abs(expected).max()
-    with pytest.raises(aw.ArmwrightError, match="counts of servos"):
+    with raises_at(aw.ArmwrightError, "joints.firmware.counts_per_turn", value="q"):
         aw.simulation.sensitivities(replace(scenario, arm=pendulum(ALL)), names)
 
 
@@ -290,7 +291,7 @@ def test_what_does_not_go_together_is_refused(firmware, joint, words):
 
 
 def test_periods_are_multiples_of_the_shortest():
-    with pytest.raises(aw.ArmwrightError, match=r"period_s = 0\.0015: expected a multiple of 0\.001 s"):
+    with raises_at(aw.ArmwrightError, "joint 'p' firmware.period_s", r"0\.001 s", value=1.5e-3):
         pendulum([PLAIN, PLAIN | {"period_s": 1.5e-3}], ("q", "p"))
 
 
@@ -308,7 +309,7 @@ def test_inputs_that_no_servo_has_are_refused(inputs, words):
 
 
 def test_an_arm_without_servos_has_none_to_switch():
-    with pytest.raises(aw.ArmwrightError, match="no joint of two-link has a servo's firmware"):
+    with raises_at(aw.ArmwrightError, "inputs.enabled", "two-link .*firmware"):
         aw.Scenario(aw.load("two-link"), 1.0, command=[0.0, 0.0], inputs=aw.Inputs(enabled=1))
 
 

@@ -17,6 +17,7 @@ from armwright.model.changes import without_servos
 from armwright.simulation.loop.compiled import compile_loop
 from armwright.simulation.plant.plant import plant_derivative
 from physics.arms import friction_at
+from raises_at import raises_at
 from simulation.fields import scenario_of
 
 LEVEL = {"xyz_m": [0, 0, 0], "rpy_rad": [0, 0, 0]}
@@ -245,9 +246,7 @@ def test_diverged_lane_is_frozen_and_the_rest_go_on():
     assert run.diverged_at.values[3] == 0.0
     assert np.isnan(np.delete(run.diverged_at.values, 3)).all()
     assert np.array_equal(np.delete(run.q.values, 3, axis=0), np.delete(clean.q.values, 3, axis=0))
-    with pytest.raises(
-        DivergenceError, match=r"two-link: the simulation diverged to infinite numbers or NaN at t = 0 s"
-    ):
+    with pytest.raises(DivergenceError, match=r"two-link: .*diverged .* t = 0 s"):
         aw.simulate(aw.Scenario(arm, duration=0.05, command=np.zeros(2), start=aw.Start(qd=[1e200, 0])))
 
 
@@ -256,7 +255,7 @@ def test_a_simulation_that_diverged_stays_where_it_was():
         aw.Scenario(aw.load("two-link"), duration=0.05, command=np.zeros(2), start=aw.Start(qd=[1e200, 0]))
     )
     for _ in range(2):
-        with pytest.raises(DivergenceError, match="at t = 0 s"):
+        with pytest.raises(DivergenceError, match="t = 0 s"):
             simulation.run()
         assert simulation.tick == simulation.state.tick == 0
 
@@ -266,7 +265,7 @@ def test_step_too_large_is_refused_before_it_runs():
     arm = motor_alone(motor={"resistance_ohm": 0.01})
     drive = arm.bodies[0].drive
     constant = (0.02 + 25e-4) / (25 * drive.torque_constant**2 / drive.resistance + 0.03)
-    with pytest.raises(ScenarioError, match=r"expected 0\.00[0-9]+ s; or") as caught:
+    with raises_at(ScenarioError, "step", r"expected 0\.00[0-9]+ s", value=0.01) as caught:
         aw.simulate(aw.Scenario(arm, duration=0.1, command=[1.0], solver=aw.Solver(step=0.01)))
     assert f"{constant:.3g} s" in str(caught.value)
     would_do = float(caught.value.expected.split()[0])
@@ -279,7 +278,7 @@ def test_coulomb_friction_bounds_the_step():
     """An explicit rule needs h < 2.5 J qd_smooth / Fc, here far less than 1 ms."""
     friction = {"coulomb_positive_n_m": 2.0, "coulomb_negative_n_m": 2.0, "smoothing_rad_per_s": 1e-4}
     arm = motor_alone(friction=friction)
-    with pytest.raises(ScenarioError, match=r"dry friction of joint 'axis' \(friction.smoothing_rad_per_s\)"):
+    with raises_at(ScenarioError, "step", r"dry friction .*'axis' \(friction\.smoothing_rad_per_s\)"):
         aw.simulate(aw.Scenario(arm, duration=0.1, command=[1.0], solver=aw.Solver(step=1e-3)))
     limit = 2.5127 * (0.02 + 25e-4) * 1e-4 / 2.0
     assert compile_loop(arm).step_limit.largest_step(_rk3(), np.zeros(1)) == pytest.approx(limit, rel=0.01)
@@ -398,7 +397,7 @@ def test_scenarios_that_cannot_run(changes, message):
 
 def test_an_arm_that_nothing_drives_is_refused():
     """Commands from outside come step by step: a run of its own has none."""
-    with pytest.raises(ScenarioError, match="nothing drives the arm"):
+    with raises_at(ScenarioError, "command", "nothing drives"):
         aw.simulate(aw.Scenario(aw.load("two-link"), duration=0.1))
 
 
@@ -406,7 +405,7 @@ def test_a_loop_serves_its_own_arm_only(cmu):
     """Another arm, or a variant of the same, is another loop: refused, not run with the wrong numbers."""
     arm, loop = cmu
     for other in (aw.load("two-link"), arm.replace(gravity=[0, 0, 0])):
-        with pytest.raises(ScenarioError, match="the loop was compiled for arm"):
+        with raises_at(ScenarioError, "loop", "for arm"):
             aw.simulate(aw.Scenario(other, duration=0.1, command=np.zeros(other.n)), loop=loop)
 
 
@@ -424,7 +423,7 @@ def test_a_loop_of_another_kind_is_refused(fields, said):
     """A loop without what a run needs is refused in one line, not found out on the way."""
     common = {"command": np.zeros(2), "duration": 0.01}
     other = aw.simulation.Simulation(scenario_of(aw.load("two-link"), **(common | fields))).loop
-    with pytest.raises(ScenarioError, match=f"the loop was compiled for {said}; expected one for commands"):
+    with raises_at(ScenarioError, "loop", said):
         aw.simulate(scenario_of(other.arm, **common), loop=other)
 
 
@@ -435,7 +434,7 @@ def test_gear_loss_under_load_bounds_the_step():
         motor={"gear_efficiency": 0.6},
         friction={"smoothing_rad_per_s": 1e-3, "viscous_n_m_s_per_rad": 0.03},
     )
-    with pytest.raises(ScenarioError, match="too large for the fastest time constant"):
+    with raises_at(ScenarioError, "step", "gear loss .*'axis'"):
         aw.simulate(aw.Scenario(arm, duration=0.1, command=[1.5], solver=aw.Solver(step=1e-3)))
     aw.simulate(aw.Scenario(arm, duration=0.1, command=[1e-3], solver=aw.Solver(step=1e-3)))
 
@@ -498,7 +497,7 @@ def test_a_joint_without_inertia_is_named():
     import dataclasses
 
     empty = dataclasses.replace(arm.bodies[0], mass=0.0, first_moment=np.zeros(3), inertia=np.zeros((3, 3)))
-    with pytest.raises(ScenarioError, match="joint axis: it moves no inertia"):
+    with raises_at(ScenarioError, "joint axis", "no inertia"):
         aw.simulate(aw.Scenario(dataclasses.replace(arm, bodies=(empty,)), duration=0.1, command=[0.0]))
 
 
@@ -515,7 +514,7 @@ def test_too_much_to_record(cmu):
 
 def test_too_many_ticks_of_a_reference():
     arm = aw.load("two-link")
-    with pytest.raises(ScenarioError, match=r"more than there is memory for; expected a shorter run"):
+    with raises_at(ScenarioError, "loop.reference", "memory"):
         aw.simulation.Simulation(aw.Scenario(arm, duration=1e9, loop=aw.Loop(aw.JointPID(kp=1.0), period=1e-3)))
 
 

@@ -15,6 +15,7 @@ from armwright.errors import DescriptionError
 from armwright.solids.manifold import manifold
 from armwright.solids.self_intersection import crossing_faces
 from armwright.solids.shapes import SHAPES, Mesh, Solid
+from raises_at import raises_at
 
 R, r, L = 0.31, 0.12, 0.7
 OUTLINE = [[0.1, 0.2], [0.9, 0.1], [1.0, 0.8], [0.5, 0.3]]  # not convex
@@ -175,7 +176,7 @@ def test_meshes_beyond_any_robot(scale, tmp_path):
     """Volumes of such would leave the range of floats."""
     path = tmp_path / "box.stl"
     trimesh.creation.box([1, 1, 1]).export(path)
-    with pytest.raises(DescriptionError, match=r"a vertex is beyond 1e\+12 m"):
+    with raises_at(DescriptionError, " mesh", r"1e\+12 m", value=str(path)):
         Mesh(shape="mesh", file=str(path), scale=scale).moments()
 
 

@@ -7,6 +7,7 @@ import armwright as aw
 from armwright.errors import ScenarioError
 from armwright.trajectory.keep_clear import nearest_along
 from physics.arms import arm
+from raises_at import raises_at
 from trajectory.cartesian.test_follow import corner
 from trajectory.path_problems import HOME, random_path
 
@@ -36,15 +37,15 @@ def test_a_path_that_comes_too_near_is_not_planned():
     assert found.distance > 1e-3
     limits = aw.trajectories.MotionLimits.of(model, velocity=2.0, acceleration=5.0, torque=np.inf, voltage=np.inf)
     motion = aw.trajectories.time_optimal(model, path, limits, grid=30, clearance=enough)
-    with pytest.raises(
-        ScenarioError, match=f"are {1e3 * found.distance:.4g} mm apart; expected .* mm or more"
+    with raises_at(
+        ScenarioError, f"path at s = {s:.6g} of {path.length:.6g}", f"{1e3 * found.distance:.4g} mm"
     ) as caught:
         aw.trajectories.time_optimal(model, path, limits, grid=30, clearance=more)
     assert caught.value.place == f"path at s = {s:.6g} of {path.length:.6g}"
     assert all(name in caught.value.what for name in found.pair)
     nearest, t = aw.trajectories.check_clearance(model, motion, enough)
     assert nearest.distance == pytest.approx(found.distance, abs=1e-4)
-    with pytest.raises(ScenarioError, match=rf"motion: .* mm apart at {t:.4g}"):
+    with raises_at(ScenarioError, "motion", f" mm .* {t:.4g}"):
         aw.trajectories.check_clearance(model, motion, more)
 
 
@@ -62,7 +63,7 @@ def test_a_tool_path_takes_the_solution_that_keeps_its_distance():
     assert clear.nearest(other.at(np.linspace(0.0, path.length, 3000))[0]).distance >= 0.01
     motion = aw.trajectories.follow_path(model, other, 0.1, 1.0)
     np.testing.assert_allclose(motion.at(0.0)[0], other.at(0.0)[0])
-    with pytest.raises(ScenarioError, match=r"and post overlap by [\d.]+ mm; expected 10 mm or more") as caught:
+    with pytest.raises(ScenarioError, match=r"post .* [\d.]+ mm; .* 10 mm") as caught:
         aw.trajectories.solve_path(model, path, near=usual.at(0.0)[0], clearance=clear)
     assert caught.value.place.startswith("path at s = ")
 
@@ -76,9 +77,7 @@ def test_the_clearance_of_another_arm_is_refused():
         lambda: aw.trajectories.check_clearance(arm("puma560"), aw.trajectories.Step(np.zeros(6), np.ones(6)), other),
         lambda: aw.trajectories.check_clearance(arm("puma560"), aw.trajectories.Step(np.zeros(6), np.ones(6)), 0.01),
     ):
-        with pytest.raises(
-            ScenarioError, match=r"clearance = .*: expected aw.collision.clearance\(arm, …\) of puma560"
-        ):
+        with raises_at(ScenarioError, "clearance", "puma560"):
             call()
     with pytest.raises(ScenarioError, match="least = -1"):
         aw.collision.clearance(arm("puma560"), radius=0.05, least=-1)

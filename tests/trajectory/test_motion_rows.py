@@ -10,6 +10,7 @@ import pytest
 import armwright as aw
 from armwright.errors import ArmwrightError, RunError, ScenarioError
 from physics.arms import arm
+from raises_at import raises_at
 from trajectory.motions import limits_of
 
 
@@ -106,23 +107,23 @@ def test_other_tables_are_refused(tmp_path, text, said):
 
 
 def test_other_files_are_refused(tmp_path):
-    with pytest.raises(ArmwrightError, match="no such file"):
+    with raises_at(ArmwrightError, file=tmp_path / "none.csv"):
         aw.trajectories.load_motion(tmp_path / "none.csv")
-    with pytest.raises(ArmwrightError, match="no such file"):
+    with raises_at(ArmwrightError, file=tmp_path / "none.nc"):
         aw.trajectories.load_motion(tmp_path / "none.nc")
-    with pytest.raises(ArmwrightError, match="path of a motion"):
+    with pytest.raises(ArmwrightError, match=r"\.csv or \.nc"):
         aw.trajectories.load_motion(3)
     with pytest.raises(ArmwrightError, match="ending"):
         a_motion().save(arm("two-link"), tmp_path / "m.txt")
-    with pytest.raises(ScenarioError, match="a motion of 2 joints"):
+    with raises_at(ScenarioError, "lwa4p", "2 joints"):
         a_motion().save(arm("lwa4p"), tmp_path / "m.csv")
-    with pytest.raises(ScenarioError, match="does not end"):
+    with raises_at(ScenarioError, "Sine", "not end"):
         aw.trajectories.Sine([0.0, 0.0], [1.0, 1.0], 1.0).save(arm("two-link"), tmp_path / "m.csv")
     with pytest.raises(ScenarioError, match="rate = 0"):
         a_motion().save(arm("two-link"), tmp_path / "m.csv", rate=0)
     assert not list(tmp_path.iterdir())
     a_motion().save(arm("two-link"), tmp_path / "m.nc")
-    with pytest.raises(ScenarioError, match="expected those of lwa4p"):
+    with raises_at(ScenarioError, "joints", "lwa4p", file=tmp_path / "m.nc"):
         aw.trajectories.load_motion(tmp_path / "m.nc", arm("lwa4p"))
 
 
@@ -139,7 +140,7 @@ def test_motions_are_joined():
 
     program = trace("motion", lambda x: np.concatenate(both(x[0])), {"t": (1,)}, ("motion",))
     np.testing.assert_allclose(interpret(program, t[:, None]), np.concatenate(both.at(t), axis=1), atol=1e-10)
-    with pytest.raises(ScenarioError, match=r"motions\[1\]: joint 1 begins 0.5 from where"):
+    with raises_at(ScenarioError, "Joined.motions[1]", r"joint 1 begins 0\.5 "):
         aw.trajectories.Joined([first, aw.trajectories.Quintic([0.0, 0.2], [0.0, 0.3], 1.0, time=second.time)])
     with pytest.raises(ScenarioError, match=r"motions\[1\].time = 0.0: expected"):
         aw.trajectories.Joined([first, aw.trajectories.Quintic([0.5, 0.2], [0.0, 0.3], 1.0)])
@@ -159,5 +160,5 @@ def test_a_cell_that_is_not_finite_is_named(tmp_path, variable, at, said):
     values = dataset[variable].values.copy()
     values[at] = np.nan
     aw.save(dataset.assign({variable: (dataset[variable].dims, values)}), tmp_path / "m.nc")
-    with pytest.raises(RunError, match=re.escape(f"m.nc: {said}: expected a finite number")):
+    with pytest.raises(RunError, match=re.escape(f"m.nc: {said}")):
         aw.trajectories.load_motion(tmp_path / "m.nc", model)

@@ -11,6 +11,7 @@ from armwright.parameters import lane_values, numbers_by_lane
 from armwright.simulation.loop.references import LoopReference
 from armwright.tuning.lanes import scenario_lanes
 from armwright.tuning.uncertainty import Uncertainty
+from raises_at import raises_at
 
 
 def scenario(**loop):
@@ -118,5 +119,5 @@ def test_bad_draws(draws, words):
 
 def test_payloads_beside_payloads_are_refused():
     loaded = replace(scenario(), inputs=aw.Inputs(payload=aw.Payload(0.0, 1.0, np.zeros(3), np.zeros(3))))
-    with pytest.raises(aw.ArmwrightError, match="payloads of its own"):
+    with raises_at(aw.ArmwrightError, "draws.payload_kg", r"\[lanes\.vary\]"):
         drawn(loaded, {"payload": (0.0, 1.0)})

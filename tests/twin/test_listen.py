@@ -14,6 +14,7 @@ from armwright.errors import BusError
 from armwright.twin.listen import BusListener, shadow_bus
 from armwright.twin.run import run_controller
 from armwright.twin.twin import Twin
+from raises_at import raises_at
 
 PERIOD = 4e-3
 
@@ -123,14 +124,14 @@ def test_the_command_listens_and_records(arm_file, arm, bus, tmp_path):
 def test_what_is_refused(arm, bus):
     with (
         BusListener(arm, bus) as listener,
-        pytest.raises(BusError, match=r"no frames were received; expected a SYNC within 0\.05 s"),
+        raises_at(BusError, "bus", r"SYNC .* 0\.05 s"),
     ):
         list(listener.rows(0.05))
-    with pytest.raises(BusError, match="bus = 'serial:1': expected virtual, socketcan"):
+    with raises_at(BusError, "bus", "virtual, socketcan", value="serial:1"):
         BusListener(arm, "serial:1")
     with pytest.raises(BusError, match=r"nodes"):
         BusListener(arm, bus, nodes=[3])
     with pytest.raises(BusError, match="period = 0"):
         BusListener(arm, bus, period=0)
-    with pytest.raises(BusError, match="no limit of torque"):
+    with pytest.raises(BusError, match="limit of torque"):
         BusListener(aw.load("two-link"), bus)

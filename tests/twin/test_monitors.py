@@ -14,6 +14,7 @@ from armwright.twin.run import release_drives, run_controller
 from armwright.twin.safety import Permission, joints_without_brake, reduced
 from armwright.twin.state_machine import State
 from armwright.twin.twin import Twin
+from raises_at import raises_at
 from twin.conftest import Client, radians
 
 
@@ -93,14 +94,14 @@ def test_two_devices_with_one_number(scenario, bus):
 
 
 def test_two_devices_with_the_same_serial_number(scenario, bus):
-    with Twin(scenario, bus), Twin(scenario, bus), pytest.raises(BusError, match="two devices have number 3"):
+    with Twin(scenario, bus), Twin(scenario, bus), raises_at(BusError, "nodes", value=3):
         run_controller(scenario, bus)
 
 
 def test_an_arm_that_somebody_else_drives_is_refused(scenario, bus):
     with Twin(scenario, bus) as twin, Client(twin) as client:
         client.enable(8)
-        with pytest.raises(BusError, match="node 3 of shoulder is in operation enabled: another master drives it"):
+        with raises_at(BusError, "nodes", "shoulder.* enabled", value=3):
             run_controller(scenario, bus)
         assert all(drive.state is State.ENABLED for drive in twin.drives)
 
@@ -159,7 +160,7 @@ def test_speed_slows_what_has_no_time_to_stretch(scenario, reference):
 def test_a_reference_away_from_the_start_is_slowed_or_refused(scenario):
     """The law itself moves the arm at the start, whatever the reference does: no rehearsal of it is slow."""
     jump = away(replace(scenario), [0.15, 0.0])
-    with pytest.raises(BusError, match=r"joint 'shoulder': its speed is .* at 0.25 of the speed and .* at all of it"):
+    with raises_at(BusError, "joint 'shoulder'", r" at 0\.25 "):
         rehearse(jump, speed=0.25)
 
 

@@ -4,6 +4,7 @@ import pytest
 
 from armwright.errors import BusError
 from armwright.twin import objects as od
+from raises_at import raises_at
 
 pytest.importorskip("canopen", reason='pip install "armwright[twin]"')
 
@@ -60,5 +61,5 @@ def test_the_mapping_is_the_lwa_4ps():
 
 
 def test_more_than_a_frame_is_refused():
-    with pytest.raises(BusError, match="PDO = '6064:0, 6064:0, 6041:0': 80 bits; expected at most 64"):
+    with raises_at(BusError, "PDO", "80 bits.* 64", value="6064:0, 6064:0, 6041:0"):
         od.mapping((od.POSITION, od.POSITION, od.STATUSWORD))

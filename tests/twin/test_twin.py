@@ -470,7 +470,7 @@ def test_the_bus_is_closed_whatever_happens(scenario, bus, monkeypatch):
         return buses[-1]
 
     monkeypatch.setattr(can, "Bus", kept)
-    with pytest.raises(RuntimeError, match="of the user"), Twin(scenario, bus):
+    with pytest.raises(RuntimeError, match="the user"), Twin(scenario, bus):
         raise RuntimeError("of the user")
     monkeypatch.setattr("armwright.twin.node.TwinNode.connect", lambda *_: 1 / 0)
     with pytest.raises(ZeroDivisionError):

@@ -68,10 +68,10 @@ def _read(name_or_path: str | os.PathLike[str], reading: dict[str, Any]) -> Robo
     """The description as the file has it."""
     text = os.fspath(name_or_path) if isinstance(name_or_path, (str, os.PathLike)) else None
     if not isinstance(text, str):
-        raise DescriptionError(value=name_or_path, expected=NAME_OR_PATH)
+        raise DescriptionError(place="robot", value=name_or_path, expected=NAME_OR_PATH)
     path, names = Path(text), builtin_names()
     if len(text) > LONGEST:
-        raise DescriptionError(f"{len(text)} letters", value=text, expected=NAME_OR_PATH)
+        raise DescriptionError(f"{len(text)} letters", place="robot", value=text, expected=NAME_OR_PATH)
     if text in names and (isinstance(name_or_path, str) or not os.path.exists(path)):
         _check_options(text, reading, ())
         with resources.as_file(resources.files("armwright.robots") / f"{text}.toml") as builtin:

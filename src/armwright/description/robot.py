@@ -366,7 +366,7 @@ class RobotDescription(Record):
         """
         known = {where: source for where, _, source in quantities(self)}
         if path not in known:
-            raise DescriptionError("no number has this path", value=path, choices=known, file=self.name)
+            raise DescriptionError("no number has this path", place="path", value=path, choices=known, file=self.name)
         return self.source_of(known[path] or "")
 
     def source_of(self, key: str) -> Source:

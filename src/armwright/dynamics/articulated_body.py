@@ -52,7 +52,8 @@ def articulated_body(arm: Model, q: Array, qd: Array, tau: Array, wrench: Array 
     ):
         if met:
             raise ModelError(
-                f"articulated_body is not for arms with {what}",
+                f"not for arms with {what}",
+                place="articulated_body",
                 value=arm.name,
                 expected="forward_dynamics or composite_body",
             )

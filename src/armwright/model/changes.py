@@ -31,7 +31,7 @@ def changed(model: AnyTree, name: str, value: Any) -> AnyTree:
         ModelError: an unknown change, or a value that is none.
     """
     if name not in CHANGES:
-        raise ModelError("replace has no such change", value=name, choices=CHANGES)
+        raise ModelError("no such change", place="replace", value=name, choices=CHANGES)
     if name in TERMS:
         if value is not None:
             raise ModelError(place=f"replace.{name}", value=value, expected="None, which takes it away")

@@ -54,7 +54,9 @@ class Model(Tree):
         """
         if self.description is None:
             raise ModelError(
-                "was not made from a description, so it has no parameters, sources or variants", value=self.name
+                "was not made from a description, so it has no parameters, sources or variants",
+                place="arm",
+                value=self.name,
             )
         return self.description
 

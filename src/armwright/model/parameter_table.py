@@ -61,7 +61,7 @@ class Parameters(Sequence[Parameter]):
             return Parameters(self._rows[which])
         if isinstance(which, str):
             if which not in self._places:
-                raise ModelError("no such parameter", value=which, choices=self._places)
+                raise ModelError("no such parameter", place="parameters", value=which, choices=self._places)
             which = self._places[which]
         return self._rows[which]
 

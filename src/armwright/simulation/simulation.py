@@ -122,7 +122,8 @@ class Simulation(LoopRunner):
         if threads is not None:
             check_whole("threads", threads, 1)
         if self.external:
-            raise ScenarioError("nothing drives the arm", expected="a command, a schedule or a loop with a controller")
+            expected = "a command, a schedule or a loop with a controller"
+            raise ScenarioError("nothing drives the arm", place="command", expected=expected)
         state = self._started if self._lanes is None else self.state
         self.origin = self.tick
         ticks = self.scenario.ticks if duration is None else self.scenario.ticks_of(duration)
@@ -233,7 +234,7 @@ class Simulation(LoopRunner):
             longer = f"recording.every above {every}"
             if scenario.recording.period is not None or scenario.solver.rule == "auto":
                 longer = f"a recording.period longer than {every * self.period:g} s"
-            raise ScenarioError(what, expected=f"a shorter one, or {longer}") from None
+            raise ScenarioError(what, place="recording", expected=f"a shorter one, or {longer}") from None
 
     # Stepping.
 

@@ -82,7 +82,9 @@ class Mesh(SolidRecord):
         with np.errstate(over="ignore", invalid="ignore"):
             surface.vertices *= scale
         if not (np.abs(surface.vertices) < FARTHEST).all():
-            raise self._error(f"with scale {self.scale} a vertex is beyond {FARTHEST:g} m", "a mesh of a robot's size")
+            raise self._error(
+                f"with scale {scale.tolist()} a vertex is beyond {FARTHEST:g} m", "a mesh of a robot's size"
+            )
         if np.sign(scale).prod() < 0:
             surface.invert()
         return surface

@@ -97,7 +97,7 @@ def _from_netcdf(path: Path, arm: Model | None) -> PiecewisePolynomial:
     if arm is not None:
         if sorted(names) != sorted(arm.names):
             expected = f"those of {arm.name}: {', '.join(arm.names)}"
-            raise ScenarioError(place=f"{path}: joints", value=names, expected=expected)
+            raise ScenarioError(place="joints", value=names, expected=expected, file=path)
         order = [names.index(name) for name in arm.names]
     if "coefficients" in run and "knots" in run:
         pieces = run["coefficients"].transpose("piece", "joint", "power").values[:, order]

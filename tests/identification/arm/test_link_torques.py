@@ -8,6 +8,7 @@ import pytest
 import armwright as aw
 from armwright.errors import IdentificationError
 from identification.arm.logged_machine import Machine, Motion, read, written
+from raises_at import raises_at
 
 ZEROS = np.array([0.4, -0.3, 0.2])  # of the sensors [N m]
 KINEMATICS = """
@@ -61,7 +62,7 @@ def test_links_and_zeros_are_found_and_the_record_passes(machine, log, tmp_path)
 
 
 def test_friction_of_motors_is_refused(machine, log):
-    with pytest.raises(IdentificationError, match=r"friction = 'viscous': expected none: torques behind the gears"):
+    with raises_at(IdentificationError, "friction", value="viscous"):
         aw.identification.identify_arm(log, machine.arm, friction=("viscous",))
 
 

@@ -16,6 +16,7 @@ from armwright.identification.arm.physical import (
     pseudo_inertias,
 )
 from armwright.spatial import pseudo_inertia
+from raises_at import raises_at
 
 ENTRIES = ("m", "mx", "my", "mz", "xx", "xy", "xz", "yy", "yz", "zz")
 NAMES = [*(f"link{k}.{entry}" for k in (1, 2) for entry in ENTRIES), "rotor", "viscous"]
@@ -138,7 +139,7 @@ def test_bounds_of_masses_are_kept():
     whole = truth[0] + truth[10] + 0.5
     estimate = physical_by_sdp(R, z, PhysicalBounds(NAMES, LINKS, DRIVES, total_mass=(whole, np.inf)))
     assert estimate.values[[0, 10]].sum() == pytest.approx(whole, rel=1e-6)
-    with pytest.raises(IdentificationError, match="between 5 and inf kg"):
+    with raises_at(IdentificationError, "PhysicalBounds.total_mass", "5 and inf kg"):
         PhysicalBounds(NAMES, LINKS, DRIVES, mass={0: (5.0, 6.0)}, total_mass=(0.0, 1.0))
 
 

@@ -15,6 +15,7 @@ from armwright.errors import ModelError, ScenarioError
 from armwright.identification.experiments.motor import KINDS
 from identification.motor_truth import TRUE, true_record
 from physics.arms import arm
+from raises_at import raises_at
 
 GUESS = aw.identification.MotorGuess(gain=12.0, time_constant=0.05, most=12.0)
 
@@ -98,7 +99,7 @@ def test_limits_hold_by_the_guess_or_it_is_refused(kind, gain, time_constant, zo
 
 def test_a_refusal_says_how_much_it_takes():
     narrow = replace(GUESS, travel=0.05)
-    with pytest.raises(ScenarioError, match=r"travel leaves no room for a step; expected .* rad or more") as caught:
+    with raises_at(ScenarioError, "MotorGuess.travel", r"\d rad .* 0\.6 V") as caught:
         aw.identification.motor_experiment("step", narrow)
     needed = float(caught.value.expected.split()[0])
     aw.identification.motor_experiment("step", replace(narrow, travel=1.001 * needed))
@@ -128,9 +129,7 @@ def test_the_guess_of_a_record_is_the_motor_of_the_simulation():
 def test_a_record_without_a_largest_voltage_gets_one(tmp_path):
     """As `identify motor` writes it of a bench: the limit of its supply is no part of a log."""
     model = aw.load(true_record(tmp_path))
-    with pytest.raises(
-        ModelError, match=r"no largest voltage; expected a record that has it, or most=… \(--max-command\)"
-    ):
+    with raises_at(ModelError, "joint 'motor'", r"largest voltage.*--max-command"):
         aw.identification.MotorGuess.of(model)
     guess = aw.identification.MotorGuess.of(model, most=9.0)
     assert guess.most == 9.0

@@ -23,6 +23,7 @@ from identification.logs.example_logs import (
     write_joint_states,
     written,
 )
+from raises_at import raises_at
 
 TWO = HEAD + POSITIONS + TORQUES
 UNITS = {"rad": 1.0, "deg": np.pi / 180, "turn": 2 * np.pi, "counts": 2 * np.pi / 4096}
@@ -157,7 +158,7 @@ def test_runs_in_folders_are_split_and_files_may_be_a_row_short(tmp_path):
     assert log.dataset("run_3").sizes["time"] == len(table["t"]) - 1
     assert log.run("run_1").sha256["arm"] == hashlib.sha256((tmp_path / "run_1" / "arm.csv").read_bytes()).hexdigest()
     written(tmp_path / "run_2", "", {"torque.csv": {name: table[name][:-7] for name in ("m1", "m2")}})
-    with pytest.raises(LogError, match=r"arm.csv 1001, torque.csv 994 rows") as error:
+    with raises_at(LogError, "run 'run_2'", r"arm.csv 1001, torque.csv 994") as error:
         aw.identification.read_log(tmp_path / "two.log.toml")
     assert "clock of its own" in error.value.expected
 
@@ -232,7 +233,7 @@ def test_gears_of_thousands_of_motors_are_refused_before_their_matrix_is_inverte
 def test_an_integer_beyond_floats_is_named_with_its_place(tmp_path):
     path = written(tmp_path, ALL)
     (tmp_path / "arm.csv").write_text(f"t,q1,q2,v1,v2,m1,m2\n0.5,{'9' * 400},2,3,4,5,6\n", encoding="utf-8")
-    with pytest.raises(LogError, match="expected a number") as refused:
+    with raises_at(LogError, "column 'q1'", "a number") as refused:
         aw.identification.read_log(path)
     assert refused.value.file.endswith("arm.csv:2")
 

@@ -9,6 +9,7 @@ import pytest
 import armwright as aw
 from armwright.errors import LogError
 from identification.logs.example_logs import ALL, written
+from raises_at import raises_at
 
 MISTAKES = {  # replaced → by; what the error says
     "an unknown key": ('title = "Two joints"', 'titel = "x"', r"titel = 'x': unknown key; did you mean title"),
@@ -76,7 +77,7 @@ def test_coupled_motors_must_all_be_logged(tmp_path):
         'columns = ["m1", "m2"]\nunit = "N m"\nside = "joint"',
         'columns = ["m1"]\njoints = ["shoulder"]\nunit = "N m"\nside = "motor"',
     )
-    with pytest.raises(LogError, match="'shoulder' is coupled with the motor of 'elbow'"):
+    with raises_at(LogError, "signals[2].columns", "'shoulder'.*'elbow'"):
         aw.identification.read_log(written(tmp_path, text))
 
 

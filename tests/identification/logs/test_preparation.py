@@ -13,6 +13,7 @@ from armwright.errors import LogError
 from armwright.identification.logs.prepared import prepared_blocks
 from armwright.identification.logs.spectrum import motion_band, spectrum
 from identification.logs.example_logs import ALL, HEAD, POSITIONS, RATE, TORQUES, columns, motion, written
+from raises_at import raises_at
 
 TWO = HEAD + POSITIONS + TORQUES
 
@@ -140,7 +141,7 @@ def test_a_spectrum_is_power_per_hertz():
 def test_too_short_and_impossible_choices(tmp_path):
     log = aw.identification.read_log(written(tmp_path, ALL, {"arm.csv": columns(0.5)}), on_error="keep")
     choice = aw.identification.choose_preparation(log, cutoff=1.0)
-    with pytest.raises(LogError, match=r"the longest stretch has 251 rows; expected more than"):
+    with raises_at(LogError, "run 'run1'", r"251 rows.*3602 rows"):
         aw.identification.prepare_log(log, preparation=choice)
     for wrong, said in (
         ({"cutoff": 300.0}, "below half the rate"),

@@ -13,6 +13,7 @@ from armwright.errors import LogError
 from armwright.identification.logs.log_file import FileTable
 from armwright.identification.logs.tables import open_table
 from identification.logs.example_logs import ALL, columns, written
+from raises_at import raises_at
 
 NUMBERS = [[0.0, 1.5, -2.0], [0.1, 2.5, 1e-3], [0.2, 3.5, 7.0]]
 DIALECTS = {  # text, how it is described
@@ -156,7 +157,7 @@ def test_a_cell_that_is_no_number_is_named(tmp_path, ending):
 def test_absurd_numbers_are_refused_with_their_line(tmp_path, column, value):
     table = columns()
     table[column][1234] = value
-    with pytest.raises(LogError, match=rf"arm.csv:1236: column '{column}' = .*e\+[23]00: expected at most"):
+    with raises_at(LogError, f"column '{column}'", r"e\+[23]00: ", file=f"{tmp_path / 'arm.csv'}:1236"):
         aw.identification.read_log(written(tmp_path, ALL, {"arm.csv": table}))
 
 
@@ -175,9 +176,7 @@ side = "motor"
 counts_per_turn = """
     (tmp_path / "x.log.toml").write_text(log + counts)
     (tmp_path / "bench.csv").write_text("t,c1,c2\n" + "".join(f"{0.01 * k},{1e15 + k},{2e15 + k}\n" for k in range(50)))
-    with pytest.raises(
-        LogError, match=r"bench.csv:2: column 'c1' = .*: expected at most 1e\+30 in SI units, at the joint"
-    ):
+    with raises_at(LogError, "column 'c1'", r"at most 1e\+30 in SI", file=f"{tmp_path / 'bench.csv'}:2"):
         aw.identification.read_log(tmp_path / "x.log.toml")
 
 
@@ -185,7 +184,7 @@ counts_per_turn = """
 def test_a_format_whose_package_is_absent(tmp_path, monkeypatch, ending, module):
     find = importlib.util.find_spec
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == module else find(name))
-    with pytest.raises(LogError, match=rf"needs {module}, which is not installed: pip install armwright\[logs\]"):
+    with pytest.raises(LogError, match=rf"{module}, .* pip install armwright\[logs\]"):
         aw.identification.read_log(written(tmp_path, ALL.replace("arm.csv", f"arm.{ending}")))
 
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 import armwright as aw
 from identification.logs.example_logs import ALL, columns, written
+from raises_at import raises_at
 
 OF_ALL = '[[signals]]\nquantity = "temperature"\ncolumns = "T"\nunit = "{unit}"\n'
 OF_EACH = '[[signals]]\nquantity = "temperature"\ncolumns = ["T", "T2"]\nunit = "°C"\n'
@@ -38,7 +38,7 @@ def test_temperatures_of_each_joint_and_in_kelvin(tmp_path):
 
 
 def test_kelvin_taken_for_celsius(tmp_path):
-    with pytest.raises(aw.ArmwrightError, match="kelvin taken for °C"):
+    with raises_at(aw.ArmwrightError, "run 'run1' temperature shoulder", "kelvin"):
         aw.identification.read_log(written(tmp_path, ALL + OF_ALL.format(unit="°C"), table(T=warm() + 273.15)))
 
 

@@ -13,6 +13,7 @@ from armwright.identification.motor.channels import check_channels, feedback_rem
 from armwright.identification.motor.guess import guess
 from armwright.identification.motor.measured import MotorReading, measured
 from identification.motor_truth import write_log
+from raises_at import raises_at
 
 NAMES = {"u": "voltage", "i": "current", "w": "speed", "q": "position"}
 
@@ -58,7 +59,7 @@ def test_a_wrong_sign_is_named(tmp_path, signals, wrong, named):
 
 def test_a_gear_of_the_wrong_sign_is_named(tmp_path):
     path = write_log(tmp_path, 2, rows=1000)
-    with pytest.raises(LogError, match=r"is the gear ratio 50, not -50\?"):
+    with raises_at(LogError, "joint 'motor'", r"50, not -50\?"):
         check(path, -50.0)
     check(with_signs(path, "q", "w"), -50.0)
 
@@ -104,7 +105,7 @@ def test_a_closed_loop_is_noticed(tmp_path, gain):
 
 
 def test_more_unknowns_than_rows_carry_are_refused(tmp_path):
-    with pytest.raises(LogError, match="measurements for 7 unknowns"):
+    with raises_at(LogError, "rows", "33 measurements.* 7 unknowns"):
         aw.identification.identify_motor(
             write_log(tmp_path, 1, ("qd",), rows=33), search=aw.identification.MotorSearch(starts=1)
         )

@@ -11,6 +11,7 @@ import armwright as aw
 from armwright.errors import ModelError
 from armwright.identification import MotorSearch
 from identification.motor_truth import PATHS, TRUE, true_record, write_log
+from raises_at import raises_at
 
 R, KT = PATHS["R"], PATHS["Kt"]
 
@@ -63,7 +64,7 @@ def test_two_measurements_of_one_number_are_weighed(tmp_path):
 
 def test_priors_need_a_record_that_states_them(tmp_path):
     log = write_log(tmp_path, 0, rows=200)
-    with pytest.raises(ModelError, match="goes with a robot"):
+    with raises_at(ModelError, "priors", value=True):
         aw.identification.identify_motor(log, search=MotorSearch(priors=True))
-    with pytest.raises(ModelError, match="states no standard deviation"):
+    with raises_at(ModelError, "priors", "standard deviation"):
         aw.identification.identify_motor(log, true_record(tmp_path), search=MotorSearch(priors=True))

@@ -14,6 +14,7 @@ from armwright.identification.servo.bench import PATHS
 from armwright.identification.servo.orders import OFFSET, Scales, order_of
 from armwright.identification.servo.output_error import BenchProblem
 from cli.test_commands import run
+from raises_at import raises_at
 
 LOOP = aw.identification.ServoLoop(0.166, 0.97)
 TRUE = {"kt": 1.2, "R": 2.7, "J": 0.02, "viscous": 0.06, "coulomb": 0.05, OFFSET: 0.03}
@@ -143,11 +144,11 @@ def test_a_wrong_log_is_refused_by_file_and_place(logs, tmp_path, change, words)
 
 def test_wrong_options_are_refused(logs):
     identify, search = aw.identification.identify_servo, aw.identification.ServoSearch
-    with pytest.raises(aw.ArmwrightError, match="a servo whose loop is not known"):
+    with raises_at(aw.ArmwrightError, "motor", value="mine"):
         identify([replace(each, servo="mine") for each in logs], progress=False)
-    with pytest.raises(aw.ArmwrightError, match="a log of xl330 beside one of sts3215"):
+    with raises_at(aw.ArmwrightError, "motor", "sts3215", value="xl330"):
         identify([logs[0], replace(logs[1], servo="xl330")], progress=False)
-    with pytest.raises(aw.ArmwrightError, match="the goal of this servo jumps"):
+    with raises_at(aw.ArmwrightError, "free", value="goal_speed"):
         identify(logs, LOOP, search=search(free=("goal_speed",)), progress=False)
     with pytest.raises(aw.ArmwrightError, match="orders = 'M7'"):
         search(orders=("M7",))

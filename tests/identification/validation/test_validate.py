@@ -11,6 +11,7 @@ import armwright as aw
 from armwright.errors import ArmwrightError, LogError
 from armwright.identification.validation.validate import validate
 from identification.validation.made_logs import driven, motor_file, random_steps, written_log
+from raises_at import raises_at
 
 PERIOD = 2e-3
 SEEN = ("position", "speed", "torque")
@@ -236,10 +237,9 @@ def test_limits_that_cannot_be(two_link, limits, words):
 def test_arms_and_logs_that_do_not_match(two_link, motor_log):
     arm, log = two_link
     record, _ = motor_log
-    with pytest.raises(LogError, match="the log has 2") as error:
+    with raises_at(LogError, "joints", r"2 \('shoulder', 'elbow'\).*1 \('motor'\)"):
         validate(record, log)
-    assert error.value.place == "joints"
-    with pytest.raises(LogError, match="no such run"):
+    with raises_at(LogError, "run", value="third"):
         validate(arm, log, runs=["third"])
     massless = replace(
         arm,
@@ -275,7 +275,7 @@ def test_a_log_of_motion_alone(tmp_path):
     arm = aw.load("two-link")
     table = {name: values for name, values in _motion(arm, 0).items() if name != "torque"}
     log = written_log(tmp_path, list(arm.names), {"fit": table, "held": table})
-    with pytest.raises(LogError, match="neither torque nor current"):
+    with raises_at(LogError, "signals", "torque nor current"):
         validate(arm, log)
 
 
@@ -283,7 +283,7 @@ def test_speeds_alone_do_not_do_for_an_arm_under_gravity(tmp_path):
     arm = aw.load("two-link")
     table = {name: values for name, values in _motion(arm, 0).items() if name != "position"}
     log = written_log(tmp_path, list(arm.names), {"fit": table, "held": table})
-    with pytest.raises(LogError, match="depend on them"):
+    with raises_at(LogError, "position", "torques of two-link"):
         validate(arm, log)
 
 

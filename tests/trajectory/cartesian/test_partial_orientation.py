@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import re
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from armwright.kinematics.aim import Aim
 from armwright.trajectory.cartesian.turning import smooth_error, turning
 from ik.small_arms import forward, partly_off, small_arm
 from ik.test_aims import EVERY
+from raises_at import raises_at
 
 BENT = (0.2, 0.1, 0.9, 0.5, 0.3)
 DOWN = (0.2, 0.3, 0.6, 0.5 * np.pi - 0.9, 0.3)  # the hand hangs
@@ -140,16 +142,14 @@ def test_a_whole_pose_is_refused_where_an_axis_is_kept(arms):
         [aw.trajectories.Line(further(start, [0.0, 0.06, 0.0], [0.4, 0.0, 0.0]))], start
     )
     assert aw.trajectories.solve_path(arm, path, near=DOWN, aim="yaw").deviation[1] < 1e-6
-    with pytest.raises(ScenarioError, match=r"path at s = .* out of reach.* mm and .* mrad off"):
+    with raises_at(ScenarioError, re.compile("path at s = .*"), " mm and .* mrad"):
         aw.trajectories.solve_path(arm, path, near=DOWN, aim="axis")  # the hand swings in one plane only
     four, begin = arms("pitch-4"), start_of("pitch-4", BENT[:4])
     line = aw.trajectories.CartesianPath([aw.trajectories.Line(begin[:3, 3] + [0.0, 0.06, 0.0])], begin)
-    with pytest.raises(ScenarioError, match="out of reach"):
+    with raises_at(ScenarioError, re.compile("path at s = .*"), "of reach"):
         aw.trajectories.solve_path(four, line, near=BENT[:4])
     assert aw.trajectories.solve_path(four, line, aim="pitch").deviation[1] < 1e-6
-    with pytest.raises(
-        ScenarioError, match=r"path at s = 0 .*the tool's z axis is vertical, where its yaw has no slope"
-    ):
+    with raises_at(ScenarioError, re.compile("path at s = 0 .*"), "z axis .* yaw"):
         aw.trajectories.solve_path(arm, path, near=DOWN, aim="yaw z")
 
 
@@ -187,8 +187,6 @@ def test_a_turn_in_place_that_does_not_count_is_refused(arms):
         ],
         start,
     )
-    with pytest.raises(
-        ScenarioError, match=r"path at s = 0 .*: no joint moves: the tool's turn does not count with aim = 'axis'"
-    ):
+    with raises_at(ScenarioError, re.compile("path at s = 0 .*"), "no joint .* aim = 'axis'"):
         aw.trajectories.solve_path(arm, path, near=DOWN, aim="axis")
     assert aw.trajectories.solve_path(arm, path, near=DOWN, aim="yaw").deviation[1] < 1e-6

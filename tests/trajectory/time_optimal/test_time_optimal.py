@@ -14,6 +14,7 @@ from armwright.trajectory.time_optimal import PathMotion, plan
 from armwright.trajectory.time_optimal.plan import grid_points
 from armwright.trajectory.time_optimal.planner import Planner
 from physics.arms import arm as built_arm
+from raises_at import raises_at
 from simulation.first_steps import geared_motor, plain_arm
 from trajectory.path_problems import (
     RELAXED,
@@ -288,9 +289,8 @@ def test_bad_input_is_refused(place: str) -> None:
 def test_a_path_speed_that_is_too_high_is_named_with_the_highest(end: int) -> None:
     arm = aw.load("cmu-dd")
     path, speeds = random_path(arm, 0), np.where(np.arange(2) == end, 1e3, 0.0)
-    with pytest.raises(ScenarioError, match=r"expected [\d.]+ or less") as caught:
+    with raises_at(ScenarioError, f"speeds[{end}]", r"[\d.]+ or less") as caught:
         aw.trajectories.time_optimal(arm, path, grid=50, speeds=tuple(speeds))
-    assert caught.value.place == f"speeds[{end}]"
     highest = float(caught.value.expected.split()[0])
     aw.trajectories.time_optimal(arm, path, grid=50, speeds=tuple(0.95e-3 * highest * speeds))
     with pytest.raises(ScenarioError, match="speeds"):
@@ -316,7 +316,7 @@ def test_a_path_that_leaves_the_position_limits_between_waypoints_is_named() -> 
     top = float(arm.coordinates[0].limits.position[1])
     points = np.zeros((4, 6))
     points[1:3, 0], points[3, 1] = 0.999 * top, 0.2
-    with pytest.raises(ScenarioError, match="outside its limits") as caught:
+    with raises_at(ScenarioError, "path at s = 2", "joint1") as caught:
         aw.trajectories.time_optimal(arm, aw.trajectories.JointPath(points, [0.0, 1.0, 3.0, 4.0]))
     assert arm.names[0] in str(caught.value)
 
@@ -324,6 +324,6 @@ def test_a_path_that_leaves_the_position_limits_between_waypoints_is_named() -> 
 def test_friction_that_exceeds_a_motor_is_named() -> None:
     arm = plain_arm()  # dry friction of 0.25 N m that holds what it does not let move
     limits = aw.trajectories.MotionLimits.of(arm, torque={"elbow": 0.2}, position=3.0)
-    with pytest.raises(ScenarioError, match=r"friction, however slowly, takes 0.* N m of elbow") as caught:
+    with pytest.raises(ScenarioError, match=r"friction, .* N m of elbow") as caught:
         aw.trajectories.time_optimal(arm.replace(gravity=[0.0, 0.0, 0.0]), random_path(arm, 0), limits, grid=50)
     assert "0.2 N m" in str(caught.value)

@@ -23,6 +23,7 @@ from armwright.twin.serial.registers import servo_model
 from armwright.twin.serial.servo_arm import Line, ServoArm
 from armwright.twin.serial.terminal import Terminal, serve
 from armwright.twin.serial.timing import RealTime
+from raises_at import raises_at
 from simulation.test_servo import PLAIN, pendulum
 from twin.serial.conftest import open_port
 
@@ -164,9 +165,7 @@ def test_a_joint_that_is_too_far_from_its_goal_ends_it_with_torque_on(arm, motio
     )
     line, one = LINES["sts3215"], served(arm, LINES["sts3215"])
     plan = planned(arm, motion, line, one, step=0.05, torque=1e-3)
-    with pytest.raises(
-        RunStopped, match=r"joint '\w+': is \S+ rad from its goal at \S+ s; expected at most 0\.05"
-    ) as stop:
+    with pytest.raises(RunStopped, match=r"joint '\w+': .* \S+ rad .* \S+ s; .* 0\.05") as stop:
         capture(plan, Descriptor(one.terminal.device))
     assert 1 < len(stop.value.run.rows) < 26
     client = client_of(one, line)
@@ -181,10 +180,10 @@ def test_nothing_moves_before_all_is_checked(arm, motion, served, monkeypatch):
     line, one = LINES["sts3215"], served(arm, LINES["sts3215"])
     port = Descriptor(one.terminal.device)
     stored = calibration_of(arm, line, port)
-    with pytest.raises(BusError, match="there is none to compare the servos with; expected --calibration FILE"):
+    with raises_at(BusError, "calibration", "--calibration FILE"):
         capture(plan_capture(arm, motion, line), port)
     elsewhere = Calibration({**stored.joints, "knee": stored.joints["knee"].model_copy(update={"id": 2})}, "stored")
-    with pytest.raises(BusError, match=r"model_number of servo 2: no answer"):
+    with raises_at(BusError, "model_number of servo 2", "no answer"):
         capture(plan_capture(arm, motion, replace(line, ids=None), calibration=elsewhere), port)
     client = client_of(one, line)
     for register, value, words in (
@@ -224,9 +223,7 @@ def test_an_approach_begins_at_a_limit_that_is_near():
     assert q[0] == pytest.approx([1.5, 0.0])
     assert np.abs(qdd).max() == pytest.approx(0.5, rel=1e-3)
     assert np.abs(qd).max() <= 1.0
-    with pytest.raises(
-        BusError, match=r"position of joint 'hip' \[rad\] = 1\.6: expected -1\.5 to 1\.5, its limits, or"
-    ):
+    with raises_at(BusError, "position of joint 'hip' [rad]", "-1.5 to 1.5", value=1.6):
         approach(fit, np.array([1.6, 0.0]), np.zeros(2), ServoSettings(step=0.05))
     assert approach(fit, np.zeros(2), np.zeros(2), ServoSettings()).motion.duration == LEAST
 
@@ -245,7 +242,7 @@ def test_a_servo_that_falls_silent_ends_it(arm, motion, served, monkeypatch):
         return False
 
     plan = planned(arm, motion, line, one, step=1.0)
-    with pytest.raises(RunStopped, match="joint 'knee', servo 1: was silent for 3 cycles") as stop:
+    with raises_at(RunStopped, "joint 'knee', servo 1", "3 cycles") as stop:
         capture(plan, Descriptor(one.terminal.device), stopped)
     assert np.isnan(stop.value.run.rows[-1][1, 1])
     assert stop.value.run.missed >= 3
@@ -268,7 +265,7 @@ def test_a_motion_beyond_limits_is_refused(arm, poses, duration, words):
 
 
 def test_an_encoder_has_ends(arm, motion):
-    with pytest.raises(BusError, match=r"joint 'hip': its position is \S+ rad .* the limits of its encoder"):
+    with raises_at(BusError, "joint 'hip'", r"\S+ rad .* its encoder$"):
         plan_capture(arm, motion, Line(zeros=[4000.0, 2048.0]))
 
 
@@ -337,5 +334,5 @@ def test_an_instruction_to_one_servo_is_sent_three_times():
     port = Slow(lost=2)
     client = ServoClient(port, port.model, patience=0.01)
     assert (client.read(1, "model_number"), client.missed, port.sent) == (777, 2, 3)
-    with pytest.raises(BusError, match="model_number of servo 1: no answer to 3 tries; expected a servo with that id"):
+    with raises_at(BusError, "model_number of servo 1", "3 tries"):
         ServoClient(Slow(lost=3), port.model, patience=0.01).read(1, "model_number")

@@ -83,7 +83,5 @@ def test_an_arm_is_identified_from_what_its_servos_measured(arm, port, tmp_path,
     assert min(each.r2 for each in torques) > 0.9
     assert [each.gain for each in torques] == pytest.approx([1.0] * arm.n, abs=0.08)  # the voltages' scale and signs
 
-    with pytest.raises(
-        LogError, match="no torques or currents of all joints; expected positions, and torques or currents"
-    ):
+    with pytest.raises(LogError, match="torques or currents"):
         aw.shadow.shadow_log(log)  # which has no speed yet to take from voltages

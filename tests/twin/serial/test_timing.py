@@ -117,7 +117,7 @@ def test_periods_that_are_none(sts, period):
 
 def test_late_replies_end_lock_step_and_not_real_time(sts):
     RealTime(sts.bus).late(0.03)
-    with pytest.raises(BusError, match="ready after 31 ms of wall time and was dropped; lock-step ends"):
+    with pytest.raises(BusError, match="31 ms"):
         LockStep(sts.bus, 0.01, GOALS).late(0.031)
 
 

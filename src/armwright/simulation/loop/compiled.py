@@ -81,17 +81,17 @@ class CompiledLoop:
         pairs.append(("varying", list(names[0]), list(names[1])))
         for name, known, asked in pairs:
             if known is not asked and known != asked and asked is not None:
-                what = f"the loop was compiled for {name} = {known}, not for the scenario's {asked}"
-                raise ScenarioError(what, expected=f"compile_loop with the scenario's {name}")
+                what = f"compiled for {name} = {known}, not for the scenario's {asked}"
+                raise ScenarioError(what, place="loop", expected=f"compile_loop with the scenario's {name}")
         if extra := _beside_commands(config):
-            what = f"the loop was compiled for commands over time alone, not for the scenario's {extra[0]}"
-            raise ScenarioError(what, expected="a simulation without `loop`")
+            what = f"compiled for commands over time alone, not for the scenario's {extra[0]}"
+            raise ScenarioError(what, place="loop", expected="a simulation without `loop`")
         extra = _beside_commands(self.config)
         if outputs and self.outputs is None:
             extra.append("recorded states alone")
         if extra:
             expected = "one for commands over time alone, as compile_loop returns"
-            raise ScenarioError(f"the loop was compiled for {extra[0]}", expected=expected)
+            raise ScenarioError(f"compiled for {extra[0]}", place="loop", expected=expected)
 
 
 def _beside_commands(config: LoopConfig) -> list[str]:

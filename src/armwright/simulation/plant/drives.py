@@ -86,7 +86,8 @@ class PlantDrives:
             ScenarioError: the plant has no such part.
         """
         if name not in self.layout:
-            raise ScenarioError("no such state", value=name, choices=self.layout.names, file=self.model.name)
+            choices = self.layout.names
+            raise ScenarioError("no such state", place="name", value=name, choices=choices, file=self.model.name)
         return x[..., self.layout.place(name)]
 
     def settled(self, x: Array) -> Array:
