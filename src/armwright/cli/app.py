@@ -105,7 +105,7 @@ class Commands(TyperGroup):
             code = _fail(str(error), 1 if isinstance(error, RunStopped) else 2)
         except UsageError as error:
             where = error.ctx.command_path if error.ctx is not None else "armwright"
-            code = _fail(f"{error.format_message()} (see {where} --help)")
+            code = _fail(f"{_usage_text(error)} (see {where} --help)")
         except typer.Abort:
             code = 130
         except SystemExit as stop:  # typer and rich end the process like that where a pipe's reader has gone
@@ -121,6 +121,12 @@ class Commands(TyperGroup):
         if standalone_mode:
             sys.exit(code if isinstance(code, int) else 0)
         return code
+
+
+def _usage_text(error: Any) -> str:
+    """The error of a command line; of a group without a command with the commands that there are."""
+    text, commands = error.format_message(), getattr(error.ctx and error.ctx.command, "commands", {})
+    return f"{text[:-1]}; expected one of {', '.join(commands)}" if text == "Missing command." else text
 
 
 def _os_error_text(error: OSError) -> str:
