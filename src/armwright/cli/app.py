@@ -20,14 +20,13 @@ from typer.core import TyperCommand, TyperGroup
 
 from armwright import __version__
 from armwright.cli.json_output import with_json
-from armwright.cli.spelling import Spelled, global_first, without_types
+from armwright.cli.spelling import Spelled, UsageError, global_first, without_types
 from armwright.errors import ArmwrightError, RunStopped
 from armwright.terminal import be_quiet, say
 
 _with_traceback = contextvars.ContextVar("traceback", default=False)
 NARROW = 76  # columns of an example
 LONGEST = 2500  # characters of an error: a word that was typed may have any length
-UsageError: Any = typer.BadParameter.__mro__[1]  # typer keeps it to itself
 
 
 PANELS = {

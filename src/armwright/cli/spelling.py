@@ -11,10 +11,10 @@ from typer import BadParameter
 from typer.core import TyperCommand
 
 from armwright.cli.old_names import OLD, UNTIL, Names
-from armwright.errors import ScenarioError
 from armwright.terminal import gathered, is_quiet, note
 
 FILES = ("--output", "--plot", "--report")  # that a command is asked to write
+UsageError: Any = BadParameter.__mro__[1]  # typer keeps it to itself
 GLOBAL = ("--quiet", "--traceback")  # options of the whole program
 NO_NUMBER = re.compile(r"Input should be (a valid number|a valid integer)")
 
@@ -56,7 +56,7 @@ class Spelled(TyperCommand):
         if found is None or error.param is None:
             return error
         value = self.make_parser(ctx).parse_args(list(args))[0].get(error.param.name)
-        return ScenarioError(place=max(error.param.opts, key=len), value=value, expected=found[1])
+        return UsageError(f"{max(error.param.opts, key=len)} = {value!r}: expected {found[1]}", ctx=ctx)
 
     def _renamed(self, ctx: Any, args: list[str], old: Names) -> list[str]:
         """The words in new names; those behind `--` are arguments and stay."""
