@@ -1,4 +1,4 @@
-"""A cylinder bears most of the load of a heavy arm's axis 2: force and stiffness by least squares, and what the motor is left.
+"""A cylinder bears most of the load of a heavy arm's axis 2: force and stiffness by least squares, and the motor's share.
 
 Run it:  python examples/10_balanced_arm.py [FOLDER]
 """

@@ -1,4 +1,4 @@
-"""An experiment before it is run: a motion that identifies two joints, what it would tell, and a command for one motor."""
+"""An experiment before it is run: a motion for two joints, the parameters that it determines, and a command for one motor."""
 
 import sys
 from pathlib import Path

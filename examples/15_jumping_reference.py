@@ -1,4 +1,4 @@
-"""A reference that jumps as it likes, and what a filter makes of it within limits of speed, acceleration and jerk.
+"""A reference with arbitrary jumps, filtered to keep limits of speed, acceleration and jerk.
 
 Run it:  python examples/15_jumping_reference.py [FOLDER]
 """

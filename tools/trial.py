@@ -25,7 +25,7 @@ SMOKE = (  # a command of each kind, in a folder with the examples
     DEMO,
     "info puma560",
     "info so101",
-    "new robot own.toml --joints 3",
+    "new robot own.toml --joint-count 3",
     "check scara.toml",
     f"parts build {PARTS} -o parts.toml",
     "assemble chain/arm.assembly.toml -o assembled.toml",
@@ -37,7 +37,7 @@ SMOKE = (  # a command of each kind, in a folder with the examples
     "show panda -o panda.html",
     "export c puma560 --functions inverse_dynamics -o c",
     "export controller swing.scenario.toml -o c",
-    "convert cmu-dd cmu-dd.urdf",
+    "convert cmu-dd -o cmu-dd.urdf",
     "info cmu-dd.urdf",
 )
 

@@ -62,6 +62,7 @@ def _entry(line: str) -> Iterator[str]:
     yield from _call(name, thing, shown)
     yield from body(thing)
     for member in members:
+        assert hasattr(thing, member), f"docs/reference/python: {path} has no {member!r}"
         yield f"#### `{path.rpartition('.')[2]}.{member}`"
         value = function_of(inspect.getattr_static(thing, member, None))
         yield from _call(member, value, None)

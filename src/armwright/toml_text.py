@@ -211,7 +211,7 @@ def _joined(good: list[Statement], wrong: list[tuple[int, str]]) -> dict[str, An
 
 
 def _reason(statements: list[Statement]) -> str | None:
-    """Why statements do not go together, or None."""
+    """Reason why statements contradict each other, or None."""
     try:
         tomllib.loads("\n".join(text for _, text, _ in statements))
     except UNREADABLE:

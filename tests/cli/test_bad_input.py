@@ -18,7 +18,10 @@ REFUSED = [
     (("inverse-dynamics", "two-link"), "Missing argument 'IN.csv'"),
     (("info", "pma560"), "robot = 'pma560': not a built-in arm and not a file; did you mean puma560?"),
     (("info", "nowhere.toml"), "nowhere.toml: no such file"),
-    (("simulate", "two-link"), "two-link: no command given; expected one of --schedule FILE and --torque N m,N m"),
+    (
+        ("simulate", "two-link"),
+        "two-link: no command given; expected --schedule FILE or --torque with one number for each joint [N m]",
+    ),
     (("simulate", "two-link", "--torque", "0"), "error: --duration: expected a time above 0 [s]"),
     (
         ("simulate", "lwa4p", "--voltage", "1"),
@@ -45,8 +48,10 @@ REFUSED = [
         "--start of joint 'elbow' = 'up': expected a finite number [rad], such as 0.5, 30deg or pi/6",
     ),
     ((*SIMULATE, "--start", "pi/0"), "--start of joint 'shoulder' = 'pi/0'"),
-    ((*SIMULATE, "--duration", "long"), "Invalid value for '--duration'"),
+    ((*SIMULATE, "--duration", "long"), "error: --duration = 'long': expected a valid number"),
     ((*SIMULATE, "--duration", "-1"), "error: --duration = -1.0: expected a time above 0 [s]"),
+    ((*SIMULATE, "--duration", "1s"), "error: --duration = '1s': expected a valid number"),
+    ((*SIMULATE, "--record-every", "2.5"), "error: --record-every = '2.5': expected a valid integer"),
     ((*SIMULATE, "--duration", "nan"), "duration = nan"),
     ((*SIMULATE, "--step", "0"), "error: --step = 0.0: expected a time above 0 [s]"),
     ((*SIMULATE, "--step", "0.03"), "--duration = 0.1: expected a multiple of --step = 0.03 s"),

@@ -20,14 +20,13 @@ from typer.core import TyperCommand, TyperGroup
 
 from armwright import __version__
 from armwright.cli.json_output import with_json
-from armwright.cli.spelling import Spelled, global_first, without_types
+from armwright.cli.spelling import Spelled, UsageError, global_first, without_types
 from armwright.errors import ArmwrightError, RunStopped
 from armwright.terminal import be_quiet, say
 
 _with_traceback = contextvars.ContextVar("traceback", default=False)
 NARROW = 76  # columns of an example
 LONGEST = 2500  # characters of an error: a word that was typed may have any length
-UsageError: Any = typer.BadParameter.__mro__[1]  # typer keeps it to itself
 
 
 PANELS = {
@@ -105,7 +104,7 @@ class Commands(TyperGroup):
             code = _fail(str(error), 1 if isinstance(error, RunStopped) else 2)
         except UsageError as error:
             where = error.ctx.command_path if error.ctx is not None else "armwright"
-            code = _fail(f"{error.format_message()} (see {where} --help)")
+            code = _fail(f"{_usage_text(error)} (see {where} --help)")
         except typer.Abort:
             code = 130
         except SystemExit as stop:  # typer and rich end the process like that where a pipe's reader has gone
@@ -121,6 +120,12 @@ class Commands(TyperGroup):
         if standalone_mode:
             sys.exit(code if isinstance(code, int) else 0)
         return code
+
+
+def _usage_text(error: Any) -> str:
+    """The error of a command line; of a group without a command with the commands that there are."""
+    text, commands = error.format_message(), getattr(error.ctx and error.ctx.command, "commands", {})
+    return f"{text[:-1]}; expected one of {', '.join(commands)}" if text == "Missing command." else text
 
 
 def _os_error_text(error: OSError) -> str:

@@ -214,7 +214,8 @@ def commands_of(arm: Model, schedule: Path | None, constants: dict[str, str | No
     usual = f"--{kinds[0]}" if len(kinds) == 1 else "--command"
     if len(options) != 1:
         what = " and ".join(f"--{name}" for name in options) if options else "no command"
-        expected = f"one of --schedule FILE and {usual} {','.join(units)}"
+        unit = " | ".join(dict.fromkeys(units))
+        expected = f"--schedule FILE or {usual} with one number for each joint [{unit}]"
         raise ScenarioError(f"{what} given", place=arm.name, expected=expected)
     if schedule is not None:
         return aw.simulation.read_schedule(schedule, arm.names, units)

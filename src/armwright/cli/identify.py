@@ -12,7 +12,7 @@ from armwright.cli.identify_motor import motor
 from armwright.cli.identify_payload import payload
 from armwright.cli.identify_servo import servo
 
-identify = typer.Typer(name="identify", help="Identify parameters from logs of measurements.", no_args_is_help=True)
+identify = typer.Typer(name="identify", help="Identify parameters from logs of measurements.")
 identify.command()(motor)
 identify.command()(servo)
 identify.command()(arm)

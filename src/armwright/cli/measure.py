@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 measure = typer.Typer(
     name="measure",
     help="Measure a link: mass by scale, centre by two supports, inertia by pendulum.",
-    no_args_is_help=True,
 )
 FORM = "a number, or VALUE,STD"
 Robot = Annotated[

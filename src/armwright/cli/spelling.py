@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from math import isfinite
 from typing import Any
 
+from typer import BadParameter
 from typer.core import TyperCommand
 
 from armwright.cli.old_names import OLD, UNTIL, Names
 from armwright.terminal import gathered, is_quiet, note
 
 FILES = ("--output", "--plot", "--report")  # that a command is asked to write
+UsageError: Any = BadParameter.__mro__[1]  # typer keeps it to itself
 GLOBAL = ("--quiet", "--traceback")  # options of the whole program
+NO_NUMBER = re.compile(r"Input should be (a valid number|a valid integer)")
 
 
 class Spelled(TyperCommand):
@@ -23,7 +27,10 @@ class Spelled(TyperCommand):
         old = OLD.get(path_of(ctx), {})
         if old and not ctx.resilient_parsing:
             args = self._renamed(ctx, list(args), old)
-        return super().parse_args(ctx, args)
+        try:
+            return super().parse_args(ctx, list(args))
+        except BadParameter as error:
+            raise self._with_value(ctx, args, error) from None
 
     def collect_usage_pieces(self, ctx: Any) -> list[str]:
         """Words of the line of usage: arguments by their names, in brackets where they may be left out."""
@@ -42,6 +49,14 @@ class Spelled(TyperCommand):
             with gathered():
                 return super().invoke(ctx)
         return super().invoke(ctx)
+
+    def _with_value(self, ctx: Any, args: list[str], error: Any) -> Exception:
+        """The error of a word that is no number, which typer reports without the word; others as they are."""
+        found = NO_NUMBER.match(error.message)
+        if found is None or error.param is None:
+            return error
+        value = self.make_parser(ctx).parse_args(list(args))[0].get(error.param.name)
+        return UsageError(f"{max(error.param.opts, key=len)} = {value!r}: expected {found[1]}", ctx=ctx)
 
     def _renamed(self, ctx: Any, args: list[str], old: Names) -> list[str]:
         """The words in new names; those behind `--` are arguments and stay."""

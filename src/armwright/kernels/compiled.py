@@ -215,7 +215,7 @@ class CompiledArm(KernelMethods[Real]):
         return Kernel(program, self.target, self._parameter_check(name), self.format, other_process=other_process)
 
     def _parameter_check(self, name: str) -> Callable[[tuple[Any, ...]], None] | None:
-        """What looks at the parameters that vary in every call of a kernel, None where none does."""
+        """Check of the parameters that vary, made in every call of a kernel; None if none varies."""
         return None if self.varied is None else _checked(self.varied, len(SIGNATURES[name].inputs))
 
     def _method(self, method: Callable[..., Any], form: str) -> Callable[..., Any]:

@@ -134,7 +134,7 @@ class Gpu:
             self._call("cuMemFree", address)
 
     def _call(self, name: str, *arguments: Any) -> Any:
-        """What a function of the driver returns.
+        """Result of a function of the driver.
 
         Raises:
             ModelError: it fails; says the driver's reason.
@@ -261,7 +261,7 @@ def _bindings(name: str) -> Any:
 
 
 def _loaded(function: Callable[..., Any], *arguments: Any) -> Any:
-    """What NVRTC's first function returns; it loads the library."""
+    """Result of NVRTC's first function, which loads the library."""
     try:
         return function(*arguments)
     except RuntimeError as error:

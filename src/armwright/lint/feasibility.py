@@ -47,7 +47,7 @@ def body_problems(robot: RobotDescription) -> list[Problem]:
 
 
 def _fault(link: Link) -> str:
-    """Why no real body has the mass properties of a link: for its three moments, whichever is too large and by how much."""
+    """Reason why no real body has the mass properties of a link, such as the moment that is too large and by how much."""
     says, tensor = "an impossible inertia:", link.inertia_kg_m2.matrix()
     moments, axes = np.linalg.eigh(tensor)
     name = ["the least principal moment", "the middle one", "the largest principal moment"]

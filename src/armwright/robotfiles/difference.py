@@ -74,7 +74,7 @@ class Difference(Result):
         return f"{self.a} → {self.b}"
 
     def sentences(self) -> list[str]:
-        """That nothing differs, or that the dynamics cannot be compared."""
+        """A sentence if nothing differs, or if the dynamics cannot be compared."""
         if not self:
             return [f"{self.a} and {self.b}: every parameter and every source is the same"]
         return [] if self.effect is not None else ["no joint is in both: gravity torques and inertias are not compared"]

@@ -115,7 +115,7 @@ class StepStudy(Result):
         return [Table(self.heading, (*heads, "other counts from [s]"), [*refused, *map(_row, taken)])]
 
     def sentences(self) -> list[str]:
-        """Why steps were refused, what the reference is wrong by, and the setting for each accuracy."""
+        """Reasons of refused steps, the error of the reference, and the setting for each accuracy."""
         lines = [str(trial.refused) for trial in self._refused[-1:]]
         if any(np.isfinite(trial.counts_differ_at) for trial in self.trials):
             smallest = f"Where a count is another one than by {self.reference}, as the smallest error makes it"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any
@@ -26,7 +27,7 @@ APART = 1e-3  # of a period, between one that keeps the margins and one that doe
 DELAYED = 40.0  # periods of a delay in seconds: beside it a shorter period decides nothing any more
 WATCHED = 12  # poses that periods are tried with; each that the last one fails at joins them
 OTHERS = ("closed", "held", "free")  # loops of the joints beside the one that is looked at
-GAIN, PHASE = 2.0, np.radians(30.0)  # the margins that are usually asked for
+GAIN, PHASE = 2.0, math.radians(30.0)  # the margins that are usually asked for
 
 
 @dataclass(frozen=True, eq=False)

@@ -78,7 +78,7 @@ class CalibrationPoses(Result):
         return [Table(self.heading, heads, poses), Table("information", ("", "these", "random"), measures)]
 
     def sentences(self) -> list[str]:
-        """That collisions were not looked at, where that is so."""
+        """A remark if collisions were not checked."""
         return (
             ["no link has a shape, so collisions were not looked at: radius gives them one"]
             if self.least is None

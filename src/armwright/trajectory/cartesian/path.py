@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -48,7 +49,7 @@ class CartesianPath:
     segments: Any
     start: Any
     blend: float = 0.0
-    blend_angle: float = np.deg2rad(1.0)
+    blend_angle: float = math.radians(1.0)
 
     def __post_init__(self) -> None:
         if not isinstance(self.segments, Sequence) or not self.segments:

@@ -253,7 +253,7 @@ class ServoRun(Result):
         return self.complete
 
     def sentences(self) -> list[str]:
-        """Why it ended, and how many answers were missed."""
+        """Cause of the end, and the number of missed answers."""
         return [f"ended by {self.captured.reason}; {self.captured.missed} answers missed"]
 
     def tables(self) -> list[Table]:
