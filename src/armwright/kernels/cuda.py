@@ -7,6 +7,8 @@ may differ in the last place: for angles beyond 2^20 rad, in float 2^17, and the
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from armwright.kernels.c import Unit
 from armwright.kernels.c_syntax import Dialect, identifier
 from armwright.kernels.format import DOUBLE, SINGLE, Format
@@ -146,7 +148,7 @@ def cuda_source(program: Program, format: Format = DOUBLE) -> str:
     for k, size in outputs:
         lines += _columns("store", size, f"out{k} + first * {size}", f"result{k}")
     tiles = _TILES.format(real=real, warp=WARP, pitch=COLUMNS + 1)
-    return _text(unit, [tiles, *lines, "}"])
+    return cuda_text(unit, [tiles, *lines, "}"])
 
 
 def _columns(verb: str, size: int, rows: str, own: str) -> list[str]:
@@ -205,7 +207,7 @@ def cuda_trajectory_source(step: Program) -> str:
         *_each(n, f"record[((k + 1) / every * count + lane) * {n} + e] = x[e];", "            "),
         *("        }", "    }", "    frozen[lane] = stopped;", "}"),
     ]
-    return _text(unit, lines)
+    return cuda_text(unit, lines)
 
 
 def _each(n: int, statement: str, indent: str = "    ") -> list[str]:
@@ -223,10 +225,11 @@ def _check_step(step: Program) -> None:
     assert [port.size for port in step.outputs] == sizes[:1]
 
 
-def _text(unit: Unit, kernel: list[str]) -> str:
+def cuda_text(unit: Unit, kernel: Sequence[str], head: Sequence[str] = ()) -> str:
+    """The file of a unit: what its functions need before them, the functions, the kernel."""
     uses = unit.uses("bits_of") or unit.uses("from_bits")
     helpers = [bits(unit.dialect, unit.prefix)] if uses else []
-    return "\n".join([*helpers, *(f"{text}\n" for text in unit.functions.values()), *kernel, ""])
+    return "\n".join([*head, *helpers, *(f"{text}\n" for text in unit.functions.values()), *kernel, ""])
 
 
 def bits(dialect: Dialect, prefix: str) -> str:

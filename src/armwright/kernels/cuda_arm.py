@@ -15,12 +15,10 @@ from armwright.kernels.c_syntax import identifier
 from armwright.kernels.compiled import CompiledArm
 from armwright.kernels.cuda import THREADS, cuda_source, cuda_trajectory_source
 from armwright.kernels.cuda_arrays import select_arrays
-from armwright.kernels.cuda_device import Gpu
+from armwright.kernels.cuda_device import PREFIX, Gpu, gpu_index
 from armwright.kernels.format import DOUBLE, Format
 from armwright.model import Model
 from armwright.program import Program
-
-PREFIX = "cuda"  # a device is "cuda", or "cuda:1" for the second GPU
 
 
 class CudaKernel:
@@ -160,7 +158,7 @@ class CudaArm(CompiledArm[Any]):
             place, expected = f"target of device {device!r}", "None: code is made for the GPU that runs it"
             raise ModelError(place=place, value=target, expected=expected)
         super().__init__(arm, None, vary, dtype)
-        self._gpu = Gpu(_index(device))
+        self._gpu = Gpu(gpu_index(device))
         self.device = f"{PREFIX}:{self._gpu.index}"
         self._bare = True  # no native functions in the methods' places
 
@@ -186,15 +184,3 @@ class CudaArm(CompiledArm[Any]):
 
     def _compiled(self, name: str, program: Any, *, apart: bool = False) -> Any:
         return CudaKernel(program, self._gpu, self.format, self._parameter_check(name))
-
-
-def _index(device: Any) -> int:
-    """The GPU's number in a device's name.
-
-    Raises:
-        ModelError: another device.
-    """
-    kind, colon, number = device.partition(":") if isinstance(device, str) else ("", "", "")
-    if kind != PREFIX or (colon and not number.isdecimal()):
-        raise ModelError(place="device", value=device, expected='"cpu", "cuda", or "cuda:1" for the second GPU')
-    return int(number or 0)
