@@ -301,6 +301,7 @@ class LoopText:
             *([] if stage.ahead else ["const int ends = left <= s;"]),
             "int good, measured, rejected, waits, over;",
             *(["int cut = 0;"] if stage.switching or not stage.ahead else []),
+            *(["(void)cut;"] if stage.switching and stage.ahead else []),
             "l->h[0] = s;",
             *before,
             self.call(stage.trial),

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from armwright.errors import ModelError, ShapeError
+from armwright.errors import ModelError
 from armwright.kernels.batch import common_lead, wrong_count
 from armwright.kernels.c_syntax import identifier
 from armwright.kernels.compiled import CompiledArm
-from armwright.kernels.cuda import THREADS, cuda_source, cuda_trajectory_source
+from armwright.kernels.cuda import THREADS, cuda_source
 from armwright.kernels.cuda_arrays import select_arrays
 from armwright.kernels.cuda_device import PREFIX, Gpu, gpu_index
 from armwright.kernels.format import DOUBLE, Format
@@ -82,56 +82,6 @@ class CudaKernel:
             self._function(math.prod(lead), THREADS, parameters, library.stream)
         results = library.results(results)
         return results[0] if len(results) == 1 else tuple(results)
-
-
-class CudaTrajectory:
-    """A step program on a GPU: whole trajectories with constant commands, one thread a lane."""
-
-    def __init__(self, step: Program, gpu: Gpu):
-        """Compiles the loop around the step.
-
-        Args:
-            step: (x, u, h) → x⁺, as the simulator traces it.   gpu: for which.
-        Raises:
-            ModelError: NVRTC is not installed, or makes no code for this GPU.
-        """
-        self.step, self._gpu = step, gpu
-        self._function = gpu.function(f"{identifier(step.name)}_trajectory", cuda_trajectory_source, step)
-
-    def __call__(self, x: Any, u: Any, h: float, ticks: int, every: int = 1) -> tuple[Any, Any]:
-        """The states of every lane.
-
-        Args:
-            x: (lanes, nx) initial states.   u: (nu,) or (lanes, nu) commands, held.
-            h: [s] the step.   ticks: how many.   every: a row is recorded after every so many.
-        Returns:
-            record: (ticks // every + 1, lanes, nx), row 0 the initial states.
-            frozen: (lanes,) the tick at which a lane diverged, or -1.
-        Raises:
-            ShapeError: x or u of the wrong shape.
-        """
-        nx, nu, dtype = self.step.inputs[0].size, self.step.inputs[1].size, DOUBLE.dtype
-        library = select_arrays((x, u), self._gpu, "trajectory")
-        x, u = (library.array(value, dtype, "trajectory", name) for value, name in ((x, "x"), (u, "u")))
-        lanes = x.shape[0] if x.ndim else 0
-        if tuple(x.shape) != (lanes, nx) or tuple(u.shape) not in ((nu,), (lanes, nu)):
-            expected = f"(lanes, {nx}) and ({nu},) or (lanes, {nu})"
-            raise ShapeError(
-                f"shapes {tuple(x.shape)} and {tuple(u.shape)}", place="trajectory: x and u", expected=expected
-            )
-        x, u = (library.rows(value, tuple(value.shape), "trajectory", "x and u") for value in (x, u))
-        results = [library.empty((ticks // every + 1, lanes, nx), dtype), library.empty((lanes,), dtype)]
-        if lanes:
-            rows = [
-                ctypes.c_void_p(library.address(x)),
-                nx,
-                ctypes.c_void_p(library.address(u)),
-                nu if u.ndim == 2 else 0,
-            ]
-            sinks = [ctypes.c_void_p(library.address(result)) for result in results]
-            self._function(lanes, THREADS, [ticks, every, float(h), *rows, *sinks], library.stream)
-        record, frozen = library.results(results)
-        return record, frozen
 
 
 class CudaArm(CompiledArm[Any]):

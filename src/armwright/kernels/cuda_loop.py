@@ -79,6 +79,7 @@ class CudaLoop(NativeLoop):
                 inputs.append(array)
                 parameters.append(_at(array))
             self._function(count, THREADS, parameters, 0)
+            self._gpu.wait()
             for name, record in records.items():
                 arrays.records[name][rows] = record.numpy().transpose(0, 2, 1)
         first, values = 0, kept.pop("").numpy()
@@ -92,7 +93,7 @@ class CudaLoop(NativeLoop):
         """Ticks of each launch, so that few rows wait on the GPU."""
         entries = sum(sum(stage.entries) for stage in self.stages if isinstance(stage, RecordStage))
         rows = max(1, MOST_RECORDED // (8 * max(1, entries) * count))
-        size = min(rows * every, ticks[1] - ticks[0])
+        size = max(1, min(rows * every, ticks[1] - ticks[0]))
         return ((first, min(first + size, ticks[1])) for first in range(*ticks, size))
 
 
