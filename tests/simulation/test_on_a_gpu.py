@@ -182,7 +182,7 @@ def follow(t, r, y):
         (lambda s: aw.simulate(on(s, "cuda:2")), ModelError, "device = 'cuda:2': there are 1, counted from 0"),
         (
             lambda s: aw.simulate(on(replace(s, command=None, loop=aw.Loop(follow, [0.1, 0.1])))),
-            ScenarioError, r"solver.device = 'cuda': the loop is in Python between two stages: .*; expected cpu",
+            ScenarioError, r"solver.device = 'cuda': a loop with Python between its stages runs on the CPU \(.*; expected cpu",
         ),
         (
             lambda s: Simulation(on(replace(s, command=None))).step([0.0, 0.0]),

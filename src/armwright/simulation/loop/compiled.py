@@ -127,7 +127,7 @@ def _on_gpu(config: LoopConfig, tick: Tick, device: str) -> CudaLoop:
     elif config.adaptivity is not None and config.adaptivity.events:
         reason = "solver.events are found on the CPU"
     elif tick.untraced is not None:
-        reason = f"the loop is in Python between two stages: {tick.untraced}"
+        reason = f"a loop with Python between its stages runs on the CPU ({tick.untraced})"
     if reason is not None:
         raise ScenarioError(reason, place="solver.device", value=device, expected=CPU)
     return CudaLoop((*tick.before, *tick.after), Gpu(gpu_index(device)))
