@@ -12,12 +12,11 @@ import pytest
 
 import armwright as aw
 from armwright.kernels.c import Unit
-from armwright.kernels.cuda import CUDA, bits, cuda_source, cuda_trajectory_source
+from armwright.kernels.cuda import CUDA, bits, cuda_source
 from armwright.kernels.format import DOUBLE, SINGLE
 from armwright.kernels.signatures import SIGNATURES, trace_kernel
 from armwright.program import Program, trace
 from armwright.program.operations import OPERATIONS
-from armwright.simulation.loop.compiled import compile_loop
 from kernels.fake_cuda import on_the_cpu
 from kernels.harness import same_bits
 from kernels.test_operations import COMPUTED, arguments, compiled
@@ -92,44 +91,6 @@ def test_one_row_serves_all_states(tmp_path):
     q, qd, qdd = np.random.default_rng(0).normal(size=(3, 40, 6))
     found = run(tmp_path, program, [q, qd[0].copy(), qdd], 40)
     assert np.array_equal(found[0], aw.compile(model).inverse_dynamics(q, qd[0], qdd))
-
-
-@pytest.mark.parametrize("name", ["cmu-dd", "two-link"])
-def test_trajectories_have_the_bits_of_the_simulator(tmp_path, name):
-    """RK3 with constant commands: one thread a lane, a row every fifth step."""
-    model, lanes, ticks, every = arm(name), 9, 50, 5
-    u = np.random.default_rng(0).normal(size=(lanes, model.n))
-    q0 = np.random.default_rng(1).normal(size=(lanes, model.n))
-    scenario = aw.Scenario(
-        model, command=aw.Batch(u), duration=ticks * 1e-3, start=aw.Batch(q0), recording=aw.Recording(every=every),
-        solver=aw.Solver("rk3"),
-    )  # fmt: skip
-    simulator = compile_loop(model)
-    expected = aw.simulate(scenario, loop=simulator)
-    record, frozen = trajectory(tmp_path, simulator.step, np.hstack([q0, 0 * q0]), u, 1e-3, ticks, every)
-    assert np.array_equal(record[:, :, : model.n].transpose(1, 0, 2), expected["q"])
-    assert np.array_equal(record[:, :, model.n :].transpose(1, 0, 2), expected["qd"])
-    assert (frozen == -1.0).all()
-
-
-def trajectory(folder, step, x, u, h, ticks, every):
-    text = cuda_trajectory_source(step)
-    name = f"{step.name}_trajectory"
-    library = on_the_cpu(folder, text, name)
-    record, frozen = np.full((ticks // every + 1, *x.shape), np.nan), np.empty(len(x))
-    sizes = (ctypes.c_longlong(len(x)), ctypes.c_longlong(ticks), ctypes.c_longlong(every), ctypes.c_double(h))
-    rows = (pointer(x), ctypes.c_longlong(x.shape[1]), pointer(u), ctypes.c_longlong(u.shape[1] if u.ndim == 2 else 0))
-    getattr(library, f"{name}_blocks")(*grid(len(x)), *sizes, *rows, pointer(record), pointer(frozen))
-    return record, frozen
-
-
-def test_a_lane_that_leaves_the_finite_numbers_is_frozen(tmp_path):
-    step = trace("step", lambda x, u, h: x * x + u * h, {"x": (1,), "u": (1,), "h": ()}, ("x_next",))
-    x = np.array([[0.5], [1e100], [np.inf], [3.0]])
-    record, frozen = trajectory(tmp_path, step, x, np.zeros(1), 1.0, 12, 4)
-    assert frozen.tolist() == [-1.0, 1.0, 0.0, 9.0]
-    assert record[:, 1, 0].tolist() == [1e100, 1e200, 1e200, 1e200]
-    assert record[-1, 0, 0] == 0.5**4096
 
 
 def test_every_operation_has_llvm_s_bits(tmp_path):

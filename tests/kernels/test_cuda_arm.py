@@ -17,11 +17,9 @@ import armwright as aw
 from armwright.errors import ModelError, ShapeError
 from armwright.kernels import cuda_arrays, cuda_device
 from armwright.kernels.cuda import cuda_source
-from armwright.kernels.cuda_arm import CudaTrajectory
 from armwright.kernels.cuda_device import Gpu, cubin, nvrtc_can
 from armwright.kernels.signatures import SIGNATURES, trace_kernel
 from armwright.model import Model
-from armwright.simulation.loop.compiled import compile_loop
 from kernels.fake_cuda import FakeCuda, fake_cupy, fake_torch
 from kernels.harness import same_bits
 from physics.arms import arm
@@ -176,22 +174,6 @@ def test_arrays_that_only_say_where_they_are(gpu):
         dyn.bias_torques(device.put(q[:, None]), device.put(qd[:4]))
     del found, ours, theirs, reversed_
     assert not gpu.memory
-
-
-def test_trajectories_are_the_simulator_s(gpu):
-    model, lanes, ticks, every = arm("two-link"), 9, 20, 5
-    simulator = compile_loop(model)
-    q0, u = (np.random.default_rng(k).normal(size=(lanes, model.n)) for k in range(2))
-    scenario = aw.Scenario(
-        model, command=aw.Batch(u), duration=ticks * 1e-3, start=aw.Batch(q0), recording=aw.Recording(every=every),
-        solver=aw.Solver("rk3"),
-    )  # fmt: skip
-    expected = aw.simulate(scenario, loop=simulator)["q"]
-    record, frozen = CudaTrajectory(simulator.step, Gpu())(np.hstack([q0, 0 * q0]), u, 1e-3, ticks, every)
-    assert np.array_equal(record[:, :, : model.n].transpose(1, 0, 2), expected)
-    assert (frozen == -1.0).all()
-    with raises_at(ShapeError, "trajectory: x and u", r"\(4,\) and \(9, 2\).*\(lanes, 4\)"):
-        CudaTrajectory(simulator.step, Gpu())(np.zeros(4), u, 1e-3, 1)
 
 
 def test_compiled_kernels_are_kept(gpu):

@@ -475,7 +475,7 @@ UNITS = re.compile("(?<!_per)_(s|m|kg|kg_m2|v)$")
     ],
 )
 def test_tables_have_the_fields_of_the_groups_in_python(table, group):
-    """Units aside; events and the processor level of a solver are those of Python alone."""
+    """Units aside; events, processor level and device of a solver are those of Python alone."""
     names = {UNITS.sub("", name) for name in table.model_fields}
-    only_python = {"events", "target"} if group is aw.Solver else set()
+    only_python = {"events", "target", "device"} if group is aw.Solver else set()
     assert names == {field.name for field in dataclasses.fields(group)} - only_python

@@ -1,8 +1,9 @@
-"""A simulation loop's stages as C99: the loop that LLVM is given (`loop_printer`, `loop_steps`), for one lane.
+"""A simulation loop's stages as C99 or CUDA C: the loop that LLVM is given (`loop_printer`, `loop_steps`), for one lane.
 
 Blocks and rings are members of one struct without pointers, so that a copy of it is the loop's whole state. What `stages` says of
 every stage is done here by plain statements; the programs are printed as kernels are, so that the bits are those of the compiled
-loop. Rows of schedules and tables are no stages here: whoever calls the functions writes into the blocks instead.
+loop. Rows of schedules and tables are no stages of C99: whoever calls the functions writes into the blocks instead.
+`cuda_loop_printer` adds them.
 """
 
 from __future__ import annotations
@@ -40,24 +41,25 @@ from armwright.kernels.stages import (
 from armwright.program import Program
 
 _PHILOX = f"""\
-static void {{prefix}}draw(uint64_t lane, uint64_t tick, uint64_t channel, uint64_t seed, int entries, double *numbers)
+{{function}}void {{prefix}}draw({{integer}} lane, {{integer}} tick, {{integer}} channel, {{integer}} seed,
+    int entries, double *numbers)
 {{{{
-    const uint64_t low = UINT64_C({philox.LOW});
+    const {{integer}} low = {{LOW}};
     int call, half, k;
     for (call = 0; 2 * call < entries; call++) {{{{
-        uint64_t c0 = lane & low, c1 = tick & low, c2 = (tick >> 32) << 16 | channel, c3 = (uint64_t)call;
-        uint64_t k0 = seed & low, k1 = seed >> 32;
+        {{integer}} c0 = lane & low, c1 = tick & low, c2 = (tick >> 32) << 16 | channel, c3 = ({{integer}})call;
+        {{integer}} k0 = seed & low, k1 = seed >> 32;
         for (k = 0; k < {philox.ROUNDS}; k++) {{{{
-            const uint64_t a = UINT64_C({philox.M0}) * c0, b = UINT64_C({philox.M1}) * c2;
+            const {{integer}} a = {{M0}} * c0, b = {{M1}} * c2;
             c0 = (b >> 32) ^ c1 ^ k0;
             c2 = (a >> 32) ^ c3 ^ k1;
             c1 = b & low;
             c3 = a & low;
-            k0 = (k0 + UINT64_C({philox.W0})) & low;
-            k1 = (k1 + UINT64_C({philox.W1})) & low;
+            k0 = (k0 + {{W0}}) & low;
+            k1 = (k1 + {{W1}}) & low;
         }}}}
         for (half = 0; half < 2 && 2 * call + half < entries; half++) {{{{
-            const uint64_t bits = half == 0 ? (c0 << 20 | c1 >> 12) : (c2 << 20 | c3 >> 12);
+            const {{integer}} bits = half == 0 ? (c0 << 20 | c1 >> 12) : (c2 << 20 | c3 >> 12);
             const double number = (double)bits + 0.5;
             numbers[2 * call + half] = number * {2.0**-52!r};
         }}}}
@@ -65,7 +67,7 @@ static void {{prefix}}draw(uint64_t lane, uint64_t tick, uint64_t channel, uint6
 }}}}"""
 
 _ACCEPT = """\
-static void {prefix}accept({struct} *l)
+{function}void {prefix}accept({struct} *l)
 {{
     double poison = 0.0; /* 0 x is NaN where x is not finite, and NaN stays */
     int k;
@@ -99,6 +101,26 @@ class LoopClock:
     seed: int = 0
     lane: int = 0
 
+    def words(self) -> ClockWords:
+        """The numbers as literals."""
+        period, part = (literal(number, C_DOUBLE) for number in (self.period, 1.0 / self.substeps))
+        return ClockWords(period, part, f"{self.substeps}", f"UINT64_C({self.seed})", f"UINT64_C({self.lane})")
+
+
+@dataclass(frozen=True)
+class ClockWords:
+    """A loop's clock as expressions of C: literals, or parameters of the function that the loop stands in.
+
+    Attributes:
+        period: [s] of a tick.   part: 1 / substeps.   substeps, seed, lane: as of `LoopClock`.
+    """
+
+    period: str
+    part: str
+    substeps: str
+    seed: str
+    lane: str
+
 
 class LoopText:
     """C functions of a unit over one struct of blocks.
@@ -108,13 +130,14 @@ class LoopText:
         rings: length and entries of every delay's ring, by the block that it fills.
     """
 
-    def __init__(self, unit: Unit, stages: Sequence[Stage], struct: str, clock: LoopClock):
+    def __init__(self, unit: Unit, stages: Sequence[Stage], struct: str, clock: LoopClock | ClockWords):
         """Text of those stages.
 
         Raises:
             ProgramError: a stage that has no C: an integration that looks for events.
         """
-        self.unit, self.struct, self.clock, self._plan = unit, struct, clock, tuple(stages)
+        self.unit, self.struct, self._plan = unit, struct, tuple(stages)
+        self.clock = clock.words() if isinstance(clock, LoopClock) else clock
         self.sizes = {name: size for name, size in block_sizes(self._plan).items() if size}
         self.rings = {stage.to: (stage.length, stage.entries) for stage in stages if isinstance(stage, DelayStage)}
         for stage in stages:
@@ -123,7 +146,7 @@ class LoopText:
 
     def members(self, further: Mapping[str, int]) -> list[str]:
         """Declarations of the struct's members: counter, blocks, further arrays, rings."""
-        lines = [f"uint64_t {COUNTER};"]
+        lines = [f"{self.unit.dialect.integer} {COUNTER};"]
         lines += [f"double {identifier(name)}[{size}];" for name, size in {**self.sizes, **further}.items()]
         return lines + [
             f"double ring_{identifier(to)}[{length}][{entries}];" for to, (length, entries) in self.rings.items()
@@ -139,15 +162,20 @@ class LoopText:
 
     def add_function(self, name: str, stages: Iterable[Stage], *, advances: bool = False) -> None:
         """`static void name(struct *l)`: the stages in order; `advances`: the counter goes on to the next tick at the end."""
-        body = []
-        for stage in stages:
-            body += getattr(self, f"_{type(stage).__name__.removesuffix('Stage').lower()}")(stage)
+        body = self.statements(stages)
         if "tick" in self.sizes:
             body.insert(0, f"l->tick[0] = (double)l->{COUNTER};")
         if advances:
             body.append(f"l->{COUNTER}++;")
         text = "\n".join(f"    {line}" for line in (body or ["(void)l;"]))
         self.unit.functions[name] = f"static void {name}({self.struct} *l)\n{{\n{text}\n}}"
+
+    def statements(self, stages: Iterable[Stage]) -> list[str]:
+        """The stages in order, of the lane that `l` points to."""
+        body = []
+        for stage in stages:
+            body += getattr(self, f"_{type(stage).__name__.removesuffix('Stage').lower()}")(stage)
+        return body
 
     def call(self, program: Program, places: Mapping[str, str] | None = None) -> str:
         """The statement that calls a program on blocks; `places`: arrays of other names, by port."""
@@ -167,9 +195,11 @@ class LoopText:
         return self._run(stage.program)
 
     def _draw(self, stage: DrawStage) -> list[str]:
-        name, clock = f"{self.unit.prefix}draw", self.clock
-        self.unit.functions[name] = _PHILOX.format(prefix=self.unit.prefix)
-        keys = f"UINT64_C({clock.lane}), l->{COUNTER}, UINT64_C({stage.channel}), UINT64_C({clock.seed})"
+        name, dialect = f"{self.unit.prefix}draw", self.unit.dialect
+        numbers = {each: dialect.literal.format(getattr(philox, each)) for each in ("LOW", "M0", "M1", "W0", "W1")}
+        words = {"prefix": self.unit.prefix, "function": dialect.function, "integer": dialect.integer}
+        self.unit.functions[name] = _PHILOX.format(**words, **numbers)
+        keys = f"{self.clock.lane}, l->{COUNTER}, {dialect.literal.format(stage.channel)}, {self.clock.seed}"
         return [f"{name}({keys}, {stage.entries}, l->{identifier(stage.block)});"]
 
     def _delay(self, stage: DelayStage) -> list[str]:
@@ -182,10 +212,9 @@ class LoopText:
 
     def _integrate(self, stage: Integrate) -> list[str]:
         self._add_accept()
-        part = literal(1.0 / self.clock.substeps, C_DOUBLE)
         once = [self.call(stage.step), f"{self.unit.prefix}accept(l);"]
         inner = [
-            "const double length = (edge - t) * " + part + ";",
+            f"const double length = (edge - t) * {self.clock.part};",
             "int substep;",
             "l->h[0] = length;",
             f"for (substep = 0; substep < {self.clock.substeps}; substep++) {{",
@@ -264,12 +293,15 @@ class LoopText:
         """A trial of the wanted length or up to the edge."""
         length = "wanted" if stage.ahead else f"(left <= wanted * {NEARLY!r}) ? left : wanted"
         return [
-            "const double now = l->since_tick[0], left = edge - now;",
-            f"const double wanted = (0.0 < l->h_try[0]) ? l->h_try[0] : {literal(self.clock.period, C_DOUBLE)};",
+            "const double now = l->since_tick[0];",
+            *([] if stage.ahead else ["const double left = edge - now;"]),
+            f"const double wanted = (0.0 < l->h_try[0]) ? l->h_try[0] : {self.clock.period};",
             "const int active = now < edge && l->frozen[0] < 0.0;",
             f"double s = {length}, grow, following, then;",
             *([] if stage.ahead else ["const int ends = left <= s;"]),
-            "int cut = 0, good, measured, rejected, waits, over;",
+            "int good, measured, rejected, waits, over;",
+            *(["int cut = 0;"] if stage.switching or not stage.ahead else []),
+            *(["(void)cut;"] if stage.switching and stage.ahead else []),
             "l->h[0] = s;",
             *before,
             self.call(stage.trial),
@@ -297,15 +329,13 @@ class LoopText:
 
     def _take(self, stage: Adapt) -> list[str]:
         """The state behind a good trial; after too many of them, the lane stays where it is."""
-        h = self.clock.period
-        most = stage.most * (max(h * (1.0 / stage.each), 1.0) if stage.each is not None else 1.0)
         begun = ["l->span[0] = s;", "memcpy(l->x_from, l->x, sizeof l->x);"] if stage.ahead else []
         return [
             "if (good) {",
             *_indented([*begun, *_replace(stage.trial), "l->since_tick[0] = then;"]),
             "}",
             "waits = active && l->since_tick[0] < edge;",
-            f"over = waits && {literal(most, C_DOUBLE)} <= l->tried[0];",
+            f"over = waits && {self._most(stage)} <= l->tried[0];",
             "if (over) {",
             f"    l->frozen[0] = (double)l->{COUNTER};",
             "    l->stalled[0] += (double)measured;",
@@ -313,6 +343,14 @@ class LoopText:
             "}",
             "again = waits && !over;",
         ]
+
+    def _most(self, stage: Adapt) -> str:
+        """Trials that a tick may take."""
+        most = literal(float(stage.most), C_DOUBLE)
+        if stage.each is None:
+            return most
+        times = f"{self.clock.period} * {literal(1.0 / stage.each, C_DOUBLE)}"
+        return f"{most} * ((1.0 < {times}) ? {times} : 1.0)"
 
     def _go_on(self, stage: Adapt) -> list[str]:
         """A lane on which the same acts goes on behind its last step; else it begins anew, in steps as long as that lasted."""
@@ -354,12 +392,13 @@ class LoopText:
 
     def _segments(self, stage: Integrate | Adapt, inner: Sequence[str]) -> list[str]:
         """A tick from change to change: `inner` moves the plant from `t` to `edge`."""
-        h = literal(self.clock.period, C_DOUBLE)
+        h, due = self.clock.period, self._next_rows()
         begins = [f"l->u_from[{s}]" for s in range(stage.planned - 1)] + ["l->see_at[0]"] * bool(stage.seen)
-        lines = [f"l->{SINCE}[0] = 0.0;", "do {"]
+        lines = [f"l->{SINCE}[0] = 0.0;", "do {", *_indented(self._due_rows())]
         moves = bool(begins) or stage.turn is not None
         lines += [f"    const double t = l->{SINCE}[0];"] if moves or isinstance(stage, Integrate) else []
-        lines += [f"    double edge = {h};"] if moves else [f"    const double edge = {h};"]
+        lines += [f"    double edge = {h};"] if moves or due else [f"    const double edge = {h};"]
+        lines += _indented(due)
         lines += [f"    edge = (t < {each} && {each} < edge) ? {each} : edge;" for each in begins]
         if stage.planned:
             n = self.sizes["u"]
@@ -378,11 +417,19 @@ class LoopText:
             lines += ["    if (edge == l->see_at[0]) {", *_indented(kept, 2), "    }"]
         return [*lines, f"    l->{SINCE}[0] = edge;", f"}} while (l->{SINCE}[0] < {h});"]
 
+    def _due_rows(self) -> list[str]:
+        """Rows of schedules that are due come into force."""
+        return []
+
+    def _next_rows(self) -> list[str]:
+        """The edge is where the next row of a schedule is due, if that is before it."""
+        return []
+
     def _turn(self, turn: Turn) -> list[str]:
         """Servos' loops turn if it is time; the edge is when they next do if that is before it."""
         self._add_accept()
         period, near = literal(turn.period, C_DOUBLE), literal(NEARLY_DUE * turn.period, C_DOUBLE)
-        due_at = f"l->{TURNS}[0] * {period} - (double)l->{COUNTER} * {literal(self.clock.period, C_DOUBLE)}"
+        due_at = f"l->{TURNS}[0] * {period} - (double)l->{COUNTER} * {self.clock.period}"
         return [
             f"double due_at = {due_at};",
             f"if (due_at <= t + {near}) {{",
@@ -396,6 +443,7 @@ class LoopText:
 
     def _add_accept(self) -> None:
         words = {"prefix": self.unit.prefix, "struct": self.struct, "size": self.sizes["x"], "counter": COUNTER}
+        words["function"] = self.unit.dialect.function
         self.unit.functions[f"{self.unit.prefix}accept"] = _ACCEPT.format(**words)
 
 

@@ -1,4 +1,4 @@
-"""Program → CUDA C: one thread a state, or one thread a whole simulated trajectory. `cuda_device` compiles it, by NVRTC.
+"""Program → CUDA C: one thread a state. `cuda_device` compiles it, by NVRTC.
 
 Arrays are those of the other kernels: row-major, one row a state. The text is the sequence of IEEE operations that LLVM and C
 are given; NVRTC gets --fmad=false, so that only what is written as fma() is fused. Where libm is called it is CUDA's own, which
@@ -6,6 +6,8 @@ may differ in the last place: for angles beyond 2^20 rad, in float 2^17, and the
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 from armwright.kernels.c import Unit
 from armwright.kernels.c_syntax import Dialect, identifier
@@ -96,12 +98,6 @@ static __device__ __forceinline__ void store_columns({real} *rows, int first, in
 }}
 """
 
-_THREAD = """\
-    const long long lane = (long long)blockIdx.x * blockDim.x + threadIdx.x;
-    if (lane >= count) {
-        return;
-    }"""
-
 
 def cuda_source(program: Program, format: Format = DOUBLE) -> str:
     """The program as a CUDA kernel `name(count, in0, step0, in1, step1, …, out0, out1, …)`, one thread a state.
@@ -146,7 +142,7 @@ def cuda_source(program: Program, format: Format = DOUBLE) -> str:
     for k, size in outputs:
         lines += _columns("store", size, f"out{k} + first * {size}", f"result{k}")
     tiles = _TILES.format(real=real, warp=WARP, pitch=COLUMNS + 1)
-    return _text(unit, [tiles, *lines, "}"])
+    return cuda_text(unit, [tiles, *lines, "}"])
 
 
 def _columns(verb: str, size: int, rows: str, own: str) -> list[str]:
@@ -164,69 +160,15 @@ def _columns(verb: str, size: int, rows: str, own: str) -> list[str]:
     return lines + [f"    {call(rest, whole * COLUMNS)}"] * (rest > 0)
 
 
-def cuda_trajectory_source(step: Program) -> str:
-    """A CUDA kernel that takes every lane through `ticks` steps, one thread a lane, commands held.
-
-    In NumPy, for one lane:
-
-        record[0] = x
-        for k in range(ticks):
-            new = step(x, u, h)
-            if frozen < 0:  x, frozen = (new, frozen) if isfinite(new).all() else (x, k)
-            if (k + 1) % every == 0:  record[(k + 1) // every] = x
-
-    which is the loop of the simulator for constant commands, to the bit.
-
-    Args:
-        step: (x, u, h) → x⁺, as the simulator traces it.
-    Returns:
-        text: the kernel `name_trajectory(count, ticks, every, h, x, x_step, u, u_step, record, frozen)`; record is
-            (ticks // every + 1, count, nx), frozen (count,) the tick at which a lane diverged, or -1.
-    """
-    _check_step(step)
-    unit = Unit(CUDA, f"{identifier(step.name)}_")
-    function = unit.add_function(step, _state_function(step))
-    n = step.inputs[0].size
-    lines = [
-        f'extern "C" __global__ void {identifier(step.name)}_trajectory(long long count, long long ticks, long long every,',
-        "    double h, const double *x0, long long x0_step, const double *u, long long u_step, double *record,",
-        "    double *frozen)",
-        *("{", _THREAD, f"    double x[{n}], next[{n}];", "    double stopped = -1.0;"),
-        *_each(n, f"x[e] = x0[lane * x0_step + e];\n        record[lane * {n} + e] = x[e];"),
-        "    for (long long k = 0; k < ticks; k++) {",
-        "        if (stopped < 0.0) {",
-        f"            {function}(x, u + lane * u_step, &h, next);",
-        "            double sum = 0.0; /* of 0 x, which is NaN where x is not finite */",
-        *_each(n, "sum = fma(next[e], 0.0, sum);", "            "),
-        "            if (sum == 0.0) {",
-        *_each(n, "x[e] = next[e];", "                "),
-        *("            } else {", "                stopped = (double)k;", "            }", "        }"),
-        "        if ((k + 1) % every == 0) {",
-        *_each(n, f"record[((k + 1) / every * count + lane) * {n} + e] = x[e];", "            "),
-        *("        }", "    }", "    frozen[lane] = stopped;", "}"),
-    ]
-    return _text(unit, lines)
-
-
-def _each(n: int, statement: str, indent: str = "    ") -> list[str]:
-    return [f"{indent}for (int e = 0; e < {n}; e++) {{", f"{indent}    {statement}", f"{indent}}}"]
-
-
 def _state_function(program: Program) -> str:
     return f"{identifier(program.name)}_state"
 
 
-def _check_step(step: Program) -> None:
-    sizes = [port.size for port in step.inputs]
-    assert len(sizes) == 3, sizes
-    assert sizes[2] == 1, sizes
-    assert [port.size for port in step.outputs] == sizes[:1]
-
-
-def _text(unit: Unit, kernel: list[str]) -> str:
+def cuda_text(unit: Unit, kernel: Sequence[str], head: Sequence[str] = ()) -> str:
+    """The file of a unit: what its functions need before them, the functions, the kernel."""
     uses = unit.uses("bits_of") or unit.uses("from_bits")
     helpers = [bits(unit.dialect, unit.prefix)] if uses else []
-    return "\n".join([*helpers, *(f"{text}\n" for text in unit.functions.values()), *kernel, ""])
+    return "\n".join([*head, *helpers, *(f"{text}\n" for text in unit.functions.values()), *kernel, ""])
 
 
 def bits(dialect: Dialect, prefix: str) -> str:

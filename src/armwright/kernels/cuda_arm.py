@@ -9,18 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from armwright.errors import ModelError, ShapeError
+from armwright.errors import ModelError
 from armwright.kernels.batch import common_lead, wrong_count
 from armwright.kernels.c_syntax import identifier
 from armwright.kernels.compiled import CompiledArm
-from armwright.kernels.cuda import THREADS, cuda_source, cuda_trajectory_source
+from armwright.kernels.cuda import THREADS, cuda_source
 from armwright.kernels.cuda_arrays import select_arrays
-from armwright.kernels.cuda_device import Gpu
+from armwright.kernels.cuda_device import PREFIX, Gpu, gpu_index
 from armwright.kernels.format import DOUBLE, Format
 from armwright.model import Model
 from armwright.program import Program
-
-PREFIX = "cuda"  # a device is "cuda", or "cuda:1" for the second GPU
 
 
 class CudaKernel:
@@ -86,56 +84,6 @@ class CudaKernel:
         return results[0] if len(results) == 1 else tuple(results)
 
 
-class CudaTrajectory:
-    """A step program on a GPU: whole trajectories with constant commands, one thread a lane."""
-
-    def __init__(self, step: Program, gpu: Gpu):
-        """Compiles the loop around the step.
-
-        Args:
-            step: (x, u, h) → x⁺, as the simulator traces it.   gpu: for which.
-        Raises:
-            ModelError: NVRTC is not installed, or makes no code for this GPU.
-        """
-        self.step, self._gpu = step, gpu
-        self._function = gpu.function(f"{identifier(step.name)}_trajectory", cuda_trajectory_source, step)
-
-    def __call__(self, x: Any, u: Any, h: float, ticks: int, every: int = 1) -> tuple[Any, Any]:
-        """The states of every lane.
-
-        Args:
-            x: (lanes, nx) initial states.   u: (nu,) or (lanes, nu) commands, held.
-            h: [s] the step.   ticks: how many.   every: a row is recorded after every so many.
-        Returns:
-            record: (ticks // every + 1, lanes, nx), row 0 the initial states.
-            frozen: (lanes,) the tick at which a lane diverged, or -1.
-        Raises:
-            ShapeError: x or u of the wrong shape.
-        """
-        nx, nu, dtype = self.step.inputs[0].size, self.step.inputs[1].size, DOUBLE.dtype
-        library = select_arrays((x, u), self._gpu, "trajectory")
-        x, u = (library.array(value, dtype, "trajectory", name) for value, name in ((x, "x"), (u, "u")))
-        lanes = x.shape[0] if x.ndim else 0
-        if tuple(x.shape) != (lanes, nx) or tuple(u.shape) not in ((nu,), (lanes, nu)):
-            expected = f"(lanes, {nx}) and ({nu},) or (lanes, {nu})"
-            raise ShapeError(
-                f"shapes {tuple(x.shape)} and {tuple(u.shape)}", place="trajectory: x and u", expected=expected
-            )
-        x, u = (library.rows(value, tuple(value.shape), "trajectory", "x and u") for value in (x, u))
-        results = [library.empty((ticks // every + 1, lanes, nx), dtype), library.empty((lanes,), dtype)]
-        if lanes:
-            rows = [
-                ctypes.c_void_p(library.address(x)),
-                nx,
-                ctypes.c_void_p(library.address(u)),
-                nu if u.ndim == 2 else 0,
-            ]
-            sinks = [ctypes.c_void_p(library.address(result)) for result in results]
-            self._function(lanes, THREADS, [ticks, every, float(h), *rows, *sinks], library.stream)
-        record, frozen = library.results(results)
-        return record, frozen
-
-
 class CudaArm(CompiledArm[Any]):
     """Kernels for one arm on a GPU: `aw.compile(arm, device="cuda")`. Arrays are those of `CompiledArm`, on the GPU.
 
@@ -160,7 +108,7 @@ class CudaArm(CompiledArm[Any]):
             place, expected = f"target of device {device!r}", "None: code is made for the GPU that runs it"
             raise ModelError(place=place, value=target, expected=expected)
         super().__init__(arm, None, vary, dtype)
-        self._gpu = Gpu(_index(device))
+        self._gpu = Gpu(gpu_index(device))
         self.device = f"{PREFIX}:{self._gpu.index}"
         self._bare = True  # no native functions in the methods' places
 
@@ -186,15 +134,3 @@ class CudaArm(CompiledArm[Any]):
 
     def _compiled(self, name: str, program: Any, *, apart: bool = False) -> Any:
         return CudaKernel(program, self._gpu, self.format, self._parameter_check(name))
-
-
-def _index(device: Any) -> int:
-    """The GPU's number in a device's name.
-
-    Raises:
-        ModelError: another device.
-    """
-    kind, colon, number = device.partition(":") if isinstance(device, str) else ("", "", "")
-    if kind != PREFIX or (colon and not number.isdecimal()):
-        raise ModelError(place="device", value=device, expected='"cpu", "cuda", or "cuda:1" for the second GPU')
-    return int(number or 0)

@@ -20,6 +20,7 @@ from armwright.errors import ModelError
 from armwright.kernels import cache
 
 OPTIONS = ("--fmad=false", "--std=c++14")
+PREFIX = "cuda"  # a device is "cuda", or "cuda:1" for the second GPU
 INSTALL = 'pip install "armwright[cuda]"'
 DRIVER = "an NVIDIA GPU with its driver"
 CELLS = {int: ctypes.c_longlong, float: ctypes.c_double}  # parameters of kernels; addresses are ctypes.c_void_p
@@ -145,6 +146,18 @@ class Gpu:
             why = text.decode() if isinstance(text, bytes) else str(code)
             raise ModelError(f"{name}: {why}", place="device", value="cuda", expected=DRIVER)
         return values[0] if values else None
+
+
+def gpu_index(device: Any) -> int:
+    """The GPU's number in a device's name.
+
+    Raises:
+        ModelError: another device.
+    """
+    kind, colon, number = device.partition(":") if isinstance(device, str) else ("", "", "")
+    if kind != PREFIX or (colon and not number.isdecimal()):
+        raise ModelError(place="device", value=device, expected='"cpu", "cuda", or "cuda:1" for the second GPU')
+    return int(number or 0)
 
 
 class GpuFunction:

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from armwright.errors import ArmwrightError, ScenarioError
+from armwright.kernels.compiled import CPU
 from armwright.model import Model
 from armwright.model.changes import TERMS
 from armwright.model.payload import Payload
@@ -403,8 +404,9 @@ def _payload(place: str, body: Payload, lanes: dict[str, np.ndarray]) -> Tables:
 
 def _solver(scenario: Scenario) -> Tables:
     solver = scenario.solver
-    for name, expected in (("events", "none: they are functions of Python"), ("target", "none: it is the computer's")):
-        if getattr(solver, name):
+    apart = {"events": "none: they are functions of Python", "target": "none: it is the computer's"}
+    for name, expected in (apart | {"device": f"{CPU!r}: it is the computer's"}).items():
+        if getattr(solver, name) not in (None, {}, CPU):
             raise ScenarioError(TABLED, place=f"solver.{name}", expected=expected)
     table = _changed("solver", solver)
     table.pop("events", None)

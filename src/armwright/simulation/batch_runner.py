@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     import xarray
 
 PIECE = 0.05  # [s] after which native code comes back, for progress and Ctrl-C
+PIECE_ON_GPU = 0.5  # [s] the same of a GPU, where the lanes' blocks are copied there and back
 TILES_A_GROUP = 32
 
 Group = Callable[[int, int], "Work"]
@@ -62,7 +63,15 @@ def handed_out(run: xarray.Dataset, finished: Finished, ticks: int, lanes: int) 
 
 
 def run_groups(
-    lanes: int, width: int, ticks: int, begin: Group, progress: Progress, workers: int, *, whole: bool = False
+    lanes: int,
+    width: int,
+    ticks: int,
+    begin: Group,
+    progress: Progress,
+    workers: int,
+    *,
+    whole: bool = False,
+    piece: float = PIECE,
 ) -> Finished:
     """Takes all lanes through all ticks.
 
@@ -74,6 +83,7 @@ def run_groups(
         begin: (first lane, count) of a group → (advance, end): advance(first tick, last tick), and what to do behind the last.
         progress: called now and then with the lane-ticks done and those there are.
         workers: threads that share the groups.   whole: true where all lanes are one group.
+        piece: [s] after which `advance` is to come back.
     Raises:
         KeyboardInterrupt: Ctrl-C came before anything was finished.
     """
@@ -87,14 +97,14 @@ def run_groups(
         first = starts[which]
         count = min(size, lanes - first)
         advance, end = begin(first, count)
-        tick, piece = 0, 100
+        tick, size_of_piece = 0, 100
         try:
             while tick < ticks and not stopped.is_set():
-                last, start = min(ticks, tick + piece), time.perf_counter()
+                last, start = min(ticks, tick + size_of_piece), time.perf_counter()
                 advance(tick, last)
                 spent = time.perf_counter() - start
                 done[which] += (last - tick) * count
-                tick, piece = last, max(1, int(piece * min(4.0, PIECE / max(spent, 1e-6))))
+                tick, size_of_piece = last, max(1, int(size_of_piece * min(4.0, piece / max(spent, 1e-6))))
                 if threading.current_thread() is threading.main_thread():
                     progress(sum(done), lanes * ticks)
         finally:

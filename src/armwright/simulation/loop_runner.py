@@ -88,7 +88,7 @@ class LoopRunner:
         self.config = replace(config, lands=lands)
         target, outputs = scenario.solver.target, scenario.recording.what == "all"
         if loop is not None:
-            loop.check(self.config, target, outputs=outputs)
+            loop.check(self.config, target, scenario.solver.device, outputs=outputs)
         self.loop = loop or self._compiled(target, outputs=outputs)
         self.width = self.loop.loops[0].target.width
         self.untraced, self.plant = self.loop.tick.untraced, self.config.bare
@@ -112,7 +112,7 @@ class LoopRunner:
 
     def _compiled(self, target: str | None, *, outputs: bool) -> CompiledLoop:
         """The loop in native code."""
-        return CompiledLoop.of(self.config, target, outputs=outputs)
+        return CompiledLoop.of(self.config, target, outputs=outputs, device=self.scenario.solver.device)
 
     @property
     def controller(self) -> ControllerAdapter:

@@ -5,6 +5,7 @@ Each part checks what it can know alone when it is made; `Scenario` checks what 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
@@ -12,6 +13,7 @@ from typing import Any, Literal
 from armwright.entry import expect
 from armwright.errors import ScenarioError
 from armwright.interfaces import Sensor
+from armwright.kernels.compiled import CPU
 from armwright.parameters import UNSET, NumbersOrNone
 from armwright.results.reducers import reducer
 from armwright.simulation.checks import check_choice, check_time, check_whole
@@ -159,6 +161,7 @@ class Solver:
         events: of "rk45" and "rodas3", by name: functions (t, x) of time and state; their changes of sign are found and reported,
             as `events.joint_stops` makes them.
         target: processor level to compile for, as in `compile`.
+        device: "cpu", or "cuda" for a GPU, "cuda:1" for the second one, on which each lane is a thread; as in `compile`.
         global_error: of "auto": whether a few lanes are simulated again at a tenth of the accuracy, by which a run says how wrong
             it is as a whole, in `global_error`; not where counts or command steps decide.
     Raises:
@@ -181,10 +184,15 @@ class Solver:
     events: Mapping[str, EventFunction] = field(default_factory=dict)
     target: str | None = None
     global_error: bool = True
+    device: str = CPU
 
     def __post_init__(self) -> None:
         if not isinstance(self.global_error, bool):
             raise ScenarioError(place="solver.global_error", value=self.global_error, expected="true or false")
+        if self.device != CPU and not re.fullmatch(r"cuda(:\d+)?", str(self.device)):
+            raise ScenarioError(
+                place="solver.device", value=self.device, expected='"cpu", "cuda", or "cuda:1" for the second GPU'
+            )
         if self.step is not None:
             check_time("solver.step", self.step)
         check_choice("solver.integrator", self.integrator, tuple(RULES))

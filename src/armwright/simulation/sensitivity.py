@@ -18,6 +18,7 @@ from armwright.entry import AnyScenario, as_scenario
 from armwright.errors import DivergenceError, ScenarioError
 from armwright.features import Support
 from armwright.kernels.batch import Kernel
+from armwright.kernels.compiled import CPU
 from armwright.kernels.loop import LaneGroup, NativeLoop
 from armwright.kernels.stages import NEXT, SWITCHES, TOO_MANY, Call, DelayStage, Integrate, RecordStage, Stage
 from armwright.kernels.target import select_target
@@ -76,6 +77,10 @@ def sensitivities(scenario: AnyScenario, by: Sequence[str]) -> xarray.Dataset:
         ['q', 'd_q', 'qd', 'd_qd']
     """
     scenario = as_scenario(scenario)
+    if scenario.solver.device != CPU:
+        raise ScenarioError(
+            place="solver.device", value=scenario.solver.device, expected=f"{CPU!r}, where derivatives run"
+        )
     accuracy, chosen = accuracy_of(scenario), scenario.solver.rule == "auto"
     simulation, seeds, names = _simulation(scenario.resolved, by, accuracy, MOST_FINER if chosen else 1)
     opened = simulation.scenario

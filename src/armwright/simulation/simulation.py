@@ -15,12 +15,13 @@ from armwright.entry import AnyScenario, as_scenario
 from armwright.errors import ScenarioError
 from armwright.features import Support
 from armwright.interfaces import JointReference, Measurement
+from armwright.kernels.compiled import CPU
 from armwright.kernels.loop import ENDLESS, LaneGroup
 from armwright.progress import Shown, automatic
 from armwright.results.notes import notes_of
 from armwright.results.provenance import provenance
 from armwright.signals import SignalValues
-from armwright.simulation.batch_runner import Finished, Work, handed_out, run_groups
+from armwright.simulation.batch_runner import PIECE, PIECE_ON_GPU, Finished, Work, handed_out, run_groups
 from armwright.simulation.checks import check_whole
 from armwright.simulation.companion import FINER, GlobalError, lanes_again
 from armwright.simulation.dataset import RecordedLanes, run_dataset
@@ -132,10 +133,14 @@ class Simulation(LoopRunner):
         groups = _Groups(self, state, ticks, real_time, keep_state)
         self._lanes, self._started = None, state  # from here it goes on after Ctrl-C or an error
         self._forget()
-        workers = 1 if self._in_turns or real_time else threads or os.cpu_count() or 1
-        whole = self._in_python is not None and self.controller.vectorised
+        on_gpu = self.scenario.solver.device != CPU
+        workers = 1 if self._in_turns or real_time or on_gpu else threads or os.cpu_count() or 1
+        whole = on_gpu or (self._in_python is not None and self.controller.vectorised)
+        piece = PIECE_ON_GPU if on_gpu else PIECE
         with automatic(progress, f"simulating {self.arm.name}", "steps") as tell:
-            finished = run_groups(self.count, groups.width, ticks, groups.begin, tell, workers, whole=whole)
+            finished = run_groups(
+                self.count, groups.width, ticks, groups.begin, tell, workers, whole=whole, piece=piece
+            )
         recorded = groups.recorded(finished)
         errors, end = self._examined(recorded, state, real_time), None
         if keep_state and not finished.stopped:
@@ -179,7 +184,10 @@ class Simulation(LoopRunner):
             run.attrs["notes"] = "\n".join([note, *notes_of(run)])
         if end is not None and scenario.recording.what == "all":
             end.attach(run)
-        run.attrs |= {"seed": scenario.seed, "made_with": json.dumps(dict(provenance(scenario.solver.target)))}
+        run.attrs |= {
+            "seed": scenario.seed,
+            "made_with": json.dumps(dict(provenance(scenario.solver.target)) | self.loop.device_words),
+        }
         if scenario.document is not None and whole and recorded.origin == self.begun:
             run.attrs["scenario"] = scenario.document
         return run

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from armwright.errors import ScenarioError
 from armwright.kernels.batch import Kernel
+from armwright.kernels.compiled import CPU
 from armwright.kernels.loop import NativeLoop
 from armwright.kernels.stages import Integrate
 from armwright.kernels.target import select_target
@@ -19,13 +21,17 @@ from armwright.simulation.loop.tick import Tick, make_tick
 from armwright.simulation.plant.plant import Plant
 from armwright.simulation.plant.step_limits import StepLimit
 
+if TYPE_CHECKING:
+    from armwright.kernels.cuda_loop import CudaLoop
+
 
 @dataclass(frozen=True, eq=False)
 class CompiledLoop:
     """The loop of an arm in native code.
 
     Attributes:
-        config: what it was made of.   target: processor level, as in `compile`.   tick: the stages of a tick.
+        config: what it was made of.   target, device: processor level, and where it runs, as in `compile`.
+        tick: the stages of a tick.
         loops: one, or two with the controller's Python between them.   step_limit: the largest step for the arm.
         outputs: (x, u, …) → what is stored beside the state, by `names`; None where only the state is.
     """
@@ -37,22 +43,29 @@ class CompiledLoop:
     step_limit: StepLimit
     outputs: Kernel | None
     names: tuple[str, ...]
+    device: str = CPU
 
     @classmethod
-    def of(cls, config: LoopConfig, target: str | None, *, outputs: bool = True, runs: bool = True) -> CompiledLoop:
+    def of(
+        cls, config: LoopConfig, target: str | None, *, outputs: bool = True, runs: bool = True, device: str = CPU
+    ) -> CompiledLoop:
         """Compiles a tick; `outputs`: and what follows from its rows; `runs` False: its stages alone, which then cannot run.
 
         Raises:
-            ModelError: a drive without the constants that its command needs.
+            ModelError: a drive without the constants that its command needs; no such device.
+            ScenarioError: what a GPU does not do.
         """
         tick, chosen = make_tick(config), select_target(target)
         stages = [tick.before, tick.after] if tick.untraced is not None else [(*tick.before, *tick.after)]
         # What one lane's friction or step asks for is done in all lanes of its tile: the fewer these are, the less.
         tile = chosen if config.bare.sticking is not None or config.is_ahead else chosen.doubled()
-        loops = tuple(NativeLoop(part, tile, runs=runs) for part in stages)
+        if device == CPU or not runs:
+            loops = tuple(NativeLoop(part, tile, runs=runs) for part in stages)
+        else:
+            loops = (_on_gpu(config, tick, device),)
         program, names = plant_outputs(config) if outputs else (None, ())
         kernel = None if program is None else Kernel(program, chosen)
-        return cls(config, target, tick, loops, StepLimit(config.arm), kernel, names)
+        return cls(config, target, tick, loops, StepLimit(config.arm), kernel, names, device)
 
     @property
     def arm(self) -> Model:
@@ -60,23 +73,28 @@ class CompiledLoop:
         return self.config.arm
 
     @property
+    def device_words(self) -> dict[str, str]:
+        """The GPU that it runs on, as a run says what it was made with; nothing of the CPU."""
+        return {} if self.device == CPU else {"device": self.device}
+
+    @property
     def step(self) -> Program:
         """One step of the plant:  (x, u, …, h) → x_next; rules that choose their steps have none."""
         stage = next(stage for stage in self.loops[-1].stages if isinstance(stage, Integrate))
         return plant_step(self.config) if stage.switching else stage.step
 
-    def check(self, config: LoopConfig, target: str | None, *, outputs: bool = True) -> None:
+    def check(self, config: LoopConfig, target: str | None, device: str = CPU, *, outputs: bool = True) -> None:
         """Refuses a scenario's loop that is another one.
 
         Args:
-            config, target: of the scenario.   outputs: whether it asks for what follows from rows.
+            config, target, device: of the scenario.   outputs: whether it asks for what follows from rows.
         Raises:
             ScenarioError: names what differs.
         """
         pairs = [
             (name, getattr(self.config, name), getattr(config, name)) for name in ("arm", "integrator", "adaptivity")
         ]
-        pairs.append(("target", self.target, target))
+        pairs += [("target", self.target, target), ("device", self.device, device)]
         names = [() if each.varied is None else each.varied.names for each in (self.config, config)]
         pairs.append(("varying", list(names[0]), list(names[1])))
         for name, known, asked in pairs:
@@ -92,6 +110,27 @@ class CompiledLoop:
         if extra:
             expected = "one for commands over time alone, as compile_loop returns"
             raise ScenarioError(f"compiled for {extra[0]}", place="loop", expected=expected)
+
+
+def _on_gpu(config: LoopConfig, tick: Tick, device: str) -> CudaLoop:
+    """The loop of a tick on a GPU.
+
+    Raises:
+        ScenarioError: a controller in Python, commands from outside, events, or CVODES.   ModelError: no such GPU.
+    """
+    from armwright.kernels.cuda_device import Gpu, gpu_index
+    from armwright.kernels.cuda_loop import CudaLoop
+
+    reason = None
+    if config.integrator == "cvodes":
+        reason = "solver.integrator = 'cvodes' runs on the CPU"
+    elif config.adaptivity is not None and config.adaptivity.events:
+        reason = "solver.events are found on the CPU"
+    elif tick.untraced is not None:
+        reason = f"a loop with Python between its stages runs on the CPU ({tick.untraced})"
+    if reason is not None:
+        raise ScenarioError(reason, place="solver.device", value=device, expected=CPU)
+    return CudaLoop((*tick.before, *tick.after), Gpu(gpu_index(device)))
 
 
 def _beside_commands(config: LoopConfig) -> list[str]:
