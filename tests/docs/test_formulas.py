@@ -102,5 +102,5 @@ def test_no_other_fence_is_drawn() -> None:
     for language in ("python", "text", "equation", "console"):
         tree += nodes.literal_block("", "x = a b", language=language)
     armwright_formulas.draw_fences(None, tree)  # type: ignore[arg-type]
-    assert [each.tagname for each in tree] == ["literal_block", "literal_block", "raw", "literal_block"]
+    assert [type(each).__name__ for each in tree] == ["literal_block", "literal_block", "raw", "literal_block"]
     assert "<math" in tree[2].astext()
