@@ -11,7 +11,12 @@ author = "The Armwright developers"
 copyright = "The Armwright developers; Apache-2.0"
 version = release = armwright.__version__
 
-extensions = ["myst_parser", "sphinx.ext.viewcode", "armwright_domain"]
+extensions = [
+    "myst_parser",
+    "sphinx.ext.viewcode",
+    "armwright_domain",
+    "armwright_formulas",
+]
 exclude_patterns = ["ext"]
 myst_enable_extensions = ["colon_fence", "deflist"]
 myst_heading_anchors = 3

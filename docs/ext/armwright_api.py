@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import functools
 import importlib
 import inspect
@@ -164,9 +165,19 @@ def _section(name: str, lines: list[str]) -> Iterator[str]:
     else:
         for paragraph in re.split(r"\n\s*\n", "\n".join(lines).strip("\n")):
             if paragraph.startswith("    "):
-                yield f"```text\n{textwrap.dedent(paragraph)}\n```"
+                text = textwrap.dedent(paragraph)
+                yield f"```{_language(text)}\n{text}\n```"
             elif paragraph:
                 yield "\n".join(escaped(line.strip()) for line in paragraph.splitlines())
+
+
+def _language(block: str) -> str:
+    """Language of an indented block of a docstring: Python if it parses as such, else equations if it has a relation."""
+    try:
+        ast.parse(block)
+    except SyntaxError:
+        return "equation" if re.search("[=≤≥]", block) else "text"
+    return "python"
 
 
 def entries_of(text: str, section: str) -> list[str]:

@@ -132,7 +132,7 @@ Raises:
 """
     assert list(armwright_api.markdown(doc)) == [
         "Ratio a\\*b of two_words\\_ and `x*y`, if x < 3.",
-        "```text\ntau = M(q) qdd\n    + g(q)\n```",
+        "```equation\ntau = M(q) qdd\n    + g(q)\n```",
         "**Arguments**",
         "- `a, b`: (n,) [m].\n- `c`: more of the same.\n- one that has no name",
         "**Raises**",

@@ -37,6 +37,8 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_its_pages_have_their_generated_parts_and_no_path_of_this_machine(site: Path) -> None:
     kernels = (site / "conventions.html").read_text(encoding="utf-8")
     assert "forward_kinematics" in kernels
+    assert kernels.count("<math ") > 5
+    assert "mathjax" not in kernels.lower()
     assert "viscous_n_m_s_per_rad" in (site / "reference" / "robot-file.html").read_text(encoding="utf-8")
     assert str(ROOT) not in "".join(path.read_text(encoding="utf-8") for path in site.rglob("*.html"))
 

@@ -30,12 +30,12 @@ SLOWEST = 1_000_000  # ticks: every number up to it is exact in single precision
 class Cascade:
     """Position P, speed PI and, for drives that take voltages, current PI; every stage limits its output.
 
-        ω = kp (q_r - q) + kv q̇_r      every `position_every`-th tick, held in between
-        i = PI(ω - q̇)                  every `speed_every`-th tick; in V, A, N m or N, the command where no current loop is
-        u = PI(i - measured current)   every tick, in V
+        ω = kp (q_r - q) + kv q̇_r      every `position_every` ticks, held in between
+        i = PI(ω - q̇)                  every `speed_every` ticks
+        u = PI(i - measured current)   every tick, in volts
 
-    Gains are one number or one for each joint, or a `Batch` of such, and above 0 whatever a gear's sense. A stage's integrator
-    waits, too, while the stage behind it is cut off.
+    Without a current loop, i is the command. Gains are one number or one for each joint, or a `Batch` of such, and above 0
+    whatever a gear's sense. A stage's integrator waits, too, while the stage behind it is cut off.
 
     Args:
         position_kp: [1/s].   speed_feedforward: kv, 1 for all of the reference's speed.

@@ -23,7 +23,7 @@ class FrictionCompensation(Wrapper):
     """u = inner + share · the command of the record's friction f(v).
 
         v = q̇                                 where the joint moves, |q̇| > rest_speed
-        v = sgn(q_r - q) rest_speed           at rest, beyond the dead band: friction is pushed away towards the reference
+        v = sgn(q_r - q) rest_speed           at rest beyond the dead band
         v = 0                                 at rest, |q_r - q| ≤ dead_band
 
     Friction by loads is that of a motor that moves the joint at constant speed.

@@ -26,7 +26,8 @@ def articulated_body(arm: Model, q: Array, qd: Array, tau: Array, wrench: Array 
     A joint feels all that hangs behind it as one articulated body of inertia I and bias force p, force and moment f at an
     acceleration a being  f = I a + p.  With S the joint's axis,  u = I S,  D = Sᵀ u + n² J_m,  r = tau - Sᵀ p:
 
-        q̈ = (r - uᵀ a) / D,    I_parent += X (I - u uᵀ/D) Xᵀ,    p_parent += X (p + u r/D).
+        q̈ = (r - uᵀ a) / D
+        I_parent += X (I - u uᵀ/D) Xᵀ,    p_parent += X (p + u r/D)
 
     Bias forces are those of the motion without q̈, gravity's included, so a is what q̈ adds to it.
 

@@ -30,6 +30,11 @@ def jax(dyn: CompiledArm, name: str, *optional: str, **options: Any) -> Callable
     Raises:
         ModelError: JAX is not installed, or the arm lacks what the kernel needs.   ShapeError: no such kernel, input or option;
             called with other shapes.
+    Example:
+        >>> torques = aw.interop.jax(aw.compile("two-link"), "inverse_dynamics")
+        >>> rest = np.zeros(2)
+        >>> [round(float(each), 1) for each in torques(rest, rest, rest)]  # gravity's [N m]
+        [84.4, 15.7]
     """
     package = installed("jax", "JAX")
     node = Differentiable.of(dyn, name, optional, options)

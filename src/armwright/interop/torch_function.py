@@ -31,6 +31,12 @@ def torch(dyn: CompiledArm, name: str, *optional: str, **options: Any) -> Callab
     Raises:
         ModelError: PyTorch is not installed, or the arm lacks what the kernel needs.   ShapeError: no such kernel, input or
             option; called with other shapes.
+    Example:
+        >>> import torch
+        >>> torques = aw.interop.torch(aw.compile("two-link"), "inverse_dynamics")
+        >>> rest = torch.zeros(2, dtype=torch.float64)
+        >>> torques(rest, rest, rest).numpy().round(1)  # gravity's [N m]
+        array([84.4, 15.7])
     """
     package = installed("torch", "PyTorch")
     node = Differentiable.of(dyn, name, optional, options)

@@ -87,6 +87,11 @@ def enumerate_assemblies(
         enumeration: `candidates`, `total` that there are, and `left_out` modules with the reason.
     Raises:
         DescriptionError: no module with a ground, or limits that leave nothing.
+    Example:
+        >>> library = aw.modules.read_modules("improv")
+        >>> found = aw.modules.enumerate_assemblies(library, max_joints=2, limit=10)
+        >>> found.total, len(found.candidates)
+        (645, 10)
     """
     rules = Rules(max_joints, min_joints, max_links)
     every, left_out = counted_chains(library, rules, limit)

@@ -117,6 +117,12 @@ def rank_assemblies(
         ranking: `ranked` arms, of how many in `total`, `long_enough`, and `left_out` modules with the reason.
     Raises:
         DescriptionError: no module with a ground, or limits that leave nothing.
+    Example:
+        >>> library = aw.modules.read_modules("improv")
+        >>> task = aw.modules.read_task("examples/pick.task.toml")
+        >>> found = aw.modules.rank_assemblies(library, task, max_joints=4, limit=20)
+        >>> found.ranked[0].feasible, found.ranked[0].joints
+        (True, 4)
     """
     rules = Rules(max_joints, min_joints, max_links, turned=True)
     every, left_out = counted_chains(library, rules, limit)

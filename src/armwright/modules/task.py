@@ -68,5 +68,9 @@ def read_task(path: str | os.PathLike[str]) -> Task:
         task: poses, payload and time, each number with its source.
     Raises:
         DescriptionError: no such file, or one that is no task.
+    Example:
+        >>> task = aw.modules.read_task("examples/pick.task.toml")
+        >>> task.payload_kg.value, [pose.name for pose in task.poses]
+        (0.5, ['desk', 'shelf'])
     """
     return read_record(Path(as_path(path, "path", DescriptionError)), Task)

@@ -340,6 +340,13 @@ def load_sweep(path: str | os.PathLike[str], *, verify: bool = False) -> xr.Data
     Raises:
         RunError: no store of a sweep, or a damaged one; when values are computed, a file that is not as it was written.
         ScenarioError: the extra `sweep` is not installed.
+    Example:
+        >>> from distributed import Client
+        >>> with Client(processes=False, dashboard_address=None) as client:
+        ...     scenario = "examples/robust.scenario.toml"
+        ...     done = aw.sweeps.sweep(scenario, "runs.zarr", lanes=4, client=client)
+        >>> int(aw.sweeps.load_sweep("runs.zarr").finished.sum())
+        4
     """
     import_zarr()
     import xarray as xr

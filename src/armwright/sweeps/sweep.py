@@ -94,6 +94,13 @@ def sweep(
     Raises:
         ScenarioError: what cannot be run, no scheduler at the address, or the extra `sweep` is not installed.
         OutputError: the store holds a sweep of another scenario or version, or cannot be written; finished chunks are kept.
+    Example:
+        >>> from distributed import Client
+        >>> with Client(processes=False, dashboard_address=None) as client:
+        ...     scenario = "examples/robust.scenario.toml"
+        ...     done = aw.sweeps.sweep(scenario, "runs.zarr", lanes=4, client=client)
+        >>> done.done, done.failed
+        (4, {})
     """
     began, path = time.perf_counter(), Path(path)
     import_zarr()

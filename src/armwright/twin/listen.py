@@ -47,6 +47,14 @@ class BusListener:
 
     Attributes:
         incomplete: cycles to which an answer was missing; they are no rows.   latest: [s] of the last SYNC, as rows have it.
+    Example:
+        >>> loop = aw.Loop(aw.Cascade(10.0, speed_kp=[15, 21, 16, 15, 1.4, 1.3]), period=0.004)
+        >>> scenario = aw.Scenario("lwa4p", 0.2, loop=loop)
+        >>> with aw.bus.BusListener(scenario.arm, "virtual") as listener, aw.bus.Twin(scenario):
+        ...     run = aw.bus.run_controller(scenario)  # its frames wait on the bus
+        ...     rows = list(listener.rows(silence=0.1))
+        >>> len(rows) > 50, listener.incomplete  # cycles
+        (True, 0)
     """
 
     def __init__(
@@ -173,6 +181,14 @@ def shadow_bus(
         rows: t, q and torques as of `BusListener.rows`, and the alarms.
     Raises:
         BusError: as `BusListener.rows`.
+    Example:
+        >>> loop = aw.Loop(aw.Cascade(10.0, speed_kp=[15, 21, 16, 15, 1.4, 1.3]), period=0.004)
+        >>> scenario = aw.Scenario("lwa4p", 0.2, loop=loop)
+        >>> shadow = aw.shadow.ArmShadow("lwa4p", deviation=5.0)
+        >>> with aw.bus.BusListener(scenario.arm, "virtual") as bus, aw.bus.Twin(scenario):
+        ...     run = aw.bus.run_controller(scenario)  # its frames wait on the bus
+        ...     [each for row, each in aw.bus.shadow_bus(shadow, bus, silence=0.1) if each]
+        []
     """
     last = np.nan
     for t, q, tau in listener.rows(duration, silence):

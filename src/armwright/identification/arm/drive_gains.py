@@ -106,6 +106,14 @@ def identify_drive_gains(
     Raises:
         IdentificationError: a mass that is not above 0, voltages, coupled motors, gear loss, one log twice, logs that are
             exchanged, logs that do not fit the arm.
+    Example:
+        >>> arm, rng = aw.load("two-link"), np.random.default_rng(0)
+        >>> pushes = aw.Schedule(np.arange(8) / 2, rng.uniform(-20, 20, (8, 2)), arm.names)
+        >>> for name, each in ("0", arm), ("1", arm.with_payload(1.5, [0, 0, 0], [0.01] * 3)):
+        ...     aw.save(run := aw.simulate(aw.Scenario(each, 4.0, pushes)), f"{name}.csv")
+        ...     log = aw.identification.write_log(run, f"{name}.csv", f"{name}.log.toml", arm)
+        >>> aw.identification.identify_drive_gains("0.log.toml", log, arm, 1.5).values.round(2)
+        array([1., 1.])
     """
     log = as_log(log)
     loaded_log = as_log(loaded_log, "loaded_log")

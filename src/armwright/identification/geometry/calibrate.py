@@ -74,6 +74,14 @@ def calibrate(
     Raises:
         LogError: a file that cannot be read.   IdentificationError: too few poses, an unknown term or joint.
         ModelError: no arm, or no such frame.
+    Example:
+        >>> arm, q = aw.load("lwa4p"), np.random.default_rng(0).uniform(-1.5, 1.5, (30, 6))
+        >>> real = aw.compile(arm.with_values({"joint2.dh.offset_rad": -1.56}))  # as built
+        >>> tip = real.forward_kinematics(q)[:, :3, 3]  # as a tracker sees it [m]
+        >>> measured = [aw.identification.Measured("tip", "point", tip)]
+        >>> poses = aw.identification.Measurements(arm.names, q, measured)
+        >>> print(aw.calibrate(poses, arm, terms=["zeros"]).sentences()[-1])
+        identified
     """
     given = arm if arm is None or isinstance(arm, (str, os.PathLike)) else as_arm(arm)
     if not isinstance(measurements, Measurements):

@@ -133,6 +133,14 @@ def read_measurements(path: str | os.PathLike[str]) -> Measurements:
         measurements: frozen; `findings` has what the checks found.
     Raises:
         LogError: no such file, a key or a column that is not there, a cell that holds no number.
+    Example:
+        >>> from pathlib import Path
+        >>> size = Path("arm.calibration.toml").write_text('''file.path = "poses.csv"
+        ... joints = [{ columns = ["q1", "q2"], names = ["shoulder", "elbow"], unit = "deg" }]
+        ... measured = [{ name = "tip", kind = "point", columns = ["x", "y", "z"] }]''')
+        >>> np.savetxt("poses.csv", np.eye(9, 5), "%g", ",", header="q1,q2,x,y,z", comments="")
+        >>> aw.identification.read_measurements("arm.calibration.toml").q.shape
+        (9, 2)
     """
     if not isinstance(path, (str, os.PathLike)):
         raise LogError(value=path, expected="the path of a *.calibration.toml file")

@@ -93,6 +93,10 @@ def read_bench_log(path: str | os.PathLike[str]) -> BenchLog:
         log: rows at their own, uneven times.
     Raises:
         LogError: names file, place, value and what was expected.
+    Example:
+        >>> log = aw.identification.read_bench_log("examples/logs/sts3250/sin_sin.json")
+        >>> log.servo, log.mass, len(log.t)
+        ('sts3250', 1.13, 286)
     """
     path = Path(as_path(path, "path", LogError))
     try:

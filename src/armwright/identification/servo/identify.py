@@ -92,6 +92,12 @@ def identify_servo(
     Raises:
         LogError: names file, place, value and what was expected.   ModelError: a wrong option.
         Interrupted: Ctrl-C; `found` holds the fit by the friction models that were compared until then.
+    Example:
+        >>> log = "examples/logs/sts3250/sin_sin.json"
+        >>> search = aw.identification.ServoSearch(orders=["M1"])  # Coulomb and viscous
+        >>> fit = aw.identification.identify_servo(log, search=search)
+        >>> print(f"{fit.error:.3f} rad")  # mean error of the simulated positions
+        0.003 rad
     """
     expect(search, ServoSearch, "search", "an aw.identification.ServoSearch", ModelError)
     if loop is not None:
