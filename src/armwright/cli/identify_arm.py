@@ -75,9 +75,7 @@ def arm(
     show(found)
     write(output, found.write)
     if report is not None:
-        compared = (
-            None if output is None or stopped else aw.identification.validate(output, log, simulation=False)
-        )
+        compared = None if output is None or stopped else aw.identification.validate(output, log, simulation=False)
         write(report, lambda path: found.report(path, compared))
     exit_if(stopped)
     exit_unless(found.verdict == "identified")

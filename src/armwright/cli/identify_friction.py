@@ -47,9 +47,7 @@ def friction(
     warm = _warming(warming, [run.name for run in log.runs])
     with progress("fitting friction") as tell:
         found, stopped = until_stopped(
-            lambda: aw.identification.identify_friction(
-                log, arm, preparation=preparation, warming=warm, progress=tell
-            )
+            lambda: aw.identification.identify_friction(log, arm, preparation=preparation, warming=warm, progress=tell)
         )
     if table:
         rows = [

@@ -244,13 +244,14 @@ def _fits(
     """
     found: list[tuple[Choice, FittedFriction, np.ndarray] | None] = []
     for rows in joints:
-        progress(len(found), len(joints))
         try:
-            moved = len(rows.speed) >= FEWEST and (rows.speed > 0).any() and (rows.speed < 0).any()
-            if moved:
-                choice = choose_terms(rows, candidates, worth)
-                law = fitted_law(rows, choice.terms)
-            found.append((choice, law, _covariance(rows, law)) if moved else None)
+            progress(len(found), len(joints))
+            if len(rows.speed) < FEWEST or not (rows.speed > 0).any() or not (rows.speed < 0).any():
+                found.append(None)
+                continue
+            choice = choose_terms(rows, candidates, worth)
+            law = fitted_law(rows, choice.terms)
+            found.append((choice, law, _covariance(rows, law)))
         except KeyboardInterrupt:
             if not any(found):
                 raise

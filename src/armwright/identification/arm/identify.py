@@ -138,8 +138,8 @@ class _Guard:
     def checked(self, stage: str, check: Callable[[], T], skipped: T) -> T:
         """Result of a check, or what stands in its place where it was not done."""
         if not self.missing:
-            self.tell(stage)
             try:
+                self.tell(stage)
                 return check()
             except KeyboardInterrupt:
                 pass
@@ -164,7 +164,9 @@ def _checked(
         by_blocks = guard.checked(
             "bootstrap", lambda: block_bootstrap(found.rows(), fit, stream.seconds, len(stream.filters)), None
         )
-    about = f"{METHODS[method].about} of {fit.equations.rows.max()} rows, {model.arm.n} joints, cut-off {stream.cutoff:.4g} Hz"
+    about = (
+        f"{METHODS[method].about} of {fit.equations.rows.max()} rows, {arm.n} joints, cut-off {stream.cutoff:.4g} Hz"
+    )
     estimate = Estimate(
         tuple(fit.base.names), fit.values, fit.covariance, stream.sha256, about, tuple(fit.base.units),
         condition=fit.condition, log=stream.name, preparation=stream.settings,

@@ -186,9 +186,9 @@ def identify_payload(
     stopped = ""
     with automatic(progress, "fitting a payload") as tell:
         for number, cutoff in enumerate(chosen * np.array(CUTOFFS)):
-            tell(number, len(CUTOFFS))
             if cutoff < HIGHEST / log.run().period or not tried:
                 try:
+                    tell(number, len(CUTOFFS))
                     choices = [choose_preparation(each, cutoff=cutoff) for each in logs]
                     tried.append((cutoff, _fitted(logs, arm, frame, choices)))
                 except LogError as error:  # a higher cut-off leaves more rows
