@@ -51,7 +51,7 @@ def sweep(folder, shown):
 def loop():
     pid = aw.JointPID(kp=[900.0, 250.0], kd=[180.0, 50.0])
     move = aw.trajectories.Quintic([0.0, 0.0], [0.5, -0.5], duration=0.1)
-    return aw.Scenario("two-link", 0.1, loop=aw.Loop(pid, move, period=2e-3)), {"move": move}
+    return aw.Scenario(aw.load("two-link"), 0.1, loop=aw.Loop(pid, move, period=2e-3)), {"move": move}
 
 
 def of_arm(folder):
