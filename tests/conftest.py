@@ -38,6 +38,13 @@ def pytest_addoption(parser):
     parser.addoption("--part", metavar="K/N", help="of each file's studies every Nth, from the Kth on: 0/N to N-1/N")
 
 
+@pytest.fixture(autouse=True)
+def new_names(request, monkeypatch):
+    """Old names of options belong into the test about them: elsewhere their notes stand between what is compared."""
+    if request.path.name != "test_vocabulary.py":
+        monkeypatch.setattr("armwright.cli.spelling._say", lambda old, new: pytest.fail(f"{old} is now {new}"))
+
+
 @pytest.hookimpl(tryfirst=True)  # before `-m` chooses
 def pytest_collection_modifyitems(config, items):
     """Of the cases of a test that is marked `sample(n)`, n that are spread evenly stay; the others are `study`.

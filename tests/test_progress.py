@@ -11,6 +11,7 @@ import pytest
 
 import armwright as aw
 from armwright.errors import ArmwrightError
+from identification.arm.moved_arm import moved
 from public_names import PUBLIC
 from raises_at import raises_at
 
@@ -48,7 +49,28 @@ def sweep(folder, shown):
     aw.sweeps.sweep(TUNED, folder / f"{type(shown).__name__}.zarr", lanes=2, progress=shown)
 
 
+def loop():
+    pid = aw.JointPID(kp=[900.0, 250.0], kd=[180.0, 50.0])
+    move = aw.trajectories.Quintic([0.0, 0.0], [0.5, -0.5], duration=0.1)
+    return aw.Scenario(aw.load("two-link"), 0.1, loop=aw.Loop(pid, move, period=2e-3)), {"move": move}
+
+
+def of_arm(folder):
+    return moved(folder, "arm", aw.load("two-link"))
+
+
 CALLS = {  # a short call of each, by its name
+    "analyse_loops": lambda folder, shown: aw.loops.analyse_loops(loop()[0], poses=10, progress=shown),
+    "compare_controllers": lambda folder, shown: aw.loops.compare_controllers(
+        loop()[0], {"pid": loop()[0]}, loop()[1], runs=1, settle=0.01, progress=shown
+    ),
+    "identify_friction": lambda folder, shown: aw.identification.identify_friction(
+        of_arm(folder), "two-link", candidates=(), progress=shown
+    ),
+    "identify_payload": lambda folder, shown: aw.identification.identify_payload(
+        of_arm(folder), "two-link", progress=shown
+    ),
+    "step_study": lambda folder, shown: aw.simulation.step_study(scenario(), steps=1, progress=shown),
     "Simulation.run": lambda folder, shown: aw.simulation.Simulation(scenario()).run(progress=shown),
     "convert": lambda folder, shown: aw.robotfiles.convert(
         "so101", folder / "so101.xml", actuators="position", motion=nod(), progress=shown

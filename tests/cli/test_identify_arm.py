@@ -27,17 +27,17 @@ def test_resting_joint_ends_with_1(tmp_path):
 
 def test_bad_input_ends_with_2_and_writes_nothing(tmp_path):
     log = write_log(tmp_path, aw.load("lwa4p"), seconds=5)
-    for extra in (
-        ["--robot", "panda"],
-        [],
-        ["--robot", "lwa4p", "--method", "magic"],
-        ["--robot", "lwa4p", "--lacks", "mass"],
-        ["--robot", "lwa4p", "--fit-efficiency", "joint9"],
-        ["--robot", "lwa4p", "--method", "iv"],
-        ["--robot", "lwa4p", "--method", "iv", "--feedback", "1,2;x"],
-        ["--robot", "lwa4p", "--method", "iv", "--feedback", "1,2;3,4;0.01"],
-        ["--robot", "lwa4p", "--method", "recursive", "--forgetting", "2"],
+    for words in (
+        ["panda", log],
+        [log],
+        ["lwa4p", log, "--method", "magic"],
+        ["lwa4p", log, "--lacks", "mass"],
+        ["lwa4p", log, "--fit-efficiency", "joint9"],
+        ["lwa4p", log, "--method", "iv"],
+        ["lwa4p", log, "--method", "iv", "--feedback", "1,2;x"],
+        ["lwa4p", log, "--method", "iv", "--feedback", "1,2;3,4;0.01"],
+        ["lwa4p", log, "--method", "recursive", "--forgetting", "2"],
     ):
-        result = run(app, ["identify", "arm", str(log), *extra, "-o", str(tmp_path / "found.toml")])
-        assert result.exit_code == 2, extra
+        result = run(app, ["identify", "arm", *map(str, words), "-o", str(tmp_path / "found.toml")])
+        assert result.exit_code == 2, words
         assert not (tmp_path / "found.toml").exists()

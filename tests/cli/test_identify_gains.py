@@ -39,9 +39,9 @@ def test_constants_are_written_for_the_next_command(bench):
     assert source.kind == "fit"
     assert 0 < arm.record.joints[1].motor.torque_constant_n_m_per_a.std < 0.01 * KT[1]
     assert arm.record.fits["gains"].names == tuple(f"{joint}.motor.torque_constant_n_m_per_a" for joint in JOINTS)
-    refused = run("identify", "arm", bench / "empty.log.toml", "--robot", bench / "as_bought.urdf", code=2)
+    refused = run("identify", "arm", bench / "as_bought.urdf", bench / "empty.log.toml", code=2)
     assert "torque_constant_n_m_per_a" in refused.stderr
-    run("identify", "arm", bench / "empty.log.toml", "--robot", output, "-o", bench / "identified.toml")
+    run("identify", "arm", output, bench / "empty.log.toml", "-o", bench / "identified.toml")
     run(
         "validate", bench / "identified.toml", bench / "loaded.log.toml", code=1
     )  # without the payload it is another arm

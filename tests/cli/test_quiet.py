@@ -10,7 +10,7 @@ from armwright.cli.spelling import global_first
 from armwright.progress import _target
 from armwright.terminal import is_quiet
 
-NOTED = ("simulate", "two-link", "--command", "0", "--duration", "0.01", "--q0", "40,0")  # an old name, and radians?
+NOTED = ("simulate", "two-link", "--command", "0", "--duration", "0.01", "--start", "40,0")  # radians?
 
 
 def run(*words):
@@ -20,7 +20,7 @@ def run(*words):
 
 def test_the_same_result_without_notes():
     code, shown, notes = run(*NOTED)
-    assert (code, notes.count("armwright: note: ")) == (0, 2)
+    assert (code, notes.count("armwright: note: ")) == (0, 1)
     for words in (("--quiet", *NOTED), (*NOTED, "--quiet"), (NOTED[0], "--quiet", *NOTED[1:])):
         quiet = run(*words)
         assert quiet[0] == 0

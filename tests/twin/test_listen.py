@@ -104,8 +104,8 @@ def test_the_command_listens_and_records(arm_file, arm, bus, tmp_path):
     thread = threading.Thread(target=talk)
     thread.start()
     path = tmp_path / "bus.mcap"
-    options = ["--robot", str(arm_file), "--duration", "2", "--period", "0.004", "-o", str(path)]
-    result = CliRunner().invoke(app, ["shadow", bus, *options])
+    options = ["--duration", "2", "--period", "0.004", "-o", str(path)]
+    result = CliRunner().invoke(app, ["shadow", str(arm_file), bus, *options])
     done.set()
     thread.join(20.0)
     assert result.exit_code == 1, result.output

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import armwright as aw
 from armwright.cli.arguments import MOTION, SCENARIO, Allow, argument, option, output_option
-from armwright.cli.outcome import PICTURE, check_file, say_notes, write
+from armwright.cli.outcome import PICTURE, check_file, exit_if, say_notes, until_stopped, write
 from armwright.cli.tables import console_for_tables
 from armwright.errors import ScenarioError
 from armwright.progress import progress
@@ -38,7 +38,7 @@ def compare_controllers(
 ) -> None:
     """Compare controllers on the same motions: errors, path accuracy (ISO 9283), settling, effort.
 
-    Exit code: 0 compared, 2 bad input.
+    Exit code: 0 compared, 2 bad input, 130 Ctrl-C: the controllers that were finished are kept.
 
     \b
     Examples:
@@ -53,15 +53,18 @@ def compare_controllers(
     found = {name: aw.read_scenario(path, allow=allow or ()) for name, path in names.items()}
     first = next(iter(found.values()))
     motions = {name: _motion(path, first.arm, allow) for name, path in _names(motion, None).items()}
-    with progress("comparing controllers"):
-        comparison = aw.loops.compare_controllers(
-            first, found, motions, _payloads(payload), runs, band=band, settle=settle
+    with progress("comparing controllers") as tell:
+        comparison, stopped = until_stopped(
+            lambda: aw.loops.compare_controllers(
+                first, found, motions, _payloads(payload), runs, band=band, settle=settle, progress=tell
+            )
         )
     for each in comparison.tables():
         console_for_tables().print(each)
     say_notes(comparison.notes)
     write(output, comparison.save)
     write(plot, comparison.plot)
+    exit_if(stopped)
 
 
 def _names(paths: list[Path], ending: str | None) -> dict[str, Path]:

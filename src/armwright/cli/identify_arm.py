@@ -6,7 +6,7 @@ from pathlib import Path
 
 import armwright as aw
 from armwright.cli.arguments import argument, complete_robot, flag, only, option, output_option, words
-from armwright.cli.outcome import PAGE, TOML, check_file, exit_unless, write
+from armwright.cli.outcome import PAGE, TOML, check_file, exit_if, exit_unless, until_stopped, write
 from armwright.cli.tables import show
 from armwright.errors import IdentificationError
 from armwright.progress import progress
@@ -48,7 +48,7 @@ def arm(
 
     The robot may be a full record or kinematics alone. Runs that the log holds out judge the record, beside the one that
     it replaces. Exit code: 0 identified, 1 the log does not determine all parameters or the record predicts worse than
-    before, 2 bad input.
+    before, 2 bad input, 130 Ctrl-C: once the fit stands it is written, and says which checks are missing.
 
     \b
     Examples:
@@ -62,21 +62,22 @@ def arm(
     check_file(report, PAGE)
     model = None if robot is None else aw.load(robot, kinematics_only=kinematics_only)
     with progress(f"reading {file.name}") as tell:
-        log = aw.identification.read_log(file, progress=tell)
+        log, _ = until_stopped(lambda: aw.identification.read_log(file, progress=tell))
     terms = aw.identification.ArmTerms(
         words(springs), stribeck_speed, None if lacks is None else words(lacks),
         "all" if fit_efficiency == "all" else words(fit_efficiency),
     )  # fmt: skip
     rows = aw.identification.FitRows(cutoff=cutoff, decimate=decimate)
-    found = aw.identification.identify_arm(
+    found, stopped = until_stopped(lambda: aw.identification.identify_arm(
         log, model, method=method, friction=words(friction), terms=terms, rows=rows, feedback=_feedback(feedback),
         forgetting=forgetting, checks=("cutoff", "bootstrap") if bootstrap else ("cutoff",),
-    )  # fmt: skip
+    ))  # fmt: skip
     show(found)
     write(output, found.write)
     if report is not None:
-        compared = None if output is None else aw.identification.validate(output, log, simulation=False)
+        compared = None if output is None or stopped else aw.identification.validate(output, log, simulation=False)
         write(report, lambda path: found.report(path, compared))
+    exit_if(stopped)
     exit_unless(found.verdict == "identified")
 
 

@@ -6,9 +6,10 @@ from pathlib import Path
 
 import armwright as aw
 from armwright.cli.arguments import argument, complete_robot, flag, named_numbers, option, output_option, words
-from armwright.cli.outcome import PAGE, TOML, check_file, exit_unless, write
+from armwright.cli.outcome import PAGE, TOML, check_file, exit_if, exit_unless, until_stopped, write
 from armwright.cli.tables import show
 from armwright.errors import IdentificationError
+from armwright.progress import progress
 
 HEADS = ("joint", "velocity [rad/s | m/s]", "friction [N m | N]", "± std", "rows")
 
@@ -28,7 +29,8 @@ def friction(
 
     Candidates are Stribeck's fall, load-proportional friction, the sigmoid law, a spring and a counterbalance, and slopes
     over temperature where the log has temperatures or runs a warming; each stays only if it lowers the held-out error by 1
-    %. Exit code: 0 identified, 1 friction does not explain the torques, 2 bad input.
+    %. Exit code: 0 identified, 1 friction does not explain the torques, 2 bad input,
+    130 Ctrl-C: the joints that were fitted until then are kept.
 
     \b
     Examples:
@@ -43,7 +45,10 @@ def friction(
     arm, log = aw.load(robot), aw.identification.read_log(file)
     preparation = None if cutoff is None else aw.identification.choose_preparation(log, cutoff=cutoff)
     warm = _warming(warming, [run.name for run in log.runs])
-    found = aw.identification.identify_friction(log, arm, preparation=preparation, warming=warm)
+    with progress("fitting friction") as tell:
+        found, stopped = until_stopped(
+            lambda: aw.identification.identify_friction(log, arm, preparation=preparation, warming=warm, progress=tell)
+        )
     if table:
         rows = [
             [body.joint, *map(number, line)]
@@ -57,6 +62,7 @@ def friction(
         lambda path: aw.identification.write_into(with_identified_friction(arm, found), found, path, key="friction"),
     )
     write(report, lambda path: found.report(path, f"{log.title}: friction"))
+    exit_if(stopped)
     exit_unless(found.verdict == "identified")
 
 

@@ -6,9 +6,10 @@ from pathlib import Path
 
 import armwright as aw
 from armwright.cli.arguments import argument, complete_robot, flag, numbers, option, output_option
-from armwright.cli.outcome import PAGE, TOML, check_file, exit_unless, write
+from armwright.cli.outcome import PAGE, TOML, check_file, exit_unless, until_stopped, write
 from armwright.cli.tables import show
 from armwright.errors import IdentificationError
+from armwright.progress import progress
 
 TENSOR = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 
@@ -58,9 +59,12 @@ def gains(
     logs = [aw.identification.read_log(each) for each in (file, loaded)]
     choose = aw.identification.choose_preparation
     preparation = None if cutoff is None else [choose(each, cutoff=cutoff) for each in logs]
-    found = aw.identification.identify_drive_gains(
-        logs[0], logs[1], arm, mass, centre, tensor, mass_std=mass_std, frame=frame, preparation=preparation
-    )
+    with progress("fitting gains"):
+        found, _ = until_stopped(
+            lambda: aw.identification.identify_drive_gains(
+                logs[0], logs[1], arm, mass, centre, tensor, mass_std=mass_std, frame=frame, preparation=preparation
+            )
+        )
     show(found)
     write(report, lambda path: found.report(path, f"{logs[1].title}: drive gains"))
     if np.asarray(found.identifiable).any():

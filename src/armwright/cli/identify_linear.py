@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import armwright as aw
 from armwright.cli.arguments import argument, option
-from armwright.cli.outcome import PAGE, PICTURE, check_file, exit_unless, write
+from armwright.cli.outcome import PAGE, PICTURE, check_file, exit_if, exit_unless, until_stopped, write
 from armwright.errors import LogError
 from armwright.terminal import say
 
@@ -32,7 +32,8 @@ def linear(
     """Fit a black-box model (ARX, OE, ARMAX or state space) from an input of a log to an output.
 
     The fit in percent is that of the free simulation, on the fitted and on the held-out runs. Exit code: 0 identified,
-    1 the output does not depend on the input, 2 bad input.
+    1 the output does not depend on the input, 2 bad input, 130 Ctrl-C: the best of
+    the orders until then is kept.
 
     \b
     Examples:
@@ -71,9 +72,10 @@ def show_linear(
     check_file(report, PAGE)
     check_file(picture, PICTURE)
     log = aw.identification.read_log(file)
-    found = fit_linear(log, model, signals, **options)
+    found, stopped = until_stopped(lambda: fit_linear(log, model, signals, **options))
     say(found)
     write(picture, lambda path: plot_linear(log, found, path, signals.joint))
     if isinstance(found, aw.identification.LinearModel):
         write(report, found.report)
+        exit_if(stopped)
         exit_unless(found.verdict == "identified")

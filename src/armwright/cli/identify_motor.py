@@ -21,7 +21,7 @@ from armwright.cli.arguments import (
     refuse,
 )
 from armwright.cli.identify_linear import show_linear
-from armwright.cli.outcome import PAGE, TOML, check_file, exit_unless, write
+from armwright.cli.outcome import PAGE, TOML, check_file, end_with_nothing, exit_unless, write
 from armwright.cli.tables import console_for_tables, number, show, table
 from armwright.errors import Interrupted, LogError, ModelError
 from armwright.progress import progress
@@ -125,11 +125,13 @@ def _numbers_if_stopped() -> Iterator[None]:
         yield
     except Interrupted as stop:
         if stop.found is None:
-            raise
+            raise end_with_nothing() from None
         note(f"stopped by Ctrl-C {stop}; this fit is not finished: no deviations, no verdict, nothing is written")
         rows = [[name, number(value)] for name, value in stop.found.items()]
         console_for_tables().print(table("numbers so far", HEADS, rows, HEADS[:1]))
         raise typer.Exit(130) from None
+    except KeyboardInterrupt:
+        raise end_with_nothing() from None
 
 
 def _names(words: list[str] | None) -> list[str] | None:

@@ -6,8 +6,9 @@ from pathlib import Path
 
 import armwright as aw
 from armwright.cli.arguments import argument, complete_robot, option, output_option
-from armwright.cli.outcome import PAGE, TOML, check_file, exit_unless, write
+from armwright.cli.outcome import PAGE, TOML, check_file, exit_if, exit_unless, until_stopped, write
 from armwright.cli.tables import show
+from armwright.progress import progress
 
 
 def payload(
@@ -28,7 +29,8 @@ def payload(
     """Identify a payload: mass, centre of mass and inertia, with standard deviations.
 
     It needs one log of an arm with a correct record, or two logs, without and with the payload, of an arm with known
-    kinematics. Exit code: 0 identified, 1 the log does not determine the mass, 2 bad input.
+    kinematics. Exit code: 0 identified, 1 the log does not determine the mass, 2 bad input,
+    130 Ctrl-C: the best of the low-passes until then is kept.
 
     \b
     Examples:
@@ -42,15 +44,21 @@ def payload(
     arm = aw.load(robot)
     logs = [aw.identification.read_log(each) for each in (file, loaded) if each is not None]
     preparation = None if cutoff is None else aw.identification.choose_preparation(logs[0], cutoff=cutoff)
-    found = aw.identification.identify_payload(
-        logs[0], arm, loaded_log=logs[1] if len(logs) > 1 else None, frame=frame, preparation=preparation
-    )
+    with progress("fitting a payload") as tell:
+        found, stopped = until_stopped(
+            lambda: aw.identification.identify_payload(
+                logs[0], arm, loaded_log=logs[1] if len(logs) > 1 else None, frame=frame, preparation=preparation,
+                progress=tell,
+            )
+        )  # fmt: skip
     show(found)
     write(report, lambda path: found.report(path, f"{logs[0].title}: payload"))
+    if found.verdict == "identified":
+        write(
+            output,
+            lambda path: aw.identification.write_into(
+                with_identified_payload(arm, found, frame), found, path, key="payload"
+            ),
+        )
+    exit_if(stopped)
     exit_unless(found.verdict == "identified")
-    write(
-        output,
-        lambda path: aw.identification.write_into(
-            with_identified_payload(arm, found, frame), found, path, key="payload"
-        ),
-    )

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import armwright as aw
 from armwright.cli.arguments import Allow, AnyScenario, PhaseMargin, angle, option, output_option
-from armwright.cli.outcome import PAGE, PICTURE, TOML, check_file, exit_unless, say_each, write
+from armwright.cli.outcome import PAGE, PICTURE, TOML, check_file, exit_if, exit_unless, say_each, until_stopped, write
 from armwright.cli.tables import show
-from armwright.errors import ScenarioError
+from armwright.errors import Interrupted, ScenarioError
 from armwright.progress import progress
 from armwright.terminal import say
 
@@ -33,7 +33,8 @@ def loops(
 
     Where it does not keep the margins, slower gains and a shorter period that do are looked for;
     -o writes the scenario with them.
-    Exit code: 0 the coupled loop keeps the margins at all analysed poses, 1 it does not, 2 bad input.
+    Exit code: 0 the coupled loop keeps the margins at all analysed poses, 1 it does not, 2 bad input, 130 Ctrl-C: an
+    analysis that is complete is shown, and no file is written.
 
     \b
     Examples:
@@ -49,18 +50,36 @@ def loops(
         raise ScenarioError("unknown", place="--change", value=change, choices=("gains", "period"))
     check_file(out, TOML, (scenario,))
     found = aw.read_scenario(scenario, allow=allow or ())
-    with progress(f"loops of {scenario.name}"):
-        analysis = aw.loops.analyse_loops(
-            found, poses, seed=seed, gain_margin=gain_margin, phase_margin=angle("--phase-margin", phase_margin)
-        )
-        remedies = [] if analysis.keeps_margins else analysis.remedies.sentences()
+    with progress(f"loops of {scenario.name}") as tell:
+        analysis, _ = until_stopped(
+            lambda: aw.loops.analyse_loops(
+                found, poses, seed=seed, gain_margin=gain_margin, phase_margin=angle("--phase-margin", phase_margin),
+                progress=tell,
+            )
+        )  # fmt: skip
+    with progress("what would keep the margins"):
+        remedies, stopped = until_stopped(lambda: _remedies(analysis))
     show(analysis)
     say_each("", remedies)
+    exit_if(stopped)
     if out is not None:
         _write(found, analysis, out, change or "gains", allow or ())
     write(plot, analysis.plot)
     write(report, analysis.report)
     exit_unless(analysis.keeps_margins)
+
+
+def _remedies(analysis: LoopAnalysis) -> list[str]:
+    """Changes that would keep the margins, in words; none for a loop that keeps them.
+
+    Raises:
+        Interrupted: Ctrl-C; the analysis stands.
+    """
+    try:
+        return [] if analysis.keeps_margins else analysis.remedies.sentences()
+    except KeyboardInterrupt:
+        stopped = "before slower gains and a shorter period were found; no file is written"
+        raise Interrupted(stopped, found=[]) from None
 
 
 def _write(scenario: Any, analysis: LoopAnalysis, out: Path, change: str, allow: Any) -> None:

@@ -53,15 +53,23 @@ def until_stopped(work: Callable[[], T]) -> tuple[T, bool]:
     """Result of long work, and True if Ctrl-C ended it with what was found until then, which a note says.
 
     Raises:
-        KeyboardInterrupt: nothing was found until then.
+        typer.Exit: with code 130, as nothing was found until then, which a note says.
     """
     try:
         return work(), False
     except Interrupted as stop:
         if stop.found is None:
-            raise
+            raise end_with_nothing() from None
         note(f"stopped by Ctrl-C {stop}; what was found until then is kept")
         return stop.found, True
+    except KeyboardInterrupt:
+        raise end_with_nothing() from None
+
+
+def end_with_nothing() -> typer.Exit:
+    """The end of a command that Ctrl-C stopped before it found anything, which a note says; for the caller to raise."""
+    note("stopped by Ctrl-C before anything was found; nothing is kept or written")
+    return typer.Exit(130)
 
 
 def exit_if(stopped: bool) -> None:

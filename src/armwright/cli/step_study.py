@@ -26,6 +26,7 @@ from armwright.cli.arguments import (
     refuse_without_file,
     start_of,
 )
+from armwright.cli.outcome import exit_if, until_stopped
 from armwright.progress import progress
 
 
@@ -59,7 +60,7 @@ def step_study(
 
     Commands are given as for `armwright simulate`; a file that ends in .scenario.toml replaces them, and may name files in
     its folder or below, or in a folder given by --allow. Its controller keeps its sample period, and substeps are tried.
-    Errors are the largest over time, joints and lanes.
+    Errors are the largest over time, joints and lanes. After Ctrl-C (exit code 130) the steps until then are shown.
 
     \b
     Examples:
@@ -91,6 +92,9 @@ def step_study(
                 solver=aw.Solver(cast(Any, integrator or "auto"), step),
             )
     named = ("solver.integrator", "accuracies", "steps") if robot.endswith(SCENARIO) else ()
-    with naming_options(*named), progress(f"trying steps for {scenario.arm.name}"):
-        study = aw.simulation.step_study(scenario, steps=steps, accuracies=accuracies)
+    with naming_options(*named), progress(f"trying steps for {scenario.arm.name}") as tell:
+        study, stopped = until_stopped(
+            lambda: aw.simulation.step_study(scenario, steps=steps, accuracies=accuracies, progress=tell)
+        )
     show(study)
+    exit_if(stopped)

@@ -18,7 +18,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from armwright.entry import AnyScenario, as_scenario
-from armwright.errors import DivergenceError, ScenarioError
+from armwright.errors import DivergenceError, Interrupted, ScenarioError
+from armwright.progress import Shown, automatic
 from armwright.results.result import Result
 from armwright.results.table import Table, number
 from armwright.simulation.checks import check_whole
@@ -85,6 +86,7 @@ class StepStudy(Result):
             tolerance; 0 where they do not.
         reference: its name and tolerance.
         by_auto: "auto" with an accuracy, for each accuracy that neither a step nor `auto` keeps, as near to it as one run came.
+        stopped: where Ctrl-C ended the study, in words; "" if nothing did.
     """
 
     name: str
@@ -96,6 +98,7 @@ class StepStudy(Result):
     recommended: dict[float, Trial | None]
     reference: str
     by_auto: dict[float, Trial]
+    stopped: str = ""
 
     @property
     def heading(self) -> str:
@@ -117,6 +120,8 @@ class StepStudy(Result):
     def sentences(self) -> list[str]:
         """Reasons of refused steps, the error of the reference, and the setting for each accuracy."""
         lines = [str(trial.refused) for trial in self._refused[-1:]]
+        if self.stopped:
+            lines.append(f"stopped by Ctrl-C {self.stopped}: what is not shown was not tried")
         if any(np.isfinite(trial.counts_differ_at) for trial in self.trials):
             smallest = f"Where a count is another one than by {self.reference}, as the smallest error makes it"
             lines.append(f"{smallest}, rows behind are not compared.")
@@ -162,6 +167,7 @@ def step_study(
     steps: int = STEPS,
     accuracies: Sequence[float] = ACCURACIES,
     threads: int | None = None,
+    progress: Shown = None,
 ) -> StepStudy:
     """Runs a scenario with steps that halve, and says which are small enough.
 
@@ -172,11 +178,13 @@ def step_study(
     Args:
         scenario: with an integrator of fixed step.   steps: how many are tried.
         accuracies: to recommend for, [rad, rad/s | m, m/s].   threads: as in `simulate`.
+        progress: True or None: a bar where it is seen; False: none; a function is called with steps taken and of all.
     Returns:
         study: the steps with their errors, the order seen and what they cost; and what is recommended.
     Raises:
         ScenarioError: an integrator that chooses its own steps, no steps, no such accuracy, too many lanes for CVODES.
         DivergenceError: CVODES cannot solve it.
+        Interrupted: Ctrl-C; `found` holds the study of the steps until then, without "auto".
     Example:
         >>> scenario = aw.Scenario("two-link", 0.2, command=[20.0, 5.0])
         >>> study = aw.simulation.step_study(scenario, steps=3, accuracies=(1e-3, 1e-6))
@@ -196,35 +204,61 @@ def step_study(
     if wrong:
         raise ScenarioError(place="accuracies", value=wrong[0], expected="a number above 0")
     variants = _variants(scenario, steps)
-    rule, exact = INTEGRATORS[name], _solved(variants[0])
+    rule = INTEGRATORS[name]
     trials: list[Trial] = []
     runs: list[xarray.Dataset] = []
-    for variant in variants:
-        step, substeps = variant.integration_step, variant.substeps
-        cost = rule.stages / step
+    floor, stopped, tighter = 0.0, "", {}
+    auto = Trial(np.nan, 1, np.nan, np.nan, np.nan, np.nan, refused="not tried", rule="auto")
+    with automatic(progress, f"trying steps for {scenario.arm.name}") as tell:
+        tell(0, 2**steps)  # a step takes twice as long as the one before
+        exact = _solved(variants[0])
         try:
-            runs.append(simulate(variant, threads=threads))
-        except (ScenarioError, DivergenceError) as error:
-            trials.append(Trial(step, substeps, np.nan, np.nan, np.nan, cost, refused=str(error), rule=name))
-            continue
-        q, qd, differ_at = _compared(runs[-1], exact, scenario)
-        trials.append(Trial(step, substeps, q, qd, np.nan, cost, differ_at, rule=name))
-    floor = 0.0
-    if _sticks(scenario):  # an error at a turn depends on where the steps lie about it, and need not shrink with them
-        floor = max(_compared(_solved(variants[0], LOOSER * TIGHT), exact, scenario)[:2])
-    elif len(runs) > 1 and not any(trial.refused or np.isfinite(trial.counts_differ_at) for trial in trials[-2:]):
-        # What the last one lacks is at most its change, that of order 1.
-        floor = max(trials[-1].error - max(_compared(runs[-1], runs[-2], scenario)[:2]), 0.0)
+            for k, variant in enumerate(variants):
+                tell(2**k, 2**steps)
+                step, substeps = variant.integration_step, variant.substeps
+                cost = rule.stages / step
+                try:
+                    runs.append(simulate(variant, threads=threads))
+                except (ScenarioError, DivergenceError) as error:
+                    trials.append(Trial(step, substeps, np.nan, np.nan, np.nan, cost, refused=str(error), rule=name))
+                    continue
+                q, qd, differ_at = _compared(runs[-1], exact, scenario)
+                trials.append(Trial(step, substeps, q, qd, np.nan, cost, differ_at, rule=name))
+            floor = _floor(scenario, variants[0], exact, runs, trials)
+            auto = _auto(variants[0], exact, threads)
+            for accuracy in accuracies:
+                missed = _largest(trials, accuracy) is None and accuracy < auto.error < np.inf
+                if missed and accuracy > SURE * max(floor, SMALLEST_ERROR):
+                    tighter[accuracy] = _auto(variants[0], exact, threads, ACCURACY * AIM * accuracy / auto.error)
+        except KeyboardInterrupt:
+            if not trials:
+                raise
+            stopped = f"after {len(trials)} of {steps} steps"
     ordered = [trials[0], *(replace(trial, order=_order(last, trial, floor)) for last, trial in pairwise(trials))]
     chosen = {accuracy: _largest(ordered, accuracy) for accuracy in accuracies}
-    auto = _auto(variants[0], exact, threads)
-    tighter = {
-        accuracy: _auto(variants[0], exact, threads, ACCURACY * AIM * accuracy / auto.error)
-        for accuracy, found in chosen.items()
-        if found is None and accuracy < auto.error < np.inf and accuracy > SURE * max(floor, SMALLEST_ERROR)
-    }
     reference = "rk45 at 1e-11" if _sticks(scenario) else "CVODES"
-    return StepStudy(scenario.arm.name, name, rule.order, tuple(ordered), auto, floor, chosen, reference, tighter)
+    study = StepStudy(
+        scenario.arm.name, name, rule.order, tuple(ordered), auto, floor, chosen, reference, tighter, stopped
+    )
+    if stopped:
+        raise Interrupted(stopped, found=study)
+    return study
+
+
+def _floor(
+    scenario: Scenario,
+    largest: Scenario,
+    exact: xarray.Dataset,
+    runs: Sequence[xarray.Dataset],
+    trials: Sequence[Trial],
+) -> float:
+    """What the reference itself is wrong by [rad, rad/s | m, m/s]; 0 where it cannot be seen."""
+    if _sticks(scenario):  # an error at a turn depends on where the steps lie about it, and need not shrink with them
+        return max(_compared(_solved(largest, LOOSER * TIGHT), exact, scenario)[:2])
+    if len(runs) < 2 or any(trial.refused or np.isfinite(trial.counts_differ_at) for trial in trials[-2:]):
+        return 0.0
+    # What the last one lacks is at most its change, that of order 1.
+    return max(trials[-1].error - max(_compared(runs[-1], runs[-2], scenario)[:2]), 0.0)
 
 
 def _auto(scenario: Scenario, exact: xarray.Dataset, threads: int | None, accuracy: float = ACCURACY) -> Trial:

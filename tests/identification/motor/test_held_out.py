@@ -85,8 +85,8 @@ def test_a_record_worse_than_the_one_that_it_replaces_is_not_identified(tmp_path
     log, record, output = two_runs(tmp_path), true_record(tmp_path), tmp_path / "written.toml"
     wrong = ["--fix", "coulomb=0.05", "--fix", "viscous=0.002"]
     for more, code in (([], 0), (wrong, 1)):
-        options = ["--robot", str(record), "--starts", "2", "-o", str(output), "--report", str(tmp_path / "page.html")]
-        result = CliRunner().invoke(app, ["identify", "motor", str(log), *options, *more])
+        options = ["--starts", "2", "-o", str(output), "--report", str(tmp_path / "page.html")]
+        result = CliRunner().invoke(app, ["identify", "motor", str(record), str(log), *options, *more])
         assert result.exit_code == code, result.output
         assert ("worse than the record that it replaces" in " ".join(result.output.split())) == bool(code)
         assert aw.load(output).record.fits["fit"].verdict == ("not identified" if code else "identified")

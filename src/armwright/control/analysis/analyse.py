@@ -29,6 +29,7 @@ from armwright.control.analysis.workspace import JointInertias, joint_inertias
 from armwright.entry import AnyScenario, as_scenario
 from armwright.errors import ScenarioError
 from armwright.model.joint_signals import command_unit, joint_units
+from armwright.progress import Shown, automatic
 from armwright.results.page_parts import bullets, sentence
 from armwright.results.result import Result
 from armwright.results.table import Cell, Table
@@ -250,12 +251,14 @@ def analyse_loops(
     seed: int = 0,
     gain_margin: float = GAIN,
     phase_margin: float = PHASE,
+    progress: Shown = None,
 ) -> LoopAnalysis:
     """Inertias, margins and the longest sample period of a scenario's loops over the workspace.
 
     Args:
         scenario: with a controller in its loop.   poses: how many are drawn within the position limits.   seed: of these.
         gain_margin: factor either way.   phase_margin: [rad].
+        progress: True or None: a bar where it is seen; False: none; a function is called with parts done and of all.
     Returns:
         analysis: by joint, and of the coupled loop.
     Raises:
@@ -269,15 +272,23 @@ def analyse_loops(
     """
     scenario = as_scenario(scenario)
     check_margins(gain_margin, phase_margin)
-    loop = LinearLoop(scenario)
-    inertias = joint_inertias(loop.plant.arm, poses, seed)
-    chosen = np.unique(np.concatenate([inertias.extremes(), np.arange(min(FURTHER, poses))]))
-    q = inertias.q[chosen]
-    held = loop.margins(q, held=True)
-    stable, alone_held, alone_free = (longest_period(scenario, q, others=others)[0] for others in OTHERS)
-    with_margin, _ = longest_period(scenario, q, gain_margin=gain_margin, phase_margin=phase_margin)
-    asked = (gain_margin, phase_margin)
-    noise = noise_gain(loop, q)
+    asked, periods = (gain_margin, phase_margin), []
+    with automatic(progress, f"loops of {scenario.arm.name}") as tell:
+        parts = len(OTHERS) + 3
+        tell(0, parts)
+        loop = LinearLoop(scenario)
+        inertias = joint_inertias(loop.plant.arm, poses, seed)
+        chosen = np.unique(np.concatenate([inertias.extremes(), np.arange(min(FURTHER, poses))]))
+        q = inertias.q[chosen]
+        held = loop.margins(q, held=True)
+        for k, others in enumerate(OTHERS, start=1):
+            tell(k, parts)
+            periods.append(longest_period(scenario, q, others=others)[0])
+        stable, alone_held, alone_free = periods
+        tell(parts - 2, parts)
+        with_margin, _ = longest_period(scenario, q, gain_margin=gain_margin, phase_margin=phase_margin)
+        tell(parts - 1, parts)
+        noise = noise_gain(loop, q)
     return LoopAnalysis(loop, inertias, q, held, held.radius, asked, stable, with_margin, alone_held, alone_free, noise)
 
 

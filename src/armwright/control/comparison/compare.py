@@ -25,13 +25,14 @@ from armwright.control.comparison.measures import (
 )
 from armwright.control.comparison.picture import MOST_ROWS, draw_comparison
 from armwright.entry import AnyScenario, as_scenario
-from armwright.errors import ScenarioError
+from armwright.errors import Interrupted, ScenarioError
 from armwright.fitting.measures import rms
 from armwright.kernels.compiled import compile_arm
 from armwright.model import Model
 from armwright.model.payload import Payload
 from armwright.output import check_destination, whole_file
 from armwright.parameters import Batch
+from armwright.progress import Shown, automatic
 from armwright.results.result import Result
 from armwright.results.table import Table
 from armwright.simulation.checks import check_time, check_whole
@@ -176,6 +177,7 @@ def compare_controllers(
     *,
     band: Any = 1e-3,
     settle: float = 1.0,
+    progress: Shown = None,
 ) -> Comparison:
     """Errors, path accuracy, settling, overshoot and effort of controllers that follow the same motions.
 
@@ -192,10 +194,12 @@ def compare_controllers(
         runs: 1 or more, the repeatability needs 2; default: as many as the scenarios have lanes, or 8.
         band: [rad | m] of the settling time, one number or (n,).
         settle: [s] that a run goes on after the motion's end.
+        progress: True or None: a bar where it is seen; False: none; a function is called with cases done and of all.
     Returns:
         comparison: its dataset, and the rows of a table.
     Raises:
         ScenarioError: no controllers or motions, another arm, a motion of other joints or without an end; as `simulate`.
+        Interrupted: Ctrl-C; `found` holds the comparison of the controllers that were finished.
     Example:
         >>> pid = aw.JointPID(kp=[900.0, 250.0], kd=[180.0, 50.0])
         >>> move = aw.trajectories.Quintic([0.0, 0.0], [0.5, -0.5], duration=0.5)
@@ -216,18 +220,30 @@ def compare_controllers(
     hands = _payloads(payloads, any(each.payloads for each in paths.values()))
     dyn = compile_arm(arm) if arm.tip is not None else None
     loops, count = _in_runs(loops, runs)
-    cases = [
-        [
-            [_case(loop, course, hand, count, widths, settle, dyn) for hand in hands.values()]
-            for course in paths.values()
-        ]
-        for loop in loops.values()
-    ]
-    data = _dataset(arm, cases, (list(loops), list(paths), list(hands)))
     poses = np.concatenate([_poses(each) for each in paths.values()])
-    unstable = {name: unstable_loop(loop, poses) for name, loop in loops.items()}
-    notes = tuple(f"{name}: {said}" for name, said in unstable.items() if said is not None)
-    return Comparison(data, widths, count, notes)
+    cases: list[list[list[dict[str, Any]]]] = []
+    unstable: list[str | None] = []
+    done, total = itertools.count(), len(loops) * len(paths) * len(hands)
+    with automatic(progress, "comparing controllers") as tell:
+        try:
+            for loop in loops.values():
+                of_loop = []
+                for course, hand in itertools.product(paths.values(), hands.values()):
+                    tell(next(done), total)
+                    of_loop.append(_case(loop, course, hand, count, widths, settle, dyn))
+                unstable.append(unstable_loop(loop, poses))
+                cases.append([of_loop[k : k + len(hands)] for k in range(0, len(of_loop), len(hands))])
+        except KeyboardInterrupt:
+            if not cases:
+                raise
+    names = list(loops)[: len(cases)]
+    data = _dataset(arm, cases, (names, list(paths), list(hands)))
+    notes = tuple(f"{name}: {said}" for name, said in zip(names, unstable, strict=False) if said is not None)
+    if len(names) == len(loops):
+        return Comparison(data, widths, count, notes)
+    stopped = f"before {', '.join(list(loops)[len(names) :])} could be compared"
+    data.attrs["stopped"] = f"by Ctrl-C {stopped}"
+    raise Interrupted(stopped, found=Comparison(data, widths, count, notes))
 
 
 def _poses(course: _Course) -> np.ndarray:

@@ -22,7 +22,8 @@ from armwright.identification.arm.samples import Stream
 from armwright.identification.arm.torque_model import TorqueModel
 from armwright.identification.logs.preparation import ROOM
 from armwright.identification.logs.spectrum import HIGHEST, LOWEST
-from armwright.results.table import Table, number
+from armwright.progress import Progress
+from armwright.results.table import Table, number as as_text
 
 STEP, WIDEST = 1.6, 2.0  # from one cut-off of the grid to the next; the highest by that of the motion's band
 MOST_CUTOFFS = 12
@@ -52,7 +53,7 @@ class CutoffCurve:
     def table(self, joints: Sequence[str]) -> Table:
         """A row for each cut-off, for a page."""
         rows = [
-            [f"{hz:.3g}", *map(number, row), "chosen" if hz == self.chosen else ""]
+            [f"{hz:.3g}", *map(as_text, row), "chosen" if hz == self.chosen else ""]
             for hz, row in zip(self.hz, self.unexplained, strict=True)
         ]
         title = "1 - R² of the unfiltered torques on parts held out, by the cut-off"
@@ -69,11 +70,12 @@ class CutoffCurve:
         )
 
 
-def cutoff_curve(stream: Stream, model: TorqueModel) -> CutoffCurve | None:
+def cutoff_curve(stream: Stream, model: TorqueModel, progress: Progress, after: int) -> CutoffCurve | None:
     """The curve of a stream's excerpts; None where the log is too short to hold parts out.
 
     Args:
         stream: with the cut-off of the motion's band.   model: the columns.
+        progress: called with cut-offs done, and all and what follows.   after: steps that follow.
     """
     grid = _grid(stream)
     if len(grid) < 2:
@@ -84,7 +86,8 @@ def cutoff_curve(stream: Stream, model: TorqueModel) -> CutoffCurve | None:
     structural, found = base_parameters(model), []
     excerpts = [stream.log.run(run).census for run in stream.filters]
     seconds = part_seconds(list(stream.filters), sum(each.excerpt_seconds for each in excerpts if each is not None))
-    for cutoff in grid:
+    for number, cutoff in enumerate(grid):
+        progress(number, len(grid) + after)
         filters = {}
         for run, each in stream.at(cutoff).filters.items():
             narrow = replace(each.narrow, decimate=decimate, edge=lowest[run].narrow.edge)

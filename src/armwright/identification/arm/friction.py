@@ -16,7 +16,7 @@ from armwright.actuators.gear import loses_power
 from armwright.description.paths import path_name, unit_at
 from armwright.dynamics.gears import joint_torques
 from armwright.entry import AnyArm, AnyLog, as_arm, as_log
-from armwright.errors import IdentificationError
+from armwright.errors import IdentificationError, Interrupted
 from armwright.fitting.covariance import covariance_of
 from armwright.fitting.measures import agreement
 from armwright.friction_laws import law_of_keys
@@ -40,6 +40,7 @@ from armwright.identification.estimate import Estimate
 from armwright.identification.logs.log import Log
 from armwright.identification.logs.preparation import Preparation, choose_preparation
 from armwright.model import Body, Model
+from armwright.progress import Progress, Shown, automatic
 
 SUPPORT = LINEAR.named("identify friction")
 
@@ -154,6 +155,7 @@ def identify_friction(
     warming: Mapping[str, float] | None = None,
     candidates: Sequence[str] = CANDIDATES,
     worth: float = WORTH,
+    progress: Shown = None,
 ) -> Estimate:
     """Friction of every joint against its speed, load and temperature, from a log of an arm with otherwise known dynamics.
 
@@ -163,12 +165,14 @@ def identify_friction(
             log's temperatures, for joints whose record has a reference temperature.
         candidates: of "stribeck", "load", "coulomb by temperature", "viscous by temperature", "sigmoid", "spring" and
             "counterbalance", which stay only if they lower the held-out error by `worth`, a share.   worth: 0.01.
+        progress: True or None: a bar where it is seen; False: none; a function is called with joints done and of all.
     Returns:
         estimate: numbers under the record's own keys, such as `joint1.friction.viscous_n_m_s_per_rad`; those of springs, of which
             the record may make a table, under names of their own. Remarks say what each candidate brought. "not identified" where
             friction explains less than half of what the arm leaves unexplained and a tenth of the torque's power is left.
     Raises:
         IdentificationError: an arm without masses, an unknown candidate, a log that does not fit.
+        Interrupted: Ctrl-C; `found` holds the friction of the joints until then, "not identified".
     Example:
         >>> log = "examples/logs/lwa4p/lwa4p.log.toml"
         >>> fit = aw.identification.identify_friction(log, "lwa4p", candidates=())
@@ -185,21 +189,21 @@ def identify_friction(
     values, bounds, blocks, measures = [], [], [], {}
     remarks, doubtful = [*map(str, log.warnings), *SUPPORT.notes(arm), *_behind_gears(arm)], False
     measured = log.layout["temperature"].joints or () if "temperature" in log.layout and warming is None else ()
-    for body, rows in zip(arm.coordinates, friction_rows(log, arm, preparation, warming), strict=True):
+    with automatic(progress, "fitting friction") as tell:
+        every = friction_rows(log, arm, preparation, warming)
+        fits = _fits(every, candidates, worth, tell)
+    for body, rows, fit in zip(arm.coordinates, every, fits, strict=False):
         if body.drive.thermal is None and log.joints.index(body.joint) in measured:
             what = "the log has its temperature, the record no motor.thermal.reference_c to count it from"
             remarks.append(f"{body.joint}: {what}: slopes of friction over temperature are not tried")
-        moved = len(rows.speed) >= FEWEST and (rows.speed > 0).any() and (rows.speed < 0).any()
-        if not moved:
+        if fit is None:
             remarks.append(
                 f"{body.joint}: does not move both ways for long enough; its friction stays as the record has it"
             )
             continue
-        choice = choose_terms(rows, candidates, worth)
-        law = fitted_law(rows, choice.terms)
+        choice, law, covariance = fit
         remarks += (doubt := _untold(body.joint, rows, choice.error))
         doubtful = doubtful or bool(doubt)
-        covariance = _covariance(rows, law)
         for term, value, at_bound in _recorded(rows, law):
             names.append(_name(body, term))
             values.append(value)
@@ -216,12 +220,43 @@ def identify_friction(
 
     at_bound = np.array(bounds)
     remarks += [f"{name} is at its bound" for name, at in zip(names, bounds, strict=True) if at]
-    return Estimate(
+    missing = ", ".join(arm.names[len(fits) :])
+    if missing:
+        remarks.append(f"not fitted, as Ctrl-C stopped the identification: {missing}")
+    result = Estimate(
         tuple(names), np.array(values), np.asarray(block_diag(*blocks)), log.sha256,
         "friction: least squares of the torque that the arm without friction leaves unexplained, candidates by held-out error",
         units=tuple(_unit(name) for name in names), at_bound=at_bound, remarks=tuple(remarks),
-        fit=measures, verdict="not identified" if doubtful else "identified", log=log.path.name,
+        fit=measures, verdict="not identified" if doubtful or missing else "identified", log=log.path.name,
     )  # fmt: skip
+    if missing:
+        raise Interrupted(f"before {missing} could be fitted", found=result)
+    return result
+
+
+def _fits(
+    joints: Sequence[FrictionRows], candidates: Sequence[str], worth: float, progress: Progress
+) -> list[tuple[Choice, FittedFriction, np.ndarray] | None]:
+    """Choice of terms, law and covariance by joint, None of those that do not move both ways; fewer joints after Ctrl-C.
+
+    Raises:
+        KeyboardInterrupt: before the first joint was fitted.
+    """
+    found: list[tuple[Choice, FittedFriction, np.ndarray] | None] = []
+    for rows in joints:
+        try:
+            progress(len(found), len(joints))
+            if len(rows.speed) < FEWEST or not (rows.speed > 0).any() or not (rows.speed < 0).any():
+                found.append(None)
+                continue
+            choice = choose_terms(rows, candidates, worth)
+            law = fitted_law(rows, choice.terms)
+            found.append((choice, law, _covariance(rows, law)))
+        except KeyboardInterrupt:
+            if not any(found):
+                raise
+            break
+    return found
 
 
 def _untold(joint: str, rows: FrictionRows, error: float) -> list[str]:

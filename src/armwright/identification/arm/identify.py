@@ -2,26 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from armwright.entry import as_arm, as_log, expect
-from armwright.errors import IdentificationError
+from armwright.errors import IdentificationError, Interrupted
 from armwright.identification.arm.arm_estimate import ArmEstimate
-from armwright.identification.arm.arm_record import record_parameters
+from armwright.identification.arm.arm_record import RecordParameters, record_parameters
 from armwright.identification.arm.bootstrap import block_bootstrap
 from armwright.identification.arm.closed_loop import Feedback
-from armwright.identification.arm.cutoff import cutoff_curve
-from armwright.identification.arm.fit import cross_validated
+from armwright.identification.arm.cutoff import CutoffCurve, cutoff_curve
+from armwright.identification.arm.fit import HeldOut, cross_validated
 from armwright.identification.arm.gear_loss import LossyModel, lossy_model
 from armwright.identification.arm.held_out import judged_record
-from armwright.identification.arm.methods import METHODS, check_losses, fitted
+from armwright.identification.arm.methods import METHODS, FittedLog, check_losses, fitted
 from armwright.identification.arm.options import ArmTerms, FitRows
 from armwright.identification.arm.remarks import with_remarks
-from armwright.identification.arm.samples import stream_of
+from armwright.identification.arm.samples import Stream, stream_of
 from armwright.identification.arm.sensitivity import sensitive_parameters
 from armwright.identification.arm.separating import sentences
 from armwright.identification.arm.torque_model import USUAL_FRICTION, TorqueModel, torque_model
@@ -29,8 +29,12 @@ from armwright.identification.estimate import Estimate
 from armwright.identification.logs.log import Log
 from armwright.identification.validation.comparison import NO_HOLD_OUT
 from armwright.model import Model
+from armwright.progress import Progress, progress
 
+T = TypeVar("T")
 CHECKS = ("cutoff", "bootstrap")
+# after the choice of the cut-off; from the third on they check a fit that stands
+STAGES = ("fit", "record", "parts held out", "other cut-offs", "bootstrap", "runs held out", "residuals")
 
 
 def identify_arm(
@@ -72,6 +76,7 @@ def identify_arm(
         IdentificationError: no robot, no torques, too few rows, an unknown term; of gears with loss a method or a torque that
             goes without, an efficiency to fit of which the log hardly says anything.
         LogError: joints of the robot that are not in the log, a filter that the log's rate does not allow.
+        Interrupted: Ctrl-C during the checks; `found` holds the result with the checks until then, "not identified".
     Example:
         >>> arm, rng = aw.load("two-link"), np.random.default_rng(0)
         >>> pushes = aw.Schedule(np.arange(16) / 2, rng.uniform(-20, 20, (16, 2)), arm.names)
@@ -99,25 +104,77 @@ def identify_arm(
     if stream.source == "tau_link":
         arm, friction = _behind_gears(arm, friction)
     model = _model(arm, method, friction, replace(terms, lacks=lacks), stream.gears)
-    # of a lossy arm the columns are linear about the record alone, and no measure of a cut-off
-    curve = None if rows.cutoff is not None or isinstance(model, LossyModel) else cutoff_curve(stream, model)
-    stream = stream if curve is None else stream.at(curve.chosen, rows.decimate, curve.reason)
-    found = fitted(stream, model, method, feedback, forgetting, strict=terms.fit_efficiency != "all")
+    with progress(f"identifying {arm.name}") as tell:
+        # of a lossy arm the columns are linear about the record alone, and no measure of a cut-off
+        free = rows.cutoff is None and not isinstance(model, LossyModel)
+        curve = cutoff_curve(stream, model, tell, len(STAGES)) if free else None
+        guard = _Guard(tell, 0 if curve is None else len(curve.hz))
+        stream = stream if curve is None else stream.at(curve.chosen, rows.decimate, curve.reason)
+        guard.tell("fit")
+        found = fitted(stream, model, method, feedback, forgetting, strict=terms.fit_efficiency != "all")
+        guard.tell("record")
+        values = record_parameters(found.fit, stream.kept) if record or stream.fresh else None
+        result = _checked(arm, stream, found, values, method, curve, checks, guard)
+    if guard.missing:
+        raise Interrupted(f"before the check of {', '.join(guard.missing)}", found=result)
+    return result
+
+
+class _Guard:
+    """Checks of a fit that stands: Ctrl-C ends the one at work and skips those that are left.
+
+    Attributes:
+        missing: names of the checks that were not done.
+    """
+
+    def __init__(self, progress: Progress, before: int) -> None:
+        self.missing: list[str] = []
+        self._progress, self._before = progress, before
+
+    def tell(self, stage: str) -> None:
+        """Shows that a stage begins."""
+        self._progress(self._before + STAGES.index(stage), self._before + len(STAGES))
+
+    def checked(self, stage: str, check: Callable[[], T], skipped: T) -> T:
+        """Result of a check, or what stands in its place where it was not done."""
+        if not self.missing:
+            try:
+                self.tell(stage)
+                return check()
+            except KeyboardInterrupt:
+                pass
+        self.missing.append(stage)
+        return skipped
+
+
+def _checked(
+    arm: Model, stream: Stream, found: FittedLog, values: RecordParameters | None, method: str, curve: CutoffCurve | None,
+    checks: Collection[str], guard: _Guard,
+) -> ArmEstimate:  # fmt: skip
+    """The result of a fit that stands, with its checks; "not identified" if one is missing, which a remark says."""
     fit, by_parts = found.fit, METHODS[method].parts
-    held_out = tuple(cross_validated(fit)) if by_parts and len(fit.equations.parts) > 1 else ()
-    sensitive = sensitive_parameters(stream, fit) if by_parts and "cutoff" in checks else ()
-    by_blocks = (
-        block_bootstrap(found.rows(), fit, stream.seconds, len(stream.filters)) if "bootstrap" in checks else None
+    held_out: tuple[HeldOut, ...] = ()
+    sensitive: tuple[str, ...] = ()
+    by_blocks = None
+    if by_parts and len(fit.equations.parts) > 1:
+        held_out = guard.checked("parts held out", lambda: tuple(cross_validated(fit)), ())
+    if by_parts and "cutoff" in checks:
+        sensitive = guard.checked("other cut-offs", lambda: sensitive_parameters(stream, fit), ())
+    if "bootstrap" in checks:
+        by_blocks = guard.checked(
+            "bootstrap", lambda: block_bootstrap(found.rows(), fit, stream.seconds, len(stream.filters)), None
+        )
+    about = (
+        f"{METHODS[method].about} of {fit.equations.rows.max()} rows, {arm.n} joints, cut-off {stream.cutoff:.4g} Hz"
     )
-    values = record_parameters(fit, stream.kept) if record or stream.fresh else None
-    about = f"{METHODS[method].about} of {fit.equations.rows.max()} rows, {model.arm.n} joints, cut-off {stream.cutoff:.4g} Hz"
     estimate = Estimate(
         tuple(fit.base.names), fit.values, fit.covariance, stream.sha256, about, tuple(fit.base.units),
         condition=fit.condition, log=stream.name, preparation=stream.settings,
     )  # fmt: skip
     comparison, said = None, [NO_HOLD_OUT]
     if values is not None and stream.fresh:
-        comparison, said = judged_record(stream, arm, fit, values, estimate)
+        judged = lambda: judged_record(stream, arm, fit, values, estimate)  # noqa: E731
+        comparison, said = guard.checked("runs held out", judged, (None, []))
     result = ArmEstimate(
         estimate,
         fit,
@@ -131,8 +188,16 @@ def identify_arm(
         curve,
         by_blocks,
     )
-    directions = sentences(fit, found.rows(), found.base, found.structural)
-    return replace(result, estimate=with_remarks(result, found, directions, stream.cutoff, [*stream.warnings, *said]))
+
+    def remarked() -> Estimate:
+        directions = sentences(fit, found.rows(), found.base, found.structural)
+        return with_remarks(result, found, directions, stream.cutoff, [*stream.warnings, *said])
+
+    estimate = guard.checked("residuals", remarked, estimate)
+    if guard.missing:
+        missing = f"not checked, as Ctrl-C stopped the identification: {', '.join(guard.missing)}"
+        estimate = replace(estimate, remarks=(*estimate.remarks, missing), verdict="not identified")
+    return replace(result, estimate=estimate)
 
 
 def _behind_gears(arm: Model, friction: Collection[str]) -> tuple[Model, tuple[str, ...]]:

@@ -24,7 +24,7 @@ from armwright.actuators.coupling import motor_shares
 from armwright.actuators.gear import loses_power
 from armwright.dynamics.gears import joint_torques
 from armwright.entry import AnyArm, AnyLog, as_arm, as_log
-from armwright.errors import IdentificationError, LogError
+from armwright.errors import IdentificationError, Interrupted, LogError
 from armwright.identification.arm.base import BaseParameters, regrouped
 from armwright.identification.arm.equations import Equations, Samples, SampleSource, equations_of
 from armwright.identification.arm.fit import ArmFit, fit_arm, with_correlation
@@ -50,6 +50,7 @@ from armwright.identification.estimate import HALF_95, Estimate
 from armwright.identification.logs.log import Log
 from armwright.identification.logs.preparation import Preparation, choose_preparation
 from armwright.model import BASE, Model
+from armwright.progress import Shown, automatic
 
 SUPPORT = replace(
     MEASURED,
@@ -145,6 +146,7 @@ def identify_payload(
     loaded_log: Log | None = None,
     frame: str | None = None,
     preparation: Preparation | None = None,
+    progress: Shown = None,
 ) -> Estimate:
     """Mass, centre of mass and inertia of a payload at the tip, from a log of its arm.
 
@@ -154,11 +156,13 @@ def identify_payload(
         loaded_log: of the arm with the payload, where `log` is without.
         frame: that the payload's numbers are given in; None: the tip.
         preparation: of the logs; None: the low-pass that leaves the mass least uncertain.
+        progress: True or None: a bar where it is seen; False: none; a function is called with low-passes tried and of all.
     Returns:
         estimate: `payload.mass_kg`, `payload.com_m[k]` in the frame, `payload.inertia_kg_m2.xx`, … about the centre of mass, in
             the frame's axes. "not identified" where the mass cannot be told, or half of its 95 % interval is over 10 % of it.
     Raises:
         IdentificationError: a log without positions or torques, of another arm, with too few rows.
+        Interrupted: Ctrl-C; `found` holds the best estimate of the low-passes until then.
     Example:
         >>> arm, rng = aw.load("two-link"), np.random.default_rng(0)
         >>> pushes = aw.Schedule(np.arange(16) / 2, rng.uniform(-20, 20, (16, 2)), arm.names)
@@ -179,14 +183,22 @@ def identify_payload(
     chosen = choose_preparation(log).cutoff
     tried: list[tuple[float, Estimate]] = []
     too_short: LogError | None = None
-    for cutoff in chosen * np.array(CUTOFFS):
-        if cutoff < HIGHEST / log.run().period or not tried:
-            choices = [choose_preparation(each, cutoff=cutoff) for each in logs]
-            try:
-                tried.append((cutoff, _fitted(logs, arm, frame, choices)))
-            except LogError as error:  # a higher cut-off leaves more rows
-                too_short = error
-                if cutoff >= HIGHEST / log.run().period:
+    stopped = ""
+    with automatic(progress, "fitting a payload") as tell:
+        for number, cutoff in enumerate(chosen * np.array(CUTOFFS)):
+            if cutoff < HIGHEST / log.run().period or not tried:
+                try:
+                    tell(number, len(CUTOFFS))
+                    choices = [choose_preparation(each, cutoff=cutoff) for each in logs]
+                    tried.append((cutoff, _fitted(logs, arm, frame, choices)))
+                except LogError as error:  # a higher cut-off leaves more rows
+                    too_short = error
+                    if cutoff >= HIGHEST / log.run().period:
+                        break
+                except KeyboardInterrupt:
+                    if not tried:
+                        raise
+                    stopped = f"before the low-pass of {cutoff:.3g} Hz"
                     break
     if not tried:
         assert too_short is not None
@@ -194,7 +206,11 @@ def identify_payload(
     cutoff, best = min(tried, key=lambda each: _vagueness(each[1]))
     ends = f"{tried[0][0]:.3g} to {tried[-1][0]:.3g} Hz"
     remark = f"low-pass of {cutoff:.3g} Hz: of {len(tried)} from {ends} it leaves the mass least uncertain"
-    return replace(best, remarks=(*best.remarks, *warnings, remark))
+    remarks = (remark, f"stopped by Ctrl-C {stopped}: a higher one was not tried") if stopped else (remark,)
+    result = replace(best, remarks=(*best.remarks, *warnings, *remarks))
+    if stopped:
+        raise Interrupted(stopped, found=result)
+    return result
 
 
 def _vagueness(estimate: Estimate) -> float:

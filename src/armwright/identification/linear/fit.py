@@ -10,7 +10,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from armwright.entry import expect
-from armwright.errors import LogError
+from armwright.errors import Interrupted, LogError
 from armwright.identification.linear.delays import delay_interval
 from armwright.identification.linear.frequency import closed_loop
 from armwright.identification.linear.measures import gain_units, simulation_measures
@@ -37,6 +37,7 @@ from armwright.identification.linear.selection import (
     first_response,
     selected,
 )
+from armwright.progress import progress
 
 MOST_ORDER = 5  # that is tried
 SINGULAR = 1e8  # condition from which parameters are rounding
@@ -94,6 +95,7 @@ def fit_oe(data: Any, y: Any = None, period: Any = None, **options: Unpack[Optio
         model: with covariance, poles, gain, and the fit of its free simulation on runs to fit and to hold out.
     Raises:
         LogError: not a number, constant signals, two clocks, too few rows for the order; names what and where.
+        Interrupted: Ctrl-C; `found` holds the model of the best order until then.
     Example:
         >>> from scipy.signal import lfilter
         >>> u = np.repeat(np.random.default_rng(0).standard_normal(60), 10)
@@ -141,6 +143,7 @@ def _fit(
     n, known = checked_order(order, 2 + noise), checked_delay(delay)
     scaled, to_units = scale(records, offset)
     tried: tuple[OrderCandidate, ...] = ()
+    stopped = ""
     if isinstance(n, tuple) or (n is not None and known is not None):
         na, nb, nc = (*n, 0)[:3] if isinstance(n, tuple) else (n, n, n * noise)
         found = first_response(scaled.fit, search.most_delay) if known is None else known
@@ -149,13 +152,24 @@ def _fit(
     else:
         largest = n or search.most_order or MOST_ORDER
         check_rows(records, 3 * largest + offset, largest + (search.most_delay if known is None else known))
-        orders, tried = selected(structure, scaled.fit, n, known, replace(search, most_order=largest), offset, initial)
+        search = replace(search, most_order=largest)
+        with progress("trying orders") as tell:
+            try:
+                orders, tried = selected(structure, scaled.fit, n, known, search, offset, initial, tell)
+            except Interrupted as stop:
+                (orders, tried), stopped = stop.found, str(stop)
     fit = estimate(orders, scaled.fit, orders.past, initial)
-    delays = (orders.delay, orders.delay) if known is not None else delay_interval(fit, scaled.fit, initial)
+    told = known is not None or stopped  # the interval of the delay takes long
+    delays = (orders.delay, orders.delay) if told else delay_interval(fit, scaled.fit, initial)
     model = _result(records, scaled, fit, to_units, initial)
     rows = tuple(_row(each) for each in tried)
     remarks = (*model.remarks, *_of_delays(delays))
-    return replace(model, delays=delays, remarks=remarks, tried=rows, criterion=search.select if rows else "")
+    if stopped:
+        remarks += (f"stopped by Ctrl-C {stopped}: another order or delay may be better",)
+    model = replace(model, delays=delays, remarks=remarks, tried=rows, criterion=search.select if rows else "")
+    if stopped:
+        raise Interrupted(stopped, found=model)
+    return model
 
 
 def _result(records: Records, scaled: Records, fit: PredictionFit, units: SignalUnits, initial: bool) -> LinearModel:

@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from armwright.entry import expect
-from armwright.errors import LogError
+from armwright.errors import Interrupted, LogError
 from armwright.identification.linear import subspace
 from armwright.identification.linear.frequency import closed_loop
 from armwright.identification.linear.measures import gain_units, simulation_measures
@@ -38,6 +38,7 @@ from armwright.identification.linear.selection import (
     too_short,
 )
 from armwright.identification.linear.state_space import StateSpace
+from armwright.progress import progress
 
 MOST_ORDER = 10  # that is tried
 SHORTEST = 15  # rows of past and future
@@ -108,6 +109,7 @@ def fit_n4sid(
         model: with poles, gain and their standard deviations; `singular` values of the projection.
     Raises:
         LogError: as `fit_oe`; an input that excites too few frequencies.
+        Interrupted: as `fit_oe`.
     Example:
         >>> u = np.random.default_rng(0).standard_normal(500)
         >>> y = np.concatenate([[0.0], 0.5 * u[:-1]])  # half of it, a row later
@@ -133,10 +135,14 @@ def fit_n4sid(
     most = projection.observability.shape[1]
     if n is not None and n > most:
         raise LogError("too many states for the data", place="order", value=n, expected=f"at most {most}")
-    tried = () if n is not None else fit.tried(projection, search.select, min(most_order, most, rows - 1))
+    largest = min(most_order, most, rows - 1)
+    tried = () if n is not None else fit.tried(projection, search.select, largest)
+    stopped = f"after {len(tried)} of {largest} orders" if 0 < len(tried) < largest else ""
     chosen = n or int(min(tried, key=lambda row: row[search.select])["order"])
     model, _, moved = fit.states(projection, chosen)
     remarks = list(records.notes)
+    if stopped:
+        remarks.append(f"stopped by Ctrl-C {stopped}: another order may be better")
     if moved:
         remarks.append("a pole lay outside the unit circle and was drawn back: the plant may integrate or be unstable")
     if single and feedback(scaled.fit, late).p < CERTAIN:
@@ -148,7 +154,7 @@ def fit_n4sid(
         f"{'offset estimated' if offset else 'no offset'}, initial states {'estimated' if initial else '0'}, {records.rows} rows"
     )
     whole = units.state_space(model)
-    return LinearModel.of(
+    result = LinearModel.of(
         records,
         kind="n4sid",
         delay=late,
@@ -163,6 +169,9 @@ def fit_n4sid(
         verdict="identified" if max(fits, default=0.0) > 0.0 and np.isfinite(fits).all() else "not identified",
         singular=projection.singular,
     )
+    if stopped:
+        raise Interrupted(stopped, found=result)
+    return result
 
 
 def _poles_and_gain(records: Records, whole: StateSpace, by_pole: np.ndarray, by_gain: np.ndarray) -> dict[str, Any]:
@@ -225,19 +234,25 @@ class SubspaceFit:
         return model, errors, moved
 
     def tried(self, projection: subspace.Projection, by: Criterion, largest: int) -> list[Mapping[str, float]]:
-        """Criteria of every order up to the largest."""
+        """Criteria of every order up to the largest, or of those until Ctrl-C."""
         m, p, stretches = len(self.data.inputs), len(self.data.outputs), self.data.fit
         parted = folds(stretches, 3 * self.rows) if by == "cv" else []
         if by == "cv" and not parted:
             raise too_short()
         parts = [(self.projection(fitted), fitted, held) for fitted, held in parted]
         tried: list[Mapping[str, float]] = []
-        for order in range(1, largest + 1):
-            _, errors, _ = self.states(projection, order)
-            equations = errors.size - order * len(stretches) * self.initial
-            count = order * (m + p) + m * p * self.method.direct + p * self.offset  # of a canonical form
-            found = criteria(float((errors**2).sum()), max(equations, 1), count)
-            tried.append({"order": order, **found, "cv": self._held_error(parts, order)})
+        with progress("trying orders") as tell:
+            try:
+                for order in range(1, largest + 1):
+                    tell(order - 1, largest)
+                    _, errors, _ = self.states(projection, order)
+                    equations = errors.size - order * len(stretches) * self.initial
+                    count = order * (m + p) + m * p * self.method.direct + p * self.offset  # of a canonical form
+                    found = criteria(float((errors**2).sum()), max(equations, 1), count)
+                    tried.append({"order": order, **found, "cv": self._held_error(parts, order)})
+            except KeyboardInterrupt:
+                if not tried:
+                    raise
         return tried
 
     def _held_error(self, parts: Sequence[Any], order: int) -> float:

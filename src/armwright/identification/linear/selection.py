@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from armwright.errors import LogError
+from armwright.errors import Interrupted, LogError
 from armwright.identification.linear.held import HeldFit, best_held, bic_of
 from armwright.identification.linear.prediction_error import (
     Orders,
@@ -22,6 +22,7 @@ from armwright.identification.linear.prediction_error import (
     with_best_numerator,
 )
 from armwright.identification.linear.records import RecordedStretch
+from armwright.progress import Progress
 
 Criterion = Literal["cv", "aic", "bic", "fpe", "mdl"]
 CRITERIA: tuple[Criterion, ...] = ("cv", "aic", "bic", "fpe", "mdl")
@@ -193,13 +194,15 @@ def folds(
 
 def selected(
     structure: Structure, stretches: Sequence[RecordedStretch], order: int | None, delay: int | None, search: OrderSearch,
-    constant: bool, initial: bool,
+    constant: bool, initial: bool, tell: Progress,
 ) -> tuple[Orders, tuple[OrderCandidate, ...]]:  # fmt: skip
     """Order and delay of a structure, and all candidates.
 
     Args:
         structure: "arx", "oe" or "armax".   order, delay: None: to be found.   search: how; its largest order is known.
-        constant, initial: as of the fit.
+        constant, initial: as of the fit.   tell: called with orders done and of all.
+    Raises:
+        Interrupted: Ctrl-C; `found` holds the best of the orders until then, and these.
     """
     by, numbers = search.select, [order] if order is not None else range(1, (search.most_order or 0) + 1)
     variance = float(np.var(np.concatenate([each.y[:, 0] for each in stretches])))
@@ -209,29 +212,41 @@ def selected(
     scores: dict[Orders, np.ndarray] = {}
     settled: set[Orders] = set()  # of held systems, whose delay a free B would blur
     skip, last = max(numbers) + low + 2, None
-    for n in numbers:
-        nc = n if structure == "armax" else 0
-        orders = Orders(structure, n, n + 1 + low - begin, nc, begin, constant)
-        if delay is None:
-            fit = trimmed(orders, stretches, skip, initial, _grown(orders, last))
-            count, best = fit.orders.count, min(tried, key=lambda each: each.bic).orders.na if tried else n
-            # the search for held systems costs most: not two orders above the best
-            held = best_held(fit, stretches, skip, initial) if n <= best + 1 else None
-            if held is not None and (order is not None or _is_held(held, fit)):
-                fit, count = held.fit, held.count
-                settled.add(fit.orders)
-            orders = fit.orders
-        else:
-            orders = replace(orders, nb=n)
-            fit = estimate(orders, stretches, skip, initial, None, _grown(orders, last))
-            count = orders.count
-        last = fit
-        found = criteria(fit.cost, fit.equations, count, variance)
-        scores[orders] = cross_validation(fit, stretches, skip, initial) if by == "cv" else np.array([np.nan])
-        tried.append(OrderCandidate(orders, **found, cv=float(np.mean(scores[orders])) / variance))
+    try:
+        for k, n in enumerate(numbers):
+            tell(k, len(numbers) + 1)
+            nc = n if structure == "armax" else 0
+            orders = Orders(structure, n, n + 1 + low - begin, nc, begin, constant)
+            if delay is None:
+                fit = trimmed(orders, stretches, skip, initial, _grown(orders, last))
+                count, best = fit.orders.count, min(tried, key=lambda each: each.bic).orders.na if tried else n
+                # the search for held systems costs most: not two orders above the best
+                held = best_held(fit, stretches, skip, initial) if n <= best + 1 else None
+                if held is not None and (order is not None or _is_held(held, fit)):
+                    fit, count = held.fit, held.count
+                    settled.add(fit.orders)
+                orders = fit.orders
+            else:
+                orders = replace(orders, nb=n)
+                fit = estimate(orders, stretches, skip, initial, None, _grown(orders, last))
+                count = orders.count
+            last = fit
+            found = criteria(fit.cost, fit.equations, count, variance)
+            scores[orders] = cross_validation(fit, stretches, skip, initial) if by == "cv" else np.array([np.nan])
+            tried.append(OrderCandidate(orders, **found, cv=float(np.mean(scores[orders])) / variance))
+    except KeyboardInterrupt:
+        if not tried:
+            raise
     chosen = _simplest(tried, scores, variance) if by == "cv" else min(tried, key=lambda each: each[by]).orders
-    if delay is None and chosen not in settled:
-        chosen = _polished(chosen, stretches, skip, initial, fixed=order is not None)
+    stopped = "" if len(tried) == len(numbers) else f"after {len(tried)} of {len(numbers)} orders"
+    if delay is None and chosen not in settled and not stopped:
+        try:
+            tell(len(numbers), len(numbers) + 1)
+            chosen = _polished(chosen, stretches, skip, initial, fixed=order is not None)
+        except KeyboardInterrupt:
+            stopped = "before delays next to the chosen one were tried"
+    if stopped:
+        raise Interrupted(stopped, found=(chosen, tuple(tried)))
     return chosen, tuple(tried)
 
 
