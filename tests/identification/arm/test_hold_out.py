@@ -142,9 +142,7 @@ def test_a_log_without_runs_held_out_says_so(arms, tmp_path):
 def test_command_and_report_have_one_verdict(arms, tmp_path, name):
     output, page = tmp_path / "found.toml", tmp_path / "page.html"
     for more in (["-o", str(output), "--report", str(page)], []):
-        result = CliRunner().invoke(
-            app, ["identify", "arm", str(arms.paths[name]), str(arms.logs[name]), *more]
-        )
+        result = CliRunner().invoke(app, ["identify", "arm", str(arms.paths[name]), str(arms.logs[name]), *more])
         assert result.exit_code == (0 if name == "plain" else 1), result.output
         assert any(line.endswith("identified") for line in result.output.splitlines()[-3:])
     assert "R² before" in result.output
