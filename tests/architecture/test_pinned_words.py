@@ -13,20 +13,47 @@ QUOTED = re.compile(r"'[^']*'|\"[^\"]*\"|`[^`]*`")
 MOST = 3  # plain words of a pattern, of two letters or more; more of them are a sentence
 
 
-def texts(node: ast.expr) -> str:
+def texts(node: ast.AST) -> str:
     """The characters of a pattern that stand in the test itself, not those of its variables."""
     return " ".join(
         each.value for each in ast.walk(node) if isinstance(each, ast.Constant) and isinstance(each.value, str)
     )
 
 
-def patterns(tree: ast.AST) -> Iterator[tuple[int, str]]:
-    """Line and text of what `pytest.raises(…, match=…)` and `raises_at(…, …, match)` look for in a sentence."""
-    for call in ast.walk(tree):
+def named(node: ast.AST) -> set[str]:
+    """The variables of an expression."""
+    return {each.id for each in ast.walk(node) if isinstance(each, ast.Name)}
+
+
+def matches(function: ast.AST) -> Iterator[ast.expr]:
+    """Patterns of `pytest.raises(…, match=…)` and of `raises_at(…, …, match)`."""
+    for call in ast.walk(function):
         if isinstance(call, ast.Call):
-            third = call.args[2:3] if isinstance(call.func, ast.Name) and call.func.id == "raises_at" else []
-            for found in [*third, *(each.value for each in call.keywords if each.arg == "match")]:
-                yield found.lineno, texts(found)
+            yield from call.args[2:3] if named(call.func) == {"raises_at"} else ()
+            yield from (each.value for each in call.keywords if each.arg == "match")
+
+
+def rows(function: ast.FunctionDef, tables: dict[str, ast.expr], wanted: set[str]) -> Iterator[ast.expr]:
+    """Values of the arguments by these names in `pytest.mark.parametrize`."""
+    for mark in function.decorator_list:
+        if not isinstance(mark, ast.Call) or "parametrize" not in ast.unparse(mark.func):
+            continue
+        first, table = mark.args[:2]
+        names = texts(first).replace(",", " ").split()
+        table = tables.get(table.id, table) if isinstance(table, ast.Name) else table
+        for row in getattr(table, "elts", ()):
+            values = [row] if len(names) == 1 else getattr(row, "elts", None) or getattr(row, "args", ())
+            yield from (value for name, value in zip(names, values, strict=False) if name in wanted)
+
+
+def patterns(tree: ast.Module) -> Iterator[tuple[int, str]]:
+    """Line and text of all that the tests of a file look for in a sentence, with the rows of their tables."""
+    tables = {next(iter(named(each.targets[0])), ""): each.value for each in tree.body if isinstance(each, ast.Assign)}
+    for function in ast.walk(tree):
+        if isinstance(function, ast.FunctionDef):
+            found = list(matches(function))
+            for each in [*found, *rows(function, tables, set().union(*map(named, found)))]:
+                yield each.lineno, texts(each)
 
 
 def plain_words(text: str) -> list[str]:
@@ -48,10 +75,17 @@ def test_no_test_matches_the_sentence_of_an_error():
 
 def test_words_are_found():
     code = """
-pytest.raises(E, match=rf"{name} = .*: the run was refused, as 'it is wrong' by `armwright run FILE`")
-raises_at(E, "limits.torque", r"no torque_n_m of joint 'the first one' \\(motor\\.resistance_ohm\\)")
+TABLE = [("a", "of another arm than the log"), pytest.param("b", r"7 joints")]
+@pytest.mark.parametrize(("name", "said"), TABLE)
+def test_it(name, said):
+    with pytest.raises(E, match=said): ...
+    with pytest.raises(E, match=rf"{name} = .*: the run was refused, as 'it is wrong' by `armwright run FILE`"): ...
+    with raises_at(E, "limits.torque", r"no torque_n_m of joint 'the first one' \\(motor\\.resistance_ohm\\)"): ...
 """
-    assert [plain_words(text) for _, text in patterns(ast.parse(code))] == [
-        ["the", "run", "was", "refused", "as", "by"],
+    found = [plain_words(text) for _, text in patterns(ast.parse(code))]
+    assert sorted(filter(None, found)) == [
+        ["joints"],
         ["no", "of", "joint"],
+        ["of", "another", "arm", "than", "the", "log"],
+        ["the", "run", "was", "refused", "as", "by"],
     ]

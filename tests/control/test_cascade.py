@@ -169,11 +169,11 @@ def test_it_tracks_with_each_kind_of_drive():
 @pytest.mark.parametrize(
     ("name", "fields", "said"),
     [
-        ("cmu-dd", {"position_every": 0}, "position_every = 0: expected a whole number of ticks, 1 to 1000000"),
+        ("cmu-dd", {"position_every": 0}, "position_every = 0"),
         ("cmu-dd", {"position_every": 2**24}, "position_every = 16777216: expected a whole number"),
-        ("cmu-dd", {"speed_every": 2, "speed_phase": 2}, "speed_phase = 2: expected a tick from 0 to speed_every - 1 = 1"),
-        ("cmu-dd", {"voltage_limit": 3.0}, "voltage_limit = 3.0: goes with a current loop"),
-        ("lwa4p", {"current_kp": 1.0}, "is driven by current; expected voltage drives"),
+        ("cmu-dd", {"speed_every": 2, "speed_phase": 2}, "speed_phase = 2: .* speed_every - 1 = 1"),
+        ("cmu-dd", {"voltage_limit": 3.0}, "voltage_limit = 3.0: .*current loop"),
+        ("lwa4p", {"current_kp": 1.0}, "by current; .*voltage"),
         ("cmu-dd", {"effort_limit": [1.0, 2.0]}, r"Cascade.effort_limit: shape \(2,\)"),
     ],
 )  # fmt: skip

@@ -310,15 +310,15 @@ def test_a_drive_file_beside_a_urdf_names_servos(tmp_path):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (('servo = "sts3215-7.4v"', 'servo = "sts3215"'), "joint 'q' servo = 'sts3215': no such servo"),
-        (('servo = "sts3215-7.4v"', "servo = 3"), "joint 'q' servo = 3: no such servo"),
+        (('servo = "sts3215-7.4v"', 'servo = "sts3215"'), "'q' servo = 'sts3215': no such"),
+        (('servo = "sts3215-7.4v"', "servo = 3"), "'q' servo = 3: no such"),
         (
             ('type = "revolute"', 'type = "prismatic"'),
-            "joint 'q' servo = 'sts3215-7.4v': on a joint of type 'prismatic'",
+            "'q' servo = 'sts3215-7.4v': .*'prismatic'",
         ),
         (
             ("[[links]]", '[sources.servos-bam-code]\nkind = "fit"\ntext = "mine"\n[[links]]'),
-            r"sources\.servos-bam-code: means something else; expected another key",
+            r"sources\.servos-bam-code: .*another key",
         ),
     ],
 )

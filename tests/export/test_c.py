@@ -479,13 +479,13 @@ def test_the_text_is_always_the_same():
 @pytest.mark.parametrize(
     ("functions", "message"),
     [
-        (["gravity"], r"^function = 'gravity': did you mean gravity_torques\?$"),
-        (["jacobian", "Jacobian"], r"^function = 'Jacobian': did you mean jacobian"),
+        (["gravity"], r"^function = 'gravity': .*gravity_torques\?$"),
+        (["jacobian", "Jacobian"], "^function = 'Jacobian': .*jacobian"),
         (
             [],
-            r"^functions: none is named; expected NAME, NAME\+INPUT or NAME:OPTION=VALUE, NAME one of inverse_dynamics, ",
+            r"^functions: .*NAME\+INPUT or NAME:OPTION=VALUE.* inverse_dynamics, ",
         ),
-        (["jacobian:frame=hand"], r"frame = 'hand': panda has no such frame; there is base, flange, link1"),
+        (["jacobian:frame=hand"], "frame = 'hand': .*base, flange, link1"),
         (["motor_voltage"], r"joint1\.motor\.\w+: motor_voltage needs it"),
     ],
 )

@@ -356,17 +356,17 @@ class Vectorised:
     [
         (
             {"controller": branching},
-            r"^loop\.controller 'branching': cannot be traced \(test_controller\.py, line \d+\): ",
+            r"^loop\.controller 'branching': .*\(test_controller\.py, line \d+\): ",
         ),
         (
             {"controller": with_math},
-            r"^loop\.controller 'with_math': cannot be traced \(test_controller\.py, line \d+\): ",
+            r"^loop\.controller 'with_math': .*\(test_controller\.py, line \d+\): ",
         ),
-        ({"controller": Vectorised()}, r"asks for all lanes at once; expected a controller of one lane$"),
-        ({"controller": None}, r"^loop\.controller: no controller; expected one to export$"),
+        ({"controller": Vectorised()}, "lanes at once; "),
+        ({"controller": None}, r"^loop\.controller: no controller; "),
         (
             {"controller": aw.JointPID(kp=aw.Batch([1.0, 2.0]))},
-            r"^lanes: 2 lanes; expected one arm: a scenario without batches and draws$",
+            "^lanes: 2 lanes; .*draws$",
         ),
     ],
 )

@@ -104,14 +104,14 @@ def test_mujocos_constraints_are_ours(tmp_path):
         (
             "</mujoco>",
             '<actuator><motor name="m" joint="bend"/></actuator></mujoco>',
-            "actuator 'm': drives a joint that follows",
+            "actuator 'm': .*that follows",
         ),
         ("0.1 -1.5 0 0 0", "0.1 -1.5 0 2 0", "polycoef = 0.1 -1.5 0 2 0; expected a line"),
         ("0.1 -1.5 0 0 0", "0.1 0 0 0 0", "expected a line"),
-        ('joint2="turn"', 'joint2="slip"', "the joint follows itself"),
+        ('joint2="turn"', 'joint2="slip"', "follows itself"),
         ('<joint joint1="bend"', '<joint active="false" joint1="bend"', "equality 'number 0': not active"),
-        ('<joint joint1="slip" joint2="bend"', '<joint joint1="slip"', "couples bodies or joints"),
-        ('joint1="slip" joint2="bend"', 'joint1="bend" joint2="turn"', "moves a joint that another one moves as well"),
+        ('<joint joint1="slip" joint2="bend"', '<joint joint1="slip"', "couples bodies"),
+        ('joint1="slip" joint2="bend"', 'joint1="bend" joint2="turn"', "another one moves"),
     ],
 )
 def test_what_is_no_line_of_one_driven_joint_is_refused(tmp_path, old, new, message):

@@ -219,9 +219,9 @@ def test_what_a_gpu_does_not_have_is_refused(gpu):
 @pytest.mark.parametrize(
     ("missing", "message"),
     [
-        ("bindings", r'cuda-bindings, .* is not installed: pip install "armwright\[cuda\]"'),
-        ("driver", r"NVIDIA's driver \(libcuda\) is not installed.*expected an NVIDIA GPU with its driver"),
-        ("device", "no CUDA-capable device is detected; expected an NVIDIA GPU with its driver"),
+        ("bindings", r'cuda-bindings, .* install "armwright\[cuda\]"'),
+        ("driver", r"\(libcuda\) .*NVIDIA GPU"),
+        ("device", "no CUDA-capable device.*NVIDIA GPU"),
     ],
 )
 def test_without_a_gpu_it_says_what_to_get(tmp_path, monkeypatch, missing, message):

@@ -148,10 +148,10 @@ def _number(kept):
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (_damage, r"run.nc: content of 'u.csv': does not have its checksum: it was damaged or changed"),
-        (_drop, r"run.nc: robot = 'arm.toml': not kept with the run"),
-        (_old, r"run.nc: made by Armwright 0.1, whose runs do not keep what they were made from"),
-        (_without_text, r"run.nc: content of 'u.csv': was too large to be kept: .*simulate the scenario's file again"),
+        (_damage, "run.nc: content of 'u.csv': .*checksum"),
+        (_drop, "run.nc: robot = 'arm.toml': not kept"),
+        (_old, "run.nc: .*Armwright 0.1"),
+        (_without_text, "run.nc: content of 'u.csv': .* large"),
         (_number, r"run.nc: scenario.files..u.csv. = 5: expected a table"),
     ],
 )

@@ -231,7 +231,7 @@ def test_a_lane_that_diverges_is_told_apart():
 @pytest.mark.parametrize(
     ("event", "said"),
     [
-        (lambda t, x: x.q, r"'e': gave shape \(2,\); expected one number"),
+        (lambda t, x: x.q, r"'e': .*\(2,\); .*one number"),
         (lambda t, x: x.theta[0], "'e': cannot be compiled: AttributeError"),
         (lambda t, x: 1.0 if x.q[0] > 0 else -1.0, "'e': cannot be compiled"),
     ],

@@ -181,23 +181,23 @@ def test_rows_come_by_time():
 @pytest.mark.parametrize(
     ("solver", "recording", "said"),
     [
-        ({"accuracy": 0.0}, {}, "solver.accuracy = 0.0: expected a number of at least 1e-12 and below 1"),
+        ({"accuracy": 0.0}, {}, "solver.accuracy = 0.0: .*1e-12 and below 1"),
         ({"accuracy": -1e-3}, {}, "solver.accuracy = -0.001: expected"),
         ({"accuracy": 1e-17}, {}, "solver.accuracy = 1e-17: expected"),
         (
             {"accuracy": 1e-3, "step": 1e-3},
             {},
-            "solver.accuracy = 0.001: beside solver.step, which is taken as it is; expected one of them",
+            "solver.accuracy = 0.001: beside solver.step",
         ),
-        ({"max_substeps": 0}, {}, "solver.max_substeps = 0: expected a whole number, 1 or more"),
+        ({"max_substeps": 0}, {}, "solver.max_substeps = 0"),
         ({"rtol": 1e-3}, {}, "solver.rtol = 0.001: goes with"),
         ({"step": 1e-3}, {"period": 2.5e-3}, "recording.period = 0.0025: expected a multiple of solver.step = 0.001 s"),
         (
             {},
             {"period": 3e-3},
-            r"recording.period = 0.003: expected|duration = 0.5: expected a multiple of recording.period",
+            "recording.period = 0.003|duration = 0.5: .*recording.period",
         ),
-        ({}, {"period": 1e-3, "every": 2}, "recording.period = 0.001: beside recording.every; expected one of them"),
+        ({}, {"period": 1e-3, "every": 2}, "recording.period = 0.001: beside recording.every"),
     ],
 )
 def test_settings_that_make_no_sense_are_refused(solver, recording, said):

@@ -319,16 +319,16 @@ RENAMED = dataclasses.replace(STATE, entries=("q a", *STATE.entries[1:]))
         ({"start": "run.nc"}, r"start\.q = 'run\.nc': expected 2 numbers"),
         (
             {"start": RUN.isel(time=slice(0))},
-            "start: part of a run, without rows; expected it with its end at t = 0.01 s",
+            "start: .*without rows; .* t = 0.01 s",
         ),
-        ({"start": RUN.isel(time=slice(5))}, "start: part of a run, to t = 0.004 s; expected it with its end"),
-        ({"start": RUN.drop_vars(LOOP_STATE)}, "start: a dataset without loop_state; expected a run"),
+        ({"start": RUN.isel(time=slice(5))}, "start: .*to t = 0.004 s; "),
+        ({"start": RUN.drop_vars(LOOP_STATE)}, "start: .*loop_state"),
         (
             {"start": RUN.assign_coords(joint=["a", "b"])},
-            r"start = \['a', 'b'\]: of other joints; expected a run of",
+            r"start = \['a', 'b'\]: .*other joints",
         ),
-        ({"start": RENAMED}, "start: a state with 'q a'; expected the 4 numbers of two-link with its drives"),
-        ({"start": RUN, "step": 5e-4}, r"solver\.step = 0\.0005: the state to go on from has another, 0\.001 s"),
+        ({"start": RENAMED}, "start: .*'q a'; .*4 numbers of two-link"),
+        ({"start": RUN, "step": 5e-4}, r"solver\.step = 0\.0005: .*, 0\.001 s"),
         ({"start": RUN.isel(state_entry=[0])}, "loop_state cannot be read"),
     ],
 )

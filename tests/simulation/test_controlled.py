@@ -237,8 +237,8 @@ def test_hidden_state_is_found():
 @pytest.mark.parametrize(
     ("law", "said"),
     [
-        (lambda t, r, y: r.q[:3], r"returned u of shape \(3,\); expected \(6,\)"),
-        (lambda t, r, y: 1.0, r"returned u of shape \(\); expected \(6,\)"),
+        (lambda t, r, y: r.q[:3], r"returned u of shape \(3,\); .*\(6,\)"),
+        (lambda t, r, y: 1.0, r"returned u of shape \(\); .*\(6,\)"),
     ],
 )
 def test_wrong_shapes_are_refused(law, said):
@@ -249,15 +249,15 @@ def test_wrong_shapes_are_refused(law, said):
 @pytest.mark.parametrize(
     ("fields", "said"),
     [
-        ({"substeps": 0}, "substeps = 0: expected a whole number, 1 or more"),
+        ({"substeps": 0}, "substeps = 0"),
         ({"duration": 2.5 * PERIOD}, r"duration = 0\.005"),
-        ({"duration": None}, "a controller does not say when to stop"),
+        ({"duration": None}, "when to stop"),
         ({"step": 1e-3, "period": 3e-3}, r"solver\.step = 0\.001"),
         ({"command": np.zeros(6)}, "loop: beside a command"),
-        ({"vary": {"link6.mas_kg": 1.0}}, "vary = 'link6.mas_kg': no such parameter"),
+        ({"vary": {"link6.mas_kg": 1.0}}, "vary = 'link6.mas_kg': no such"),
         (
             {"timing": Timing(command_delay=aw.Batch([0.0, 1e-3])), "q0": aw.Batch(np.zeros((3, 6)))},
-            r"start\.q: 3 lanes; expected 2, as loop\.timing\.command_delay has",
+            r"start\.q: 3 lanes; .*2, as loop\.timing\.command_delay has",
         ),
         ({"initial_command": np.zeros(5)}, "initial_command"),
         ({"reference": np.zeros(5)}, r"loop\.reference: shape \(5,\)"),

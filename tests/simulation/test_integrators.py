@@ -103,16 +103,16 @@ def test_the_largest_step_follows_the_rule():
 @pytest.mark.parametrize(
     ("fields", "said"),
     [
-        ({"integrator": "rk5"}, "unknown; did you mean 'rk45'|integrator = 'rk5': unknown"),
-        ({"rtol": 1e-6}, "rtol = 1e-06: goes with integrator = 'rk45', 'rodas3' or 'cvodes', not 'rk3'"),
-        ({"integrator": "rk45", "rtol": 0.0}, "solver.rtol = 0.0: expected a number of at least 1e-14 and below 1"),
-        ({"integrator": "rk45", "atol": "x"}, "solver.atol = 'x': expected a number above 0 and below 1"),
-        ({"integrator": "rk45", "max_substeps": 0}, "max_substeps = 0: expected a whole number, 1 or more"),
+        ({"integrator": "rk5"}, "unknown; .*'rk45'|integrator = 'rk5': unknown"),
+        ({"rtol": 1e-6}, "rtol = 1e-06: .*'rk45', 'rodas3' or 'cvodes', not 'rk3'"),
+        ({"integrator": "rk45", "rtol": 0.0}, "solver.rtol = 0.0: .*1e-14 and below 1"),
+        ({"integrator": "rk45", "atol": "x"}, "solver.atol = 'x'"),
+        ({"integrator": "rk45", "max_substeps": 0}, "max_substeps = 0"),
         (
             {"integrator": "cvodes", "max_substeps": 10},
-            "max_substeps = 10: goes with integrator = 'auto', 'rk45' or 'rodas3', not 'cvodes'",
+            "max_substeps = 10: .*'auto', 'rk45' or 'rodas3', not 'cvodes'",
         ),
-        ({"events": {"up": lambda t, x: x.q[0]}}, "events: go with integrator = 'rk45' or 'rodas3', not 'rk3'"),
+        ({"events": {"up": lambda t, x: x.q[0]}}, "events: .*'rk45' or 'rodas3', not 'rk3'"),
         ({"integrator": "rk45", "events": [1]}, "expected functions"),
     ],
 )

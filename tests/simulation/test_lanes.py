@@ -279,12 +279,12 @@ def test_every_lane_may_follow_its_own_reference():
 @pytest.mark.parametrize(
     ("values", "said"),
     [
-        ([], "at least one lane"),
-        (np.zeros((0, 2)), "at least one lane"),
-        (3.0, "one value for each lane"),
-        ("three", "one value for each lane"),
+        ([], "at least one"),
+        (np.zeros((0, 2)), "at least one"),
+        (3.0, "for each lane"),
+        ("three", "for each lane"),
         ([[1.0, 2.0], [3.0]], "unequal shape"),
-        (aw.Batch([1.0]), "one value for each lane"),
+        (aw.Batch([1.0]), "for each lane"),
         ([aw.Batch([1.0]), aw.Batch([2.0])], "holds a Batch"),
         ([1.0, aw.Batch([2.0])], "holds a Batch"),
     ],
@@ -332,16 +332,16 @@ BODY = ([0, 0, 0.1], [0.01, 0.01, 0.01])
 @pytest.mark.parametrize(
     ("fields", "said"),
     [
-        ({"q0": TWO, "qd0": THREE}, r"start\.qd: 3 lanes; expected 2, as start\.q has"),
+        ({"q0": TWO, "qd0": THREE}, r"start\.qd: 3 lanes; .*2, as start\.q has"),
         (
             {"controller": aw.JointPID(kp=THREE), "payload": [aw.Payload(0.0, aw.Batch([1.0, 2.0]), *BODY)]},
-            r"inputs\.payload\[0\]\.mass: 2 lanes; expected 3, as loop\.controller\.kp has",
+            r"inputs\.payload\[0\]\.mass: 2 lanes; .*3, as loop\.controller\.kp has",
         ),
-        ({"controller": aw.JointPID(kp=THREE, kd=TWO)}, r"\.kd: 2 lanes; expected 3, as loop\.controller\.kp has"),
+        ({"controller": aw.JointPID(kp=THREE, kd=TWO)}, r"\.kd: 2 lanes; .*3, as loop\.controller\.kp has"),
         ({"controller": StateFeedback(aw.Batch([lqr_gain()] * 3)), "q0": TWO}, r"start\.q: 2 lanes; expected 3, as loop\.con"),
         (
             {"vary": {"forearm.mass_kg": aw.Batch([1.0, 2.0, 3.0])}, "timing": aw.Timing(jitter=aw.Batch([0.0, 1e-3]))},
-            r"vary\['forearm\.mass_kg'\]: 3 lanes; expected 2, as loop\.timing\.jitter has",
+            r"vary\['forearm\.mass_kg'\]: 3 lanes; .*2, as loop\.timing\.jitter has",
         ),
         ({"reference": TWO, "wrench": aw.Batch(np.zeros((3, 6)))}, r"inputs\.wrench: 3 lanes; expected 2, as loop\.reference"),
         ({"q0": np.zeros((3, 2))}, r"start\.q: shape \(3, 2\); .* Batch"),
@@ -351,7 +351,7 @@ BODY = ([0, 0, 0.1], [0.01, 0.01, 0.01])
         ({"timing": aw.Batch([aw.Timing(), aw.Timing()])}, "timing = .*: expected an aw.Timing"),
         (DRIVEN | {"command": np.zeros((3, 2))}, r"command: shape \(3, 2\).* Batch"),
         (DRIVEN | {"command": [aw.Schedule.constant(["shoulder", "elbow"], [0, 0])]}, r"command = \[<schedule"),
-        ({"controller": Outer([aw.Batch([1.0])])}, r"controller\.inner\[0\]: a Batch; expected it as a field"),
+        ({"controller": Outer([aw.Batch([1.0])])}, r"controller\.inner\[0\]: a Batch; .*it as a field"),
     ],
 )  # fmt: skip
 def test_lanes_that_do_not_fit_are_refused(fields, said):

@@ -88,8 +88,8 @@ def test_it_is_called_once_a_tick():
     ("function", "said"),
     [
         (lambda: np.zeros(6), r"reference '<lambda>': takes \(\); expected \(t\)"),
-        (lambda t: np.zeros(5), r"the function gave shape \(5,\); expected q \(6,\) or \(q, qd, qdd\)"),
-        (lambda t: [math.nan] * 6, "reference of joint1 at t = 0 s = nan"),
+        (lambda t: np.zeros(5), r"gave shape \(5,\); .*q \(6,\) or"),
+        (lambda t: [math.nan] * 6, "of joint1 at t = 0 s = nan"),
     ],
 )
 def test_functions_of_other_things_are_refused(function, said):

@@ -298,8 +298,8 @@ def test_periods_are_multiples_of_the_shortest():
 @pytest.mark.parametrize(
     ("inputs", "words"),
     [
-        ({"supply": -1.0}, r"supply = -1\.0: expected voltages above 0"),
-        ({"enabled": [0.5]}, r"enabled of q = 0\.5: expected 1, on, or 0, off"),
+        ({"supply": -1.0}, r"supply = -1\.0: .*voltages above 0"),
+        ({"enabled": [0.5]}, r"enabled of q = 0\.5"),
         ({"enabled": [1, 1]}, r"enabled: shape \(2,\)"),
     ],
 )

@@ -376,16 +376,16 @@ def test_progress_counts_all_steps(cmu):
         ({"command": [0, 0], "duration": 1.0, "what": "some"}, r"recording\.what = 'some'"),
         ({"command": [0, 0, 0], "duration": 1.0}, r"command: shape \(3,\); expected \(2,\)"),
         ({"command": np.zeros((3, 2)), "duration": 1.0}, r"command: shape \(3, 2\); expected \(2,\): .* Batch"),
-        ({"command": [0, float("nan")], "duration": 1.0}, "command = nan: expected finite numbers"),
+        ({"command": [0, float("nan")], "duration": 1.0}, "command = nan"),
         ({"command": ["a", "b"], "duration": 1.0}, "expected 2 numbers"),
         (
             {"command": [0, 0], "duration": 1.0, "q0": aw.Batch(np.zeros((3, 2))), "qd0": aw.Batch(np.zeros((4, 2)))},
-            r"start\.qd: 4 lanes; expected 3, as start\.q has",
+            r"start\.qd: 4 lanes; .*3, as start\.q has",
         ),
-        ({"command": [0, 0], "duration": 1.0, "integrator": "rk33"}, "integrator = 'rk33': unknown; did you mean rk3"),
+        ({"command": [0, 0], "duration": 1.0, "integrator": "rk33"}, "integrator = 'rk33': unknown; .*mean rk3"),
         (
             {"command": aw.Schedule.constant(["a"], [1.0]), "duration": 1.0},
-            r"command = \['a'\]: columns of the schedule",
+            r"command = \['a'\]: columns",
         ),
     ],
 )

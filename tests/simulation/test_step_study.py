@@ -69,8 +69,8 @@ def test_a_step_that_cannot_run_is_told():
 @pytest.mark.parametrize(
     ("fields", "more", "said"),
     [
-        ({"integrator": "rk45"}, {}, "chooses its own steps; expected .auto. or one of rk3, rk4"),
-        ({}, {"steps": 0}, "steps = 0: expected a whole number, 1 or more"),
+        ({"integrator": "rk45"}, {}, "chooses its own .*.auto. .*rk3, rk4"),
+        ({}, {"steps": 0}, "steps = 0"),
         ({}, {"accuracies": [-1.0]}, r"accuracies = -1\.0"),
     ],
 )

@@ -113,11 +113,11 @@ def test_rows_of_a_reference_are_there_again_after_a_reset():
 @pytest.mark.parametrize(
     ("command", "said"),
     [
-        (None, "command: missing; expected one"),
+        (None, "command: missing"),
         (np.zeros(3), r"command: shape \(3,\); expected \(2,\)"),
         ("much", "command = 'much': expected 2 numbers"),
-        ([np.nan, 0.0], "command = nan: expected finite numbers"),
-        (aw.Batch(np.zeros((3, 2))), "command: 3 lanes; expected 1 or 1"),
+        ([np.nan, 0.0], "command = nan"),
+        (aw.Batch(np.zeros((3, 2))), "command: 3 lanes; .*1 or 1"),
     ],
 )
 def test_commands_that_are_none_are_refused(command, said):

@@ -93,17 +93,17 @@ def test_lanes_and_python_and_reducers():
 @pytest.mark.parametrize(
     ("fields", "place", "said"),
     [
-        ({"wrench": np.zeros(3)}, "inputs.wrench", r"shape \(3,\); expected \(6,\): fx, fy"),
+        ({"wrench": np.zeros(3)}, "inputs.wrench", r"shape \(3,\); .*\(6,\): fx, fy"),
         ({"wrench": np.zeros((3, 6))}, "inputs.wrench", r"shape \(3, 6\); expected \(6,\): .* Batch"),
         (
             {"wrench": aw.Schedule(np.zeros(1), np.zeros((1, 2)), ("a", "b"))},
             "inputs.wrench",
-            r"= \['a', 'b'\]: columns of the schedule; expected fx, fy",
+            r"= \['a', 'b'\]: columns .*fx, fy",
         ),
         (
             {"wrench": aw.Batch(np.zeros((3, 6))), "q0": aw.Batch(np.zeros((2, 2)))},
             "start.q",
-            r"2 lanes; expected 3, as inputs\.wrench has",
+            r"2 lanes; .*3, as inputs\.wrench has",
         ),
     ],
 )

@@ -112,7 +112,7 @@ def test_a_loop_follows_a_shaped_motion_compiled_and_from_a_file(tmp_path):
     ("fields", "said"),
     [
         ({"reference": [0.0]}, r"InputShaper\.reference"),
-        ({"damping": 1.0}, r"InputShaper\.damping = 1\.0: expected a ratio from 0 to below 1"),
+        ({"damping": 1.0}, r"InputShaper\.damping = 1\.0: .* below 1"),
         ({"kind": "ei"}, r"InputShaper\.kind = 'ei'"),
         ({"hz": aw.Batch([1.0, 2.0])}, r"InputShaper\.hz"),
     ],

@@ -35,13 +35,13 @@ def test_overrides_take_the_place_of_the_records():
 @pytest.mark.parametrize(
     ("overrides", "said"),
     [
-        ({"speed": 1.0}, "no quantity that has a limit"),
-        ({"velocity": 0.0}, r"velocity = 0.0: expected a number above 0"),
-        ({"velocity": [1.0, 2.0]}, "one for each of 6 joints"),
+        ({"speed": 1.0}, "no quantity"),
+        ({"velocity": 0.0}, "velocity = 0.0: .*number above 0"),
+        ({"velocity": [1.0, 2.0]}, "each of 6 joints"),
         ({"velocity": np.nan}, "velocity = nan"),
-        ({"acceleration": {"elbow": 1.0}}, "no joint of the arm"),
+        ({"acceleration": {"elbow": 1.0}}, "'elbow': no joint"),
         ({"acceleration": {"joint1": -1.0}}, r"acceleration\['joint1'\] = -1.0"),
-        ({"position": [[1.0, -1.0]] * 6}, "a lower and an upper bound"),
+        ({"position": [[1.0, -1.0]] * 6}, "lower and an"),
     ],
 )
 def test_limits_that_are_none_are_refused(overrides, said):

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import re
-
 import numpy as np
 import pytest
 
@@ -84,11 +82,11 @@ ROWS = "t,q_a,qd_a,qdd_a\n0,0,0,0\n1,1,0,0\n"
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        (ROWS + "0.5,2,0,0\n", r"m.csv:4: column 't' = 0.5: not after 1 before it; expected times that increase"),
+        (ROWS + "0.5,2,0,0\n", "m.csv:4: column 't' = 0.5: not after 1"),
         (ROWS + "1,2,0,0\n", r"m.csv:4: column 't' = 1.0: not after 1"),
-        ("t,q_a,qd_a,qdd_a\n0,0,0,0\n", "one row; expected two"),
+        ("t,q_a,qd_a,qdd_a\n0,0,0,0\n", "one row; .*two"),
         ("t,q_a,qd_a\n0,0,0\n1,0,0\n", "column 'qdd_a'"),
-        (ROWS + "2,nan,0,0\n", r"m.csv:4: column 'q_a' = 'nan': expected a finite number"),
+        (ROWS + "2,nan,0,0\n", "m.csv:4: column 'q_a' = 'nan': .*finite number"),
         ("0,0,0,0\n1,0,0,0\n", "no column q_JOINT"),
         ("", "no column q_JOINT"),
         ("t,q_a [deg],qd_a,qdd_a\n0,0,0,0\n1,1,0,0\n", "unit|deg"),
@@ -147,18 +145,18 @@ def test_motions_are_joined():
 
 
 @pytest.mark.parametrize(
-    ("variable", "at", "said"),
+    ("variable", "at", "place"),
     [
-        ("q", (3, 1), "q of joint 'elbow', row 4 = nan"),
-        ("qd", (0, 0), "qd of joint 'shoulder', row 1 = nan"),
-        ("coefficients", (0, 1, 2), "coefficients of joint 'elbow', piece 1, power 3 = nan"),
+        ("q", (3, 1), "q of joint 'elbow', row 4"),
+        ("qd", (0, 0), "qd of joint 'shoulder', row 1"),
+        ("coefficients", (0, 1, 2), "coefficients of joint 'elbow', piece 1, power 3"),
     ],
 )
-def test_a_cell_that_is_not_finite_is_named(tmp_path, variable, at, said):
+def test_a_cell_that_is_not_finite_is_named(tmp_path, variable, at, place):
     model = arm("two-link")
     dataset = a_motion().dataset(model, 50.0)
     values = dataset[variable].values.copy()
     values[at] = np.nan
     aw.save(dataset.assign({variable: (dataset[variable].dims, values)}), tmp_path / "m.nc")
-    with pytest.raises(RunError, match=re.escape(f"m.nc: {said}")):
+    with raises_at(RunError, place, file=tmp_path / "m.nc"):
         aw.trajectories.load_motion(tmp_path / "m.nc", model)

@@ -122,10 +122,10 @@ def test_limits_of_very_different_magnitudes():
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
-        ({"goal": [0.0]}, "the move has no length"),
-        ({"goal": [2.5]}, "goal of joint1 = 2.5: 0.5 rad outside its limits"),
-        ({"goal_velocity": [1.5]}, r"goal_velocity of joint1 = 1.5: expected 1 rad/s at most"),
-        ({"start": [1.9], "start_velocity": [1.0]}, "joint1 leaves its position limits by 0."),
+        ({"goal": [0.0]}, "no length"),
+        ({"goal": [2.5]}, "goal of joint1 = 2.5: 0.5 rad"),
+        ({"goal_velocity": [1.5]}, "goal_velocity of joint1 = 1.5: .*1 rad/s"),
+        ({"start": [1.9], "start_velocity": [1.0]}, "joint1 .* by 0."),
         ({"start": [np.nan]}, "expected finite numbers"),
         ({"start": [0.0, 0.0]}, "2 numbers; expected 1"),
         ({"duration": np.inf}, "duration = inf"),

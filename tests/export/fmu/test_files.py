@@ -228,18 +228,18 @@ SLOW = aw.Loop(period=1e-3, timing=aw.Timing(command_delay=900.0))
 @pytest.mark.parametrize(
     ("options", "changes", "message"),
     [
-        ({"name": "2 arms"}, {}, r"^name = '2 arms': is no C identifier"),
-        ({"name": "while"}, {}, r"^name = 'while': is no C identifier"),
-        ({"part": "motor"}, {}, r"^part = 'motor': there is both, controller, plant$"),
-        ({"version": "1.0"}, {}, r"^version = '1\.0': did you mean 3\.0 or 2\.0\?$"),
+        ({"name": "2 arms"}, {}, "^name = '2 arms': .*C identifier"),
+        ({"name": "while"}, {}, "^name = 'while': .*C identifier"),
+        ({"part": "motor"}, {}, "^part = 'motor': .*controller, plant$"),
+        ({"version": "1.0"}, {}, r"^version = '1\.0': .*3\.0 or 2\.0\?$"),
         ({"interface": "me"}, {}, r"^interface = 'me'"),
         ({"platforms": ["amiga"]}, {}, r"^platforms = 'amiga': there is aarch64-darwin"),
-        ({"part": "both"}, {}, r"^loop\.controller: no controller; expected one to export; an FMU of the plant needs none$"),
-        ({"part": "both", "interface": "model-exchange"}, {}, r"^part = 'both': a controller acts at its ticks"),
-        ({"part": "both"}, {"loop": UNTRACED, "duration": 0.1}, r"cannot be traced \(test_files\.py, line \d+\)"),
-        ({}, {"start": aw.Batch([[0.0], [0.1]])}, r"^lanes: 2 lanes; expected one arm: a scenario without batches"),
+        ({"part": "both"}, {}, r"^loop\.controller: no controller; .*FMU"),
+        ({"part": "both", "interface": "model-exchange"}, {}, "^part = 'both': .*its ticks"),
+        ({"part": "both"}, {"loop": UNTRACED, "duration": 0.1}, r"\(test_files\.py, line \d+\)"),
+        ({}, {"start": aw.Batch([[0.0], [0.1]])}, "^lanes: 2 lanes; .*batches"),
         ({}, {"loop": SLOW}, r"^loop\.timing: 7\.2 MB .* shorter delays$"),
-        ({}, {"solver": aw.Solver("cvodes")}, r"^solver\.integrator = 'cvodes': is not part of the code"),
+        ({}, {"solver": aw.Solver("cvodes")}, r"^solver\.integrator = 'cvodes': "),
     ],
 )  # fmt: skip
 def test_what_cannot_be_exported_is_refused(options, changes, message, tmp_path):

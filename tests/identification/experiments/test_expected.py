@@ -105,7 +105,7 @@ def test_scenarios_are_compared_by_their_sensitivities():
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (({},), "expected experiments by name"),
+        (({},), "experiments by name"),
         (({"a": 3},), "a Scenario, or a motion beside `arm`"),
         (({"a": Fourier([0.0, 0.0], [[1.0], [1.0]], [[1.0], [1.0]], 1.0)}, "two-link"), "a motion that ends"),
         (({"a": BOTH}, "two-link", -1.0), "standard deviations above 0"),

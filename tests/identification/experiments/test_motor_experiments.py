@@ -142,13 +142,13 @@ def test_a_record_without_a_largest_voltage_gets_one(tmp_path):
     [
         (lambda: aw.identification.MotorGuess(0.0, 0.05, 12.0), r"MotorGuess\.gain = 0.0: expected a number above 0"),
         (lambda: aw.identification.MotorGuess(1.0, np.nan, 12.0), r"MotorGuess\.time_constant"),
-        (lambda: aw.identification.MotorGuess(1.0, 0.1, 12.0, dead_zone=7.0), "hardly leaves the dead zone"),
+        (lambda: aw.identification.MotorGuess(1.0, 0.1, 12.0, dead_zone=7.0), "dead zone"),
         (
             lambda: aw.identification.motor_experiment("prbs", GUESS, period=1.0),
-            "period = 1.0: expected a time above 0",
+            "period = 1.0: .*time above 0",
         ),
-        (lambda: aw.identification.motor_experiment("prbs9", GUESS), "did you mean prbs"),
-        (lambda: aw.identification.MotorGuess.of(arm("two-link")), "no resistance, no torque constant"),
+        (lambda: aw.identification.motor_experiment("prbs9", GUESS), r"\bprbs\b"),
+        (lambda: aw.identification.MotorGuess.of(arm("two-link")), "resistance, no torque"),
         (lambda: aw.identification.MotorGuess.of(arm("cmu-dd"), "joint9"), "joint = 'joint9'"),
     ],
 )

@@ -284,10 +284,10 @@ def test_places_of_a_part_are_lines_of_its_file(tmp_path):
 @pytest.mark.parametrize(
     ("head", "tail", "words"),
     [
-        ("", PARTS.replace("from_s = 5.0", "from_s = 4.9"), "holds out rows that are fitted"),
+        ("", PARTS.replace("from_s = 5.0", "from_s = 4.9"), "holds out rows"),
         ("", PARTS.replace("to_s = 7.0", "to_s = 4.0"), "above from_s"),
         ("", PARTS.replace("5.0", "500.0").replace("7.0", "700.0"), "a part of 0 to 8 s"),
-        ("hold_out = 0.2\n", PARTS, "all to be fitted"),
+        ("hold_out = 0.2\n", PARTS, "to be fitted"),
         ("hold_out = 1.5\n", "", "less than 1"),
     ],
 )

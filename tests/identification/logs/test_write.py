@@ -70,7 +70,7 @@ def heavier(arm):
     ("arguments", "said"),
     [
         (lambda run, arm, path: (run, path / "run.mat", path / "x.log.toml", arm), r"rows.*\.csv, \.nc, \.parquet"),
-        (lambda run, arm, path: (run, path.parent / "run.csv", path / "x.log.toml", arm), "not below the log's folder"),
+        (lambda run, arm, path: (run, path.parent / "run.csv", path / "x.log.toml", arm), "not below"),
         (lambda run, arm, path: (run, path / "run.csv", path / "x.log.toml", heavier(arm)), "neither"),
         (lambda _, arm, path: (simulated(lanes=True)[1], path / "run.csv", path / "x.log.toml", arm), "2 lanes"),
     ],

@@ -43,12 +43,12 @@ def with_signs(path: Path, *columns: str) -> Path:
 @pytest.mark.parametrize(
     ("signals", "wrong", "named"),
     [
-        (("current", "qd"), "i", "wrong sign of the current"),
-        (("current", "qd"), "u", "wrong sign of the voltage"),
-        (("current", "qd"), "w", "wrong sign of the speed"),
-        (("current", "q"), "q", "wrong sign of the position"),
-        (("qd",), "w", "wrong sign of the voltage or speed"),
-        (("q",), "u", "wrong sign of the voltage or position"),
+        (("current", "qd"), "i", "of the current"),
+        (("current", "qd"), "u", "of the voltage:"),
+        (("current", "qd"), "w", "of the speed"),
+        (("current", "q"), "q", "of the position"),
+        (("qd",), "w", "voltage or speed"),
+        (("q",), "u", "voltage or position"),
     ],
 )
 def test_a_wrong_sign_is_named(tmp_path, signals, wrong, named):

@@ -126,9 +126,9 @@ def test_a_log_is_read_as_it_was_written(logs, tmp_path):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"mass": -1.0}, r"mass = -1\.0: expected a number above 0"),
-        ({"kp": "high"}, r"kp = 'high': expected a finite number"),
-        ({"entries": []}, "entries: expected a list of rows"),
+        ({"mass": -1.0}, r"mass = -1\.0: .*number above 0"),
+        ({"kp": "high"}, "kp = 'high': .*finite number"),
+        ({"entries": []}, "entries: .*rows"),
         ({"entries": [{"timestamp": 0.0, "position": 0.0}]}, r"entries\[0\]\.goal_position: missing"),
         (
             {"entries": [{"timestamp": 0.0, "position": 0.0, "goal_position": 0.0}] * 30},
