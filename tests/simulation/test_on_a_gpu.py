@@ -187,7 +187,7 @@ def follow(t, r, y):
         ),
         (
             lambda s: Simulation(on(replace(s, command=None))).step([0.0, 0.0]),
-            ScenarioError, "solver.device = 'cuda': .* it is commanded from outside",
+            ScenarioError, "solver.device = 'cuda': .*it is commanded from outside",
         ),
         (lambda s: aw.simulate(on(replace(s, solver=aw.Solver("cvodes")))), ScenarioError, "'cvodes' runs on the CPU"),
         (
