@@ -78,7 +78,10 @@ def scheduled(solver: aw.Solver) -> aw.Scenario:
     """Every lane's own schedule, and a wrench for all."""
     model = arm("two-link")
     numbers = np.random.default_rng(2).normal(size=(LANES, 3, 2))
-    own = [aw.Schedule(np.array([0.0, 0.0113, 0.02 + 3e-4 * k]), each, tuple(model.names)) for k, each in enumerate(numbers)]
+    own = [
+        aw.Schedule(np.array([0.0, 0.0113, 0.02 + 3e-4 * k]), each, tuple(model.names))
+        for k, each in enumerate(numbers)
+    ]
     push = aw.Schedule(np.array([0.0, 0.0077]), numbers[:2].reshape(2, 6), ("fx", "fy", "fz", "mx", "my", "mz"))
     return aw.Scenario(model, 0.03, command=aw.Batch(own), inputs=aw.Inputs(wrench=push), solver=solver)
 
