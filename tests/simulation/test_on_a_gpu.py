@@ -108,7 +108,7 @@ QUICK: dict[str, Callable[[], aw.Scenario]] = {
 }
 SLOW: dict[str, Callable[[], aw.Scenario]] = {
     "sticking": lambda: commanded("rough", aw.Solver("semi_implicit_euler", step=2.5e-4)),
-    "sticking, own steps": lambda: commanded("ur5e", aw.Solver()),
+    "sticking, own steps": lambda: commanded("rough", aw.Solver()),
     "servos": lambda: commanded("open-manipulator-x", aw.Solver("rk3", step=2.5e-4)),
     "servos, own steps": lambda: commanded("open-manipulator-x", aw.Solver()),
     "mimic joints": lambda: commanded("gripper", aw.Solver("rk4", step=2.5e-4)),
