@@ -314,6 +314,8 @@ def _found(kind: type, value: Any, path: str) -> Iterator[tuple[str, Any]]:
     """Every object of a kind in a value, with its path; dataclasses, mappings and sequences are searched."""
     if isinstance(value, kind):
         yield path, value
+    elif isinstance(value, Batch):
+        return  # its values are those of lanes: with_parts changes nothing in them either
     elif is_dataclass(value) and not isinstance(value, type):
         for each in fields(value):
             yield from _found(kind, getattr(value, each.name), f"{path}.{each.name}")

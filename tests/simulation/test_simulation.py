@@ -427,6 +427,25 @@ def test_a_loop_of_another_kind_is_refused(fields, said):
         aw.simulate(scenario_of(other.arm, **common), loop=other)
 
 
+def test_a_loop_serves_scenarios_with_the_same_inputs_to_the_bit():
+    """Other values, lanes and schedules, shared by lanes or not; states alone are enough for states alone."""
+    arm, times = aw.load("two-link"), np.array([0.0, 0.0137, 0.05])
+    pushes = [aw.Schedule(times, np.full((3, 6), level), ("fx", "fy", "fz", "mx", "my", "mz")) for level in (0.1, 0.2)]
+
+    def scenario(masses, wrench):
+        vary = {"forearm.mass_kg": aw.Batch(masses)}
+        return scenario_of(arm, command=np.zeros(2), duration=0.1, wrench=wrench, vary=vary, what="state")
+
+    loop = aw.simulation.Simulation(scenario([1.0], pushes[0])).loop
+    masses, shared = [0.5, 0.7, 0.9], [pushes[1], pushes[0], pushes[1]]
+    again = aw.simulate(scenario(masses, aw.Batch(shared)), loop=loop)
+    copies = [replace(each) for each in shared]
+    anew = aw.simulate(scenario(masses, aw.Batch(copies)))
+    for name in ("q", "qd", "u"):
+        np.testing.assert_array_equal(again[name].values, anew[name].values)
+    assert len(np.unique(again["q"].values[:, -1, 0])) == 3
+
+
 def test_gear_loss_under_load_bounds_the_step():
     """A gear's loss has the slope (1/η - 1) tau / (smoothing J): with tau, the step that does shrinks."""
     arm = motor_alone(

@@ -126,9 +126,8 @@ def _with_rows(
     t, rows = ticks * simulation.period, own(record[there, : simulation.count].transpose(1, 0, 2))
     parts = _parts(simulation, rows)
     x = parts["x"]
-    acting = {
-        name: own(values_at_ticks(schedule, ticks, simulation.period)) for name, schedule in simulation.inputs.items()
-    }
+    needed = simulation.inputs if scenario.recording.what == "all" else {"u"} & set(simulation.inputs)
+    acting = {name: own(values_at_ticks(simulation.inputs[name], ticks, simulation.period)) for name in needed}
     u = parts.get("u", acting.pop("u", np.full((1, 1, n), np.nan)))
     u = np.broadcast_to(u, (len(rows), len(t), n))
     outputs: dict[str, np.ndarray] = {}

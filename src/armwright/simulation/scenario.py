@@ -27,6 +27,7 @@ from armwright.parameters import (
     numbers_by_lane,
     resolved,
 )
+from armwright.program import kept
 from armwright.signals import Layout
 from armwright.simulation.checks import check_time, is_whole
 from armwright.simulation.inputs.input_schedule import (
@@ -448,7 +449,9 @@ class Scenario:
     @cached_property
     def varied(self) -> Varied | None:
         """The arm with its varied parameters left open."""
-        return Varied(self.arm, list(self.vary)) if self.vary else None
+        if not self.vary:
+            return None
+        return kept(("varied", self.arm.sha256, *self.vary), lambda: Varied(self.arm, list(self.vary)))
 
     @cached_property
     def parameters(self) -> np.ndarray:

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 import armwright as aw
+from armwright.description.paths import with_values
 from armwright.identification.arm.torque_model import USUAL_FRICTION
+from armwright.model import build_model
 from identification.arm.moved_arm import written_log
 from identification.arm.simulated_log import motion
 
@@ -42,3 +44,26 @@ def test_its_own_log_returns_its_numbers(name, tmp_path):
     expected = aw.compile(arm).inverse_dynamics(q, qd, qdd)
     error = aw.compile(again).inverse_dynamics(q, qd, qdd) - expected
     assert (error.std(axis=0) < 1e-3 * expected.std(axis=0)).all()
+
+
+@pytest.mark.parametrize(
+    ("name", "share"),
+    [("open-manipulator-x", 0.7)]
+    + [
+        pytest.param(name, share, marks=pytest.mark.study)
+        for name in ("open-manipulator-x", "koch")
+        for share in (0.5, 0.97, 1.3, 1.5)
+    ],
+)
+def test_a_record_with_other_friction_by_load_does_not_count_as_identified(name, share, tmp_path):
+    """What loads add is the record's: where that is wrong, masses make up for it, far beyond their intervals."""
+    arm = aw.load(name)
+    loads = [path for path in arm.parameters.names if ".friction.load_" in path]
+    others = {path: share * float(arm.parameters[path].value) for path in loads}
+    wrong = build_model(with_values(arm.record, others))
+    found = aw.identification.identify_arm(own_log(tmp_path, arm), wrong, checks=())
+    truth = found.fit.base.of(np.nan_to_num(found.fit.equations.model.prior))
+    masses = [b for b, k in enumerate(found.fit.base.independent) if found.fit.base.columns[k].kind == "inertial"]
+    assert np.abs((found.fit.values - truth) / found.fit.std)[masses].max() > 4.5
+    assert found.verdict == "not identified"
+    assert any("what loads add to its friction" in each for each in found.sentences())

@@ -151,7 +151,7 @@ def _integrated(cases, times, goals, on, volts, counts_in_loop):
         given = np.where(current, kt * output, kt * output * volts[lanes, row] / np.where(current, 1.0, p["R"]))
         a = (
             0.5 * STEP * (active * slope + p["viscous"]) / inertia
-        )  # speed by the trapezoidal rule, position half a step ahead
+        )  # speed and position by the trapezoidal rule, gravity in the middle of the step
         for _ in range(inside):
             tau_m, tau_e = given - active * slope * v, -weight * np.sin(q + 0.5 * STEP * v + p["q_offset_rad"])
             s = np.exp(-((np.abs(v) / p["stribeck_speed"]) ** p["exponent"]))
@@ -164,8 +164,8 @@ def _integrated(cases, times, goals, on, volts, counts_in_loop):
                 ((1.0 - a) * v + STEP * (given + tau_e) / inertia) / (1.0 + a),
                 STEP * level / inertia / (1.0 + a),
             )
-            v = np.sign(free) * np.maximum(np.abs(free) - lost, 0.0)
-            before, q = q, q + STEP * v
+            slow, v = v, np.sign(free) * np.maximum(np.abs(free) - lost, 0.0)
+            before, q = q, q + 0.5 * STEP * (slow + v)
             t += STEP
             at = times[lanes, np.minimum(written, times.shape[1] - 1)]
             due = (at <= t) & (written < times.shape[1])

@@ -38,6 +38,7 @@ class Samples(LogStretch):
         columns, known: (rows, n, p) `rows` and (rows, n) `known_torques` of the model, filtered as the torques are; None: not yet
             computed, then those of the states.
         fitted: (rows, n) False where a torque is not fitted (`TorqueModel.known_rows`); None: all are.
+        loaded: (rows, n) `loaded_friction`, a part of `known`, filtered; None where there is none.
     """
 
     stretch: int
@@ -50,6 +51,7 @@ class Samples(LogStretch):
     columns: np.ndarray | None = None
     known: np.ndarray | None = None
     fitted: np.ndarray | None = None
+    loaded: np.ndarray | None = None
 
     def regressor(self, model: TorqueModel) -> np.ndarray:
         """Y (rows, n, p) of the model that the samples were prepared for."""

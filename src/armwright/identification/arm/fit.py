@@ -8,15 +8,16 @@ noise is not white, and errors of the model are less so.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from math import inf
 
 import numpy as np
 import scipy.linalg
 
+from armwright.actuators.friction import by_loads
 from armwright.errors import IdentificationError
-from armwright.fitting.covariance import correlated
+from armwright.fitting.covariance import correlated, inverse_of
 from armwright.fitting.measures import r_squared
 from armwright.fitting.triangular import triangle
 from armwright.identification.arm.base import BaseParameters
@@ -318,6 +319,41 @@ def with_correlation(source: SampleSource, fit: ArmFit) -> ArmFit:
         inverse @ inverse.T / slope,
     )
     return _with_part_effects(replace(fit, covariance=found.covariance, freedom=found.freedom))
+
+
+def with_loads(source: SampleSource, fit: ArmFit) -> ArmFit:
+    """The fit with a covariance that counts how wrong the record may be about the friction that loads add, as the log lets it.
+
+    A share ε_j of these torques D_j that is missing moves the parameters by  −H⁻¹ XᵀWD ε,  H = XᵀWX. With the part of D that X
+    does not explain,  D̃ = D + X S,  S = −H⁻¹ XᵀWD,  the log tells ε to (D̃ᵀWD̃)⁻¹, with the scores' correlation: S cov(ε) Sᵀ is
+    added, which makes it the covariance of a fit that has ε among its unknowns.
+
+    Args:
+        source: gives the samples, anew at each call.   fit: of these samples.
+    """
+    joints = np.flatnonzero([by_loads(body) for body in fit.equations.model.arm.coordinates])
+    one = np.eye(fit.equations.model.arm.n)[:, joints]
+
+    def added(piece: Samples) -> np.ndarray:
+        assert piece.loaded is not None
+        return piece.loaded[:, :, None] * one
+
+    products = np.zeros((len(fit.base), len(joints)))
+    for piece, values, rest in residuals_of(source(), fit):
+        weight = np.where(np.isfinite(rest), fit.weights, 0.0)
+        products += np.einsum("tjk,tj,tjl->kl", values, weight, added(piece))
+    moves = -scipy.linalg.solve_triangular(fit.information, _divided(fit.information, products))
+
+    def unexplained() -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        for piece, values, rest in residuals_of(source(), fit):
+            yield added(piece) + values @ moves, rest
+
+    squares = sum(
+        np.einsum("tjk,tj,tjl->kl", each, np.where(np.isfinite(rest), fit.weights, 0.0), each)
+        for each, rest in unexplained()
+    )
+    found = correlated(unexplained, fit.weights, inverse_of(np.asarray(squares)))
+    return replace(fit, covariance=fit.covariance + moves @ found.covariance @ moves.T)
 
 
 def _with_part_effects(fit: ArmFit) -> ArmFit:

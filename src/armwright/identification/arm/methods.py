@@ -28,6 +28,7 @@ from armwright.identification.arm.fit import (
     measures_of,
     residuals_of,
     with_correlation,
+    with_loads,
 )
 from armwright.identification.arm.gear_loss import GearProblem, LossyModel, distance, fit_gears
 from armwright.identification.arm.recursive import RecursiveEstimate
@@ -221,6 +222,7 @@ def fitted(
         model = model.at(fit.parameters)
         rows, equations = read(model)
         fit = METHODS[method].fit(FitProblem(rows, equations, base, seconds, loop, forgetting, errors))
+    fit = fit if model.unrubbed is None else with_loads(rows, fit)
     return FittedLog(rows, fit, base, structural, untold)
 
 

@@ -17,7 +17,7 @@ from armwright.identification.arm.fit import AT_REST, ArmFit, HeldOut, residual_
 from armwright.identification.arm.gear_loss import LossyModel, doubtful_losses, loss_remarks
 from armwright.identification.arm.methods import FittedLog
 from armwright.identification.arm.misread import late_torques, misread_columns
-from armwright.identification.arm.score_tests import score_tests, suspicions
+from armwright.identification.arm.score_tests import other_loads, score_tests, suspicions
 from armwright.identification.arm.spring_record import SPRINGS
 from armwright.identification.arm.torque_model import SUPPORT
 from armwright.identification.estimate import HALF_95, Estimate
@@ -228,8 +228,9 @@ def with_remarks(
         measures |= comparison.measures
     verdict = "not identified" if unseen else _verdict(fit, len(found.base), len(found.structural))
     late = late_torques(fit, some)
-    remarks += [*late, *suspicions(score_tests(fit, found.rows()), all_late=bool(late))]
-    doubts += [*([] if driving else misread_columns(fit, some)), *impossible]
+    scores = score_tests(fit, found.rows())
+    remarks += [*late, *suspicions(scores, all_late=bool(late))]
+    doubts += [*other_loads(scores), *([] if driving else misread_columns(fit, some)), *impossible]
     remarks += [*loss_remarks(fit, found.untold), *SUPPORT.notes(fit.equations.model.arm)]
     doubts = [*doubtful_losses(fit), *doubts]
     return replace(

@@ -255,11 +255,12 @@ class _Behind:
         rows, known = model.terms(*motion)
         speeds = between_rows(qd, wide.decimate) if wide.decimate > 1 else qd[None]
         loaded = model.loaded_friction(*motion[:2], self.values["tau"], speeds)
+        by_loads = {} if loaded is None else {"loaded": loaded}
         known = known if loaded is None else known + loaded
         if wide.decimate > 1:
             rows = model.directed(rows, speeds)
         columns[:, used] = zero_phase(second, rows[:, used])[numbers]
-        values = {**self.values, "known": known}
+        values = {**self.values, "known": known, **by_loads}
         filtered = {name: zero_phase(second, each)[numbers] for name, each in values.items()}
         fitted = model.known_rows(motion[1][numbers], filtered["qd"])
         if CUT_OFF in filtered:

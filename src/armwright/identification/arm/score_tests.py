@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
+from armwright.actuators.friction import by_loads
 from armwright.fitting.covariance import correlated
 from armwright.identification.arm.equations import Samples
 from armwright.identification.arm.fit import ArmFit
@@ -28,6 +29,7 @@ STEP = 1e-5  # of a position, for derivatives [rad | m], and of its scale
 LIKELY = 2.0  # deviations from which a mistake is taken out
 INVISIBLE = 1e-9  # share of a column's squares that the model leaves
 FRICTION = ("viscous", "coulomb", "coulomb+", "coulomb-", "stribeck")
+LOAD = "load"
 BESIDE = 0.7  # of the largest |z|: mistakes with less follow from that one
 
 Torques = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
@@ -49,6 +51,7 @@ MISTAKES = {
     "friction": Mistake("its friction changes by {size:+.0%} over the log", 0.1),
     "position zero": Mistake("the zero of its position is {size:+.3g} {unit} off", 0.02),
     "position scale": Mistake("its positions are {size:+.1%} off in scale: are counts and gear ratio right?", 0.02),
+    "load": Mistake("what loads add to its friction is {size:+.0%} off the record's, and masses make up for it", 0.005),
 }
 
 
@@ -131,26 +134,41 @@ def score_tests(fit: ArmFit, samples: Iterable[Samples]) -> list[Score]:
         for k, (joint, mistake) in enumerate(
             (joint, mistake) for joint in model.arm.coordinates for mistake in MISTAKES
         )
+        if mistake != LOAD or by_loads(joint)
     ]
 
 
+def _seen(scores: list[Score]) -> list[Score]:
+    """Mistakes that are there, on one in a hundred clean logs."""
+    limit = float(stats.norm.isf(FALSE_ALARMS / max(2 * len(scores), 1)))
+    return [each for each in scores if abs(each.z) > limit and abs(each.size) > MISTAKES[each.mistake].least]
+
+
+def other_loads(scores: list[Score]) -> list[str]:
+    """Sentences about joints whose friction grows otherwise with the load than the record, whose numbers the fit takes, says."""
+    return [_words(each) for each in _seen(scores) if each.mistake == LOAD]
+
+
+def _words(score: Score) -> str:
+    words = MISTAKES[score.mistake].words.format(size=score.size, unit=score.unit)
+    return f"{score.joint}: {words} ({abs(score.z):.0f} deviations)"
+
+
 def suspicions(scores: list[Score], all_late: bool = False) -> Iterator[str]:
-    """Sentences about mistakes that are there, on one in a hundred clean logs.
+    """Sentences about mistakes that are there, but for those of `other_loads`.
 
     Args:
         scores: of all joints.   all_late: the lateness of all joints together is said already.
     """
-    limit = float(stats.norm.isf(FALSE_ALARMS / max(2 * len(scores), 1)))
-    seen = [each for each in scores if abs(each.z) > limit and abs(each.size) > MISTAKES[each.mistake].least]
+    seen = [each for each in _seen(scores) if each.mistake != LOAD]
     largest = max((abs(each.z) for each in seen), default=0.0)
     for each in seen:
         if abs(each.z) >= BESIDE * largest and not (all_late and each.mistake == "lateness"):
-            words = MISTAKES[each.mistake].words.format(size=each.size, unit=each.unit)
-            yield f"{each.joint}: {words} ({abs(each.z):.0f} deviations)"
+            yield _words(each)
 
 
 def _effects(model: TorqueModel, parameters: np.ndarray, block: Samples, middle: float, span: float) -> np.ndarray:
-    """Columns d (rows, n, 5 n) of the mistakes of each joint, in the order of `MISTAKES`; times [s] about their middle."""
+    """Columns d (rows, n, 6 n) of the mistakes of each joint, in the order of `MISTAKES`; times [s] about their middle."""
     n = model.arm.n
     motion = block.q, block.qd, block.qdd
 
@@ -165,6 +183,8 @@ def _effects(model: TorqueModel, parameters: np.ndarray, block: Samples, middle:
     found = np.zeros((len(block.t), n, n, len(MISTAKES)))
     for j in range(n):
         found[:, j, j, 0], found[:, j, j, 1], found[:, j, j, 2] = own[:, j], late[:, j], later * friction[:, j]
+        if block.loaded is not None:
+            found[:, j, j, 5] = block.loaded[:, j]
         for place, moves in ((3, [np.ones(len(block.t)), 0.0, 0.0]), (4, [each[:, j] for each in motion])):
             moved = [each.copy() for each in motion]
             for each, by in zip(moved, moves, strict=True):

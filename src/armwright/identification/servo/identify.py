@@ -29,6 +29,7 @@ EXTRA = ("offset", "delay", "gain", "goal_speed")
 UNITS = {OFFSET: "rad", DELAY: "s"}
 AT_BOUND = 1e-6  # of the range of a coordinate
 UNKNOWN = 1.0  # standard deviation of a logarithm, or in parts of its value beside its scale: more is not determined
+VAGUE = 0.5  # of a torque constant or resistance: a standard deviation from which its 95 % interval holds 0
 NOTHING = 0.02  # of a mean error: models that differ less predict the same
 EXPLAINED = 0.5  # R² of all logs below which the model does not describe them
 
@@ -211,11 +212,18 @@ def _concluded(
     describes = measures.r2 >= EXPLAINED
     if not describes:
         wrong.append(f"R² is {measures.r2:.2g}: the model does not describe these logs")
+    every = spread @ covariance @ spread.T + _of_larger(shifts, len(numbers))
+    deviations = dict(zip(order.columns, np.sqrt(np.diag(every)).tolist(), strict=True))
+    vague = {name: deviations[name] / by_name[name] for name in ("kt", "R") if name in by_name}
+    vague = {name: share for name, share in vague.items() if share > VAGUE}
+    if vague:
+        each = ", ".join(f"{name} ± {share:.0%}" for name, share in vague.items())
+        wrong.append(f"{each} (std): other gains, loads and motions are needed to tell them")
     record = bench_record(logs[0], loop, by_name, by_name[OFFSET])
     estimate = Estimate(
         names=tuple(names),
         values=numbers[shown],
-        covariance=(spread @ covariance @ spread.T + _of_larger(shifts, len(numbers)))[np.ix_(shown, shown)],
+        covariance=every[np.ix_(shown, shown)],
         sha256=_sha256(logs),
         method=f"output error of positions from goals, friction {order.name}",
         units=tuple(UNITS.get(name) or unit_at(name) for name in names),
@@ -223,7 +231,7 @@ def _concluded(
         identifiable=np.array([bool(determined[parts[k]].all()) for k in shown]),
         remarks=(*remarks, *wrong),
         fit={f"{log.name}: q": agreement(log.position, own).by_name for log, own in zip(logs, simulated, strict=True)},
-        verdict="identified" if describes and determined[:2].all() else "not identified",
+        verdict="identified" if describes and determined[:2].all() and not vague else "not identified",
         log=logs[0].name if len(logs) == 1 else f"{len(logs)} logs",
     )
     return ServoFit(order.name, estimate, record, tuple(compared), logs, simulated)

@@ -23,6 +23,7 @@ from armwright.identification.servo.orders import DELAY, OFFSET, Order
 from armwright.model import Model, build_model
 from armwright.parameters import Batch
 from armwright.simulation.inputs.schedule import Schedule
+from armwright.simulation.loop.compiled import CompiledLoop
 from armwright.simulation.scenario import Scenario
 from armwright.simulation.scenario_parts import Inputs, Recording, Solver, Start
 from armwright.simulation.simulation import Simulation
@@ -91,34 +92,40 @@ class BenchProblem:
         pairs = np.array([(point, log) for log in range(len(self.logs)) for point in range(len(values))])
         for begin in range(0, len(pairs), MOST_LANES):
             lanes = pairs[begin : begin + MOST_LANES]
-            for (point, log), rows in zip(lanes, self._simulated(values, lanes), strict=True):
-                found[point, self.parts[log]] = rows
+            run = Simulation(self._scenario(values, lanes), loop=self._code).run(progress=False, keep_state=False)
+            q, qd = run["q"].values[..., 0], run["qd"].values[..., 0]
+            for log in np.unique(lanes[:, 1]):
+                own = lanes[:, 1] == log
+                found[lanes[own, 0], self.parts[log]] = self._driven[log].at_rows(q[own], qd[own])
         return found
 
-    def _simulated(self, values: np.ndarray, lanes: np.ndarray) -> list[np.ndarray]:
-        """Positions at the rows of its log, by lane; lanes (lanes, 2) are pairs of a point and a log."""
-        driven = [self._driven[log] for _, log in lanes]
+    @cached_property
+    def _code(self) -> CompiledLoop:
+        """The loop in native code, for all lanes of all searches."""
+        guesses = np.array([[each.to_coordinate(each.guess) for each in self.order.unknowns]])
+        return Simulation(self._scenario(self.values(guesses), np.zeros((1, 2), dtype=int))).loop
+
+    def _scenario(self, values: np.ndarray, lanes: np.ndarray) -> Scenario:
+        """The bench from the goals of its logs; lanes (lanes, 2) are pairs of a point, of `values`, and a log."""
+        driven = [self._driven[log] for log in lanes[:, 1]]
         own = dict(zip(self.order.columns, values[lanes[:, 0]].T, strict=True))
         offset, delay = own.pop(OFFSET), own.pop(DELAY)
-        rods = [link_numbers(each.log, turn) for each, turn in zip(driven, offset, strict=True)]
         vary = {PATHS[name]: Batch(column) for name, column in own.items()}
+        rods = [link_numbers(each.log, turn) for each, turn in zip(driven, offset.tolist(), strict=True)]
         vary |= {path: Batch(np.array([each[name] for each in rods])) for name, path in RODS.items()}
         for axis in ("xx", "yy"):
             vary[f"{ROD}.inertia_kg_m2.{axis}"] = Batch(np.array([each["inertia"] for each in rods]))
         vary[f"{JOINT}.firmware.p"] = Batch(np.array([each.log.p for each in driven]))
-        scenario = Scenario(
+        return Scenario(
             self.arm,
             max(each.duration for each in driven),
-            command=Batch([each.goal_after(late) for each, late in zip(driven, delay, strict=True)]),
+            command=Batch([each.goal_after(late) for each, late in zip(driven, delay.tolist(), strict=True)]),
             inputs=Inputs(supply=Batch([each.supply for each in driven]), enabled=Batch([each.on for each in driven])),
             start=Start(Batch(np.array([[each.log.position[0]] for each in driven]))),
             recording=Recording(period=EVERY * self.loop.period_s, what="state"),
             solver=Solver(global_error=False),
             vary=vary,
         )
-        run = Simulation(scenario).run(progress=False, keep_state=False)
-        q, qd = run["q"].values[..., 0], run["qd"].values[..., 0]
-        return [each.at_rows(*states) for each, *states in zip(driven, q, qd, strict=True)]
 
     def errors(self, z: np.ndarray) -> np.ndarray:
         """Measured less simulated positions (points, rows) at coordinates z (points, k) [rad]."""
@@ -251,13 +258,13 @@ class _Driven:
         return Schedule(self.goal.times, late[:, None], self.goal.names)
 
     def at_rows(self, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
-        """Positions at the rows (k,) from stored states, by Hermite's cubic between two."""
+        """Positions at the rows (lanes, k) from stored states (lanes, states), by Hermite's cubic between two."""
         k, s, h = self.before, self.part, self.period
-        a, b = q[k], q[k + 1]
+        a, b = q[:, k], q[:, k + 1]
         return (
-            a * (1 + 2 * s) * (1 - s) ** 2
-            + b * s**2 * (3 - 2 * s)
-            + h * (qd[k] * s * (1 - s) ** 2 - qd[k + 1] * s**2 * (1 - s))
+            a * ((1 + 2 * s) * (1 - s) ** 2)
+            + b * (s**2 * (3 - 2 * s))
+            + h * (qd[:, k] * (s * (1 - s) ** 2) - qd[:, k + 1] * (s**2 * (1 - s)))
         )
 
 

@@ -168,10 +168,19 @@ def _switches(name: str, value: Any, joints: list[str], expected: str) -> InputS
 
 
 def all_rows(schedule: InputSchedule) -> np.ndarray:
-    """(rows, entries) values of all lanes and times."""
+    """(rows, entries) values of all lanes and times; those of a schedule that lanes share come once."""
     if isinstance(schedule, LaneRows):
         return schedule.values.reshape(-1, schedule.values.shape[2])
-    return schedule if isinstance(schedule, np.ndarray) else np.concatenate([each.commands for each in schedule])
+    if isinstance(schedule, np.ndarray):
+        return schedule
+    return np.concatenate([each.commands for each in _distinct(schedule)[0]])
+
+
+def _distinct(schedules: Sequence[Schedule]) -> tuple[list[Schedule], list[int]]:
+    """The schedules without repetition, and which of them each lane has."""
+    places: dict[int, int] = {}
+    of_lane = [places.setdefault(id(each), len(places)) for each in schedules]
+    return [schedules[of_lane.index(k)] for k in range(len(places))], of_lane
 
 
 def landing_times(times: np.ndarray, tick: float) -> tuple[np.ndarray, np.ndarray]:
@@ -195,12 +204,14 @@ def landing_rows(schedule: InputSchedule, tick: float) -> Schedules:
         ticks, offset = landing_times(schedule.times.ravel(), tick)
         first = np.arange(len(schedule.times)) * schedule.times.shape[1]
         return Schedules(ticks, offset, all_rows(schedule), first, first + schedule.times.shape[1])
-    by_times = {each.times.tobytes(): each.times for each in schedule}
+    distinct, of_lane = _distinct(schedule)
+    by_times = {each.times.tobytes(): each.times for each in distinct}
     landings = {key: landing_times(times, tick) for key, times in by_times.items()}
-    rows = [landings[each.times.tobytes()] for each in schedule]
+    rows = [landings[each.times.tobytes()] for each in distinct]
     starts = np.cumsum([0, *(len(ticks) for ticks, _ in rows)])
     ticks, offset = (np.concatenate([row[k] for row in rows]) for k in (0, 1))
-    return Schedules(ticks, offset, np.ascontiguousarray(all_rows(schedule)), starts[:-1], starts[1:])
+    values = np.ascontiguousarray(all_rows(schedule))
+    return Schedules(ticks, offset, values, starts[:-1][of_lane], starts[1:][of_lane])
 
 
 def values_at_ticks(schedule: InputSchedule, ticks: np.ndarray, tick: float) -> np.ndarray:
@@ -216,8 +227,9 @@ def values_at_ticks(schedule: InputSchedule, ticks: np.ndarray, tick: float) -> 
         return np.take_along_axis(schedule.values, row[:, :, None], axis=1)
     if all(len(each.times) == 1 for each in schedule):
         return np.stack([each.commands for each in schedule])
-    rows = [np.searchsorted(_first_ticks(each.times, tick), ticks, side="right") - 1 for each in schedule]
-    return np.stack([each.commands[row] for each, row in zip(schedule, rows, strict=True)])
+    distinct, of_lane = _distinct(schedule)
+    rows = [np.searchsorted(_first_ticks(each.times, tick), ticks, side="right") - 1 for each in distinct]
+    return np.stack([each.commands[row] for each, row in zip(distinct, rows, strict=True)])[of_lane]
 
 
 def _first_ticks(times: np.ndarray, tick: float) -> np.ndarray:

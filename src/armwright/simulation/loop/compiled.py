@@ -84,7 +84,7 @@ class CompiledLoop:
         return plant_step(self.config) if stage.switching else stage.step
 
     def check(self, config: LoopConfig, target: str | None, device: str = CPU, *, outputs: bool = True) -> None:
-        """Refuses a scenario's loop that is another one.
+        """Refuses a scenario's loop that is another one, or has other inputs.
 
         Args:
             config, target, device: of the scenario.   outputs: whether it asks for what follows from rows.
@@ -101,10 +101,11 @@ class CompiledLoop:
             if known is not asked and known != asked and asked is not None:
                 what = f"compiled for {name} = {known}, not for the scenario's {asked}"
                 raise ScenarioError(what, place="loop", expected=f"compile_loop with the scenario's {name}")
-        if extra := _beside_commands(config):
+        same = dict(config.inputs) == dict(self.config.inputs) and config.payload_frames == self.config.payload_frames
+        if extra := _beside_commands(config, inputs=not same):
             what = f"compiled for commands over time alone, not for the scenario's {extra[0]}"
             raise ScenarioError(what, place="loop", expected="a simulation without `loop`")
-        extra = _beside_commands(self.config)
+        extra = _beside_commands(self.config, inputs=not same)
         if outputs and self.outputs is None:
             extra.append("recorded states alone")
         if extra:
@@ -133,9 +134,10 @@ def _on_gpu(config: LoopConfig, tick: Tick, device: str) -> CudaLoop:
     return CudaLoop((*tick.before, *tick.after), Gpu(gpu_index(device)))
 
 
-def _beside_commands(config: LoopConfig) -> list[str]:
-    """Parts of a tick that commands over time alone do not have."""
-    return [name for name in ("sampling", "reduction") if getattr(config, name) is not None] + list(config.inputs)
+def _beside_commands(config: LoopConfig, *, inputs: bool) -> list[str]:
+    """Parts of a tick that commands over time alone do not have; `inputs`: its inputs among them."""
+    parts = [name for name in ("sampling", "reduction") if getattr(config, name) is not None]
+    return parts + (list(config.inputs) if inputs else [])
 
 
 def compile_loop(

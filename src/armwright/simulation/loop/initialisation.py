@@ -14,7 +14,7 @@ from armwright.kernels.loop import LaneGroup
 from armwright.kernels.stages import NEVER
 from armwright.kernels.target import select_target
 from armwright.parameters import LaneFields
-from armwright.program import Program, trace
+from armwright.program import Program, kept, trace
 from armwright.scalar import Array
 from armwright.signals import Layout
 from armwright.simulation.loop.config import LoopConfig, Sampling
@@ -70,8 +70,8 @@ class Initialisation:
         self._controller, self._sensors, self._period = controller or NO_CONTROLLER, sensors, period
         self._whole = start.shape[1] == config.bare.size
         self.untraced: str | None = None
-        self.program = None if sensors is None and self._whole else self._program()
-        self._kernel = None if self.program is None else Kernel(self.program, select_target(target))
+        self._kernel = None if sensors is None and self._whole else self._compiled(target)
+        self.program = None if self._kernel is None else self._kernel.program
         law = self._of_law()
         self._law_kernel = None if law is None else Kernel(law, select_target(target))
 
@@ -79,6 +79,15 @@ class Initialisation:
     def states(self) -> int:
         """Entries of the controller's state."""
         return 0 if self.program is None else self.program.outputs[-1].size
+
+    def _compiled(self, target: str | None) -> Kernel:
+        """The program in native code; without a controller it depends on the arm and what varies alone, and is kept."""
+
+        def made() -> Kernel:
+            return Kernel(self._program(), select_target(target))
+
+        shapes = self._start.shape[1], self._parameters.shape[1]
+        return made() if self._sensors else kept(("begin", self.config.structure, *shapes, target), made)
 
     def _program(self) -> Program:
         config, sensors, controller = self.config, self._sensors, self._controller
