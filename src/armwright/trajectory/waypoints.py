@@ -15,7 +15,9 @@ from armwright.trajectory.path import JointPath
 from armwright.trajectory.piecewise import PiecewiseMotion, PiecewisePolynomial
 from armwright.trajectory.poses import check_limits, check_number
 from armwright.trajectory.splines import CURVES, optimised_spline, spline
+from armwright.trajectory.time_optimal.jerk_limited import has_jerk_limits, jerk_limited
 from armwright.trajectory.time_optimal.motion import PathMotion
+from armwright.trajectory.time_optimal.timing import PathTiming
 from armwright.trajectory.time_optimal.whole_cells import WholeCells
 
 CHOICES = ("fastest", *CURVES, "time_optimal", "parabolic")
@@ -107,9 +109,6 @@ class Waypoints(PiecewiseMotion):
         bounds = [limits.velocity, limits.acceleration] + [limits.jerk] * (self.curve != "parabolic")
         if self.curve in ("parabolic", "time_optimal"):
             limits.required("acceleration", moving=moving)
-        if self.curve == "time_optimal" and np.isfinite(limits.jerk[moving]).any():
-            expected = "jerk = inf in the limits, or another curve"
-            raise ScenarioError("its accelerations jump", place="Waypoints.curve", value=self.curve, expected=expected)
         free = np.isinf(bounds).all(axis=0) & moving
         if free.any():
             names = ", ".join(limits.names[k] for k in np.flatnonzero(free))
@@ -137,7 +136,7 @@ class Waypoints(PiecewiseMotion):
         """The cubic spline, or the path where its accelerations may jump and it is faster; see the class."""
         moving = np.ptp(points, axis=0) > 0.0
         cubic = _Found.spline("cubic", optimised_spline("cubic", points, limits))
-        if np.isinf(limits.acceleration[moving]).any() or np.isfinite(limits.jerk[moving]).any():
+        if np.isinf(limits.acceleration[moving]).any():
             return cubic
         is_within, longest = _swing(cubic, limits) is None, cubic.polynomial.duration
         if is_within and self.duration is not None and longest <= self.duration:
@@ -210,12 +209,15 @@ def _blended(points: np.ndarray, lengths: np.ndarray, blends: np.ndarray) -> _Fo
 
 
 def _along_path(points: np.ndarray, limits: MotionLimits) -> _Found:
-    """The natural spline over √|Δq|, as fast as limits of velocity and acceleration allow, from time 0. [PhamPham2018]"""
+    """The natural spline over √|Δq|, as fast as limits of velocity, acceleration and jerk allow, from time 0. [PhamPham2018]"""
     ways = np.sqrt(np.sqrt((np.diff(points, axis=0) ** 2).sum(axis=1)))
     path = JointPath(points, np.append(0.0, np.cumsum(ways)))
     cells = WholeCells.of(path, limits, CELLS)
-    motion = PathMotion(path, cells.s, cells.fastest((0.0, 0.0)), 0.0, {}, 0.0, ramps=False)
-    passes = motion.breaks[np.searchsorted(cells.s, path.breaks)]
+    timing = PathTiming(cells.s, cells.fastest((0.0, 0.0)), ramps=False)
+    if has_jerk_limits(path, limits):
+        timing = jerk_limited(path, limits, timing)[0]
+    motion = PathMotion(path, timing.s, timing.x, 0.0, {}, 0.0, ramps=False, spans=timing.spans)
+    passes = motion.breaks[np.searchsorted(timing.s, path.breaks)]
     rates = (np.diff(path.breaks) / np.diff(passes))[:, None, None]
     rows = path.curve.c[::-1].transpose(1, 2, 0)
     shape = PiecewisePolynomial(passes, rows * rates ** np.arange(rows.shape[2]))
