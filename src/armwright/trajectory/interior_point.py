@@ -182,13 +182,14 @@ def shortest_times(problem: TimesProblem, y: np.ndarray, scaled: Callable[[np.nd
 
 
 def iterates(
-    problem: TimesProblem, y: np.ndarray, barrier: float = BARRIER, fall: float = FALL
+    problem: TimesProblem, y: np.ndarray, barrier: float = BARRIER, fall: float = FALL, convex: float = CONVEX
 ) -> Iterator[np.ndarray]:
     """Unknowns after each step, without end but where no step is left; limits hold in all, equations in the later ones.
 
     Args:
         problem: constraints.   y: unknowns at the start, within all limits.
         barrier: the first; lower near the solution.   fall: factor by which it falls.
+        convex: part of the curvature that is added at least where Newton's matrix is not positive definite; it slows the steps.
     """
     loose, added, limited = LOOSE, 0.0, problem.limited(y)
     slacks = [each.slacks for each in limited]
@@ -203,7 +204,7 @@ def iterates(
         for each, force in zip(jumps, multipliers, strict=True):
             force = force + each.value / loose
             system.add(each, np.full_like(force, 1.0 / loose), force, force)
-        step, added = system.step(added)
+        step, added = system.step(added, convex)
         if step is None:
             return
         length, limited, slacks_then = _within(problem, y, step, limited, slacks)
@@ -275,11 +276,11 @@ class _System:
                 value = value * (1.0 + ((at == to) & (a != b)))
             self.entries.append((at, to, value))
 
-    def step(self, added: float) -> tuple[np.ndarray | None, float]:
+    def step(self, added: float, convex: float) -> tuple[np.ndarray | None, float]:
         """Newton's step, and the added curvature that made its matrix positive definite; None: none does.
 
         Args:
-            added: curvature of the step before; a little less is tried first.
+            added: curvature of the step before; a little less is tried first.   convex: the least.
         """
         rows, columns, values = (np.concatenate([each[k].ravel() for each in self.entries]) for k in range(3))
         places = np.abs(rows - columns) * self.size + np.minimum(rows, columns)
@@ -289,7 +290,7 @@ class _System:
         gradient[self.pinned] = 0.0
         if not (np.isfinite(gradient).all() and np.isfinite(matrix).all()):
             return None, 0.0
-        added = added / STRONGER if added > CONVEX else 0.0
+        added = added / STRONGER if added > convex else 0.0
         diagonal, curve = matrix[0].copy(), self._sum(self.curves) if added else np.zeros(self.size)
         while added < STRONGEST:
             matrix[0] = diagonal + added * curve
@@ -297,7 +298,7 @@ class _System:
                 return -cho_solve_banded((cholesky_banded(matrix, lower=True), True), gradient), added
             except np.linalg.LinAlgError:
                 curve = curve if added else self._sum(self.curves)
-                added = max(CONVEX, STRONGER * added)
+                added = max(convex, STRONGER * added)
         return None, added
 
     def _sum(self, parts: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:

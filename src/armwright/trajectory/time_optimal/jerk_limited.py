@@ -1,14 +1,14 @@
 """Fastest motions along a path within limits of jerk as well:  q⃛ = q' s⃛ + 3 q'' ṡ s̈ + q''' ṡ³.
 
-s(t) is a cubic spline, C², through fixed places of the path, nearly even in time. Unknown are the durations of its pieces, and ṡ
-and s̈ at the places. The limits hold for the coefficients, in Bernstein's basis, of the polynomials through q̇, q̈ and q⃛ at both ends
-of each piece, so that little is left to exceed them between. An interior-point method finds a local optimum near the fastest motion
-without a limit of jerk; a moving average of that one, over a window of time, is the start.
+s(t) is a cubic spline, C², through fixed places of the path. Unknown are the durations of its pieces, and ṡ and s̈ at the places.
+The limits hold for the coefficients, in Bernstein's basis, of the polynomials through q̇, q̈ and q⃛ at both ends of each piece, so
+that little is left to exceed them between. An interior-point method finds a local optimum near the fastest motion without a limit of
+jerk; a moving average of that one, over a window of time, is the start.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import islice
 
@@ -16,27 +16,28 @@ import numpy as np
 from scipy.interpolate import PPoly, make_interp_spline
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
+from armwright.errors import ScenarioError
 from armwright.trajectory.interior_point import Combined, Terms, iterates
 from armwright.trajectory.limits import MotionLimits
 from armwright.trajectory.path import JointPath
 from armwright.trajectory.time_optimal.timing import PathTiming
 
 ORDERS = {"velocity": 1, "acceleration": 2, "jerk": 3}
-PIECES, LEAST, FEWEST = 24, 120, 6  # between two breaks of the path on average; of a path; between any two breaks
-WINDOWS = np.geomspace(2e-3, 1.0, 12)  # of the duration: lengths of the moving average
+PIECES, FEWEST = 24, 6  # between two breaks of the path on average; between any two breaks
+ALONG, LEAST = 40.0, (160, 400)  # pieces within the moving average; of a path at least, by how short that is
+WINDOWS = np.geomspace(2e-3, 2.9, 14)  # of the duration: lengths of the moving average
 FASTEST = 4.0  # times the start's largest ṡ
-BARRIERS, FALLS = (
-    ((0.2, 0.9), (0.1, 0.3)),
-    ((0.2, 0.9), (0.7, 0.8)),
-)  # by the part that the start takes longer than the fastest
+BARRIERS = (0.2, 0.9), (0.1, 0.3)  # the first, by the part that the start takes longer than the fastest
+FALL = 0.8  # of barriers: lower ones save steps where it goes well, and cost many where it does not
 FIRST, STEPS, LAST, SETTLED = (
     12,
     45,
     3,
     3e-4,
 )  # steps at least and at most; the last of them, and what they gain at least
-SMOOTH = 1e-2  # of s̈ that may jump before the spline is made
+SMOOTH = 5e-3  # of s̈ that may jump before the spline is made
 LEFT, ENOUGH = 1e-3, 2e-4  # of limits before the first step; part of the duration that is not looked for
+CONVEX = 0.02  # least added curvature, in parts
 REPAIRS, AROUND = 6, 8  # of what exceeds limits between places; pieces to either side that are passed slower
 THIRD = 1.0 / 3.0
 LOOKED = np.linspace(0.0, 1.0, 9)  # of a piece's time
@@ -57,23 +58,30 @@ def jerk_limited(
     Args:
         path: C².   limits: of the joints.   fastest: without a limit of jerk.
     Returns:
-        timing: its s̈ is continuous.
+        timing: its s̈ is continuous, and 0 at both ends.
         used: by quantity (m - 1, n) the largest part of its limit that each joint uses in a piece.
+    Raises:
+        ScenarioError: nothing was found.
     """
+    second = float(fastest.durations.sum())  # the unit of time, for limits of any size
+    scaled = {name: getattr(limits, name) * second**order for name, order in ORDERS.items()}
+    with np.errstate(all="ignore"):  # numbers that are not finite end the search
+        timing, used = _planned(path, replace(limits, **scaled), fastest.slowed(1.0 / second))
+    if not np.isfinite(timing.durations).all():
+        expected = "other limits, or jerk = inf"
+        raise ScenarioError("no motion within the limits of jerk was found", place="limits.jerk", expected=expected)
+    return timing.slowed(second), used
+
+
+def _planned(path: JointPath, limits: MotionLimits, fastest: PathTiming) -> tuple[PathTiming, dict[str, np.ndarray]]:
+    """As `jerk_limited`, with times near 1."""
     s, start = _start(path, limits, fastest)
     problem = SpeedProblem.of(path, limits, s, start)
     first, best = problem.within(problem.unknowns(start)), _through(s, start[:-1, 0])
     far = float(start[:-1, 0].sum() / fastest.durations.sum()) - 1.0
-    barrier, fall = np.interp(far, *BARRIERS), np.interp(far, *FALLS)
-    used = _looked(path, limits, best)
-    best = best.slowed(_factor(used.max(axis=0)))
-    y, sums = first, []
-    with np.errstate(all="ignore"):  # numbers that are not finite end the search
-        for y in islice(iterates(problem, first, float(barrier), float(fall)), STEPS):
-            sums.append(float((1.0 / y[problem.rates]).sum()))
-            if len(sums) > FIRST and sums[-1] > (1.0 - SETTLED) * sums[-1 - LAST] and problem.jumps(y) < SMOOTH:
-                break
-    spans = problem.unit / y[problem.rates]
+    barrier = float(np.interp(far, *BARRIERS))
+    best = best.slowed(_factor(_looked(path, limits, best).max(axis=0)))
+    spans = problem.unit / _optimised(problem, first, barrier)[problem.rates]
     for _ in range(REPAIRS):
         found = _through(s, spans)
         used = _looked(path, limits, found)
@@ -82,6 +90,17 @@ def jerk_limited(
             break
         spans = spans * _locally_slower(used)
     return _kept(path, limits, best)
+
+
+def _optimised(problem: SpeedProblem, first: np.ndarray, barrier: float) -> np.ndarray:
+    """Unknowns after the last step of the interior-point method."""
+    y, sums = first, []
+    for y in islice(iterates(problem, first, barrier, FALL, CONVEX), STEPS):
+        sums.append(float((1.0 / y[problem.rates]).sum()))
+        is_settled = len(sums) > FIRST and abs(sums[-1] - sums[-1 - LAST]) <= SETTLED * sums[-1]
+        if is_settled and problem.jumps(y) < SMOOTH:
+            break
+    return y
 
 
 @dataclass(frozen=True, eq=False)
@@ -260,7 +279,7 @@ def _start(path: JointPath, limits: MotionLimits, fastest: PathTiming) -> tuple[
     moving = np.stack([fastest.jerks / 6.0, 0.5 * fastest.accelerations, fastest.speeds[:-1], fastest.s[:-1]])
     at_rest = np.zeros((4, 1)), np.array([[0.0], [0.0], [0.0], [path.length]])
     position = PPoly(
-        np.concatenate([at_rest[0], moving, at_rest[1]], axis=1), np.concatenate([[-2.0 * whole], times, [3.0 * whole]])
+        np.concatenate([at_rest[0], moving, at_rest[1]], axis=1), np.concatenate([[-4.0 * whole], times, [5.0 * whole]])
     )
     chain = [position.antiderivative(), position, position.derivative(), position.derivative(2)]
 
@@ -268,7 +287,8 @@ def _start(path: JointPath, limits: MotionLimits, fastest: PathTiming) -> tuple[
         return [(each(t + 0.5 * window) - each(t - 0.5 * window)) / window for each in chain]
 
     def duration(window: float) -> tuple[float, float, float]:
-        t = np.linspace(-0.5 * window, whole + 0.5 * window, len(times))
+        # in the middle of even parts: at a place itself rounding may take s̈ from either side
+        t = (np.arange(len(times)) + 0.5) / len(times) * (whole + window) - 0.5 * window
         s, speed, sdd, jerk = averaged(t, window)
         factor = max(
             float(each.max()) ** (1.0 / ORDERS[name])
@@ -280,7 +300,8 @@ def _start(path: JointPath, limits: MotionLimits, fastest: PathTiming) -> tuple[
     t = np.linspace(-0.5 * window, whole + 0.5 * window, 4 * len(times))
     passes = np.interp(path.breaks, averaged(t, window)[0], t)
     share = np.diff(passes) / (passes[-1] - passes[0])
-    pieces = np.maximum(np.ceil(max(PIECES * len(share), LEAST) * share).astype(int), FEWEST)
+    least = np.clip(ALONG * whole / window, *LEAST)
+    pieces = np.maximum(np.ceil(max(PIECES * len(share), least) * share).astype(int), FEWEST)
     numbers = np.concatenate([[0], np.cumsum(pieces)])
     t = np.interp(np.arange(numbers[-1] + 1), numbers, passes)
     s, speed, sdd, _ = averaged(t, window)
@@ -290,7 +311,10 @@ def _start(path: JointPath, limits: MotionLimits, fastest: PathTiming) -> tuple[
 
 
 def _through(s: np.ndarray, spans: np.ndarray) -> PathTiming:
-    """The cubic spline s(t) with pieces of these durations (m - 1,), at both ends with ṡ = s̈ = 0; it moves two of the places a little."""
+    """The cubic spline s(t) with pieces of these durations (m - 1,), with ṡ = s̈ = 0 at both ends.
+
+    It does not pass through the second place and the last but one: both move a little.
+    """
     times = np.concatenate([[0.0], np.cumsum(spans)])
     through = np.delete(np.arange(len(s)), [1, len(s) - 2])
     knots, rest = (
