@@ -6,7 +6,7 @@ import hypothesis.strategies as st
 import numpy as np
 import pytest
 from hypothesis import given, settings
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 import armwright as aw
 from armwright.errors import ScenarioError
@@ -71,7 +71,7 @@ def test_limits_hold_between_grid_points_along_the_same_path(seed: int, count: i
     )
 
     s = np.linspace(0.0, path.length, 40_001)
-    assert cKDTree(path.at(s)[0]).query(q)[0].max() < 0.51 * path.length / 40_000 * np.abs(path.at(s)[1]).max() * ARM.n
+    assert KDTree(path.at(s)[0]).query(q)[0].max() < 0.51 * path.length / 40_000 * np.abs(path.at(s)[1]).max() * ARM.n
     free = aw.trajectories.time_optimal(ARM, path, limits.replace(jerk=np.inf))
     assert motion.duration > 0.996 * free.duration  # whose limits between grid points are kept by a bound
 

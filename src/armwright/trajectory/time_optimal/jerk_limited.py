@@ -2,14 +2,13 @@
 
 s(t) is a cubic spline, C², through fixed places of the path. Unknown are the durations of its pieces, and ṡ and s̈ at the places.
 The limits hold for the coefficients, in Bernstein's basis, of the polynomials through q̇, q̈ and q⃛ at both ends of each piece, so
-that little is left to exceed them between. An interior-point method finds a local optimum near the fastest motion without a limit of
-jerk; a moving average of that one, over a window of time, is the start.
+that little is left to exceed them between. An interior-point method finds a local optimum; a moving average of the fastest motion
+without a limit of jerk, over a window of time, is the start.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 from itertools import islice
 
 import numpy as np
@@ -29,12 +28,8 @@ WINDOWS = np.geomspace(2e-3, 2.9, 14)  # of the duration: lengths of the moving 
 FASTEST = 4.0  # times the start's largest ṡ
 BARRIERS = (0.2, 0.9), (0.1, 0.3)  # the first, by the part that the start takes longer than the fastest
 FALL = 0.8  # of barriers: lower ones save steps where it goes well, and cost many where it does not
-FIRST, STEPS, LAST, SETTLED = (
-    12,
-    45,
-    3,
-    3e-4,
-)  # steps at least and at most; the last of them, and what they gain at least
+FIRST, STEPS = 12, 45  # steps at least and at most
+LAST, SETTLED = 3, 3e-4  # steps, and the part of the duration that they change at most where the search ends
 SMOOTH = 5e-3  # of s̈ that may jump before the spline is made
 LEFT, ENOUGH = 1e-3, 2e-4  # of limits before the first step; part of the duration that is not looked for
 CONVEX = 0.02  # least added curvature, in parts
@@ -161,7 +156,7 @@ class SpeedProblem:
         """Largest part of s̈ by which an equation is not met."""
         return max(float(np.abs(each.value).max()) for each in self.zero(y))
 
-    @cached_property
+    @property
     def rates(self) -> np.ndarray:
         """(m - 1,) numbers of the rates; a speed and an acceleration follow each."""
         return 3 * np.arange(len(self.way))
@@ -212,10 +207,8 @@ class SpeedProblem:
         return found
 
 
-Rows, Numbers = (
-    tuple[np.ndarray, ...],
-    tuple[np.ndarray, ...],
-)  # of (x, p, c, e): p = ṡ, c = s̈ at one end, e = s̈ at the other
+Rows = tuple[np.ndarray, ...]
+Numbers = tuple[np.ndarray, ...]  # of the unknowns x; p = ṡ and c = s̈ at one end of a piece; e = s̈ at the other
 
 
 def _velocity(
