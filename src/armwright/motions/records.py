@@ -25,7 +25,7 @@ class LimitsTable(Record):
     velocity: PerJoint | None = optional("[rad/s | m/s].")
     acceleration: PerJoint | None = optional("[rad/s² | m/s²].")
     jerk: PerJoint | None = optional(
-        "[rad/s³ | m/s³]; not kept by parabolic blends, trapezoids and time_optimal segments."
+        "[rad/s³ | m/s³]; not kept by parabolic blends and trapezoids, nor by time_optimal beside torque or voltage."
     )
     torque: PerJoint | None = optional("Of the motors, referred to the joints [N m | N].")
     voltage: PerJoint | None = optional("Of the motors [V].")

@@ -9,8 +9,9 @@ definite where it is so at all; elsewhere just enough is added to its diagonal.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property, reduce
 from itertools import islice
 from typing import Any, Protocol
 
@@ -55,6 +56,82 @@ class Terms:
         """(2, r, n) distances to the upper and the lower limit."""
         return np.stack([self.most - self.value, self.most + self.value])
 
+    def change(self, step: np.ndarray) -> np.ndarray:
+        """(r, n) by which the values change along a step, to first order."""
+        return _sum(slope * step[at] for slope, at in zip(self.first, self.at, strict=True))
+
+    def sums(self, weight: np.ndarray, multiplier: np.ndarray, force: np.ndarray) -> Sums:
+        """force ∇f by unknown, and by pairs  weight ∇f ∇fᵀ  and  multiplier ∇²f;  all given (r, n)."""
+        pairs = [(a, b) for a in range(len(self.at)) for b in range(a, len(self.at))]
+        return (
+            [force * slope for slope in self.first],
+            {(a, b): weight * self.first[a] * self.first[b] for a, b in pairs},
+            {pair: multiplier * curve for pair, curve in self.second.items()},
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Combined:
+    """Linear combinations  f_nr = Σ_k rows_knr φ_kr  of a few functions φ of the unknowns: n of them at each of r places.
+
+    Attributes:
+        rows: (n, r) factors, one array each.   values: (r,) of φ.   at: numbers of the unknowns (r,), one array each.
+        first: by unknown and by number of the function the derivatives (r,), or a number; 0 where absent.
+        second: by pairs of unknowns a ≤ b, and by number of the function; 0 where absent.
+        most: (n, r) or less, largest value.   least: smallest one; None: -most.
+    """
+
+    rows: tuple[np.ndarray, ...]
+    values: tuple[np.ndarray, ...]
+    at: tuple[np.ndarray, ...]
+    first: tuple[dict[int, Any], ...]
+    second: dict[tuple[int, int], dict[int, Any]]
+    most: Any = 1.0
+    least: Any = None
+
+    @cached_property
+    def value(self) -> np.ndarray:
+        """(n, r)."""
+        return self._combined(dict(enumerate(self.values)))
+
+    @property
+    def slacks(self) -> np.ndarray:
+        """(2, n, r) distances to the upper and the lower limit."""
+        return np.stack([self.most - self.value, self.value + (self.most if self.least is None else -self.least)])
+
+    def change(self, step: np.ndarray) -> np.ndarray:
+        """(n, r) by which the values change along a step, to first order."""
+        changes: dict[int, Any] = {}
+        for slopes, at in zip(self.first, self.at, strict=True):
+            for k, slope in slopes.items():
+                changes[k] = changes.get(k, 0.0) + slope * step[at]
+        return self._combined(changes)
+
+    def sums(self, weight: np.ndarray, multiplier: np.ndarray, force: np.ndarray) -> Sums:
+        """As of `Terms`, but summed over the combinations: by unknown and by pair (r,)."""
+        count = range(len(self.rows))
+        weighted = [weight * row for row in self.rows]
+        products = {(k, m): np.einsum("nr,nr->r", weighted[k], self.rows[m]) for k in count for m in count if k <= m}
+        products |= {(m, k): each for (k, m), each in products.items()}
+        forces, multipliers = ([np.einsum("nr,nr->r", each, row) for row in self.rows] for each in (force, multiplier))
+        first = [list(slopes.items()) for slopes in self.first]
+        pairs = [(a, b) for a in range(len(first)) for b in range(a, len(first))]
+        return (
+            [_sum(forces[k] * slope for k, slope in slopes) for slopes in first],
+            {(a, b): _sum(x * products[k, m] * y for k, x in first[a] for m, y in first[b]) for a, b in pairs},
+            {pair: _sum(multipliers[k] * each for k, each in curves.items()) for pair, curves in self.second.items()},
+        )
+
+    def _combined(self, values: dict[int, np.ndarray]) -> np.ndarray:
+        return _sum(self.rows[k] * value for k, value in values.items())
+
+
+def _sum(arrays: Iterable[np.ndarray]) -> np.ndarray:
+    return reduce(np.add, arrays)
+
+
+Sums = tuple[list[np.ndarray], dict[tuple[int, int], np.ndarray], dict[tuple[int, int], np.ndarray]]
+
 
 class TimesProblem(Protocol):
     """Constraints of a problem."""
@@ -74,7 +151,7 @@ class TimesProblem(Protocol):
         """Largest distance of the numbers of two unknowns of one term."""
         ...
 
-    def limited(self, y: np.ndarray) -> list[Terms]:
+    def limited(self, y: np.ndarray) -> Sequence[Terms | Combined]:
         """f, with its limits."""
         ...
 
@@ -104,13 +181,17 @@ def shortest_times(problem: TimesProblem, y: np.ndarray, scaled: Callable[[np.nd
     return best
 
 
-def iterates(problem: TimesProblem, y: np.ndarray) -> Iterator[np.ndarray]:
+def iterates(
+    problem: TimesProblem, y: np.ndarray, barrier: float = BARRIER, fall: float = FALL, convex: float = CONVEX
+) -> Iterator[np.ndarray]:
     """Unknowns after each step, without end but where no step is left; limits hold in all, equations in the later ones.
 
     Args:
         problem: constraints.   y: unknowns at the start, within all limits.
+        barrier: the first; lower near the solution.   fall: factor by which it falls.
+        convex: part of the curvature that is added at least where Newton's matrix is not positive definite; it slows the steps.
     """
-    barrier, loose, added, limited = BARRIER, LOOSE, 0.0, problem.limited(y)
+    loose, added, limited = LOOSE, 0.0, problem.limited(y)
     slacks = [each.slacks for each in limited]
     pressure = [barrier / each for each in slacks]  # the multipliers of both limits
     multipliers = [np.zeros_like(each.value) for each in problem.zero(y)]
@@ -123,26 +204,29 @@ def iterates(problem: TimesProblem, y: np.ndarray) -> Iterator[np.ndarray]:
         for each, force in zip(jumps, multipliers, strict=True):
             force = force + each.value / loose
             system.add(each, np.full_like(force, 1.0 / loose), force, force)
-        step, added = system.step(added)
+        step, added = system.step(added, convex)
         if step is None:
             return
         length, limited, slacks_then = _within(problem, y, step, limited, slacks)
         if length < SHORTEST:
             return
         for k, each in enumerate(jumps):
-            moved = sum(slope * step[at] for slope, at in zip(each.first, each.at, strict=True))
-            multipliers[k] = multipliers[k] + length * (each.value + length * moved) / loose
+            multipliers[k] = multipliers[k] + length * (each.value + length * each.change(step)) / loose
         for k, (slack, then) in enumerate(zip(slacks, slacks_then, strict=True)):
             change = barrier / slack - pressure[k] - pressure[k] / slack * (then - slack) / length
             pressure[k] = np.clip(pressure[k] + length * change, barrier / then / SAFEGUARD, SAFEGUARD * barrier / then)
         y, slacks = y + length * step, slacks_then
         yield y
-        barrier = max(LEAST_BARRIER, FALL * barrier) if length > FAR_ENOUGH else barrier
+        barrier = max(LEAST_BARRIER, fall * barrier) if length > FAR_ENOUGH else barrier
 
 
 def _within(
-    problem: TimesProblem, y: np.ndarray, step: np.ndarray, limited: list[Terms], slacks: list[np.ndarray]
-) -> tuple[float, list[Terms], list[np.ndarray]]:
+    problem: TimesProblem,
+    y: np.ndarray,
+    step: np.ndarray,
+    limited: Sequence[Terms | Combined],
+    slacks: list[np.ndarray],
+) -> tuple[float, Sequence[Terms | Combined], list[np.ndarray]]:
     """Length of a step that keeps all limits, the limited terms after it and their slacks.
 
     The first length that is tried keeps them if they were linear.
@@ -150,7 +234,7 @@ def _within(
     rates = problem.rates
     shrinking = [(y[rates], step[rates])]
     for each, slack in zip(limited, slacks, strict=True):
-        change = sum(slope * step[at] for slope, at in zip(each.first, each.at, strict=True))
+        change = each.change(step)
         shrinking += [(slack[0], -change), (slack[1], change)]
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         rooms = [np.where(change < 0.0, -room / change, np.inf).min() for room, change in shrinking]
@@ -173,28 +257,30 @@ class _System:
         self.slopes = [(rates, -1.0 / y[rates] ** 2)]
         self.curves: list[tuple[np.ndarray, np.ndarray]] = []  # that make all terms convex
 
-    def add(self, terms: Terms, weight: np.ndarray, multiplier: np.ndarray, force: np.ndarray) -> None:
+    def add(self, terms: Terms | Combined, weight: np.ndarray, multiplier: np.ndarray, force: np.ndarray) -> None:
         """weight ∇f ∇fᵀ + multiplier ∇²f  to the matrix, and  force ∇f  to the gradient."""
-        for a, (at, slope) in enumerate(zip(terms.at, terms.first, strict=True)):
-            self.slopes.append((at, force * slope))
-            for b in range(a, len(terms.at)):
-                value = weight * slope * terms.first[b]
-                if (a, b) in terms.second:
-                    curve = multiplier * terms.second[a, b]
-                    value = value + curve
-                    if a == b:
-                        self.curves.append((at, np.maximum(-curve, 0.0)))
-                    else:  # |c| (r da² + db² / r) ≥ 2 |c da db|
-                        ratio = self.typical[terms.at[b]] / self.typical[at]
-                        self.curves += [(at, np.abs(curve) * ratio), (terms.at[b], np.abs(curve) / ratio)]
+        slopes, products, curves = terms.sums(weight, multiplier, force)
+        self.slopes += zip(terms.at, slopes, strict=True)
+        for (a, b), value in products.items():
+            at, to = terms.at[a], terms.at[b]
+            if (a, b) in curves:
+                curve = curves[a, b]
+                value = value + curve
+                if a == b:
+                    self.curves.append((at, np.maximum(-curve, 0.0)))
+                else:  # |c| (r da² + db² / r) ≥ 2 |c da db|
+                    ratio = self.typical[to] / self.typical[at]
+                    self.curves += [(at, np.abs(curve) * ratio), (to, np.abs(curve) / ratio)]
+            if isinstance(terms, Terms):
                 # a sum may have an unknown twice: its product with itself then stands on both sides of the diagonal
-                self.entries.append((at, terms.at[b], value * (1.0 + ((at == terms.at[b]) & (a != b)))))
+                value = value * (1.0 + ((at == to) & (a != b)))
+            self.entries.append((at, to, value))
 
-    def step(self, added: float) -> tuple[np.ndarray | None, float]:
+    def step(self, added: float, convex: float) -> tuple[np.ndarray | None, float]:
         """Newton's step, and the added curvature that made its matrix positive definite; None: none does.
 
         Args:
-            added: curvature of the step before; a little less is tried first.
+            added: curvature of the step before; a little less is tried first.   convex: the least.
         """
         rows, columns, values = (np.concatenate([each[k].ravel() for each in self.entries]) for k in range(3))
         places = np.abs(rows - columns) * self.size + np.minimum(rows, columns)
@@ -204,7 +290,7 @@ class _System:
         gradient[self.pinned] = 0.0
         if not (np.isfinite(gradient).all() and np.isfinite(matrix).all()):
             return None, 0.0
-        added = added / STRONGER if added > CONVEX else 0.0
+        added = added / STRONGER if added > convex else 0.0
         diagonal, curve = matrix[0].copy(), self._sum(self.curves) if added else np.zeros(self.size)
         while added < STRONGEST:
             matrix[0] = diagonal + added * curve
@@ -212,7 +298,7 @@ class _System:
                 return -cho_solve_banded((cholesky_banded(matrix, lower=True), True), gradient), added
             except np.linalg.LinAlgError:
                 curve = curve if added else self._sum(self.curves)
-                added = max(CONVEX, STRONGER * added)
+                added = max(convex, STRONGER * added)
         return None, added
 
     def _sum(self, parts: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:

@@ -15,12 +15,15 @@ from armwright.trajectory.path import JointPath
 from armwright.trajectory.piecewise import PiecewiseMotion, PiecewisePolynomial
 from armwright.trajectory.poses import check_limits, check_number
 from armwright.trajectory.splines import CURVES, optimised_spline, spline
+from armwright.trajectory.time_optimal.jerk_limited import has_jerk_limits, jerk_limited
 from armwright.trajectory.time_optimal.motion import PathMotion
+from armwright.trajectory.time_optimal.timing import PathTiming
 from armwright.trajectory.time_optimal.whole_cells import WholeCells
 
 CHOICES = ("fastest", *CURVES, "time_optimal", "parabolic")
 FASTER = 0.98  # of the cubic spline's duration: jumps of acceleration are not worth less
 CELLS = 100  # of a path with constant s̈ each, at least; between two waypoints 48
+MANY = 300  # waypoints: a path within limits of jerk takes longer than a second to plan through more
 COINCIDENT = 1e-12  # [rad | m] between waypoints that are one, by their size
 KEPT = 1.0 + 1e-9  # share of a limit that rounding may use
 
@@ -33,6 +36,7 @@ class Waypoints(PiecewiseMotion):
     |-------------------|-------------------------------|------------|--------------------------------------------------|
     | "fastest"         | as "time_optimal" or "cubic"  | as theirs  | rest; q̈ jumps there                              |
     | "time_optimal"    | a path, as fast as possible   | q, q̇       | rest; q̈ jumps there, and between                 |
+    |                   | with a limit of jerk          | q, q̇, q̈    | rest, q̈ = 0                                      |
     | "cubic"           | third degree                  | q, q̇, q̈    | rest; q̈ jumps there                              |
     | "natural_cubic"   | third degree                  | q, q̇, q̈    | q̈ = 0; it begins and ends moving                 |
     | "quintic"         | fifth degree                  | up to q⁽⁴⁾ | rest, q̈ = 0                                      |
@@ -40,9 +44,9 @@ class Waypoints(PiecewiseMotion):
     | "parabolic"       | straight lines, rounded off   | q, q̇       | rest; it passes inner waypoints at a distance    |
 
     "time_optimal" goes along the natural cubic spline over √|Δq| between waypoints [Lee1989], C², at the largest path speed
-    within limits of velocity and acceleration [PhamPham2018]. "fastest" is that where it is more than 2 % faster than the
-    cubic spline and nothing that is stated asks for continuous accelerations: no limit of jerk, no `duration` that the
-    spline can keep, no `times`. Else it is the cubic spline. `curve` then says which.
+    within limits of velocity and acceleration [PhamPham2018], and of jerk: then q̈ is continuous, in a local optimum. "fastest" is
+    that where it is more than 2 % faster than the cubic spline, without a `duration` that the spline can keep, without `times`,
+    and through 300 waypoints at most where jerk is limited. Else it is the cubic spline. `curve` then says which.
 
     All but parabolic blends pass through all waypoints and may swing out between them; what leaves the limits of position is
     refused, with the joint and how far. Parabolic blends never leave the polygon's corners outwards, see `parabolic_blends`.
@@ -107,9 +111,6 @@ class Waypoints(PiecewiseMotion):
         bounds = [limits.velocity, limits.acceleration] + [limits.jerk] * (self.curve != "parabolic")
         if self.curve in ("parabolic", "time_optimal"):
             limits.required("acceleration", moving=moving)
-        if self.curve == "time_optimal" and np.isfinite(limits.jerk[moving]).any():
-            expected = "jerk = inf in the limits, or another curve"
-            raise ScenarioError("its accelerations jump", place="Waypoints.curve", value=self.curve, expected=expected)
         free = np.isinf(bounds).all(axis=0) & moving
         if free.any():
             names = ", ".join(limits.names[k] for k in np.flatnonzero(free))
@@ -134,13 +135,15 @@ class Waypoints(PiecewiseMotion):
         return found.delayed(float(self.time))
 
     def _fastest(self, points: np.ndarray, limits: MotionLimits) -> _Found:
-        """The cubic spline, or the path where its accelerations may jump and it is faster; see the class."""
+        """The cubic spline, or the path where it is faster; see the class."""
         moving = np.ptp(points, axis=0) > 0.0
         cubic = _Found.spline("cubic", optimised_spline("cubic", points, limits))
-        if np.isinf(limits.acceleration[moving]).any() or np.isfinite(limits.jerk[moving]).any():
+        if np.isinf(limits.acceleration[moving]).any():
             return cubic
         is_within, longest = _swing(cubic, limits) is None, cubic.polynomial.duration
         if is_within and self.duration is not None and longest <= self.duration:
+            return cubic
+        if is_within and len(points) > MANY and np.isfinite(limits.jerk[moving]).any():
             return cubic
         path = _along_path(points, limits)
         is_faster = path.polynomial.duration < FASTER * longest
@@ -210,12 +213,15 @@ def _blended(points: np.ndarray, lengths: np.ndarray, blends: np.ndarray) -> _Fo
 
 
 def _along_path(points: np.ndarray, limits: MotionLimits) -> _Found:
-    """The natural spline over √|Δq|, as fast as limits of velocity and acceleration allow, from time 0. [PhamPham2018]"""
+    """The natural spline over √|Δq|, as fast as limits of velocity, acceleration and jerk allow, from time 0. [PhamPham2018]"""
     ways = np.sqrt(np.sqrt((np.diff(points, axis=0) ** 2).sum(axis=1)))
     path = JointPath(points, np.append(0.0, np.cumsum(ways)))
     cells = WholeCells.of(path, limits, CELLS)
-    motion = PathMotion(path, cells.s, cells.fastest((0.0, 0.0)), 0.0, {}, 0.0, ramps=False)
-    passes = motion.breaks[np.searchsorted(cells.s, path.breaks)]
+    timing = PathTiming(cells.s, cells.fastest((0.0, 0.0)), ramps=False)
+    if has_jerk_limits(path, limits):
+        timing = jerk_limited(path, limits, timing)[0]
+    motion = PathMotion(path, timing.s, timing.x, 0.0, {}, 0.0, ramps=False, spans=timing.spans)
+    passes = motion.breaks[np.searchsorted(timing.s, path.breaks)]
     rates = (np.diff(path.breaks) / np.diff(passes))[:, None, None]
     rows = path.curve.c[::-1].transpose(1, 2, 0)
     shape = PiecewisePolynomial(passes, rows * rates ** np.arange(rows.shape[2]))

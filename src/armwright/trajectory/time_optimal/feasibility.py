@@ -40,9 +40,14 @@ def check_limits(arm: Model, limits: MotionLimits, path: JointPath, rms_torque: 
     Raises:
         ScenarioError: names the quantity and the joints.
     """
-    if np.isfinite(limits.jerk).any():
-        expected = "inf: a time-optimal motion jumps in acceleration"
-        raise ScenarioError("jerk is not limited here", place="limits.jerk", value=limits.jerk, expected=expected)
+    moving = np.ptp(np.asarray(path.waypoints), axis=0) > 0.0
+    if np.isfinite(limits.jerk[moving]).any():
+        for place, values in (("torque", limits.torque), ("voltage", limits.voltage), ("rms_torque", rms_torque)):
+            if np.isfinite(values).any():
+                expected = f"inf, or {place} = inf: only velocity and acceleration may be limited beside jerk"
+                raise ScenarioError(
+                    f"with a limit of {place}", place="limits.jerk", value=limits.jerk, expected=expected
+                )
     massless = bool(arm.without_masses) or not np.asarray(arm.inertial_parameters, dtype=float).any()
     dark = [
         body.joint for body in arm.coordinates if body.drive.resistance is None or body.drive.torque_constant is None
@@ -56,7 +61,6 @@ def check_limits(arm: Model, limits: MotionLimits, path: JointPath, rms_torque: 
         if lacks and np.isfinite(values).any():
             expected = f"a record that can tell it, or {place.removeprefix('limits.')} = inf"
             raise ScenarioError(f"the record of {arm.name} has {lacks}", place=place, expected=expected)
-    moving = np.ptp(np.asarray(path.waypoints), axis=0) > 0.0
     bounded = np.isfinite([limits.acceleration, limits.torque, limits.voltage]).any(axis=0)
     if not (moving & bounded).any():
         free = ", ".join(name for name, moves in zip(limits.names, moving, strict=True) if moves)

@@ -23,7 +23,7 @@ class PathMotion(Motion):
     """q(s(t)): a path with s̈ linear in time or constant between grid points, so polynomials of time of three times the path's
     degree, or of twice.
 
-    Accelerations jump where the active limit changes: jerk is not limited.
+    Accelerations jump where the active limit changes, but with a limit of jerk: then s̈ is continuous.
 
     Attributes:
         path: q(s).   s: (m,) grid.   x: (m,) ṡ² there.   time: [s] of the beginning.
@@ -32,6 +32,7 @@ class PathMotion(Motion):
         notes: about effects of the record that torques and voltages approximate.
         ramps: one for all, or (m - 1,): between grid points s̈ is linear in time, else constant, as with limits of velocity and
             acceleration alone.
+        spans: (m - 1,) [s] durations of the pieces where jerk is limited; else None.
         rms_torque: (n,) [N m | N] root mean square torques of the motors over the motion, where they are limited; else None.
     """
 
@@ -44,6 +45,7 @@ class PathMotion(Motion):
     notes: tuple[str, ...] = ()
     ramps: bool | np.ndarray = True
     rms_torque: np.ndarray | None = None
+    spans: np.ndarray | None = None
 
     @property
     def n(self) -> int:
@@ -76,7 +78,7 @@ class PathMotion(Motion):
 
     @cached_property
     def _timing(self) -> PathTiming:
-        return PathTiming(self.s, self.x, self.ramps)
+        return PathTiming(self.s, self.x, self.ramps, self.spans)
 
     @property
     def breaks(self) -> np.ndarray:
@@ -92,7 +94,7 @@ class PathMotion(Motion):
         """The motion as polynomials of time."""
         timing = self._timing
         terms = [timing.speeds[:-1], 0.5 * timing.accelerations, timing.jerks / 6.0]
-        terms = terms if np.any(self.ramps) else terms[:2]
+        terms = terms if np.any(self.ramps) or self.spans is not None else terms[:2]
         gone = np.stack([np.zeros_like(terms[0]), *terms], axis=-1)[:, None]  # s - s_k over the time since then
         degree = len(self.path.curve.c) - 1
         taylor = [self.path.derivative(self.s[:-1], order)[..., None] for order in range(degree + 1)]

@@ -27,8 +27,10 @@ from armwright.trajectory.time_optimal.feasibility import (
     too_weak_to_move,
 )
 from armwright.trajectory.time_optimal.heat import cooled
+from armwright.trajectory.time_optimal.jerk_limited import has_jerk_limits, jerk_limited
 from armwright.trajectory.time_optimal.motion import PathMotion
 from armwright.trajectory.time_optimal.planner import Planner
+from armwright.trajectory.time_optimal.timing import PathTiming
 from armwright.trajectory.time_optimal.whole_cells import WholeCells
 
 SUPPORT = KERNELS.named("time_optimal")
@@ -63,8 +65,11 @@ def time_optimal(
     largest ṡ² in them forwards, by exact linear programs [BobrowEtAl1985], [PhamPham2018]. Limits of velocity and acceleration
     alone hold between grid points by construction. With torques and voltages, whose tangents are taken again until the plan
     settles, it is judged on a denser grid; limits that it exceeds there are shrunk, and it is made again. Friction may forbid
-    speeds between lower and higher ones: no plan passes through them, but one that begins below may miss a way above. Jerk is
-    not limited: accelerations jump.
+    speeds between lower and higher ones: no plan passes through them, but one that begins below may miss a way above.
+
+    Accelerations jump, unless limits of jerk are stated beside those of velocity and acceleration, for motions from rest to rest:
+    then q̈ is continuous, 0 at both ends, and |q⃛| stays below its limit, in a local optimum. With limits of torque or voltage,
+    jerk cannot be limited.
 
     The motors' heat over the whole motion, √(∫ tau² dt / T) ≤ `rms_torque`, is kept by an outer search over plans within less
     torque, each played as slowly as it takes: for a mass on a straight line 7.5 % longer than the fastest there is.
@@ -107,10 +112,10 @@ def time_optimal(
         arm = arm.with_payload(payload.mass, payload.com, payload.inertia, payload.frame)
     free = limits.replace(torque=np.inf)
     continuous = free.torque if rms_torque is None else free.read("rms_torque", "torque", rms_torque)
-    if np.isfinite(continuous).any() and any(ends):
-        raise ScenarioError(
-            "with rms_torque", place="speeds", value=speeds, expected="(0, 0): slower motions are tried"
-        )
+    for what, is_limited in (("rms_torque", np.isfinite(continuous).any()), ("jerk", has_jerk_limits(path, limits))):
+        if is_limited and any(ends):
+            expected = "(0, 0): motions that are slower as a whole are tried"
+            raise ScenarioError(f"with a limit of {what}", place="speeds", value=speeds, expected=expected)
     check_limits(arm, limits, path, continuous)
     check_positions(limits, path)
     if clearance is not None:
@@ -128,10 +133,15 @@ def _planned(
     """The fastest motion within limits that hold at every time; see `time_optimal`."""
     if not np.isfinite([limits.torque, limits.voltage]).any():
         cells = WholeCells.of(path, limits, grid)
-        x = cells.fastest(ends)
-        used = cells.used(x)
+        timing = PathTiming(cells.s, cells.fastest(ends), ramps=False)
+        if has_jerk_limits(path, limits):
+            timing, used = jerk_limited(path, limits, timing)
+        else:
+            used = cells.used(timing.x)
         excess = max(float(each.max()) for each in used.values()) - 1.0
-        return PathMotion(path, cells.s, x, time, used, excess, SUPPORT.notes(arm), ramps=False)
+        return PathMotion(
+            path, timing.s, timing.x, time, used, excess, SUPPORT.notes(arm), ramps=False, spans=timing.spans
+        )
     dyn, best, failure = compile_arm(without_servos(arm)), None, None
     least = max(grid, min(BETWEEN * (len(path.breaks) - 1), MOST_GRID))
     for count in (least * 2**k for k in range(FINER)):

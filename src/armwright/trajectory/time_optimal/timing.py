@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -22,11 +22,18 @@ class PathTiming:
 
     Attributes:
         s: (m,) grid.   x: (m,) ṡ² there.   ramps: one, or (m - 1,): where False, s̈ is constant.
+        spans: (m - 1,) [s] durations of the pieces of a cubic spline s(t), whose s̈ is continuous; None: by the ramps.
     """
 
     s: np.ndarray
     x: np.ndarray
     ramps: bool | np.ndarray = True
+    spans: np.ndarray | None = None
+
+    def slowed(self, factor: float) -> PathTiming:
+        """As slow: every duration times a factor."""
+        spans = None if self.spans is None else factor * self.spans
+        return replace(self, x=self.x / factor**2, spans=spans)
 
     @cached_property
     def speeds(self) -> np.ndarray:
@@ -36,6 +43,9 @@ class PathTiming:
     @cached_property
     def jerks(self) -> np.ndarray:
         """(m - 1,) s⃛ in each piece."""
+        if self.spans is not None:
+            mean = 0.5 * (self.speeds[:-1] + self.speeds[1:])
+            return 12.0 * (mean * self.spans - np.diff(self.s)) / self.spans**3
         if not np.any(self.ramps):
             return np.zeros(len(self.s) - 1)
         v, ds = self.speeds, np.diff(self.s)
@@ -53,6 +63,8 @@ class PathTiming:
     @cached_property
     def durations(self) -> np.ndarray:
         """(m - 1,) [s] of the pieces: the T near 2 Δs / (v₀ + v₁) with  Δs = (v₀ + v₁) T / 2 - s⃛ T³ / 12."""
+        if self.spans is not None:
+            return self.spans
         mean, ds = 0.5 * (self.speeds[:-1] + self.speeds[1:]), np.diff(self.s)
         times = ds / mean
         for _ in range(NEWTON):
