@@ -95,9 +95,9 @@ def test_every_stage_of_a_simulation_has_the_bits_of_the_cpu_s(gpu):
 
 def test_what_has_no_cuda_text_is_refused():
     step = stages()[-1].step
-    with pytest.raises(ProgramError, match="carries tangents, or searches"):
+    with pytest.raises(ProgramError, match="tangents"):
         cuda_loop_source(Integrate(step, landing=step))
-    with pytest.raises(ProgramError, match="carries tangents, or searches"):
+    with pytest.raises(ProgramError, match="tangents"):
         cuda_loop_source(Exchange(2, 1, 3, 4, 2))
     with pytest.raises(ProgramError, match="looks for events"):
         cuda_loop_source(Adapt(step, 10, cross=step, halve=step, choose=step, note=step))

@@ -183,29 +183,29 @@ def follow(t, r, y):
     ("run", "error", "said"),
     [
         (lambda s: aw.simulate(on(s, "gpu")), ScenarioError, 'solver.device = \'gpu\': expected "cpu", "cuda"'),
-        (lambda s: aw.simulate(on(s, "cuda:2")), ModelError, "device = 'cuda:2': there are 1, counted from 0"),
+        (lambda s: aw.simulate(on(s, "cuda:2")), ModelError, "device = 'cuda:2': .*1"),
         (
             lambda s: aw.simulate(on(replace(s, command=None, loop=aw.Loop(follow, [0.1, 0.1])))),
-            ScenarioError, r"solver.device = 'cuda': a loop with Python between its stages runs on the CPU \(.*; expected cpu",
+            ScenarioError, "solver.device = 'cuda': .*Python .*expected cpu",
         ),
         (
             lambda s: Simulation(on(replace(s, command=None))).step([0.0, 0.0]),
-            ScenarioError, "solver.device = 'cuda': .*it is commanded from outside",
+            ScenarioError, "solver.device = 'cuda': .*from outside",
         ),
         (lambda s: aw.simulate(on(replace(s, solver=aw.Solver("cvodes")))), ScenarioError, "'cvodes' runs on the CPU"),
         (
             lambda s: aw.simulate(on(replace(s, solver=aw.Solver("rk45", events={"past": lambda t, x: x.q[0] - 0.1})))),
-            ScenarioError, "solver.events are found on the CPU",
+            ScenarioError, "solver.events .*CPU",
         ),
         (
             lambda s: aw.simulation.sensitivities(on(s), ["forearm.mass_kg"]),
-            ScenarioError, "solver.device = 'cuda': expected 'cpu', where derivatives run",
+            ScenarioError, "solver.device = 'cuda': expected 'cpu', .*derivatives",
         ),
         (
             lambda s: aw.simulate(on(s), loop=compile_loop(s.arm)),
-            ScenarioError, "compiled for device = cpu, not for the scenario's cuda",
+            ScenarioError, "device = cpu, .*cuda",
         ),
-        (lambda s: aw.write_scenario(on(s), "x.scenario.toml"), ArmwrightError, "solver.device: is not part of a scenario file"),
+        (lambda s: aw.write_scenario(on(s), "x.scenario.toml"), ArmwrightError, "solver.device: .*scenario file"),
     ],
 )  # fmt: skip
 def test_what_a_gpu_does_not_simulate_is_refused(gpu, run, error, said):
