@@ -119,7 +119,7 @@ def test_two_logs_of_another_servo_are_described():
     fit = aw.identification.identify_servo(real_logs("sts3250"), progress=False)
     print(f"sts3250: {fit.order}, {fit.error:.4f} rad, {fitted_numbers(fit)}")
     assert fit.error < 0.01
-    assert fit.estimate.verdict == "not identified"  # one gain and one load do not tell Kt and R apart
+    assert fit.estimate.verdict == "not identified"  # one gain and one load do not determine Kt and R
     assert any(each.startswith("kt ±") for each in fit.sentences())
 
 

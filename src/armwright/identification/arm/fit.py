@@ -325,8 +325,8 @@ def with_loads(source: SampleSource, fit: ArmFit) -> ArmFit:
     """The fit with a covariance that counts how wrong the record may be about the friction that loads add, as the log lets it.
 
     A share ε_j of these torques D_j that is missing moves the parameters by  −H⁻¹ XᵀWD ε,  H = XᵀWX. With the part of D that X
-    does not explain,  D̃ = D + X S,  S = −H⁻¹ XᵀWD,  the log tells ε to (D̃ᵀWD̃)⁻¹, with the scores' correlation: S cov(ε) Sᵀ is
-    added, which makes it the covariance of a fit that has ε among its unknowns.
+    does not explain,  D̃ = D + X S,  S = −H⁻¹ XᵀWD,  the log determines ε to (D̃ᵀWD̃)⁻¹, with the scores' correlation in time.
+    S cov(ε) Sᵀ is added, which makes it the covariance of a fit that has ε among its unknowns.
 
     Args:
         source: gives the samples, anew at each call.   fit: of these samples.

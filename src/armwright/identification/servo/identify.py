@@ -218,7 +218,7 @@ def _concluded(
     vague = {name: share for name, share in vague.items() if share > VAGUE}
     if vague:
         each = ", ".join(f"{name} ± {share:.0%}" for name, share in vague.items())
-        wrong.append(f"{each} (std): other gains, loads and motions are needed to tell them")
+        wrong.append(f"{each} (std): other gains, loads and motions are needed to determine them")
     record = bench_record(logs[0], loop, by_name, by_name[OFFSET])
     estimate = Estimate(
         names=tuple(names),
