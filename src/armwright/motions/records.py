@@ -52,7 +52,8 @@ class WaypointsSegment(Record):
     kind: Literal["waypoints"] = Field(description="Which kind of segment.")
     points: Points = Field(description="Waypoints [rad | m], the arm's own pose before them left away.")
     curve: Literal["fastest", "cubic", "quintic", "parabolic"] = Field(
-        default="cubic", description="Between the waypoints. Of `fastest` accelerations may jump there as well."
+        default="cubic",
+        description="Between the waypoints. Of `fastest` accelerations may jump there as well, without a limit of jerk.",
     )
     times_s: tuple[Number, ...] | None = optional(
         "Of the waypoints, from the segment's beginning on; absent: by the limits."

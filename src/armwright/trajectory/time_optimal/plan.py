@@ -95,6 +95,10 @@ def time_optimal(
         >>> fast = aw.trajectories.time_optimal("cmu-dd", path, grid=100)
         >>> round(fast.duration, 2)  # within the motors' torques and voltages
         0.28
+        >>> free = {"torque": float("inf"), "voltage": float("inf")}
+        >>> limits = aw.trajectories.MotionLimits.of("cmu-dd", acceleration=20.0, jerk=400.0, **free)
+        >>> round(aw.trajectories.time_optimal("cmu-dd", path, limits).duration, 2)  # with continuous accelerations
+        0.43
     """
     arm = as_arm(arm)
     path = path if isinstance(path, JointPath) else JointPath(path)
