@@ -13,6 +13,15 @@ from armwright.results.result import Result
 from armwright.results.table import Table, number
 
 
+def how_far(distance: float, angle: float | None) -> str:
+    """What separates two poses, to the micrometre and to 10 µrad, which a search reaches by chance: "435.7 mm and 0 mrad".
+
+    Args:
+        distance: [m].   angle: [rad]; None where orientations do not count.
+    """
+    return f"{round(1e3 * distance, 3):.4g} mm" + ("" if angle is None else f" and {round(1e3 * angle, 2):.4g} mrad")
+
+
 @dataclass(frozen=True, eq=False)
 class PoseBranches:
     """All solutions of a closed form, eight to a target; at singular poses some of them are the same.
@@ -123,7 +132,7 @@ class PoseSolutions(Result):
                 why = self.branches.obstacle(k, self.tolerance) if self.branches is not None else UNREACHABLE
                 lines.append(f"target {', '.join(map(str, place)) or 0}: {why}")
                 continue
-            off = f"{1e3 * self.position_error[k]:.4g} mm and {1e3 * self.angle_error[k]:.4g} mrad"
+            off = how_far(float(self.position_error[k]), float(self.angle_error[k]))
             lines.append(
                 f"target {', '.join(map(str, place)) or 0}: not reached, the nearest pose is {off} off{self._limits(k)}"
             )

@@ -13,6 +13,7 @@ from scipy.interpolate import PPoly
 from armwright.collision import Clearance
 from armwright.entry import AnyArm, as_arm
 from armwright.errors import ABSENT, ScenarioError
+from armwright.ik.solutions import how_far
 from armwright.ik.solve import inverse_kinematics
 from armwright.ik.starts import random_positions
 from armwright.kinematics.aim import AXES, Aim
@@ -383,7 +384,7 @@ def _solved(tool: Tool, path: CartesianPath, s: np.ndarray) -> tuple[np.ndarray,
 def _out_of_reach(
     follower: Follower, s: float, distance: float, angle: float, worst: float | None = None
 ) -> ScenarioError:
-    off = f"{1e3 * distance:.4g} mm" + (f" and {1e3 * angle:.4g} mrad" if follower.tool.aim.counted else "")
+    off = how_far(distance, angle if follower.tool.aim.counted else None)
     at = "" if worst is None else f" at s = {worst:.4g} m"
     what = f"out of reach within the joints' limits: the nearest pose is {off} off{at}"
     return ScenarioError(what, place=place(follower.path, s), expected="a path that the arm reaches")
