@@ -12,20 +12,10 @@ from armwright.cli.app import app
 from armwright.cli.arguments import angle
 from armwright.cli.old_names import OLD, UNTIL
 from armwright.errors import ScenarioError
+from cli.commands import COMMANDS, ROOT
 from raises_at import raises_at
 
-ROOT = typer.main.get_command(app)
 Error = typer.BadParameter.__mro__[1]  # UsageError, which typer keeps to itself
-
-
-def single(command, path=""):
-    """Every command by its full name."""
-    for name, inner in command.commands.items():
-        whole = f"{path} {name}".strip()
-        yield from single(inner, whole) if hasattr(inner, "commands") else [(whole, inner)]
-
-
-COMMANDS = dict(single(ROOT))
 
 
 def options(command):

@@ -47,7 +47,7 @@ def motor(
         "[JOINT=]INERTIA,…",
         "Motors of the robot moved by themselves, each turning this inertia behind its gear, in kg m²; 0: none.",
     ),
-    locked: bool = flag("--locked", "The rotor was held: the current tells R and L."),
+    locked: bool = flag("--locked", "The rotor was held: the current determines R and L."),
     free: list[str] | None = option(
         "NAME,…",
         "Fitted: R L Kt Ke J viscous coulomb coulomb_positive coulomb_negative stribeck friction_offset efficiency "
