@@ -32,6 +32,6 @@ for name, (law, volts) in cases.items():
     )  # fmt: skip
     runs[name] = aw.simulate(scenario)
     over, settled = (float(runs[name][what].values[0]) for what in scenario.recording.reduce)
-    told = f"within 5 % after {settled:.2f} s" if settled < 4.0 else "not within 5 % yet"
-    print(f"{name:22} overshoot {over:3.0%}, {told}")
+    shown = f"within 5 % after {settled:.2f} s" if settled < 4.0 else "not within 5 % yet"
+    print(f"{name:22} overshoot {over:3.0%}, {shown}")
 aw.plot(runs, folder / "windup.png", joints=["joint1"], quantities=["q", "voltage"])

@@ -18,12 +18,12 @@ elbow_rests = aw.trajectories.Fourier.at_rest(
     [0.5, 0.5], sine * [[1.0], [0.0]], cosine * [[1.0], [0.0]], cycle=5.0, cycles=1
 )
 candidates = {"designed": designed, "random": random, "elbow rests": elbow_rests}
-told = aw.identification.compare_experiments(candidates, arm=arm, noise=0.5)  # print(told) shows the table
-for name, expected in told.experiments.items():
+compared = aw.identification.compare_experiments(candidates, arm=arm, noise=0.5)  # print(compared) shows the table
+for name, expected in compared.experiments.items():
     print(
         f"{name}: viscous friction of the elbow within {expected.std[8]:.2g}, condition number {expected.condition:.3g}"
     )
-print("\n".join(told.remarks[2:]))
+print("\n".join(compared.remarks[2:]))
 
 loop = aw.Loop(controller=aw.ComputedTorque(kp=400.0, kd=40.0), reference=designed.trajectory, period=1e-3)
 run = aw.simulate(aw.Scenario(arm, 5.0, start=designed.trajectory(0.0)[0], loop=loop))

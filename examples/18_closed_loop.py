@@ -1,4 +1,4 @@
-"""A controller of your own in a Python loop, as with MuJoCo: measure, compute, step; in real time if you wish.
+"""Your own controller in a Python loop, as with MuJoCo: measure, compute, step; in real time if you wish.
 
 Run it:  python examples/18_closed_loop.py [FOLDER] [--real-time]
 """

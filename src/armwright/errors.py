@@ -212,7 +212,7 @@ class ScenarioError(ArmwrightError):
 
 
 class DivergenceError(ArmwrightError):
-    """A simulation diverged: infinite or not a number."""
+    """A simulation stopped: it diverged (infinite or not a number), or its integrator could not go on."""
 
 
 class SessionError(ArmwrightError):

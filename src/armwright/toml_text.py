@@ -32,6 +32,7 @@ UNREADABLE = (ValueError, RecursionError)  # no TOML, a number of a million digi
 PLAIN = re.compile(r"[^\s.]+")  # names that paths hold without quotes
 CALLED = re.compile(r"\w+ '(?P<name>.*?)'(?: (?P<rest>.*))?")
 NAMES = re.compile(r"^(\w+)s ('[^']*')(?:, '[^']*')+ ?")  # of several tables with one problem: joints 'a', 'b' friction
+SHARED = re.compile(r"^(joint '.*?') ((?:motor|friction)\b.*)$")  # a place that may stand in [defaults.motor]
 Statement = tuple[int, str, dict[str, Any]]  # line from 1 on, text, its tables where it stands alone
 
 
@@ -115,10 +116,16 @@ class TomlText:
                 return replace(problem, file=f"{self.file}:{on[0 if wanted == 'source' else -1]}")
         place = NAMES.sub(r"\1 \2 ", problem.place).strip()
         while place:
-            if place in self._lines:
-                return replace(problem, file=f"{self.file}:{self._lines[place]}")
+            at = place if place in self._lines else self._shared(place)
+            if at in self._lines:
+                return replace(problem, file=f"{self.file}:{self._lines[at]}")
             place = place[: max(place.rfind(mark) for mark in ".[ ")] if re.search(r"[.\[ ]", place) else ""
         return replace(problem, file=self.file)
+
+    def _shared(self, place: str) -> str:
+        """The place in the default tables from which a joint without it has it; those with a servo take none."""
+        of_joint = SHARED.match(place)
+        return f"defaults.{of_joint[2]}" if of_joint and f"{of_joint[1]} servo" not in self._lines else ""
 
     @cached_property
     def _lines(self) -> dict[str, int]:

@@ -12,20 +12,10 @@ from armwright.cli.app import app
 from armwright.cli.arguments import angle
 from armwright.cli.old_names import OLD, UNTIL
 from armwright.errors import ScenarioError
+from cli.commands import COMMANDS, ROOT
 from raises_at import raises_at
 
-ROOT = typer.main.get_command(app)
 Error = typer.BadParameter.__mro__[1]  # UsageError, which typer keeps to itself
-
-
-def single(command, path=""):
-    """Every command by its full name."""
-    for name, inner in command.commands.items():
-        whole = f"{path} {name}".strip()
-        yield from single(inner, whole) if hasattr(inner, "commands") else [(whole, inner)]
-
-
-COMMANDS = dict(single(ROOT))
 
 
 def options(command):
@@ -190,3 +180,30 @@ def test_robot_may_be_left_out_where_a_file_names_it():
     assert (
         found.stderr == "armwright: error: arguments = 'lwa4p puma560': one robot, then the file; expected ROBOT once\n"
     )
+
+
+@pytest.mark.parametrize(("word", "meant"), [("version", "--version"), ("help", "--help"), ("desing", "design")])
+def test_a_command_that_is_none_suggests_what_is_meant(word, meant):
+    found = CliRunner().invoke(app, [word])
+    assert found.exit_code == 2
+    assert found.stderr.startswith(f"armwright: error: No such command {word!r}. Did you mean {meant!r}?")
+    assert found.stderr.count("\n") == 1
+
+
+IN_BRACKETS = re.compile(r"\[[^\[\]\n]+\]")
+
+
+@pytest.mark.parametrize("path", COMMANDS)
+def test_brackets_of_help_survive(path):
+    """Units such as [s] are no markup of the terminal: each bracket of the sources stands in what is shown."""
+    command = COMMANDS[path]
+    shown = " ".join(CliRunner().invoke(app, [*path.split(), "--help"], env={"COLUMNS": "2000"}).stdout.split())
+    texts = [command.help, *(f"{each.help} {each.metavar}".replace("\\[", "[") for each in command.params)]
+    wanted = [" ".join(found.split()) for text in texts for found in IN_BRACKETS.findall(text or "")]
+    assert [each for each in wanted if each not in shown] == []
+
+
+def test_units_of_values_are_spelt_in_one_way():
+    values = {each.metavar or "" for command in COMMANDS.values() for each in command.params}
+    assert "RAD_PER_S" in values
+    assert not [value for value in values if re.search(r"(RAD|M)/S\b", value)]

@@ -126,6 +126,37 @@ def test_mistakes_are_named_where_they_stand(tmp_path):
     assert refused(tmp_path, "[defaults]\nmotor = 3\n", joint(1)).place == "defaults.motor"
 
 
+@pytest.mark.parametrize(
+    ("line", "key"),
+    [
+        ("gear_ratio = -50", "gear_ratio"),  # a note of `check`
+        ("rotor_inertia_kg_m2 = 5", "rotor_inertia_kg_m2"),  # a warning
+    ],
+)
+def test_a_number_that_only_a_joint_finds_wrong_is_named_at_its_line_in_the_defaults(tmp_path, line, key):
+    shared = re.sub(rf"^{key} = .*\n", "", DEFAULTS, flags=re.MULTILINE).replace("]\n", f"]\n{line}\n", 1)
+    path = tmp_path / "arm.toml"
+    path.write_text(HEAD + shared + joint(1) + joint(2), encoding="utf-8")
+    found = aw.robotfiles.check(path).findings
+    problems = [each.problem for each in found if each.problem.place.endswith(key)]
+    assert problems
+    expected = (HEAD + shared).split("\n").index(line) + 1
+    assert {problem.line for problem in problems} == {expected}
+
+
+def test_numbers_that_are_refused_together_are_named_at_their_line_in_the_defaults(tmp_path):
+    shared = DEFAULTS.replace("]\n", "]\ninductance_h = 1e-3\n", 1)  # without a resistance
+    error = refused(tmp_path, shared, joint(1))
+    assert (HEAD + shared).split("\n")[int(error.problems[0].line) - 1] == "inductance_h = 1e-3"
+
+
+def test_a_joints_own_number_is_named_in_the_joint_beside_defaults(tmp_path):
+    path = tmp_path / "arm.toml"
+    path.write_text(HEAD + DEFAULTS + joint(1, tables="[joints.motor]\ngear_ratio = -50\n"), encoding="utf-8")
+    (problem,) = (each.problem for each in aw.robotfiles.check(path).findings if "gear_ratio" in each.problem.place)
+    assert path.read_text().split("\n")[int(problem.line) - 1] == "gear_ratio = -50"
+
+
 def test_values_to_fill_in_are_listed_once(tmp_path):
     error = refused(tmp_path, re.sub("gear_ratio = 50", 'gear_ratio = "TODO"', DEFAULTS), joint(1), joint(2))
     assert [(each.what, each.place) for each in error.problems] == [(TO_FILL_IN, "defaults.motor.gear_ratio")]

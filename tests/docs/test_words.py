@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from cli.commands import COMMANDS
 from docs.pages import ROOT
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")), *sorted((ROOT / "docs" / "how-to").glob("*.md"))]
@@ -31,6 +32,9 @@ EVERYWHERE = {  # pattern → what to write instead
     r"\bnothing of its own\b": "no",
     r"\bhow the arm is told\b": "the model",
     r"\b(left|leaves?) the finite numbers\b": "diverged, diverges",
+    r"\b(remarks?|sentence) (that )?says? so\b": "with a remark, a remark warns of it",
+    r"\bsays? nothing new\b": "adds no information",
+    r"\bnone that are\b": "the subject, and what it is",
 }
 PAGES_ONLY = {
     r"\btells?\b|\btold\b": "shows, determines, states, explains",
@@ -39,6 +43,7 @@ PAGES_ONLY = {
     r"\bhunts?\b": "oscillates, causes a limit cycle",
     r"\bbeside ours\b": "compared with Armwright's",
     r"\bcannot know\b": "does not determine",
+    r"\banew\b": "again",
 }
 ALLOWED = {  # quoted or literal: the table of errors shows a message, a force pushes two points apart, a figure's fingers
     r"\bapart\b": ("docs/robots.md", "docs/springs.md", "docs/time-optimal.md"),
@@ -70,6 +75,22 @@ def test_docstrings_help_and_messages_use_plain_words() -> None:
     assert not wrong, "\n".join(wrong)
 
 
+def test_examples_use_plain_words() -> None:
+    wrong = []
+    for path in sorted((ROOT / "examples").glob("*.py")):
+        wrong += found(path.read_text(encoding="utf-8"), EVERYWHERE | PAGES_ONLY, path.relative_to(ROOT).as_posix())
+    assert not wrong, "\n".join(wrong)
+
+
+def test_the_help_of_commands_uses_plain_words() -> None:
+    """As strictly as pages: it is what most users read."""
+    wrong = []
+    for path, command in COMMANDS.items():
+        texts = [command.help, *(getattr(each, "help", "") or "" for each in command.params)]
+        wrong += found("\n".join(texts), EVERYWHERE | PAGES_ONLY, f"armwright {path} --help")
+    assert not wrong, "\n".join(wrong)
+
+
 @pytest.mark.parametrize(
     "sentence",
     [
@@ -79,6 +100,8 @@ def test_docstrings_help_and_messages_use_plain_words() -> None:
         "a file that cannot be believed",
         "the control law of a scenario",
         "a lag cannot be told from a delay",
+        "and a remark says so",
+        "rows between say nothing new",
     ],
 )
 def test_a_bad_sentence_is_found(sentence: str) -> None:

@@ -11,7 +11,7 @@ from armwright.description.database import parse
 from armwright.description.writer import write_toml
 from armwright.errors import DescriptionError
 from armwright.model import build_model
-from description.urdf_files import AXIS, LIMIT, joint as urdf_joint, link, robot, written
+from description.urdf_files import AXIS, INERTIAL, LIMIT, joint as urdf_joint, link, robot, written
 from docs.pages import run_here
 from physics.arms import sprung, workshop
 
@@ -54,6 +54,31 @@ def test_every_check_finds_what_it_looks_for(tmp_path):
     lines = path.read_text(encoding="utf-8").split("\n")[: int(error.problem.line)]
     assert [line for line in lines if line.startswith("name")][-1] == 'name = "link1"'
     assert lines[-1].startswith(("inertia_kg_m2", "[links.inertia_kg_m2]"))
+
+
+def test_moved_links_without_mass_are_asked_for_in_one_line(tmp_path):
+    """Not those that what is fixed to them gives a mass, as the frames between two joints of a file often are."""
+    names = ("base", "upper", "hand", "frame")
+    masses = dict.fromkeys(names, "") | {"frame": INERTIAL}
+    joints = (
+        urdf_joint("j1", "base", "upper"),
+        urdf_joint("j2", "upper", "hand"),
+        urdf_joint("j3", "hand", "frame", kind="fixed"),
+    )
+
+    def asked(masses):
+        path = written(tmp_path, robot(*(link(name, masses[name]) for name in names), *joints))
+        new = tmp_path / "new.toml"
+        new.unlink(missing_ok=True)
+        aw.robotfiles.convert(path, new)
+        found = {file: [str(each.problem) for each in aw.robotfiles.check(file).warnings] for file in (path, new)}
+        return [[each.partition("links ")[2] or each for each in told if "mass_kg" in each] for told in found.values()]
+
+    for told in asked(masses | {"frame": ""}):
+        assert len(told) == 1
+        assert told[0].startswith("'upper', 'hand': mass unknown?")
+    assert ["link 'upper': mass unknown?" in told[0] for told in asked(masses)] == [True, True]
+    assert asked(masses | {"upper": masses["frame"]}) == [[], []]
 
 
 def test_what_loading_doubts_of_cylinders_is_a_finding():

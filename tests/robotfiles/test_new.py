@@ -32,6 +32,20 @@ def chain(tmp_path):
     )  # fmt: skip
 
 
+@pytest.mark.parametrize("command", ["voltage", "current", "torque"])
+def test_each_comment_says_meaning_and_place_in_words(tmp_path, command):
+    """Three parts: the kind of number and its unit, a meaning of three words at least, and where a datasheet has it."""
+    path = tmp_path / "new.toml"
+    aw.robotfiles.new_robot(path, joints=1, command=command)
+    comments = re.findall(r'"TODO".*?  # (.*)', path.read_text(encoding="utf-8").partition("\n\n")[2])
+    assert len(comments) > 12
+    for comment in comments:
+        parts = [part.strip() for part in comment.split(";")]
+        assert len(parts) >= 3, comment
+        assert len(re.findall(r"[^\W\d]{2,}", parts[1])) >= 3, comment
+        assert "either way" not in comment.lower()
+
+
 @pytest.mark.sample(1)
 @pytest.mark.parametrize("command", ["voltage", "current", "torque"])
 @pytest.mark.parametrize("source", ["urdf", "panda", None])
@@ -74,7 +88,7 @@ def test_every_value_says_what_is_wanted_and_where_it_is_found(tmp_path):
         "gear_ratio": ("a number other than 0", '"reduction"'),
         "rotor_inertia_kg_m2": ("[kg m²]", "1 g cm² = 1e-7 kg m²"),
         "voltage_v": ("[V]", "supply voltage"),
-        "xyz_m": ("3 numbers [m]", "of a frame in its link"),
+        "xyz_m": ("3 numbers [m]", "in the link's frame"),
         "mass_kg": ("[kg]", "scales"),
         "viscous_n_m_s_per_rad": ("[N m s/rad]", "identify friction"),
     }.items():

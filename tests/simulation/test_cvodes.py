@@ -162,3 +162,32 @@ def test_a_lane_that_has_no_solution_is_marked_and_the_others_go_on(capfd):
     with pytest.raises(DivergenceError, match=r"diverged .* t = 0 s"):
         aw.simulate(scenario_of(motor_alone(), command=[1.0], q0=[1e308], qd0=[1e308], **common))
     assert capfd.readouterr().err == ""
+
+
+def falling_panda(solver, **fields):
+    return aw.Scenario(aw.load("panda"), duration=0.62, solver=solver, recording=aw.Recording(every=1), **fields)
+
+
+def test_cvodes_that_gives_up_says_when_and_why():
+    """The Panda falls without torques, its numbers finite: the tick is found within the block that was solved as a whole."""
+    with raises_at(DivergenceError, "", r"CVODES gave up at t = 0\.6\d+ s: .*CV_\w+.*'auto'") as caught:
+        aw.simulate(falling_panda(aw.Solver("cvodes"), command=np.zeros(7)))
+    assert "diverged" not in str(caught.value)
+
+
+def test_lanes_in_which_cvodes_gives_up_keep_their_rows_until_then():
+    falls = {
+        "command": aw.Batch([np.zeros(7), np.zeros(7)]),
+        "start": aw.Batch([np.zeros(7), [0, 0.5, 0, -1, 0, 1, 0]]),
+    }
+    run = aw.simulate(falling_panda(aw.Solver("cvodes"), **falls))
+    same = aw.simulate(falling_panda(aw.Solver("rk45", rtol=1e-11, atol=1e-12), **falls))
+    assert run.diverged_at.isnull().all()
+    at = run.stalled_at.values
+    assert 0.6 < at[0] < 0.62
+    assert np.isnan(at[1])
+    assert "CV_" in str(run.stalled_by.values[0])
+    assert "CVODES gave up in 1 of 2 lanes" in run.attrs["notes"]
+    assert np.ptp(run.q.values[0, :600], axis=0).max() > 1.0
+    np.testing.assert_allclose(run.q.values[0, :600], same.q.values[0, :600], atol=1e-5)
+    np.testing.assert_allclose(run.q.values[1], same.q.values[1], atol=1e-5)

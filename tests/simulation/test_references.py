@@ -12,6 +12,7 @@ from armwright.errors import ScenarioError
 from armwright.simulation.loop.references import reference_notes, reference_rows
 from armwright.simulation.loop.state import LoopState
 from physics.arms import arm
+from raises_at import raises_at
 from simulation.fields import scenario_of
 
 T = np.linspace(0.0, 1.0, 11)
@@ -107,3 +108,24 @@ def test_a_reference_has_its_time_after_a_thousand_hours():
     assert state is not None
     run = aw.simulate(scenario_of(arm("two-link"), **common, start=replace(state, tick=3_600_000_000)))
     np.testing.assert_allclose(run.q_reference.values[:, 0], 1e-3 * np.arange(11), atol=1e-6)
+
+
+class OnlyAt:
+    """Has positions at times, and cannot be called."""
+
+    def at(self, t):
+        return np.zeros((len(t), 6))
+
+
+@pytest.mark.parametrize(
+    ("reference", "place", "found"),
+    [
+        (OnlyAt(), "reference 'OnlyAt'", "`__call__`"),
+        (object(), "reference 'object'", r"a trajectory: .*\(q, qd, qdd\)"),
+        ([[0.0] * 6, [0.0]], "reference", "unequal length"),
+    ],
+)
+def test_an_object_that_is_no_trajectory_is_refused_with_what_is_missing(reference, place, found):
+    with raises_at(ScenarioError, place, found) as caught:
+        reference_rows(arm("cmu-dd"), reference, T)
+    assert "(0,)" not in str(caught.value)

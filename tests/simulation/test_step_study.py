@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 import armwright as aw
-from armwright.errors import ScenarioError
+from armwright.errors import DivergenceError, ScenarioError
 from armwright.simulation.integrate.integrators import INTEGRATORS
 from physics.arms import arm
+from raises_at import raises_at
 from simulation.fields import scenario_of, with_fields
 from simulation.plants import MOTOR, STOPS, pendulum
 
@@ -131,3 +132,9 @@ def test_stops_do_not_cost_the_order():
     )
     found = aw.simulation.step_study(scenario, steps=5)
     assert found.trials[-1].order == pytest.approx(4.0, abs=0.3)
+
+
+def test_a_reference_that_cvodes_cannot_compute_is_named_as_such():
+    scenario = aw.Scenario("panda", duration=0.62, command=np.zeros(7), solver=aw.Solver("rk3", 1e-3))
+    with raises_at(DivergenceError, "", r"reference .*CVODES .* t = 0\.6\d+ s: .* shorter"):
+        aw.simulation.step_study(scenario, steps=1)

@@ -49,6 +49,7 @@ MODULES = {
     "forward-dynamics": "dynamics",
     "run-controller": "twin",
 }  # others: as their name
+OTHER_WORDS = {"version": "--version", "help": "--help"}  # what other programs have as commands
 DRAWN = ("show", "plot", "animate", "sim")  # these draw, or converse: --json would have nothing to write
 
 
@@ -84,6 +85,13 @@ class Commands(TyperGroup):
         listing.list_commands = self.list_commands  # type: ignore[method-assign]
         without_types(self.get_params(ctx))
         listing.format_help(ctx, formatter)
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """The command that the first word names; words that other programs have as commands are answered with ours."""
+        meant = OTHER_WORDS.get(args[0]) if args else None
+        if meant is not None:
+            raise UsageError(f"No such command {args[0]!r}. Did you mean {meant!r}?", ctx=ctx)
+        return super().resolve_command(ctx, args)
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Reads options of the whole program wherever they stand, and the name of a command."""

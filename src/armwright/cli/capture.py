@@ -44,7 +44,7 @@ def capture(
     period: float = option("S", "Period in s of a cycle; default 0.02.", 0.02),
     goal_distance: float = option("RAD", "Farthest that a goal may be from the measured position; default 0.3.", 0.3),
     approach: float = option(
-        "RAD/S", "Largest speed of a joint on the way to where the motion begins; default 0.2.", 0.2
+        "RAD_PER_S", "Largest speed of a joint on the way to where the motion begins; default 0.2.", 0.2
     ),
     torque_fraction: float = option("F", "Largest duty, in parts of the whole; default 0.5.", 0.5),
     patience: float = option("S", "Longest wait in s for the servos' answers; default 0.05.", 0.05),

@@ -49,7 +49,7 @@ def inverse_dynamics(robot: Robot, table: Table, output: Out = None) -> None:
             if not np.isnan(values).all():
                 columns |= joint_columns(quantity, arm.names, joint_units(arm, quantity), values)
             if not np.isnan(values).any():
-                break  # with the voltages of all motors, currents say nothing new
+                break  # with the voltages of all motors, currents add nothing
         show_columns(output, columns)
         say_each("note: ", found.notes(arm.names, units), err=True)
 

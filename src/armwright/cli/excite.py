@@ -66,7 +66,9 @@ def arm(
     cycle: float = option("S", "Period of the motion in s; default 10.", 10.0),
     harmonics: int = option("N", "Harmonics of each joint's Fourier series; default 5.", 5),
     starts: int = option("N", "Random starts of the optimisation; default 4.", 4),
-    criterion: str = option("WHAT", "condition (default), condition_si or logdet: of the base regressor.", "condition"),
+    criterion: str = option(
+        "WHAT", "What is optimised of the base regressor: condition (default), condition_si or logdet.", "condition"
+    ),
     velocity: str | None = option(
         "V1,V2,…", "Largest joint velocities; by default the record's.", names="--max-velocity"
     ),
@@ -130,17 +132,20 @@ def arm(
 @excite.command()
 def motor(
     robots: list[str] | None = argument(
-        "ROBOT", "Take the guess from this record.", None, autocompletion=complete_robot
+        "ROBOT",
+        "Robot whose record gives the first guess; without it, options give it.",
+        None,
+        autocompletion=complete_robot,
     ),
     kind: str = argument("KIND", "step, staircase, prbs, multisine or chirp."),
     output: Path = output_option("COMMAND.csv", "The command to write.", ...),
     joint: str | None = option("NAME", "Joint of the robot; by default the first."),
-    gain: float | None = option("G", "Steady speed for a command, in rad/s per unit of it.", names="--motor-gain"),
+    gain: float | None = option("G", "Steady speed per unit of the command, in rad/s.", names="--motor-gain"),
     time_constant: float | None = option("S", "Time constant of the motor in s."),
     most: float | None = option("U", "Largest command.", names="--max-command"),
     dead_zone: float | None = option("U", "Command below which nothing moves; default 0."),
     speed: float | None = option("W", "Largest speed in rad/s.", names="--max-speed"),
-    travel: float | None = option("Q", "How far it may move to either side, in rad."),
+    travel: float | None = option("Q", "How far it may move to either side of where it starts, in rad."),
     period: float = option("S", "Period in s between two rows of the command; default 0.001.", 1e-3),
     unit: str | None = option("UNIT", "Unit of the command; default V."),
     plot: Picture = None,
@@ -171,19 +176,19 @@ def motor(
 @excite.command()
 def poses(
     robot: Robot,
-    count: int = option("N", "Poses to choose.", ..., names="--poses -n"),
+    count: int = option("N", "Number of poses to choose.", ..., names="--poses -n"),
     point: list[str] = option("X,Y,Z", "Marker on the tool, in m in the frame; may be repeated.", ...),
-    output: Path = output_option("POSES.csv", "The poses to write: one a row, a column for each joint.", ...),
+    output: Path = output_option("POSES.csv", "The poses to write: one per row, a column for each joint.", ...),
     frame: str | None = option("NAME", "Frame that carries the markers; by default the tip."),
     radius: float | None = option("M", "Radius of links without shapes, for collisions."),
     clearance: float = option("M", "Least distance between links; default 0.", 0.0),
     floor: float | None = option("Z", "Height of a floor in base axes, in m, that the links stay above."),
-    candidates: int = option("N", "Candidates: random poses that they are chosen from; default 400.", 400),
+    candidates: int = option("N", "Number of candidates: random poses from which they are chosen; default 400.", 400),
     kinematics_only: bool = flag("--kinematics-only", "Links of the robot file may lack masses."),
     plot: Picture = None,
     seed: Seed = 0,
 ) -> None:
-    """Choose poses for a kinematic calibration: reachable, free of collisions, and telling most of the geometry.
+    """Choose poses for a kinematic calibration: reachable, free of collisions, and with the most information on the geometry.
 
     \b
     Examples:

@@ -16,39 +16,46 @@ def arm(
     robots: list[str] | None = argument(
         "ROBOT", "The arm; by default the one that the log names.", None, autocompletion=complete_robot
     ),
-    file: Path = argument("LOG.log.toml", "Positions and torques."),
+    file: Path = argument("LOG.log.toml", "Log with positions and torques of the joints."),
     kinematics_only: bool = flag("--kinematics-only", "Links of the robot file may lack masses."),
     method: str = option(
-        "NAME", "Method: ols, wls (default), irls, tukey, essential, recursive; of the loop iv, didim or cloe.", "wls"
+        "NAME",
+        "Method: ols, wls (default), irls, tukey, essential or recursive; for a log of a closed loop iv, didim or cloe.",
+        "wls",
     ),
     feedback: str = option(
         "KP1,…;KD1,…;S",
-        "Controller for iv, didim, cloe: gains at the joints N m/rad and N m s/rad, period in s.",
+        "Controller of that loop, for iv, didim and cloe: KP in N m/rad and KD in N m s/rad at the joints, period in s.",
         "",
     ),
-    forgetting: float = option("SHARE", "What a row still counts one row later, of recursive.", 1.0),
+    forgetting: float = option(
+        "SHARE",
+        "Forgetting factor of --method recursive: share of its weight that a row keeps from row to row; default 1.",
+        1.0,
+    ),
     friction: str = option(
         "A,B,…", "Friction terms: viscous, coulomb, offset, asymmetric, stribeck.", "viscous,coulomb,offset"
     ),
-    stribeck_speed: float | None = option("W", "Of stribeck, in rad/s or m/s at the joint."),
-    springs: str = option("J1,J2,…", "Joints that get a spring and a counterbalance as candidates.", ""),
+    stribeck_speed: float | None = option("W", "Speed of the Stribeck term, in rad/s or m/s at the joint."),
+    springs: str = option("J1,J2,…", "Joints for which a spring and a counterbalance are tried as further terms.", ""),
     fit_efficiency: str = option(
         "J1,J2,…|all", "Joints whose gear efficiency is fitted; other joints have the record's.", ""
     ),
     lacks: str | None = option(
-        "A,B,…", "What the torque is without: gravity, springs, rotors, viscous, coulomb, offset."
+        "A,B,…", "Terms that the logged torque does not contain: gravity, springs, rotors, viscous, coulomb, offset."
     ),
-    cutoff: float | None = option("HZ", "Cut-off of the low-pass; by default chosen."),
-    decimate: int | None = option("K", "Keep every k-th row; by default chosen."),
-    bootstrap: bool = flag("--bootstrap", "Check the deviations by a bootstrap of blocks of the log."),
+    cutoff: float | None = option("HZ", "Cut-off of the low-pass for the log; by default chosen from the log."),
+    decimate: int | None = option("K", "Keep every k-th row; by default chosen from the log."),
+    bootstrap: bool = flag("--bootstrap", "Check the standard deviations by a bootstrap of blocks of the log."),
     output: Path | None = output_option("ARM.toml", "Write the arm with the fitted numbers."),
     report: Path | None = option("FILE.html", "Write a page; with -o it also compares the written arm with the log."),
 ) -> None:
     """Identify an arm: base parameters, rotors and friction, with standard deviations.
 
-    The robot may be a full record or kinematics alone. Runs that the log holds out judge the record, beside the one that
-    it replaces. Exit code: 0 identified, 1 the log does not determine all parameters or the record predicts worse than
-    before, 2 bad input, 130 Ctrl-C: once the fit stands it is written, and says which checks are missing.
+    The robot may be a full record or kinematics alone. The new record and the one that it replaces are both judged on the
+    runs that the log holds out. Exit code: 0 identified, 1 the log does not determine all parameters or the record predicts
+    worse than before, 2 bad input, 130 Ctrl-C: a finished fit is written all the same, and the result names the checks that
+    are missing.
 
     \b
     Examples:

@@ -16,21 +16,25 @@ HEADS = ("joint", "velocity [rad/s | m/s]", "friction [N m | N]", "± std", "row
 
 def friction(
     robot: str = argument("ROBOT", "The arm; the friction in its file is not used.", autocompletion=complete_robot),
-    file: Path = argument("LOG.log.toml", "The arm in motion, each joint both ways."),
-    cutoff: float | None = option("HZ", "Cut-off of the low-pass; by default chosen."),
+    file: Path = argument("LOG.log.toml", "Log of the arm in motion, each joint in both directions."),
+    cutoff: float | None = option("HZ", "Cut-off of the low-pass for the log; by default chosen from the log."),
     warming: str = option(
-        "RUN=K,…", "Gears above the reference temperature, in kelvin, by run, instead of the log's temperatures.", ""
+        "RUN=K,…",
+        "How much warmer than the reference temperature the gears were in each run, in K; replaces the log's temperatures.",
+        "",
     ),
     table: bool = flag("--table", "Show friction over speed as well."),
-    output: Path | None = output_option("ARM.toml", "Write the arm with this friction, its numbers with deviations."),
+    output: Path | None = output_option(
+        "ARM.toml", "Write the arm with this friction, its numbers with standard deviations."
+    ),
     report: Path | None = option("FILE.html", "Write a page: verdict, remarks, parameters, fits."),
 ) -> None:
     """Identify joint friction: viscous, Coulomb, and further terms that held-out data support.
 
     Candidates are Stribeck's fall, load-proportional friction, the sigmoid law, a spring and a counterbalance, and slopes
-    over temperature where the log has temperatures or runs a warming; each stays only if it lowers the held-out error by 1
-    %. Exit code: 0 identified, 1 friction does not explain the torques, 2 bad input,
-    130 Ctrl-C: the joints that were fitted until then are kept.
+    over temperature if the log or --warming states temperatures; a candidate is kept only if it lowers the held-out error
+    by 1 %. Exit code: 0 identified, 1 friction does not explain the torques, 2 bad input, 130 Ctrl-C: the joints that were
+    fitted until then are kept.
 
     \b
     Examples:

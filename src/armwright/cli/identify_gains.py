@@ -16,29 +16,32 @@ TENSOR = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 
 def gains(
     robot: str = argument(
-        "ROBOT", "The arm; its masses and torque constants do not count.", autocompletion=complete_robot
+        "ROBOT", "The arm; its masses and torque constants are not used.", autocompletion=complete_robot
     ),
-    file: Path = argument("LOG.log.toml", "The arm without the payload in motion."),
-    loaded: Path = option("LOG", "The arm with the payload in motion.", ..., names="--loaded-log"),
-    mass: float = option("KG", "Mass of the payload, weighed.", ..., names="--payload-mass"),
+    file: Path = argument("LOG.log.toml", "Log of the arm without the payload in motion."),
+    loaded: Path = option("LOG", "Log of the arm with the payload in motion.", ..., names="--loaded-log"),
+    mass: float = option("KG", "Weighed mass of the payload.", ..., names="--payload-mass"),
     mass_std: float = option(
-        "KG", "Standard deviation of the mass; enters that of every gain.", 0.0, names="--payload-mass-std"
+        "KG", "Standard deviation of the mass; widens that of every gain.", 0.0, names="--payload-mass-std"
     ),
-    com: str | None = option("X,Y,Z", "Centre of the payload [m] in the frame; by default found with the gains."),
+    com: str | None = option(
+        "X,Y,Z", "Centre of mass of the payload [m] in the frame; by default fitted with the gains."
+    ),
     inertia: str | None = option(
-        "XX,XY,XZ,YY,YZ,ZZ", "About the centre [kg m²]; with --com; by default found as well."
+        "XX,XY,XZ,YY,YZ,ZZ",
+        "Inertia of the payload about its centre of mass [kg m²], with --com; by default fitted as well.",
     ),
-    frame: str | None = option("NAME", "Frame that carries it; by default the tip."),
+    frame: str | None = option("NAME", "Frame that carries the payload; by default the tip."),
     kinematics_only: bool = flag("--kinematics-only", "Links of the robot file may lack masses."),
-    cutoff: float | None = option("HZ", "Cut-off of the low-pass; by default chosen."),
+    cutoff: float | None = option("HZ", "Cut-off of the low-pass for the log; by default chosen from the log."),
     output: Path | None = output_option("ARM.toml", "Write the arm with these torque constants and their deviations."),
     report: Path | None = option("FILE.html", "Write a page: verdict, remarks, parameters, fits."),
 ) -> None:
     """Identify drive gains: torque constants of all motors by a payload of known mass, with standard deviations.
 
-    It needs two logs of the same arm with currents, without and with the payload, and the kinematics. Of logs with torques
-    the gains are the factors by which the true ones are larger. With -o the identified ones are written, whether all are
-    or not. Exit code: 0 all identified, 1 not all, 2 bad input.
+    It needs two logs of the same arm with currents, without and with the payload, and the kinematics. If the logs
+    have torques, a gain is the ratio of the true torque to the logged one. With -o the gains that are identified are written,
+    even if others are not. Exit code: 0 all identified, 1 not all, 2 bad input.
 
     \b
     Examples:

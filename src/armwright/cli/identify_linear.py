@@ -16,13 +16,19 @@ if TYPE_CHECKING:
 
 
 def linear(
-    file: Path = argument("LOG.log.toml", "Runs to fit and to hold out."),
+    file: Path = argument("LOG.log.toml", "Log with the runs to fit and the runs held out."),
     model: str = option("KIND", "Model: arx, oe (default), armax, n4sid or frequency.", "oe"),
-    order: str = option("N", "Number of poles; auto: chosen.", "auto"),
-    delay: str = option("K", "Samples from input to output; auto: chosen.", "auto"),
-    select: str = option("CRITERION", "What chooses: cv, aic, bic, fpe or mdl.", "cv"),
-    input: str | None = option("SIGNAL", "By default the voltage, current or torque.", names="--input-signal"),
-    output: str | None = option("SIGNAL", "By default the speed or the position.", names="--output-signal"),
+    order: str = option("N", "Number of poles; auto (default): chosen from the log.", "auto"),
+    delay: str = option("K", "Delay from input to output in samples; auto (default): chosen from the log.", "auto"),
+    select: str = option(
+        "CRITERION", "Criterion that chooses order and delay: cv (default), aic, bic, fpe or mdl.", "cv"
+    ),
+    input: str | None = option(
+        "SIGNAL", "Input of the model; by default the voltage, current or torque.", names="--input-signal"
+    ),
+    output: str | None = option(
+        "SIGNAL", "Output of the model; by default the speed or the position.", names="--output-signal"
+    ),
     joint: str | None = option("NAME", "Joint of the log; needed where it has several."),
     picture: Path | None = option(
         "FILE", "Draw runs and frequency response, measured and of the model: .png, .svg or .pdf.", names="--plot"
@@ -31,9 +37,8 @@ def linear(
 ) -> None:
     """Fit a black-box model (ARX, OE, ARMAX or state space) from an input of a log to an output.
 
-    The fit in percent is that of the free simulation, on the fitted and on the held-out runs. Exit code: 0 identified,
-    1 the output does not depend on the input, 2 bad input, 130 Ctrl-C: the best of
-    the orders until then is kept.
+    The fit in percent compares the free simulation with the log, on the fitted and on the held-out runs. Exit code: 0 identified,
+    1 the output does not depend on the input, 2 bad input, 130 Ctrl-C: the best of the orders that were tried is kept.
 
     \b
     Examples:

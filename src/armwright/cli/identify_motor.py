@@ -32,35 +32,45 @@ HEADS = ("number", "value")
 
 def motor(
     robots: list[str] | None = argument(
-        "ROBOT", "The arm; by default the log's, or one motor on a bench.", None, autocompletion=complete_robot
+        "ROBOT",
+        "The arm; by default the one that the log names, else one motor on a bench.",
+        None,
+        autocompletion=complete_robot,
     ),
-    file: Path = argument("LOG.log.toml", "Voltage or current, and motion."),
+    file: Path = argument("LOG.log.toml", "Log with voltage or current, and motion."),
     model: str = option(
         "KIND", "Model: dc, or a black box: arx, oe, armax, n4sid, frequency (see `identify linear`).", "dc"
     ),
-    order: str = option("N", "Number of poles of a black box; auto: chosen.", "auto"),
-    delay: str = option("K", "Samples of delay of a black box; auto: chosen.", "auto"),
+    order: str = option("N", "Number of poles of a black box; auto (default): chosen from the log.", "auto"),
+    delay: str = option("K", "Delay of a black box in samples; auto (default): chosen from the log.", "auto"),
     joint: str | None = option(
-        "NAME", "Joint of one motor, measured alone; with --load or --locked, that of this joint."
+        "NAME",
+        "Joint of the log, where it has several, for a motor on a bench; with --load or --locked, joint of the robot.",
     ),
     load: list[str] | None = option(
         "[JOINT=]INERTIA,…",
-        "Motors of the robot moved by themselves, each turning this inertia behind its gear, in kg m²; 0: none.",
+        "Motors of the robot measured without the arm, each turning this inertia behind its gear, in kg m²; 0: none.",
     ),
-    locked: bool = flag("--locked", "The rotor was held: the current tells R and L."),
+    locked: bool = flag("--locked", "The rotor was held: the current determines R and L."),
     free: list[str] | None = option(
         "NAME,…",
-        "Fitted: R L Kt Ke J viscous coulomb coulomb_positive coulomb_negative stribeck friction_offset efficiency "
+        "Numbers that are fitted: R L Kt Ke J viscous coulomb coulomb_positive coulomb_negative "
+        "stribeck friction_offset efficiency "
         "dead_zone delay offset, or keys of the joint; by default all that the record has, and the delay.",
     ),
-    fix: list[str] | None = option("NAME=VALUE,…", "Known, in the record's unit: R=1.3, limits.voltage_v=24."),
-    per_run: list[str] | None = option("NAME,…", "Fitted for every run by itself."),
+    fix: list[str] | None = option(
+        "NAME=VALUE,…", "Numbers that are known, and not fitted, in the record's unit: R=1.3, limits.voltage_v=24."
+    ),
+    per_run: list[str] | None = option("NAME,…", "Numbers that are fitted separately for every run."),
     runs: list[str] | None = option(
         "NAME", "Runs to fit, may be repeated; by default as the log file states.", names="--run"
     ),
-    static: Path | None = option("LOG.log.toml", "Steady states, a row each, as additional data."),
-    pwm: str | None = option("brake|coast|compare", "What the bridge does while off; compare: by the fit."),
-    priors: bool = flag("--priors", "Use the record's standard deviations as measurements."),
+    static: Path | None = option("LOG.log.toml", "Log of steady states, one per row, as additional data."),
+    pwm: str | None = option(
+        "brake|coast|compare",
+        "What the bridge does while off; compare: both are fitted, and the one with the smaller error is kept.",
+    ),
+    priors: bool = flag("--priors", "Use the record's values as measurements with its standard deviations."),
     starts: int | None = option("N", "Random starts of the search; default 16."),
     output: Path | None = output_option("ARM.toml", "Write the record with the fitted numbers and their deviations."),
     report: Path | None = option("FILE.html", "Write a page with the numbers and with plots of every run."),
@@ -68,7 +78,8 @@ def motor(
     """Identify motors: resistance, torque constant, inertia, friction, delay, with standard deviations.
 
     It fits the free simulation of the record's drives to the log. Parameters that the log does not determine are named and
-    keep the record's value. Runs that the log holds out judge the record, beside the one that it replaces. Exit code: 0
+    keep the record's value. The new record and the one that it replaces are
+    both judged on the runs that the log holds out. Exit code: 0
     identified, 1 not identified or worse than before, 2 bad input.
 
     \b

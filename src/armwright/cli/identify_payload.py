@@ -13,14 +13,14 @@ from armwright.progress import progress
 
 def payload(
     robot: str = argument("ROBOT", "The arm without the payload.", autocompletion=complete_robot),
-    file: Path = argument("LOG.log.toml", "The arm with its payload in motion."),
+    file: Path = argument("LOG.log.toml", "Log of the arm moving its payload."),
     loaded: Path | None = option(
         "LOG",
-        "The arm with the payload; LOG.log.toml is then without, and only kinematics count.",
+        "Log of the arm with the payload; LOG.log.toml is then without it, and of ROBOT only the kinematics are used.",
         names="--loaded-log",
     ),
-    frame: str | None = option("NAME", "Frame that carries it; by default the tip."),
-    cutoff: float | None = option("HZ", "Cut-off of the low-pass; by default chosen."),
+    frame: str | None = option("NAME", "Frame that carries the payload; by default the tip."),
+    cutoff: float | None = option("HZ", "Cut-off of the low-pass for the log; by default chosen from the log."),
     output: Path | None = output_option(
         "ARM.toml", "Write the arm with the payload, its numbers with their deviations."
     ),
@@ -30,7 +30,7 @@ def payload(
 
     It needs one log of an arm with a correct record, or two logs, without and with the payload, of an arm with known
     kinematics. Exit code: 0 identified, 1 the log does not determine the mass, 2 bad input,
-    130 Ctrl-C: the best of the low-passes until then is kept.
+    130 Ctrl-C: the best of the cut-offs that were tried is kept.
 
     \b
     Examples:

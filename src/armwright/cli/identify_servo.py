@@ -14,25 +14,27 @@ from armwright.progress import progress
 
 def servo(
     files: list[Path] = argument("LOG.json…", "BAM's logs of one servo: any gains, masses, lengths and motions."),
-    arm_mass: float | None = option("KG", "Mass of the rod, where a log does not say; by default 0."),
+    arm_mass: float | None = option("KG", "Mass of the rod, for logs that do not state it; by default 0."),
     gain: float | None = option(
-        "DUTY", "Duty per radian and unit of P, of a servo that is not known.", names="--duty-gain"
+        "DUTY", "Duty per radian of error and unit of P, for a servo that Armwright does not know.", names="--duty-gain"
     ),
-    limit: float | None = option("DUTY", "Largest duty, with --duty-gain; 1 by default.", names="--max-duty"),
+    limit: float | None = option("DUTY", "Largest duty, with --duty-gain; by default 1.", names="--max-duty"),
     goal_speed: float | None = option("RAD_PER_S", "Speed of the goal inside the servo, with --duty-gain."),
     order: str = option("M1,…,M6", "Friction models that are compared; by default all.", "", names="--friction-models"),
     free: str = option(
         "NAME,…", "Fitted in addition to motor and friction: offset, delay, gain, goal_speed.", "offset"
     ),
     seed: int = option("N", "Seed of the first guesses; default 0.", 0),
-    output: Path | None = output_option("SERVO.toml", "Write the bench as a record, its numbers with deviations."),
+    output: Path | None = output_option(
+        "SERVO.toml", "Write the bench as a robot file, its numbers with standard deviations."
+    ),
     report: Path | None = option("FILE.html", "Write a page with the numbers and a plot of every log."),
 ) -> None:
     """Identify a servo on a bench: torque constant, resistance, inertia, friction by load, with standard deviations.
 
-    It simulates the pendulum from the logged goals and supply, and fits the positions. Of the friction models M1 to M6 the
-    smallest is taken that predicts logs held out no worse than the best. Exit code: 0 identified, 1 not identified, 2 bad
-    input.
+    It simulates the pendulum from the logged goals and supply, and fits the positions. Of the friction models M1 to M6 it
+    takes the smallest that predicts held-out logs no worse than the best one does. Exit code: 0 identified, 1 not
+    identified, 2 bad input.
 
     \b
     Examples:

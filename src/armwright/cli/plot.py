@@ -28,7 +28,7 @@ def plot(
 ) -> None:
     """Draw runs: in the terminal, as a picture, or as an offline page with zoom.
 
-    Runs of the same joints are compared, each with a line style of its own.
+    Runs of the same joints are compared, each with its own line style.
 
     \b
     Examples:

@@ -222,7 +222,7 @@ def run_controller(
     ),
     reverse: str | None = option("J1,J2,…", "Joints that turn the other way than their encoders count."),
     goal_distance: float | None = option("RAD", "Farthest that a goal may be from the measured position; default 0.3."),
-    approach: float | None = option("RAD/S", "Largest speed on the way to where the run begins; default 0.2."),
+    approach: float | None = option("RAD_PER_S", "Largest speed on the way to where the run begins; default 0.2."),
     patience: float | None = option("S", "Longest wait in s for the servos' answers; default 0.05."),
     output: Path | None = output_option("LOG.csv", "Goals and measurements of servos, a row a cycle."),
 ) -> None:

@@ -151,7 +151,7 @@ MASS_PROPERTIES = {
 
 
 def _without_masses(document: dict[str, Any]) -> None:
-    """Gives links that state no mass property, or have no table, none at all: 0, and a remark that says so."""
+    """Gives links that state no mass property, or have no table, none at all: 0, with a remark."""
     joints, links = document.get("joints"), document.setdefault("links", [])
     if not isinstance(joints, list) or not isinstance(links, list):
         return  # refused for that
@@ -171,7 +171,7 @@ def _without_masses(document: dict[str, Any]) -> None:
 
 
 def _without_drives(document: dict[str, Any]) -> None:
-    """Gives motors that state no rotor's inertia none, and a file without a command torques, with remarks that say so."""
+    """Gives motors that state no rotor's inertia none, and a file without a command torques, with remarks."""
     joints, remarks = document.get("joints"), []
     tables = [joint for joint in joints if isinstance(joint, dict)] if isinstance(joints, list) else []
     if "command" not in document and any("command" not in joint for joint in tables):

@@ -212,12 +212,12 @@ class RotaryLimits(_Limits):
 
     units = ROTARY
     source: str | None = None
-    position_rad: Range | None = optional("[lowest, highest].")
-    velocity_rad_per_s: Positive | None = optional("Either way.")
-    acceleration_rad_per_s2: Positive | None = optional("Either way, of planned motions.")
-    torque_n_m: Positive | None = optional("Of the motor referred to the joint, either way.")
-    voltage_v: Positive | None = optional("Of the drive, either way.")
-    current_a: Positive | None = optional("Of the drive, either way.")
+    position_rad: Range | None = optional("Range of the joint: [lowest, highest].")
+    velocity_rad_per_s: Positive | None = optional("Largest speed of the joint, in either direction.")
+    acceleration_rad_per_s2: Positive | None = optional("Largest acceleration of planned motions, in either direction.")
+    torque_n_m: Positive | None = optional("Largest torque of the motor, referred to the joint, in either direction.")
+    voltage_v: Positive | None = optional("Largest voltage of the drive, of either sign.")
+    current_a: Positive | None = optional("Largest current of the drive, of either sign.")
 
 
 @twin_of(RotaryLimits)

@@ -95,7 +95,7 @@ class JointFrame(Record):
     """Joint frame in the parent link's frame, as URDF has it: fixed-axis angles roll, pitch, yaw."""
 
     source: str | None = None
-    xyz_m: Vector3 = Field(description="Origin.")
+    xyz_m: Vector3 = Field(description="Position of the joint's origin in the parent link's frame: x, y, z.")
     rpy_rad: Vector3 = Field(description="Angles about fixed x, then y, then z.")
 
 
@@ -281,7 +281,7 @@ class NamedFrame(Record):
     source: str | None = None
     name: FileName = Field(description="What tip and errors call it.")
     link: FileName = Field(description="The link (or the base) that carries it.")
-    xyz_m: Vector3 = Field(description="Origin in the link's frame.")
+    xyz_m: Vector3 = Field(description="Position of the frame's origin in the link's frame: x, y, z.")
     rpy_rad: Vector3 = Field(description="Angles about the link's fixed x, then y, then z.")
 
 

@@ -37,7 +37,7 @@ WHERE = {  # key → where to find it
     "mass_kg": "CAD, scales, or the arm's datasheet",
     "com_m": _CAD,
     "inertia_kg_m2": "CAD, about the centre of mass in link axes; xy = −∫ x y dm, and xz, yz likewise",
-    "xyz_m": "drawing or CAD: of a joint in the link before, of a frame in its link",
+    "xyz_m": "drawing or CAD: distances along the axes of that frame, with the arm at q = 0",
     "axis": "drawing or CAD: [0, 0, 1] is z of this joint's frame",
 }
 

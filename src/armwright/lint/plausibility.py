@@ -74,6 +74,27 @@ def implausible_values(robot: RobotDescription, places: dict[str, list[np.ndarra
     return [*findings.problems(), *implausible_units(robot, long), *_of_efforts(robot)]
 
 
+def moved_without_mass(robot: RobotDescription) -> list[Problem]:
+    """Question about links of another program's file that a joint moves and that have no mass, nor does what is fixed to them.
+
+    Args:
+        robot: the description.
+    """
+    joints, heavy = {joint.child: joint for joint in robot.joints}, set()
+    for link in robot.links:
+        name = link.name
+        if float(link.mass_kg) > 0 or link.inertia_kg_m2.matrix().any():
+            while name in joints and not joints[name].kind.moves:
+                name = joints[name].parent
+            heavy.add(name)
+    moved = {joint.child for joint in robot.moving_joints} - heavy - set(robot.without_masses)
+    bare = [link.name for link in robot.links if link.name in moved and is_import(robot, link)]
+    if not bare:
+        return []
+    what = "mass unknown? Moved by a joint without mass_kg, com_m and inertia_kg_m2, which gravity and inertia need"
+    return [Problem(what, f"{'link' if len(bare) == 1 else 'links'} {', '.join(map(repr, bare))}")]
+
+
 def _of_body(body: _Body, *, is_fit: bool) -> list[Problem]:
     fillers, _ = known_placeholders()
     findings = [Problem(f"these are {f.name}: {f.why}") for f in fillers if f.matches(body.mass, body.tensor)]

@@ -15,7 +15,7 @@ from armwright.description.toml_file import read_text
 from armwright.errors import ABSENT, Problem
 from armwright.lint.feasibility import check_bodies, check_drives, impossible_links, senses_of_gears
 from armwright.lint.hulls import implausible_shapes
-from armwright.lint.plausibility import implausible_values
+from armwright.lint.plausibility import implausible_values, moved_without_mass
 from armwright.model import Model, build_model
 from armwright.model.build import massless, places_of_joints
 from armwright.model.cylinder_lengths import implausible_lengths
@@ -28,7 +28,7 @@ CHECKS = {  # name of a check → its subject
     "reading": "what was left out or guessed when another format was read",
     "mass properties": "every link's pseudo-inertia is one that a real body can have",
     "drives": "gears and friction that would hold still, numbers of a motor that contradict each other",
-    "plausibility": "tensors about the wrong point or in wrong units, placeholders, joints that move no mass",
+    "plausibility": "tensors about the wrong point or in wrong units, placeholders, joints or links without mass",
     "cylinders": "lengths that the arm never has, ends that meet",
     "shapes": "densities and tensors against what the links look like",
     "age": "parts or modules that have changed since the file was built from them",
@@ -175,7 +175,11 @@ def check(name_or_path: str | os.PathLike[str] | Model | RobotDescription, **rea
     others = {
         "reading": robot.remarks,
         "drives": check_drives(robot),
-        "plausibility": [*implausible_values(robot, places_of_joints(robot, model)), *massless(model)],
+        "plausibility": [
+            *implausible_values(robot, places_of_joints(robot, model)),
+            *massless(model),
+            *moved_without_mass(robot),
+        ],
         "cylinders": [*implausible_lengths(model)],
         "shapes": implausible_shapes(robot),
         "age": aged,

@@ -17,7 +17,7 @@ from armwright.program.turns import alone
 from armwright.results.reducers import Reduction, check_known
 from armwright.simulation.auto_rule import auto_rule
 from armwright.simulation.inputs.input_schedule import all_rows, landing_rows, values_at_ticks
-from armwright.simulation.integrate.cvodes import Cvodes, check_lanes
+from armwright.simulation.integrate.cvodes import GAVE_UP, Cvodes, check_lanes
 from armwright.simulation.integrate.integrators import INTEGRATORS
 from armwright.simulation.integrate.stepping import begin_adaptive
 from armwright.simulation.loop.compiled import CompiledLoop
@@ -214,6 +214,7 @@ class LoopRunner:
             kept |= state_blocks((*stages[1], *stages[0]))
         if self._solver is not None:
             seen = {name + SEEN for name in self.loop.tick.seen}
+            kept.add(GAVE_UP)
             kept |= {TURNS} if self.plant.turn is not None else set()
             kept |= {"u", *seen} & {name for loop in self.loop.loops for name in loop.sizes}
         begun = {"x_first", "allowed"}  # where ranges are measured from, and what a step may be wrong by

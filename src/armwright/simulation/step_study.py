@@ -339,7 +339,11 @@ def _solved(scenario: Scenario, tight: float = TIGHT) -> xarray.Dataset:
     solver = replace(scenario.solver, integrator="cvodes", substeps=1)
     if _sticks(scenario):
         solver = replace(solver, integrator="rk45", rtol=tight, atol=0.1 * tight)
-    return simulate(replace(scenario, solver=solver))
+    try:
+        return simulate(replace(scenario, solver=solver))
+    except DivergenceError as error:
+        what = f"the reference that steps are compared with cannot be computed: {error.what}"
+        raise DivergenceError(what, expected="a shorter duration", file=error.file) from None
 
 
 def _compared(run: xarray.Dataset, exact: xarray.Dataset, scenario: Scenario) -> tuple[float, float, float]:
@@ -360,7 +364,8 @@ def _compared(run: xarray.Dataset, exact: xarray.Dataset, scenario: Scenario) ->
         difference = np.abs(lanes(run, name) - lanes(exact, name))
         if not single:
             for of in (run, exact):
-                difference[np.isfinite(of["diverged_at"].to_numpy())] = np.nan
+                for stopped in {"diverged_at", "stalled_at"} & set(of.data_vars):
+                    difference[np.isfinite(of[stopped].to_numpy())] = np.nan
         errors.append(float(np.nan_to_num(difference[alike], nan=np.inf).max()))
     last = alike.sum(axis=1).min()
     return errors[0], errors[1], float(run["time"].to_numpy()[last - 1]) if last < rows else np.nan

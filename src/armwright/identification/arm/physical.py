@@ -143,7 +143,7 @@ def physical_by_sdp(
 
     Rows of R and z count in standard deviations of the noise, so that `weight` has a meaning: 1 counts the prior as much as one
     measurement of each number that is as uncertain as itself. What the data do not determine comes from the prior, or without one
-    from the neutral body, and a remark says so.
+    from the neutral body, with a remark.
 
     Args:
         R: (k, p), best the triangular factor of all weighted rows.   z: (k,).   bounds: of the p parameters.

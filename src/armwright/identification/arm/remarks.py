@@ -25,7 +25,7 @@ from armwright.identification.validation.comparison import RecordComparison
 
 MOST_NAMED = 6  # parameters in one remark
 POSES = 50  # of the log, for the mean of a joint's inertia
-POOR = 0.8  # R² of a joint below which a remark says so
+POOR = 0.8  # R² of a joint below which there is a remark
 LEAST_HELD_OUT = 0.5  # R² of a joint that moves, on rows that were not fitted, for "identified"
 DISSIPATING = ("viscous", "coulomb", "coulomb+", "coulomb-")  # kinds of columns whose numbers above 0 take power
 SURE = 5.0  # standard deviations below 0 at which the power of a joint's friction has the wrong sign

@@ -81,7 +81,7 @@ def fit_oe(data: Any, y: Any = None, period: Any = None, **options: Unpack[Optio
     """Output-error model by least squares of the free simulation:  y = B(q)/F(q) u + offset + e.  [Ljung1999], section 10.2.
 
     Levenberg-Marquardt with exact gradients from ARX, instrumental variables and Steiglitz-McBride. The noise may have any
-    colour, and the intervals allow for it. Data from a closed loop bias it: a remark says so.
+    colour, and the intervals allow for it. Data from a closed loop bias it: a remark warns of it.
 
     Args:
         data: a `Log`, or u (rows,), or a list of runs.   y: (rows,) or a list.   period: [s], or times (rows,).

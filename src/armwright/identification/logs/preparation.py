@@ -199,7 +199,7 @@ def _preparation(
         if differentiation == "savgol"
         else f"central differences of {'nine' if differentiation == 'central' else 'three'} rows: "
         f"{1 - _gain_of_difference(differentiation, 2 * np.pi * cutoff / rate):.1%} too small at the cut-off",
-        f"every {factor}{_th(factor)} row is kept, {rate / factor:.4g} Hz: filtered rows between say nothing new"
+        f"every {factor}{_th(factor)} row is kept, {rate / factor:.4g} Hz: after the filter, the rows between add no information"
         if factor > 1
         else "all rows are kept: fewer would not carry the signal",
         f"{edge} rows ({1e3 * edge / rate:.3g} ms) at either end of a stretch are dropped: the filter has not settled there",

@@ -65,7 +65,7 @@ def identify_motor(
         joint: of a log of several, for a motor on a bench; or of a robot of several, with `load` or `locked`.
         load: inertia about its axis [kg m² | kg] that a joint turned behind its gear while it was logged, by joint or one for
             all; 0: motors taken off their arm. The fit goes into those joints of the robot. None: the arm moves as one.
-        locked: the rotor was held: the current alone is compared, which tells R and L.
+        locked: the rotor was held: the current alone is compared, which determines R and L.
         free: what is fitted: "R", "L", "Kt", "Ke", "J", "viscous", "coulomb", "coulomb_positive", "coulomb_negative", "stribeck",
             "friction_offset", "efficiency", "dead_zone" (of the stage), "delay", "offset" (of the command), or keys of the
             joint's tables such as "elasticity.backlash_rad"; None: all that the record has, and the delay.

@@ -6,6 +6,7 @@ so that what differs from another integrator's run is the integration and nothin
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from functools import partial
 
@@ -37,6 +38,27 @@ MOST_PIECES = 1000  # of a tick that end where something switches
 MOST_INNER = 10**6  # of CVODES' own steps from one change to the next
 LONGEST = 1024  # ticks of one call; powers of two below it serve any number
 METHODS = ("adams", "bdf")  # of high order where nothing is stiff; and where something is
+GAVE_UP = "gave_up"  # block: 0, or the place in `WHY` from 1 on
+WHY = {  # why CVODES could not go on, by its flag
+    "CV_TOO_MUCH_WORK": f"it needed more than {MOST_INNER} steps",
+    "CV_TOO_MUCH_ACC": "the tolerances are finer than numbers of 64 bits",
+    "CV_ERR_FAILURE": "no step was small enough for the tolerances",
+    "CV_CONV_FAILURE": "Newton's iteration did not converge, however small the step",
+    "": "for a reason of its own",
+    "switching": f"contacts or servos' limits switched more than {MOST_PIECES} times in one tick",
+}
+
+
+class CvodesStopped(Exception):
+    """A state from which CVODES cannot go on.
+
+    Attributes:
+        why: the place in `WHY` from 1 on; 0 where numbers are infinite or NaN.
+    """
+
+    def __init__(self, why: int):
+        super().__init__(why)
+        self.why = why
 
 
 def check_lanes(lanes: int) -> None:
@@ -78,30 +100,36 @@ class Cvodes:
         self._solvers: dict[tuple[int, str], casadi.Function] = {}
         self._ahead: dict[int, list[np.ndarray]] = {}  # states of a lane at the ticks that follow
 
-    def after(self, x: np.ndarray, u: np.ndarray, p: np.ndarray, span: float, count: int = 1) -> np.ndarray | None:
-        """The states (count, nx) each `span` seconds, u and p held; None where no step is small enough.
+    def after(self, x: np.ndarray, u: np.ndarray, p: np.ndarray, span: float, count: int = 1) -> np.ndarray:
+        """The states (rows, nx) each `span` seconds, u and p held: `count` rows, or those until CVODES cannot go on.
 
         Args:
             x: (nx,).   u: (nu,).   p: (np,) of the plant.   span: [s].   count: how often.
+        Raises:
+            CvodesStopped: it cannot go on from x.
         """
         rows: list[np.ndarray] = []
+        most = LONGEST
         while len(rows) < count:
-            block = 1 << min(count - len(rows), LONGEST).bit_length() - 1
-            states = self._block(rows[-1] if rows else x, u, p, span, block)
-            if states is None:
-                return None
-            rows += list(states)
+            block = 1 << min(count - len(rows), most).bit_length() - 1
+            try:
+                rows += list(self._block(rows[-1] if rows else x, u, p, span, block))
+            except CvodesStopped:  # a block is solved whole or not at all: shorter ones find the tick in which it stops
+                if block > 1:
+                    most = block // 2
+                elif rows:
+                    break
+                else:
+                    raise
         return np.array(rows)
 
-    def _block(self, x: np.ndarray, u: np.ndarray, p: np.ndarray, span: float, count: int) -> np.ndarray | None:
+    def _block(self, x: np.ndarray, u: np.ndarray, p: np.ndarray, span: float, count: int) -> np.ndarray:
         """Up to `count` states, at least one: those before something switches, or the one behind it."""
         constant = np.concatenate([u, p])
         if not self._landing:
             return self._solved(x, constant, span, count)
         touching = self._switching("touching", x, constant)[0]
         states = self._solved(x, np.concatenate([constant, touching]), span, count)
-        if states is None:
-            return None
         rows = [x, *states]
         for k in range(count):
             ended = bool((self._switching("touching", rows[k], constant)[0] != touching).any())  # at that very row
@@ -111,10 +139,9 @@ class Cvodes:
             return states
         if k:
             return states[:k]
-        end = self._through(x, constant, span)
-        return None if end is None else end[None]
+        return self._through(x, constant, span)[None]
 
-    def _through(self, x: np.ndarray, constant: np.ndarray, span: float) -> np.ndarray | None:
+    def _through(self, x: np.ndarray, constant: np.ndarray, span: float) -> np.ndarray:
         """The state `span` seconds later, in pieces that end where something switches; as `kernels.stages` says."""
         left = span
         for _ in range(MOST_PIECES):
@@ -122,19 +149,14 @@ class Cvodes:
             with_contacts = np.concatenate([constant, touching])
             step = partial(self._step, x, with_contacts)
             end = step(left)
-            if end is None or not self._switching("switched", x, end, constant, touching)[0][0]:
+            if not self._switching("switched", x, end, constant, touching)[0][0]:
                 return end
             weights, bracket, part = self._switching("bracket", x, end, constant, touching)
             for _ in range(SECANTS):
                 tried = step(part[0] * left)
-                if tried is None:
-                    return None
                 bracket, part = self._switching("narrow", tried, constant, touching, weights, bracket, part)
-            end = step(bracket[1] * left)
-            if end is None:
-                return None
-            x, left = end, left - bracket[1] * left
-        return None
+            x, left = step(bracket[1] * left), left - bracket[1] * left
+        raise CvodesStopped(_why("switching"))
 
     def _switching(self, name: str, *inputs: np.ndarray) -> list[np.ndarray]:
         """Outputs of a program of `switching`, for states, constant inputs and whatever else it takes."""
@@ -142,23 +164,32 @@ class Cvodes:
         ends = np.cumsum([port.size for port in program.inputs])
         return [np.asarray(each).ravel() for each in program.graph.call(np.split(numbers, ends[:-1]))]
 
-    def _step(self, x: np.ndarray, constant: np.ndarray, span: float) -> np.ndarray | None:
-        states = self._solved(x, constant, span, 1)
-        return None if states is None else states[0]
+    def _step(self, x: np.ndarray, constant: np.ndarray, span: float) -> np.ndarray:
+        return self._solved(x, constant, span, 1)[0]
 
-    def _solved(self, x: np.ndarray, constant: np.ndarray, span: float, count: int) -> np.ndarray | None:
-        """The states at `count` times, the inputs constant."""
-        if not np.isfinite(x).all():
-            return None
-        for method in self._methods:
-            try:
-                solution = self._solver(count, method)(x0=x, p=np.concatenate([constant, [span]]))["xf"]
-            except RuntimeError:  # CVODES gave up; it prints the reason on its own stream, which is silenced
-                continue
-            states = np.array(solution).T
-            if np.isfinite(states).all():
-                return states
-        return None
+    def _solved(self, x: np.ndarray, constant: np.ndarray, span: float, count: int) -> np.ndarray:
+        """The states at `count` times, the inputs constant.
+
+        Raises:
+            CvodesStopped: by neither of its methods, with the reason of the last.
+        """
+        why = 0
+        if np.isfinite(x).all() and np.isfinite(np.array(self._f(x, *self._blocks_of(constant)))).all():
+            for method in self._methods:
+                try:
+                    solution = self._solver(count, method)(x0=x, p=np.concatenate([constant, [span]]))["xf"]
+                except RuntimeError as error:
+                    flag = re.search(r"CV_\w+", str(error))
+                    why = _why("" if flag is None else flag[0])
+                    continue
+                states = np.array(solution).T
+                if np.isfinite(states).all():
+                    return states
+        raise CvodesStopped(why)
+
+    def _blocks_of(self, constant: np.ndarray) -> list[np.ndarray]:
+        """Arguments of the derivative behind x, from one after the other."""
+        return np.split(constant, np.cumsum([self._f.size1_in(k) for k in range(1, self._f.n_in())])[:-1])
 
     def _solver(self, count: int, method: str) -> casadi.Function:
         """Solver over `count` units of time; the last parameter is the length of the unit [s]."""
@@ -187,6 +218,7 @@ class Cvodes:
             lanes.blocks.setdefault(name, np.zeros((lanes.tiles, entries, lanes.width)))
         if self._turn is not None:
             lanes.blocks.setdefault(TURNS, np.zeros((lanes.tiles, 1, lanes.width)))
+        lanes.blocks.setdefault(GAVE_UP, np.zeros((lanes.tiles, 1, lanes.width)))
         names = ("frozen", "see_at") if f"x{SEEN}" in lanes.blocks else ("frozen",)
         for name in names:
             lanes.blocks.setdefault(name, np.full((lanes.tiles, 1, lanes.width), -1.0))
@@ -200,7 +232,7 @@ class Cvodes:
         """
         names = [*self._other_sizes, *schedules, *(f"{name}.{part}" for name in schedules for part in CURSOR)]
         names += [TURNS] * (self._turn is not None)
-        values = {name: lanes.get(name).copy() for name in dict.fromkeys(["x", "u", "frozen", *names])}
+        values = {name: lanes.get(name).copy() for name in dict.fromkeys(["x", "u", "frozen", GAVE_UP, *names])}
         empty = np.zeros((lanes.count, 0))
         plan, begins = (lanes.get(name) if name in lanes.blocks else empty for name in ("u_plan", "u_from"))
         seen = {
@@ -223,11 +255,11 @@ class Cvodes:
                 for _, name, row in (row for row in rows if row[0] == begin):
                     lane_values[name][:] = row
                 self._turn_loops(lane_values, k * h + begin)
-                x = self._next(lanes.first + int(lane), lane_values, end - begin, calm)
-                if x is None:
-                    lane_values["frozen"][:] = k
+                try:
+                    lane_values["x"][:] = self._next(lanes.first + int(lane), lane_values, end - begin, calm)
+                except CvodesStopped as stopped:
+                    lane_values["frozen"][:], lane_values[GAVE_UP][:] = k, stopped.why
                     break
-                lane_values["x"][:] = x
                 if end == see_at[lane, 0]:
                     for name, kept in seen.items():
                         kept[lane] = lane_values[name]
@@ -251,15 +283,20 @@ class Cvodes:
         lane_values["x"][:] = np.asarray(turn.program.graph.call(values)[0]).ravel()
         lane_values[TURNS][:] += 1.0
 
-    def _next(self, lane: int, lane_values: Mapping[str, np.ndarray], span: float, count: int) -> np.ndarray | None:
+    def _next(self, lane: int, lane_values: Mapping[str, np.ndarray], span: float, count: int) -> np.ndarray:
         """The state `span` seconds later, and those `count` times as much later put by."""
         if not self._ahead.get(lane):
             p = np.concatenate([lane_values[name] for name in self._other_sizes]) if self._other_sizes else np.zeros(0)
             states = self.after(lane_values["x"], lane_values["u"], p, span, count)
-            self._ahead[lane] = [] if states is None else list(states[::-1])
-            if states is None:
-                return None
+            self._ahead[lane] = list(states[::-1])
         return self._ahead[lane].pop()
+
+
+def _why(flag: str) -> int:
+    """The place of a flag in `WHY` from 1 on; 0 where the derivative is infinite or NaN."""
+    if "RHSFUNC" in flag:
+        return 0
+    return 1 + list(WHY).index(flag if flag in WHY else "")
 
 
 def _rows_within(

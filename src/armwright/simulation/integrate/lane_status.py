@@ -11,12 +11,13 @@ import numpy as np
 from armwright.errors import DivergenceError
 from armwright.kernels.loop import LaneGroup
 from armwright.results.notes import notes_of
+from armwright.simulation.integrate.cvodes import GAVE_UP, WHY
 from armwright.simulation.integrate.stepping import Adaptivity
 
 if TYPE_CHECKING:
     import xarray
 
-BLOCKS = {"frozen": -1.0, "stalled": 0.0, "stalled_by": 0.0, "trials": 0.0, "repeats": 0.0}
+BLOCKS = {"frozen": -1.0, "stalled": 0.0, "stalled_by": 0.0, "trials": 0.0, "repeats": 0.0, GAVE_UP: 0.0}
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,6 +28,7 @@ class LaneStatus:
         frozen: tick in which a lane stopped, -1: none.   stalled: 1 where for want of substeps.   stalled_by: entry of the
             state whose error asked for more.
         trials: substeps tried.   repeats: those that were too long.
+        gave_up: why CVODES could not go on, its place in `cvodes.WHY` from 1 on; 0: it could.
         first, count: (lanes, E) of events: the first time [s], NaN: none, and how often.
     """
 
@@ -35,6 +37,7 @@ class LaneStatus:
     stalled_by: np.ndarray
     trials: np.ndarray
     repeats: np.ndarray
+    gave_up: np.ndarray
     first: np.ndarray
     count: np.ndarray
 
@@ -78,7 +81,11 @@ class LaneStatus:
             )
             expected = "a looser accuracy or tolerance, a larger max_substeps, or integrator = 'rodas3'"
             expected += f"; {remedy}" if remedy else ""
-        what += f" at t = {self.frozen[0] * tick:g} s{'; ' * bool(last_row)}{last_row}"
+        what += f" at t = {self.frozen[0] * tick:g} s"
+        if self.gave_up[0]:
+            what = f"CVODES gave up at t = {self.frozen[0] * tick:g} s: {_why(self.gave_up[0])}"
+            expected = "integrator = 'auto', or a shorter duration" + f"; {remedy}" * bool(remedy)
+        what += f"{'; ' * bool(last_row)}{last_row}"
         raise DivergenceError(what, expected=expected, file=name)
 
     def add_to(
@@ -93,9 +100,10 @@ class LaneStatus:
             added[name] = ((*dims, *more), values[first], {"units": unit, "long_name": about})
 
         stopped, stalled = np.where(self.frozen < 0, np.nan, self.frozen * tick), self.stalled > 0.0
+        gave_up = self.gave_up > 0.0
         choosing = adaptivity if adaptivity is not None and adaptivity.most else None
         if not single:
-            diverged = np.where(stalled, np.nan, stopped)
+            diverged = np.where(stalled | gave_up, np.nan, stopped)
             put("diverged_at", diverged, "s", "time at which the lane diverged")
         if adaptivity is not None:
             run.attrs |= adaptivity.allowed.attributes
@@ -110,6 +118,16 @@ class LaneStatus:
                 run.attrs["notes"] = "\n".join([*notes_of(run), note])
                 asked = np.where(stalled, np.array(entries)[self.stalled_by.astype(int)], "")
                 put("stalled_by", asked, "1", "what asked for more substeps")
+        if gave_up.any() and not single:
+            lane = int(np.argmin(np.where(gave_up, stopped, np.inf)))
+            note = (
+                f"CVODES gave up in {np.count_nonzero(gave_up)} of {len(gave_up)} lanes, which stay where they are, first at "
+                f"t = {stopped[lane]:g} s: {_why(self.gave_up[lane])}"
+            )
+            run.attrs["notes"] = "\n".join([*notes_of(run), note])
+            put("stalled_at", np.where(gave_up, stopped, np.nan), "s", "time at which CVODES gave up")
+            words = np.array([_why(each) if each else "" for each in self.gave_up])
+            put("stalled_by", words, "1", "why CVODES gave up")
         if choosing is not None:
             put("steps_tried", self.trials, "1", "substeps that the integrator tried")
             put("steps_repeated", self.repeats, "1", "substeps that were too long, and taken again")
@@ -118,3 +136,9 @@ class LaneStatus:
             put("event_time", self.first, "s", "first time of the event", "event")
             put("event_count", self.count, "1", "how often the event happened", "event")
         run.update(added)
+
+
+def _why(place: float) -> str:
+    """Why CVODES gave up, in words, with its flag."""
+    flag, words = list(WHY.items())[int(place) - 1]
+    return f"{words} ({flag})" if flag.startswith("CV_") else words

@@ -153,17 +153,25 @@ def reference_rows(arm: Model, reference: Any, t: np.ndarray, notes: list[str] |
     elif callable(reference):
         rows = _of_function(arm, layout, reference, t, [] if notes is None else notes)
     else:
+        poses = f"a pose ({n},), rows ({len(t)}, {n}) or ({len(t)}, {3 * n}), a Schedule"
         try:
             values = scalar.real_numbers(reference)
         except ValueError:
-            values = np.full(0, np.nan)
+            what, place = "neither numbers nor a function of time", f"reference {called(reference)!r}"
+            if isinstance(reference, (list, tuple, np.ndarray)):
+                what, place = "not numbers alone, or rows of unequal length", "reference"
+            elif hasattr(reference, "at"):
+                what = "has `at` and no `__call__`"
+            expected = (
+                f"{poses}, or a trajectory: called with t [s] it gives q or (q, qd, qdd); `at` may stand beside that"
+            )
+            raise ScenarioError(what, place=place, expected=expected) from None
         if values.shape == (n,):
             rows[:, :n] = values
         elif values.shape in ((len(t), n), (len(t), 3 * n)):
             rows[:, : values.size // len(t)] = values
         else:
-            poses = f"a pose ({n},), rows ({len(t)}, {n}) or ({len(t)}, {3 * n})"
-            expected = f"{poses}, a Schedule, or a function of time"
+            expected = f"{poses}, or a function of time"
             raise ScenarioError(f"shape {values.shape}", place="reference", expected=expected)
     if not np.isfinite(rows).all():
         k, column = np.argwhere(~np.isfinite(rows))[0]
