@@ -14,6 +14,7 @@ version = release = armwright.__version__
 extensions = [
     "myst_parser",
     "sphinx.ext.viewcode",
+    "armwright_cells",
     "armwright_domain",
     "armwright_formulas",
 ]

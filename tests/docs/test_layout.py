@@ -61,3 +61,13 @@ def test_figures_of_the_comparison_stand_on_the_page_that_each_row_names() -> No
         text = page(f"docs/{source['page']}")
         for number in re.findall(r"\d[\d,]*\.\d+|\d[\d,]{2,}", " ".join(row[1:4])):
             assert number in text, f"{source['page']} does not have {number} of: {row[0]}"
+
+
+def test_quantities_in_cells_are_joined_and_words_are_not(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("sphinx")
+    monkeypatch.syspath_prepend(str(ROOT / "docs" / "ext"))
+    from armwright_cells import joined
+
+    assert joined("1.1 (0.94–1.4) ✓ ≥ 0.83") == "1.1 (0.94\u2060–\u20601.4) ✓ ≥\u00a00.83"
+    assert joined("2.9e-15") == "2.9e\u2060-\u206015"
+    assert joined("0.55 mm, 9 N m, 4 joints, 2 as one") == "0.55\u00a0mm, 9\u00a0N m, 4 joints, 2 as one"

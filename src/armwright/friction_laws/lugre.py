@@ -12,7 +12,7 @@ class LuGre(Coulomb):
     name = "lugre"
     equation = """
     `law = "lugre"`: in the simulator  f = offset + viscous q̇ + bristle_stiffness z + bristle_damping ż,
-    ż = q̇ - bristle_stiffness |q̇| / g z,  g the bracket of the Coulomb law; that law itself in the kernels. [CanudasEtAl1995]"""
+    ż = q̇ - bristle_stiffness z |q̇| / g,  g the bracket of the Coulomb law; that law itself in the kernels. [CanudasEtAl1995]"""
     own = (
         OwnKey("bristle_stiffness", "stiffness", "σ0 of LuGre.", "Positive"),
         OwnKey("bristle_damping", "damping", "σ1 of LuGre.", "NotNegative"),
