@@ -132,5 +132,5 @@ class CudaArm(CompiledArm[Any]):
         )
         raise ModelError("is not offered on a GPU", place=f"{name}: bind", expected=expected)
 
-    def _compiled(self, name: str, program: Any, *, apart: bool = False) -> Any:
+    def _compiled(self, name: str, program: Any, *, other_process: bool = False) -> Any:
         return CudaKernel(program, self._gpu, self.format, self._parameter_check(name))
