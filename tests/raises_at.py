@@ -36,7 +36,8 @@ def raises_at(
     with pytest.raises(kind, match=match) as caught:
         yield caught
     _check(caught.value, place, value, file)
-    del caught  # the error's traceback holds this frame: a cycle would keep what the block made
+    caught.value.__traceback__ = None  # it holds this frame: a cycle would keep what the block made
+    del caught
 
 
 def _check(error: ArmwrightError, place: str | re.Pattern, value: Any, file: Any) -> None:

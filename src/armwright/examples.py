@@ -13,7 +13,7 @@ from armwright.output import whole_file
 
 HERE = Path(__file__).parent
 FOLDERS = (HERE / "example_files", HERE.parents[1] / "examples")  # of an installed wheel, of a checkout
-OF_LOGS = (".md", ".txt", ".parquet", ".urdf")  # rows, and whose they are
+OF_LOGS = (".md", ".txt", ".json", ".parquet", ".urdf")  # rows, and whose they are
 TITLES = {  # the first pattern that is found says what a file is
     ".py": (r'\A"""(.+)',),
     ".toml": (r'^title = "(.+)"', r"\A# (.+)"),

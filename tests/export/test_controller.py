@@ -269,6 +269,9 @@ def test_cppcheck_has_nothing_to_say(tmp_path):
     loop = {"command_filter": aw.CommandFilter(limit=20.0, rate=1e3)}
     code = aw.export.export_controller(pid_loop(**loop), tmp_path, ticks=20).paths[1]
     options = ("--std=c99", "--quiet", "--error-exitcode=1", "--enable=warning,style,performance,portability")
+    options += (
+        "--suppress=normalCheckLevelMaxBranches",
+    )  # of newer versions: says that it looked at some branches only
     done = subprocess.run([compiler("cppcheck"), *options, code], capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr
 

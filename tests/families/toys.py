@@ -77,7 +77,7 @@ def main() -> None:
     arm = build_model(parse(record, "toys"))
     again = build_model(parse(__import__("tomllib").loads(to_toml(arm.description)), "again"))
     assert to_toml(again.description) == to_toml(arm.description)  # reader and writer
-    assert '`law = "toy"`' in RotaryFriction.__doc__
+    assert '`law = "toy"`' in (RotaryFriction.__doc__ or "")
     assert "toy_level_n" in LinearFriction.model_fields
 
     q, qd, qdd = np.random.default_rng(0).normal(size=(3, arm.n))

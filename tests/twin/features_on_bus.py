@@ -70,6 +70,7 @@ FEATURES = {
     "solver.max_substeps": NONE,
     "solver.events": NONE,
     "solver.target": NONE,
+    "solver.device": REFUSED,
     "recording.every": NONE,
     "recording.period": NONE,
     "recording.what": NONE,

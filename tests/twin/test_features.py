@@ -232,6 +232,7 @@ CASES = {
 }
 # Words of the refusal.
 WRONG = {
+    "solver.device": (lambda: solver(device="cuda"), "solver.device = 'cuda'"),
     "command": (lambda: replace(BASE, loop=None, command=[1.0]), "loop"),
     "lanes, several": (lambda: replace(BASE, vary={"rod0.mass_kg": aw.Batch([3.2, 3.3])}), "lanes: 2 lanes"),
     "loop.controller, absent": (lambda: loop(controller=None), "loop.controller: no controller"),

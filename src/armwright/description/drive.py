@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from inspect import cleandoc
 from math import sqrt
+from textwrap import dedent
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from pydantic import Field, create_model, model_validator
@@ -180,8 +182,8 @@ class RotaryFriction(_OfLaws):
     )
 
 
-_equations = "".join(law.equation for law in LAWS.values()).lstrip("\n")
-RotaryFriction.__doc__ = (RotaryFriction.__doc__ or "").replace("    {laws}", _equations)
+_equations = dedent("".join(law.equation for law in LAWS.values())).strip("\n")
+RotaryFriction.__doc__ = cleandoc(RotaryFriction.__doc__ or "").replace("{laws}", _equations)
 
 
 @twin_of(RotaryFriction)

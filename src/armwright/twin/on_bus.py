@@ -23,6 +23,7 @@ from armwright.errors import BusError, Problem, ScenarioError
 from armwright.export.controller.stages import check_one_arm
 from armwright.features import Support
 from armwright.interfaces import JointReference, Measurement
+from armwright.kernels.compiled import CPU
 from armwright.model import Model
 from armwright.scalar import Array, Scalar
 from armwright.simulation.loop.command_filter import WHOLE, CommandFilter
@@ -148,6 +149,9 @@ def checked_run(scenario: AnyScenario, commands: str) -> tuple[Scenario, list[Pr
     if scenario.loop is None or scenario.controller is None:
         raise BusError("no controller", place="loop.controller", expected="one that drives the arm over the bus")
     n, problems = scenario.arm.n, []
+    if scenario.solver.device != CPU:
+        expected = f'"{CPU}", where a controller waits for its bus'
+        problems.append(Problem(place="solver.device", value=scenario.solver.device, expected=expected))
     if scenario.duration is None:
         expected = "a time above 0 [s] that the controller runs for"
         problems.append(Problem(place="duration", value=None, expected=expected))

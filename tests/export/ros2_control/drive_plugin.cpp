@@ -4,6 +4,7 @@
 // the commands in force (the first row; later ones are ignored there), in the order of the interfaces. SCENE is "chained", "alone",
 // or an error: "wrong-names". The exit code is 0, or the number of the callback that failed: 1 init, 2 configure, 3 activate, 4 update.
 
+#include <algorithm>
 #include <cstdlib>
 #include <fstream>
 #include <iostream>

@@ -169,7 +169,7 @@ def test_the_command_measures_and_writes(tmp_path):
     assert "95 %: 2.8804 to 2.9196 kg" in found.output
     assert float(aw.load(out).record.link("forearm").mass_kg) == 2.9
     for each in ("centre --reading 1.0 --span 0.4 --mass 2", "pendulum --swing-period 1.3,.001 --mass 2 --distance 0.2",
-                 "bifilar --swing-period 1.3 --mass 2 --length 1 --spacing 0.2,0.001"):  # fmt: skip
+                 "bifilar --swing-period 1.3 --mass 2 --wire-length 1 --spacing 0.2,0.001"):  # fmt: skip
         assert run(app, ["measure", *each.split()]).exit_code == 0, each
     wrong = run(app, words)
     assert wrong.exit_code == 2

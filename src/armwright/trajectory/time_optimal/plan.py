@@ -90,13 +90,12 @@ def time_optimal(
         ScenarioError: a path outside the position limits or too near to something, limits that cannot be judged or that nothing
             satisfies, with the place on the path, the joint and by how much.   ModelError: no arm.
     Example:
-        >>> start, goal = [0.0, 0.35, 0.0, 0.6, 0.0, 0.4], [0.7, 0.3, 0.5, 0.2, -0.6, 0.1]
-        >>> path = aw.trajectories.JointPath([start, goal])
+        >>> path = aw.trajectories.JointPath([[0.0] * 6, [0.7, 0.3, 0.5, 0.2, -0.6, 0.1]])
         >>> fast = aw.trajectories.time_optimal("cmu-dd", path, grid=100)
         >>> round(fast.duration, 2)  # within the motors' torques and voltages
-        0.28
-        >>> free = {"torque": float("inf"), "voltage": float("inf")}
-        >>> limits = aw.trajectories.MotionLimits.of("cmu-dd", acceleration=20.0, jerk=400.0, **free)
+        0.25
+        >>> free = {"acceleration": 20.0, "torque": float("inf"), "voltage": float("inf")}
+        >>> limits = aw.trajectories.MotionLimits.of("cmu-dd", jerk=400.0, **free)
         >>> round(aw.trajectories.time_optimal("cmu-dd", path, limits).duration, 2)  # with continuous accelerations
         0.43
     """
