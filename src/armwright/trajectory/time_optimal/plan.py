@@ -96,7 +96,7 @@ def time_optimal(
         0.25
         >>> free = {"acceleration": 20.0, "torque": float("inf"), "voltage": float("inf")}
         >>> limits = aw.trajectories.MotionLimits.of("cmu-dd", jerk=400.0, **free)
-        >>> round(aw.trajectories.time_optimal("cmu-dd", path, limits).duration, 2)  # with continuous accelerations
+        >>> round(aw.trajectories.time_optimal("cmu-dd", path, limits).duration, 2)  # smooth
         0.43
     """
     arm = as_arm(arm)
