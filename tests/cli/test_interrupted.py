@@ -282,14 +282,3 @@ def test_friction_keeps_the_joints_that_are_fitted(tmp_path):
     assert "\nnot identified\n" in out
     assert aw.load(tmp_path / "found.toml").record.fits["friction"].verdict == "not identified"
     assert "Traceback" not in said
-
-
-@pytest.mark.study
-def test_an_arm_without_a_fit_is_not_written(tmp_path):
-    moved(tmp_path, "arm", aw.load("lwa4p"), seconds=40.0, torque_noise=0.1)
-    early = re.compile(rb"identifying lwa4p.*\b[1-4]?\d% +\d:\d\d:\d\d")
-    code, out, said = stopped(tmp_path, "identify", "arm", "lwa4p", "arm.log.toml", "-o", "found.toml", seen=early)
-    assert (code, out) == (130, ""), said
-    assert NOTHING.strip() in said
-    assert not (tmp_path / "found.toml").exists()
-    assert "Traceback" not in said
