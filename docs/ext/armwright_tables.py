@@ -366,6 +366,7 @@ BENCHMARK: dict[
         "From nothing",
         ("work", "all", "load", "kernel", "import numpy", "import casadi", "import llvmlite", "import pydantic"),
     ),
+    "commands": ("Commands", ("work", "all", "import packages", "above packages")),
     "compile": ("Tracing and compiling", ("arm", "kernel", "operations", "all")),
     "ik": (
         "Inverse kinematics",
