@@ -12,6 +12,9 @@ from armwright.friction_laws.law import FrictionLaw, Loads, OwnKey
 from armwright.scalar import Scalar
 
 
+MOST = 80.0  # of the exponent: e⁻⁸⁰ is nothing beside 1, and a larger e^x overflows, first in single precision: a slope of NaN
+
+
 class Sigmoid(FrictionLaw):
     """A logistic function of speed, 0 at standstill."""
 
@@ -37,7 +40,8 @@ class Sigmoid(FrictionLaw):
     ) -> Scalar:
         """torque + a/(1 + exp(-b (q̇ + c))) - a/(1 + exp(-b c)).  [Gaz2019]"""
         a, b, c = friction.parameters
-        return torque + a / (1.0 + scalar.exp(-b * (speed + c))) - a / (1.0 + scalar.exp(-b * c))
+        exponent = scalar.minimum(-b * (speed + c), MOST)
+        return torque + a / (1.0 + scalar.exp(exponent)) - a / (1.0 + scalar.exp(-b * c))
 
     def steep(self, friction: Any) -> tuple[Scalar, Scalar]:
         """About -c, over 1/b."""
