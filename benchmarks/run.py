@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import argparse
 import importlib
-import importlib.util
 import json
 import os
 import sys
@@ -47,9 +46,9 @@ REPETITIONS, QUICK_REPETITIONS = 11, 1
 
 def main(arguments: list[str] | None = None) -> int:
     options = parsed(arguments)
-    lacking = [package for module, package in PEERS.items() if importlib.util.find_spec(module) is None]
-    if lacking and options.chapters != ["gpu"]:
-        print(f"the peers check every row, and are not installed: pip install {' '.join(lacking)}", file=sys.stderr)
+    lacking = [] if options.chapters == ["gpu"] else missing_peers()
+    if lacking:
+        print(f"the peers check every row: {'; '.join(lacking)}", file=sys.stderr)
         return 2
     if options.chapters and options.save is False and newest_of_this(described(), RESULTS) is None:
         print(
@@ -77,6 +76,17 @@ def main(arguments: list[str] | None = None) -> int:
         for path in paths if options.save else [*paths, update(saved)]:
             print(f"saved {path}")
     return 0
+
+
+def missing_peers() -> list[str]:
+    """Of each peer that cannot be imported: why, and what installs it."""
+    missing = []
+    for module, package in PEERS.items():
+        try:
+            importlib.import_module(module)
+        except ImportError as error:  # or a library of the system that it needs
+            missing.append(f"{error} (pip install {package})")
+    return missing
 
 
 def parsed(arguments: list[str] | None) -> argparse.Namespace:

@@ -212,6 +212,7 @@ def test_share_of_the_machines_limit(at_home):
 
 
 def test_starts_are_judged_by_their_best(at_home):
+    pytest.importorskip("pinocchio", exc_type=ImportError)
     from report import CHAPTERS  # type: ignore[import-not-found]
     from rows_start import WANTED, _record  # type: ignore[import-not-found]
 

@@ -76,6 +76,7 @@ def test_the_recording_is_the_simulation():
 
 def test_a_wrong_number_is_found(tmp_path):
     """Another gain in the code, and the comparison and the self-test say so."""
+    compiler("gcc")
     stages = ControllerStages.of(pid_loop())
     exported = aw.export.export_controller(pid_loop(), tmp_path)
     code = exported.paths[1]
@@ -183,6 +184,7 @@ def test_the_watchdog_hook_is_served_every_step(tmp_path):
 
 def test_gains_become_parameters(tmp_path):
     """With their values the bits are those of the simulation with a batch of one; with others the command is another one."""
+    compiler("gcc")
     exported = aw.export.export_controller(pid_loop(), tmp_path, gains=("kp", "kd"), ticks=100)
     name = exported.name
     assert exported.comparison is not None

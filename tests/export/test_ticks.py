@@ -119,6 +119,7 @@ def test_the_law_s_time_is_right_as_long_as_it_is_said_to_be(real, seconds, peri
 
 def test_a_law_of_the_time_says_when_it_is_over(tmp_path):
     """By a note, a macro and a status bit; a law that does not read the time has none of them."""
+    compiler("gcc")
     exported = aw.export.export_controller(pid_loop(controller=of_time), tmp_path, real="float", ticks=50)
     last = ControllerStages.of(pid_loop(controller=of_time)).ticks_of_time("float")
     assert last is not None

@@ -33,7 +33,7 @@ def seconds(work: Callable[[], object]) -> float:
 @pytest.fixture(scope="module")
 def yardstick():
     """Does the sums of `PART` states, by Pinocchio from Python."""
-    pin = pytest.importorskip("pinocchio", reason="the extra `bench` is not installed")
+    pin = pytest.importorskip("pinocchio", exc_type=ImportError)
     model = pin.buildSampleModelManipulator()
     data, states = model.createData(), np.random.default_rng(0).normal(size=(4, PART, 6))
     assert model.nv == 6

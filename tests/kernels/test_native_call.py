@@ -302,7 +302,7 @@ def test_plain_call_costs_little_more_than_a_bound_one(dyn, lead):
 
 def test_plain_call_is_faster_than_pinocchio_from_python(dyn):
     """Measured: 4 to 5 times as fast."""
-    pin = pytest.importorskip("pinocchio")
+    pin = pytest.importorskip("pinocchio", exc_type=ImportError)
     model = pin.buildSampleModelManipulator()
     data, q, v = model.createData(), pin.neutral(model), np.zeros(model.nv)
     arrays = states(dyn, "inverse_dynamics", (), np.random.default_rng(11))

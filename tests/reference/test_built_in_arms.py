@@ -89,7 +89,7 @@ def test_tensors_turned_into_the_link_s_axes_keep_the_source_s_moments(
 @pytest.mark.parametrize("name", ["ur3", "ur5", "ur10"])
 def test_a_ur_of_the_cb3_series_moves_as_its_urdf(name: str) -> None:
     """From the controller's base to its tool at zero TCP; masses of that older description are not the maker's."""
-    pin: Any = pytest.importorskip("pinocchio", reason="Pinocchio is the oracle here: pip install pin")
+    pin: Any = pytest.importorskip("pinocchio", exc_type=ImportError)
     file = f"ur_description/urdf/{name}_robot.urdf"
     if file not in robot_files():
         pytest.skip("needs the robots: pip install example-robot-data")
@@ -129,7 +129,7 @@ def bare(name: str) -> Model:
 @pytest.mark.parametrize("name", URDFS)
 def test_kinematics_and_masses_are_those_of_the_source(name: str) -> None:
     """Pose of the last link, mass matrix and gravity torques, of Pinocchio on the source's own file."""
-    pin: Any = pytest.importorskip("pinocchio", reason="Pinocchio is the oracle here: pip install pin")
+    pin: Any = pytest.importorskip("pinocchio", exc_type=ImportError)
     file, base, last = URDFS[name]
     if file not in robot_files():
         pytest.skip("needs the robots: pip install example-robot-data")

@@ -36,8 +36,9 @@ class Direction:
 
     def members(self, small: float = SMALL) -> list[int]:
         """Numbers of the parameters that it mixes, the largest component first, those below a share of it left out."""
-        size = np.abs(self.vector)
-        return [int(k) for k in np.argsort(-size) if size[k] >= small * size.max()]
+        size = np.abs(self.vector) / np.abs(self.vector).max()
+        order = np.argsort(-size.round(6), kind="stable")  # equal ones in their order, whatever rounding makes of them
+        return [int(k) for k in order if size[k] >= small]
 
     def names(self, names: Sequence[str], small: float = SMALL) -> list[str]:
         """Names of the largest of them."""

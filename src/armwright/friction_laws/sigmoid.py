@@ -11,7 +11,6 @@ from armwright import scalar
 from armwright.friction_laws.law import FrictionLaw, Loads, OwnKey
 from armwright.scalar import Scalar
 
-
 MOST = 80.0  # of the exponent: e⁻⁸⁰ is nothing beside 1, and a larger e^x overflows, first in single precision: a slope of NaN
 
 

@@ -7,10 +7,21 @@ from pathlib import Path
 
 import fmpy
 import numpy as np
+import pytest
 from fmpy import extract, read_model_description
 from fmpy.fmi2 import FMU2Model, FMU2Slave, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
 from fmpy.fmi3 import FMU3Model, FMU3Slave
 from fmpy.validation import validate_fmu
+
+from armwright.export.controller.sil import find_compiler
+from armwright.export.fmu.build import HOST, has_zig
+
+
+def this_platform() -> list[str]:
+    """The platforms to build for where a test runs an FMU; skips the test where nothing compiles for it."""
+    if find_compiler() is None and not has_zig():
+        pytest.skip("no C compiler here, and no zig")
+    return [HOST]
 
 
 class Instance:

@@ -7,7 +7,7 @@ import pytest
 
 import armwright as aw
 from export.controllers import CONTROLLERS, three_rates
-from export.fmu.fmus import Instance
+from export.fmu.fmus import Instance, this_platform
 
 ARMS = ("two-link", "puma560", "lwa4p", "cmu-dd", "panda")
 
@@ -47,7 +47,7 @@ def test_a_plant_moves_as_simulated(name, version, tmp_path):
     arm = aw.load(name)
     scenario = commanded(arm, 100)
     run = aw.simulate(scenario)
-    exported = aw.export.export_fmu(scenario, tmp_path / "plant.fmu", platforms=["host"], version=version)
+    exported = aw.export.export_fmu(scenario, tmp_path / "plant.fmu", platforms=this_platform(), version=version)
     x = states(exported.path, run, 100, 1e-3)
     np.testing.assert_array_equal(x[:, : arm.n], run.q.values)
     np.testing.assert_array_equal(x[:, arm.n : 2 * arm.n], run.qd.values)
@@ -84,7 +84,7 @@ def test_arm_and_controller_in_one_unit_do_what_was_simulated(name, tmp_path):
     scenario = blown(CONTROLLERS[name](ticks), ticks)
     period, n = scenario.loop.period, scenario.arm.n
     run = aw.simulate(scenario)
-    fmu = Instance(aw.export.export_fmu(scenario, tmp_path / "loop.fmu", part="both", platforms=["host"]).path)
+    fmu = Instance(aw.export.export_fmu(scenario, tmp_path / "loop.fmu", part="both", platforms=this_platform()).path)
     given = {"r": references(scenario, run, ticks), "wrench": rows_of(scenario.inputs.wrench, ticks, period)}
     names = {prefix: fmu.names(prefix, "input") for prefix in given}
     x, y, u = (fmu.names(prefix, "output") for prefix in "xyu")
@@ -104,7 +104,9 @@ def test_arm_and_controller_in_one_unit_do_what_was_simulated(name, tmp_path):
 def test_loops_at_their_own_rates_have_their_turns_as_simulated(version, tmp_path):
     ticks, scenario = 100, three_rates(100)
     run = aw.simulate(scenario)
-    path = aw.export.export_fmu(scenario, tmp_path / "loop.fmu", part="both", platforms=["host"], version=version).path
+    path = aw.export.export_fmu(
+        scenario, tmp_path / "loop.fmu", part="both", platforms=this_platform(), version=version
+    ).path
     fmu, r = Instance(path), references(scenario, run, ticks)
     fmu.begin()
     for k in range(ticks):
@@ -125,7 +127,7 @@ def test_plant_and_controller_connected_run_as_simulated_one_tick_later(name, tm
     late = replace(loop.timing, command_delay=loop.timing.command_delay + loop.period)
     run = aw.simulate(replace(scenario, loop=replace(loop, timing=late)))
     plant, controller = (
-        Instance(aw.export.export_fmu(scenario, tmp_path / f"{part}.fmu", part=part, platforms=["host"]).path)
+        Instance(aw.export.export_fmu(scenario, tmp_path / f"{part}.fmu", part=part, platforms=this_platform()).path)
         for part in ("plant", "controller")
     )
     r, wrench = references(scenario, run, ticks), rows_of(scenario.inputs.wrench, ticks, loop.period)

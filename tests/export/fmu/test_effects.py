@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import armwright as aw
-from export.fmu.fmus import Instance
+from export.fmu.fmus import Instance, this_platform
 from export.fmu.test_co_simulation import commanded, states
 from simulation.plants import BRAKE, COULOMB, MANY, MOTOR, pendulum
 from simulation.sticking import block, dry
@@ -42,7 +42,7 @@ PLANTS = {
 
 
 def exported(scenario, path, **options):
-    return aw.export.export_fmu(scenario, path, platforms=["host"], **options).path
+    return aw.export.export_fmu(scenario, path, platforms=this_platform(), **options).path
 
 
 @pytest.mark.sample(1)

@@ -18,7 +18,7 @@ from armwright.errors import ArmwrightError, ModelError, ScenarioError
 from armwright.export.fmu import build
 from armwright.export.fmu.variables import base_unit, quoted
 from export.controllers import EXAMPLES
-from export.fmu.fmus import Instance, validate_fmu
+from export.fmu.fmus import Instance, this_platform, validate_fmu
 from raises_at import raises_at
 from simulation.plants import COULOMB, MANY, MOTOR, pendulum
 
@@ -50,7 +50,7 @@ def test_zig_builds_for_any_system(name, tmp_path):
     if name != build.host_platform():
         return
     rows = []
-    for platform in (name, "host"):
+    for platform in (name, *this_platform()):
         fmu = Instance(aw.export.export_fmu(PLAIN, path, platforms=[platform]).path)
         fmu.begin()
         fmu.set("u.joint0", 5.0)
@@ -261,6 +261,7 @@ def test_without_zig_other_systems_are_refused(monkeypatch, tmp_path):
 
 
 def test_the_command(tmp_path):
+    this_platform()
     path = tmp_path / "swing.fmu"
     arguments = ["export", "fmu", str(EXAMPLES / "swing.scenario.toml"), "--part", "controller", "--platforms", "host"]
     done = CliRunner().invoke(app, [*arguments, "-o", str(path), "--json"])

@@ -5,7 +5,7 @@ import pytest
 
 import armwright as aw
 from armwright.errors import ScenarioError
-from export.fmu.fmus import Instance, simulated
+from export.fmu.fmus import Instance, simulated, this_platform
 from raises_at import raises_at
 from simulation.plants import COULOMB, ELASTIC, MOTOR, SUPPLY, THERMAL, chain, pendulum
 from simulation.test_switching import PLAY, STOPS, bounced
@@ -24,7 +24,7 @@ def test_another_solver_comes_to_the_same_motion(name, version, tmp_path):
         arm, duration=duration, command=command, start=q0, solver=aw.Solver("cvodes"), recording=aw.Recording(every=0)
     )
     exported = aw.export.export_fmu(
-        scenario, tmp_path / "plant.fmu", interface="model-exchange", platforms=["host"], version=version
+        scenario, tmp_path / "plant.fmu", interface="model-exchange", platforms=this_platform(), version=version
     )
     x = simulated(exported.path, duration, u=command)
     run = aw.simulate(scenario)
@@ -43,7 +43,7 @@ def test_initial_values_have_one_name_in_both_interfaces(version, tmp_path):
     for interface in ("co-simulation", "model-exchange"):
         scenario = aw.Scenario(arm, duration=0.1, command=[0.0, 0.0], start=[0.1, 0.2])
         exported = aw.export.export_fmu(
-            scenario, tmp_path / "plant.fmu", interface=interface, platforms=["host"], version=version
+            scenario, tmp_path / "plant.fmu", interface=interface, platforms=this_platform(), version=version
         )
         fmu = Instance(exported.path, exchange=interface == "model-exchange")
         parameters = fmu.names("start", "parameter")
@@ -70,7 +70,9 @@ def test_stops_are_events_and_bounces_come_to_the_closed_form(tmp_path):
     arm = pendulum("torque", gravity=0.0, stops=STOPS, limits={"position_rad": [-0.1, 0.1]})
     exact = np.array(bounced(float(aw.mass_matrix(arm, np.zeros(1))[0, 0]), 0.1, 1.0, 2.0))
     scenario = aw.Scenario(arm, duration=2.0, command=[0.0], start=aw.Start(qd=[1.0]))
-    exported = aw.export.export_fmu(scenario, tmp_path / "bounce.fmu", interface="model-exchange", platforms=["host"])
+    exported = aw.export.export_fmu(
+        scenario, tmp_path / "bounce.fmu", interface="model-exchange", platforms=this_platform()
+    )
     assert np.abs(simulated(exported.path, 2.0, tolerance=1e-10, u=[0.0]) - exact).max() < 1e-6
 
 
@@ -82,7 +84,9 @@ def test_play_temperatures_and_a_supply_are_states(tmp_path):
         [{**joint, "elasticity": PLAY, "motor": {**motor, "thermal": THERMAL}}, joint], robot={"supply": SUPPLY}
     )
     scenario = aw.Scenario(arm, duration=0.2, command=[8.0, -5.0], solver=aw.Solver("cvodes", rtol=1e-10))
-    exported = aw.export.export_fmu(scenario, tmp_path / "effects.fmu", interface="model-exchange", platforms=["host"])
+    exported = aw.export.export_fmu(
+        scenario, tmp_path / "effects.fmu", interface="model-exchange", platforms=this_platform()
+    )
     assert sum(name.startswith("x.") for name in exported.outputs) == 2 * 2 + 2 + 2 + 2 + 1
     x = simulated(exported.path, 0.2, tolerance=1e-9, u=[8.0, -5.0])
     run = aw.simulate(scenario)
@@ -97,7 +101,7 @@ def test_directional_derivatives_are_the_slopes(version, tmp_path):
     arm, rng = aw.load("puma560"), np.random.default_rng(3)
     scenario = aw.Scenario(arm, duration=1.0, command=np.zeros(6), inputs=aw.Inputs(wrench=np.zeros(6)))
     exported = aw.export.export_fmu(
-        scenario, tmp_path / "plant.fmu", interface="model-exchange", platforms=["host"], version=version
+        scenario, tmp_path / "plant.fmu", interface="model-exchange", platforms=this_platform(), version=version
     )
     fmu = Instance(exported.path, exchange=True)
     fmu.begin()

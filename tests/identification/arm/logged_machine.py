@@ -100,7 +100,7 @@ class Machine:
 
     def _pinocchio(self):
         """The module, and the arm without drives under standard gravity."""
-        pin = pytest.importorskip("pinocchio", reason="no Pinocchio here")
+        pin = pytest.importorskip("pinocchio", exc_type=ImportError)
         model = pin.buildModelFromUrdf(str(self.path))
         model.gravity.linear = np.array([0.0, 0.0, -9.80665])
         return pin, model

@@ -252,7 +252,7 @@ def compare_experiments(
         >>> both, arm = {"small": small, "large": large}, aw.load("two-link")
         >>> found = aw.identification.compare_experiments(both, noise=0.1, arm=arm)
         >>> found.sentences()[0]
-        'small: Izz2, Ia2 and Izz1* cannot be distinguished with it; large would do it'
+        'small: Izz2, Izz1* and Ia2 cannot be distinguished with it; large would do it'
     """
     if not isinstance(candidates, Mapping) or not candidates:
         raise IdentificationError(place="candidates", value=candidates, expected="experiments by name")
