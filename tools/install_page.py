@@ -53,7 +53,7 @@ print(json.dumps(found))
 
 
 def resolves(requirements: list[str], platform: str, python: str, *options: str) -> bool:
-    """Whether uv finds wheels of all of them, and of what they need.
+    """True if uv finds wheels of all of them, and of what they need.
 
     Raises:
         SystemExit: uv ended TRIES times without an answer, as without a network; that is not a "no".
@@ -92,18 +92,24 @@ def platforms(project: dict) -> str:
     with ThreadPoolExecutor(8) as pool:  # which wait for the index
         answers = pool.map(lambda ask: lacking(parts[ask[2]], PLATFORMS[ask[0]], ask[1]), asked)
         said = dict(zip(asked, answers, strict=True))
-    rows = [f"| platform | {' | '.join(PYTHONS)} | extras without a wheel |", "|---" * (len(PYTHONS) + 2) + "|"]
+    rows = [f"| platform | Python {PYTHONS[0]} to {PYTHONS[-1]} | extras without a wheel |", "|---|---|---|"]
     for platform in PLATFORMS:
-        core = [said[platform, python, ""] for python in PYTHONS]
-        lacks: dict[str, list[str]] = {}
-        for part in list(parts)[1:]:
-            for python in PYTHONS:
-                if missing := said[platform, python, part]:
-                    lacks.setdefault(f"{part} ({missing})", []).append(python)
-        extras = [what + (f" on {', '.join(on)}" if on != list(PYTHONS) else "") for what, on in lacks.items()]
-        cells = [f"no: {missing}" if missing else "yes" for missing in core]
-        rows.append(f"| {platform} | {' | '.join(cells)} | {'; '.join(extras) or '–'} |")
+        core = _by_pythons(
+            {python: f"no {lack}" if (lack := said[platform, python, ""]) else "yes" for python in PYTHONS}
+        )
+        lacks = {part: {python: said[platform, python, part] for python in PYTHONS} for part in list(parts)[1:]}
+        extras = [f"{part} ({_by_pythons(missing)})" for part, missing in lacks.items() if any(missing.values())]
+        rows.append(f"| {platform} | {core} | {'; '.join(extras) or '–'} |")
     return "\n".join(rows) + "\n"
+
+
+def _by_pythons(said: dict[str, str]) -> str:
+    """Answers with the Pythons that they hold for; without them if all have the same."""
+    if len(set(said.values())) == 1:
+        return next(iter(said.values()))
+    return "; ".join(
+        f"{', '.join(p for p in said if said[p] == each)}: {each}" for each in dict.fromkeys(said.values()) if each
+    )
 
 
 def counted(python: Path, script: str) -> dict[str, list[float]]:

@@ -71,3 +71,28 @@ def test_quantities_in_cells_are_joined_and_words_are_not(monkeypatch: pytest.Mo
     assert joined("1.1 (0.94–1.4) ✓ ≥ 0.83") == "1.1 (0.94\u2060–\u20601.4) ✓ ≥\u00a00.83"
     assert joined("2.9e-15") == "2.9e\u2060-\u206015"
     assert joined("0.55 mm, 9 N m, 4 joints, 2 as one") == "0.55\u00a0mm, 9\u00a0N m, 4 joints, 2 as one"
+
+
+def test_tables_of_words_become_paragraphs_on_a_telephone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Columns of numbers stay columns; of words each cell has its head, but for the first and for what needs none."""
+    pytest.importorskip("sphinx")
+    monkeypatch.syspath_prepend(str(ROOT / "docs" / "ext"))
+    from armwright_cells import arrange_cells, stack_rows
+    from docutils.core import publish_doctree
+
+    words = "\n".join(
+        f"   * - {row}" for row in ("key\n     - default\n     - meaning", f"mass\n     - 3\n     - {50 * 'm'}")
+    )
+    numbers = "\n".join(f"   * - {row}" for row in ("n\n     - time\n     - ratio", "6\n     - 1.5\n     - 2.0"))
+    tree = publish_doctree(
+        f".. list-table::\n   :header-rows: 1\n\n{words}\n\n.. list-table::\n   :header-rows: 1\n\n{numbers}\n"
+    )
+    arrange_cells(None, tree)
+    stack_rows(None, tree)
+    stacked, plain = tree.findall(lambda node: node.tagname == "table")
+    assert (stacked["classes"], plain["classes"]) == (["stacked"], [])
+    assert [cell.astext()[:10] for cell in stacked.findall(lambda node: node.tagname == "entry")][3:] == [
+        "mass",
+        "default: 3",
+        "m" * 10,
+    ]
