@@ -105,7 +105,9 @@ def test_a_sweep_keeps_its_chunks_and_goes_on(tmp_path):
     words = ("sweep", "arm.scenario.toml", "--lanes", "1e5", "--chunk", "500", "-o", "runs.zarr")
     code, _, said = stopped(tmp_path, *words)
     assert code == 130, said
-    found = re.search(r"stopped; ([\d,]+) finished lanes are kept in runs.zarr, and the same command goes on", said)
+    found = re.search(
+        r"note: stopped by Ctrl-C; ([\d,]+) finished lanes are kept in runs.zarr: the same command continues", said
+    )
     assert found, said
     kept = int(found[1].replace(",", ""))
     assert 500 <= kept < 100_000
@@ -173,6 +175,12 @@ def test_before_a_generation_is_complete_nothing_is_written(tmp_path, stopping):
     stopping(GainSearch, "_scores", 1)
     assert tuned(tmp_path) == (130, NOTHING)
     assert not (tmp_path / "tuned.scenario.toml").exists()
+
+
+def test_a_command_without_long_work_says_that_it_was_stopped(stopping):
+    stopping(aw.robotfiles, "servos", 1)
+    result = invoke("servos")
+    assert (result.exit_code, result.stderr) == (130, "armwright: note: stopped by Ctrl-C\n")
 
 
 @pytest.fixture

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import sys
 
 ALLOCATED = 50_000  # objects between two searches for unreachable cycles, in place of 700
 
@@ -12,6 +13,8 @@ def main() -> None:
     141: the reader of a pipe left early.
     """
     gc.set_threshold(ALLOCATED)  # a command's imports stay: to look for cycles among them took a tenth of its time
-    from armwright.cli.app import app
-
+    try:
+        from armwright.cli.app import app
+    except KeyboardInterrupt:  # Python would end with a traceback
+        sys.exit(130)
     app(prog_name="armwright")

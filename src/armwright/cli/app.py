@@ -22,7 +22,7 @@ from armwright import __version__
 from armwright.cli.json_output import with_json
 from armwright.cli.spelling import Spelled, UsageError, global_first, without_types
 from armwright.errors import ArmwrightError, RunStopped
-from armwright.terminal import be_quiet, say
+from armwright.terminal import be_quiet, note, say
 
 _with_traceback = contextvars.ContextVar("traceback", default=False)
 NARROW = 76  # columns of an example
@@ -92,6 +92,14 @@ class Commands(TyperGroup):
         if meant is not None:
             raise UsageError(f"No such command {args[0]!r}. Did you mean {meant!r}?", ctx=ctx)
         return super().resolve_command(ctx, args)
+
+    def invoke(self, ctx: Any) -> Any:
+        """Runs the command; Ctrl-C outside of work that keeps what it has found is said, exit code 130."""
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            note("stopped by Ctrl-C")
+            raise typer.Exit(130) from None
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Reads options of the whole program wherever they stand, and the name of a command."""

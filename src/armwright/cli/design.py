@@ -114,7 +114,7 @@ def _from_its_start(scenario: Any) -> Any:
 
     motion = scenario.reference
     ticks = max(ceil((motion.time + motion.duration) / scenario.tick * (1.0 - 1e-12)), 1)
-    return replace(scenario, start=motion.at(0.0)[0], duration=ticks * scenario.tick)
+    return replace(scenario, start=motion.at(0.0)[0] + 0.0, duration=ticks * scenario.tick)
 
 
 def _of_robot(

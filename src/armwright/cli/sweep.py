@@ -13,7 +13,7 @@ from armwright.cli.arguments import SCENARIO, Allow, argument, as_options, flag,
 from armwright.cli.outcome import exit_unless, say_each
 from armwright.errors import ArmwrightError, ScenarioError
 from armwright.progress import progress, rate
-from armwright.terminal import console, result, say
+from armwright.terminal import console, note, result, say
 
 if TYPE_CHECKING:
     from armwright.sweeps.sweep import Sweep
@@ -67,7 +67,9 @@ def sweep(
         kept = 0
         with suppress(ArmwrightError):  # no chunk is finished, or not even the store is begun
             kept = aw.sweeps.load_sweep(output).attrs["lanes_finished"]
-        say(f"armwright: stopped; {kept:,} finished lanes are kept in {output}, and the same command goes on", err=True)
+        note(
+            f"stopped by Ctrl-C; {kept:,} finished lanes are kept in {output}: the same command continues with the others"
+        )
         raise typer.Exit(130) from None
     _show(done)
     exit_unless(not done.failed)

@@ -81,8 +81,7 @@ def tune(
     show(result)
     write(plot, result.plot)
     write(report, result.report)
-    if result.changed:
-        say(f"wrote {out}")
+    say(f"wrote {out}" if result.changed else f"{out} is not written")
     exit_if(stopped)
     exit_unless(result.changed)
 

@@ -57,7 +57,7 @@ class JointPath:
             if near.size:
                 k = int(near[0])
                 raise ScenarioError(
-                    "is where the waypoint before it is", place=f"JointPath.waypoints[{k + 1}]",
+                    "the same pose as the waypoint before it, or as the start", place=f"JointPath.waypoints[{k + 1}]",
                     expected="another pose, or no such waypoint",
                 )  # fmt: skip
             parameter = np.concatenate([[0.0], np.cumsum(distances)])

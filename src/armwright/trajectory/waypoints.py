@@ -100,7 +100,7 @@ class Waypoints(PiecewiseMotion):
         object.__setattr__(self, "time", found.polynomial.time)
         object.__setattr__(self, "duration", found.polynomial.duration)
         self.set_polynomial(found.polynomial)
-        if self.limits is not None and (error := _swing(found, self.limits)) is not None:
+        if self.limits is not None and (error := _overswing_error(found, self.limits)) is not None:
             raise error
 
     def _by_limits(self, points: np.ndarray) -> _Found:
@@ -140,14 +140,14 @@ class Waypoints(PiecewiseMotion):
         cubic = _Found.spline("cubic", optimised_spline("cubic", points, limits))
         if np.isinf(limits.acceleration[moving]).any():
             return cubic
-        is_within, longest = _swing(cubic, limits) is None, cubic.polynomial.duration
+        is_within, longest = _overswing_error(cubic, limits) is None, cubic.polynomial.duration
         if is_within and self.duration is not None and longest <= self.duration:
             return cubic
         if is_within and len(points) > MANY and np.isfinite(limits.jerk[moving]).any():
             return cubic
         path = _along_path(points, limits)
         is_faster = path.polynomial.duration < FASTER * longest
-        return path if (is_faster or not is_within) and _swing(path, limits) is None else cubic
+        return path if (is_faster or not is_within) and _overswing_error(path, limits) is None else cubic
 
     def _by_times(self, points: np.ndarray) -> _Found:
         """The curve with the user's times, which must keep the limits."""
@@ -242,8 +242,10 @@ def _checked_points(value: Any) -> np.ndarray:
     same = np.abs(np.diff(points, axis=0)).max(axis=1) <= COINCIDENT * (1.0 + np.abs(points[1:]).max(axis=1))
     if same.any():
         k = int(np.argmax(same)) + 1
-        expected = "another place, or no such waypoint"
-        raise ScenarioError("is where the waypoint before it is", place=f"Waypoints.points[{k}]", expected=expected)
+        expected = "another pose, or no such waypoint"
+        raise ScenarioError(
+            "the same pose as the waypoint before it, or as the start", place=f"Waypoints.points[{k}]", expected=expected
+        )
     return points
 
 
@@ -273,7 +275,7 @@ def _check_use(polynomial: PiecewisePolynomial, limits: MotionLimits, *, jerk: b
             raise ScenarioError(what, place="Waypoints.times", expected=expected)
 
 
-def _swing(found: _Found, limits: MotionLimits) -> ScenarioError | None:
+def _overswing_error(found: _Found, limits: MotionLimits) -> ScenarioError | None:
     """The error for a curve that leaves the limits of position between its waypoints; None if it does not."""
     polynomial = found.shape
     low, high = polynomial.extrema(0)

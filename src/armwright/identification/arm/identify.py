@@ -116,7 +116,7 @@ def identify_arm(
         values = record_parameters(found.fit, stream.kept) if record or stream.fresh else None
         result = _checked(arm, stream, found, values, method, curve, checks, guard)
     if guard.missing:
-        raise Interrupted(f"before the check of {', '.join(guard.missing)}", found=result)
+        raise Interrupted(f"before these checks: {', '.join(guard.missing)}", found=result)
     return result
 
 
