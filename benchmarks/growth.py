@@ -1,4 +1,4 @@
-"""How time grows with joints, rows, lanes, waypoints and poses: work that takes time t for n of them, as the exponent of t ~ nᵏ.
+"""Growth of time with joints, rows, lanes, waypoints and poses: exponent k of t ~ nᵏ for work on n of them.
 
     python benchmarks/growth.py                     all cases, sizes up to 20 s of CPU each
     python benchmarks/growth.py --only rows --most 60
@@ -35,7 +35,7 @@ Work = Callable[[], Any]
 
 @dataclass(frozen=True)
 class Case:
-    """What is timed: `prepare(n)` gives the work; `once` where its first call alone counts."""
+    """Timed work: `prepare(n)` gives it; `once` where its first call alone counts."""
 
     over: str
     name: str

@@ -101,7 +101,7 @@ def batch_sizes(saved: Saved, pyplot: Any) -> Any:
 
 
 def threads(saved: Saved, pyplot: Any) -> Any:
-    """How many times as fast as one thread."""
+    """Speed-up over one thread."""
     figure, axes = pyplot.subplots(figsize=(5.5, 4.4), layout="constrained")
     rows = [row for row in _rows(saved, "threads") if "one" in row["ratios"]]
     limit = [row for row in rows if row["labels"]["work"] not in WORKS]

@@ -1,4 +1,4 @@
-"""How long `armwright sim` takes to its prompt: typed at a pseudo-terminal, as a user would.
+"""Time to the prompt of `armwright sim`: typed at a pseudo-terminal, as a user would.
 
 python benchmarks/prompt.py [TIMES]
 """
@@ -37,7 +37,7 @@ def prompted() -> tuple[float, bool]:
 
 
 def _until(terminal: int, words: bytes) -> bytes:
-    """What is read up to those words, or nothing more for a minute."""
+    """Text up to those words; it gives up after a minute without any."""
     read, end = b"", time.monotonic() + PATIENCE
     while words not in ESCAPES.sub(b"", read) and select.select([terminal], [], [], max(end - time.monotonic(), 0))[0]:
         read += os.read(terminal, 65536)

@@ -23,7 +23,7 @@ class Column:
 
 
 def label(head: str, key: str) -> Column:
-    """What the row is about."""
+    """Column of a label of the rows."""
     return Column(head, lambda r: str(r["labels"].get(key, "")), left=key in LEFT)
 
 
@@ -331,7 +331,7 @@ def heading(saved: Saved) -> str:
 
 
 def about(saved: Saved) -> list[str]:
-    """Where the numbers come from, in sentences."""
+    """Origin of the numbers, in sentences."""
     machine = saved["machine"]
     versions = ", ".join(f"{name} {version}" for name, version in machine["versions"].items() if version is not None)
     load = "" if machine["load"] is None else f"; load average when it began {machine['load'][0]:g}"
@@ -360,7 +360,7 @@ def tables(saved: Saved) -> Iterator[tuple[str, list[str], list[list[str]], list
 
 
 def _another_day(chapter: dict[str, Any]) -> list[str]:
-    """When a chapter was measured that is not of the same run as the others."""
+    """Date of a chapter that is not of the same run as the others."""
     if "machine" not in chapter:
         return []
     machine = chapter["machine"]
@@ -373,7 +373,7 @@ DATED = "measured on "  # how the note begins
 
 
 def _sharing(rows: list[Record]) -> list[str]:
-    """What two threads of nothing but arithmetic brought, which tells hyper-threads from cores better than any system does."""
+    """Speed-up by a second thread of pure arithmetic, which tells hyper-threads from cores better than any system does."""
     bare = [row for row in rows if row["labels"]["arm"] == "" and row["labels"]["threads"] == 2 and row["ratios"]]
     if not bare:
         return []

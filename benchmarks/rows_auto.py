@@ -1,4 +1,4 @@
-"""What steps of their own choice and what sticking cost: ns for a simulated ms, beside rk3 with a fixed step on the same arm.
+"""Cost of chosen steps and of sticking: ns for a simulated ms, beside rk3 with a fixed step on the same arm.
 
 Lanes have different commands, so that each chooses other steps. What a step given by hand pays for its note, which tells of one
 that is too coarse, is its time beside that of the same run without the note.
@@ -20,7 +20,7 @@ import armwright as aw
 ARMS = ("cmu-dd", "lwa4p", "puma560")
 DURATION = 0.2  # [s]
 PUSH = 2.0  # commands within ± this [V | A]
-APART = 0.1  # of a range: how far these runs, of the same rule, may be from each other
+LARGEST_DIFFERENCE = 0.1  # of a range: how far these runs, of the same rule, may be from each other
 
 
 def tasks(quick: bool) -> list[Task]:
@@ -37,7 +37,7 @@ def auto_records(name: str, quick: bool, repetitions: int) -> list[Record]:
 
     def check(run: xarray.Dataset) -> Check:
         away = np.abs(run["q"].values[:, -1] - truth[:, -1]) / np.ptp(truth, axis=1).clip(1e-3)
-        return Check(float(away.max()) if np.isfinite(away).all() else float("nan"), APART)
+        return Check(float(away.max()) if np.isfinite(away).all() else float("nan"), LARGEST_DIFFERENCE)
 
     works = {"rk3": fixed, "auto": runner(arm, aw.Solver(), commands)}
     works["unnoted"] = runner(arm, aw.Solver("rk3"), commands, Unnoted)

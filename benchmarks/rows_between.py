@@ -74,7 +74,7 @@ def _timed(contestants: dict[str, Contestant], between: Callable[[], object], tu
 
 
 def notes(quick: bool) -> dict[str, list[str]]:
-    """What a reader of the chapter should know."""
+    """Notes of the chapter for its reader."""
     return {
         "between": [
             "single calls, each behind the other work, which is not timed; into arrays that are used again",

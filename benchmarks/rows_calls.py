@@ -63,7 +63,7 @@ def call_records(arm: str, name: str, repetitions: int) -> list[Record]:
 
 
 def notes(quick: bool) -> dict[str, list[str]]:
-    """What a reader of the chapter should know."""
+    """Notes of the chapter for its reader."""
     return {
         "calls": [
             "plain: `dyn.inverse_dynamics(q, qd, qdd)`, which allocates its result; bound: `dyn.bind`, into arrays that are used "

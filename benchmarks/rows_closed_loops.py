@@ -129,7 +129,7 @@ def loop_scenario(
 
 
 def check(run: Any) -> Check:
-    """That everything is finite, and the motion followed."""
+    """Check that everything is finite, and the motion followed."""
     errors = run["rms_error"].values if "rms_error" in run else run["q"].values[:, -1] - GOAL
     return Check(float(np.abs(errors).max()) if np.isfinite(errors).all() else float("nan"), NEAR)
 
@@ -176,13 +176,13 @@ def million_records(quick: bool, repetitions: int, target: str | None = None) ->
     count = candidates * ARMS
     first = aw.simulate(made(arm, candidates, ARMS), threads=2)  # compiled, as it is for all but the first tuning
     alone = aw.simulate(made(arm, 1, ARMS), threads=1)
-    apart = np.abs(alone["rms_error"].values[:SAME_LANES] - first["rms_error"].values[:SAME_LANES]).max()
+    difference = np.abs(alone["rms_error"].values[:SAME_LANES] - first["rms_error"].values[:SAME_LANES]).max()
     began, errors = time.perf_counter(), []
     for seed in range(generations):
         run = aw.simulate(made(arm, candidates, ARMS, seed), threads=2)
         errors.append(float(run["rms_error"].values.max()))
     seconds = time.perf_counter() - began
-    same = Check(float(apart) if np.isfinite(errors).all() else float("nan"), EQUAL)
+    same = Check(float(difference) if np.isfinite(errors).all() else float("nan"), EQUAL)
     ours = Timing("ours", same, [1e9 * seconds / (generations * count * TICKS)])
     level = "" if target is None else ", for AVX2"
     labels = _labels(

@@ -61,7 +61,7 @@ SPRING_HZ, SPRING_DAMPING = (
 
 
 def drives(arm: aw.Model) -> dict[str, dict[str, list[Any]]]:
-    """What all drives of the arm may have beside their motors: tables of their joints, one a joint."""
+    """Tables of the joints, one each, with all that drives may have beside their motors."""
     n, turn = arm.n, 2.0 * np.pi * SPRING_HZ
     links = np.diag(aw.mass_matrix(arm.replace(rotors=None), np.zeros(n)))
     springs = [

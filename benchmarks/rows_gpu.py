@@ -127,7 +127,7 @@ def _checked(truths: tuple[np.ndarray, ...], tolerance: float) -> Callable[[Any]
 
 
 def notes(quick: bool) -> dict[str, list[str]]:
-    """What a reader of the chapter should know."""
+    """Notes of the chapter for its reader."""
     return {
         "gpu": [
             f"wall time; {os.cpu_count()} threads; GPU: arrays of {library().__name__} in its memory, until all is computed",

@@ -26,7 +26,7 @@ def tasks(quick: bool) -> list[Task]:
 
 
 def notes(quick: bool) -> dict[str, list[str]]:
-    """What the row says."""
+    """Text of the row."""
     return {
         "identification": [
             f"R with RᵀR = [Y τ]ᵀ[Y τ] of {QUICK_ROWS if quick else ROWS} states, all 60 columns, with all digits of Y",

@@ -131,7 +131,7 @@ def narrow(name: str, poses: np.ndarray) -> Any:
 
 @contextlib.contextmanager
 def without_avx512() -> Iterator[None]:
-    """What is compiled in the block is compiled as on this processor without AVX-512."""
+    """Lets the block compile as on this processor without AVX-512."""
     whole = target._host_features
 
     def features() -> dict[str, bool]:

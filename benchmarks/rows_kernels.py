@@ -32,7 +32,7 @@ WANTED = {"inverse_dynamics": 0.5}  # of the machine's limit
 
 @dataclass(frozen=True)
 class Work:
-    """What a kernel does, by whom.
+    """Work of a kernel, and who does it.
 
     Args:
         inputs: names of the states' arrays.   single: Pinocchio's function, from Python.
@@ -197,7 +197,7 @@ def mujoco_arm(arm: str) -> MuJoCoLoop | None:
 
 
 def notes(quick: bool) -> dict[str, list[str]]:
-    """What a reader of a chapter should know; compiles the peers' loops first, where it may."""
+    """Notes of a chapter for its reader; compiles the peers' loops first, where it may."""
     lines = [
         f"a batch: {QUICK_BATCH if quick else BATCH} states, one thread, into arrays that are used again; rotor inertia on, "
         "friction and gear loss off on both sides",

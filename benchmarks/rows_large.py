@@ -73,7 +73,7 @@ def _checked(truths: list[np.ndarray]) -> Callable[[Any], Check]:
 
 
 def notes(quick: bool) -> dict[str, list[str]]:
-    """What a reader of the chapter should know."""
+    """Notes of the chapter for its reader."""
     return {
         "large results": [
             f"few: {FEW} states; one thread, into arrays that are used again; CPU time",

@@ -256,7 +256,7 @@ def check_end(goal: np.ndarray, found: Any) -> Check:
 
 
 def notes(quick: bool) -> dict[str, list[str]]:
-    """What the rows say."""
+    """Texts of the rows."""
     lines = [
         "time-optimal: a natural spline through five random poses, rest at both ends; ours is judged on a ten times denser grid "
         "through the compiled inverse dynamics, and made again where a limit is exceeded, toppra's on its grid alone "

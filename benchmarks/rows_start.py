@@ -1,4 +1,4 @@
-"""How long a user waits: imports, the first kernel from a cold and a warm cache, compile time against joints. Fresh processes."""
+"""Waiting times of a user: imports, first kernel from a cold and a warm cache, compile time against joints. Fresh processes."""
 
 from __future__ import annotations
 
@@ -140,12 +140,12 @@ def compile_records(name: str, joints: int, times: int, _: int) -> list[Record]:
 
 
 def repeated(times: int, *arguments: str, code: str | None = None) -> list[dict[str, Any]]:
-    """What so many new processes say, one behind the other; one before them leaves Python's bytecode."""
+    """Output of so many new processes, one after the other; one before them leaves Python's bytecode."""
     return [fresh(*arguments, code=code) for _ in range(1 + times)][1:]
 
 
 def fresh(*arguments: str, code: str | None = None) -> dict[str, Any]:
-    """What a new process says; `code` is where it keeps compiled kernels, "" nowhere."""
+    """Output of a new process; `code` is where it keeps compiled kernels, "" nowhere."""
     environment = os.environ | {"PYTHONPYCACHEPREFIX": bytecode().name}
     environment.pop("PYTHONDONTWRITEBYTECODE", None)
     if code is not None:
@@ -157,7 +157,7 @@ def fresh(*arguments: str, code: str | None = None) -> dict[str, Any]:
 
 @cache
 def bytecode() -> tempfile.TemporaryDirectory[str]:
-    """Where the processes keep Python's bytecode, as every installed package has it after it was first used."""
+    """Folder of the processes for Python's bytecode, as every installed package has it after it was first used."""
     return tempfile.TemporaryDirectory()
 
 

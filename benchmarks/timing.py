@@ -14,7 +14,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Check:
-    """How far a result is from the truth, and how far it may be."""
+    """Error of a result, and the largest allowed one."""
 
     error: float  # NaN where the result is not finite
     tolerance: float

@@ -17,7 +17,7 @@ CHOICES = ("constant", "linear")
 
 
 def table(outside: str):
-    """What SciPy makes of the table: a spline of degree 1, beyond the ends constant or going on."""
+    """SciPy's interpolation of the table: a spline of degree 1, beyond the ends constant or continued."""
     spline = make_interp_spline(AT, VALUES, k=1)
     return spline if outside == "linear" else lambda x: spline(np.clip(x, AT[0], AT[-1]))
 

@@ -127,11 +127,11 @@ def test_it_takes_true_false_and_a_function_and_refuses_the_rest(tmp_path, capfd
             tmp_path, False
         )  # a cluster for each call would take seconds; the reader of the argument is the same
         return
-    told = []
-    for shown in (True, False, None, lambda *at: told.append(at)):
+    calls = []
+    for shown in (True, False, None, lambda *at: calls.append(at)):
         CALLS[name](tmp_path, shown)
-    assert told
-    assert all(0 <= done <= total for done, total in told)
+    assert calls
+    assert all(0 <= done <= total for done, total in calls)
     for wrong in (1, "yes", []):
         with raises_at(ArmwrightError, "progress", value=wrong):
             CALLS[name](tmp_path, wrong)

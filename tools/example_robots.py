@@ -66,13 +66,13 @@ def fault(warning: str) -> str | None:
 def faults(warnings: tuple[str, ...]) -> str:
     """All that is wrong with a robot; nothing where nothing is."""
     impossible = [re.match(r"link '(.*?)'.*eigenvalue (\S+),", w) for w in warnings if "impossible inertia" in w]
-    told = []
+    fault_texts = []
     if impossible:
         worst = min((found for found in impossible if found), key=lambda found: float(found[2]))
         more = f", and {len(impossible) - 1} more" if len(impossible) > 1 else ""
-        told.append(f"impossible inertia: {worst[1]} (eigenvalue {worst[2]}){more}")
-    told += [words for words in map(fault, warnings) if words is not None]
-    return "; ".join(told)
+        fault_texts.append(f"impossible inertia: {worst[1]} (eigenvalue {worst[2]}){more}")
+    fault_texts += [words for words in map(fault, warnings) if words is not None]
+    return "; ".join(fault_texts)
 
 
 def main() -> None:

@@ -123,7 +123,7 @@ def iteration(model: Model) -> Kernel:
 def probed(model: Model, count: int) -> tuple[float, float, np.ndarray]:
     """Largest error, largest distance of other starts' solutions, and the solves of all states, counted."""
     kernels, steps, rng = aw.compile(model), iteration(model), np.random.default_rng(11)
-    worst, apart, counts = 0.0, 0.0, np.zeros(14, dtype=int)
+    worst, difference, counts = 0.0, 0.0, np.zeros(14, dtype=int)
     for _ in range(0, count, BATCH):
         q, qd, qdd, noise = rng.normal(size=(4, BATCH, model.n))
         qd, qdd = qd * 10 ** rng.uniform(-3, 1, (BATCH, 1)), qdd * 10 ** rng.uniform(-1, 3, (BATCH, 1))
@@ -140,8 +140,8 @@ def probed(model: Model, count: int) -> tuple[float, float, np.ndarray]:
         counts += np.bincount(taken.astype(int) + 2, minlength=14)
         for _ in range(STARTS):
             other, _taken = steps(q, qd, tau, rng.normal(size=q.shape) * 10 ** rng.uniform(-1, 5, (BATCH, 1)))
-            apart = max(apart, (np.abs(other - first).max(1) / np.abs(first).max(1)).max())
-    return worst, apart, counts
+            difference = max(difference, (np.abs(other - first).max(1) / np.abs(first).max(1)).max())
+    return worst, difference, counts
 
 
 def elastic_inverse(model: Model) -> Kernel:
@@ -201,9 +201,9 @@ def main() -> None:
     states = parser.parse_args().states
     print("| arm | error | other starts | solves: share of states |\n| --- | --- | --- | --- |")
     for name, model in arms().items():
-        worst, apart, counts = probed(model, states)
+        worst, difference, counts = probed(model, states)
         shares = ", ".join(f"{k}: {c / counts.sum():.2g}" for k, c in enumerate(counts) if c)
-        print(f"| {name} | {worst:.1e} | {apart:.1e} | {shares} |", flush=True)
+        print(f"| {name} | {worst:.1e} | {difference:.1e} | {shares} |", flush=True)
     print("\n| arm | error |\n| --- | --- |")
     for name, model in elastic_arms().items():
         print(f"| {name} | {elastic_error(model, states):.1e} |", flush=True)

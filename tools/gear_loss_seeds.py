@@ -204,7 +204,7 @@ class Row:
 
     @property
     def failures(self) -> list[str]:
-        """What the loss costs too much."""
+        """Sentences on costs of the loss that are larger than allowed."""
         found = []
         if self.share[1] < self.share[0] - SHARE:
             found.append(

@@ -1,4 +1,4 @@
-"""How well `aw.calibrate` finds known mistakes of an arm's geometry: coverage of its intervals over many seeds.
+"""Coverage of the intervals of `aw.calibrate` over many seeds, for known mistakes of an arm's geometry.
 
     OPENBLAS_NUM_THREADS=1 python tools/geometry_seeds.py [SEEDS [SECONDS]]
 

@@ -105,7 +105,7 @@ def make_map(arguments: list[str]) -> None:
 
 @dataclass(frozen=True)
 class Map:
-    """Which tests execute which line, and how long they take."""
+    """Tests that execute each line, and how long they take."""
 
     lines: dict[str, dict[int, set[str]]]  # file → line → tests
     seconds: dict[str, float]
@@ -113,7 +113,7 @@ class Map:
 
     @classmethod
     def read(cls) -> Map:
-        """What `make_map` kept."""
+        """The map that `make_map` kept."""
         from coverage import CoverageData
 
         data = CoverageData(str(KEPT / "lines"))

@@ -123,7 +123,7 @@ class Calls:
         return found
 
     def held(self) -> dict[str, int]:
-        """What must not grow: references, blocks, kilobytes of the process."""
+        """Counts that must not grow: references, blocks, kilobytes of the process."""
         gc.collect()
         arrays = [a for _, case, _ in self.usual for a in case]
         references = sum(sys.getrefcount(a) for a in arrays)

@@ -19,7 +19,7 @@ DIST, TWINE = ROOT / "dist", ROOT / "build" / "twine"
 
 
 def to_do(version: str) -> list[str]:
-    """What is missing before the tag."""
+    """Steps that are missing before the tag."""
     changes = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
     tree = subprocess.run(["git", "status", "--porcelain"], cwd=ROOT, capture_output=True, encoding="utf-8", check=True)
     cited = re.search(r"^version: (.+)$", (ROOT / "CITATION.cff").read_text(encoding="utf-8"), re.MULTILINE)

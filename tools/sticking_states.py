@@ -146,7 +146,7 @@ class Probe:
     failures: int
     unmarked: int
     unbalanced: float
-    apart: float
+    difference: float
     risen: float
 
 
@@ -180,7 +180,7 @@ def other_speeds(family: Family, state: tuple[np.ndarray, ...]) -> np.ndarray:
 def probed(family: Family, count: int, checked: int = CHECKED, seed: int = 5) -> Probe:
     """Solves and errors over that many random states."""
     kernel, rng = family.kernel(), np.random.default_rng(seed)
-    counts, failures, unmarked, worst, apart, risen = np.zeros(MOST + 2, dtype=int), 0, 0, 0.0, 0.0, -np.inf
+    counts, failures, unmarked, worst, difference, risen = np.zeros(MOST + 2, dtype=int), 0, 0, 0.0, 0.0, -np.inf
     for _ in range(0, count, BATCH):
         size = min(BATCH, count)
         state = family.states(rng, size)
@@ -195,14 +195,14 @@ def probed(family: Family, count: int, checked: int = CHECKED, seed: int = 5) ->
             worst, unmarked = max(worst, left), unmarked + (left > WRONG)
             if family.efficiency == 1.0:
                 largest = max(np.abs(one[2]).max(), np.abs(after[k]).max(), 1e-6)
-                apart = max(apart, np.abs(other_speeds(family, one) - after[k]).max() / largest)
+                difference = max(difference, np.abs(other_speeds(family, one) - after[k]).max() / largest)
         mass, bias, speeds, data = family.states(rng, size, loaded=False)
         after, _, _ = kernel(mass, bias, speeds, data)
         if family.efficiency != 1.0:
             mass = mass + data[:, : family.n, 3][:, None, :] * np.eye(family.n)
         energies = [np.einsum("ki,kij,kj->k", v, mass, v) for v in (speeds, np.nan_to_num(after))]
         risen = max(risen, ((energies[1] - energies[0]) / np.maximum(energies[0], 1e-200)).max())
-    return Probe(counts, failures, unmarked, worst, apart, risen)
+    return Probe(counts, failures, unmarked, worst, difference, risen)
 
 
 def main() -> None:
@@ -216,7 +216,7 @@ def main() -> None:
         got = probed(family, states)
         shares = ", ".join(f"{k}: {c / got.solves.sum():.2g}" for k, c in enumerate(got.solves) if c)
         counted = f"{got.failures} | {got.unmarked}"
-        other = f"{got.apart:.1e}" if family.efficiency == 1.0 else "-"
+        other = f"{got.difference:.1e}" if family.efficiency == 1.0 else "-"
         print(
             f"| {name} | {shares} | {counted} | {got.unbalanced:.1e} | {other} | {max(got.risen, 0.0):.1e} |",
             flush=True,

@@ -121,7 +121,7 @@ def await_chunks(folder: Path, count: int, client: subprocess.Popen[str]) -> Non
 
 def killed_run(folder: Path, cluster: Cluster, lanes: int, draw: random.Random, kills: int) -> tuple[int, float]:
     """Exit code of the last client, and the time [s] in which chunks went on, of a sweep with kills at random moments."""
-    total, told, running = lanes // CHUNK, Counter[str](), 0.0
+    total, killed, running = lanes // CHUNK, Counter[str](), 0.0
     moments = sorted(draw.sample(range(1, int(ROOM * total)), kills))
     cluster.start()
     client = sweep(folder, lanes, cluster.address)
@@ -141,7 +141,7 @@ def killed_run(folder: Path, cluster: Cluster, lanes: int, draw: random.Random, 
             break  # done already
         os.kill(process.pid, signal.SIGKILL)
         process.wait()
-        told[victim] += 1
+        killed[victim] += 1
         print(f"killed: {victim} at {marked(folder)} of {total} chunks", flush=True)
         if victim == "scheduler":
             words = client.communicate(timeout=60)[1].strip()
@@ -152,7 +152,7 @@ def killed_run(folder: Path, cluster: Cluster, lanes: int, draw: random.Random, 
             client = sweep(folder, lanes, cluster.address)
     began = time.monotonic()
     code = client.wait(600)
-    print("killed: " + ", ".join(f"{count} times the {what}" for what, count in sorted(told.items())))
+    print("killed: " + ", ".join(f"{count} times the {what}" for what, count in sorted(killed.items())))
     return code, running + time.monotonic() - began
 
 

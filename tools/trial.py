@@ -73,7 +73,7 @@ def environment(words: argparse.Namespace) -> Path:
 
 
 def run(python: Path, words: list[str], folder: str) -> bool:
-    """Whether a program ends well and without a warning; its words and, if it does not, what it says are printed."""
+    """True if a program ends with 0 and without a warning; its words and, if it does not, its output are printed."""
     began = time.monotonic()
     kept = os.environ | {"ARMWRIGHT_CACHE_DIR": str(Path(folder) / "cache"), "MPLBACKEND": "agg"}
     kept.pop("PYTHONPATH", None)

@@ -1,4 +1,4 @@
-"""How a peer sees a chain: where each joint stands in the one before."""
+"""A chain for the peers: placement of each joint in the one before."""
 
 from __future__ import annotations
 

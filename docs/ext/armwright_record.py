@@ -315,12 +315,12 @@ def _keys_of_kinds(home: str, title: str, about: str) -> str:
     parts = [f"## {title}", about]
     for kind, record in kinds_of(home).items():
         text = inspect.cleandoc(record.__doc__ or "")
-        told = _arguments(text)
+        meanings = _arguments(text)
         keys = keys_of(home, record)
         if not keys:
             continue
         rows = [
-            [f"`{key}`", _default(field), told.get(field.name) or told.get(key) or ALSO.get(key, "")]
+            [f"`{key}`", _default(field), meanings.get(field.name) or meanings.get(key) or ALSO.get(key, "")]
             for key, field in keys.items()
         ]
         if "limits" in {field.name for field in dataclasses.fields(record)}:
@@ -334,11 +334,11 @@ def _keys_of_kinds(home: str, title: str, about: str) -> str:
 
 def _arguments(text: str) -> dict[str, str]:
     """Meanings of arguments by their names, from the section Args of a docstring."""
-    told = {}
+    meanings = {}
     for entry in entries_of(text, "Args"):
         names, colon, about = entry.partition(": ")
-        told |= {name.strip(): escaped(about) for name in names.split(",") if colon}
-    return told
+        meanings |= {name.strip(): escaped(about) for name in names.split(",") if colon}
+    return meanings
 
 
 def _default(field: dataclasses.Field) -> str:

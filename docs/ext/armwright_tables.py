@@ -427,7 +427,7 @@ def servos() -> str:
 
 
 def servo_origins() -> str:
-    """Where each part of a servo of the library comes from: known, measured, estimated or unknown."""
+    """Table of the servos of the library: each part known, measured, estimated or unknown."""
     from armwright.description.servos import servo_library
 
     parts = {
@@ -452,7 +452,7 @@ def servo_origins() -> str:
 
 
 def servo_notes() -> str:
-    """What is doubtful of each servo of the library, and what is not modelled."""
+    """List of the servos of the library with their doubtful numbers and effects that are not modelled."""
     return "\n".join(f"- **{servo.title}**: {servo.notes}" for servo in aw.robotfiles.servos().values())
 
 

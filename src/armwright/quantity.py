@@ -241,14 +241,14 @@ BelowOne = Annotated[
 Shares = Annotated[
     Quantity, Reading("numbers above 0, at most 1", _one_or_more, lambda v: all(0 < share <= 1 for share in v))
 ]
-APART = 1e-9  # of the largest: by how much numbers rise at least, since tables divide by the differences
+LEAST_RISE = 1e-9  # of the largest: by how much numbers rise at least, since tables divide by the differences
 
 
 def rise(values: Any) -> np.ndarray:
     """True where numbers (k, …) rise from each to the next, by more than rounding could take away; shape (…)."""
     values = np.asarray(values, dtype=float)
     size = np.maximum(np.abs(values).max(axis=0), np.finfo(float).tiny)
-    return (np.diff(values / size, axis=0) > APART).all(axis=0)
+    return (np.diff(values / size, axis=0) > LEAST_RISE).all(axis=0)
 
 
 RISING = Reading("numbers above 0, each above the one before", _one_or_more, lambda v: v[0] > 0 and bool(rise(v)))

@@ -52,10 +52,10 @@ def opened(path: Any, expected: str, error: type[ArmwrightError]) -> Iterator[Bi
         raise error(value=path, expected=f"the path of {expected}")
     name, what, descriptor = os.fsdecode(path), "", -1
     try:
-        what = _what_it_is(os.stat(path).st_mode)
+        what = _kind_of_entry(os.stat(path).st_mode)
         if not what:
             descriptor = os.open(path, FLAGS)
-            what = _what_it_is(os.fstat(descriptor).st_mode)  # by now it may be another one
+            what = _kind_of_entry(os.fstat(descriptor).st_mode)  # by now it may be another one
     except FileNotFoundError:
         raise error("no such file", file=name) from None
     except (OSError, ValueError) as fault:  # ValueError: a zero byte in the name
@@ -88,13 +88,13 @@ def refuse_other_entries(path: Any, expected: str, error: type[ArmwrightError]) 
         error: with the file.
     """
     try:
-        what = _what_it_is(os.stat(path).st_mode)
+        what = _kind_of_entry(os.stat(path).st_mode)
     except (OSError, ValueError):
         return
     if what:
         raise error(what, expected=expected, file=os.fsdecode(path))
 
 
-def _what_it_is(mode: int) -> str:
+def _kind_of_entry(mode: int) -> str:
     """Kind of an entry that is no regular file; "" of a regular one."""
     return "a folder" if stat.S_ISDIR(mode) else KINDS.get(stat.S_IFMT(mode), "" if stat.S_ISREG(mode) else "no file")

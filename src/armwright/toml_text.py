@@ -190,11 +190,11 @@ def _statement(lines: list[str], start: int) -> tuple[int, dict[str, Any] | None
         try:
             return end, tomllib.loads("\n".join(lines[start:end])), ""
         except UNREADABLE as error:
-            reason = reason or _told(str(error), lines[start])
+            reason = reason or _parser_reason(str(error), lines[start])
     return start + 1, None, reason
 
 
-def _told(reason: str, line: str) -> str:
+def _parser_reason(reason: str, line: str) -> str:
     """The parser's reason with the column of a single line."""
     column = re.search(r"\(at line 1, column (\d+)\)", reason)
     comma = "; numbers have a decimal point, not a comma" if COMMA.search(line) else ""

@@ -27,9 +27,9 @@ def _section(function: Callable[..., Any], name: str) -> str:
 @pytest.mark.parametrize("name", FUNCTIONS)
 def test_arguments_are_told_by_name(name: str) -> None:
     function = PUBLIC[name]
-    told = _section(function, "Args")
+    arguments = _section(function, "Args")
     for parameter in inspect.signature(function).parameters:
-        assert re.search(rf"(^|\s){parameter}: \S", told), f"{name} says nothing of {parameter}"
+        assert re.search(rf"(^|\s){parameter}: \S", arguments), f"{name} says nothing of {parameter}"
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)
@@ -43,11 +43,11 @@ def test_the_result_is_told(name: str) -> None:
 @pytest.mark.parametrize("name", FUNCTIONS)
 def test_arrays_have_shape_and_unit(name: str) -> None:
     function = PUBLIC[name]
-    told = _section(function, "Args")
+    arguments = _section(function, "Args")
     for parameter in set(inspect.signature(function).parameters) & set(ARRAYS):
-        place = re.search(rf"(^|\s){parameter}: (?P<text>.*?)(?=   \w+: |$)", told, re.MULTILINE)
+        place = re.search(rf"(^|\s){parameter}: (?P<text>.*?)(?=   \w+: |$)", arguments, re.MULTILINE)
         assert place is not None
-        assert re.match(rf"{SHAPED} \[.+\]", place["text"]) or re.search(rf"{SHAPED}.*\[.+\]|\[.+\]", told), name
+        assert re.match(rf"{SHAPED} \[.+\]", place["text"]) or re.search(rf"{SHAPED}.*\[.+\]|\[.+\]", arguments), name
     if name in SIGNATURES or "energy" in name:
         assert re.search(rf"{SHAPED}.*\[.+\]", _section(function, "Returns"), re.DOTALL), f"{name}: what, in what unit?"
 

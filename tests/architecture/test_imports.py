@@ -102,7 +102,7 @@ def imported(tree: ast.AST, path: Path) -> Iterator[tuple[int, str]]:
 
 
 def violations(text: str, path: Path) -> list[str]:
-    """What one file imports against the order, one message each. `path` is relative to src."""
+    """Imports of one file against the order, one message each. `path` is relative to src."""
     here = room_of(module_of(path))
     if here not in FLOOR:
         return [f"src/{path}: unknown room `{here}`; give it a place in ORDER ({', '.join(FLOOR)})"]

@@ -45,7 +45,7 @@ INSTEAD = {
 
 
 def aliases(tree: ast.AST) -> dict[str, str]:
-    """What each imported name stands for: `np` → `numpy`, `norm` → `numpy.linalg.norm`."""
+    """Full name of each imported name: `np` → `numpy`, `norm` → `numpy.linalg.norm`."""
     names = {}
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):

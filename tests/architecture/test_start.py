@@ -49,7 +49,7 @@ print(json.dumps([first, modules, [plain, sorted(set(built))], read, tau.tobytes
 
 @pytest.fixture(scope="module")
 def starts(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, Any]]:
-    """What two processes say that share an empty cache, one behind the other."""
+    """Output of two processes, one after the other, that share an empty cache."""
     folder = tmp_path_factory.mktemp("start") / "cache"
     return {which: started(folder) for which in ("cold", "warm")}
 

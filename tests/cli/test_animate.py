@@ -75,7 +75,7 @@ def test_a_lane_as_a_page(folder):
     ],
 )
 def test_refused(folder, arguments, words):
-    told = run("animate", *arguments, code=2)
-    assert words in told.stderr
-    assert told.stderr.count("\n") == 1
+    done = run("animate", *arguments, code=2)
+    assert words in done.stderr
+    assert done.stderr.count("\n") == 1
     assert sorted(entry.name for entry in folder.iterdir()) == ["batch.nc", "run.nc", "unnamed.nc"]

@@ -66,9 +66,9 @@ def test_an_arm_older_than_its_modules_says_so(folder: Path) -> None:
     for name in ("toy.modules.toml", "arm.assembly.toml"):
         text = (folder / name).read_text()
         (folder / name).write_text(f"{text}\n# changed\n")
-        (told,) = set(aw.load(arm).warnings) - set(before)
-        assert f"older than ../{name}" in told or f"older than {name}" in told
-        (told,) = (str(finding.problem) for finding in aw.robotfiles.check(arm).warnings if finding.check == "age")
+        (warning,) = set(aw.load(arm).warnings) - set(before)
+        assert f"older than ../{name}" in warning or f"older than {name}" in warning
+        (warning,) = (str(finding.problem) for finding in aw.robotfiles.check(arm).warnings if finding.check == "age")
         (folder / name).write_text(text)
         assert aw.load(arm).warnings == before
         (folder / name).rename(folder / "away")
@@ -83,7 +83,7 @@ def test_an_arm_of_built_in_modules_knows_them(folder: Path) -> None:
     assert origin.changed(folder) == []
     text = (folder / "arm.toml").read_text()
     (folder / "arm.toml").write_text(text.replace(origin.libraries["armwright:improv.modules.toml"], "0" * 64))
-    assert any("older than armwright:improv.modules.toml" in told for told in aw.load("arm.toml").warnings)
+    assert any("older than armwright:improv.modules.toml" in warning for warning in aw.load("arm.toml").warnings)
 
 
 def test_a_file_beside_its_library(folder: Path) -> None:
@@ -180,8 +180,8 @@ def test_nothing_is_written_where_no_arm_does_it(folder: Path) -> None:
 def test_what_does_not_fit_names_the_file(folder: Path) -> None:
     text = (folder / "arm.assembly.toml").read_text()
     (folder / "arm.assembly.toml").write_text(text.replace('module = "hand"', 'module = "either"'))
-    told = run("assemble", "arm.assembly.toml", "-o", "arm.toml", code=2)
-    assert told.startswith(
+    error = run("assemble", "arm.assembly.toml", "-o", "arm.toml", code=2)
+    assert error.startswith(
         "armwright: error: arm.assembly.toml: module 'either' on = 'elbow.out': the module has no connector that fits"
     )
 

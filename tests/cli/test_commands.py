@@ -1,4 +1,4 @@
-"""What each command shows and writes."""
+"""Output and files of each command."""
 
 import io
 import itertools

@@ -46,8 +46,8 @@ def test_a_second_folder_still_knows_its_parts(tmp_path):
     run("parts", "build", tmp_path / "parts" / "a.parts.toml", "-o", tmp_path / "a.toml")
     assert 'file = "parts/a.parts.toml"' in (tmp_path / "a.toml").read_text()
     (tmp_path / "parts" / "a.parts.toml").write_text(EXAMPLE + "\n", encoding="utf-8")
-    (told,) = aw.load(tmp_path / "a.toml").warnings
-    assert "older than parts/a.parts.toml" in told
+    (warning,) = aw.load(tmp_path / "a.toml").warnings
+    assert "older than parts/a.parts.toml" in warning
 
 
 def test_help_teaches_by_example():

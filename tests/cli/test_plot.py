@@ -63,9 +63,9 @@ def test_runs_of_one_name_are_told_apart_by_their_folder(runs):
 )
 def test_refused(runs, arguments, words):
     before = sorted(entry.name for entry in runs.iterdir())
-    told = run("plot", *arguments, code=2)
-    assert words in told.stderr
-    assert told.stderr.count("\n") == 1
+    done = run("plot", *arguments, code=2)
+    assert words in done.stderr
+    assert done.stderr.count("\n") == 1
     assert sorted(entry.name for entry in runs.iterdir()) == before
 
 

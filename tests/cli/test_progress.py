@@ -50,7 +50,7 @@ def test_a_notebook_shows_the_time_left(monkeypatch):
 
 
 def on_terminal(script):
-    """What a script writes to standard error where that is a terminal."""
+    """Text that a script writes to standard error on a terminal."""
     import pty
     import subprocess
 
@@ -78,9 +78,9 @@ def test_other_threads_and_pipes_see_nothing(capfd):
     for shown in (None, True, False):
         with automatic(shown, "working") as tell:
             tell(1, 2)
-    told = []
-    with automatic(lambda *at: told.append(at), "working") as tell:
+    calls = []
+    with automatic(lambda *at: calls.append(at), "working") as tell:
         assert tell
         tell(1, 2)
-    assert told == [(1, 2)]
+    assert calls == [(1, 2)]
     assert capfd.readouterr() == ("", "")

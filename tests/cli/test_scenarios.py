@@ -48,9 +48,9 @@ def test_the_end_state_of_lanes_is_shown_as_statistics(tmp_path):
     assert "in 3 lanes, compiled" in shown
     assert "at the end, t = 0.05 s, over 3 lanes\n" in shown
     assert re.search(r"^joint +over lanes +q \[rad\] +qd \[rad/s\] +tau \[N m\]$", shown, re.M)
-    told = numbers(re.search(SHOULDER, shown, re.M))
+    printed = numbers(re.search(SHOULDER, shown, re.M))
     q = aw.simulate(aw.read_scenario(path)).q.values[:, -1, 0]
-    assert told == pytest.approx({"mean": q.mean(), "min": q.min(), "max": q.max()}, rel=1e-4)
+    assert printed == pytest.approx({"mean": q.mean(), "min": q.min(), "max": q.max()}, rel=1e-4)
 
 
 @pytest.mark.parametrize("what", ["none", "state"])
@@ -60,9 +60,9 @@ def test_a_lane_that_diverged_is_left_out_and_counted(tmp_path, what):
     assert "in 3 lanes, of which 1 diverged or ran out of steps, compiled" in shown
     assert "over the 2 of 3 lanes that came to their end" in shown
     assert "∞" not in shown
-    told = numbers(re.search(SHOULDER, shown.partition("of the whole run")[2], re.M))
+    printed = numbers(re.search(SHOULDER, shown.partition("of the whole run")[2], re.M))
     errors = aw.simulate(aw.read_scenario(path)).rms_error.values[[0, 2], 0]
-    assert told == pytest.approx({"mean": errors.mean(), "min": errors.min(), "max": errors.max()}, rel=1e-4)
+    assert printed == pytest.approx({"mean": errors.mean(), "min": errors.min(), "max": errors.max()}, rel=1e-4)
     assert ("at the end" in shown) == (what == "state")
 
 

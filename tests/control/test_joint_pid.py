@@ -17,14 +17,14 @@ PERIOD = 1e-3
 N = 6
 
 
-def told(seed=0):
+def random_inputs(seed=0):
     r = np.random.default_rng(seed)
     return JointReference(*r.normal(size=(3, N))), Measurement(*r.normal(size=(4, N)))
 
 
 def test_all_terms_are_what_the_equation_says():
     model = arm("cmu-dd")
-    r, y = told()
+    r, y = random_inputs()
     law = JointPID(kp=2.0, ki=5.0, kd=0.3, speed_feedforward=0.7, acceleration_feedforward=0.05, gravity=True)
     law = law.configure(model, PERIOD)
     s = law.init(model, y)
@@ -39,7 +39,7 @@ def test_all_terms_are_what_the_equation_says():
 
 def test_the_derivative_of_the_measurement_knows_no_reference():
     model = arm("cmu-dd")
-    r, y = told()
+    r, y = random_inputs()
     law = JointPID(kp=0.0, kd=0.3, derivative="measurement").configure(model, PERIOD)
     np.testing.assert_allclose(law.step(0.0, r, y, law.init(model, y))[0], -0.3 * y.qd, rtol=1e-12)
 

@@ -116,9 +116,9 @@ def test_mistakes_are_named_where_they_stand(tmp_path):
         "viscous_n_m_s_per_rad = 0.5", "viscous_n_m_s_per_rad = -1"
     )
     error = refused(tmp_path, wrong, joint(1), joint(2))
-    told = {problem.place: (problem.line, str(problem)) for problem in error.problems}
-    assert set(told) == {"defaults.motor.gear_ration", "defaults.friction.viscous_n_m_s_per_rad"}
-    line, text = told["defaults.motor.gear_ration"]
+    problems = {problem.place: (problem.line, str(problem)) for problem in error.problems}
+    assert set(problems) == {"defaults.motor.gear_ration", "defaults.friction.viscous_n_m_s_per_rad"}
+    line, text = problems["defaults.motor.gear_ration"]
     assert (HEAD + wrong).split("\n")[int(line) - 1] == "gear_ration = 50"
     assert "did you mean gear_ratio" in text
     assert refused(tmp_path, DEFAULTS.replace(".motor", ".moter"), joint(1)).place == "defaults.moter"

@@ -90,8 +90,8 @@ def test_gear_ratio_of_the_transmission(tmp_path, reduction, own, ratio):
 
 
 def test_a_reduction_without_a_motor_is_told(tmp_path):
-    (told,) = aw.load(written(tmp_path, one_joint(more=REDUCTION.format("50"))), tip="upper").warnings
-    assert told.startswith("joint 'j1': gear ratio 50 of its transmission is not used")
+    (warning,) = aw.load(written(tmp_path, one_joint(more=REDUCTION.format("50"))), tip="upper").warnings
+    assert warning.startswith("joint 'j1': gear ratio 50 of its transmission is not used")
 
 
 @pytest.mark.parametrize(
@@ -166,8 +166,8 @@ def test_it_can_say_all_that_a_robot_file_says_of_drives():
     placed = {"name", "parent", "child", "frame", "type", "dh", "modified_dh", "axis", "mimic"}
     for each in (RevoluteJoint, PrismaticJoint):
         assert set(each.model_fields) - placed == set(JointDrive.model_fields)
-    told = {"name", "title", "notes", "base", "built_from", "fits", "remarks", "without_masses", "links", "frames"}
-    assert set(RobotDescription.model_fields) - told == set(DriveFile.model_fields)
+    urdf = {"name", "title", "notes", "base", "built_from", "fits", "remarks", "without_masses", "links", "frames"}
+    assert set(RobotDescription.model_fields) - urdf == set(DriveFile.model_fields)
 
 
 def test_stops_and_brakes(tmp_path):

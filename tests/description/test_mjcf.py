@@ -88,7 +88,7 @@ def test_drives(tmp_path):
     assert three.friction is not None
     assert (three.friction.coulomb_positive, three.friction.coulomb_negative) == (3.0, 3.0)
     assert three.friction.sticks
-    assert any("joint 'j2': its servo or activation (gains 100 -100 -3)" in told for told in arm.warnings)
+    assert any("joint 'j2': its servo or activation (gains 100 -100 -3)" in warning for warning in arm.warnings)
     np.testing.assert_array_equal(arm.gravity, [0.5, 0, -9.5])
     smooth = aw.load(path, smoothing=0.02).bodies[2].friction
     assert smooth is not None
@@ -150,8 +150,8 @@ def test_springs_that_yield_are_refused(tmp_path):
 def test_a_delay_is_not_left_out_silently(tmp_path):
     text = mjcf(after="<actuator><motor joint='j' delay='0.02' nsample='3'/></actuator>")
     assert any(
-        "joint 'j': its delay of 0.02 s is not used" in told
-        for told in aw.load(written(tmp_path, text, "a.xml")).warnings
+        "joint 'j': its delay of 0.02 s is not used" in warning
+        for warning in aw.load(written(tmp_path, text, "a.xml")).warnings
     )
 
 

@@ -338,9 +338,9 @@ def test_unreadable_file(tmp_path, content, line):
     path.write_bytes(content)
     with pytest.raises(DescriptionError) as caught:
         read_description(path)
-    told = [f"{path}{line}" in each for each in str(caught.value).splitlines()]
-    assert any(told)
-    assert len(told) == len(caught.value.problems) + (len(caught.value.problems) > 1)
+    placed = [f"{path}{line}" in each for each in str(caught.value).splitlines()]
+    assert any(placed)
+    assert len(placed) == len(caught.value.problems) + (len(caught.value.problems) > 1)
 
 
 @pytest.mark.parametrize(

@@ -78,7 +78,7 @@ def test_limits_that_say_nothing(tmp_path, limit):
     arm = aw.load(written(tmp_path, one_joint(AXIS + limit)))
     assert arm.bodies[0].limits.position == (-np.inf, np.inf)
     assert arm.bodies[0].limits.torque == np.inf
-    assert any("read as unknown" in told for told in arm.warnings)
+    assert any("read as unknown" in warning for warning in arm.warnings)
 
 
 def test_continuous_and_fixed(tmp_path):
@@ -105,13 +105,13 @@ def test_harmless_tags_are_counted(tmp_path):
         written(tmp_path, one_joint(AXIS + LIMIT + '<safety_controller k_velocity="1"/>', more=more))
     )
     assert description.notes is not None
-    for told in ("gazebo (2)", "sensor (1)", "joint/safety_controller (1)", "base fixed"):
-        assert told in description.notes
+    for note in ("gazebo (2)", "sensor (1)", "joint/safety_controller (1)", "base fixed"):
+        assert note in description.notes
     assert not description.remarks
 
 
 @pytest.mark.parametrize(
-    ("more", "told"),
+    ("more", "begins"),
     [
         (
             '<transmission name="t"><joint name="j1"/><actuator name="m"><motorInertia>1e-5</motorInertia></actuator>'
@@ -129,9 +129,9 @@ def test_harmless_tags_are_counted(tmp_path):
         ("and so on", "robot 'arm': text between its elements is not read: 'and so on'"),
     ],
 )
-def test_nothing_is_dropped_in_silence(tmp_path, more, told):
+def test_nothing_is_dropped_in_silence(tmp_path, more, begins):
     (remark,) = read_urdf(written(tmp_path, one_joint(more=more))).remarks
-    assert remark.startswith(told)
+    assert remark.startswith(begins)
 
 
 def test_tags_of_a_transmission_may_be_ignored(tmp_path):
@@ -168,7 +168,7 @@ def test_mimic_held_at_its_offset(tmp_path):
     q = np.array([0.7])
     pose = aw.forward_kinematics(free, np.array([0.7, 0.3]), "tool")
     np.testing.assert_allclose(aw.forward_kinematics(fixed, q, "tool"), pose, atol=1e-15)
-    assert all(any("mimics another joint" in told for told in arm.warnings) for arm in (fixed, free))
+    assert all(any("mimics another joint" in warning for warning in arm.warnings) for arm in (fixed, free))
 
 
 @pytest.mark.parametrize(
@@ -203,7 +203,7 @@ def test_visuals(tmp_path):
     assert [visual.solid.shape for visual in found] == ["box", "cylinder", "sphere", "mesh"]
     assert {visual.colour for visual in found} == {(1.0, 0.0, 0.0)}
     assert found[3].solid.path == (tmp_path / "meshes" / "a.stl").resolve()
-    assert any("not on the search path" in told for told in description.remarks)
+    assert any("not on the search path" in remark for remark in description.remarks)
 
 
 REDUCTION = "<transmission name='t'><joint name='j1'/><actuator name='a'>{}</actuator></transmission>"
@@ -342,7 +342,7 @@ def test_an_impossible_inertia(tmp_path):
     path = written(tmp_path, one_joint(moved=INERTIAL.replace('ixx="0.01"', 'ixx="0.1"')))
     with raises_at(DescriptionError, "link 'upper' inertia_kg_m2", "xx = 0.1 > yy"):
         aw.load(path)
-    assert any("impossible inertia" in told for told in aw.load(path, on_impossible="warn").warnings)
+    assert any("impossible inertia" in warning for warning in aw.load(path, on_impossible="warn").warnings)
 
 
 def test_the_tip_of_a_chain_is_told_and_may_be_named(tmp_path):
@@ -351,8 +351,8 @@ def test_the_tip_of_a_chain_is_told_and_may_be_named(tmp_path):
     )
     path = written(tmp_path, text)
     arm = aw.load(path)
-    (told,) = arm.warnings
-    assert (arm.tip, "it is 'hand', the last link of the chain" in told) == ("hand", True)
+    (warning,) = arm.warnings
+    assert (arm.tip, "it is 'hand', the last link of the chain" in warning) == ("hand", True)
     named = aw.load(path, tip="upper")
     assert (named.tip, named.warnings) == ("upper", ())
     written(tmp_path, 'tip = "upper"', "arm.drive.toml")

@@ -54,12 +54,12 @@ def place(tmp_path_factory) -> Path:
 def check(place: Path, data: bytes, mimic: str) -> None:
     """Reads and builds; anything but a description or a refusal of one line a problem fails the test by itself."""
     place.write_bytes(data)
-    told, count = "one line", 1
+    text, count = "one line", 1
     try:
         build_model(read_urdf(place, mimic=mimic, smoothing=0.01), on_impossible="warn")
     except DescriptionError as error:
-        told, count = str(error), len(error.problems)
-    assert len(told.splitlines()) == count + (count > 1)
+        text, count = str(error), len(error.problems)
+    assert len(text.splitlines()) == count + (count > 1)
 
 
 @settings(max_examples=120, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])

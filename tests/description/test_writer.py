@@ -25,7 +25,7 @@ from reference.random_trees import random_description
 
 
 def again(text: str) -> RobotDescription:
-    """What a written file reads as."""
+    """Record of a file as written and read again."""
     return parse(tomllib.loads(text), "again")
 
 
@@ -65,8 +65,8 @@ def test_dynamics_are_kept_exactly(name, tmp_path):
 def test_defaults_are_left_out():
     """An explicit default is the same description and the same file."""
     robot = read_description("puma560")
-    told = robot.replace(base="base", frames=())
-    assert to_toml(told) == to_toml(robot)
+    stated = robot.replace(base="base", frames=())
+    assert to_toml(stated) == to_toml(robot)
 
 
 MESH = """

@@ -64,7 +64,7 @@ def sessions(text: str) -> list[tuple[str, list[str]]]:
 
 
 def run_here(words: list[str], folder: Path) -> subprocess.CompletedProcess[str]:
-    """What `armwright …` or `python FILE …` writes and returns in that folder, run in this process, which has its imports."""
+    """Output and exit code of `armwright …` or `python FILE …` in that folder, run in this process, which has its imports."""
     out, err = (io.TextIOWrapper(io.BytesIO(), encoding="utf-8", write_through=True) for _ in range(2))
     argv, path, modules = sys.argv, [*sys.path], {*sys.modules}
     code: object = 0
@@ -105,7 +105,7 @@ def shell(command: str, folder: Path) -> subprocess.CompletedProcess[str]:
 
 
 def python(code: str, folder: Path) -> str:
-    """What a page's Python prints."""
+    """Output of a page's Python."""
     with tempfile.TemporaryDirectory() as elsewhere:
         program = Path(elsewhere) / "program.py"
         program.write_text(code, encoding="utf-8")

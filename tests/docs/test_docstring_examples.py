@@ -61,7 +61,7 @@ def test_an_example_prints_what_it_shows(name: str, tmp_path: Path, monkeypatch:
     (tmp_path / "examples").symlink_to(ROOT / "examples", target_is_directory=True)
     monkeypatch.chdir(tmp_path)
     test = doctest.DocTestParser().get_doctest(_example({**WITH, **KERNELS}[name]), {"aw": aw, "np": np}, name, name, 0)
-    told: list[str] = []
-    failed, tried = doctest.DocTestRunner(optionflags=doctest.NORMALIZE_WHITESPACE).run(test, out=told.append)
+    report: list[str] = []
+    failed, tried = doctest.DocTestRunner(optionflags=doctest.NORMALIZE_WHITESPACE).run(test, out=report.append)
     assert tried > 0
-    assert not failed, "".join(told)
+    assert not failed, "".join(report)

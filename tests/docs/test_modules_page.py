@@ -12,11 +12,11 @@ from docs.pages import blocks, comparable, python, sessions, shell, write_files
 def test_the_page_runs_as_it_says(tmp_path: Path) -> None:
     """Commands and Python of the page, in its order, in one folder."""
     write_files("docs/modules.md", tmp_path)
-    told = blocks("docs/modules.md")
-    assert sum(kind == "console" for kind, _ in told) >= 4
-    for k, (kind, text) in enumerate(told):
+    shown = blocks("docs/modules.md")
+    assert sum(kind == "console" for kind, _ in shown) >= 4
+    for k, (kind, text) in enumerate(shown):
         if kind == "python":
-            assert comparable(python(text, tmp_path).splitlines()) == comparable(told[k + 1][1].splitlines())
+            assert comparable(python(text, tmp_path).splitlines()) == comparable(shown[k + 1][1].splitlines())
         for command, lines in sessions(text) if kind == "console" else ():
             done = shell(command, tmp_path)
             assert done.returncode == (2 if any("error:" in line for line in lines) else 0), done.stderr

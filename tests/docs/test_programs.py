@@ -21,11 +21,11 @@ PROGRAMS = (
 )
 
 
-APART = ("docs/extending.md",)  # in a process of its own: its laws and kinds must be there before a robot is read
+OWN_PROCESS = ("docs/extending.md",)  # in a process of its own: its laws and kinds must be there before a robot is read
 
 
-def python_apart(code: str, folder: Path) -> str:
-    """What a page's Python prints in a process of its own."""
+def python_in_own_process(code: str, folder: Path) -> str:
+    """Output of a page's Python in a process of its own."""
     done = subprocess.run([sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
     return done.stdout
@@ -37,7 +37,7 @@ def test_it_prints_what_the_page_shows(name: str, tmp_path: Path) -> None:
     found = blocks(name)
     program = "\n".join(text for kind, text in found if kind == "python")
     shown = "".join(text for kind, text in found if kind == "text")
-    printed = python_apart(program, tmp_path) if name in APART else python(program, tmp_path)
+    printed = python_in_own_process(program, tmp_path) if name in OWN_PROCESS else python(program, tmp_path)
     assert comparable(printed.splitlines()) == comparable(shown.splitlines())
 
 

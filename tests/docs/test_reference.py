@@ -53,11 +53,11 @@ def test_an_outdated_page_is_found_and_written_anew(tmp_path: Path) -> None:
         assert text != old
         (folder / name).write_text(text, encoding="utf-8")
     docs = f"import pathlib, armwright_pages as tool; tool.DOCS = pathlib.Path({str(tmp_path)!r})"
-    told = _printed(f"{docs}; print(tool.main(['--check'])); tool.main([])")
+    printed = _printed(f"{docs}; print(tool.main(['--check'])); tool.main([])")
     for name in ("a.md", "b.md"):
-        assert f"{name} is out of date: run make reference" in told
+        assert f"{name} is out of date: run make reference" in printed
         assert (folder / name).read_text(encoding="utf-8") == old
-    assert "\n1\n" in told
+    assert "\n1\n" in printed
 
 
 def _pages() -> Iterator[str]:

@@ -145,13 +145,13 @@ def test_every_key_takes_what_pydantic_takes(monkeypatch: pytest.MonkeyPatch) ->
     known = {*examples, "a table by joint", "0 or more", "1 or more"}
     for _, _, records in armwright_record.SCENARIO_TABLES:
         for name, field in (item for record in records for item in record.model_fields.items()):
-            told = set(re.split(", or |, ", armwright_record.expected(field.annotation, field.metadata)))
-            if told <= known:
+            kinds = set(re.split(", or |, ", armwright_record.expected(field.annotation, field.metadata)))
+            if kinds <= known:
                 read = pydantic.TypeAdapter(typing.Annotated[field.annotation, *field.metadata, None])
                 found = {kind for kind, value in examples.items() if takes(read, value)}
-                if "a number" in told:  # as which a whole one may be written
+                if "a number" in kinds:  # as which a whole one may be written
                     found -= {"a whole number"}
-                assert found == told & set(examples), name
+                assert found == kinds & set(examples), name
 
 
 def takes(read: pydantic.TypeAdapter[object], value: object) -> bool:

@@ -37,10 +37,10 @@ def test_pinocchios(which):
     pytest.importorskip("pinocchio", exc_type=ImportError)
     from reference.peers import Pinocchio
 
-    told = description(which) if isinstance(which, str) else random_description(which)
-    model = build_model(told)
+    record = description(which) if isinstance(which, str) else random_description(which)
+    model = build_model(record)
     q = random_state(model, 1)[0]
-    theirs = Pinocchio(told, model.tree.names).centre_of_mass(all_positions(model, q))
+    theirs = Pinocchio(record, model.tree.names).centre_of_mass(all_positions(model, q))
     np.testing.assert_allclose(centre_of_mass(model, q), theirs, atol=1e-12)
 
 

@@ -27,7 +27,7 @@ def tree(seed: int) -> Model:
 
 
 def is_lossy(model: Model) -> bool:
-    """Whether a gear loses power, or friction grows with the torques: ∂tau/∂q̈ is not M then."""
+    """True if a gear loses power or friction grows with the torques: ∂tau/∂q̈ is not M then."""
     return has_friction_by_loads(model) or any(body.drive.efficiency is not None for body in model.coordinates)
 
 
@@ -60,9 +60,9 @@ def test_slopes_are_pinocchios(which):
     pytest.importorskip("pinocchio", exc_type=ImportError)
     from reference.peers import Pinocchio
 
-    told = description(which) if isinstance(which, str) else random_description(which)
-    model = build_model(told).replace(friction=None, efficiency=None)
-    peer = Pinocchio(told, model.names)
+    record = description(which) if isinstance(which, str) else random_description(which)
+    model = build_model(record).replace(friction=None, efficiency=None)
+    peer = Pinocchio(record, model.names)
     rng = np.random.default_rng(0)
     for _ in range(3):
         q, (qd, qdd) = random_position(model, rng), rng.normal(size=(2, model.n))

@@ -56,7 +56,7 @@ def by_table(w: float, t: float) -> float:
 
 
 def by_load(share: float, w: float, torque: float) -> float:
-    """What is left of a torque behind friction of that share of it."""
+    """Torque behind friction of that share of it."""
     return torque - share * abs(torque) * np.sign(w)
 
 

@@ -35,8 +35,8 @@ SEEDS = st.integers(0, 2**32 - 1)
 @st.composite
 def coupled_tree(draw):
     """A random tree some of whose joints follow others, forward and backward in the tree, in chains."""
-    told = random_description(draw(st.integers(0, 40)))
-    joints, free = list(told.joints), []
+    record = random_description(draw(st.integers(0, 40)))
+    joints, free = list(record.joints), []
     for k, joint in enumerate(joints):
         if joint.type == "fixed":
             continue
@@ -47,14 +47,14 @@ def coupled_tree(draw):
             followed = {"joint": draw(st.sampled_from(free)), "multiplier": multiplier, f"offset_{unit}": 0.1}
             joints[k] = joint.replace(mimic={"source": "definition", **followed})
         free.append(joint.name)
-    return told.replace(joints=tuple(joints))
+    return record.replace(joints=tuple(joints))
 
 
 @settings(deadline=None, max_examples=25)
-@given(told=coupled_tree(), seed=SEEDS)
-def test_torques_and_inertia_are_those_of_the_tree_projected(told, seed):
+@given(record=coupled_tree(), seed=SEEDS)
+def test_torques_and_inertia_are_those_of_the_tree_projected(record, seed):
     """tau = Gᵀ tau_all, M = Gᵀ M_all G, J = J_all G, and forward dynamics undoes inverse dynamics."""
-    model = build_model(told).replace(efficiency=None)
+    model = build_model(record).replace(efficiency=None)
     tree, g = model.tree, projection(model)
     assert (tree.n, model.n) == g.shape
     q, qd, qdd = random_state(model, seed)

@@ -37,5 +37,5 @@ def test_random_and_adversarial_states(name):
     assert np.flatnonzero(probe.solves)[-1] <= STATES.MOST
     assert probe.solves[: 12 + 1].sum() >= 0.999 * probe.solves.sum()
     assert probe.unbalanced < 1e-6
-    assert probe.apart < 1e-3  # of ill-conditioned ones, whose other method is the worse
+    assert probe.difference < 1e-3  # of ill-conditioned ones, whose other method is the worse
     assert probe.risen < 1e-7

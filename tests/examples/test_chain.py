@@ -29,7 +29,7 @@ NUMBER = re.compile(r"\d+\.?\d*")
 
 @pytest.fixture(scope="module")
 def chain(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, str], Path]:
-    """What each stage said, and the folder with all files."""
+    """Output of each stage, and the folder with all files."""
     for extra in ("cma", "canopen", "can"):
         pytest.importorskip(extra)
     folder = tmp_path_factory.mktemp("chain")
@@ -88,8 +88,8 @@ def test_the_code_has_the_bits_of_the_simulation(chain: tuple[dict[str, str], Pa
 def test_its_picture_and_its_page_are_true(chain: tuple[dict[str, str], Path]) -> None:
     """The README's picture is the one that the script draws; the page shows what it prints, but for the last digits."""
     said, folder = chain
-    told = unlike(folder / "chain.png", ROOT / "docs" / "images" / "chain.png")
-    assert told is None, f"{told}; if it is meant to: copy it there, and look at it"
+    difference = unlike(folder / "chain.png", ROOT / "docs" / "images" / "chain.png")
+    assert difference is None, f"{difference}; if it is meant to: copy it there, and look at it"
     shown = next(text for kind, text in blocks("docs/chain.md") if kind == "text")
     printed = dict(line.split(maxsplit=1) for line in shown.splitlines())
     assert {k: NUMBER.sub("#", v) for k, v in printed.items()} == {k: NUMBER.sub("#", v) for k, v in said.items()}

@@ -63,8 +63,8 @@ def test_example(example: Path, tmp_path: Path) -> None:
         assert (folder / name).stat().st_size > 1000
     assert 2 <= len(done.stdout.splitlines()) <= 14
     if picture := PICTURES.get(f"examples/{example.name}"):  # which the docs show
-        told = picture.changed(folder / picture.file)
-        assert told is None, f"{picture.file}: {told}; if it is meant to: make pictures, and look at it"
+        difference = picture.changed(folder / picture.file)
+        assert difference is None, f"{picture.file}: {difference}; if it is meant to: make pictures, and look at it"
 
 
 def test_examples_are_numbered_and_short() -> None:

@@ -161,7 +161,7 @@ def loops(draw: Draw) -> aw.Scenario:
 
 
 def compared(scenario: aw.Scenario, folder: str | Path) -> SoftwareInTheLoop | None:
-    """How the controller in C compares with its simulation; None for a loop that diverges, of which there is nothing to record.
+    """Comparison of the controller in C with its simulation; None for a loop that diverges, which has no commands to compare.
 
     Raises:
         ModelError: commands of other bits.

@@ -47,10 +47,10 @@ def assert_same(one: Model, two: Model) -> None:
 
 
 def test_toml_keeps_them(tmp_path):
-    told = description("gripper")
-    (tmp_path / "gripper.toml").write_text(text := to_toml(told), encoding="utf-8")
+    record = description("gripper")
+    (tmp_path / "gripper.toml").write_text(text := to_toml(record), encoding="utf-8")
     again = aw.load(tmp_path / "gripper.toml")
-    assert again.description == told
+    assert again.description == record
     assert again.description is not None
     assert to_toml(again.description) == text
     assert 'mimic = { joint = "thumb", multiplier = 0.7, offset_rad = -0.4 }' in text
@@ -67,11 +67,11 @@ def test_urdf_out_and_in(tmp_path):
 def test_mjcf_out_and_in(tmp_path):
     pytest.importorskip("mujoco", reason="MJCF is read through MuJoCo: pip install mujoco")
     losses = write_mjcf(description("gripper"), tmp_path / "gripper.xml")
-    assert any("follows exactly" in told and "thumb_tip" in told for told in losses)
+    assert any("follows exactly" in loss and "thumb_tip" in loss for loss in losses)
     plain = arm("gripper").replace(friction=None, efficiency=None)
     back = aw.load(tmp_path / "gripper.xml").replace(friction=None)
     assert_same(plain, back)
-    assert any("joints " in told and "follows another exactly" in told for told in back.warnings)
+    assert any("joints " in loss and "follows another exactly" in loss for loss in back.warnings)
 
 
 def test_mujocos_constraints_are_ours(tmp_path):

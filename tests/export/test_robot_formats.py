@@ -54,8 +54,8 @@ def test_toml_urdf_toml(tmp_path, name):
             assert one.drive.bridge.__dict__ == two.drive.bridge.__dict__
             loops = [None if each.drive.firmware is None else each.drive.firmware.__dict__ for each in (one, two)]
             assert loops[0] == loops[1]
-    assert any("the sources of" in told for told in losses)
-    assert any("motors with their rotor inertia" in told for told in losses) == any(
+    assert any("the sources of" in loss for loss in losses)
+    assert any("motors with their rotor inertia" in loss for loss in losses) == any(
         getattr(joint, "motor", None) is not None for joint in arm.description.joints
     )
 
@@ -87,7 +87,7 @@ def test_mjcf_has_our_dynamics_in_mujoco(tmp_path, name):
     arm = aw.load(name)
     assert arm.description is not None
     losses = write_mjcf(arm.description, tmp_path / "arm.xml")
-    assert any("the sources of" in told for told in losses)
+    assert any("the sources of" in loss for loss in losses)
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "arm.xml"))
     damping = [0.0 if body.friction is None else body.friction.viscous for body in arm.bodies]
     np.testing.assert_allclose(model.dof_damping, damping, rtol=1e-15)
@@ -112,14 +112,14 @@ def test_without_the_drive_file(tmp_path):
     arm = aw.load("lwa4p")
     losses = write_urdf(arm.description, tmp_path / "arm.urdf", drive=False)
     assert [entry.name for entry in tmp_path.iterdir()] == ["arm.urdf"]
-    assert not any("kept" in told for told in losses)
+    assert not any("kept" in loss for loss in losses)
     for what in (
         "motors with their rotor inertia: joints joint1",
         "electrical constants",
         "gravity",
         "smooths dry friction",
     ):
-        assert any(what in told for told in losses)
+        assert any(what in loss for loss in losses)
     back = aw.load(tmp_path / "arm.urdf", smoothing=0.01)
     assert_same_arm(arm.replace(rotors=None), back.replace(gravity=arm.gravity), tip=False)
 
@@ -150,8 +150,8 @@ def test_dry_friction_without_a_smoothing_speed_survives(tmp_path):
 def test_friction_that_neither_holds_is_listed(tmp_path):
     for name, what in (("panda", "friction by the law 'sigmoid'"), ("puma560", "that friction is the motor's")):
         description = read_description(name)
-        assert any(what in told for told in write_urdf(description, tmp_path / "arm.urdf"))
-        assert any(what in told for told in write_mjcf(description, tmp_path / "arm.xml"))
+        assert any(what in loss for loss in write_urdf(description, tmp_path / "arm.urdf"))
+        assert any(what in loss for loss in write_mjcf(description, tmp_path / "arm.xml"))
 
 
 def motor_side(joint: MovingJoint, **friction: float) -> MovingJoint:
@@ -265,8 +265,8 @@ def test_a_slide_without_limits_comes_back_without(tmp_path, drive):
         joint.replace(limits=joint.limits.replace(position_m=None)) if isinstance(joint, PrismaticJoint) else joint
         for joint in description.joints
     )
-    told = write_urdf(description.replace(joints=joints), tmp_path / "arm.urdf", drive=drive)
-    assert any(sentence.startswith("position limits, which are not known (written as ±1e+09 m)") for sentence in told)
+    losses = write_urdf(description.replace(joints=joints), tmp_path / "arm.urdf", drive=drive)
+    assert any(sentence.startswith("position limits, which are not known (written as ±1e+09 m)") for sentence in losses)
     slides = [j for j in read_urdf(tmp_path / "arm.urdf").joints if isinstance(j, PrismaticJoint)]
     assert slides
     assert all(joint.limits.position_m is None for joint in slides)
@@ -287,15 +287,15 @@ def test_the_drive_file_keeps_what_no_other_format_knows(tmp_path):
     )
     description = description.replace(joints=(changed, *others))
     losses = write_urdf(description, tmp_path / "arm.urdf"), write_mjcf(description, tmp_path / "arm.xml")
-    for told, kept in zip(losses, (" (kept in arm.drive.toml)", ""), strict=True):
+    for found, kept in zip(losses, (" (kept in arm.drive.toml)", ""), strict=True):
         for what in ("elasticity", "current_loop_hz of the motor", "acceleration limits"):
-            assert f"{what}: joint joint1{kept}" in told
+            assert f"{what}: joint joint1{kept}" in found
         assert any(
             sentence.startswith("commands other than torque") and sentence.endswith(f"joint6{kept}")
-            for sentence in told
+            for sentence in found
         )
-        assert not any("kept" in sentence for sentence in told if "sources" in sentence or "Denavit" in sentence)
-        assert not any("coupling" in sentence or "stops" in sentence for sentence in told)
+        assert not any("kept" in sentence for sentence in found if "sources" in sentence or "Denavit" in sentence)
+        assert not any("coupling" in sentence or "stops" in sentence for sentence in found)
     again = read_urdf(tmp_path / "arm.urdf").joints[0]
     assert isinstance(again, RevoluteJoint)
     assert again.elasticity is not None
@@ -319,14 +319,14 @@ def test_pictures_are_kept(tmp_path):
         f'<visual><origin xyz="0 0 1" rpy="0.1 0.2 0.3"/><geometry>{shape}</geometry>{red}</visual>' for shape in shapes
     )
     description = read_urdf(written(tmp_path, one_joint(moved=INERTIAL + visuals), "in.urdf"))
-    assert not any("picture" in told for told in write_urdf(description, tmp_path / "out.urdf"))
+    assert not any("picture" in loss for loss in write_urdf(description, tmp_path / "out.urdf"))
     again = read_urdf(tmp_path / "out.urdf")
     assert 'filename="a.stl"' in (tmp_path / "out.urdf").read_text()
     for one, two in zip(description.link("upper").visuals, again.link("upper").visuals, strict=True):
         assert (one.solid, one.colour) == (two.solid, two.colour)
         np.testing.assert_allclose(two.placement().matrix(), one.placement().matrix(), atol=1e-15)
-    told = write_mjcf(description, tmp_path / "out.xml")
-    assert "the picture of a mesh: link upper" in told
+    losses = write_mjcf(description, tmp_path / "out.xml")
+    assert "the picture of a mesh: link upper" in losses
 
 
 def test_a_urdf_in_and_out_keeps_its_digits(tmp_path):

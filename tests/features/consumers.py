@@ -57,7 +57,7 @@ class Consumer:
     of: Callable[[aw.Model], aw.Scenario] | None = None
     command: str = "voltage"
     each_pair: bool = True
-    apart: bool = True
+    each_alone: bool = True
 
 
 def states(arm, count=5, seed=1):
@@ -716,22 +716,24 @@ CONSUMERS = {
     "CasADi": Consumer("kernels.compiled.CASADI", casadi_functions, as_kernels),
     "simulate": Consumer("simulation.simulation.SUPPORT", simulated, as_rk45, looped),
     "cvodes": Consumer("simulation.integrate.cvodes.SUPPORT", by_cvodes, as_rk45, looped),
-    "sensitivities": Consumer("simulation.sensitivity.SUPPORT", sensitivities, as_differences, commanded, apart=False),
+    "sensitivities": Consumer(
+        "simulation.sensitivity.SUPPORT", sensitivities, as_differences, commanded, each_alone=False
+    ),
     "ik": Consumer("ik.solve.SUPPORT", poses, reaches),
     "plan": Consumer("trajectory.limits_report.SUPPORT", reported, torques_of_inverse_dynamics),
     "time_optimal": Consumer("trajectory.time_optimal.plan.SUPPORT", fastest, within_limits),
     "loops": Consumer("control.analysis.small_signal.SUPPORT", loops, ends_at_its_margins, looped),
     "design_gains": Consumer("control.design.design_gains.SUPPORT", designed, keeps_its_margins, looped),
     "compare_controllers": Consumer(
-        "control.comparison.compare.SUPPORT", compared, errors_of_simulation, looped, apart=False
+        "control.comparison.compare.SUPPORT", compared, errors_of_simulation, looped, each_alone=False
     ),
-    "tune": Consumer("tuning.tune.SUPPORT", tuned, judged_as_simulated, looped, apart=False),
-    "sweep": Consumer("sweeps.sweep.SUPPORT", swept, as_simulated, looped, apart=False),
+    "tune": Consumer("tuning.tune.SUPPORT", tuned, judged_as_simulated, looped, each_alone=False),
+    "sweep": Consumer("sweeps.sweep.SUPPORT", swept, as_simulated, looped, each_alone=False),
     "identify arm": Consumer("identification.arm.torque_model.SUPPORT", identified, predicts),
     "identify friction": Consumer("identification.arm.friction.SUPPORT", friction_found, viscous_friction),
     "identify payload": Consumer("identification.arm.payload.SUPPORT", payload_found, weighs_a_kilogram),
     "identify motor": Consumer(
-        "identification.motor.identify.SUPPORT", motors_found, constants_of_the_motors, apart=False
+        "identification.motor.identify.SUPPORT", motors_found, constants_of_the_motors, each_alone=False
     ),
     "validate": Consumer("identification.validation.validate.SUPPORT", validated, passes),
     "shadow": Consumer("shadow.shadow.SUPPORT", watched, no_alarm),
@@ -741,7 +743,7 @@ CONSUMERS = {
     "export fmu": Consumer("export.fmu.write.SUPPORT", fmu, moves_as_simulated, looped, each_pair=False),
     "export ros2": Consumer("export.ros2.SUPPORT", ros2, reads_back),
     "twin": Consumer(
-        "twin.on_bus.SUPPORT", on_bus, bus_equals_simulation, looped, "current", each_pair=False, apart=False
+        "twin.on_bus.SUPPORT", on_bus, bus_equals_simulation, looped, "current", each_pair=False, each_alone=False
     ),
     "twin --serial": Consumer(
         "twin.serial.servo_arm.SUPPORT", served_on_line, has_the_bits_of_its_goals, command="position"

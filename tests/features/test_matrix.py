@@ -22,7 +22,7 @@ PAIRS = [
     (name, feature)
     for name, each in CONSUMERS.items()
     for feature in declared(each.support).features
-    if each.apart or feature not in TOGETHER or declared(each.support).outcome(feature)[0] != "exact"
+    if each.each_alone or feature not in TOGETHER or declared(each.support).outcome(feature)[0] != "exact"
 ]
 SMALLER = {"branches", "mimic joints", "payload", "locked joints"}  # whose key is none of the record's
 

@@ -22,7 +22,7 @@ CVODES = 1e-9  # of an entry's range: SUNDIALS is compiled elsewhere, so its las
 
 
 def frozen() -> dict[str, Any]:
-    """What the file holds: `programs` by arm and kernel, `runs` by name and variable."""
+    """Contents of the file: `programs` by arm and kernel, `runs` by name and variable."""
     return json.loads(FILE.read_text(encoding="utf-8"))
 
 

@@ -104,7 +104,7 @@ class Motor:
 
 @dataclass(frozen=True)
 class Bench:
-    """How a motor is driven and logged.
+    """Experiment with a motor: how it is driven and logged.
 
     Attributes:
         period: [s] of the rows.   rows: how many.   delay: of the command, in rows.   most: largest voltage [V].

@@ -92,8 +92,8 @@ def test_tables_that_are_missing_are_made(tmp_path: Path) -> None:
 def test_a_joint_and_its_link_may_have_one_name(tmp_path: Path) -> None:
     """Numbers go to the table that has their key: the gripper of so100 is both a joint's name and a link's."""
     names = ("gripper.mass_kg", "gripper.motor.resistance_ohm", "gripper.friction.viscous_n_m_s_per_rad")
-    told = estimate(names=names, values=[0.1, 2.5, 0.06], covariance=np.diag([1e-6, 1e-4, 1e-6]))
-    record = loaded(aw.identification.write_into("so100", told, tmp_path / "fitted.toml"))
+    fitted = estimate(names=names, values=[0.1, 2.5, 0.06], covariance=np.diag([1e-6, 1e-4, 1e-6]))
+    record = loaded(aw.identification.write_into("so100", fitted, tmp_path / "fitted.toml"))
     joint = next(joint for joint in record.joints if joint.name == "gripper")
     assert record.link("gripper").mass_kg.value == 0.1
     assert joint.motor.resistance_ohm.value == 2.5

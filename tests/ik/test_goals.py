@@ -99,8 +99,8 @@ def test_several_solutions_differ_and_are_solutions(name, tmp_path):
         assert np.isnan(found.q[k][~found.success[k]]).all()
         assert ((rows >= low) & (rows <= high)).all()
         assert np.abs(dyn.forward_kinematics(rows) - targets[k]).max() < 3e-8
-        apart = np.abs(rows[:, None] - rows[None]).max(axis=2) + np.eye(len(rows))
-        assert apart.min() > 0.04
+        difference = np.abs(rows[:, None] - rows[None]).max(axis=2) + np.eye(len(rows))
+        assert difference.min() > 0.04
         assert (np.diff(found.margin[k][found.success[k]]) <= 1e-12).all()  # farthest from limits first
     assert "different solutions" in str(found)
     one = aw.inverse_kinematics(arm, targets[3], solutions=8)

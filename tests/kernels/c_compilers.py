@@ -46,7 +46,7 @@ def batch_function(name: str, sizes: Sequence[int], inputs: int, real: str = "do
 
 
 def run_batch(library: ctypes.CDLL, name: str, inputs: Sequence[np.ndarray], shapes: Sequence[tuple[int, ...]]):
-    """What a batch function makes of inputs (count, *shape): one array an output, (count, *shape)."""
+    """Outputs of a batch function for inputs (count, *shape): one array each, (count, *shape)."""
     count = len(inputs[0])
     given = [np.ascontiguousarray(array) for array in inputs]
     outputs = [np.empty((count, *shape), dtype=given[0].dtype) for shape in shapes]

@@ -117,6 +117,6 @@ def ulp_error(found: np.ndarray, truth: np.ndarray) -> np.ndarray:
 
 
 def same_bits(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Where two arrays of one format agree to the bit, all NaNs counting as one."""
+    """True where two arrays of one format agree to the bit; all NaNs are equal."""
     integer = {8: np.int64, 4: np.int32}[a.dtype.itemsize]
     return (a.view(integer) == b.view(integer)) | (np.isnan(a) & np.isnan(b))

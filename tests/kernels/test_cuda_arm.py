@@ -291,9 +291,9 @@ def test_nvrtc_fuses_nothing_by_itself():
     with pytest.raises(ModelError, match=r"NVRTC: .*--gpu-architecture"):
         cubin("", "sm_5")
     text = 'extern "C" __global__ void f(double *x) { x[0] = x[0] * x[1] + x[2]; }'
-    fused, apart = (b"fma.rn" in _ptx(text, option) for option in ("--fmad=true", "--fmad=false"))
+    fused, separate = (b"fma.rn" in _ptx(text, option) for option in ("--fmad=true", "--fmad=false"))
     assert fused
-    assert not apart
+    assert not separate
 
 
 def _ptx(text: str, option: str) -> bytes:

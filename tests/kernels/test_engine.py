@@ -112,7 +112,7 @@ def test_threads_make_engines_at_the_same_time():
 
 
 def finish(script: str) -> str:
-    """What a script says that begins with this file's names; it must end well."""
+    """Output of a script that begins with this file's names; its exit code must be 0."""
     head = f"import sys; sys.path.insert(0, {os.path.dirname(__file__)!r}); from test_engine import *\n"
     # Nothing is kept: every engine is compiled and linked there.
     environment = os.environ | {cache.VARIABLE: ""}

@@ -114,7 +114,7 @@ def test_bits_do_not_depend_on_how_a_state_is_computed(kernel, monkeypatch):
 
 
 def same_bits(dyn, kernel, inputs, reference, rows) -> bool:
-    """Whether the states at those rows, computed alone, give the bits that they gave among all."""
+    """True if the states at those rows, computed alone, give the bits that they gave among all."""
     parts = as_tuple(getattr(dyn, kernel)(*(values[rows] for values in inputs)))
     return all(np.array_equal(part, whole[rows]) for part, whole in zip(parts, reference, strict=True))
 

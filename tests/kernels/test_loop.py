@@ -238,7 +238,7 @@ TRIAL = trace("trial", trial, {"x": (2,), "u": (1,), "h": ()}, ("x_next", "error
 
 
 def adapted(x, changes, wanted, edges, most=1000):
-    """What `Adapt` says it does, for one lane and tick: the state, the next step, how many trials."""
+    """The algorithm of `Adapt` for one lane and tick: state, next step, and number of trials."""
     t, rejected, tried = 0.0, False, 0
     for edge in edges:
         u = np.array([[u for begin, u in changes if begin <= t][-1]])

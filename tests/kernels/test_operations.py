@@ -47,7 +47,7 @@ def sx_function(code: int, arity: int) -> casadi.Function:
 
 
 def is_made_by_casadi(code: int) -> bool:
-    """Whether CasADi builds a scalar expression with this operation; of a matrix operation it makes a constant."""
+    """True if CasADi builds a scalar expression with this operation; a matrix operation becomes a constant."""
     functions = (sx_function(code, arity) for arity in (1, 2))
     return any(code in (f.instruction_id(k) for k in range(f.n_instructions())) for f in functions)
 

@@ -42,7 +42,7 @@ ERRORS = {13: 'Cannot access attribute "rnea"', 14: '"qdd"', 15: '"frame"', 16: 
 
 @pytest.fixture(scope="module")
 def found(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[int, str]]:
-    """What pyright says of the script: messages by line, of each severity."""
+    """Messages of pyright about the script, by line, of each severity."""
     if importlib.util.find_spec("pyright") is None:
         pytest.skip("pyright is not installed")
     folder = tmp_path_factory.mktemp("types")

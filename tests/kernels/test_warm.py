@@ -48,9 +48,9 @@ def test_kernels_compiled_together_have_the_bits_of_those_compiled_one_by_one(un
     ]  # a long one has a process of its own, and only that
     assert all((code is not None) == long for long, code in made)
     before = dict(dyn._kernels)
-    together, apart = results(dyn), results(aw.compile(arm))
+    in_batches, in_one = results(dyn), results(aw.compile(arm))
     assert dyn._kernels == before  # calls compile nothing more
-    assert [each.tobytes() for each in together] == [each.tobytes() for each in apart]
+    assert [each.tobytes() for each in in_batches] == [each.tobytes() for each in in_one]
 
 
 @pytest.mark.parametrize("python", ["", "no-such-python", "/bin/false"])

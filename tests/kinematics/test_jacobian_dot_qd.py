@@ -32,10 +32,10 @@ def test_acceleration_is_pinocchios(which):
     pytest.importorskip("pinocchio", exc_type=ImportError)
     from reference.peers import Pinocchio
 
-    told = description(which) if isinstance(which, str) else random_description(which)
-    model = build_model(told)
+    record = description(which) if isinstance(which, str) else random_description(which)
+    model = build_model(record)
     q, qd, _ = random_state(model, 1)
-    theirs = Pinocchio(told, model.tree.names).jacobian_dot_qd(all_positions(model, q), projection(model) @ qd)
+    theirs = Pinocchio(record, model.tree.names).jacobian_dot_qd(all_positions(model, q), projection(model) @ qd)
     np.testing.assert_allclose(
         jacobian_dot_qd(model, q, qd), theirs, rtol=0, atol=1e-10 * max(1.0, np.abs(theirs).max())
     )

@@ -32,7 +32,7 @@ def inertial(mass, com, tensor):
 
 
 def warnings(tmp_path, moved, more=""):
-    """What loading a robot with that link says of it; a joint 0.2 m on bears a light hand."""
+    """Warnings on loading a robot with that link; a joint 0.2 m on carries a light hand."""
     hand = link("hand", inertial(0.2, (0.01, 0, 0), (1e-4, 1e-4, 1e-4))) + joint("j2", "upper", "hand")
     path = written(tmp_path, one_joint(moved=moved, more=hand + more))
     return aw.load(path, tip="upper", on_impossible="warn").warnings
@@ -44,7 +44,7 @@ ROD = (1e-3, 0.02, 0.02)  # 1.5 kg, 0.4 m long
 def test_good_arms_raise_no_alarm(tmp_path):
     assert warnings(tmp_path, inertial(1.5, (0.1, 0.01, 0.01), ROD)) == ()
     for name in builtin_names():
-        assert not [told for told in aw.load(name).warnings if "accepted" not in told]
+        assert not [warning for warning in aw.load(name).warnings if "accepted" not in warning]
 
 
 @pytest.mark.parametrize(
@@ -64,9 +64,9 @@ def test_good_arms_raise_no_alarm(tmp_path):
     ],
 )
 def test_known_mistakes_are_named(tmp_path, mass, com, tensor, named):
-    told = [t for t in warnings(tmp_path, inertial(mass, com, tensor)) if t.startswith("link 'upper'")]
-    assert len(told) == 1
-    assert re.search(named, told[0])
+    found = [t for t in warnings(tmp_path, inertial(mass, com, tensor)) if t.startswith("link 'upper'")]
+    assert len(found) == 1
+    assert re.search(named, found[0])
 
 
 def two_link(**joints):
@@ -84,8 +84,8 @@ def test_point_masses_of_our_own_files_are_meant():
         data["links"][0]["inertia_kg_m2"][key] = 0.0
     assert build_model(parse(data, "arm.toml")).warnings == ()
     data["links"][1]["mass_kg"] = 0.0
-    (told,) = build_model(parse(data, "arm.toml")).warnings
-    assert "a mass that was forgotten" in told
+    (warning,) = build_model(parse(data, "arm.toml")).warnings
+    assert "a mass that was forgotten" in warning
 
 
 def test_units_of_joints():
@@ -109,22 +109,22 @@ def test_units_of_joints():
 
 def test_a_joint_far_from_a_base_without_mass(tmp_path):
     path = written(tmp_path, one_joint().replace('xyz="0.2 0 0"', 'xyz="0 0 400"'))
-    (told,) = aw.load(path, tip="upper").warnings
-    assert told == "joint 'j1' frame.xyz_m = [0.0, 0.0, 400.0]: 400 m away: millimetres for metres?"
+    (warning,) = aw.load(path, tip="upper").warnings
+    assert warning == "joint 'j1' frame.xyz_m = [0.0, 0.0, 400.0]: 400 m away: millimetres for metres?"
 
 
 def test_improv_l5_breaks_the_triangle_inequality(tmp_path):
     """Robot-facts 2.2: zz = 7.43e-4 > 2 · 3.28e-4."""
-    told = warnings(tmp_path, inertial(0.17, (0, 0, 0.042), (3.28e-4, 3.28e-4, 7.43e-4)))
-    assert "link 'upper' inertia_kg_m2: an impossible inertia" in told[0]
+    found = warnings(tmp_path, inertial(0.17, (0, 0, 0.042), (3.28e-4, 3.28e-4, 7.43e-4)))
+    assert "link 'upper' inertia_kg_m2: an impossible inertia" in found[0]
 
 
 def test_improv_l1_is_about_the_frame_origin(tmp_path):
     """Robot-facts 2.2: Iyz is just -m c_y c_z."""
     tensor = [[0.074338, 1e-6, -6e-6], [1e-6, 0.017132, 0.003742], [-6e-6, 0.003742, 0.074338]]
-    (told,) = warnings(tmp_path, inertial(1.62, (0, -0.175, 0.0132), tensor))
-    assert "inertia_kg_m2.yz = 0.003742" in told
-    assert "a tensor about the frame's origin" in told
+    (warning,) = warnings(tmp_path, inertial(1.62, (0, -0.175, 0.0132), tensor))
+    assert "inertia_kg_m2.yz = 0.003742" in warning
+    assert "a tensor about the frame's origin" in warning
     moved = np.array(tensor) - parallel_axes(1.62, np.array([0, -0.175, 0.0132]))
     assert warnings(tmp_path, inertial(1.62, (0, -0.175, 0.0132), moved)) == ()
 
@@ -143,9 +143,9 @@ def test_improv_ball_is_about_the_frame_origin(tmp_path):
     shifted = given - parallel_axes(3.9, com)
     for tensor, alarms in ((given, 1), (shifted, 0)):
         path = written(tmp_path, one_joint(moved=inertial(3.9, com, tensor) + ball))
-        told = implausible_shapes(aw.load(path).description)
-        assert len(told) == alarms
-        assert all("a tensor about the frame's origin" in problem.what for problem in told)
+        found = implausible_shapes(aw.load(path).description)
+        assert len(found) == alarms
+        assert all("a tensor about the frame's origin" in problem.what for problem in found)
 
 
 def test_copied_efforts(tmp_path):
@@ -162,9 +162,9 @@ def test_copied_efforts(tmp_path):
         )
         return aw.load(written(tmp_path, robot(*parts, *joints)), tip="l0")
 
-    (told,) = arm(efforts).warnings
-    assert "'j0', 'j1', 'j2', 'j3', 'j4', 'j5' limits = [370.0, " in told
-    assert "the older Schunk LWA" in told
+    (warning,) = arm(efforts).warnings
+    assert "'j0', 'j1', 'j2', 'j3', 'j4', 'j5' limits = [370.0, " in warning
+    assert "the older Schunk LWA" in warning
     assert arm((370, 370, 176, 176, 41.6, 20.2)).warnings == ()
 
 
@@ -175,7 +175,7 @@ def test_fits_are_not_doubted(tmp_path):
     assert description is not None
     source = description.sources["gaz2019"].replace(kind="publication")
     doubted = build_model(description.replace(sources={**description.sources, "gaz2019": source}))
-    assert any("radius of gyration" in told for told in doubted.warnings)
+    assert any("radius of gyration" in warning for warning in doubted.warnings)
 
 
 @pytest.mark.parametrize(
@@ -193,9 +193,9 @@ def test_against_the_hull(tmp_path, mass, tensor, named):
     """A ball of 0.05 m and 1.5 kg has 0.0015 kg m²."""
     ball = '<visual><geometry><sphere radius="0.05"/></geometry></visual>'
     path = written(tmp_path, one_joint(moved=inertial(mass, (0, 0, 0), tensor) + ball))
-    told = implausible_shapes(aw.load(path, on_impossible="warn").description)
-    assert bool(told) == (named is not None)
-    assert named is None or any(named in problem.what for problem in told)
+    found = implausible_shapes(aw.load(path, on_impossible="warn").description)
+    assert bool(found) == (named is not None)
+    assert named is None or any(named in problem.what for problem in found)
 
 
 @pytest.mark.parametrize(
@@ -225,11 +225,11 @@ def test_a_mesh_that_cannot_be_opened_is_told(tmp_path):
     (tmp_path / "a.stl").write_text("no mesh")
     seen = '<visual><geometry><mesh filename="a.stl"/></geometry></visual>'
     path = written(tmp_path, one_joint(moved=inertial(1.5, (0, 0, 0), ROD) + seen))
-    (told,) = implausible_shapes(aw.load(path).description)
-    assert told.place == "links 'upper'"
-    assert told.what.startswith("the visuals are not looked at: ")
+    (warning,) = implausible_shapes(aw.load(path).description)
+    assert warning.place == "links 'upper'"
+    assert warning.what.startswith("the visuals are not looked at: ")
 
 
 def test_a_joint_that_moves_nothing(tmp_path):
-    told = aw.load(written(tmp_path, one_joint(moved=""))).warnings
-    assert any("joint 'j1': moves no mass: forward dynamics cannot be computed" in sentence for sentence in told)
+    found = aw.load(written(tmp_path, one_joint(moved=""))).warnings
+    assert any("joint 'j1': moves no mass: forward dynamics cannot be computed" in sentence for sentence in found)

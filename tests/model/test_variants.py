@@ -110,7 +110,7 @@ def test_two_payloads_need_two_names():
 
 
 @pytest.mark.parametrize(
-    ("wrong", "told"),
+    ("wrong", "message"),
     [
         ((-1.0, [0, 0, 0], TENSOR), r"\.mass = -1.0"),
         ((1.0, [0, 0], TENSOR), r"\.com = .*: expected 3 numbers, not 2"),
@@ -120,8 +120,8 @@ def test_two_payloads_need_two_names():
         ((1.0, [0, 0, 0], TENSOR, "flang"), r"\.frame = 'flang': unknown; .*flange"),
     ],
 )
-def test_a_payload_that_cannot_be(wrong, told):
-    with pytest.raises(DescriptionError, match=told):
+def test_a_payload_that_cannot_be(wrong, message):
+    with pytest.raises(DescriptionError, match=message):
         arm("panda").with_payload(*wrong)
 
 
@@ -201,7 +201,7 @@ def test_values():
 
 
 @pytest.mark.parametrize(
-    ("values", "told"),
+    ("values", "message"),
     [
         ({"link6.mass": 2.0}, "'link6.mass': no such number; .*link6.mass_kg"),
         ({"link6.mass_kg": -2.0}, r"-2\.0: .*0 or more"),
@@ -212,13 +212,13 @@ def test_values():
         ({"joint1.friction.smoothing_rad_per_s": 0.0}, r"= 0\.0: .*no such key"),
     ],
 )
-def test_values_that_cannot_stand_there(values, told):
-    with pytest.raises(DescriptionError, match=told):
+def test_values_that_cannot_stand_there(values, message):
+    with pytest.raises(DescriptionError, match=message):
         arm("lwa4p").with_values(values)
 
 
 @pytest.mark.parametrize(
-    ("positions", "told"),
+    ("positions", "message"),
     [
         ({"joint9": 0.0}, "joint = 'joint9': unknown; "),
         ({"joint1": float("nan")}, "expected a finite number"),
@@ -226,21 +226,21 @@ def test_values_that_cannot_stand_there(values, told):
         ({f"joint{k}": 0.0 for k in range(1, 8)}, "are locked"),
     ],
 )
-def test_joints_that_cannot_be_held(positions, told):
-    with pytest.raises(DescriptionError, match=told):
+def test_joints_that_cannot_be_held(positions, message):
+    with pytest.raises(DescriptionError, match=message):
         arm("panda").with_locked(positions)
 
 
 @pytest.mark.parametrize(
-    ("base", "tip", "told"),
+    ("base", "tip", "message"),
     [
         ("link3", "link2", "on the base"),
         ("link3", "link3", "no joint moves"),
         ("lnk3", "flange", "'lnk3': unknown; .*link3"),
     ],
 )
-def test_subchains_that_are_none(base, tip, told):
-    with pytest.raises(DescriptionError, match=told):
+def test_subchains_that_are_none(base, tip, message):
+    with pytest.raises(DescriptionError, match=message):
         arm("panda").subchain(base, tip)
 
 

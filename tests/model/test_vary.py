@@ -41,7 +41,7 @@ SEVERAL = {
 }
 
 
-def told(model, names, values):
+def rebuilt(model, names, values):
     """The arm built anew from a record with other numbers."""
     record = model.description
     for name, value in zip(names, np.asarray(values).tolist(), strict=True):
@@ -75,8 +75,8 @@ def test_a_kernel_that_varies_is_that_of_the_arm_with_the_values(name, kernel):
     parameters = draws(dyn.varied, 2)
     states = inputs(signature, model.n, (2,))
     try:
-        told_arms = [told(model, dyn.varied.names, row) for row in parameters]
-        expected = [signature.function(each, *(s[k] for s in states)) for k, each in enumerate(told_arms)]
+        rebuilt_arms = [rebuilt(model, dyn.varied.names, row) for row in parameters]
+        expected = [signature.function(each, *(s[k] for s in states)) for k, each in enumerate(rebuilt_arms)]
     except ModelError as error:  # the arm lacks what the kernel needs, such as a motor constant
         with pytest.raises(ModelError, match=str(error)):
             getattr(dyn, kernel)(*states, parameters)
@@ -116,7 +116,7 @@ def test_so_can_those_of_trees_with_frames_and_slides(seed):
     values = 0.998 * varied.nominal
     random = np.random.default_rng(seed)
     q, qd, qdd = random.uniform(-1.0, 1.0, size=(3, model.n))
-    expected = aw.inverse_dynamics(told(model, varied.names, values), q, qd, qdd)
+    expected = aw.inverse_dynamics(rebuilt(model, varied.names, values), q, qd, qdd)
     found = aw.compile(model, vary=paths).inverse_dynamics(q, qd, qdd, values)
     np.testing.assert_allclose(found, expected, atol=1e-9 * max(1.0, np.abs(expected).max()))
 

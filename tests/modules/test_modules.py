@@ -89,8 +89,8 @@ def test_masses_add_up_where_their_modules_stand() -> None:
         inertia = inertia + placed.rotation @ own @ placed.rotation.T + parallel_axes(mass, at)
     parameters = moving.inertial_parameters
     np.testing.assert_allclose(parameters[:4], [total, *first], atol=1e-14)
-    told = [inertia[0, 0], inertia[0, 1], inertia[0, 2], inertia[1, 1], inertia[1, 2], inertia[2, 2]]
-    np.testing.assert_allclose(parameters[4:], told, atol=1e-14)
+    tensor = [inertia[0, 0], inertia[0, 1], inertia[0, 2], inertia[1, 1], inertia[1, 2], inertia[2, 2]]
+    np.testing.assert_allclose(parameters[4:], tensor, atol=1e-14)
 
 
 @settings(max_examples=15, deadline=None)
@@ -233,9 +233,9 @@ LIBRARIES = {
 def test_libraries_that_are_refused(path: tuple[Any, ...], value: Any, message: str) -> None:
     with pytest.raises(DescriptionError) as caught:
         validated(ModuleLibrary, changed(*path, value=value), file="toy.modules.toml")
-    told = str(caught.value)
-    assert told.startswith("toy.modules.toml: ")
-    assert message in told
+    text = str(caught.value)
+    assert text.startswith("toy.modules.toml: ")
+    assert message in text
 
 
 ASSEMBLIES = {
@@ -364,10 +364,10 @@ def test_a_tensor_about_the_wrong_point_is_doubted() -> None:
     entries = {k: float(round(tensor[i, j], 6)) for k, i, j in (("xx", 0, 0), ("xy", 0, 1), ("xz", 0, 2), ("yy", 1, 1), ("yz", 1, 2), ("zz", 2, 2))}  # fmt: skip  # noqa: E501
     document["modules"][2]["bodies"][0] |= {"com_m": com.tolist(), "inertia_kg_m2": entries}
     chain = assembly(put("foot"), put("elbow", "foot.top"), put("bar", "elbow.out"))
-    told = made(chain, document).remarks
-    assert len(told) == 1
-    assert "module 'bar' body 'tube'" in told[0]
-    assert 'inertia_about = "frame"?' in told[0]
+    remarks = made(chain, document).remarks
+    assert len(remarks) == 1
+    assert "module 'bar' body 'tube'" in remarks[0]
+    assert 'inertia_about = "frame"?' in remarks[0]
     assert any("module 'bar'" in warning for warning in toy_arm(chain, document).warnings)
     document["modules"][2]["bodies"][0]["inertia_about"] = "frame"
     assert made(chain, document).remarks == ()
@@ -423,13 +423,13 @@ def test_whatever_a_file_holds_it_is_read_or_refused(data: st.DataObject) -> Non
     for key in path[:-1]:
         at = at[key]
     at[path[-1]] = data.draw(VALUES)
-    told, count = "", 0
+    text, count = "", 0
     try:
         with np.errstate(all="ignore"):  # lengths of 1e200 m are read, and overflow
             build_model(made(documents["assembly"], documents["library"]), on_impossible="warn")
     except DescriptionError as error:
-        told, count = str(error), len(error.problems)
-    assert len(told.splitlines()) == count + (count > 1)
+        text, count = str(error), len(error.problems)
+    assert len(text.splitlines()) == count + (count > 1)
 
 
 @pytest.mark.parametrize("name", ["", "improvv", "nowhere.modules.toml", 3])

@@ -94,16 +94,16 @@ def cylinder(name, radius, length, **changes):
 
 def test_overlaps_are_told_with_their_volume():
     """Half a litre that two blocks share; a ball in a block; a shaft where there is no bore."""
-    (told,) = warned(part(section("a"), section("b", xyz_m=[0.05, 0.05, 0.0])))
-    assert "'10-01' 'a' and '10-01' 'b' overlap by 500 cm³, 3.93 kg counted twice (12.5 % of the part)" in told
+    (warning,) = warned(part(section("a"), section("b", xyz_m=[0.05, 0.05, 0.0])))
+    assert "'10-01' 'a' and '10-01' 'b' overlap by 500 cm³, 3.93 kg counted twice (12.5 % of the part)" in warning
     ball = section("ball", solid={"shape": "sphere", "radius_m": 0.03})
-    (told,) = warned(part(section("a")), part(ball, name="10-02"))
-    assert "overlap by 113 cm³" in told
-    (told,) = warned(part(section("plate")), part(cylinder("shaft", 0.02, 0.4), name="10-02"))
-    assert "overlap by 251 cm³" in told
+    (warning,) = warned(part(section("a")), part(ball, name="10-02"))
+    assert "overlap by 113 cm³" in warning
+    (warning,) = warned(part(section("plate")), part(cylinder("shaft", 0.02, 0.4), name="10-02"))
+    assert "overlap by 251 cm³" in warning
     copies = {"type": "linear", "step_m": [0.05, 0.0, 0.0]}
-    (told,) = warned(part(section("a", count=2, pattern=copies)))
-    assert "copies of '10-01' 'a' overlap by 1e+03 cm³" in told
+    (warning,) = warned(part(section("a", count=2, pattern=copies)))
+    assert "copies of '10-01' 'a' overlap by 1e+03 cm³" in warning
 
 
 def test_what_fits_is_silent():
@@ -118,8 +118,8 @@ def test_what_fits_is_silent():
 
 def test_holes_in_the_air_are_told():
     """A bore that is drawn longer than its plate takes mass that is not there."""
-    (told,) = warned(part(section("plate"), cylinder("bore", 0.02, 0.24, hole=True)))
-    assert "hole '10-01' 'bore' takes 50.2 cm³ where its part has nothing" in told
+    (warning,) = warned(part(section("plate"), cylinder("bore", 0.02, 0.24, hole=True)))
+    assert "hole '10-01' 'bore' takes 50.2 cm³ where its part has nothing" in warning
     assert not warned(part(section("plate"), cylinder("bore", 0.02, 0.24, hole=True), overlaps="ok"))
 
 
@@ -128,11 +128,11 @@ def test_holes_in_the_air_are_told():
 def test_overlap_volumes_are_the_truth(x, y, z, turn):
     """Two equal blocks, shifted by shares of their sizes, anywhere: the box that they share, to the digits shown."""
     shift = [0.1 * x, 0.1 * y, 0.2 * z]
-    told = warned(part(section("a"), section("b", xyz_m=shift), rpy_rad=list(turn)))
+    warnings = warned(part(section("a"), section("b", xyz_m=shift), rpy_rad=list(turn)))
     shared = (1 - x) * (1 - y) * (1 - z) * 2000
-    assert bool(told) == (shared > 0.01 * 4000) or shared == pytest.approx(40, rel=1e-9)
-    if told:
-        assert float(told[0].split("overlap by ")[1].split()[0]) == pytest.approx(shared, rel=0.0051)
+    assert bool(warnings) == (shared > 0.01 * 4000) or shared == pytest.approx(40, rel=1e-9)
+    if warnings:
+        assert float(warnings[0].split("overlap by ")[1].split()[0]) == pytest.approx(shared, rel=0.0051)
 
 
 CORNERS = st.tuples(*[st.integers(0, 4)] * 3)
@@ -168,11 +168,11 @@ def test_overlaps_are_those_of_a_count(solids, holes, turned):
     }
     expected |= {f"hole '10-01' '{a}' takes": ((net < 0) & (filled[a] > 0)).sum() for a in filled if a[0] == "h"}
     try:
-        told = warned(part(*sections, rpy_rad=[0.3, 0.4, 0.5] if turned else [0.0, 0.0, 0.0]))
+        warnings = warned(part(*sections, rpy_rad=[0.3, 0.4, 0.5] if turned else [0.0, 0.0, 0.0]))
     except DescriptionError:  # holes that take more than there is
         reject()
     for words, volume in expected.items():
-        (number,) = [text.split(words)[1].removeprefix(" by").split()[0] for text in told if words in text] or ["0"]
+        (number,) = [text.split(words)[1].removeprefix(" by").split()[0] for text in warnings if words in text] or ["0"]
         assert float(number) == pytest.approx(volume if volume > 0.01 * net.sum() else 0, rel=0.0051)
 
 
@@ -191,8 +191,8 @@ def test_meshes_among_sections(tmp_path):
     """A ball from a file: weighed, held against a block, hashed into the record, and drawn."""
     trimesh.creation.icosphere(3, 30.0).export(tmp_path / "ball.stl")
     ball = section("ball", solid={"shape": "mesh", "file": "ball.stl", "scale": 0.001})
-    (told,) = warned(part(section("a")), part(ball, name="10-02"), folder=tmp_path)
-    assert "overlap by 112 cm³" in told
+    (warning,) = warned(part(section("a")), part(ball, name="10-02"), folder=tmp_path)
+    assert "overlap by 112 cm³" in warning
     done = built(part(ball), folder=tmp_path)
     assert float(done.description.links[0].mass_kg) == pytest.approx(7850 * 4 / 3 * np.pi * 0.03**3, rel=0.02)
     assert done.description.links[0].visuals[0].solid.shape == "mesh"
@@ -293,8 +293,8 @@ def test_files_older_than_their_parts_say_so(tmp_path):
     parts.write_bytes(parts.read_bytes().replace(b"\n", b"\r\n"))
     assert aw.load(arm).warnings == ()
     parts.write_text(parts.read_text() + "\n# changed\n")
-    (told,) = aw.load(arm).warnings
-    assert "older than a.parts.toml, which has changed since" in told
+    (warning,) = aw.load(arm).warnings
+    assert "older than a.parts.toml, which has changed since" in warning
     parts.unlink()
     assert aw.load(arm).warnings == ()
 
@@ -366,16 +366,16 @@ def test_units_that_look_like_others(tmp_path):
     """Densities in g/cm³ and g/m³, a mesh in millimetres; foam, tungsten and a large mesh pass."""
     trimesh.creation.box([120, 120, 120]).export(tmp_path / "hand.stl")
 
-    def told(**changes):
+    def doubts(**changes):
         return built(part(section(**changes)), folder=tmp_path).warnings
 
-    (light,) = told(density_kg_per_m3=2.7)
+    (light,) = doubts(density_kg_per_m3=2.7)
     assert (light.place, light.value) == ("link 'arm' part '10-01' section 'block' density_kg_per_m3", 2.7)
     assert (light.what, light.expected) == ("g/cm³ for kg/m³?", "2700")
-    assert "g/m³ for kg/m³" in told(density_kg_per_m3=2.7e6)[0].what
-    assert "a mesh of 120 m: millimetres" in told(solid={"shape": "mesh", "file": "hand.stl", "scale": 1})[0].what
-    assert told(density_kg_per_m3=25.0) == told(density_kg_per_m3=19300.0) == ()
-    assert told(solid={"shape": "mesh", "file": "hand.stl", "scale": 0.001}) == ()
+    assert "g/m³ for kg/m³" in doubts(density_kg_per_m3=2.7e6)[0].what
+    assert "a mesh of 120 m: millimetres" in doubts(solid={"shape": "mesh", "file": "hand.stl", "scale": 1})[0].what
+    assert doubts(density_kg_per_m3=25.0) == doubts(density_kg_per_m3=19300.0) == ()
+    assert doubts(solid={"shape": "mesh", "file": "hand.stl", "scale": 0.001}) == ()
 
 
 def test_deviations_of_scales_come_through():

@@ -1,4 +1,4 @@
-"""Whether two pictures show the same: PNG by their pixels, SVG by their curves and words.
+"""Comparison of two pictures: PNG by their pixels, SVG by their curves and words.
 
 Neither rounding nor the last pixel of an edge counts; a curve that goes elsewhere, another word or another size do.
 """
@@ -24,7 +24,7 @@ OTHER_FONTS = 0.2  # the same where letters are the browser's own, and its graph
 
 
 def unlike(made: Path, kept: Path, share: float = SHARE) -> str | None:
-    """What the two differ in, in words; None: they show the same."""
+    """Difference of the two in words; None: they show the same."""
     if made.suffix.lower() == ".svg":
         return _unlike_drawings(made, kept)
     return unlike_pixels(on_white(made), on_white(kept), share)

@@ -104,14 +104,14 @@ class Browser:
         self.value(f"{frames}.then(() => 0)")
 
     def value(self, expression: str) -> Any:
-        """What an expression in the page is; promises are awaited."""
+        """Value of an expression in the page; promises are awaited."""
         asked = {"expression": expression, "awaitPromise": True, "returnByValue": True}
         answer = self.call("Runtime.evaluate", **asked)
         assert "exceptionDetails" not in answer, answer
         return answer["result"].get("value")
 
     def text(self, selector: str) -> str:
-        """What a reader reads in an element."""
+        """Visible text of an element."""
         return self.value(f"document.querySelector({json.dumps(selector)}).innerText")
 
     def mouse(self, selector: str, across: float, down: float, *kinds: str, **more: Any) -> None:
@@ -122,8 +122,8 @@ class Browser:
             button = {"button": "left", "clickCount": 1} if kind in ("mousePressed", "mouseReleased") else {}
             held = {"button": "left", "buttons": 1} if kind == "mouseDragged" else {}
             name = "mouseMoved" if kind == "mouseDragged" else kind
-            told = {"x": left + across, "y": top + down, **button, **held, **more}
-            self.call("Input.dispatchMouseEvent", type=name, **told)
+            event = {"x": left + across, "y": top + down, **button, **held, **more}
+            self.call("Input.dispatchMouseEvent", type=name, **event)
         self.settle()
 
     def picture(self) -> np.ndarray:

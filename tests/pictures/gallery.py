@@ -67,13 +67,13 @@ class Picture:
         return path
 
     def changed(self, made: Path) -> str | None:
-        """What differs between the picture in the docs and one that was made; None: nothing."""
+        """Difference between the picture in the docs and a new one, in words; None: they are alike."""
         if not self.kept.exists():
             return "new"
         return unlike(self.finished(made), self.kept, SHARE if self.opened is None else OTHER_FONTS)
 
     def finished(self, made: Path) -> Path:
-        """What the docs keep of a picture: without paper, but for the photograph of a page; a PNG with a palette."""
+        """The picture as the docs keep it: without paper, but for the photograph of a page; a PNG with a palette."""
         from PIL import Image
 
         path = made.with_name(f"finished-{made.name}")
@@ -102,10 +102,10 @@ def main(names: list[str]) -> None:
             continue
         with tempfile.TemporaryDirectory() as folder:
             made = picture.make(Path(folder))
-            told = picture.changed(made)
-            if told is not None:
+            difference = picture.changed(made)
+            if difference is not None:
                 shutil.copyfile(picture.finished(made), picture.kept)
-            print(f"{picture.file}: {told or 'as it was'}", flush=True)
+            print(f"{picture.file}: {difference or 'as it was'}", flush=True)
 
 
 if __name__ == "__main__":

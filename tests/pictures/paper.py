@@ -57,7 +57,7 @@ def drawing_without_paper(text: str) -> str:
 
 
 def has_transparent_ground(picture: Path) -> bool:
-    """Whether most of the border is see-through; of an SVG, whether no white is filled."""
+    """True if most of the border is transparent; of an SVG, if no white is filled."""
     if picture.suffix == ".svg":
         return "fill: #ffffff" not in picture.read_text(encoding="utf-8")
     cover = np.asarray(Image.open(picture).convert("RGBA"))[..., 3]

@@ -1,4 +1,4 @@
-"""Where an animated glTF file puts a node, by the specification's own interpolation: what any viewer would do."""
+"""Placement of a node of an animated glTF file by the interpolation of the specification, as in any viewer."""
 
 from __future__ import annotations
 

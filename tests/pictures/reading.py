@@ -1,4 +1,4 @@
-"""What is inside a page, read with the standard library."""
+"""Contents of a page, read with the standard library."""
 
 from __future__ import annotations
 

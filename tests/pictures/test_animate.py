@@ -99,9 +99,9 @@ def test_a_lane_of_many(arm, tmp_path):
     ],
 )
 def test_paths_that_cannot_be_written(arm, tmp_path, path, words):
-    with pytest.raises(OutputError) as told:
+    with pytest.raises(OutputError) as error:
         aw.animate(invented(arm), arm, tmp_path / path)
-    assert words in str(told.value)
+    assert words in str(error.value)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -137,11 +137,11 @@ def test_a_mesh_that_has_gone(tmp_path):
     """
     (tmp_path / "lathe.toml").write_text(MIXED + visual, encoding="utf-8")
     arm = aw.load(tmp_path / "lathe.toml")
-    with pytest.raises(RunError) as told:
+    with pytest.raises(RunError) as error:
         aw.animate(invented(arm), arm, tmp_path / "run.glb")
-    assert (told.value.file, told.value.place) == ("lathe", "link 'hand' visual 'cover' mesh")
-    assert told.value.value == "gone.stl"
-    assert "cannot be read" in told.value.what
+    assert (error.value.file, error.value.place) == ("lathe", "link 'hand' visual 'cover' mesh")
+    assert error.value.value == "gone.stl"
+    assert "cannot be read" in error.value.what
     assert [entry.name for entry in tmp_path.iterdir()] == ["lathe.toml"]
 
 

@@ -151,7 +151,7 @@ def test_curves_zoom_and_tell_values(run, browser, curves):
 
 
 def names(browser):
-    """What the legend offers to hide."""
+    """Names of the curves that the legend can hide."""
     return browser.value("[...document.querySelectorAll('.legend [aria-pressed]')].map((button) => button.innerText)")
 
 

@@ -29,8 +29,8 @@ HERE = [picture for picture in TABLE if not picture.commands[0].startswith("pyth
 def test_a_picture_is_what_its_commands_make(picture, tmp_path):
     if picture.opened is not None and CHROMIUM is None:
         pytest.skip("no chromium on this machine: the page was not opened")
-    told = picture.changed(picture.make(tmp_path))
-    assert told is None, f"{picture.file}: {told}; if it is meant to: make pictures, and look at it"
+    difference = picture.changed(picture.make(tmp_path))
+    assert difference is None, f"{picture.file}: {difference}; if it is meant to: make pictures, and look at it"
 
 
 def test_the_table_has_all_pictures_once():
@@ -78,9 +78,9 @@ def test_what_makes_a_picture_another_one(run, tmp_path, ending):
     }  # fmt: skip
     for name, changed in changes.items():
         aw.plot({"run": changed.assign_attrs(run.attrs)}, tmp_path / f"{name}{ending}")
-    told = {name: unlike(tmp_path / f"{name}{ending}", tmp_path / f"kept{ending}") for name in changes}
-    assert told.pop("kept") is told.pop("same") is None
-    assert None not in told.values(), told
+    differences = {name: unlike(tmp_path / f"{name}{ending}", tmp_path / f"kept{ending}") for name in changes}
+    assert differences.pop("kept") is differences.pop("same") is None
+    assert None not in differences.values(), differences
 
 
 def test_pictures_of_arms_in_other_poses_are_told_apart(tmp_path):

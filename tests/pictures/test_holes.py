@@ -34,7 +34,7 @@ def visual(solid, xyz=(0.0, 0.0, 0.0), rpy=(0.0, 0.0, 0.0), **more):
 
 
 def drawn(*visuals, folder=None) -> tuple[trimesh.Trimesh, trimesh.Trimesh, tuple[str, ...]]:
-    """What is drawn of a link, in its frame: its triangles, the same with corners in one place merged, and notes."""
+    """Triangles of a link in its frame, the same with equal corners merged, and notes."""
     data = workshop()
     for link in data["links"]:
         link["visuals"] = list(visuals) if link is data["links"][0] else []

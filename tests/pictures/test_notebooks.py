@@ -21,7 +21,7 @@ def executed(notebook, folder):
 
 
 def kinds(notebook):
-    """What a reader sees: the MIME types of all outputs."""
+    """MIME types of all outputs, in order."""
     outputs = [output for cell in notebook.cells for output in cell.get("outputs", [])]
     return [kind for output in outputs for kind in output.get("data", {"stream": None})]
 

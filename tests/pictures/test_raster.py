@@ -10,7 +10,7 @@ WIDTH, HEIGHT = 37, 29
 
 
 def slowly(corners: np.ndarray) -> np.ndarray:
-    """Which triangle is nearest at each pixel, each asked in turn."""
+    """Number of the nearest triangle at each pixel, by trying all."""
     seen = np.full((HEIGHT, WIDTH), NOTHING)
     for y in range(HEIGHT):
         for x in range(WIDTH):

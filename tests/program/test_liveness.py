@@ -1,4 +1,4 @@
-"""How many values wait at once, counted by hand."""
+"""Number of values that are live at once, counted by hand."""
 
 from __future__ import annotations
 

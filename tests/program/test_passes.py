@@ -30,7 +30,7 @@ from reference.chains import chain
 
 
 def counts(instructions) -> Counter[str]:
-    """How many instructions of each name."""
+    """Number of instructions by name."""
     return Counter(i.operation for i in instructions)
 
 

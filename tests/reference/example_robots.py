@@ -30,7 +30,7 @@ def robot_files() -> dict[str, Path]:
 
 @dataclass(frozen=True)
 class Verdict:
-    """How one robot does."""
+    """Result of one robot."""
 
     refused: str | None  # why it is refused as it stands; None: it is not
     mimic: bool  # whether it loads with mimic = "independent" only, as it mimics a joint that is not there

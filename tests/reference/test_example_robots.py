@@ -41,8 +41,8 @@ def verdicts() -> dict[str, Verdict]:
 def test_all_that_move_agree_with_pinocchio(verdicts):
     assert len(verdicts) == ROBOTS
     agree = [name for name, verdict in verdicts.items() if verdict.error is not None and verdict.error <= TOLERANCE]
-    apart = {name: v.error for name, v in verdicts.items() if v.error is not None and not v.error <= TOLERANCE}
-    assert not apart
+    wrong = {name: v.error for name, v in verdicts.items() if v.error is not None and not v.error <= TOLERANCE}
+    assert not wrong
     assert len(agree) == AGREE
     assert {*agree, *REFUSED} == set(verdicts)
 
@@ -55,8 +55,8 @@ def test_what_is_refused_is_refused_truly(verdicts):
             assert REFUSED[name] in verdict.refused
         elif verdict.refused is not None:
             assert ("does not move or is not there" in verdict.refused) == verdict.mimic
-            told = verdict.refused if not verdict.mimic else " ".join(verdict.arm.warnings if verdict.arm else ())
-            assert ("impossible inertia" in told) == verdict.impossible
+            text = verdict.refused if not verdict.mimic else " ".join(verdict.arm.warnings if verdict.arm else ())
+            assert ("impossible inertia" in text) == verdict.impossible
             assert all(line.startswith("  ") for line in verdict.refused.splitlines()[1:])
     kinds = Counter((v.refused is not None, v.mimic, v.impossible) for v in verdicts.values())
     assert kinds[False, False, False] + len(REFUSED) < ROBOTS  # some of the files are wrong
@@ -66,21 +66,21 @@ def test_what_is_refused_is_refused_truly(verdicts):
 def test_links_without_inertia_say_so(verdicts):
     arm = verdicts["human_description/robots/human.urdf"].arm
     assert arm is not None
-    assert any("left_foot_virtual" in told and "massless" in told for told in arm.warnings)
+    assert any("left_foot_virtual" in warning and "massless" in warning for warning in arm.warnings)
 
 
 def test_the_old_ur5_wrists_are_named(verdicts):
     for file in ("ur5_robot", "ur5_gripper", "ur5_joint_limited_robot"):
         arm = verdicts[f"ur_description/urdf/{file}.urdf"].arm
         assert arm is not None
-        told = [warning for warning in arm.warnings if "old UR5" in warning]
-        assert len(told) == 2
-        assert "'wrist_1_link', 'wrist_2_link'" in told[0]
-        assert "256 times too large" in told[1]
+        found = [warning for warning in arm.warnings if "old UR5" in warning]
+        assert len(found) == 2
+        assert "'wrist_1_link', 'wrist_2_link'" in found[0]
+        assert "256 times too large" in found[1]
     for file in ("ur3_robot", "ur10_robot"):
         arm = verdicts[f"ur_description/urdf/{file}.urdf"].arm
         assert arm is not None
-        assert not [told for told in arm.warnings if "no tip is named" not in told]
+        assert not [warning for warning in arm.warnings if "no tip is named" not in warning]
 
 
 def test_no_mesh_is_opened():

@@ -21,9 +21,9 @@ def test_the_page_holds_the_description_and_every_number(run, tmp_path):
     page, plot = Page(tmp_path / "run.html"), describe(runs)
     assert page.plot["times"][0] == {"start": 0.0, "step": pytest.approx(0.05), "count": 41}
     assert [entry["name"] for entry in page.plot["legend"]] == [entry.name for entry in plot.legend]
-    for told, panel in zip(page.plot["panels"], plot.panels, strict=True):
-        assert all(told[name] == getattr(panel, name) for name in ("title", "symbol", "unit", "stepped"))
-        for own, curve in zip(told["curves"], panel.curves, strict=True):
+    for drawn, panel in zip(page.plot["panels"], plot.panels, strict=True):
+        assert all(drawn[name] == getattr(panel, name) for name in ("title", "symbol", "unit", "stepped"))
+        for own, curve in zip(drawn["curves"], panel.curves, strict=True):
             assert all(own[name] == getattr(curve, name) for name in ("joint", "run", "series"))
             assert np.array_equal(page.values(own["values"]), curve.values.astype(np.float32))
             for places, edges in zip(own["bands"], curve.bands, strict=True):
@@ -36,8 +36,8 @@ def test_uneven_times_keep_their_digits(run, tmp_path):
     t = 1000.0 + np.cumsum(np.random.default_rng(1).uniform(1e-6, 1e-3, run.sizes["time"]))
     aw.plot(run.assign_coords(time=t), tmp_path / "run.html")
     page = Page(tmp_path / "run.html")
-    (told,) = page.plot["times"]
-    again = page.values(told["high"]).astype(float) + page.values(told["low"])
+    (times,) = page.plot["times"]
+    again = page.values(times["high"]).astype(float) + page.values(times["low"])
     assert np.abs(again - t).max() < 1e-11
 
 

@@ -28,7 +28,7 @@ def scenario(**fields):
 
 
 def recorded(run, band):
-    """What the reducers should come to, from the rows of a run (lane, row, joint)."""
+    """Expected values of the reducers, from the rows of a run (lane, row, joint)."""
     q, r = run.q.values, run.q_reference.values
     error, final, first = q - r, r[:, -1], q[:, 0]
     step = np.abs(final - first)
@@ -89,9 +89,9 @@ def test_commands_over_time_are_followed_too():
     for reference in (base.reference, None):
         run = aw.simulate(scenario(**common, reference=reference))
         goal = base.start.q.values if reference is None else np.broadcast_to(reference, base.start.q.values.shape)
-        told = run.assign(q_reference=run.q * 0 + goal[:, None, :])
+        with_goal = run.assign(q_reference=run.q * 0 + goal[:, None, :])
         with np.errstate(divide="ignore", invalid="ignore"):
-            expected = recorded(told, 0.02)
+            expected = recorded(with_goal, 0.02)
         moves = np.ones_like(goal, dtype=bool) if reference is not None else np.zeros_like(goal, dtype=bool)
         for name in ALL:
             wanted = (

@@ -87,10 +87,10 @@ def test_all_mistakes_are_told_with_their_lines(path):
     assert len(PLANTED) >= 20
     with pytest.raises(DescriptionError) as refused:
         aw.load(path)
-    told = [(int(problem.line), str(problem)) for problem in refused.value.problems]
-    assert {line for line, _ in told} == PLANTED.keys()
+    problems = [(int(problem.line), str(problem)) for problem in refused.value.problems]
+    assert {line for line, _ in problems} == PLANTED.keys()
     for line, words in PLANTED.items():
-        assert any(at == line and words in text for at, text in told)
+        assert any(at == line and words in text for at, text in problems)
     first, *lines = str(refused.value).splitlines()
     assert first == f"{path}: {len(refused.value.problems)} mistakes"
     assert [int(line.split(":")[1]) for line in lines] == sorted(int(p.line) for p in refused.value.problems)
@@ -100,12 +100,12 @@ def test_check_shows_the_lines_with_marks(path):
     done = run_here(["armwright", "check", str(path)], path.parent)
     assert (done.returncode, done.stdout) == (2, "")
     first, *lines = done.stderr.splitlines()
-    told = [line for line in lines if line.startswith(f"  {path}:")]
-    assert first == f"armwright: error: {path}: {len(told)} mistakes"
-    assert {int(line.split(":")[1]) for line in told} == PLANTED.keys()
+    places = [line for line in lines if line.startswith(f"  {path}:")]
+    assert first == f"armwright: error: {path}: {len(places)} mistakes"
+    assert {int(line.split(":")[1]) for line in places} == PLANTED.keys()
     at = next(k for k, line in enumerate(lines) if "gear_ration" in line)
     assert lines[at + 1 : at + 3] == ["  17 | gear_ration = 100", "     | ^^^^^^^^^^^"]
-    assert sum(line.strip(" |^") == "" for line in lines) == len(told)
+    assert sum(line.strip(" |^") == "" for line in lines) == len(places)
 
 
 def test_the_marks_stand_below_findings_of_a_file_that_is_read(tmp_path):

@@ -72,12 +72,15 @@ def test_moved_links_without_mass_are_asked_for_in_one_line(tmp_path):
         new.unlink(missing_ok=True)
         aw.robotfiles.convert(path, new)
         found = {file: [str(each.problem) for each in aw.robotfiles.check(file).warnings] for file in (path, new)}
-        return [[each.partition("links ")[2] or each for each in told if "mass_kg" in each] for told in found.values()]
+        return [
+            [each.partition("links ")[2] or each for each in problems if "mass_kg" in each]
+            for problems in found.values()
+        ]
 
-    for told in asked(masses | {"frame": ""}):
-        assert len(told) == 1
-        assert told[0].startswith("'upper', 'hand': mass unknown?")
-    assert ["link 'upper': mass unknown?" in told[0] for told in asked(masses)] == [True, True]
+    for problems in asked(masses | {"frame": ""}):
+        assert len(problems) == 1
+        assert problems[0].startswith("'upper', 'hand': mass unknown?")
+    assert ["link 'upper': mass unknown?" in problems[0] for problems in asked(masses)] == [True, True]
     assert asked(masses | {"upper": masses["frame"]}) == [[], []]
 
 

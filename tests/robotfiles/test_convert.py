@@ -16,7 +16,7 @@ from raises_at import raises_at
 @pytest.mark.parametrize("name", ["cmu-dd", "lwa4p", "panda", "puma560", "two-link"])
 def test_toml_is_byte_stable(name, tmp_path):
     first = aw.robotfiles.convert(name, tmp_path / "first.toml")
-    assert all("built from" in told for told in first.lost)
+    assert all("built from" in note for note in first.lost)
     text = (tmp_path / "first.toml").read_bytes()
     done = aw.robotfiles.convert(tmp_path / "first.toml", tmp_path / "second.toml")
     assert done.lost == ()
@@ -27,7 +27,7 @@ def test_toml_is_byte_stable(name, tmp_path):
 def test_through_urdf_and_back_the_dynamics_stay(name, tmp_path):
     there = aw.robotfiles.convert(name, tmp_path / "arm.urdf")
     assert [path.name for path in there.written] == ["arm.urdf", "arm.drive.toml"]
-    assert any("sources of" in told for told in there.lost)
+    assert any("sources of" in note for note in there.lost)
     back = aw.robotfiles.convert(tmp_path / "arm.urdf", tmp_path / "arm.toml")
     assert back.written == (tmp_path / "arm.toml",)
     arm, again = aw.load(name), aw.load(tmp_path / "arm.toml")
@@ -39,7 +39,7 @@ def test_through_urdf_and_back_the_dynamics_stay(name, tmp_path):
 def test_to_mjcf_and_back(tmp_path):
     pytest.importorskip("mujoco")
     there = aw.robotfiles.convert("panda", tmp_path / "panda.xml")
-    assert any("sigmoid" in told for told in there.lost)
+    assert any("sigmoid" in note for note in there.lost)
     aw.robotfiles.convert(tmp_path / "panda.xml", tmp_path / "panda.toml")
     arm, again = aw.load("panda").replace(friction=None), aw.load(tmp_path / "panda.toml")
     q, qd, qdd = random_state(arm, 1)
@@ -57,7 +57,7 @@ def test_what_was_left_out_on_reading_is_told(tmp_path):
     assert with_mesh != text
     (tmp_path / "arm.urdf").write_text(with_mesh, encoding="utf-8")
     done = aw.robotfiles.convert(tmp_path / "arm.urdf", tmp_path / "a.toml")
-    assert any("not on the search path" in told for told in done.notes)
+    assert any("not on the search path" in note for note in done.notes)
 
 
 @pytest.mark.parametrize("changed", ["point", "nothing", "puma560", "none"])
@@ -70,7 +70,7 @@ def test_what_mujoco_will_not_read_is_told(changed, tmp_path):
         robot = robot.replace(links=(*robot.links[:-1], robot.links[-1].replace(inertia_kg_m2=zero, **mass)))
     aw.robotfiles.write_toml(robot, tmp_path / "arm.toml")
     lost = aw.robotfiles.convert(tmp_path / "arm.toml", tmp_path / "arm.xml").lost
-    assert any("MuJoCo will not read the file" in told for told in lost) == (changed != "none")
+    assert any("MuJoCo will not read the file" in note for note in lost) == (changed != "none")
     if changed == "none":
         mujoco.MjModel.from_xml_path(str(tmp_path / "arm.xml"))
     else:
@@ -102,7 +102,7 @@ def test_doubts_are_no_losses(tmp_path):
     (tmp_path / "arm.urdf").write_text(changed, encoding="utf-8")
     done = aw.robotfiles.convert(tmp_path / "arm.urdf", tmp_path / "arm.toml")
     assert done.lost == ()
-    assert any("not of length 1" in told for told in done.notes)
+    assert any("not of length 1" in note for note in done.notes)
 
 
 def test_refused(tmp_path):

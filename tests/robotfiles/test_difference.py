@@ -1,4 +1,4 @@
-"""What differs between two records, and what it does."""
+"""Differences between two records, and their effect."""
 
 from __future__ import annotations
 
@@ -59,17 +59,19 @@ def test_the_consequence_is_that_of_the_dynamics():
     """A point mass at the tip: gravity changes by Jᵀ m g, the mass matrix by m Jᵀ J."""
     mass = 3.0
     bare = arm("puma560")
-    told = aw.robotfiles.diff(bare, bare.with_payload(mass, [0, 0, 0], np.zeros(3))).effect
-    assert told is not None
-    assert told.mass[1] - told.mass[0] == pytest.approx(mass)
-    for k, q in enumerate(told.poses):
+    effect = aw.robotfiles.diff(bare, bare.with_payload(mass, [0, 0, 0], np.zeros(3))).effect
+    assert effect is not None
+    assert effect.mass[1] - effect.mass[0] == pytest.approx(mass)
+    for k, q in enumerate(effect.poses):
         linear = aw.jacobian(bare, q)[:3]
-        np.testing.assert_allclose(told.gravity[1, k] - told.gravity[0, k], -linear.T @ bare.gravity * mass, atol=1e-9)
         np.testing.assert_allclose(
-            told.inertia[1, k] - told.inertia[0, k], np.diag(mass * linear.T @ linear), atol=1e-9
+            effect.gravity[1, k] - effect.gravity[0, k], -linear.T @ bare.gravity * mass, atol=1e-9
         )
-    biggest = np.abs(told.gravity[1] - told.gravity[0]).max(axis=0)
-    np.testing.assert_allclose(np.abs(told.gravity_change), biggest)
+        np.testing.assert_allclose(
+            effect.inertia[1, k] - effect.inertia[0, k], np.diag(mass * linear.T @ linear), atol=1e-9
+        )
+    biggest = np.abs(effect.gravity[1] - effect.gravity[0]).max(axis=0)
+    np.testing.assert_allclose(np.abs(effect.gravity_change), biggest)
 
 
 def test_sample_poses_stay_within_limits():

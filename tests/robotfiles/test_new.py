@@ -104,8 +104,8 @@ def test_the_meaning_of_each_stands_beside_it(tmp_path, source, command):
     with pytest.raises(DescriptionError) as refused:
         aw.load(path)
     lines = path.read_text(encoding="utf-8").split("\n")
-    told = {int(problem.line): problem.expected for problem in reversed(refused.value.problems)}
-    assert {line: lines[line - 1].partition("  # ")[2] for line in told} == told
+    comments = {int(problem.line): problem.expected for problem in reversed(refused.value.problems)}
+    assert {line: lines[line - 1].partition("  # ")[2] for line in comments} == comments
 
 
 @pytest.mark.parametrize("joints", [2, 30, 100])
@@ -151,10 +151,10 @@ def test_what_is_wrong_besides_is_reported_with_it(tmp_path):
     path.write_text(text, encoding="utf-8")
     with pytest.raises(DescriptionError) as refused:
         aw.load(path)
-    told = str(refused.value)
-    assert "mistakes" in told.splitlines()[0]
-    assert "mass_kg = -1" in told
-    assert "gear_ration" in told
+    message = str(refused.value)
+    assert "mistakes" in message.splitlines()[0]
+    assert "mass_kg = -1" in message
+    assert "gear_ration" in message
     assert sum(problem.what == TO_FILL_IN for problem in refused.value.problems) == text.count('= "TODO"') - 1
 
 

@@ -167,10 +167,10 @@ def test_all_are_reported_with_their_lines(tmp_path, text, name, read, least):
     path.write_text("\n".join(line.partition("  #! ")[0] for line in lines), encoding="utf-8")
     with pytest.raises(ArmwrightError) as refused:
         read(path)
-    told = [(problem.line, str(problem)) for problem in refused.value.problems]
-    assert {line for line, _ in told} == planted.keys()
+    problems = [(problem.line, str(problem)) for problem in refused.value.problems]
+    assert {line for line, _ in problems} == planted.keys()
     for line, words in planted.items():
-        assert any(at == line and words in said for at, said in told), (line, words, told)
+        assert any(at == line and words in said for at, said in problems), (line, words, problems)
 
 
 @pytest.mark.parametrize(("key", "value", "expected"), [

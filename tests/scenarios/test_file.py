@@ -304,12 +304,14 @@ def test_a_payload_of_a_mass_alone_is_a_point_mass(tmp_path):
 def test_payloads_are_those_of_python_and_come_again(tmp_path):
     run = aw.simulate(scenario(tmp_path, TWO + "[commands]\nconstant = [20, 5]\n" + PAYLOAD))
     tensor = np.array([[0.012, 0.001, 0], [0.001, 0.01, 0], [0, 0, 0.009]])
-    told = [
+    payloads = [
         aw.Payload(0.0503, 2.0, [0, 0, 0.1], tensor),
         aw.Payload(0.1, 0.5, [0, 0, 0.1], [0.01, 0.01, 0.01], "forearm"),
         aw.Payload(0.15, 0.0),
     ]
-    same = aw.simulate(aw.Scenario(aw.load("two-link"), command=[20, 5], duration=0.2, inputs=aw.Inputs(payload=told)))
+    same = aw.simulate(
+        aw.Scenario(aw.load("two-link"), command=[20, 5], duration=0.2, inputs=aw.Inputs(payload=payloads))
+    )
     np.testing.assert_array_equal(run.q, same.q)
     plain = aw.simulate(scenario(tmp_path, TWO + "[commands]\nconstant = [20, 5]\n"))
     np.testing.assert_allclose(run.q[:51], plain.q[:51], atol=1e-15)

@@ -60,7 +60,7 @@ class Terminal:
         os.write(self.fd, keys.encode())
 
     def soon(self, seconds: float = 0.2) -> str:
-        """What is said within that time."""
+        """Text that is printed within that time."""
         since, end = len(self.raw), time.monotonic() + seconds
         self.wait(lambda: time.monotonic() > end)
         return ESCAPES.sub("", self.raw[since:])

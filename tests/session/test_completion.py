@@ -64,7 +64,7 @@ def test_files_are_offered(tmp_path, monkeypatch):
 
 
 def type_into(keys, width=140):
-    """What is shown of a session into which those keys are typed."""
+    """Screen of a session after those keys."""
     stream = io.StringIO()
     screen = Screen(Console(file=stream, width=width, force_terminal=True, color_system=None, highlight=False))
     with create_pipe_input() as pipe:

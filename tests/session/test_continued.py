@@ -89,8 +89,8 @@ def test_drives_go_on_under_other_gravity_and_other_commands(robot):
         np.testing.assert_array_equal(session.state.run[name][-3], before[name][-1], err_msg=name)
     assert float(abs(session.state.run["qdd"][-3] - before["qdd"][-1]).min()) > 1.0  # another world
     assert "anew" not in notes(session)
-    told = [f"{what} was changed at t = 0.2 s, between two parts of the run" for what in ("gravity", "payload")]
-    assert [note for note in notes(session).splitlines() if "was changed" in note] == told
+    expected = [f"{what} was changed at t = 0.2 s, between two parts of the run" for what in ("gravity", "payload")]
+    assert [note for note in notes(session).splitlines() if "was changed" in note] == expected
     session.run("simulate continue steps=2")
     assert notes(session).count("was changed") == 2
 
@@ -129,8 +129,8 @@ def test_what_does_not_go_on_is_told(robot):
     assert "began anew at t = 0.04 s" not in notes(session)
     session.run("theta[1] = 0.7")
     session.run("simulate continue steps=40")
-    for told in ("what the drives remember besides theta and omega", "the state of joint-pid"):
-        assert f"{told} began anew at t = 0.06 s" in notes(session)
+    for memory in ("what the drives remember besides theta and omega", "the state of joint-pid"):
+        assert f"{memory} began anew at t = 0.06 s" in notes(session)
     assert "theta or omega was set at t = 0.06 s" in notes(session)
     session.run("controller none")
     session.run("simulate continue steps=40")
@@ -211,5 +211,5 @@ def test_a_run_without_the_state_of_its_end_continues_from_theta_and_omega(robot
     session.run("simulate new steps=40")
     session.state = session.state.replace(run=session.state.run.drop_vars("loop_state"))
     session.run("simulate continue steps=40")
-    for told in ("what the drives remember besides theta and omega", "the state of joint-pid"):
-        assert f"{told} began anew at t = 0.02 s" in notes(session)
+    for memory in ("what the drives remember besides theta and omega", "the state of joint-pid"):
+        assert f"{memory} began anew at t = 0.02 s" in notes(session)

@@ -67,13 +67,13 @@ def test_symbols_are_a_page_that_help_names():
     "topic", [*(e.name for e in (*COMMANDS, *VARIABLES) if e.source), "joint-pid", "computed-torque"]
 )
 def test_every_source_is_told_in_full(topic):
-    told = lines(topic)
-    (source,) = [line for line in told if line.startswith("source")]
+    shown = lines(topic)
+    (source,) = [line for line in shown if line.startswith("source")]
     keys = KEY.findall(source)
     assert keys or REPORT in source
     for key in keys:
-        assert f"          [{key}]: {SOURCES[key]}" in told
-    assert any(line.strip().startswith(f"{REPORT}: N. M. Swartz") for line in told) == (REPORT in source)
+        assert f"          [{key}]: {SOURCES[key]}" in shown
+    assert any(line.strip().startswith(f"{REPORT}: N. M. Swartz") for line in shown) == (REPORT in source)
 
 
 def test_sources_are_those_of_the_references():
@@ -86,9 +86,9 @@ def test_sources_are_those_of_the_references():
 
 @pytest.mark.parametrize("law", laws().values(), ids=lambda law: law.__name__)
 def test_every_gain_that_may_be_typed_is_explained(law):
-    told = gains(law)
-    assert list(told) == gain_names(law)
-    assert all(told.values()), told
+    shown = gains(law)
+    assert list(shown) == gain_names(law)
+    assert all(shown.values()), shown
 
 
 def test_gains_have_their_units():
@@ -96,33 +96,33 @@ def test_gains_have_their_units():
     assert gains(JointPID)["speed_feedforward"] == "kv [U s/rad | U s/m]"
     assert gains(ComputedTorque) == {"kp": "[1/s²]", "kd": "[1/s]", "ki": "[1/s³]"}
     assert gains(Cascade)["position_every"] == gains(Cascade)["speed_every"] != ""
-    told = dict(sheets("controller")[-1].rows)
-    assert set(told) == set(laws())
-    assert "kp [U/rad | U/m]" in told["joint-pid"]
-    assert "speed_feedforward [U s/rad | U s/m]" in told["joint-pid"]
-    assert "position_kp [1/s]" in told["cascade"]
+    shown = dict(sheets("controller")[-1].rows)
+    assert set(shown) == set(laws())
+    assert "kp [U/rad | U/m]" in shown["joint-pid"]
+    assert "speed_feedforward [U s/rad | U s/m]" in shown["joint-pid"]
+    assert "position_kp [1/s]" in shown["cascade"]
     assert any("U is the unit" in line for line in lines("controller"))
 
 
 def test_a_law_is_a_topic():
-    told = lines("joint_pid")
-    assert told[0] == "joint-pid"
-    assert any(line.startswith("u = kp e + ki ∫ e dt + kd d") for line in told)
-    assert 'example   controller joint-pid kp=… scale="10 deg"' in told
+    shown = lines("joint_pid")
+    assert shown[0] == "joint-pid"
+    assert any(line.startswith("u = kp e + ki ∫ e dt + kd d") for line in shown)
+    assert 'example   controller joint-pid kp=… scale="10 deg"' in shown
     assert "cutoff_hz" in [row[0] for row in sheets("joint-pid")[0].rows]
 
 
 @pytest.fixture(scope="module")
 def toured():
     """(line, what it said) of the tour, with the words before each step."""
-    told: list[tuple[str, str]] = []
+    shown: list[tuple[str, str]] = []
     for part in Session().run("tour"):
         if isinstance(part, TextLine) and part.text.startswith("sim> "):
-            told.append((part.text.removeprefix("sim> "), ""))
-        elif told:
+            shown.append((part.text.removeprefix("sim> "), ""))
+        elif shown:
             rows = [" ".join(row) for row in part.rows] if isinstance(part, Sheet) else [part.text]
-            told[-1] = told[-1][0], "\n".join([told[-1][1], *rows])
-    return told
+            shown[-1] = shown[-1][0], "\n".join([shown[-1][1], *rows])
+    return shown
 
 
 def number(text):
@@ -130,8 +130,8 @@ def number(text):
 
 
 def test_in_the_tour_speed_eats_volts_up(toured):
-    torques = [number(told) for line, told in toured if line == "torque[2]"]
-    volts = [number(told) for line, told in toured if line == "voltage[2]"]
+    torques = [number(printed) for line, printed in toured if line == "torque[2]"]
+    volts = [number(printed) for line, printed in toured if line == "voltage[2]"]
     assert volts[0] == volts[1] != 0.0
     assert np.sign(torques[0]) == np.sign(torques[1]) == np.sign(volts[0])
     assert abs(torques[1]) < abs(torques[0])  # less torque is left
@@ -140,8 +140,8 @@ def test_in_the_tour_speed_eats_volts_up(toured):
 
 def test_in_the_tour_the_sum_of_energies_falls(toured):
     before, after = (
-        dict(row.split(" ") for row in told.split("\n") if row.startswith(("kinetic", "potential", "sum")))
-        for line, told in toured
+        dict(row.split(" ") for row in printed.split("\n") if row.startswith(("kinetic", "potential", "sum")))
+        for line, printed in toured
         if line == "energy"
     )
     assert float(before["kinetic"]) == 0.0 < float(after["kinetic"])
@@ -152,14 +152,14 @@ def test_in_the_tour_the_sum_of_energies_falls(toured):
 def test_show_tells_of_gravity_to_the_side_and_of_the_payload():
     session = Session("two-link")
 
-    def told():
+    def notes():
         return [part.text for part in session.run("show") if isinstance(part, TextLine)]
 
-    assert told() == ["this arm's gravity has other components too: (0, -9.81, 0) m/s² in base axes"]
+    assert notes() == ["this arm's gravity has other components too: (0, -9.81, 0) m/s² in base axes"]
     session.run('payload 2 com="0 0 5 cm" inertia="1e-3 1e-3 1e-3"')
-    assert told()[1:] == [
+    assert notes()[1:] == [
         "payload: 2 kg at (0, 0, 0.05) m in the axes of hand, principal moments (0.001, 0.001, 0.001) kg m²"
     ]
     session.run("payload none")
-    assert len(told()) == 1
+    assert len(notes()) == 1
     assert [part for part in Session().run("show") if isinstance(part, TextLine)] == []

@@ -107,9 +107,9 @@ def test_at_a_terminal_ctrl_c_interrupts_and_questions_are_asked(terminal):
     terminal.type("python import time; input('re' + 'ady'); time.sleep(60)\r", until="ready")
     terminal.type("\r", until="\n")
     terminal.soon(0.3)
-    told = terminal.type("\x03", until="sim>")
-    assert "interrupted" in told
-    assert "KeyboardInterrupt" not in told
+    printed = terminal.type("\x03", until="sim>")
+    assert "interrupted" in printed
+    assert "KeyboardInterrupt" not in printed
     terminal.type("python\r", until=">>> ")
     terminal.type("import time; time.sleep(60)\r", until="\n")
     terminal.soon(0.3)

@@ -25,9 +25,9 @@ def test_the_first_error_ends_it_with_its_line():
     done = sim("theta[1] = 0.5\n\n# a comment\ntheta[1]\ntheta = 1 2\ntheta[2]\n")
     assert done.returncode == 2
     assert done.stdout.decode() == "theta[joint1] = 0.5 rad = 28.6479 deg\n"
-    told = done.stderr.decode()
-    assert told.startswith("armwright: error: standard input:5: theta = '1 2': 2 values; expected 6")
-    assert told.count("\n") == 1
+    error = done.stderr.decode()
+    assert error.startswith("armwright: error: standard input:5: theta = '1 2': 2 values; expected 6")
+    assert error.count("\n") == 1
 
 
 def test_a_script_in_a_script_tells_both_lines(tmp_path):
@@ -41,9 +41,9 @@ def test_a_script_that_calls_itself_is_told_once(tmp_path):
     (tmp_path / "a.sim").write_text("theta = 0\nrun-script b.sim\n")
     (tmp_path / "b.sim").write_text("run-script a.sim\n")
     done = sim("run-script a.sim\n", cwd=tmp_path)
-    told = done.stderr.decode()
-    assert "deep" in told
-    assert [told.count(place) for place in ("standard input:1: ", "a.sim:2: ", "b.sim:1: ")] == [1] * 3
+    error = done.stderr.decode()
+    assert "deep" in error
+    assert [error.count(place) for place in ("standard input:1: ", "a.sim:2: ", "b.sim:1: ")] == [1] * 3
 
 
 @pytest.mark.sample(1)

@@ -387,12 +387,12 @@ def test_prompts_are_those_of_the_report_and_arguments_answer_them():
         asked.append(argument.name)
         return next(answers)
 
-    told = []
+    shown = []
     session = Session(ask=ask)
-    session.show = told.append
+    session.show = shown.append
     session.run("simulate")
     assert asked == ["start", "start", "zero", "schedule", "steps", "steps", "steps"]
-    assert [part.text.split()[:2] for part in told] == [
+    assert [part.text.split()[:2] for part in shown] == [
         ["simulate", "start"],
         ["simulate", "steps:"],
         ["simulate", "steps"],
@@ -456,15 +456,15 @@ def test_a_script_that_is_interrupted_changes_nothing():
 @pytest.mark.parametrize("command", ALL_COMMANDS, ids=lambda command: command.name)
 def test_every_command_says_all_of_itself(command):
     shown = HELPED.run(f"help {command.name}")
-    told = texts(shown)
-    assert command.summary in told
+    text = texts(shown)
+    assert command.summary in text
     first = command.example.split()[0]
     assert same(first) == same(command.name)
     assert COMMANDS[same(command.name)] is command
     assert bool(command.equation) == bool(command.source)
     if command.equation:
-        assert command.equation in told
-        assert command.source in told
+        assert command.equation in text
+        assert command.source in text
     assert words(command.example)
 
 
@@ -477,12 +477,12 @@ def test_every_source_that_is_named_is_listed():
 
 @pytest.mark.parametrize("variable", ALL_VARIABLES, ids=lambda variable: variable.name)
 def test_every_variable_says_all_of_itself(variable):
-    told = texts(HELPED.run(f"help {variable.name}"))
-    assert variable.meaning in told
+    text = texts(HELPED.run(f"help {variable.name}"))
+    assert variable.meaning in text
     assert variable.equation
     assert variable.source
-    assert variable.equation in told
-    assert variable.source in told
+    assert variable.equation in text
+    assert variable.source in text
     HELPED.run(variable.name.replace("S", "_S").lower() if variable.name.startswith("DAC") else variable.name)
 
 

@@ -29,10 +29,10 @@ app()
 def test_what_a_prompt_does_not_wait_for(tmp_path):
     """Compilers, arrays with names, pictures: all that only commands need. The time itself is in `make bench`."""
     terminal = Terminal(tmp_path, (sys.executable, "-c", AT_THE_PROMPT))
-    told = tmp_path / "modules.txt"
+    file = tmp_path / "modules.txt"
     terminal.wait(lambda: terminal.gone)
     terminal.close()
-    asked, *modules = told.read_text().splitlines()
+    asked, *modules = file.read_text().splitlines()
     assert asked == "sim> "
     assert {"prompt_toolkit", "armwright.session.terminal"} <= set(modules)
     unwanted = {*HEAVY, *(f"armwright.{room}" for room in (*LATER, *LATER_FILES))}

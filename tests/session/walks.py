@@ -33,9 +33,9 @@ def write_files(folder: Path) -> None:
     (folder / "more.sim").write_text("# a script in a script\nomega = 0\ntheta[1] = 0.25\nquit\ntheta = 99\n")
 
 
-def same_text(told: str, expected: str) -> str | None:
+def same_text(text: str, expected: str) -> str | None:
     """The first line in which two transcripts differ; numbers may do so in their last digits, words not at all."""
-    ours, theirs = ADDRESS.sub("ADDRESS", told).splitlines(), expected.splitlines()
+    ours, theirs = ADDRESS.sub("ADDRESS", text).splitlines(), expected.splitlines()
     for k, (a, b) in enumerate(zip(ours, theirs, strict=False), 1):
         if " ".join(NUMBER.sub("#", a).split()) != " ".join(NUMBER.sub("#", b).split()):
             return f"line {k}: {a!r}, not {b!r}"

@@ -78,7 +78,7 @@ class ExactPlant:
         return PlantInputs(**dict(zip([name for name in self._moving if name != "x"], rest, strict=False)))
 
     def _left(self, x: Any, *rest: Any) -> Any:
-        """What is left to each event: it comes where one of these falls through 0."""
+        """Event functions: an event comes where one of these falls through 0."""
         inputs, found = self._inputs(rest), []
         if len(self._contacts):
             made = zip(inputs.contacts, self.plant.contact_depths(x), strict=True)

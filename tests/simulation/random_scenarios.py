@@ -242,7 +242,7 @@ def truth(case: Case, rtol: float | None = None) -> tuple[np.ndarray, np.ndarray
 
 @dataclass(frozen=True)
 class Verdict:
-    """How wrong a run is and what it says of that, in parts of its accuracy."""
+    """Error of a run and its own estimate of it, in parts of its accuracy."""
 
     error: float
     estimate: float | None  # its `global_error`; None if it states none
@@ -254,10 +254,10 @@ class Verdict:
     @property
     def kept(self) -> bool:
         """True if the error is within the accuracy, or the run says how large it is, or that none can say."""
-        told = self.estimate is not None and self.estimate > 1.0 and 1 / 3 < self.estimate / self.error < 3.0
+        estimated = self.estimate is not None and self.estimate > 1.0 and 1 / 3 < self.estimate / self.error < 3.0
         if self.doubt > 0.3 * self.error:  # the truth is lost itself, and with it the number
-            told = self.estimate is not None and self.estimate > 1.0
-        return self.error <= 1.0 or told or self.sensitive
+            estimated = self.estimate is not None and self.estimate > 1.0
+        return self.error <= 1.0 or estimated or self.sensitive
 
 
 def judged(case: Case, solver: aw.Solver | None = None) -> Verdict:

@@ -283,7 +283,7 @@ def test_a_reference_that_jumps_or_leaves_the_limits_is_told():
 
 
 @pytest.mark.parametrize(
-    ("start", "goal", "q", "told"),
+    ("start", "goal", "q", "noted"),
     [
         ([0.0, 0.4], [1.0, 0.5], None, True),
         ([0.0, 0.4], [1.0, 0.5], [0.0, 0.4], False),
@@ -292,12 +292,12 @@ def test_a_reference_that_jumps_or_leaves_the_limits_is_told():
         ([0.0, 0.4], [0.0, 0.4], None, False),  # a pose: a step that was asked for
     ],
 )
-def test_an_arm_that_starts_beside_its_reference_is_told_where_nobody_said_so(start, goal, q, told):
+def test_an_arm_that_starts_beside_its_reference_is_told_where_nobody_said_so(start, goal, q, noted):
     law = aw.JointPID(kp=10.0, kd=2.0)
     loop = Loop(controller=law, reference=aw.trajectories.Quintic(start=start, goal=goal, duration=0.05), period=PERIOD)
     notes = aw.simulate(Scenario(arm("two-link"), duration=20 * PERIOD, start=q, loop=loop)).attrs["notes"]
     says = "elbow: the reference begins at 0.4 and the arm at 0, since no start is stated; start q = [0, 0.4] begins on"
-    assert (says in str(notes)) is told
+    assert (says in str(notes)) is noted
 
 
 class Table:

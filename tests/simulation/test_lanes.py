@@ -222,7 +222,7 @@ def test_a_lane_has_its_bits_in_two_hundred_surroundings(monkeypatch):
         target = levels[random.integers(len(levels))]
         record = str(random.choice(["all", "state", "none"]))
         every = 0 if count > 1000 else int(random.choice([0, 1, 4, 5, 20]))
-        told = f"{count} lanes, {place=}, {form=}, {threads=}, {tiles=}, {target=}, {record=}, {every=}"
+        case = f"{count} lanes, {place=}, {form=}, {threads=}, {tiles=}, {target=}, {record=}, {every=}"
         monkeypatch.setattr(batch_runner, "TILES_A_GROUP", tiles)
         scenario = probed(
             {name: FORMS[form](rows) for name, rows in lanes.items()}, target=target, what=record, every=every
@@ -230,11 +230,11 @@ def test_a_lane_has_its_bits_in_two_hundred_surroundings(monkeypatch):
         run = aw.simulate(scenario, threads=threads)
         assert run.sizes["lane"] == count
         for name in REDUCED:
-            np.testing.assert_array_equal(run[name].values[place], expected[name].values[0], err_msg=told)
+            np.testing.assert_array_equal(run[name].values[place], expected[name].values[0], err_msg=case)
         if record != "none":
             for name in ("q", "qd", "tau", "u", "q_measured") if record == "all" else ("q", "qd"):
                 rows = expected[name].values[0, :: every or TICKS]
-                np.testing.assert_array_equal(run[name].values[place], rows, err_msg=f"{name}: {told}")
+                np.testing.assert_array_equal(run[name].values[place], rows, err_msg=f"{name}: {case}")
 
 
 def test_noise_of_a_lane_does_not_depend_on_how_many_there_are():

@@ -145,7 +145,7 @@ def loaded_arm(folder, *, with_friction=True):
 
 
 def level(p, v, tau_m, tau_e):
-    """What the friction may resist with, without its viscous part: SOURCE.md's equation of M6."""
+    """Largest friction without its viscous part: SOURCE.md's equation of M6."""
     s = exp(-(abs(v / p["speed"]) ** p["exponent"]))
     quadratic = 0.0
     if tau_m * tau_e < 0:
@@ -245,7 +245,7 @@ def test_a_servo_holds_what_it_could_not_lift(tmp_path):
 
 @pytest.mark.parametrize("joint", ["servo", "servo2"])
 def test_coupled_motors_take_another_law(tmp_path, joint):
-    """Whether the joint's own motor turns another joint too, or that one's turns it."""
+    """True if the joint's own motor turns another joint too, or that one's turns it."""
     loaded_arm(tmp_path)
     path = tmp_path / "arm.toml"
     first, mark, second = path.read_text(encoding="utf-8").partition('name = "servo2"')

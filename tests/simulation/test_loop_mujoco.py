@@ -43,7 +43,7 @@ CASES: dict[
 
 
 def swing(t, n):
-    """Where the joints are to be, and how fast."""
+    """Reference positions and speeds of the joints."""
     turn = 5.0 + np.arange(n)
     return scalar.array([0.5 * scalar.sin(w * t) for w in turn]), scalar.array(
         [0.5 * w * scalar.cos(w * t) for w in turn]
@@ -84,7 +84,7 @@ def mjcf(arm: Model, h: float, delay: float) -> str:
 
 
 def _constants(joint: Any, h: float, delay: float) -> str:
-    """What drives a joint, in the motor's own angle."""
+    """Drive of a joint, in the motor's own angle."""
     motor, friction = joint.motor, joint.friction
     words = {"motorconst": motor.torque_constant_n_m_per_a.value, "resistance": motor.resistance_ohm.value}
     if motor.inductance_h is not None:

@@ -80,8 +80,8 @@ def test_commands_over_time_and_bodies_land_where_scipy_switches():
     np.testing.assert_allclose(state(run), x, atol=1e-9)
     for row, own in ((50, model), (51, model.with_payload(*HELD)), (120, model.with_payload(*HELD)), (121, model)):
         at = run.q.values[row], run.qd.values[row]
-        told = aw.forward_dynamics(own, *at, commands.at(run.time.values[row] + 1e-9))
-        np.testing.assert_allclose(run.qdd.values[row], told, rtol=1e-9)
+        expected = aw.forward_dynamics(own, *at, commands.at(run.time.values[row] + 1e-9))
+        np.testing.assert_allclose(run.qdd.values[row], expected, rtol=1e-9)
 
 
 def test_holding_it_takes_m_g_r_more():
@@ -172,10 +172,10 @@ def test_from_the_beginning_it_is_the_arm_with_a_payload(data):
     spread = (points - com).T @ (points - com) * mass / 4
     tensor = np.trace(spread) * np.eye(3) - spread
     common = {"command": [8.0, -20.0, 12.0, 3.0, -1.0, 0.5], "q0": [0.1, 0.4, -0.3, 0.2, 0.3, 0.1], "duration": 0.02}
-    told = aw.simulate(scenario_of(model, payload=aw.Payload(0.0, mass, com, tensor, frame), **common))
+    carried = aw.simulate(scenario_of(model, payload=aw.Payload(0.0, mass, com, tensor, frame), **common))
     held = aw.simulate(scenario_of(model.with_payload(mass, com, tensor, frame), **common))
-    np.testing.assert_allclose(told.qdd.values, held.qdd.values, rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose(told.q.values, held.q.values, rtol=1e-11, atol=1e-12)
+    np.testing.assert_allclose(carried.qdd.values, held.qdd.values, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(carried.q.values, held.q.values, rtol=1e-11, atol=1e-12)
 
 
 def test_two_hands_hold_their_own():

@@ -36,7 +36,7 @@ from simulation.plants import (
 U = {"all": [12.0, 8.0], "springs": [12.0, 8.0]}
 PLAY = {**ELASTIC, "backlash_rad": 0.004}
 TOUCHING = pendulum(motor=MOTOR, elasticity=PLAY, stops=STOPS, limits={"position_rad": [-1.0, 1.0]})
-APART = pendulum(motor=MOTOR, elasticity={**PLAY, "backlash_rad": 1e3})
+FREE_LINK = pendulum(motor=MOTOR, elasticity={**PLAY, "backlash_rad": 1e3})
 FAST = ("springs", "inductance", "elastic", "harmonic", "all")  # with time constants of a millisecond
 SMOOTH = [name for name in MANY if name != "supply"]  # whose bus may take over the voltage limit within a run
 
@@ -96,13 +96,13 @@ def test_floats_interpreter_and_native_code_agree(name):
     )
     compiled = Kernel(program, select_target(None))
     for _ in range(5):
-        told = plant.step(RK3, x, u, 1e-3)
-        np.testing.assert_allclose(compiled(x, u, np.array(1e-3)), told, rtol=1e-11, atol=1e-13)
-        x = told
+        expected = plant.step(RK3, x, u, 1e-3)
+        np.testing.assert_allclose(compiled(x, u, np.array(1e-3)), expected, rtol=1e-11, atol=1e-13)
+        x = expected
     names = tuple(plant.outputs(x, u))
     outputs = trace("outputs", lambda x, u: tuple(plant.outputs(x, u).values()), {"x": (plant.size,), "u": (n,)}, names)
-    for told, native in zip(plant.outputs(x, u).values(), Kernel(outputs, select_target(None))(x, u), strict=True):
-        np.testing.assert_allclose(native, told, rtol=1e-10, atol=1e-12)
+    for expected, native in zip(plant.outputs(x, u).values(), Kernel(outputs, select_target(None))(x, u), strict=True):
+        np.testing.assert_allclose(native, expected, rtol=1e-10, atol=1e-12)
 
 
 @pytest.mark.sample(2)
@@ -143,8 +143,8 @@ def test_numbers_of_the_record_as_symbols():
     program = trace("step", step, {"x": x.shape, "u": (2,), "p": (3,)}, ("next",))
     for factor in (1.0, 1.7):
         values = varied.nominal * factor
-        told = Plant.of(varied.model(values)).step(RK3, x, u, 1e-3)
-        np.testing.assert_allclose(np.asarray(program.graph(x, u, values)).ravel(), told, rtol=1e-11, atol=1e-13)
+        expected = Plant.of(varied.model(values)).step(RK3, x, u, 1e-3)
+        np.testing.assert_allclose(np.asarray(program.graph(x, u, values)).ravel(), expected, rtol=1e-11, atol=1e-13)
 
 
 def test_motors_stand_where_their_links_are():
@@ -215,8 +215,8 @@ def test_contacts_are_those_of_the_state(q, qd, ahead, faster):
     near = np.abs([q - 1.0, q + 1.0, ahead - 0.002, ahead + 0.002]) < 1e-12
     assert all(a == b or close for a, b, close in zip(touching, expected, near, strict=True))
     np.testing.assert_array_equal(plant.derivative(x, u), plant.derivative(x, PlantInputs(u, contacts=touching)))
-    free, apart = plant.derivative(x, PlantInputs(u, contacts=np.zeros(4))), Plant.of(APART)
-    np.testing.assert_allclose(free, apart.derivative(x, u), rtol=1e-12)
+    free, without_contact = plant.derivative(x, PlantInputs(u, contacts=np.zeros(4))), Plant.of(FREE_LINK)
+    np.testing.assert_allclose(free, without_contact.derivative(x, u), rtol=1e-12)
 
 
 def plant_moved(plant, ahead, faster):

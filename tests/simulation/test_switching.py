@@ -90,7 +90,7 @@ def ball(x, u, touching):
 
 
 def pushing(x, u, touching):
-    """How hard the floor pushes, where the ball is on it."""
+    """Force of the floor while the ball is on it."""
     return scalar.array([scalar.where(touching[0], -300.0 * x[0] - 2.0 * x[1], 1.0)]), np.zeros(1)
 
 
@@ -105,7 +105,7 @@ STEP = trace("step", fallen, {**SHAPES, **FLOOR.block, "h": ()}, ("x_next",))
 
 
 def in_pieces(x, u, s):
-    """What `kernels.stages` says of a substep."""
+    """Substep as `kernels.stages` describes it."""
     for piece in range(SWITCHES + 1):
         c = interpret(PROGRAMS["touching"], x, u)
         new = interpret(STEP, x, u, c, s)

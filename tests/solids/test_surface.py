@@ -25,10 +25,10 @@ SOLIDS = [
 
 
 @pytest.mark.parametrize(("around", "error"), [(36, 0.015), (128, 0.0015)])
-@pytest.mark.parametrize("told", SOLIDS, ids=lambda told: told["shape"])
-def test_closed_outward_and_of_the_right_size(told, around, error):
+@pytest.mark.parametrize("record", SOLIDS, ids=lambda record: record["shape"])
+def test_closed_outward_and_of_the_right_size(record, around, error):
     """Volume and centre are those of the closed forms, the nearer the more sides there are."""
-    solid = TypeAdapter(Solid).validate_python(told)
+    solid = TypeAdapter(Solid).validate_python(record)
     mesh = surface(solid, around)
     assert mesh.is_watertight
     assert mesh.is_winding_consistent
@@ -38,7 +38,7 @@ def test_closed_outward_and_of_the_right_size(told, around, error):
 
 
 def test_every_shape_has_a_surface():
-    assert {told["shape"] for told in SOLIDS} == set(SHAPES) - {"mesh"}
+    assert {record["shape"] for record in SOLIDS} == set(SHAPES) - {"mesh"}
 
 
 def teeth(count):

@@ -1,4 +1,4 @@
-"""What differs between the lanes that gains are tuned over."""
+"""Differences between the lanes that gains are tuned over."""
 
 from dataclasses import replace
 

@@ -93,7 +93,7 @@ def capture(
         title = f"{arm.name}: {plan.times[-1]:.4g} s in {len(plan.times)} cycles"
         console_for_tables().print(table(title, HEADS, plan.rows(), HEADS))
         if not go:
-            _look(plan, serial, line.baud)
+            _end_of_dry_run(plan, serial, line.baud)
             return
         assert output is not None
         say(f"armwright: note: {WARNING}", err=True)  # with --quiet too
@@ -123,7 +123,7 @@ def _store(arm: Model, line: Line, serial: str, path: Path) -> None:
     say(f"wrote {path}")
 
 
-def _look(plan: CapturePlan, serial: str, baud: int) -> None:
+def _end_of_dry_run(plan: CapturePlan, serial: str, baud: int) -> None:
     """The end of a dry run: compares the servos if the port can be opened, and says how far the approach is."""
     from armwright.twin.serial.arm_servos import ArmServos
     from armwright.twin.serial.capture import approach

@@ -53,7 +53,7 @@ class Content(Record):
 
 def robot_text(robot: RobotDescription) -> str:
     """The robot as TOML without its looks, which do not change the motion."""
-    return to_toml(_without_looks(robot))
+    return to_toml(_without_visuals(robot))
 
 
 def parse_robot(text: str, place: str) -> RobotDescription:
@@ -66,9 +66,9 @@ def parse_robot(text: str, place: str) -> RobotDescription:
         document = tomllib.loads(text)
     except (ValueError, RecursionError) as error:
         raise DescriptionError(f"not TOML: {error}", file=place) from None
-    return _without_looks(parse(document, place))
+    return _without_visuals(parse(document, place))
 
 
-def _without_looks(robot: RobotDescription) -> RobotDescription:
+def _without_visuals(robot: RobotDescription) -> RobotDescription:
     links = tuple(link.model_copy(update={"visuals": ()}) for link in robot.links)
     return robot.model_copy(update={"links": links})

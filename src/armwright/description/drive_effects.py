@@ -13,7 +13,7 @@ from pydantic import Field, model_validator
 from armwright.description.twins import twin_of
 from armwright.joint_kinds import LINEAR, ROTARY, JointKind, JointUnits
 from armwright.quantity import (
-    APART,
+    LEAST_RISE,
     NotNegative,
     NotPositive,
     NotZero,
@@ -132,7 +132,7 @@ class GearEfficiencyTable(Record):
         """Every one of several rows has a speed, above that of the row before."""
         (foreign,) = {"speed_rad_per_s", "speed_m_per_s"} - {self.speed_key}
         speeds = [getattr(row, self.speed_key) for row in self.rows]
-        before, gap = -1.0, APART * max((speed.number for speed in speeds if speed is not None), default=0.0)
+        before, gap = -1.0, LEAST_RISE * max((speed.number for speed in speeds if speed is not None), default=0.0)
         for k, (row, speed) in enumerate(zip(self.rows, speeds, strict=True)):
             place = f"rows[{k}].{self.speed_key}"
             if getattr(row, foreign) is not None:
@@ -156,7 +156,7 @@ class GearEfficiencyTable(Record):
         """
         with np.errstate(over="ignore"):
             entering = torques / shares if driving else torques * shares
-        return entering[1:] > entering[:-1] * (1.0 + APART)
+        return entering[1:] > entering[:-1] * (1.0 + LEAST_RISE)
 
     def _check_row(self, torques: np.ndarray, shares: np.ndarray, place: str, driving: bool) -> None:
         if len(shares) != len(torques):

@@ -99,13 +99,13 @@ def _roots(package: str, file: Path, folders: tuple[Path, ...]) -> list[Path]:
     up to the one that the file's own package stands in.
     """
     searched, top = folders[: _count_of_searched(file, folders)], _package_of(file).parent
-    parents = [folder for folder in folders[len(searched) :] if not _is_everybodys(folder)]
+    parents = [folder for folder in folders[len(searched) :] if not _is_shared_folder(folder)]
     named = [folder for folder in (*searched, *parents) if folder.name == package]
     holding = [*searched, *(folder for folder in parents if folder.is_relative_to(top))]
     return [*named, *(folder / package for folder in holding)]
 
 
-def _is_everybodys(folder: Path) -> bool:
+def _is_shared_folder(folder: Path) -> bool:
     """The disk, its top folders, the home folder and what that stands in: no packages."""
     home = real_path(Path.home())
     return folder.parent == folder.parent.parent or folder in (home, *home.parents)

@@ -64,21 +64,21 @@ class LoadDependent(Coulomb):
                 friction.stribeck,
             )
         )
-        fallen = _fallen(friction, speed)
-        level = coulomb if most is None else coulomb + fallen * (most - coulomb)
+        stribeck = _stribeck_share(friction, speed)
+        level = coulomb if most is None else coulomb + stribeck * (most - coulomb)
         if not isinstance(load, tuple):
             return level
         tau_m, tau_e = load
         added = scalar.abs(external * tau_e - motor * tau_m)
-        return level + added + fallen * self._still(friction, load)
+        return level + added + stribeck * self._level_at_standstill(friction, load)
 
     def falling(self, friction: Any, load: Loads | Scalar | None = None) -> Scalar:
         """Fs - Fc + L_s + Q, which fall over speed."""
         falling = super().falling(friction)
-        return falling + self._still(friction, load) if isinstance(load, tuple) else falling
+        return falling + self._level_at_standstill(friction, load) if isinstance(load, tuple) else falling
 
     @staticmethod
-    def _still(friction: Any, load: Loads) -> Scalar:
+    def _level_at_standstill(friction: Any, load: Loads) -> Scalar:
         """L_s + Q."""
         *_, motor_still, external_still, of_motor, of_external = friction.parameters
         tau_m, tau_e = load
@@ -110,10 +110,10 @@ class LoadDependent(Coulomb):
         """
         _, *shares, of_motor, of_external = friction.parameters
         way = scalar.where(scalar.less(speed, 0.0), -1.0, 1.0)
-        s, fallen = way * smooth_sign(speed, friction.smoothing), _fallen(friction, speed)
+        s, stribeck = way * smooth_sign(speed, friction.smoothing), _stribeck_share(friction, speed)
         least, load = way * needed + s * self.level(friction, speed), way * external
         motor, pushed, motor_still, pushed_still = shares
-        loads = (motor, pushed * load), (fallen * motor_still, fallen * pushed_still * load)
+        loads = (motor, pushed * load), (stribeck * motor_still, stribeck * pushed_still * load)
         # Without Q, T - s g is the least of lines, one for each pair of signs of |τ_e part - τ_m part|: T is the largest of the
         # torques at which they are `needed`.
         ways = [(1.0, -1.0) if _counts(m) or _counts(e) else (1.0,) for m, e in ((motor, pushed), shares[2:])]
@@ -133,7 +133,7 @@ class LoadDependent(Coulomb):
         slope = scalar.where(scalar.less(0.0, slope), slope, 1.0) if locks else slope
         torque = right / slope
         if _counts(of_motor) or _counts(of_external):
-            torque = _beyond_squares(torque, slope, load, s * fallen * of_motor, s * fallen * of_external)
+            torque = _beyond_squares(torque, slope, load, s * stribeck * of_motor, s * stribeck * of_external)
         return way * (scalar.where(found, torque, np.nan) if locks else torque)
 
 
@@ -166,12 +166,12 @@ def _counts(share: Scalar) -> bool:
     return scalar.is_symbolic(share) or share != 0.0
 
 
-def _fallen(friction: Any, speed: Scalar) -> Scalar:
+def _stribeck_share(friction: Any, speed: Scalar) -> Scalar:
     """σ, the part of the level at standstill that is left at a speed."""
-    return _falling(scalar.abs(speed) / friction.stribeck_speed, friction.parameters[0])
+    return _stribeck_decay(scalar.abs(speed) / friction.stribeck_speed, friction.parameters[0])
 
 
-def _falling(ratio: Scalar, exponent: Scalar) -> Scalar:
+def _stribeck_decay(ratio: Scalar, exponent: Scalar) -> Scalar:
     """exp(-ratio^exponent), 1 at standstill."""
     still = scalar.equal(ratio, 0.0)
     power = scalar.exp(exponent * scalar.log(scalar.where(still, 1.0, ratio)))

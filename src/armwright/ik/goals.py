@@ -77,7 +77,7 @@ def goal_value(chain: JointChain, goal: Best, q: Array, preferred: Array) -> Sca
     joints with two limits that do not turn around.   manipulability: -½ log det(J Jᵀ), angles times the chain's weight.
     """
     if goal == "nearest":
-        return 0.5 * sum(x * x for x in _apart(chain, q, preferred))
+        return 0.5 * sum(x * x for x in _difference(chain, q, preferred))
     if goal == "limits":
         middle, scale = _ranges(chain)
         return 0.5 * sum(((x - m) * s) * ((x - m) * s) for x, m, s in zip(q, middle, scale, strict=True) if s > 0.0)
@@ -88,9 +88,11 @@ def goal_value(chain: JointChain, goal: Best, q: Array, preferred: Array) -> Sca
     return 0.5 * sum(scalar.log(scalar.maximum(x, 1e-300)) for x in inverse)
 
 
-def _apart(chain: JointChain, q: Array, preferred: Array) -> list[Scalar]:
-    apart = q - preferred
-    return [x - TURN * scalar.floor(x / TURN + 0.5) if t else x for x, t in zip(apart, chain.turns_around, strict=True)]
+def _difference(chain: JointChain, q: Array, preferred: Array) -> list[Scalar]:
+    difference = q - preferred
+    return [
+        x - TURN * scalar.floor(x / TURN + 0.5) if t else x for x, t in zip(difference, chain.turns_around, strict=True)
+    ]
 
 
 def _ranges(chain: JointChain) -> tuple[np.ndarray, np.ndarray]:
@@ -127,7 +129,7 @@ def goal_search(chain: JointChain, goal: Best, tolerance: float) -> Program:
         better = scalar.where(first, 1.0, met * scalar.less(value, old["least"][0]))
         tried = scalar.where(first, 0.0, old["corrections"][0])
         corrects = (1.0 - met) * scalar.less(tried, float(CORRECTIONS))
-        way = chosen(better, _way(chain, q, slope, -gradient, metric), old["way"])
+        way = chosen(better, _descent_direction(chain, q, slope, -gradient, metric), old["way"])
         length = scalar.where(better, scalar.minimum(old["length"][0] * GROW, 1.0), old["length"][0] * SHRINK)
         length = scalar.where(first, 1.0, scalar.where(corrects, old["length"][0], length))
         kept = chosen(better, q, old["q"])
@@ -151,7 +153,7 @@ def goal_search(chain: JointChain, goal: Best, tolerance: float) -> Program:
     return trace("goal_search", step, shapes, ("state_next", "over", "fresh_next", "result"))
 
 
-def _way(chain: JointChain, q: Array, slope: Array, downhill: Array, metric: np.ndarray) -> np.ndarray:
+def _descent_direction(chain: JointChain, q: Array, slope: Array, downhill: Array, metric: np.ndarray) -> np.ndarray:
     """d (n,), where joints at a limit that it would cross are held; once more where others then cross theirs."""
     inverse = scalar.array(metric)
     way = _projected(slope, downhill, inverse)
@@ -174,10 +176,10 @@ def _free(chain: JointChain, joint: int, at: Scalar, way: Scalar) -> Scalar:
 def _projected(slope: Array, downhill: Array, inverse: Array) -> np.ndarray:
     """P W⁻¹ downhill."""
     plain = inverse * downhill
-    return plain - _back(slope, slope @ plain, inverse)
+    return plain - _correction_step(slope, slope @ plain, inverse)
 
 
-def _back(slope: Array, error: Array, inverse: Array) -> np.ndarray:
+def _correction_step(slope: Array, error: Array, inverse: Array) -> np.ndarray:
     """The shortest step in the metric that takes an error away:  W⁻¹ Jᵀ (J W⁻¹ Jᵀ)⁻¹ e."""
     weighted = slope * inverse
     square = weighted @ slope.T
@@ -186,9 +188,9 @@ def _back(slope: Array, error: Array, inverse: Array) -> np.ndarray:
 
 
 def _corrected(chain: JointChain, q: Array, slope: Array, error: Array, metric: np.ndarray) -> np.ndarray:
-    step = _back(slope, error, scalar.array(metric))
+    step = _correction_step(slope, error, scalar.array(metric))
     held = scalar.array([x * _free(chain, i, q[i], step[i]) for i, x in enumerate(metric)])
-    return chain.within(q + _back(slope, error, held))
+    return chain.within(q + _correction_step(slope, error, held))
 
 
 def _moved(chain: JointChain, q: Array, way: Array, length: Scalar) -> np.ndarray:

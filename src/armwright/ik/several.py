@@ -97,8 +97,8 @@ def _different(chain: JointChain, q: np.ndarray, order: np.ndarray, count: int) 
         best = order.argmin(axis=1)
         some = np.isfinite(order[rows, best])
         kept[some, place] = q[rows, best][some]
-        apart = q - q[rows, best][:, None]
-        apart = np.where(chain.turns_around, apart - TURN * np.round(apart / TURN), apart)
-        order[np.abs(apart).max(axis=2) < DIFFERENT] = np.inf
+        difference = q - q[rows, best][:, None]
+        difference = np.where(chain.turns_around, difference - TURN * np.round(difference / TURN), difference)
+        order[np.abs(difference).max(axis=2) < DIFFERENT] = np.inf
         order[rows, best] = np.inf
     return kept

@@ -13,8 +13,10 @@ from armwright.results.result import Result
 from armwright.results.table import Table, number
 
 
-def how_far(distance: float, angle: float | None) -> str:
-    """What separates two poses, to the micrometre and to 10 µrad, which a search reaches by chance: "435.7 mm and 0 mrad".
+def distance_text(distance: float, angle: float | None) -> str:
+    """Distance and angle between two poses in words, such as "435.7 mm and 0 mrad".
+
+    Rounded to 1 µm and 10 µrad: finer digits depend on where a search happens to end.
 
     Args:
         distance: [m].   angle: [rad]; None where orientations do not count.
@@ -132,7 +134,7 @@ class PoseSolutions(Result):
                 why = self.branches.obstacle(k, self.tolerance) if self.branches is not None else UNREACHABLE
                 lines.append(f"target {', '.join(map(str, place)) or 0}: {why}")
                 continue
-            off = how_far(float(self.position_error[k]), float(self.angle_error[k]))
+            off = distance_text(float(self.position_error[k]), float(self.angle_error[k]))
             lines.append(
                 f"target {', '.join(map(str, place)) or 0}: not reached, the nearest pose is {off} off{self._limits(k)}"
             )

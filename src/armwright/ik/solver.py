@@ -59,14 +59,14 @@ class PoseSolver:
         return results
 
     @cached_property
-    def _patient(self) -> TaskLoop:
+    def _long_descent(self) -> TaskLoop:
         """One long descent from given positions."""
         return TaskLoop(descent(self.chain, self.tolerance, near=True, patient=True))
 
     def nearest(self, poses: np.ndarray, q: np.ndarray) -> np.ndarray:
         """(k, n) positions as near to poses out of reach as a long descent from positions (k, n) comes."""
         tasks = np.concatenate([self.chain.tasks(poses), q], axis=1)
-        return self._patient.run(tasks)[:, : self.chain.n]
+        return self._long_descent.run(tasks)[:, : self.chain.n]
 
     def judged(
         self, q: np.ndarray, poses: np.ndarray, tolerance: float

@@ -265,7 +265,7 @@ class LoopText:
         again = f"l->{SINCE}[0] < edge && l->frozen[0] < 0.0" if stage.ahead else "1"
         before, behind = self._about_trial(stage)
         inner = [
-            *(self._go_on(stage) if stage.ahead else []),
+            *(self._begin_interval(stage) if stage.ahead else []),
             f"int again = {again};",
             "while (again != 0) {",
             *_indented([*self._try(stage, before, behind), *self._follow(), *self._take(stage)]),
@@ -352,8 +352,8 @@ class LoopText:
         times = f"{self.clock.period} * {literal(1.0 / stage.each, C_DOUBLE)}"
         return f"{most} * ((1.0 < {times}) ? {times} : 1.0)"
 
-    def _go_on(self, stage: Adapt) -> list[str]:
-        """A lane on which the same acts goes on behind its last step; else it begins anew, in steps as long as that lasted."""
+    def _begin_interval(self, stage: Adapt) -> list[str]:
+        """Continues a lane after its last step if its inputs are unchanged; else restarts it with steps that are no longer."""
         held, _ = stage.ahead
         before = [port for port in held.inputs if port.name.endswith(HELD) and port.name != f"x{HELD}"]
         return [

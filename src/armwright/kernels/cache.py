@@ -187,12 +187,12 @@ def _read(path: Path) -> bytes:
     flags = sum(getattr(os, name, 0) for name in ("O_NOFOLLOW", "O_NONBLOCK", "O_CLOEXEC", "O_BINARY"))
     with open(os.open(path, os.O_RDONLY | flags), "rb") as file:
         about = os.fstat(file.fileno())
-        if not stat.S_ISREG(about.st_mode) or not _ours_alone(about) or about.st_size > MOST_BYTES:
+        if not stat.S_ISREG(about.st_mode) or not _is_private(about) or about.st_size > MOST_BYTES:
             raise PermissionError(path)
         return file.read()
 
 
-def _ours_alone(about: os.stat_result) -> bool:
+def _is_private(about: os.stat_result) -> bool:
     """True if this user owns it and nobody else can write it. On Windows the user's profile is private."""
     if sys.platform == "win32":
         return True
@@ -216,7 +216,7 @@ def cache_folder() -> Path | None:
     except RuntimeError:  # a user without a home; of "~name", no user at all
         _say_if_named("no home of that user is known")
         return None
-    if not _ours_alone(about):
+    if not _is_private(about):
         rights = f"mode {stat.S_IMODE(about.st_mode):o}, owner {about.st_uid}"
         _say_once(
             f"{str(place)!r}: {rights}; compiled code is kept only in a folder that you own and nobody else can write"

@@ -53,7 +53,7 @@ class LlvmModule:
         Inputs named in `rows` are one number an entry, the same for all lanes.
         """
         name = f"{program.name}.block"
-        assert _alike(self._programs.setdefault(program.name, program), program), (
+        assert _are_equal(self._programs.setdefault(program.name, program), program), (
             f"two programs are named {program.name!r}"
         )
         if name not in self.functions:
@@ -398,7 +398,7 @@ def batch_module(width: int, program: Program, dtype: str = DOUBLE.name) -> Llvm
     return module
 
 
-def _alike(one: Program, other: Program) -> bool:
+def _are_equal(one: Program, other: Program) -> bool:
     """True if two programs, which may come from two traces, have equal instructions."""
     parts = attrgetter("operation", "results", "arguments", "place")
     if one is other or len(one.instructions) != len(other.instructions):
@@ -406,6 +406,6 @@ def _alike(one: Program, other: Program) -> bool:
     return all(
         parts(a) == parts(b)
         and repr(a.constant) == repr(b.constant)  # NaN is itself here
-        and (a.callee is b.callee or (a.callee and b.callee and _alike(a.callee, b.callee)))
+        and (a.callee is b.callee or (a.callee and b.callee and _are_equal(a.callee, b.callee)))
         for a, b in zip(one.instructions, other.instructions, strict=True)
     )

@@ -32,7 +32,7 @@ keep:
   %counts = zext i1 %works to i64
   %busy.kept = add i64 %busy, %counts
   br label %next
-{_look(stage)}
+{_next_attempt(stage)}
 {_next_task(w, stage)}
 {_begin(w, stage)}
 next:
@@ -45,7 +45,7 @@ done.all:
 }}"""
 
 
-def _look(stage: Exchange) -> str:
+def _next_attempt(stage: Exchange) -> str:
     """An attempt that is over: another one of the same task, or the next task."""
     return f"""look:
   store double 0.0, ptr %over.at, align 8

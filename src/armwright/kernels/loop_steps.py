@@ -191,7 +191,7 @@ class StepPrinter(BlockPrinter):
         self._store("tried", 0, m.constant(0.0))
         t, edge = self._segment(stage, label)
         if stage.ahead:
-            self._go_on(stage, t)
+            self._begin_interval(stage, t)
             waits = m.any(m.both(m.lt(self._load(SINCE), edge), self._not_frozen()))
             m.branch(waits, f"{label}.trial", f"{label}.reached")
         else:
@@ -281,8 +281,8 @@ class StepPrinter(BlockPrinter):
                 for k in range(port.size):
                     self._store(block, k, m.select(good, self._load(port.name, k), self._load(block, k)))
 
-    def _go_on(self, stage: Adapt, t: Value) -> None:
-        """Lanes on which the same acts go on behind their last step; others begin anew, in steps as long as that lasted."""
+    def _begin_interval(self, stage: Adapt, t: Value) -> None:
+        """Continues lanes with unchanged inputs after their last step; restarts others, with steps no longer than that lasted."""
         m, (held, _) = self.m, stage.ahead
         zero = m.constant(0.0)
         self._program(held)

@@ -175,7 +175,7 @@ def _reframed_cylinders(model: Model, displacements: list[Placement]) -> tuple[S
         if body == BASE:
             return end
         point = displacements[body].inverse().point(end)
-        return point if scalar.is_symbolic(point) else _without_dust(point, 1.0)
+        return point if scalar.is_symbolic(point) else _without_rounding(point, 1.0)
 
     ends = [scalar.stack([moved(*end) for end in zip(c.bodies, c.ends, strict=True)]) for c in model.cylinders]
     return tuple(replace(cylinder, ends=pair) for cylinder, pair in zip(model.cylinders, ends, strict=True))
@@ -188,17 +188,17 @@ def _snapped(body: Body) -> Body:
         return body
     largest = float(np.abs(body.inertia).max())
     moment = float(np.sqrt(largest * body.mass)) if body.mass > 0 else 1.0  # no first moment of a real body is larger
-    first, tensor = _without_dust(body.first_moment, moment), _without_dust(body.inertia, largest)
+    first, tensor = _without_rounding(body.first_moment, moment), _without_rounding(body.inertia, largest)
     return replace(body, first_moment=first, inertia=tensor)
 
 
 def _clean(placement: Placement) -> Placement:
     if scalar.is_symbolic(placement.rotation, placement.position):
         return placement
-    return Placement(snap(placement.rotation), _without_dust(placement.position, 1.0))
+    return Placement(snap(placement.rotation), _without_rounding(placement.position, 1.0))
 
 
-def _without_dust(values: Array, size: float) -> Array:
+def _without_rounding(values: Array, size: float) -> Array:
     """Numbers below `DUST` of a size set to 0."""
     return np.asarray([0.0 if abs(v) <= DUST * size else float(v) for v in values.flat]).reshape(values.shape)
 

@@ -86,7 +86,7 @@ def _visual_patches(arm: Model, notes: list[Problem]) -> Iterator[tuple[int, Col
             patch = _patch(arm, link, visual)
             if holes := holes_of(link, visual):
                 try:
-                    patch = _bored(patch, [_patch(arm, link, hole, GROWN) for hole in holes])
+                    patch = _with_holes(patch, [_patch(arm, link, hole, GROWN) for hole in holes])
                 except DescriptionError as error:
                     what = f"{error}; drawn without its holes"
                     notes.append(Problem(what, _place(link, visual), file=arm.name))
@@ -127,7 +127,7 @@ def _part(visual: Visual) -> str | None:
     return part if section else None
 
 
-def _bored(solid: Patch, holes: list[Patch]) -> Patch:
+def _with_holes(solid: Patch, holes: list[Patch]) -> Patch:
     """Surface of a solid less its holes; smooth surfaces stay smooth, as normals are interpolated.
 
     Raises:

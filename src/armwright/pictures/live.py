@@ -103,7 +103,7 @@ class LiveArm:
         Raises:
             ShapeError: q is no pose of the arm.
         """
-        self._tell(checked_pose(self.arm, q))
+        self._send_pose(checked_pose(self.arm, q))
 
     def play(self, run: xr.Dataset, *, lane: int | None = None) -> None:
         """Plays a run in the page, in real time, and returns at once; `q` becomes that of its last row.
@@ -121,7 +121,7 @@ class LiveArm:
         rows = np.unique(np.searchsorted(t, np.linspace(t[0], t[-1], count)).clip(max=len(t) - 1))
         rows = np.unique([0, *rows, len(t) - 1])
         q = motions["run"]
-        self._tell(q[-1], {"t": np.round(t[rows], 6).tolist(), "q": np.round(q[rows], 6).tolist()})
+        self._send_pose(q[-1], {"t": np.round(t[rows], 6).tolist(), "q": np.round(q[rows], 6).tolist()})
 
     def show(self, arm: Model, q: Any = None) -> None:
         """Shows another arm in the same page, or this one in another pose.
@@ -167,9 +167,9 @@ class LiveArm:
             self.notes: tuple[Problem, ...] = posed.notes
             self._page = text
             self._pages += 1
-        self._tell(q)
+        self._send_pose(q)
 
-    def _tell(self, q: np.ndarray, more: Mapping[str, Any] = MappingProxyType({})) -> None:
+    def _send_pose(self, q: np.ndarray, more: Mapping[str, Any] = MappingProxyType({})) -> None:
         """Sets the pose, and sends it to all pages, with more, which may replace it."""
         with self._changed:
             self._q = q.astype(float)
@@ -242,7 +242,7 @@ class _Handler(BaseHTTPRequestHandler):
                 raise ValueError
             said = json.loads(self.rfile.read(length))
             live = self.server.live
-            live._tell(checked_pose(live.arm, said["q"]), {"from": str(said.get("from", ""))[:40]})
+            live._send_pose(checked_pose(live.arm, said["q"]), {"from": str(said.get("from", ""))[:40]})
         except (ArmwrightError, ValueError, TypeError, LookupError, AttributeError, ArithmeticError, RecursionError):
             self.send_error(400)
             return

@@ -59,9 +59,9 @@ def write_mat(run: xr.Dataset, path: Path, units: dict[str, list[str]]) -> None:
         variables[names[name]] = column.astype(object) if values.dtype.kind in "OUS" else column
     if "time" in run.coords:
         variables["t"] = np.atleast_1d(run["time"].values)[:, None]
-    told = {n: np.array(units[n], dtype=object)[:, None] if n in units else str(run[n].attrs["units"])
+    texts = {n: np.array(units[n], dtype=object)[:, None] if n in units else str(run[n].attrs["units"])
             for n in order if n in units or "units" in run[n].attrs}  # fmt: skip
-    variables["units"] = {"t": "s"} | {names[name]: unit for name, unit in told.items()}
+    variables["units"] = {"t": "s"} | {names[name]: unit for name, unit in texts.items()}
     variables["long_names"] = {names[n]: str(run[n].attrs["long_name"]) for n in order if "long_name" in run[n].attrs}
     keys = [str(key) for key in run.attrs]
     variables["about"] = dict(zip(matlab_names(keys), (_plain(value) for value in run.attrs.values()), strict=True))

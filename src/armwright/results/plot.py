@@ -142,7 +142,7 @@ def draw(plot: Plot) -> Figure:
     names = [entry.name for entry in plot.legend]
     below = max(map(len, names)) > WIDE_LEGEND
     figure.legend(
-        [Line2D([], [], **_look(entry.style)) for entry in plot.legend],
+        [Line2D([], [], **_matplotlib_style(entry.style)) for entry in plot.legend],
         names,
         loc="outside lower left" if below else "outside right center",
         ncols=columns if below else -(-len(names) // LEGEND_ROWS),
@@ -171,7 +171,7 @@ def frame(axis: Axes, title: str) -> None:
     axis.tick_params(color=EDGE, labelcolor=TEXT, labelsize=9)
 
 
-def _look(style: Style) -> dict[str, Any]:
+def _matplotlib_style(style: Style) -> dict[str, Any]:
     """Matplotlib's words for a style."""
     line = (0, style.dash) if style.dash else "-"
     return {"color": style.colour, "linestyle": line, "linewidth": style.width, "alpha": style.opacity}
@@ -197,4 +197,4 @@ def _draw_curve(curve: Curve, plot: Plot, stepped: bool, axis: Axes) -> None:
     for low, high in curve.bands:
         step = "post" if stepped else None
         axis.fill_between(t, low, high, color=colour, alpha=BAND_OPACITY, linewidth=0, step=step)
-    axis.plot(t, curve.values, drawstyle="steps-post" if stepped else "default", **_look(curve.style))
+    axis.plot(t, curve.values, drawstyle="steps-post" if stepped else "default", **_matplotlib_style(curve.style))

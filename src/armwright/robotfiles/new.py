@@ -94,7 +94,7 @@ def new_robot(
         text, notes = _empty(target.stem, joints), ()
     else:
         robot = read_description(source, **reading)
-        text, notes = _of(robot, target.parent)
+        text, notes = _written_for(robot, target.parent)
     with whole_file(target) as temporary:
         temporary.write_text(_with_comments(_with_drives(text, command)), encoding="utf-8", newline="\n")
     return notes
@@ -109,7 +109,7 @@ def _empty(name: str, joints: int) -> str:
     return "".join((head, *bodies, TIP.format(k=joints)))
 
 
-def _of(robot: RobotDescription, folder: Path) -> tuple[str, tuple[str, ...]]:
+def _written_for(robot: RobotDescription, folder: Path) -> tuple[str, tuple[str, ...]]:
     """The text of a description for another folder, and its remarks."""
     plain, lost = for_folder(robot.model_copy(update={"remarks": (), "built_from": None}), folder)
     return to_toml(plain, folder), (*robot.remarks, *(f"left out: {each}" for each in lost))

@@ -404,8 +404,8 @@ def _payload(place: str, body: Payload, lanes: dict[str, np.ndarray]) -> Tables:
 
 def _solver(scenario: Scenario) -> Tables:
     solver = scenario.solver
-    apart = {"events": "none: they are functions of Python", "target": "none: it is the computer's"}
-    for name, expected in (apart | {"device": f"{CPU!r}: it is the computer's"}).items():
+    not_tabled = {"events": "none: they are functions of Python", "target": "none: it is the computer's"}
+    for name, expected in (not_tabled | {"device": f"{CPU!r}: it is the computer's"}).items():
         if getattr(solver, name) not in (None, {}, CPU):
             raise ScenarioError(TABLED, place=f"solver.{name}", expected=expected)
     table = _changed("solver", solver)

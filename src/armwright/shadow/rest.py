@@ -53,14 +53,14 @@ class _Element:
 
     Attributes:
         friction: of the model and of the bounds.   gear: its motor and the joints of the model and of the bounds; None: no loss.
-        on_motor: the friction is before the gear.   apart: it acts on another speed than the gear, whose load it changes.
+        on_motor: the friction is before the gear.   at_own_speed: it acts at another speed than the gear, whose load it changes.
     """
 
     row: np.ndarray
     friction: tuple[Friction | None, Friction | None]
     gear: tuple[int, Body, Body] | None = None
     on_motor: bool = False
-    apart: bool = False
+    at_own_speed: bool = False
 
 
 class RestingFriction:
@@ -120,7 +120,7 @@ class RestingFriction:
         entering = motors[:, motor] - motor_friction(body, speed) - body.drive.reflected * rate
         loss = gear_loss(body.drive, speed, body.friction)
         leaving = entering if loss is None else loss.output(entering)
-        if each.apart:
+        if each.at_own_speed:
             ends = [leaving, leaving + (low - high), leaving + (high - low)]
             lost = _lost(wide, ends, ends)
             return entering - leaving, lost.min(axis=0), lost.max(axis=0)
@@ -172,11 +172,13 @@ def _elements(modelled: Model, bounds: Model, shares: np.ndarray) -> list[_Eleme
         friction, pair = wide.friction or body.friction, (body.friction, wide.friction)
         gear = (k, body, wide) if loses_power(body) or loses_power(wide) else None
         on_motor = friction is not None and friction.on_motor
-        apart = gear is not None and not on_motor and bool(body.drive.coupling)
-        if friction is not None and (gear is None or apart):
+        at_own_speed = gear is not None and not on_motor and bool(body.drive.coupling)
+        if friction is not None and (gear is None or at_own_speed):
             elements.append(_Element(shares[k] if on_motor else own[k], pair))
         if gear is not None:
-            elements.append(_Element(shares[k], (None, wide.friction) if apart else pair, gear, on_motor, apart))
+            elements.append(
+                _Element(shares[k], (None, wide.friction) if at_own_speed else pair, gear, on_motor, at_own_speed)
+            )
     if modelled.mimics is not None:
         rows = zip(
             modelled.mimics.coordinate, modelled.mimics.factor, modelled.tree.bodies, bounds.tree.bodies, strict=True

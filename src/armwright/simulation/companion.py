@@ -24,7 +24,7 @@ FINER = 0.1  # of the accuracy, for the companion
 SAFETY = 2.0  # estimates in differences: by itself a difference is 0.6 to 1.1 of the error
 LANES = 3  # that are simulated once more: the one of the most steps, and its neighbours
 GROWN = 30.0  # times as large at the end as at half time: more than any power of time below the fifth
-APART = 0.03  # of a range: larger differences no longer grow as small ones do
+LARGEST_DIFFERENCE = 0.03  # of a range: larger differences no longer grow as small ones do
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +97,7 @@ def lanes_again(count: int, steps: np.ndarray) -> range:
 
 def _exponent(t: np.ndarray, largest: np.ndarray) -> float | None:
     """λ [1/s] of differences (rows,) that grow as no power of time does; None of others."""
-    end = min(int(np.argmax(largest > APART)) or len(t) - 1, len(t) - 1)
+    end = min(int(np.argmax(largest > LARGEST_DIFFERENCE)) or len(t) - 1, len(t) - 1)
     half = int(np.searchsorted(t, 0.5 * (t[0] + t[end])))
     if not 0 < half < end or largest[half] <= 0.0 or largest[end] < GROWN * largest[half]:
         return None

@@ -224,7 +224,7 @@ def step_study(
                     continue
                 q, qd, differ_at = _compared(runs[-1], exact, scenario)
                 trials.append(Trial(step, substeps, q, qd, np.nan, cost, differ_at, rule=name))
-            floor = _floor(scenario, variants[0], exact, runs, trials)
+            floor = _reference_error(scenario, variants[0], exact, runs, trials)
             auto = _auto(variants[0], exact, threads)
             for accuracy in accuracies:
                 missed = _largest(trials, accuracy) is None and accuracy < auto.error < np.inf
@@ -245,14 +245,14 @@ def step_study(
     return study
 
 
-def _floor(
+def _reference_error(
     scenario: Scenario,
     largest: Scenario,
     exact: xarray.Dataset,
     runs: Sequence[xarray.Dataset],
     trials: Sequence[Trial],
 ) -> float:
-    """What the reference itself is wrong by [rad, rad/s | m, m/s]; 0 where it cannot be seen."""
+    """Error of the reference run itself [rad, rad/s | m, m/s]; 0 if it is too small to be estimated."""
     if _sticks(scenario):  # an error at a turn depends on where the steps lie about it, and need not shrink with them
         return max(_compared(_solved(largest, LOOSER * TIGHT), exact, scenario)[:2])
     if len(runs) < 2 or any(trial.refused or np.isfinite(trial.counts_differ_at) for trial in trials[-2:]):

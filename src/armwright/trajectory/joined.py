@@ -16,7 +16,7 @@ from armwright.scalar import Array, Scalar
 from armwright.trajectory.motion import Motion
 
 LATE = 1e-9  # of a time: a gap between motions that is rounding
-APART = 1e-6  # [rad | m] between the end of a motion and the beginning of the next
+LARGEST_JUMP = 1e-6  # [rad | m] between the end of a motion and the beginning of the next
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,10 +52,10 @@ class Joined(Motion):
                 raise ScenarioError(
                     place=f"{place}.time", value=after.time, expected=f"{end:.10g} s, where the last ends"
                 )
-            apart = np.abs(after.at(after.time)[0] - before.at(end)[0])
-            if not (apart <= APART).all():
-                joint = int(np.argmax(apart))
-                what = f"joint {joint + 1} begins {apart[joint]:.4g} from where the motion before ends"
+            distance = np.abs(after.at(after.time)[0] - before.at(end)[0])
+            if not (distance <= LARGEST_JUMP).all():
+                joint = int(np.argmax(distance))
+                what = f"joint {joint + 1} begins {distance[joint]:.4g} from where the motion before ends"
                 raise ScenarioError(what, place=place, expected="the same pose")
 
     @property
@@ -77,8 +77,10 @@ class Joined(Motion):
     def breaks(self) -> np.ndarray:
         """(k,) [s] times at which a higher derivative may jump: those of all motions."""
         found = np.unique(np.concatenate([np.asarray(each.breaks, dtype=float) for each in self.motions]))
-        apart = np.diff(found, prepend=-np.inf) > LATE * (1.0 + np.abs(found))  # ends and beginnings but for rounding
-        return found[apart]
+        distinct = np.diff(found, prepend=-np.inf) > LATE * (
+            1.0 + np.abs(found)
+        )  # ends and beginnings but for rounding
+        return found[distinct]
 
     def at(self, t: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """q, q̇ and q̈, each (…, n) [rad | m, …/s, …/s²], at times t (…) [s]."""

@@ -17,7 +17,7 @@ from armwright.model.payload import Payload
 from armwright.results.result import Result
 from armwright.results.table import Table, number
 from armwright.trajectory.efforts import efforts, has_constants, in_order
-from armwright.trajectory.joined import APART, Joined
+from armwright.trajectory.joined import LARGEST_JUMP, Joined
 from armwright.trajectory.limits import MotionLimits, current_torques
 from armwright.trajectory.motion import Motion
 from armwright.trajectory.piecewise import PiecewisePolynomial
@@ -436,7 +436,7 @@ def jumps_of(motions: Sequence[Motion]) -> list[list[MotionJump]]:
         largest = np.abs(motion.at(dense_times(motion))).max(axis=1)
         largest = np.maximum(largest, np.abs([before, after]).max(axis=(0, 2)))
         small = JUMP * np.maximum(largest, STILL * largest.max(axis=1, keepdims=True))
-        small[0] = APART + 4.0 * beside.max() * largest[1]  # what `Joined` allows
+        small[0] = LARGEST_JUMP + 4.0 * beside.max() * largest[1]  # what `Joined` allows
         sizes = after - before
         jumps: list[MotionJump] = []
         for order in range(3):

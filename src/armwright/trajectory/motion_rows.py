@@ -51,8 +51,8 @@ def motion_times(motion: Motion, rate: float) -> np.ndarray:
         raise ScenarioError(f"more than {MOST_ROWS} rows", place="rate", value=rate, expected="fewer rows in a second")
     even = breaks[0] + np.arange(int(motion.duration * rate) + 1) / rate
     place = np.clip(np.searchsorted(breaks, even), 1, len(breaks) - 1)
-    apart = np.minimum(np.abs(even - breaks[place - 1]), np.abs(breaks[place] - even))
-    return np.unique(np.concatenate([even[apart > NEAR / rate], breaks]))
+    distance = np.minimum(np.abs(even - breaks[place - 1]), np.abs(breaks[place] - even))
+    return np.unique(np.concatenate([even[distance > NEAR / rate], breaks]))
 
 
 def motion_dataset(

@@ -157,7 +157,7 @@ class Master:
         self.cycles = Cycles(self.period)
         self._cycle = 0  # since the drives were enabled
         self._heard = [0] * arm.n  # cycle of the last answer
-        self._beaten = np.full(arm.n, -np.inf)  # of the last heartbeat [s]
+        self._last_heartbeat = np.full(arm.n, -np.inf)  # of the last heartbeat [s]
         self._missed, self._doubled, self._repeated = ([0] * arm.n for _ in range(3))  # cycles in a row
         self._answers: list[list[bytes]] = [[] for _ in range(arm.n)]  # to this SYNC
         self._last: list[bytes] = [b""] * arm.n
@@ -185,7 +185,9 @@ class Master:
                 self.nodes[-1].sdo.RESPONSE_TIMEOUT = ANSWER
                 network.subscribe(0x180 + number, lambda cob, data, stamp, joint=joint: self._take(joint, data))
                 network.subscribe(0x580 + number, lambda cob, data, stamp, number=number: self._reply(number, data))
-                network.subscribe(0x700 + number, lambda cob, data, stamp, joint=joint: self._beat(joint, data))
+                network.subscribe(
+                    0x700 + number, lambda cob, data, stamp, joint=joint: self._heartbeat_received(joint, data)
+                )
             network.subscribe(SYNC, lambda *frame: self._heard_master(SYNC))
             network.subscribe(0x700 + MASTER, lambda *frame: self._heard_master(0x700 + MASTER))
         except BaseException:
@@ -372,9 +374,9 @@ class Master:
             if self._complete():
                 self._all.notify()
 
-    def _beat(self, joint: int, data: Any) -> None:
+    def _heartbeat_received(self, joint: int, data: Any) -> None:
         """Heartbeat of a node, whose first is its boot-up."""
-        self._beaten[joint] = clock.now()
+        self._last_heartbeat[joint] = clock.now()
         if len(data) == 1 and data[0] & 0x7F != OPERATIONAL:
             self._booted[joint] = True
 
@@ -489,7 +491,7 @@ class Master:
         """(reasons, n) which reasons there are not to believe in the nodes' answers."""
         beat, most = self._heartbeat, max(FROZEN / self.period, FEWEST)
         changed = [high - low > CHANGED for low, high in zip(self._least, self._most, strict=True)]
-        silent = [beat is not None and clock.now() - last > BEATS * beat for last in self._beaten]
+        silent = [beat is not None and clock.now() - last > BEATS * beat for last in self._last_heartbeat]
         lost = [missed >= self.missing for missed in self._missed]
         doubled = [count >= max(self.missing, 2) for count in self._doubled]
         repeated = [count >= most and change for count, change in zip(self._repeated, changed, strict=True)]
@@ -537,7 +539,7 @@ class Master:
             raise BusError.of(*self.error(self._wrong(joint, found[joint], State.SWITCHED_ON)).problems)
         start = np.concatenate([self.q, self.applied])
         self._moves = True
-        self._booted[:], self._beaten[:] = False, clock.now()
+        self._booted[:], self._last_heartbeat[:] = False, clock.now()
         self._cycle, self._heard = 0, [0] * len(self.numbers)
         self.enabled = True
         self.send(ENABLE, self.torque)

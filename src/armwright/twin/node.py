@@ -61,7 +61,7 @@ class TwinNode:
         self._heard: set[int] = set()  # identifiers that it listens to
         self._cycle = 0  # SYNCs
         self._sent: dict[int, bytes] = {}
-        self._beat: float | None = None  # when the master's heart beat last; None: not yet
+        self._last_heartbeat: float | None = None  # when the master's heart beat last; None: not yet
 
     # Connection.
 
@@ -116,7 +116,7 @@ class TwinNode:
             self._maps = None
             self._listen()
         if index == od.CONSUMER[0]:
-            self._beat = None
+            self._last_heartbeat = None
             self._listen()
 
     def _check(self, key: Key, value: int) -> None:
@@ -172,7 +172,7 @@ class TwinNode:
             self._network.subscribe(cob, self._take)
         master = self.drive.values[od.CONSUMER] >> 16 & 0x7F
         if master:
-            self._network.subscribe(0x700 + master, self._beaten)
+            self._network.subscribe(0x700 + master, self._heartbeat_received)
 
     def _take(self, can_id: int, data: Any, timestamp: float) -> None:
         """Keeps process data for the next SYNC."""
@@ -212,20 +212,20 @@ class TwinNode:
 
     # Heartbeat of the master.
 
-    def _beaten(self, can_id: int, data: Any, timestamp: float) -> None:
-        self._beat = time.monotonic()
+    def _heartbeat_received(self, can_id: int, data: Any, timestamp: float) -> None:
+        self._last_heartbeat = time.monotonic()
 
     def excuse(self, seconds: float) -> None:
         """Subtracts time [s] in which this process could not listen from the heartbeat's timeout."""
-        if self._beat is not None:
-            self._beat += seconds
+        if self._last_heartbeat is not None:
+            self._last_heartbeat += seconds
 
     def watch(self) -> bool:
         """Checks the master's heartbeat; True if it was lost just now, and the drive reacts as object 6007 says."""
         limit = self.drive.values[od.CONSUMER] & 0xFFFF  # [ms]
-        if not limit or self._beat is None or time.monotonic() - self._beat <= 1e-3 * limit:
+        if not limit or self._last_heartbeat is None or time.monotonic() - self._last_heartbeat <= 1e-3 * limit:
             return False
-        self._beat = None
+        self._last_heartbeat = None
         if self.drive.state in POWERED:
             self.drive.abort_connection(faults.HEARTBEAT)
         return True

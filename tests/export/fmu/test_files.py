@@ -1,4 +1,4 @@
-"""What is in an FMU: binaries of other systems, sources that compile elsewhere, units; what is refused, and the command."""
+"""Files of an FMU: binaries of other systems, sources that compile elsewhere, units; refusals, and the command."""
 
 import json
 import shutil

@@ -112,9 +112,9 @@ def test_a_flat_arm_does_not_tell_all(tmp_path):
     """Two joints in a vertical plane: no centre across it, one moment of inertia."""
     flat = aw.load("two-link")
     found = identify_payload(moved(tmp_path, "flat", flat.with_payload(MASS, COM, INERTIA)), flat)
-    told = dict(zip(NAMES, found.identifiable, strict=True))
+    identifiable = dict(zip(NAMES, found.identifiable, strict=True))
     assert found["payload.mass_kg"] == pytest.approx(MASS, rel=1e-3)
-    assert sum(told[name] for name in NAMES[1:4]) == 2
-    assert not any(told[name] for name in NAMES[4:])
+    assert sum(identifiable[name] for name in NAMES[1:4]) == 2
+    assert not any(identifiable[name] for name in NAMES[4:])
     with pytest.raises(LogError, match="joint"):
         identify_payload(moved(tmp_path, "other", aw.load("lwa4p"), seconds=2.0), flat)

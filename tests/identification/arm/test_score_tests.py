@@ -17,7 +17,7 @@ ABOUT = ("deviations)", "cut off at a limit", "off the rows beside")
 
 
 def sentences(folder: Path, mistake: str, seed: int = 0, joint: int = JOINT, share: float = 0.01) -> list[str]:
-    """What the default fit says of columns of a log with a mistake."""
+    """Remarks of the default fit on columns of a log with a mistake."""
     machine, motion, rng = Machine.written(folder, 4, seed), Motion.of(4, seed), np.random.default_rng([seed, 3])
     q, qd, qdd = motion.at(T)
     torque = machine.torque(q, qd, qdd)

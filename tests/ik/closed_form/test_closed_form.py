@@ -82,10 +82,10 @@ def test_every_branch_is_among_those_of_eaik_and_the_other_way_round(name, tmp_p
     for k, each in enumerate(oracle.IK_batched(last, 1)):
         theirs = np.array(each.Q)[~np.array(each.is_LS, dtype=bool)]
         mine = ours.q[k][ours.success[k]]
-        apart = np.abs(np.sin((mine[:, None] - theirs[None]) / 2.0)).max(axis=2)
+        difference = np.abs(np.sin((mine[:, None] - theirs[None]) / 2.0)).max(axis=2)
         assert len(mine) == len(theirs)
-        assert apart.min(axis=0).max() < 1e-6
-        assert apart.min(axis=1).max() < 1e-6
+        assert difference.min(axis=0).max() < 1e-6
+        assert difference.min(axis=1).max() < 1e-6
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -98,9 +98,9 @@ def test_descents_from_many_starts_find_no_other_solution(kind, tmp_path):
         numeric = aw.inverse_kinematics(arm, np.broadcast_to(target, (400, 4, 4)), near=starts, method="numeric")
         branches = aw.inverse_kinematics(arm, target, method="closed-form").branches
         mine = branches.q[branches.success]
-        apart = np.abs(np.sin((numeric.q[numeric.success][:, None] - mine) / 2.0)).max(axis=2)
-        assert apart.min(axis=1).max() < 1e-6  # every numeric solution is a branch
-        assert apart.min(axis=0).max() < 1e-6  # every branch is a numeric solution
+        difference = np.abs(np.sin((numeric.q[numeric.success][:, None] - mine) / 2.0)).max(axis=2)
+        assert difference.min(axis=1).max() < 1e-6  # every numeric solution is a branch
+        assert difference.min(axis=0).max() < 1e-6  # every branch is a numeric solution
 
 
 @pytest.mark.sample(2)
@@ -281,13 +281,13 @@ def test_an_arm_that_is_nearly_of_a_kind_has_all_its_branches(kind, off_by, tmp_
     branches = found.branches
     assert "polished" in found.method
     regular = np.linalg.svd(aw.compile(arm).jacobian(q), compute_uv=False)[:, -1] > 0.1
-    apart = np.abs(np.sin((branches.q - q[:, None]) / 2.0)).max(axis=2)
-    assert (np.where(branches.success, apart, 1.0).min(axis=1) < 1e-9)[regular].mean() > 0.998
+    difference = np.abs(np.sin((branches.q - q[:, None]) / 2.0)).max(axis=2)
+    assert (np.where(branches.success, difference, 1.0).min(axis=1) < 1e-9)[regular].mean() > 0.998
     every = np.broadcast_to(targets[:, None], (*branches.success.shape, 4, 4))[branches.success]
     assert off(arm, branches.q[branches.success], every).max() < TOLERANCE
     for k in np.flatnonzero(regular)[:3]:
         starts = np.random.default_rng(0).uniform(-np.pi, np.pi, (400, 6))
         numeric = aw.inverse_kinematics(arm, np.broadcast_to(targets[k], (400, 4, 4)), near=starts, method="numeric")
         mine = branches.q[k][branches.success[k]]
-        apart = np.abs(np.sin((numeric.q[numeric.success][:, None] - mine) / 2.0)).max(axis=2)
-        assert apart.min(axis=1).max() < 1e-6
+        difference = np.abs(np.sin((numeric.q[numeric.success][:, None] - mine) / 2.0)).max(axis=2)
+        assert difference.min(axis=1).max() < 1e-6

@@ -23,7 +23,7 @@ def branches(arm, geometry, pose, free=0.0):
     return np.array([[turn.angle for turn in each] for each in turns]) - geometry.offsets
 
 
-def apart(q, other):
+def differences(q, other):
     """Largest difference of angles, whole turns aside."""
     return np.abs(np.sin((q - other) / 2.0)).max(axis=-1)
 
@@ -42,7 +42,7 @@ def test_positions_are_found_again_and_every_solution_meets_the_pose(kind, seed,
         found = branches(arm, geometry, pose)
         assert found.shape == (8, 6)
         off = np.array([np.abs(aw.forward_kinematics(arm, each) - pose).max() for each in found])
-        assert apart(found, q).min() < 1e-7
+        assert differences(found, q).min() < 1e-7
         assert np.sort(off)[1] < 1e-12  # solutions come in pairs; others may be complex
 
 

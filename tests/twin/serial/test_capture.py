@@ -95,7 +95,7 @@ def served():
 
 
 def calibration_of(arm, line, port):
-    """What the servos hold, as if it had been stored."""
+    """Calibration with the servos' own values, as if it had been stored."""
     return replace(ArmServos(port, ServoFit.of(arm, line)).read_calibration(), file="stored")
 
 
@@ -207,9 +207,9 @@ def test_the_approach_is_slow_and_within_limits(arm, motion, served, monkeypatch
     line, one = LINES["sts3215"], served(arm, LINES["sts3215"])
     moved = aw.trajectories.Waypoints([[0.8, -0.2], [0.7, 0.0]], times=[0.0, 0.5])
     plan = planned(arm, moved, line, one, step=0.3, torque=0.9, approach=0.5)
-    told = []
-    found = capture(plan, Descriptor(one.terminal.device), say=told.append)
-    assert told == ["approach of 3 s to where the motion begins, hip farthest: 0.8 rad"]  # 15/8 · 0.8 / 0.5
+    said = []
+    found = capture(plan, Descriptor(one.terminal.device), say=said.append)
+    assert said == ["approach of 3 s to where the motion begins, hip farthest: 0.8 rad"]  # 15/8 · 0.8 / 0.5
     assert (found.reason, len(found.rows)) == ("the motion's end", 14)
     assert found.rows[0][1] == pytest.approx([0.8, -0.2], abs=0.1)
 

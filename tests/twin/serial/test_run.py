@@ -74,11 +74,11 @@ def rehearsed(port, given, **settings):
 def test_its_motion_is_that_of_the_rehearsal(model):
     given = scenario()
     port = served(given.arm, model)
-    rehearsal, told = rehearsed(port, given), []
-    run = run_on_servos(rehearsal, port, say=told.append)
+    rehearsal, said = rehearsed(port, given), []
+    run = run_on_servos(rehearsal, port, say=said.append)
     assert run.complete
     assert run.captured.missed == 0
-    assert [text.startswith("approach of 0.5 s to where the motion begins") for text in told] == [True]
+    assert [text.startswith("approach of 0.5 s to where the motion begins") for text in said] == [True]
     assert np.ptp(rehearsal.q, axis=0) == pytest.approx([0.6, 0.4], abs=0.15)
     assert np.abs(run.q - rehearsal.q).max() < 1.01 * COUNT
     written = np.array(run.captured.rows)[1:, 0]

@@ -25,9 +25,9 @@ def cycle(timing, goal):
     asked = timing.reply(frame(BROADCAST, 0x82, (56, 2, 1, 2, 3)), BAUD)
     timing.close(frame(BROADCAST, 0x82, (56, 2, 1, 2, 3)))
     data = b"\x2a\x02" + b"".join(bytes((k,)) + (goal + k).to_bytes(2, "little") for k in (1, 2, 3))
-    told = frame(BROADCAST, 0x83, data)
-    timing.reply(told, BAUD)
-    timing.close(told)
+    sent = frame(BROADCAST, 0x83, data)
+    timing.reply(sent, BAUD)
+    timing.close(sent)
     return asked.data
 
 
@@ -52,9 +52,9 @@ def test_a_cycle_that_takes_longer_than_the_period_is_counted():
     cycle(timing, 2000)
     assert (timing.nanoseconds, timing.overran) == (3_000_000, 1)
     timing.nanoseconds = 4_000_000 - 170_000  # the write ends exactly with a period
-    told = frame(BROADCAST, 0x83, b"\x2a\x02" + bytes(9))
-    timing.reply(told, BAUD)
-    timing.close(told)
+    sent = frame(BROADCAST, 0x83, b"\x2a\x02" + bytes(9))
+    timing.reply(sent, BAUD)
+    timing.close(sent)
     assert (timing.nanoseconds, timing.overran) == (4_000_000, 1)
 
 

@@ -23,7 +23,7 @@ from armwright.simulation.scenario import Scenario
 LONGER = 1.5  # from one period to the next that is tried
 LONGEST = 400.0  # of the loop's own period
 CLOSE = 1.02  # the same where a period of most poses is known
-APART = 1e-3  # of a period, between one that keeps the margins and one that does not
+PERIOD_TOLERANCE = 1e-3  # of a period, between one that keeps the margins and one that does not
 DELAYED = 40.0  # periods of a delay in seconds: beside it a shorter period decides nothing any more
 WATCHED = 12  # poses that periods are tried with; each that the last one fails at joins them
 OTHERS = ("closed", "held", "free")  # loops of the joints beside the one that is looked at
@@ -239,7 +239,7 @@ def _bracket(keeps: Callable[[float], bool], low: float, high: float, own: float
         if LONGER * low > LONGEST * own:
             return low, high
         low, high = (low, LONGER * low) if not keeps(LONGER * low) else (LONGER * low, high)
-    while high - low > APART * low:
+    while high - low > PERIOD_TOLERANCE * low:
         middle = 0.5 * (low + high)
         low, high = (middle, high) if keeps(middle) else (low, middle)
     return low, high

@@ -115,12 +115,12 @@ def _without(scenario: Scenario, linear: LinearLoop) -> Iterator[tuple[str, Scen
         rigid = tuple(replace(body, elasticity=None) for body in arm.bodies)
         yield "the elasticity of gears", replace(scenario, arm=replace(arm, bodies=rigid)), None
     inner = getattr(designed_controller(scenario), "current_kp", None) is not None
-    if not inner and any(_winds(body.drive) for body in arm.coordinates):
+    if not inner and any(_has_inductance(body.drive) for body in arm.coordinates):
         quick = tuple(replace(body, drive=replace(body.drive, inductance=None)) for body in arm.bodies)
         yield "the inductance of windings", replace(scenario, arm=replace(arm, bodies=quick)), None
 
 
-def _winds(drive: object) -> bool:
+def _has_inductance(drive: object) -> bool:
     return getattr(drive, "command", "") == "voltage" and getattr(drive, "inductance", None) is not None
 
 

@@ -110,10 +110,10 @@ def base_parameters(model: TorqueModel, without: Sequence[int] = ()) -> BasePara
     """
     factor = structural_factor(model)
     factor[:, list(without)] = 0.0
-    return regrouped(model.columns, _without_dust(model.columns, factor), NEARLY)
+    return regrouped(model.columns, _without_negligible(model.columns, factor), NEARLY)
 
 
-def _without_dust(columns: Sequence[TorqueColumn], factor: np.ndarray) -> np.ndarray:
+def _without_negligible(columns: Sequence[TorqueColumn], factor: np.ndarray) -> np.ndarray:
     """R with columns of 0 where they are less than `NEARLY` of the largest of the same unit."""
     size = np.linalg.norm(factor, axis=0)
     largest: dict[str, float] = {}

@@ -218,7 +218,7 @@ def equations_of(
             if row_weights is not None and parameters is not None:
                 weights = row_weights(tau - values @ parameters)
             factors = [
-                _grown(factor, values[:, j], tau[:, j], None if weights is None else weights[:, j])
+                _with_rows(factor, values[:, j], tau[:, j], None if weights is None else weights[:, j])
                 for j, factor in enumerate(parts[-1].factors)
             ]
             motion = parts[-1].motion + (piece.qd**2).sum(axis=0)
@@ -228,7 +228,7 @@ def equations_of(
     return Equations(model, tuple(parts))
 
 
-def _grown(factor: Factor, values: np.ndarray, tau: np.ndarray, weights: np.ndarray | None) -> Factor:
+def _with_rows(factor: Factor, values: np.ndarray, tau: np.ndarray, weights: np.ndarray | None) -> Factor:
     """The factor of a joint with a chunk's rows; rows without a torque are left out."""
     known = np.isfinite(tau)
     if not known.all():

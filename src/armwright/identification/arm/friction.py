@@ -47,7 +47,7 @@ SUPPORT = LINEAR.named("identify friction")
 SLOWEST = 0.02  # of a joint's largest speed: slower rows are left out, the direction of dry friction is not known there
 WIDER, HIGHEST = 4.0, 0.2  # cut-off by the one that suits the positions, and its largest share of the rate
 FEWEST = 50  # rows of a joint
-APART = 100  # row numbers between stretches: their residuals are independent
+STRETCH_GAP = 100  # row numbers between stretches: their residuals are independent
 BINS = 12  # of a table over speed, either way
 LEAST_EXPLAINED, MOST_LEFT = 0.5, 0.1  # shares of power: of the friction's torque, and of the measured torque
 BOUND = 1e-9  # of a parameter's scale
@@ -79,7 +79,7 @@ def friction_rows(
     lossy, to_motors = any(map(loses_power, frictionless.coordinates)), np.linalg.inv(shares)
     model, parts, stretch, end = torque_model(arm), [[] for _ in range(arm.n)], None, 0
     for block in stream_of(log, arm, None, choice).samples(model):
-        begin = end if (block.run, block.stretch) == stretch else end + APART
+        begin = end if (block.run, block.stretch) == stretch else end + STRETCH_GAP
         stretch, end = (block.run, block.stretch), begin + len(block.t)
         load = links.inverse_dynamics(block.q, block.qd, block.qdd) @ shares
         if lossy:  # what leaves the gears, without what the links take
@@ -202,7 +202,7 @@ def identify_friction(
             )
             continue
         choice, law, covariance = fit
-        remarks += (doubt := _untold(body.joint, rows, choice.error))
+        remarks += (doubt := _unexplained_torque(body.joint, rows, choice.error))
         doubtful = doubtful or bool(doubt)
         for term, value, at_bound in _recorded(rows, law):
             names.append(_name(body, term))
@@ -259,7 +259,7 @@ def _fits(
     return found
 
 
-def _untold(joint: str, rows: FrictionRows, error: float) -> list[str]:
+def _unexplained_torque(joint: str, rows: FrictionRows, error: float) -> list[str]:
     """A sentence where the friction does not explain what the arm leaves unexplained, and that is not small.
 
     Args:

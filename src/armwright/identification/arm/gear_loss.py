@@ -264,14 +264,14 @@ class GearFit:
     Attributes:
         model: about the parameters with the least residuals.   equations: of it.
         dropped: numbers of columns that count as 0.   steps: how many it took.
-        untold: joints whose efficiency was to be fitted and stays the record's, each with the reason.
+        unfitted: joints whose efficiency was to be fitted and stays the record's, each with the reason.
     """
 
     model: LossyModel
     equations: Equations
     dropped: Sequence[int] = ()
     steps: int = 0
-    untold: Mapping[str, str] = field(default_factory=dict)
+    unfitted: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -308,24 +308,24 @@ def fit_gears(
     Raises:
         IdentificationError: an efficiency to fit of a gear that the load hardly drives back.   As `fit_arm`.
     """
-    untold: dict[str, str] = {}
+    unfitted: dict[str, str] = {}
     if model.fitted:
         assert samples is not None
         model = _at_best_efficiency(problem, model)
-        untold = _untold(problem, model, samples(model))
-        if untold and (strict or len(untold) == len(model.fitted)):
-            joint, why = next(iter(untold.items()))
+        unfitted = _uncertain_efficiencies(problem, model, samples(model))
+        if unfitted and (strict or len(unfitted) == len(model.fitted)):
+            joint, why = next(iter(unfitted.items()))
             expected = "a motion that lowers loads and brakes them; or gear_efficiency in the record"
             raise IdentificationError(f"joint {joint!r}: {why}", place="fit_efficiency", expected=expected)
-        if untold:
-            model = _without(model, untold)
+        if unfitted:
+            model = _without(model, unfitted)
     if model.about is None:
         model = _from_lossless(problem, model)
     found = _gauss_newton(problem, model)
     dropped = useless(found.equations)
     if dropped:
         found = _gauss_newton(problem, found.model, dropped)
-    return replace(found, untold=untold)
+    return replace(found, unfitted=unfitted)
 
 
 def _without(model: LossyModel, joints: Collection[str]) -> LossyModel:
@@ -337,7 +337,7 @@ def _without(model: LossyModel, joints: Collection[str]) -> LossyModel:
     return fewer.at(np.array([values.get(column, 0.0) for column in fewer.columns]))
 
 
-def _untold(problem: GearProblem, model: LossyModel, samples: Iterable[Samples]) -> dict[str, str]:
+def _uncertain_efficiencies(problem: GearProblem, model: LossyModel, samples: Iterable[Samples]) -> dict[str, str]:
     """Joints whose efficiency a log hardly tells, each with the reason."""
     fit = problem.fit(problem.equations(model))
     stds = dict(zip(fit.base.independent.tolist(), fit.std, strict=True))
@@ -425,13 +425,13 @@ def distance(fit: ArmFit) -> float:
     return float(np.abs(fit.information @ (fit.values - model.about[fit.base.independent])).max(initial=0.0))
 
 
-def loss_remarks(fit: ArmFit, untold: Mapping[str, str]) -> list[str]:
+def loss_remarks(fit: ArmFit, unfitted: Mapping[str, str]) -> list[str]:
     """Sentences about gears with loss: whose numbers are the record's, and what they change."""
     model = fit.equations.model
     if not isinstance(model, LossyModel):
         return []
     stated = [b.joint for i, b in enumerate(model.arm.coordinates) if model.lossy[i] and i not in model.fitted]
-    said = [f"{joint}: gear efficiency stays the record's, {why}" for joint, why in untold.items()]
+    said = [f"{joint}: gear efficiency stays the record's, {why}" for joint, why in unfitted.items()]
     if stated:
         said.append(f"gear loss of {', '.join(stated)} is the record's: links and friction are those beside it")
     rotors = [model.linear.columns[k].joint for k in model.stated if model.linear.prior[k] != 0]

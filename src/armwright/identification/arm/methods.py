@@ -168,14 +168,14 @@ class FittedLog:
 
     Attributes:
         rows: its samples for the fit's model.   fit: found.   base: identifiable from the log.
-        structural: base parameters of the arm.   untold: joints whose efficiency stays the record's, each with the reason.
+        structural: base parameters of the arm.   unfitted: joints whose efficiency stays the record's, each with the reason.
     """
 
     rows: SampleSource
     fit: ArmFit
     base: BaseParameters
     structural: BaseParameters
-    untold: Mapping[str, str]
+    unfitted: Mapping[str, str]
 
 
 def fitted(
@@ -195,7 +195,7 @@ def fitted(
     Raises:
         IdentificationError: as the method.
     """
-    seconds, untold = part_seconds(list(stream.filters), stream.seconds), {}
+    seconds, unfitted = part_seconds(list(stream.filters), stream.seconds), {}
     memory: Memory | None = {} if isinstance(model, LossyModel) else None
 
     def read(model: TorqueModel) -> tuple[SampleSource, Equations]:
@@ -205,7 +205,12 @@ def fitted(
     if isinstance(model, LossyModel):
         problem = GearProblem(lambda each: read(each)[1], told_parameters, method)
         gears_fit = fit_gears(problem, model, _useless_springs, lambda each: stream.kept(each, memory)(), strict=strict)
-        model, equations, dropped, untold = gears_fit.model, gears_fit.equations, gears_fit.dropped, gears_fit.untold
+        model, equations, dropped, unfitted = (
+            gears_fit.model,
+            gears_fit.equations,
+            gears_fit.dropped,
+            gears_fit.unfitted,
+        )
         rows = stream.kept(model, memory)
     else:
         rows, equations = read(model)
@@ -223,7 +228,7 @@ def fitted(
         rows, equations = read(model)
         fit = METHODS[method].fit(FitProblem(rows, equations, base, seconds, loop, forgetting, errors))
     fit = fit if model.unrubbed is None else with_loads(rows, fit)
-    return FittedLog(rows, fit, base, structural, untold)
+    return FittedLog(rows, fit, base, structural, unfitted)
 
 
 def check_losses(model: LossyModel, method: str, lacks: Collection[str]) -> None:

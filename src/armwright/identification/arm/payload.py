@@ -203,7 +203,7 @@ def identify_payload(
     if not tried:
         assert too_short is not None
         raise too_short
-    cutoff, best = min(tried, key=lambda each: _vagueness(each[1]))
+    cutoff, best = min(tried, key=lambda each: _mass_std(each[1]))
     ends = f"{tried[0][0]:.3g} to {tried[-1][0]:.3g} Hz"
     remark = f"low-pass of {cutoff:.3g} Hz: of {len(tried)} from {ends} it leaves the mass least uncertain"
     remarks = (remark, f"stopped by Ctrl-C {stopped}: a higher one was not tried") if stopped else (remark,)
@@ -213,7 +213,7 @@ def identify_payload(
     return result
 
 
-def _vagueness(estimate: Estimate) -> float:
+def _mass_std(estimate: Estimate) -> float:
     """Standard deviation of the mass [kg]; infinite if it is not told."""
     return float(estimate.std[0]) if np.isfinite(estimate.std[0]) else np.inf
 
@@ -231,13 +231,13 @@ def _fitted(logs: Sequence[Log], arm: Model, frame: str | None, preparations: Se
         model = payload_model(arm, frame, torque_model(arm))
         lossy, memories = lossy_model(model), ({}, {})
         if lossy is not None:
-            problem = GearProblem(lambda each: _joined(each, _both(each, streams, memories))[0], _told)
+            problem = GearProblem(lambda each: _joined(each, _both(each, streams, memories))[0], _identifiable_base)
             model = fit_gears(problem, lossy).model
         sources = _both(model, streams, (None, None) if lossy is None else memories)
         method = f"payload from two logs, {both_logs(*logs)}: weighted least squares of both together"
         sha256 = checksum_of_both(*logs)
     whole, halves = _joined(model, sources)
-    fit = fit_arm(whole, _told(whole))
+    fit = fit_arm(whole, _identifiable_base(whole))
     # H⁻¹ Γ H⁻¹ is linear in Γ, so that of both logs is the sum of those of each.
     covariances = [
         with_correlation(each, replace(fit, equations=half)).covariance
@@ -285,7 +285,7 @@ def behind_gears(samples: Iterable[Samples], model: PayloadModel) -> Iterator[Sa
         yield replace(block, tau=np.asarray(measured - own, dtype=float).T)
 
 
-def _told(equations: Equations, dropped: Sequence[int] = ()) -> BaseParameters:
+def _identifiable_base(equations: Equations, dropped: Sequence[int] = ()) -> BaseParameters:
     """Base parameters of the columns that the rows distinguish, without some."""
     factor = equations.factor
     factor[:, list(dropped)] = 0.0
@@ -303,13 +303,13 @@ def _estimate(fit: ArmFit, covariance: np.ndarray, method: str, sha256: str, nam
     mixed = np.any(np.delete(fit.base.matrix[rows], np.s_[first:], axis=1) != 0) if first else False
     assert not mixed  # the payload's columns are those of one log alone
     beta, C = fit.values[rows], covariance[rows][:, rows]
-    told = np.zeros(PER_LINK, dtype=bool)
+    identifiable = np.zeros(PER_LINK, dtype=bool)
     for row in A:
-        told |= (row != 0) & (np.count_nonzero(row) == 1)
+        identifiable |= (row != 0) & (np.count_nonzero(row) == 1)
     free = np.linalg.pinv(A) @ beta
     remarks: list[str] = []
     values, at_bound = free, np.zeros(PER_LINK, dtype=bool)
-    if told[0] and free[0] > 0 and told.all() and np.linalg.eigvalsh(_of_order_one(free))[0] < 0:
+    if identifiable[0] and free[0] > 0 and identifiable.all() and np.linalg.eigvalsh(_of_order_one(free))[0] < 0:
         R = np.linalg.cholesky(np.linalg.inv(0.5 * (C + C.T))).T @ A
         bounds = PhysicalBounds(
             [f"{each} of the payload" for each in INERTIAL], np.arange(PER_LINK), typical_mass=free[0]
@@ -318,10 +318,10 @@ def _estimate(fit: ArmFit, covariance: np.ndarray, method: str, sha256: str, nam
         at_bound[4:] = True
         remarks.append("the log alone gives an inertia that no body has: these are the nearest possible numbers")
     numbers, jacobian = _numbers(values), np.zeros((PER_LINK, PER_LINK))
-    known = told.copy()
-    if told[0] and values[0] > 0:
+    known = identifiable.copy()
+    if identifiable[0] and values[0] > 0:
         jacobian = np.asarray(scalar.jacobian(_numbers, values), dtype=float)
-        known[4:] &= told.all()
+        known[4:] &= identifiable.all()
     else:
         known[:] = False
     spread = jacobian @ np.linalg.pinv(A) @ C @ np.linalg.pinv(A).T @ jacobian.T
@@ -331,7 +331,7 @@ def _estimate(fit: ArmFit, covariance: np.ndarray, method: str, sha256: str, nam
         verdict = "not identified"
         what = (
             "not above 0"
-            if told[0]
+            if identifiable[0]
             else "not identifiable from this motion: one that accelerates or turns the payload against gravity would"
         )
         remarks.append(f"the payload's mass is {what}")

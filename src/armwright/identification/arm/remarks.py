@@ -197,9 +197,9 @@ def measures_by_joint(fit: ArmFit, held_out: Sequence[HeldOut]) -> dict[str, dic
     return measures
 
 
-def _verdict(fit: ArmFit, told: int, structural: int) -> Literal["identified", "not identified"]:
+def _verdict(fit: ArmFit, identified: int, structural: int) -> Literal["identified", "not identified"]:
     """ "not identified" if the log identifies fewer parameters than the arm has, or with too large errors."""
-    poor = told < structural or fit.condition > MEANINGLESS or bool((fit.r2 <= 0).any())
+    poor = identified < structural or fit.condition > MEANINGLESS or bool((fit.r2 <= 0).any())
     return "not identified" if poor else "identified"
 
 
@@ -231,7 +231,7 @@ def with_remarks(
     scores = score_tests(fit, found.rows())
     remarks += [*late, *suspicions(scores, all_late=bool(late))]
     doubts += [*other_loads(scores), *([] if driving else misread_columns(fit, some)), *impossible]
-    remarks += [*loss_remarks(fit, found.untold), *SUPPORT.notes(fit.equations.model.arm)]
+    remarks += [*loss_remarks(fit, found.unfitted), *SUPPORT.notes(fit.equations.model.arm)]
     doubts = [*doubtful_losses(fit), *doubts]
     return replace(
         result.estimate,
@@ -260,9 +260,9 @@ def _doubtful_numbers(fit: ArmFit) -> Iterator[str]:
     """Sentences about parameters that may be 0, and about those below 0 that no arm has."""
     base = fit.base
     known = zip(base.names, fit.values, fit.std, strict=True)
-    untold = [name for name, value, std in known if abs(value) < HALF_95 * std]
-    if untold:
-        yield f"not distinguishable from 0: {_listed(untold)}"
+    uncertain = [name for name, value, std in known if abs(value) < HALF_95 * std]
+    if uncertain:
+        yield f"not distinguishable from 0: {_listed(uncertain)}"
     negative = [
         base.columns[k].about
         for k, value, row in zip(base.independent, fit.values, base.regroup, strict=True)

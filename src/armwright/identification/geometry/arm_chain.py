@@ -121,11 +121,11 @@ class ArmChains:
             return [before, after]
         if joint.dh is not None:
             along_z, along_x = self._row(joint, "dh")
-            return [before, *along_z, *self._eccentric(joint), self.motion(joint), *self._gives(joint), after, *along_x]
+            return [before, *along_z, *self._eccentric(joint), self.motion(joint), *self._sag(joint), after, *along_x]
         if joint.modified_dh is not None:
             along_z, along_x = self._row(joint, "modified_dh")
-            return [*along_x, before, *along_z, *self._eccentric(joint), self.motion(joint), *self._gives(joint), after]
-        return [before, *self._frame(joint), *self._eccentric(joint), self.motion(joint), *self._gives(joint), after]
+            return [*along_x, before, *along_z, *self._eccentric(joint), self.motion(joint), *self._sag(joint), after]
+        return [before, *self._frame(joint), *self._eccentric(joint), self.motion(joint), *self._sag(joint), after]
 
     def motion(self, joint: Any) -> Motion:
         """Motion of a joint, or of one that follows another."""
@@ -175,7 +175,7 @@ class ArmChains:
             number = self.columns.add(name, "eccentricity", "rad", joint.name)
             yield Correction(number, 2, True, partial(_wave, wave, column))
 
-    def _gives(self, joint: Any) -> Iterator[Correction]:
+    def _sag(self, joint: Any) -> Iterator[Correction]:
         """Turns by gravity: about the axis what joint and gear give, about x and y what the link does."""
         turns = joint.kind.turns
         asked = [("joint compliance", 2, turns)] + [("link compliance", axis, True) for axis in (0, 1)]

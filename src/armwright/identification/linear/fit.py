@@ -159,8 +159,8 @@ def _fit(
             except Interrupted as stop:
                 (orders, tried), stopped = stop.found, str(stop)
     fit = estimate(orders, scaled.fit, orders.past, initial)
-    told = known is not None or stopped  # the interval of the delay takes long
-    delays = (orders.delay, orders.delay) if told else delay_interval(fit, scaled.fit, initial)
+    settled = known is not None or stopped  # the interval of the delay takes long
+    delays = (orders.delay, orders.delay) if settled else delay_interval(fit, scaled.fit, initial)
     model = _result(records, scaled, fit, to_units, initial)
     rows = tuple(_row(each) for each in tried)
     remarks = (*model.remarks, *_of_delays(delays))

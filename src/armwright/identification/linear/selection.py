@@ -218,7 +218,7 @@ def selected(
             nc = n if structure == "armax" else 0
             orders = Orders(structure, n, n + 1 + low - begin, nc, begin, constant)
             if delay is None:
-                fit = trimmed(orders, stretches, skip, initial, _grown(orders, last))
+                fit = trimmed(orders, stretches, skip, initial, _start_from_lower_order(orders, last))
                 count, best = fit.orders.count, min(tried, key=lambda each: each.bic).orders.na if tried else n
                 # the search for held systems costs most: not two orders above the best
                 held = best_held(fit, stretches, skip, initial) if n <= best + 1 else None
@@ -228,7 +228,7 @@ def selected(
                 orders = fit.orders
             else:
                 orders = replace(orders, nb=n)
-                fit = estimate(orders, stretches, skip, initial, None, _grown(orders, last))
+                fit = estimate(orders, stretches, skip, initial, None, _start_from_lower_order(orders, last))
                 count = orders.count
             last = fit
             found = criteria(fit.cost, fit.equations, count, variance)
@@ -259,7 +259,7 @@ def _is_held(held: HeldFit, fit: PredictionFit) -> bool:
     return bool(bic_of(held) <= _bic(fit) + credit)
 
 
-def _grown(orders: Orders, last: PredictionFit | None) -> list[np.ndarray]:
+def _start_from_lower_order(orders: Orders, last: PredictionFit | None) -> list[np.ndarray]:
     """The fit of a lower order as a start of a higher one, with poles and coefficients at 0 that it did not have."""
     if last is None or last.orders.delay < orders.delay:
         return []

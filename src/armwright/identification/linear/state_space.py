@@ -14,7 +14,7 @@ from armwright.errors import ScenarioError
 from armwright.scalar import Array
 from armwright.signals import Signal
 
-APART = 1e7  # condition of the eigenvectors above which modes are no longer simulated one by one
+LARGEST_CONDITION = 1e7  # condition of the eigenvectors above which modes are no longer simulated one by one
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +72,7 @@ def states(a: np.ndarray, b: np.ndarray, u: np.ndarray, start: np.ndarray | None
     n, rows = len(a), len(u)
     start = np.zeros(n) if start is None else np.asarray(start, dtype=float)
     values, vectors = np.linalg.eig(a)
-    if n and np.linalg.cond(vectors) < APART:
+    if n and np.linalg.cond(vectors) < LARGEST_CONDITION:
         inverse = np.linalg.inv(vectors)
         driven, first = u @ (inverse @ b).T, inverse @ start
         modes = np.empty((rows, n), dtype=complex)

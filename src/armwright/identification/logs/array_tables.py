@@ -24,7 +24,7 @@ class ParquetTable(MeasuredTable):
         super().__init__(path, table)
         with opened(path, "a Parquet file", LogError) as file, as_log_error(path):
             schema = _parquet(file).schema_arrow
-        self._take_heads(schema.names)
+        self._read_heads(schema.names)
         self._heads = dict(zip(self.names, schema.names, strict=True))
 
     def blocks(self, columns: Sequence[int | str], rows: int) -> Iterator[list[np.ndarray]]:
@@ -73,7 +73,7 @@ class NetcdfTable(MeasuredTable):
                 columns = {str(n): v.values for n, v in data.variables.items() if v.ndim == 1 and v.dtype.kind in "iuf"}
         except RunError as error:
             raise LogError.of(*error.problems).within(file=path) from None
-        self._take_heads(tuple(columns))
+        self._read_heads(tuple(columns))
         self._columns = dict(zip(self.names, columns.values(), strict=True))
 
     def _lane(self, lanes: int) -> int:

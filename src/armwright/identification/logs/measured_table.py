@@ -63,7 +63,7 @@ class MeasuredTable(ABC):
             raise LogError("several columns have that name: use its number", place="column", value=name, file=self.path)
         return name
 
-    def _take_heads(self, heads: Sequence[str]) -> None:
+    def _read_heads(self, heads: Sequence[str]) -> None:
         """Names and units of columns from their heads: `q_elbow [rad]`."""
         matches = [WITH_UNIT.match(head) for head in heads]
         self.names = tuple(m["name"] if m else head for m, head in zip(matches, heads, strict=True))

@@ -199,7 +199,8 @@ def _preparation(
         if differentiation == "savgol"
         else f"central differences of {'nine' if differentiation == 'central' else 'three'} rows: "
         f"{1 - _gain_of_difference(differentiation, 2 * np.pi * cutoff / rate):.1%} too small at the cut-off",
-        f"every {factor}{_th(factor)} row is kept, {rate / factor:.4g} Hz: after the filter, the rows between add no information"
+        f"every {factor}{_ordinal(factor)} row is kept, {rate / factor:.4g} Hz: "
+        f"after the filter, the rows between add no information"
         if factor > 1
         else "all rows are kept: fewer would not carry the signal",
         f"{edge} rows ({1e3 * edge / rate:.3g} ms) at either end of a stretch are dropped: the filter has not settled there",
@@ -344,7 +345,7 @@ def _gain_of_difference(differentiation: str, angle: float) -> float:
     return float(2 * np.sum(weights * np.sin(np.arange(1, len(weights) + 1) * angle)) / angle)
 
 
-def _th(number: int) -> str:
+def _ordinal(number: int) -> str:
     return {1: "st", 2: "nd", 3: "rd"}.get(number % 10 if number % 100 not in (11, 12, 13) else 0, "th")
 
 

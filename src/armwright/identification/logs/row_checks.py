@@ -119,7 +119,7 @@ def cells(log: Log, run: LogRun, census: Census) -> Found:
             if counted.repeats[k] > HELD * counted.counted:
                 yield from _clipped(column, place, unit)
             else:
-                yield from _stays(counted, k, place, unit, column)
+                yield from _stuck_at_extreme(counted, k, place, unit, column)
 
 
 def _repeats(census: Census) -> Found:
@@ -160,7 +160,7 @@ def spikes(log: Log, run: LogRun, census: Census) -> Found:
             yield warning(f"{what} off the rows beside: glitches of a bus or a sensor; the fit goes past them", place)
 
 
-def _stays(counted: SignalCensus, k: int, place: str, unit: str, column: np.ndarray) -> Found:
+def _stuck_at_extreme(counted: SignalCensus, k: int, place: str, unit: str, column: np.ndarray) -> Found:
     """Stays at an extreme, where the signal else changes from row to row."""
     stays = counted.at_low[k], counted.at_high[k]
     for value, stay in zip(limits_reached(counted, k, column), stays, strict=True):

@@ -1,4 +1,4 @@
-"""When the rows of a run were sampled, where its stamps and its rows say it badly.
+"""Sampling times of a run whose stamps jitter or whose rows repeat.
 
 A logger that runs beside the controller takes some states twice and misses others, and stamps each row when it comes by. So a row
 that repeats the one before is none. Whether samples were taken when the stamps say, or evenly while the stamps jitter, the motion
@@ -33,10 +33,10 @@ SHORT = 3  # rows that repeat: of longer groups the motion says whether the arm 
 JUMPS = 1.5  # times the steps beside a group of repeated rows: the arm has moved meanwhile
 COUNTS = 2.0  # of an encoder that a joint must move in a period if its position is to change
 UNEVEN = 0.01  # jitter by the period: less is of the clock's digits
-SPANS = (32, 256)  # rows apart that a mean period is taken from
+SPANS = (32, 256)  # rows between two stamps that a mean period is taken from
 BESIDE = 2  # steps on either side of one over which its speed is meant
 CERTAIN = 0.15  # of a period: deviation of d that still tells a whole number
-FEWEST = 64  # rows that a clock is told from
+FEWEST = 64  # rows that a clock is estimated from
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +70,7 @@ class Sampling:
 
 
 def sampling_of(block: Block, mends: bool) -> Sampling:
-    """The sampling that the first rows of a run tell.
+    """The sampling of a run, estimated from its first rows.
 
     Args:
         block: of its beginning.   mends: look for repeated rows and jittering stamps; in logs of commands these may be meant.
@@ -186,16 +186,18 @@ class _Steps:
             return np.maximum(by_stamps, 1.0), np.zeros(len(dt), dtype=bool)
         d, size = self.times(sampling.weights)
         with np.errstate(divide="ignore", invalid="ignore"):
-            told = sampling.noise / np.sqrt(size) < CERTAIN * sampling.period
-            told &= np.isfinite(d) & (np.abs(d / sampling.period - dt) < GAP)
-        return np.maximum(np.where(told, np.round(np.where(told, d / sampling.period, 0.0)), by_stamps), 1.0), told
+            by_motion = sampling.noise / np.sqrt(size) < CERTAIN * sampling.period
+            by_motion &= np.isfinite(d) & (np.abs(d / sampling.period - dt) < GAP)
+        return np.maximum(
+            np.where(by_motion, np.round(np.where(by_motion, d / sampling.period, 0.0)), by_stamps), 1.0
+        ), by_motion
 
 
 def _by_motion(found: Sampling, t: np.ndarray, q: np.ndarray, qd: np.ndarray | None) -> Sampling:
-    """True if samples are even, judged by the motion (rows, joints) at stamps (rows,), else by the stamps."""
+    """The sampling with `even`, judged by the motion (rows, joints) at stamps (rows,), else by the stamps."""
     if found.resolution or len(t) < FEWEST:
         return replace(found, even=bool(found.resolution))
-    best, told = np.inf, found
+    least, best = np.inf, found
     for by_speeds in (False, True) if qd is not None else (False,):
         each = _Steps.of(t, q, qd if by_speeds else None)
         rest = np.median((each.motion - each.speeds * each.dt[:, None]) ** 2, axis=0)
@@ -206,11 +208,11 @@ def _by_motion(found: Sampling, t: np.ndarray, q: np.ndarray, qd: np.ndarray | N
             continue
         off = d[moving] - found.period * np.round(d[moving] / found.period)
         by_grid, by_stamps = (float(np.median(np.abs(error))) for error in (off, d[moving] - each.dt[moving]))
-        if by_grid < min(by_stamps, best):
+        if by_grid < min(by_stamps, least):
             noise = float(np.median(np.abs(off) * np.sqrt(size[moving]))) / 0.6745
-            best = by_grid
-            told = replace(found, even=True, weights=weights, noise=noise, by_speeds=by_speeds)
-    return told
+            least = by_grid
+            best = replace(found, even=True, weights=weights, noise=noise, by_speeds=by_speeds)
+    return best
 
 
 # --- rows that repeat the one before ----------------------------------------------------------------------------------

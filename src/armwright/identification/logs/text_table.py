@@ -40,7 +40,7 @@ class TextTable(MeasuredTable):
         cells = self._cells(line)
         if table.header:
             self._check_header(cells, line)
-            self._take_heads(cells)
+            self._read_heads(cells)
         else:
             self.names = tuple(str(k + 1) for k in range(len(cells)))
 

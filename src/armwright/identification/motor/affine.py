@@ -110,12 +110,12 @@ def rested(A: Array, c: Array, y: Array, t: Scalar) -> np.ndarray:
 
 
 def event(A: Array, forth: Array, back: Array, y: Array, way: Scalar, left: Scalar) -> tuple[Scalar, Scalar]:
-    """When within a time the rotor stops, or breaks loose, and the direction in which it then moves, 0: none yet.
+    """Time at which the rotor stops or breaks loose, and the direction in which it then moves (0: it stands, or neither happens).
 
     Returns:
         time: [s], `left` where neither happens.   way: ().
     """
-    c = _of(way, forth, back)
+    c = _forcing(way, forth, back)
     sliding = scalar.less(0.0, scalar.abs(way))
     begin, end = scalar.maximum(way * y[0], 0.0), way * moved(A, c, y, left)[0][0]
     stops = sliding * scalar.less(end, 0.0)
@@ -125,7 +125,7 @@ def event(A: Array, forth: Array, back: Array, y: Array, way: Scalar, left: Scal
     time = scalar.where(stops, t, left)
     if len(y) == 1:
         return time, 0.0 * way
-    loose, ways = _loose(A, forth, back, y, left)
+    loose, ways = _breakaway(A, forth, back, y, left)
     breaks = (1.0 - sliding) * scalar.less(0.0, scalar.abs(ways))
     return scalar.where(breaks, loose, time), scalar.where(breaks, ways, 0.0)
 
@@ -144,8 +144,8 @@ def _stop(A: Array, c: Array, y: Array, way: Scalar, left: Scalar, begin: Scalar
     return scalar.array([t])
 
 
-def _loose(A: Array, forth: Array, back: Array, y: Array, left: Scalar) -> tuple[Scalar, Scalar]:
-    """When the current of a rotor at rest breaks it loose within a time, and in which direction, 0: it does not."""
+def _breakaway(A: Array, forth: Array, back: Array, y: Array, left: Scalar) -> tuple[Scalar, Scalar]:
+    """Time [s] at which the current breaks a rotor at rest loose, and the direction; 0: it does not within `left`."""
     current = rested(A, forth, y, left)[1]
     ways = scalar.less(0.0, A[0, 1] * current + forth[0]) - scalar.less(A[0, 1] * current + back[0], 0.0)
     return breaking(A, forth, back, y, ways), ways
@@ -155,12 +155,12 @@ def breaking(A: Array, forth: Array, back: Array, y: Array, way: Scalar) -> Scal
     """Time [s] at which the current of a rotor at rest reaches what a direction needs."""
     breaks = scalar.less(0.0, scalar.abs(way))
     final = -forth[1] / A[1, 1]
-    least = -_of(way, forth, back)[0] / A[0, 1]
+    least = -_forcing(way, forth, back)[0] / A[0, 1]
     share = scalar.where(breaks, (least - final) / scalar.where(breaks, y[1] - final, 1.0), 1.0)
     return scalar.log(scalar.maximum(share, 1e-300)) / A[1, 1]
 
 
-def _of(way: Scalar, forth: Array, back: Array) -> np.ndarray:
+def _forcing(way: Scalar, forth: Array, back: Array) -> np.ndarray:
     """c of a direction."""
     backward = scalar.less(way, 0.0)
     return scalar.array([scalar.where(backward, b, f) for f, b in zip(forth, back, strict=True)])
@@ -176,7 +176,7 @@ def segment(
         found: direction, time of the event, and direction behind it, as numbers without derivatives.
     """
     way, time, behind = found
-    y, c = x[1:], _of(way, forth, back)
+    y, c = x[1:], _forcing(way, forth, back)
     sliding, ends = scalar.less(0.0, scalar.abs(way)), scalar.less(time, left)
     turns, t = 0.0 * left, left
     if not last:

@@ -25,7 +25,7 @@ def bench_record(joint: str, command: str, locked: bool = False, ratio: float = 
     friction = {"viscous_n_m_s_per_rad": 0.0, "coulomb_positive_n_m": 0.0, "coulomb_negative_n_m": 0.0}
     own = {"name": joint, "type": "revolute", "motor": motor, "friction": friction}
     loads = {joint: LOCKED if locked else 0.0}
-    return _benches([own], loads, command, {"sources": {BENCH: ABOUT}, "source": BENCH}, "bench")
+    return _bench_record([own], loads, command, {"sources": {BENCH: ABOUT}, "source": BENCH}, "bench")
 
 
 def decoupled_record(record: RobotDescription, joints: Sequence[str], loads: Mapping[str, float]) -> RobotDescription:
@@ -61,10 +61,10 @@ def decoupled_record(record: RobotDescription, joints: Sequence[str], loads: Map
         }
         chosen.append(own)
     kept = {key: document[key] for key in ("source", "sources") if key in document}
-    return _benches(chosen, loads, document.get("command", "voltage"), kept, record.name)
+    return _bench_record(chosen, loads, document.get("command", "voltage"), kept, record.name)
 
 
-def _benches(
+def _bench_record(
     joints: Sequence[dict[str, Any]], loads: Mapping[str, float], command: str, more: Mapping[str, Any], name: str
 ) -> RobotDescription:
     """A record of joints side by side on the base, each with an inertia about its axis."""

@@ -60,8 +60,8 @@ def concluded(
         spread = spread + _of_held(done, record, data, jacobian)
     whole = np.full((len(values), len(values)), np.nan)
     whole[np.ix_(kept, kept)] = spread * np.outer(rates[kept], rates[kept])
-    told = np.array([k not in done.held or k in done.zero for k in range(len(values))])
-    at_bound = _at_bound(done, told)
+    identifiable = np.array([k not in done.held or k in done.zero for k in range(len(values))])
+    at_bound = _at_bound(done, identifiable)
     columns, names, units, scale = _shown(done, data)
     predictions, measures = predictions_of(inner, done.z[kept], data)
     fresh, fresh_measures, why_not = held_out(log, record, data, done, locked)
@@ -78,7 +78,7 @@ def concluded(
         method=f"output error of {', '.join(data.signals)} driven by {data.command}",
         units=tuple(units),
         at_bound=at_bound[columns],
-        identifiable=told[columns],
+        identifiable=identifiable[columns],
         remarks=(*remarks, *judgements, *why_not, *wrong),
         condition=float(lengths[0] / max(lengths[-1], 1e-300)),
         fit={**measures, **fresh_measures},
@@ -89,11 +89,11 @@ def concluded(
     return MotorFit(_with_drift(estimate, done, values), record, predictions | fresh, None, cost)
 
 
-def _at_bound(done: Fitted, told: np.ndarray) -> np.ndarray:
+def _at_bound(done: Fitted, identifiable: np.ndarray) -> np.ndarray:
     """(k,) True for unknowns at a bound of their search."""
     low, high = done.problem.bounds
     near = AT_BOUND * np.maximum(high - low, 1e-300)
-    found = told & ((done.z - low < near) | (high - done.z < near))
+    found = identifiable & ((done.z - low < near) | (high - done.z < near))
     found[done.ends] = True
     return found
 

@@ -139,7 +139,7 @@ def _hold(done: Fitted, jacobian: np.ndarray, first: np.ndarray) -> None:
     while True:
         kept, unknowns = done.kept, done.problem.unknowns
         candidates = [i for i, k in enumerate(kept) if not unknowns[k].nuisance]
-        exponents = {kept[i]: power for i, power in untold(jacobian[:, kept], candidates).items()}
+        exponents = {kept[i]: power for i, power in undetermined(jacobian[:, kept], candidates).items()}
         if not exponents:
             return
         ranks = {name: rank for rank, name in enumerate(HOLD_FIRST)}
@@ -149,7 +149,7 @@ def _hold(done: Fitted, jacobian: np.ndarray, first: np.ndarray) -> None:
         done.z[chosen] = first[chosen]
 
 
-def untold(jacobian: np.ndarray, candidates: Sequence[int]) -> dict[int, float]:
+def undetermined(jacobian: np.ndarray, candidates: Sequence[int]) -> dict[int, float]:
     """Exponents of the product of candidates that a log determines worst, by their numbers; none if it is determined well.
 
     Args:

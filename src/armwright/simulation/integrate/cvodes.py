@@ -247,7 +247,9 @@ class Cvodes:
             rows = _rows_within(lane_values, k, schedules)
             changes = {t for t in (*begins[lane], *see_at[lane], *(at for at, _, _ in rows)) if 0.0 < t < h}
             edges = sorted({h, *changes, *self._turns(float(lane_values.get(TURNS, [0.0])[0]), k, h, changes)})
-            calm = 1 if len(edges) > 1 or self._turn is not None else _calm(lane_values, k, schedules, steady)
+            ticks = (
+                1 if len(edges) > 1 or self._turn is not None else _ticks_to_next_row(lane_values, k, schedules, steady)
+            )
             for begin, end in zip([0.0, *edges], edges, strict=False):
                 for s, command in enumerate(commands):
                     if s == 0 or begins[lane, s - 1] <= begin:
@@ -256,7 +258,7 @@ class Cvodes:
                     lane_values[name][:] = row
                 self._turn_loops(lane_values, k * h + begin)
                 try:
-                    lane_values["x"][:] = self._next(lanes.first + int(lane), lane_values, end - begin, calm)
+                    lane_values["x"][:] = self._next(lanes.first + int(lane), lane_values, end - begin, ticks)
                 except CvodesStopped as stopped:
                     lane_values["frozen"][:], lane_values[GAVE_UP][:] = k, stopped.why
                     break
@@ -315,7 +317,9 @@ def _rows_within(
     return sorted(rows_within, key=lambda row: row[0])
 
 
-def _calm(lane_values: Mapping[str, np.ndarray], k: int, schedules: Mapping[str, Schedules], steady: int) -> int:
+def _ticks_to_next_row(
+    lane_values: Mapping[str, np.ndarray], k: int, schedules: Mapping[str, Schedules], steady: int
+) -> int:
     """Ticks up to the lane's next row, at most so many."""
     due = min((float(lane_values[f"{name}.{CURSOR[0]}"][0]) for name in schedules), default=NEVER)
     return int(min(steady, max(due - k, 1.0)))

@@ -157,9 +157,9 @@ def driven_joint(
     if body.elasticity is not None:
         flanks = (touching[-2], touching[-1]) if len(touching) > of_stops else None
         spring = transmitted(body.elasticity, ratio, at.motor, at.motor_speed, at.link, at.link_speed, flanks)
-        loss, switching = loss + spring.loss, [*switching, *_felt(spring.pushes, touching[of_stops:])]
+        loss, switching = loss + spring.loss, [*switching, *_contact_forces(spring.pushes, touching[of_stops:])]
     turning = None if directions is None else directions[1]
-    of_gear = gear_loss(body.drive, at.motor_speed, None if _knows_its_load(body) else body.friction, turning)
+    of_gear = gear_loss(body.drive, at.motor_speed, None if _load_is_known(body) else body.friction, turning)
     load = leaving = entering = torque
     if spring is not None:
         leaving = spring.slope * spring.torque
@@ -169,7 +169,7 @@ def driven_joint(
     if body.stops is not None:
         stop = stopped(body.stops, *body.limits.position, at.q, at.qd, (touching[0], touching[1]))
         external = external + stop.torque
-    known: Loads | Scalar | None = load if _knows_its_load(body) else None
+    known: Loads | Scalar | None = load if _load_is_known(body) else None
     if body.friction is not None and LAWS[body.friction.law].by_loads:
         on_motor = spring is not None and body.friction.on_motor
         known = (torque, -entering) if on_motor else (torque if spring is None else spring.torque, external)
@@ -190,7 +190,7 @@ def driven_joint(
             behind = behind + braking
     if stop is not None:
         behind, loss = behind - stop.torque, loss + stop.loss
-        switching += _felt(stop.pushes, touching)
+        switching += _contact_forces(stop.pushes, touching)
     acceleration, gear = None, torque - before
     if spring is not None:
         acceleration = ratio * (gear - entering) / body.drive.reflected
@@ -205,7 +205,7 @@ def driven_joint(
     )  # fmt: skip
 
 
-def _felt(pushes: Sequence[Scalar], touching: Sequence[Scalar]) -> list[SwitchingFunction]:
+def _contact_forces(pushes: Sequence[Scalar], touching: Sequence[Scalar]) -> list[SwitchingFunction]:
     """Pushes of the contacts there are; those of the others are 0 and stay so."""
     return [SwitchingFunction(touch * push) for push, touch in zip(pushes, touching, strict=False)]
 
@@ -250,7 +250,7 @@ def _warming(body: Body, states: JointStates, heat: Scalar | None, change: dict[
     return (winding if housing is None else housing) - thermal.reference
 
 
-def _knows_its_load(body: Body) -> bool:
+def _load_is_known(body: Body) -> bool:
     """True if the torque through a gear is known before accelerations are: of springs, and for bristles that of the motor."""
     return body.elasticity is not None or (body.friction is not None and body.friction.has_bristles)
 

@@ -134,7 +134,7 @@ def _effects_of_friction(body: Body, units: JointUnits) -> Iterator[tuple[str, s
     for name, place, scaled in law.step_limits:
         own = law.own[place]
         key = f"friction.{units.key(own.stem, own.dimension)}"
-        yield name, key, _in_part("friction", _less_of_law(scaled)), ""
+        yield name, key, _in_part("friction", _scaled_law_parameter(scaled)), ""
     if not law.step_limits and friction.is_dry:
         smoothed = friction.smoothing is not None
         key = smoothing_key(body) if smoothed else f"friction.{units.key('stribeck_speed', 'speed')}"
@@ -169,7 +169,7 @@ def _times(value: Any, w: Scalar) -> Any:
     return tuple(v * w for v in value) if isinstance(value, tuple) else value * w
 
 
-def _less_of_law(place: int) -> Change:
+def _scaled_law_parameter(place: int) -> Change:
     def changed(friction: Any, w: Scalar) -> Any:
         parameters = list(friction.parameters)
         parameters[place] = parameters[place] * w

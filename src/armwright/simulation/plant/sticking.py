@@ -114,7 +114,7 @@ class Sticking:
         sides = self._sides(x, inputs)
         mass, bias, gears, elements = self._problem(x, inputs, sides)
         together = present_directions(mass, bias, self._unknowns(x), elements, gears) if elements else ()
-        return self._merged(together, {i: move for i, (move, _) in self._apart(x, sides, None).items()})
+        return self._merged(together, {i: move for i, (move, _) in self._elastic_motors(x, sides, None).items()})
 
     def step(self, x: Array, inputs: PlantInputs, h: Scalar, moved: Callable[[Array], Array]) -> np.ndarray:
         """The state (size,) after a step of h [s]: by a rule while all directions are held, where speeds keep to them.
@@ -132,7 +132,7 @@ class Sticking:
 
         shapes = {name: np.shape(value) for name, value in {"x": x, "h": h, **acting}.items()}
         set_valued, arguments = WhereNeeded("set_valued", function, shapes), (x, h, *acting.values())
-        count, standing = len(self.places), self._standing(x)
+        count, standing = len(self.places), self._at_rest(x)
         starts = standing[0]
         for stands in standing[1:]:
             starts = scalar.maximum(starts, stands)
@@ -144,7 +144,7 @@ class Sticking:
             ]
         )
         after = self._settled(moved(directions), directions)
-        ways = zip(directions, self.speeds(after), self._jumps(x, self._sides(x, inputs)), strict=True)
+        ways = zip(directions, self.speeds(after), self._have_dry_friction(x, self._sides(x, inputs)), strict=True)
         turned = scalar.less(0.0, sum(scalar.less(way * speed, 0.0) * jump for way, speed, jump in ways))
         found = set_valued(turned * (1.0 - starts), found, *arguments)
         turns = [scalar.where(turned, by_sets, by_rule) for by_sets, by_rule in zip(found[count:], after, strict=True)]
@@ -152,7 +152,7 @@ class Sticking:
         places = {k for name in of_motion for k in range(*self.plant.layout.place(name).indices(self.plant.size))}
         return scalar.array([turns[k] if k in places else value for k, value in enumerate(after)])
 
-    def _standing(self, x: Array) -> list[Scalar]:
+    def _at_rest(self, x: Array) -> list[Scalar]:
         """1 for elements at rest."""
         unknowns, speeds = self._unknowns(x), self.speeds(x)
         return [
@@ -171,17 +171,17 @@ class Sticking:
         after, together = next_speeds(mass, bias, self._unknowns(x), h, elements, gears)
         for i, speed in enumerate(self._of_joints(after)):
             moved[i], moved[n + i] = x[i] + 0.5 * h * (x[n + i] + speed), speed
-        apart = self._apart(x, sides, h)
-        for i, (_, speed) in apart.items():
+        elastic = self._elastic_motors(x, sides, h)
+        for i, (_, speed) in elastic.items():
             k = (plant.layout["motor_q"].joints or ()).index(i)
             q, w = (plant.layout.place(name).start + k for name in ("motor_q", "motor_qd"))
             turned = plant.model.coordinates[i].drive.gear_ratio * speed
             moved[q], moved[w] = x[q] + 0.5 * h * (x[w] + turned), turned
-        directions = self._merged(together, {i: move for i, (move, _) in apart.items()})
+        directions = self._merged(together, {i: move for i, (move, _) in elastic.items()})
         return scalar.array([*directions, *moved])
 
-    def _jumps(self, x: Array, sides: Sequence[Sequence[DrivenJoint]]) -> list[Scalar]:
-        """1 for elements that have something to stick with: 0 of a released brake alone, which turns round as if it were none."""
+    def _have_dry_friction(self, x: Array, sides: Sequence[Sequence[DrivenJoint]]) -> list[Scalar]:
+        """1 for elements with dry friction; 0 for those without, such as a joint whose only friction is its released brake."""
         ratios = [body.drive.gear_ratio for body in self.plant.model.coordinates]
         jumps = []
         for place in self.places:
@@ -212,7 +212,7 @@ class Sticking:
         """
         assert inputs.directions is not None
         wrong, part, still = list(error), 1.0, []
-        jumps = self._jumps(x, self._sides(x, inputs))
+        jumps = self._have_dry_friction(x, self._sides(x, inputs))
         ends = zip(
             self.speeds(x), self.speeds(moved), self._excess(x, inputs), self._excess(moved, inputs), strict=True
         )
@@ -230,7 +230,7 @@ class Sticking:
             wrong[k] = shifted * scalar.abs(wrong[k])
             wrong[k] = wrong[k] + scalar.abs(ratio) * (scalar.where(turned, scalar.abs(end), 0.0) + late)
             still.append(scalar.maximum(turned, sticks))
-        return self._with_rest(moved, still), scalar.array(wrong), *others, error, part
+        return self._with_zero_speeds(moved, still), scalar.array(wrong), *others, error, part
 
     def _shifted(self, place: Place, begin: Scalar, end: Scalar, lost: Scalar, h: Scalar) -> Scalar:
         """Factor by which an error of speed grows while friction falls.
@@ -249,7 +249,7 @@ class Sticking:
     def sliding(self, x: Array, inputs: PlantInputs) -> np.ndarray:
         """Speeds (elements,) of what slides in its direction, below 0 where it has turned round; 1 of what sticks."""
         assert inputs.directions is not None
-        jumps = self._jumps(x, self._sides(x, inputs))
+        jumps = self._have_dry_friction(x, self._sides(x, inputs))
         return scalar.array(
             [
                 scalar.where(scalar.equal(way, 0.0), 1.0, scalar.where(scalar.less(0.0, jump), way * speed, 1.0))
@@ -276,11 +276,11 @@ class Sticking:
             scalar.maximum(scalar.equal(way, 0.0), scalar.less(s, 0.0))
             for way, s in zip(inputs.directions, slides, strict=True)
         ]
-        return self._with_rest(x, still)
+        return self._with_zero_speeds(x, still)
 
     def at_rest(self, x: Array, directions: Array) -> np.ndarray:
         """The state (size,) with speeds of 0 for elements whose direction is 0."""
-        return self._with_rest(x, [scalar.equal(way, 0.0) for way in directions])
+        return self._with_zero_speeds(x, [scalar.equal(way, 0.0) for way in directions])
 
     def _excess(self, x: Array, inputs: PlantInputs) -> list[tuple[Scalar, Scalar, Scalar]]:
         """Breakaway margins [rad/s² | m/s²]: acceleration by the loads if the joint slipped; negative while it holds.
@@ -332,7 +332,7 @@ class Sticking:
         """The state with speeds of 0 for what sticks, where sums of speeds have rounding left."""
         return x if self._inverse is None else self.at_rest(x, directions)
 
-    def _with_rest(self, x: Array, still: Sequence[Scalar]) -> np.ndarray:
+    def _with_zero_speeds(self, x: Array, still: Sequence[Scalar]) -> np.ndarray:
         """The state with speeds of 0 for elements that stand still."""
         n, after = self.plant.model.n, list(x)
         for place, stands in zip(self.places, still, strict=True):
@@ -377,10 +377,10 @@ class Sticking:
         coordinates = self.plant.model.coordinates
         return tuple((i, on) for i, on in self.places if not on or coordinates[i].elasticity is None)
 
-    def _merged(self, together: Array, apart: dict[int, Scalar]) -> np.ndarray:
+    def _merged(self, together: Array, elastic: dict[int, Scalar]) -> np.ndarray:
         """Values of all elements (elements,), from those solved together and those of motors behind elastic gears."""
         values = iter(together)
-        return scalar.array([next(values) if place in self._together else apart[place[0]] for place in self.places])
+        return scalar.array([next(values) if place in self._together else elastic[place[0]] for place in self.places])
 
     @cached_property
     def _inverse(self) -> np.ndarray | None:
@@ -409,7 +409,7 @@ class Sticking:
         """Every joint's drive moving forward, and moving backward."""
         return [self.plant.driven(x, inputs, [(way, way)] * self.plant.model.n) for way in (1.0, -1.0)]
 
-    def _apart(
+    def _elastic_motors(
         self, x: Array, sides: Sequence[Sequence[DrivenJoint]], h: Scalar | None
     ) -> dict[int, tuple[Scalar, Scalar]]:
         """Directions of motors behind elastic gears, and their speeds after a step of h; None: as they are now."""

@@ -52,7 +52,7 @@ class VariedStepLimit:
         Raises:
             ScenarioError: names the lane, its time constant and the step that would do.
         """
-        lanes = self._looked_at()
+        lanes = self._examined_lanes()
         asked = (name, step, checksum(commands), substeps, tuple(whole))
         kept(  # of what was refused nothing is kept
             ("steps", *self._key, self.values[lanes].tobytes(), *asked),
@@ -75,7 +75,7 @@ class VariedStepLimit:
             limit = StepLimit(self.varied.model(self.values[lane]), slopes, self.values[lane])
             limit.check_step(name, integrator, step, commands, substeps, where, whole)
 
-    def _looked_at(self) -> np.ndarray:
+    def _examined_lanes(self) -> np.ndarray:
         """Numbers of lanes with unlike values: those with the least and the most of each, and others evenly among all."""
         count = len(self.values)
         lanes = np.arange(count)

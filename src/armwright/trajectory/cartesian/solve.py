@@ -13,7 +13,7 @@ from scipy.interpolate import PPoly
 from armwright.collision import Clearance
 from armwright.entry import AnyArm, as_arm
 from armwright.errors import ABSENT, ScenarioError
-from armwright.ik.solutions import how_far
+from armwright.ik.solutions import distance_text
 from armwright.ik.solve import inverse_kinematics
 from armwright.ik.starts import random_positions
 from armwright.kinematics.aim import AXES, Aim
@@ -384,7 +384,7 @@ def _solved(tool: Tool, path: CartesianPath, s: np.ndarray) -> tuple[np.ndarray,
 def _out_of_reach(
     follower: Follower, s: float, distance: float, angle: float, worst: float | None = None
 ) -> ScenarioError:
-    off = how_far(distance, angle if follower.tool.aim.counted else None)
+    off = distance_text(distance, angle if follower.tool.aim.counted else None)
     at = "" if worst is None else f" at s = {worst:.4g} m"
     what = f"out of reach within the joints' limits: the nearest pose is {off} off{at}"
     return ScenarioError(what, place=place(follower.path, s), expected="a path that the arm reaches")

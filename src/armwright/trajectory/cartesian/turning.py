@@ -41,11 +41,11 @@ def smooth_error(aim: Aim, rotation: Array, target: Array, at: Array) -> np.ndar
         if aim.kind == "axis":
             return scalar.array([turn[i, k] for i in aim.others])
         i, j = (k + 1) % 3, (k + 2) % 3
-        return scalar.array([(turn[j, i] - turn[i, j]) / _away(turn[i, i] + turn[j, j])])
+        return scalar.array([(turn[j, i] - turn[i, j]) / _nonzero(turn[i, i] + turn[j, j])])
     x, y, z = rotation[:, k]
     u, v, w = target[:, k]
     if aim.kind == "yaw":
-        return scalar.array([(x * v - y * u) / _away(x * u + y * v)])
+        return scalar.array([(x * v - y * u) / _nonzero(x * u + y * v)])
     sine = scalar.sqrt(at[0, k] * at[0, k] + at[1, k] * at[1, k])
     upright = scalar.less(sine, UPRIGHT)
     height = (z - w) / scalar.maximum(sine, UPRIGHT)
@@ -85,6 +85,6 @@ def _further(rotation: Array, w: Array, dw: Array, step: Scalar) -> np.ndarray:
     return rotation + (step * rate + (0.5 * step * step) * (skew(dw) + rate @ rate)) @ rotation
 
 
-def _away(value: Scalar) -> Scalar:
+def _nonzero(value: Scalar) -> Scalar:
     """A divisor away from 0."""
     return scalar.where(scalar.less(scalar.abs(value), LEAST), LEAST, value)

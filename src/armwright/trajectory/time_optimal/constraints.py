@@ -69,7 +69,7 @@ class PathLimits:
             value = self.second[:, None] * x[..., None]
             intervals.append(_interval(value, self.first[:, None], -most, most))
         if self.has_torques:
-            intervals.append(_interval(np.zeros(1), self._inertia, *self._torque_room(x, shares)))
+            intervals.append(_interval(np.zeros(1), self._inertia, *self._inertial_torque_bounds(x, shares)))
         low, high = (np.clip(rows, -UNBOUNDED, UNBOUNDED).max(axis=(0, -1)) for rows in zip(
             *((low, -high) for low, high in intervals), strict=True))  # fmt: skip
         return low, -high
@@ -108,7 +108,7 @@ class PathLimits:
         return bool(np.isfinite(self.limits.voltage).any())
 
     @cached_property
-    def _bends(self) -> bool:
+    def _torque_is_nonlinear(self) -> bool:
         """True if a motor's torque is no straight line over s̈: through lossy gears, with friction by loads."""
         return any(loses_power(body) or by_loads(body) for body in self.dyn.arm.coordinates)
 
@@ -133,11 +133,11 @@ class PathLimits:
         """Torques of the motors (m, j, n) [N m | N] at x and s̈ (m, j)."""
         return self.dyn.inverse_dynamics(self.q[:, None], *self._motion(x, sdd))
 
-    def _torque_room(self, x: np.ndarray, shares: Shares) -> tuple[np.ndarray, np.ndarray]:
+    def _inertial_torque_bounds(self, x: np.ndarray, shares: Shares) -> tuple[np.ndarray, np.ndarray]:
         """Lowest and highest values (m, j, n) of M q' s̈ at x (m, j) within the limits of torque and voltage."""
         least, most = self.torque_limits(x, shares)
         torque, inertia = self.torque(x, np.zeros_like(x)), self._inertia
-        if not self._bends:
+        if not self._torque_is_nonlinear:
             return least - torque, most - torque
         low, high = _interval(torque, inertia, least, most)
         rising, size = inertia > 0.0, most - least
@@ -166,7 +166,7 @@ class PathLimits:
         first, second = self.first[:, limited], self.second[:, limited]
         rows = [(first, second, most), (-first, -second, most)]
         if self.has_torques:
-            for sign, room in zip((-1.0, 1.0), self._torque_room(levels, shares), strict=True):
+            for sign, room in zip((-1.0, 1.0), self._inertial_torque_bounds(levels, shares), strict=True):
                 inner = np.isfinite(room).all(axis=(0, 1))
                 room = sign * room[..., inner]
                 slope = (room[:, 1] - room[:, 0]) / np.diff(levels)

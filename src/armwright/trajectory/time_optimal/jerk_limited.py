@@ -75,11 +75,11 @@ def _planned(path: JointPath, limits: MotionLimits, fastest: PathTiming) -> tupl
     first, best = problem.within(problem.unknowns(start)), _through(s, start[:-1, 0])
     far = float(start[:-1, 0].sum() / fastest.durations.sum()) - 1.0
     barrier = float(np.interp(far, *BARRIERS))
-    best = best.slowed(_factor(_looked(path, limits, best).max(axis=0)))
+    best = best.slowed(_factor(_sampled_use(path, limits, best).max(axis=0)))
     spans = problem.unit / _optimised(problem, first, barrier)[problem.rates]
     for _ in range(REPAIRS):
         found = _through(s, spans)
-        used = _looked(path, limits, found)
+        used = _sampled_use(path, limits, found)
         best = min(best, found.slowed(_factor(used.max(axis=0))), key=lambda each: each.durations.sum())
         if best.durations.sum() < (1.0 + ENOUGH) * spans.sum():
             break
@@ -350,7 +350,7 @@ def _used(
     return np.concatenate(list(_parts(path, limits, s, third, speed, sdd, jerk).values()), axis=2)
 
 
-def _looked(path: JointPath, limits: MotionLimits, timing: PathTiming) -> np.ndarray:
+def _sampled_use(path: JointPath, limits: MotionLimits, timing: PathTiming) -> np.ndarray:
     """Largest parts of limits (m - 1, 3 n) at some times of every piece."""
     pieces = np.arange(len(timing.s) - 1)
     return _used(path, limits, timing, pieces, np.tile(LOOKED, (len(pieces), 1))).max(axis=1)

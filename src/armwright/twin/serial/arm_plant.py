@@ -252,7 +252,7 @@ class ArmPlant:
     def _is_on(self, servo: int, goal: Goal) -> bool:
         """True if the model's servo is on: for goals of position, and for a duty of 0, which shorts the motor."""
         if goal.torque and goal.mode != "position" and (goal.mode, goal.value) != ("duty", 0.0):
-            self._tell(servo, f"goals of {goal.mode} are not simulated: the servo is off")
+            self._note_once(servo, f"goals of {goal.mode} are not simulated: the servo is off")
             return False
         return goal.torque
 
@@ -299,9 +299,9 @@ class ArmPlant:
         assert start is not None
         for key, says in REGISTERS.items():
             if (servo, key) not in self._places and says(goal, at) not in (says(start, at), 0.0):
-                self._tell(servo, f"the register has no effect, since the record has no firmware.{key}")
+                self._note_once(servo, f"the register has no effect, since the record has no firmware.{key}")
 
-    def _tell(self, servo: int, what: str) -> None:
+    def _note_once(self, servo: int, what: str) -> None:
         text = f"joint {self.arm.names[servo]!r}: {what}"
         if text not in self._noted:
             self._noted.add(text)
