@@ -194,10 +194,10 @@ def test_the_page_prints_what_it_shows(tmp_path):
     PACKAGES["jax"]()
     found = blocks("docs/how-to/jax-and-torch.md")
     first, then = (text for kind, text in found if kind == "python")
-    shown, shown_then = (text for kind, text in found if kind == "text")
+    shown, more = (text for kind, text in found if kind == "text")
     assert comparable(python(first, tmp_path).splitlines()) == comparable(shown.splitlines())
     pytest.importorskip("torch")
-    assert comparable(python(f"{first}\n{then}", tmp_path).splitlines()) == comparable((shown + shown_then).splitlines())
+    assert comparable(python(f"{first}\n{then}", tmp_path).splitlines()) == comparable((shown + more).splitlines())
 
 
 @pytest.mark.parametrize("name", PACKAGES)

@@ -244,7 +244,9 @@ def _checked_points(value: Any) -> np.ndarray:
         k = int(np.argmax(same)) + 1
         expected = "another pose, or no such waypoint"
         raise ScenarioError(
-            "the same pose as the waypoint before it, or as the start", place=f"Waypoints.points[{k}]", expected=expected
+            "the same pose as the waypoint before it, or as the start",
+            place=f"Waypoints.points[{k}]",
+            expected=expected,
         )
     return points
 
