@@ -25,6 +25,8 @@ Best = Literal["nearest", "limits", "manipulability"]
 CORRECTIONS = 5  # steps back to the pose after one along it
 GROW, SHRINK, SHORTEST = 2.0, 0.25, 1e-6  # factors of the step; a shorter one ends the search
 LONGEST = 0.3  # [rad | m] of a joint in one step
+# Factor of d at most: W⁻¹ is the inverse of h's second derivative, but for manipulability, which may be flat.
+MOST_LENGTH = {"nearest": 1.0, "limits": 1.0, "manipulability": 1e3}
 STILL = 1e-7  # [rad | m] of d where the goal is reached
 MOST = 150  # evaluations of one search
 AT_LIMIT = 1e-9  # [rad | m]
@@ -130,7 +132,7 @@ def goal_search(chain: JointChain, goal: Best, tolerance: float) -> Program:
         tried = scalar.where(first, 0.0, old["corrections"][0])
         corrects = (1.0 - met) * scalar.less(tried, float(CORRECTIONS))
         way = chosen(better, _descent_direction(chain, q, slope, -gradient, metric), old["way"])
-        length = scalar.where(better, scalar.minimum(old["length"][0] * GROW, 1.0), old["length"][0] * SHRINK)
+        length = scalar.where(better, scalar.minimum(old["length"][0] * GROW, MOST_LENGTH[goal]), old["length"][0] * SHRINK)
         length = scalar.where(first, 1.0, scalar.where(corrects, old["length"][0], length))
         kept = chosen(better, q, old["q"])
         least = scalar.where(better, value, old["least"][0])
@@ -200,7 +202,7 @@ def _moved(chain: JointChain, q: Array, way: Array, length: Scalar) -> np.ndarra
         for limit in (chain.low[i], chain.high[i]):
             if np.isfinite(limit):
                 towards = scalar.less(0.0, way[i] * (limit - q[i]))
-                share = scalar.where(towards, (limit - q[i]) / scalar.where(towards, way[i], 1.0), 1.0)
+                share = scalar.where(towards, (limit - q[i]) / scalar.where(towards, way[i], 1.0), factor)
                 factor = scalar.minimum(factor, scalar.maximum(share, 0.0))
     return chain.within(q + factor * way)
 
