@@ -175,15 +175,15 @@ def test_the_command_shows_and_writes_it(logs, tmp_path):
 
 def test_ctrl_c_keeps_the_models_that_were_compared(logs, tmp_path, monkeypatch):
     paths, record = [str(as_json(each, tmp_path)) for each in logs], tmp_path / "servo.toml"
-    searched, done = search_module._searched, []
+    validated, done = search_module._validated, []
 
-    def until_the_second(problem, starts):
+    def until_the_second(few, problem, earlier):
         done.append(problem.order.name)
         if len(done) == 2:
             raise KeyboardInterrupt
-        return searched(problem, starts)
+        return validated(few, problem, earlier)
 
-    monkeypatch.setattr(search_module, "_searched", until_the_second)
+    monkeypatch.setattr(search_module, "_validated", until_the_second)
     options = ["--duty-gain", "0.166", "--max-duty", "0.97", "--friction-models", "M1,M2", "-o", str(record)]
     found = run("identify", "servo", *paths, *options, code=130)
     assert "note: stopped by Ctrl-C before M2 could be compared; what was found until then is kept" in found.stderr
