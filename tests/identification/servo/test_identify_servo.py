@@ -255,6 +255,6 @@ def test_what_predicts_held_out_logs_best_is_taken(logs, whole, parts, name, way
         return search_module.Validated(problem, np.zeros((4, 5)), np.full(12, error), np.full(4, error))
 
     models = {each: (model(whole[k]), model(parts[k])) for k, each in enumerate(("M1", "M3"))}
-    chosen, asked = identify_module._chosen(models, True)
+    chosen, asked = identify_module._chosen(models)
     assert chosen == name
     assert asked == {each: ways[way] for each, ways in models.items()}

@@ -36,6 +36,7 @@ UNITS = {OFFSET: "rad", DELAY: "s"}
 AT_BOUND = 1e-6  # of the range of a coordinate
 UNKNOWN = 1.0  # standard deviation of a logarithm, or in parts of its value beside its scale: more is not determined
 VAGUE = 0.5  # of a torque constant or resistance: a standard deviation from which its 95 % interval holds 0
+FEWEST = 3  # logs whose errors tell by how much a difference of their mean is chance
 NOTHING = 0.02  # of a mean error: models that differ less predict the same
 EXPLAINED = 0.5  # R² of all logs below which the model does not describe them
 
@@ -87,8 +88,9 @@ def identify_servo(
     as logged. Every log is held out once: alone up to 6 logs, with others of several, half of them from 16 logs on. The friction
     model is the smallest one that predicts held-out logs no worse than the best, by the standard error of the difference or 2 %.
     Each is fitted to whole logs and to parts of 0.5 s that start from the measured state; what predicts held-out logs better is
-    taken, and fitted to all logs, in which rows in the same count have its error in common. Intervals count the correlation of
-    the residuals, and by how much the next larger models, where they predict as well, move the numbers.
+    taken, and fitted to all logs, in which rows in the same count have its error in common; of two logs, whole logs. Intervals
+    count the correlation of the residuals, and by how much the numbers are moved by the next larger models, where they predict as
+    well, of two logs by all others, and by whole logs in place of parts.
 
     Args:
         logs: files of BAM's JSON, or `BenchLog`s, of one servo, with any gains, masses, lengths and motions.
@@ -125,15 +127,19 @@ def identify_servo(
             models, stopped = stop.found, str(stop)
             remarks.append(f"stopped by Ctrl-C {stopped}")
         models = {name: each for name, each in models.items() if name in search.orders}
-        name, asked = _chosen(models, len(known) > 1)
+        name, asked = _chosen(models)
         if len(known) == 1 and len(asked) > 1:
             remarks.append(
                 f"too few logs to hold one out: {name} is taken, the smallest model (orders=…, --friction-models)"
             )
         fit = fitted_to_all(asked[name], SETTLED)
-        errors = {each: model.held_out for each, model in asked.items()}
-        larger = [each for each in next_larger(name, asked) if len(known) > 1 and _no_worse(errors[each], errors[name])]
-        shifts = [_shift(fit, fitted_to_all(asked[each])) for each in larger]
+        larger = next_larger(name, asked)
+        if len(known) >= FEWEST:
+            larger = [each for each in larger if _no_worse(asked[each].held_out, asked[name].held_out)]
+        else:  # nothing rules out any of the others
+            larger = [each for each in asked if each != name and len(known) > 1]
+        others = [asked[each] for each in larger] + [models[name][0]] * (asked[name] is not models[name][0])
+        shifts = [_shift(fit, fitted_to_all(each)) for each in others]
     compared = [
         OrderErrors(each, model.z.shape[1], float(model.fitted.mean()), _mean(model.held_out), each == name)
         for each, model in asked.items()
@@ -148,16 +154,21 @@ def _mean(errors: np.ndarray) -> float:
     return float(errors.mean()) if len(errors) else float("nan")
 
 
-def _chosen(models: dict[str, tuple[Validated, ...]], held_out: bool) -> tuple[str, dict[str, Validated]]:
+def _chosen(models: dict[str, tuple[Validated, Validated]]) -> tuple[str, dict[str, Validated]]:
     """The smallest model that predicts held-out logs no worse than the best; all models, of whole logs or of parts as the best.
 
+    Of a single log, which cannot be held out, the smallest; of less than `FEWEST` logs all models are of whole logs.
+
     Args:
-        models: by name, of whole logs and of parts.   held_out: False where no log is: the smallest, of whole logs.
+        models: by name, of whole logs and of parts.
     """
-    if not held_out:
-        return next(iter(models)), {name: ways[0] for name, ways in models.items()}
-    way = min((0, 1), key=lambda way: min(each[way].held_out.mean() for each in models.values()))
+    logs = len(next(iter(models.values()))[0].held_out)
+    way = (
+        min((0, 1), key=lambda way: min(each[way].held_out.mean() for each in models.values())) if logs >= FEWEST else 0
+    )
     asked = {name: each[way] for name, each in models.items()}
+    if not logs:
+        return next(iter(asked)), asked
     best = min((each.held_out for each in asked.values()), key=np.mean)
     return next(name for name in ORDERS if name in asked and _no_worse(asked[name].held_out, best)), asked
 
@@ -167,7 +178,7 @@ def _no_worse(errors: np.ndarray, best: np.ndarray) -> bool:
     loss = errors - best
     if not np.isfinite(loss).all():
         return False
-    chance = loss.std(ddof=1) / np.sqrt(len(loss)) if len(loss) > 1 else 0.0
+    chance = loss.std(ddof=1) / np.sqrt(len(loss)) if len(loss) >= FEWEST else 0.0
     return bool(loss.mean() <= max(chance, NOTHING * best.mean()))
 
 
@@ -233,7 +244,7 @@ def _sha256(logs: Sequence[BenchLog]) -> str:
 
 
 def _shift(fit: OrderFit, larger: OrderFit) -> np.ndarray:
-    """(columns,) by how much a larger model, fitted to the same logs, moves the record's numbers."""
+    """(columns,) by how much a larger model, or another cost, of the same logs moves the record's numbers."""
     return larger.problem.values(larger.z) - fit.problem.values(fit.z)
 
 
