@@ -126,8 +126,7 @@ def identify_servo(
         except Interrupted as stop:
             models, stopped = stop.found, str(stop)
             remarks.append(f"stopped by Ctrl-C {stopped}")
-        models = {name: each for name, each in models.items() if name in search.orders}
-        name, asked = _chosen(models)
+        name, asked = _chosen({each: model for each, model in models.items() if each in search.orders})
         if len(known) == 1 and len(asked) > 1:
             remarks.append(
                 f"too few logs to hold one out: {name} is taken, the smallest model (orders=…, --friction-models)"

@@ -70,7 +70,7 @@ def validated_orders(
     orders: Sequence[str],
     seed: int,
     progress: Progress,
-) -> dict[str, tuple[Validated, ...]]:
+) -> dict[str, tuple[Validated, Validated]]:
     """Friction models by name, each fitted to whole logs and to parts, with those that it starts from.
 
     Args:
@@ -81,7 +81,8 @@ def validated_orders(
     """
     wanted = [name for name in ORDERS if any(name == each or name in _all_before(each) for each in orders)]
     rng, scales = np.random.default_rng(seed), Scales.of(logs)
-    few, found = {}, {}
+    few: dict[str, tuple[BenchProblem, np.ndarray]] = {}
+    found: dict[str, tuple[Validated, Validated]] = {}
     for number, name in enumerate(wanted):
         progress(number, len(wanted))
         problem = BenchProblem(tuple(logs), loop, order_of(name, loop, scales, extra))
