@@ -88,23 +88,20 @@ def real_logs(*names):
 
 
 @pytest.mark.parametrize(
-    ("fitted", "tested", "above"),
+    ("fitted", "tested"),
     [
-        (("xl330_kp100", "xl330_kp200"), ("xl330_kp800",), ()),
-        # At kp = 800 the servo stalls at full duty and is up to 40 °C warm, and the fit has a resistance of 5.0 Ω; the motions at
-        # lower gains, at most 31 °C, have 3.4 Ω. M6 as published was fitted to all gains, of another unit.
-        pytest.param(("xl330_kp800",), ("xl330_kp100", "xl330_kp200"), ("m6",), id="from the highest gain"),
+        pytest.param(("xl330_kp100", "xl330_kp200"), ("xl330_kp800",), id="from the lower gains"),
+        pytest.param(("xl330_kp800",), ("xl330_kp100", "xl330_kp200"), id="from the highest gain"),
     ],
 )
-def test_a_fit_of_real_logs_predicts_other_gains(fitted, tested, above):
-    """Better than published parameters on the same logs, but for those in `above`, which it does not reach."""
+def test_a_fit_of_real_logs_predicts_other_gains(fitted, tested):
+    """Better than published parameters, which were fitted to all gains of a possibly other unit, on the same logs."""
     fit, test = aw.identification.identify_servo(real_logs(*fitted), progress=False), real_logs(*tested)
     loop = loop_of(test, None)
     ours = errors_of(test, loop, fitted_numbers(fit)).mean()
     theirs = {each: errors_of(test, loop, record_numbers(published(f"xl330/{each}"))).mean() for each in ("m1", "m6")}
     print(f"fitted to {fitted}: {fit.order}, {ours:.4f} rad on {tested}; published {theirs}")
-    for each, error in theirs.items():
-        assert (ours < error) == (each not in above), each
+    assert ours < min(theirs.values())
 
 
 def test_published_parameters_err_as_their_authors_say():
@@ -118,7 +115,7 @@ def test_published_parameters_err_as_their_authors_say():
 def test_two_logs_of_another_servo_are_described():
     fit = aw.identification.identify_servo(real_logs("sts3250"), progress=False)
     print(f"sts3250: {fit.order}, {fit.error:.4f} rad, {fitted_numbers(fit)}")
-    assert fit.error < 0.01
+    assert fit.error < 0.015
     assert fit.estimate.verdict == "not identified"  # one gain and one load do not determine Kt and R
     assert any(each.startswith("kt ±") for each in fit.sentences())
 

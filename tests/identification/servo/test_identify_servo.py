@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import armwright as aw
-from armwright.identification.servo import search as search_module
+from armwright.identification.servo import identify as identify_module, search as search_module
 from armwright.identification.servo.bench import PATHS
 from armwright.identification.servo.orders import OFFSET, Scales, order_of
 from armwright.identification.servo.output_error import BenchProblem
@@ -175,15 +175,15 @@ def test_the_command_shows_and_writes_it(logs, tmp_path):
 
 def test_ctrl_c_keeps_the_models_that_were_compared(logs, tmp_path, monkeypatch):
     paths, record = [str(as_json(each, tmp_path)) for each in logs], tmp_path / "servo.toml"
-    searched, done = search_module._searched, []
+    validated, done = search_module._validated, []
 
-    def until_the_second(problem, starts):
+    def until_the_second(few, problem, earlier):
         done.append(problem.order.name)
         if len(done) == 2:
             raise KeyboardInterrupt
-        return searched(problem, starts)
+        return validated(few, problem, earlier)
 
-    monkeypatch.setattr(search_module, "_searched", until_the_second)
+    monkeypatch.setattr(search_module, "_validated", until_the_second)
     options = ["--duty-gain", "0.166", "--max-duty", "0.97", "--friction-models", "M1,M2", "-o", str(record)]
     found = run("identify", "servo", *paths, *options, code=130)
     assert "note: stopped by Ctrl-C before M2 could be compared; what was found until then is kept" in found.stderr
@@ -200,3 +200,61 @@ def test_rows_in_one_count_weigh_as_what_they_tell(logs):
     np.testing.assert_allclose(np.add.reduceat(only_counts**2, ends[:-1]), 1.0, rtol=1e-6)
     assert len(position) == len(only_counts)
     assert problem.weights(1.0).min() > 0.999
+
+
+def test_parts_start_from_the_measured_state(logs):
+    """The numbers of the simulation reproduce parts of its logs, but for the counts from which their states are taken."""
+    fast = replace(LOOP, goal_speed_rad_per_s=2.0)
+    for loop, bound in ((LOOP, 2e-3), (fast, 4e-3)):
+        order = order_of("M1", loop, Scales.of(logs), ("offset",))
+        problem = BenchProblem(tuple(logs), loop, order)
+        values = order.matrix @ np.array([TRUE[name] for name in order.names]) + order.fixed
+        whole = problem.predictions(values[None])[0]
+        measured = tuple(replace(log, position=whole[part]) for log, part in zip(logs, problem.parts, strict=True))
+        parts = BenchProblem(measured, loop, order, 0.5)
+        assert np.abs(parts.predictions(values[None])[0] - whole).mean() < bound
+        wrong = BenchProblem(tuple(replace(log, position=log.position + 0.1) for log in measured), loop, order, 0.5)
+        used = np.array([[True, False, True, True]])
+        errors = wrong.errors(np.array([[each.to_coordinate(TRUE[each.name]) for each in order.unknowns]]), used)[0]
+        assert not errors[wrong.parts[1]].any()
+        assert errors[wrong.parts[0]].any()
+
+
+@pytest.mark.parametrize(("count", "folds"), [(1, 1), (2, 2), (4, 4), (6, 6), (8, 4), (16, 2), (40, 2)])
+def test_every_log_is_held_out_once(logs, count, folds):
+    held = search_module.folds([replace(logs[k % 4], p=1.0 + k // 4) for k in range(count)])
+    assert len(held) == folds
+    assert sorted(k for each in held for k in each) == list(range(count if count > 1 else 0))
+
+
+def test_another_seed_finds_the_same_numbers(logs):
+    """Of logs that the model does not describe: friction grows by the load, and M1 has none of that."""
+    order = order_of("M3", LOOP, Scales.of(logs))
+    problem = BenchProblem(tuple(logs), LOOP, order)
+    values = order.matrix @ np.array([TRUE.get(name, 0.4) for name in order.names]) + order.fixed
+    whole = problem.predictions(values[None])[0]
+    wrong = [replace(log, position=whole[part]) for log, part in zip(logs, problem.parts, strict=True)]
+    searches = [aw.identification.ServoSearch(orders=("M1",), seed=seed) for seed in (0, 1)]
+    fits = [aw.identification.identify_servo(wrong, LOOP, search=each, progress=False) for each in searches]
+    assert fits[0].error > 5e-3
+    np.testing.assert_allclose(fits[0].estimate.values, fits[1].estimate.values, rtol=0.02, atol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("whole", "parts", "name", "way"),
+    [
+        ((0.10, 0.02), (0.09, 0.03), "M3", 0),  # whole logs predict best, by M3
+        ((0.10, 0.05), (0.09, 0.03), "M3", 1),
+        ((0.10, 0.05), (0.0303, 0.03), "M1", 1),  # 1 % worse is no worse
+    ],
+)
+def test_what_predicts_held_out_logs_best_is_taken(logs, whole, parts, name, way):
+    problem = BenchProblem(tuple(logs), LOOP, order_of("M1", LOOP, Scales.of(logs)))
+
+    def model(error):
+        return search_module.Validated(problem, np.zeros((4, 5)), np.full(12, error), np.full(4, error))
+
+    models = {each: (model(whole[k]), model(parts[k])) for k, each in enumerate(("M1", "M3"))}
+    chosen, asked = identify_module._chosen(models)
+    assert chosen == name
+    assert asked == {each: ways[way] for each, ways in models.items()}

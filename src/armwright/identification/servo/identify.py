@@ -20,8 +20,14 @@ from armwright.identification.motor.unknowns import values_of
 from armwright.identification.servo.bench import PATHS, ServoLoop, bench_record, loop_of, with_arm_mass
 from armwright.identification.servo.bench_log import BenchLog, as_bench_logs
 from armwright.identification.servo.orders import DELAY, OFFSET, ORDERS
-from armwright.identification.servo.output_error import BenchProblem
-from armwright.identification.servo.search import SETTLED, OrderFit, fit_orders, next_larger, refined
+from armwright.identification.servo.search import (
+    SETTLED,
+    OrderFit,
+    Validated,
+    fitted_to_all,
+    next_larger,
+    validated_orders,
+)
 from armwright.identification.servo.servo_fit import OrderErrors, ServoFit
 from armwright.progress import Shown, automatic
 
@@ -30,6 +36,7 @@ UNITS = {OFFSET: "rad", DELAY: "s"}
 AT_BOUND = 1e-6  # of the range of a coordinate
 UNKNOWN = 1.0  # standard deviation of a logarithm, or in parts of its value beside its scale: more is not determined
 VAGUE = 0.5  # of a torque constant or resistance: a standard deviation from which its 95 % interval holds 0
+FEWEST = 3  # logs whose errors tell by how much a difference of their mean is chance
 NOTHING = 0.02  # of a mean error: models that differ less predict the same
 EXPLAINED = 0.5  # R² of all logs below which the model does not describe them
 
@@ -78,10 +85,12 @@ def identify_servo(
 
     K_t, R and J at the output shaft, friction by one of BAM's models M1 to M6, and q_offset, the angle that gravity's downward
     has beside the servo's 0; the bench is (m l² + m_a l² / 3 + J) q̈ = τ_m + τ_e - friction. [DuclusaudEtAl2025] The supply is
-    as logged. The friction model is the smallest one that predicts logs that were held out no worse than the best, by the
-    standard error of their difference or 2 %; it is then fitted to all logs, in which rows in the same count have its error in
-    common. Intervals count the correlation of the residuals, and by how much the next larger models, where they predict as well,
-    move the numbers.
+    as logged. Every log is held out once: alone up to 6 logs, with others of several, half of them from 16 logs on. The friction
+    model is the smallest one that predicts held-out logs no worse than the best, by the standard error of the difference or 2 %.
+    Each is fitted to whole logs and to parts of 0.5 s that start from the measured state; what predicts held-out logs better is
+    taken, and fitted to all logs, in which rows in the same count have its error in common; of two logs, whole logs. Intervals
+    count the correlation of the residuals, and by how much the numbers are moved by the next larger models, where they predict as
+    well, of two logs by all others, and by whole logs in place of parts.
 
     Args:
         logs: files of BAM's JSON, or `BenchLog`s, of one servo, with any gains, masses, lengths and motions.
@@ -110,32 +119,29 @@ def identify_servo(
         raise ModelError(
             "the goal of this servo jumps", place="free", value="goal_speed", expected="a loop with a goal speed"
         )
-    training, held_out = _split(known)
     with automatic(progress, "fitting") as tell:
         stopped = ""
         try:
-            fits = fit_orders([known[k] for k in training], loop, extra, search.orders, search.seed, tell)
+            models = validated_orders(known, loop, extra, search.orders, search.seed, tell)
         except Interrupted as stop:
-            fits, stopped = stop.found, str(stop)
+            models, stopped = stop.found, str(stop)
             remarks.append(f"stopped by Ctrl-C {stopped}")
-        asked = {name: fit for name, fit in fits.items() if name in search.orders}
-        errors = {name: _mean_errors(fit, [known[k] for k in held_out]) for name, fit in asked.items()}
-        name = _chosen(errors) if held_out else next(iter(asked))
-        fit = asked[name]
-        if held_out:
-            fit = refined(BenchProblem(known, loop, fit.problem.order), fit.z, SETTLED, fit.square)
-        elif len(asked) > 1:
+        name, asked = _chosen({each: model for each, model in models.items() if each in search.orders})
+        if len(known) == 1 and len(asked) > 1:
             remarks.append(
                 f"too few logs to hold one out: {name} is taken, the smallest model (orders=…, --friction-models)"
             )
-    shifts = [
-        _shift(fit, refined(BenchProblem(known, loop, asked[each].problem.order), asked[each].z, square=fit.square))
-        for each in next_larger(name, asked)
-        if held_out and _no_worse(errors[each], errors[name])
-    ]
+        fit = fitted_to_all(asked[name], SETTLED)
+        larger = next_larger(name, asked)
+        if len(known) >= FEWEST:
+            larger = [each for each in larger if _no_worse(asked[each].held_out, asked[name].held_out)]
+        else:  # nothing rules out any of the others
+            larger = [each for each in asked if each != name and len(known) > 1]
+        others = [asked[each] for each in larger] + [models[name][0]] * (asked[name] is not models[name][0])
+        shifts = [_shift(fit, fitted_to_all(each)) for each in others]
     compared = [
-        OrderErrors(each, len(of.z), float(np.mean(_by_log(of.problem, of.errors))), _mean(errors[each]), each == name)
-        for each, of in asked.items()
+        OrderErrors(each, model.z.shape[1], float(model.fitted.mean()), _mean(model.held_out), each == name)
+        for each, model in asked.items()
     ]
     result = _concluded(fit, known, loop, compared, remarks, shifts)
     if stopped:
@@ -143,39 +149,27 @@ def identify_servo(
     return result
 
 
-def _split(logs: Sequence[BenchLog]) -> tuple[list[int], list[int]]:
-    """Numbers of the logs that are fitted to compare models, and of those held out: every other one by gain and way."""
-    if len(logs) < 2:
-        return list(range(len(logs))), []
-    way = [float(np.abs(np.diff(each.position)).sum()) for each in logs]
-    order = sorted(range(len(logs)), key=lambda k: (logs[k].p, way[k]))
-    held = [
-        k for rank, k in enumerate(order) if rank % 4 in (1, 2)
-    ]  # of each four the inner two: no gain, no load left out
-    return [k for k in range(len(logs)) if k not in held], held
-
-
-def _by_log(problem: BenchProblem, errors: np.ndarray) -> list[float]:
-    """Mean absolute error of each log [rad]."""
-    return [float(np.abs(errors[part]).mean()) for part in problem.parts]
-
-
-def _mean_errors(fit: OrderFit, logs: Sequence[BenchLog]) -> np.ndarray:
-    """(logs,) mean absolute errors of other logs; infinite where a simulation diverges [rad]."""
-    if not logs:
-        return np.zeros(0)
-    problem = replace(fit.problem, logs=tuple(logs))
-    return np.nan_to_num(np.array(_by_log(problem, problem.errors(fit.z[None])[0])), nan=np.inf)
-
-
 def _mean(errors: np.ndarray) -> float:
     return float(errors.mean()) if len(errors) else float("nan")
 
 
-def _chosen(errors: dict[str, np.ndarray]) -> str:
-    """The smallest model that predicts held-out logs no worse than the best, as far as `_no_worse` tells."""
-    best = min(errors, key=lambda name: errors[name].mean())
-    return next(name for name in ORDERS if name in errors and _no_worse(errors[name], errors[best]))
+def _chosen(models: dict[str, tuple[Validated, Validated]]) -> tuple[str, dict[str, Validated]]:
+    """The smallest model that predicts held-out logs no worse than the best; all models, of whole logs or of parts as the best.
+
+    Of a single log, which cannot be held out, the smallest; of less than `FEWEST` logs all models are of whole logs.
+
+    Args:
+        models: by name, of whole logs and of parts.
+    """
+    logs = len(next(iter(models.values()))[0].held_out)
+    way = (
+        min((0, 1), key=lambda way: min(each[way].held_out.mean() for each in models.values())) if logs >= FEWEST else 0
+    )
+    asked = {name: each[way] for name, each in models.items()}
+    if not logs:
+        return next(iter(asked)), asked
+    best = min((each.held_out for each in asked.values()), key=np.mean)
+    return next(name for name in ORDERS if name in asked and _no_worse(asked[name].held_out, best)), asked
 
 
 def _no_worse(errors: np.ndarray, best: np.ndarray) -> bool:
@@ -183,7 +177,7 @@ def _no_worse(errors: np.ndarray, best: np.ndarray) -> bool:
     loss = errors - best
     if not np.isfinite(loss).all():
         return False
-    chance = loss.std(ddof=1) / np.sqrt(len(loss)) if len(loss) > 1 else 0.0
+    chance = loss.std(ddof=1) / np.sqrt(len(loss)) if len(loss) >= FEWEST else 0.0
     return bool(loss.mean() <= max(chance, NOTHING * best.mean()))
 
 
@@ -206,8 +200,9 @@ def _concluded(
     shown = [k for k, row in enumerate(order.matrix) if row.any()]
     parts = order.matrix > 0.0
     names = [PATHS.get(order.columns[k], order.columns[k]) for k in shown]
-    measures = agreement(problem.measured, problem.measured - fit.errors)
-    simulated = tuple(log.position - fit.errors[part] for log, part in zip(logs, problem.parts, strict=True))
+    whole = replace(problem, restart=np.inf).predictions(numbers[None])[0]
+    measures = agreement(problem.measured, whole)
+    simulated = tuple(whole[part] for part in problem.parts)
     wrong = _in_words(order.unknowns, at_bound & (order.matrix.sum(axis=0) > 0), ~determined)
     describes = measures.r2 >= EXPLAINED
     if not describes:
@@ -220,12 +215,13 @@ def _concluded(
         each = ", ".join(f"{name} ± {share:.0%}" for name, share in vague.items())
         wrong.append(f"{each} (std): other gains, loads and motions are needed to determine them")
     record = bench_record(logs[0], loop, by_name, by_name[OFFSET])
+    in_parts = f" in parts of {problem.restart:g} s" if problem.restart < np.inf else ""
     estimate = Estimate(
         names=tuple(names),
         values=numbers[shown],
         covariance=every[np.ix_(shown, shown)],
         sha256=_sha256(logs),
-        method=f"output error of positions from goals, friction {order.name}",
+        method=f"output error of positions from goals{in_parts}, friction {order.name}",
         units=tuple(UNITS.get(name) or unit_at(name) for name in names),
         at_bound=np.array([bool(at_bound[parts[k]].all()) for k in shown]),
         identifiable=np.array([bool(determined[parts[k]].all()) for k in shown]),
@@ -247,7 +243,7 @@ def _sha256(logs: Sequence[BenchLog]) -> str:
 
 
 def _shift(fit: OrderFit, larger: OrderFit) -> np.ndarray:
-    """(columns,) by how much a larger model, fitted to the same logs, moves the record's numbers."""
+    """(columns,) by how much a larger model, or another cost, of the same logs moves the record's numbers."""
     return larger.problem.values(larger.z) - fit.problem.values(fit.z)
 
 

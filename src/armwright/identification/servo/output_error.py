@@ -1,4 +1,7 @@
-"""Output error of a servo's bench: every log simulated as a whole from its goals, compared with its positions.
+"""Output error of a servo's bench: every log simulated from its goals, as a whole or in parts, compared with its positions.
+
+A whole log tells the most of a model that is right. Of one that is not, errors grow until the servo rests, and friction that
+holds the joint gives the cost many minima; parts, each from its measured state, keep errors small, and their cost has few minima.
 
 Lanes of the compiled simulator are logs times points of the search, finite differences among them. Friction that holds the joint
 at rest makes the motion bend where it breaks loose, so differences are taken over steps that are large beside rounding. Errors
@@ -9,7 +12,7 @@ wrong for these. So the steps follow the principal directions of the last deriva
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 
@@ -18,7 +21,7 @@ import numpy as np
 from armwright.fitting.levenberg_marquardt import Damping, Descent, descended
 from armwright.identification.motor.unknowns import values_of
 from armwright.identification.servo.bench import JOINT, PATHS, ROD, ServoLoop, bench_record, link_numbers
-from armwright.identification.servo.bench_log import BenchLog
+from armwright.identification.servo.bench_log import LEAST, BenchLog
 from armwright.identification.servo.orders import DELAY, OFFSET, Order
 from armwright.model import Model, build_model
 from armwright.parameters import Batch
@@ -34,6 +37,8 @@ MOST_LANES = 1024  # of a simulation: as many as their rows find room for
 ROUNDING = 1e-9  # of a tick
 EVERY = 4  # turns of the loop from one stored state to the next, between which Hermite's cubic is 1e-5 rad wrong
 LONGEST = 1.0  # of a step in a coordinate: e of a logarithm
+AROUND, BESIDE = 0.04, 2  # [s] and rows: the least before and behind the start of a part that tell its state
+JUMPS = 1e3  # [rad/s] of a goal that is not slowed down
 DAMPING = Damping(first=1e-2, better=0.2, worse=5.0)
 RODS = {"mass": f"{ROD}.mass_kg", "x": f"{ROD}.com_m[0]", "z": f"{ROD}.com_m[2]"}
 
@@ -44,11 +49,13 @@ class BenchProblem:
 
     Attributes:
         logs: with a mass of the rod each.   loop: of the servo.   order: the friction model.
+        restart: [s] after which a simulation starts again from the measured state; infinite: every log is simulated as a whole.
     """
 
     logs: tuple[BenchLog, ...]
     loop: ServoLoop
     order: Order
+    restart: float = np.inf
 
     @cached_property
     def arm(self) -> Model:
@@ -59,8 +66,22 @@ class BenchProblem:
         return build_model(bench_record(self.logs[0], self.loop, _believable(numbers), 0.1))
 
     @cached_property
-    def _driven(self) -> tuple[_Driven, ...]:
-        return tuple(_Driven.of(each, self.loop.period_s) for each in self.logs)
+    def _driven_by_log(self) -> list[list[_Driven]]:
+        speed = self.loop.goal_speed_rad_per_s if self._goals_are_slowed else None
+        return [_parts_of(log, self.restart, speed, self.loop.period_s) for log in self.logs]
+
+    @cached_property
+    def _driven(self) -> list[_Driven]:
+        return [part for parts in self._driven_by_log for part in parts]
+
+    @property
+    def _goals_are_slowed(self) -> bool:
+        """True if parts have goals that already move at the goal's speed: a part does not know where the servo's goal was."""
+        return (
+            self.restart < np.inf
+            and self.loop.goal_speed_rad_per_s is not None
+            and "goal_speed" not in self.order.names
+        )
 
     @property
     def measured(self) -> np.ndarray:
@@ -75,28 +96,34 @@ class BenchProblem:
 
     def only(self, logs: Sequence[int]) -> BenchProblem:
         """The problem of some of its logs."""
-        return BenchProblem(tuple(self.logs[k] for k in logs), self.loop, self.order)
+        return replace(self, logs=tuple(self.logs[k] for k in logs))
 
     def values(self, z: np.ndarray) -> np.ndarray:
         """(…, columns) numbers of the record at coordinates z (…, k)."""
         values, _ = values_of(self.order.unknowns, z)
         return values @ self.order.matrix.T + self.order.fixed
 
-    def predictions(self, values: np.ndarray) -> np.ndarray:
+    def predictions(self, values: np.ndarray, used: np.ndarray | None = None) -> np.ndarray:
         """Positions at the rows of all logs (points, rows) [rad]; not a number where a simulation diverged.
 
         Args:
             values: (points, columns) numbers of the record.
+            used: (points, logs) False for logs that are not simulated: their positions are the measured ones; None: all are.
         """
         found = np.full((len(values), len(self.measured)), np.nan)
-        pairs = np.array([(point, log) for log in range(len(self.logs)) for point in range(len(values))])
+        ends = np.cumsum([0, *(len(each.log.t) for each in self._driven)])
+        pairs = np.array([(point, part) for part in range(len(self._driven)) for point in range(len(values))])
+        if used is not None:
+            of_log = np.array([log for log, parts in enumerate(self._driven_by_log) for _ in parts])
+            pairs = pairs[used[pairs[:, 0], of_log[pairs[:, 1]]]]
+            found[:] = self.measured
         for begin in range(0, len(pairs), MOST_LANES):
             lanes = pairs[begin : begin + MOST_LANES]
             run = Simulation(self._scenario(values, lanes), loop=self._code).run(progress=False, keep_state=False)
             q, qd = run["q"].values[..., 0], run["qd"].values[..., 0]
-            for log in np.unique(lanes[:, 1]):
-                own = lanes[:, 1] == log
-                found[lanes[own, 0], self.parts[log]] = self._driven[log].at_rows(q[own], qd[own])
+            for part in np.unique(lanes[:, 1]):
+                own, rows = lanes[:, 1] == part, slice(ends[part], ends[part + 1])
+                found[lanes[own, 0], rows] = self._driven[part].at_rows(q[own], qd[own])
         return found
 
     @cached_property
@@ -106,10 +133,12 @@ class BenchProblem:
         return Simulation(self._scenario(self.values(guesses), np.zeros((1, 2), dtype=int))).loop
 
     def _scenario(self, values: np.ndarray, lanes: np.ndarray) -> Scenario:
-        """The bench from the goals of its logs; lanes (lanes, 2) are pairs of a point, of `values`, and a log."""
-        driven = [self._driven[log] for log in lanes[:, 1]]
+        """The bench from the goals of its logs; lanes (lanes, 2) are pairs of a point, of `values`, and a part of a log."""
+        driven = [self._driven[part] for part in lanes[:, 1]]
         own = dict(zip(self.order.columns, values[lanes[:, 0]].T, strict=True))
         offset, delay = own.pop(OFFSET), own.pop(DELAY)
+        if self._goals_are_slowed:
+            own["goal_speed"] = np.full(len(lanes), JUMPS)
         vary = {PATHS[name]: Batch(column) for name, column in own.items()}
         rods = [link_numbers(each.log, turn) for each, turn in zip(driven, offset.tolist(), strict=True)]
         vary |= {path: Batch(np.array([each[name] for each in rods])) for name, path in RODS.items()}
@@ -121,21 +150,29 @@ class BenchProblem:
             max(each.duration for each in driven),
             command=Batch([each.goal_after(late) for each, late in zip(driven, delay.tolist(), strict=True)]),
             inputs=Inputs(supply=Batch([each.supply for each in driven]), enabled=Batch([each.on for each in driven])),
-            start=Start(Batch(np.array([[each.log.position[0]] for each in driven]))),
+            start=Start(*(Batch(np.array([[each.start[k]] for each in driven])) for k in range(2))),
             recording=Recording(period=EVERY * self.loop.period_s, what="state"),
             solver=Solver(global_error=False),
             vary=vary,
         )
 
-    def errors(self, z: np.ndarray) -> np.ndarray:
-        """Measured less simulated positions (points, rows) at coordinates z (points, k) [rad]."""
-        return self.measured - self.predictions(self.values(z))
+    def errors(self, z: np.ndarray, used: np.ndarray | None = None) -> np.ndarray:
+        """Measured less simulated positions (points, rows) at coordinates z (points, k) [rad]; 0 of logs that are not used.
 
-    def evaluate(self, z: np.ndarray, steps: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+        Args:
+            z: (points, k).   used: (searches, logs) as `predictions` has it, for so many points in turn; None: all.
+        """
+        each = None if used is None else np.repeat(used, len(z) // len(used), axis=0)
+        return self.measured - self.predictions(self.values(z), each)
+
+    def evaluate(
+        self, z: np.ndarray, steps: np.ndarray | None = None, used: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Errors (points, rows) and their derivatives (points, rows, k) by the coordinates.
 
         Args:
             z: (points, k).   steps: (points, k, k) over which differences are taken; None: one along each coordinate.
+            used: (points, logs) False for logs that are left out; None: none is.
         """
         points, k = z.shape
         low, high = self.order.low, self.order.high
@@ -144,7 +181,7 @@ class BenchProblem:
         shorter = np.linalg.norm(ahead, axis=2) < np.linalg.norm(back, axis=2)  # cut off at a bound
         moved = np.where(shorter[:, :, None], back, ahead)
         every = np.concatenate([z[:, None], z[:, None] + moved], axis=1).reshape(-1, k)
-        errors = self.errors(every).reshape(points, 1 + k, -1)
+        errors = self.errors(every, used).reshape(points, 1 + k, -1)
         changes = np.nan_to_num(errors[:, 1:] - errors[:, :1])
         return errors[:, 0], np.matmul(np.linalg.pinv(moved), changes).transpose(0, 2, 1)
 
@@ -178,20 +215,26 @@ class BenchProblem:
         return np.concatenate(found)
 
     def descend(
-        self, z: np.ndarray, rounds: int, trials: float, settled: float, weights: np.ndarray | None = None
+        self,
+        z: np.ndarray,
+        rounds: int,
+        settled: float,
+        weights: np.ndarray | None = None,
+        used: np.ndarray | None = None,
     ) -> Descent:
         """Searches from coordinates z (points, k), within bounds, until a step gains less than a share `settled` of the cost.
 
         Args:
-            z: to begin with.   rounds: steps that help.   trials: steps.   settled: share of the cost.
+            z: to begin with.   rounds: steps that help, and half as many again that do not.   settled: share of the cost.
             weights: (rows,) of the errors, for steps that follow narrow valleys as well, where most of the way is along one;
                 None: 1, and straight steps.
+            used: (points, logs) False for logs that a search leaves out; None: none does.
         """
         low, high, weight = self.order.low, self.order.high, 1.0 if weights is None else weights
         steps: list[np.ndarray] = []  # of the last point, for the next
 
         def evaluate(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            errors, jacobian = self.evaluate(x, steps.pop() if steps else None)
+            errors, jacobian = self.evaluate(x, steps.pop() if steps else None, used)
             found = errors * weight, (jacobian.transpose(0, 2, 1) * weight).transpose(0, 2, 1)
             steps.append(self.steps_by(x, *found))
             return found
@@ -206,7 +249,8 @@ class BenchProblem:
             return np.clip(x + step, low, high)
 
         begun = Descent.begin(evaluate, np.clip(z, low, high), DAMPING.first)
-        errors = None if weights is None else lambda x: self.errors(x) * weights
+        errors = None if weights is None else lambda x: self.errors(x, used) * weights
+        trials = rounds + rounds // 2
         return descended(
             evaluate, begun, damping=DAMPING, move=move, ends=ends, rounds=rounds, trials=trials, box=box, errors=errors
         )
@@ -214,16 +258,17 @@ class BenchProblem:
 
 @dataclass(frozen=True, eq=False)
 class _Driven:
-    """A log on the ticks of the servo's loop, time 0 at its first row.
+    """A log, or a part of one, on the ticks of the servo's loop, time 0 at its first row.
 
     Attributes:
-        log: whose motion it is.   goal, supply, on: held from tick to tick.   times: of the rows of `goal` [s].
-        duration: [s].
+        log: whose motion it is.   start: position and speed at its first row [rad, rad/s].
+        goal, supply, on: held from tick to tick.   times: of the rows of `goal` [s].   duration: [s].
         period: from one stored state to the next [s].   before: (k,) the one before each row.
         part: (k,) of the way to the next.
     """
 
     log: BenchLog
+    start: tuple[float, float]
     goal: Schedule
     supply: Schedule
     on: Schedule
@@ -234,8 +279,8 @@ class _Driven:
     part: np.ndarray
 
     @classmethod
-    def of(cls, log: BenchLog, period: float) -> _Driven:
-        """A log; what comes between two turns of the loop is read by the next."""
+    def of(cls, log: BenchLog, start: tuple[float, float], period: float) -> _Driven:
+        """A log from its first state; what comes between two turns of the loop is read by the next."""
         t = (log.t - log.t[0]) / period
         ticks = np.ceil(t - ROUNDING)
         last = np.append(np.diff(ticks) > 0, True)  # of rows within a tick the last one
@@ -248,7 +293,7 @@ class _Driven:
         before = np.floor(at + ROUNDING).astype(int)
         duration = float(before[-1] + 1) * EVERY * period
         schedules = (held(log.goal, JOINT), held(log.supply, "supply"), held(log.on, JOINT))
-        return cls(log, *schedules, log.t[last] - log.t[0], duration, EVERY * period, before, at - before)
+        return cls(log, start, *schedules, log.t[last] - log.t[0], duration, EVERY * period, before, at - before)
 
     def goal_after(self, delay: float) -> Schedule:
         """The goal so many seconds late: between rows it is on the line from one to the next."""
@@ -266,6 +311,42 @@ class _Driven:
             + b * (s**2 * (3 - 2 * s))
             + h * (qd[:, k] * (s * (1 - s) ** 2) - qd[:, k + 1] * (s**2 * (1 - s)))
         )
+
+
+def _parts_of(log: BenchLog, restart: float, goal_speed: float | None, period: float) -> list[_Driven]:
+    """Parts of a log, about as long as `restart` [s], each from the measured state: a parabola through the rows around it.
+
+    Args:
+        goal_speed: [rad/s] with which the goals are to move; None: as logged.   period: of the servo's loop [s].
+    """
+    t = log.t - log.t[0]
+    count = max(1, min(round(t[-1] / restart), len(t) // LEAST))
+    first = [len(t) * k // count for k in range(count + 1)]
+    goal = log.goal if goal_speed is None else _slowed(log, goal_speed)
+    found = []
+    for a, b in pairwise(first):
+        start = (float(log.position[0]), 0.0)
+        if a:
+            near = np.abs(t - t[a]) <= AROUND
+            near[a - BESIDE : a + BESIDE + 1] = True
+            _, speed, position = np.polyfit(t[near] - t[a], log.position[near], 2)
+            start = (float(position), float(speed))
+        columns = {"t": log.t, "position": log.position, "goal": goal, "on": log.on, "supply": log.supply}
+        part = replace(log, **{name: values[a:b] for name, values in columns.items()})
+        found.append(_Driven.of(part, start, period))
+    return found
+
+
+def _slowed(log: BenchLog, speed: float) -> np.ndarray:
+    """Goals (k,) that move to the logged ones at most at a speed [rad/s], each in the middle of the time to the next row."""
+    goal, found = log.position[0], []
+    for wanted, on, position, step in zip(
+        log.goal, log.on, log.position, speed * np.diff(log.t, append=np.inf), strict=True
+    ):
+        before, way = goal if on else position, wanted - goal
+        goal = before + min(max(way, -step), step) if on else position
+        found.append(before + min(max(way, -step / 2), step / 2) if on else position)
+    return np.array(found)
 
 
 def _believable(numbers: dict[str, float]) -> dict[str, float]:

@@ -27,7 +27,7 @@ class OrderErrors:
 
     Attributes:
         order: "M1" … "M6".   unknowns: how many numbers it has.   fitted: mean error on the logs that it was fitted to [rad].
-        held_out: the same of logs that it had not seen [rad]; NaN without such.   chosen: whether it is the one of the result.
+        held_out: mean error of all logs, each by a fit without it [rad]; NaN of a single log.   chosen: True of the result's.
     """
 
     order: str
