@@ -155,3 +155,10 @@ def test_pictures_of_equal_runs_are_equal_bytes(ending, tmp_path, monkeypatch):
         monkeypatch.setenv("SOURCE_DATE_EPOCH", str(1_000_000_000 * (k + 1)))
         aw.plot(invented(aw.load("two-link"), rows=5), tmp_path / f"{name}.{ending}")
     assert (tmp_path / f"one.{ending}").read_bytes() == (tmp_path / f"two.{ending}").read_bytes()
+
+
+def test_a_run_of_reducers_alone_is_told_from_what_is_no_run():
+    recording = aw.Recording(what="none", reduce=["peak_torque"])
+    with pytest.raises(RunError) as caught:
+        aw.plot(aw.simulate(aw.Scenario("two-link", 0.01, [0.0, 0.0], recording=recording)))
+    assert caught.value.expected.startswith("a run that recorded rows")

@@ -152,3 +152,18 @@ def test_findings_that_differ_in_names_and_numbers_are_one_kind(tmp_path):
     console = run_here(["armwright", "check", path.name], tmp_path).stdout
     assert console.count("error: ") == 1
     assert "3 errors" in console
+
+
+def test_names_with_numbers_are_listed_and_no_range(tmp_path):
+    reduction = '<actuator name="m"><mechanicalReduction>{}</mechanicalReduction></actuator>'
+    geared = (
+        f'<transmission name="t{k}"><joint name="Achse {k}"/>{reduction.format(50 * k)}</transmission>' for k in (1, 2)
+    )
+    joints = (
+        urdf_joint("Achse 1", "base", "upper", AXIS + LIMIT),
+        urdf_joint("Achse 2", "upper", "hand", AXIS + LIMIT),
+    )
+    path = written(tmp_path, robot(link("base", ""), link("upper"), link("hand"), *joints, *geared))
+    (kind,) = [each for each in aw.robotfiles.check(path).kinds() if "gear ratio" in each.problem.what]
+    assert kind.problem.place == "joints 'Achse 1', 'Achse 2'"
+    assert "50 to 100" in kind.problem.what

@@ -75,6 +75,26 @@ def test_filled_in_it_is_an_arm_whose_drives_have_all_that_they_need(tmp_path, s
     assert np.isfinite(aw.simulate(aw.Scenario(arm, 0.001, np.zeros(arm.n)))["q"].values).all()
 
 
+@pytest.mark.parametrize("command", ["voltage", "torque"])
+def test_gear_ratios_of_transmissions_are_kept(tmp_path, command):
+    transmission = (
+        '<transmission name="t"><joint name="j 1.0"/><actuator name="m"><mechanicalReduction>-120</mechanicalReduction>'
+        "</actuator></transmission>"
+    )
+    start = written(
+        tmp_path, robot(link("base", ""), link("upper"), urdf_joint("j 1.0", "base", "upper"), transmission)
+    )
+    path = tmp_path / "new.toml"
+    notes = aw.robotfiles.new_robot(path, start, command=command)
+    assert not any("gear ratio" in note for note in notes)
+    done, _ = filled_in(path.read_text(encoding="utf-8"))
+    path.write_text(done, encoding="utf-8")
+    arm = aw.load(path)
+    assert float(arm.coordinates[0].drive.gear_ratio) == -120.0
+    assert arm.provenance('"j 1.0".motor.gear_ratio').kind == "import"
+    assert any("gear ratio" in note for note in aw.load(start).warnings)  # a URDF alone has no motor
+
+
 def test_every_value_says_what_is_wanted_and_where_it_is_found(tmp_path):
     path = tmp_path / "new.toml"
     aw.robotfiles.new_robot(path, joints=1, command="voltage")

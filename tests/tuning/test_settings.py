@@ -6,8 +6,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 import armwright as aw
+from armwright.tuning.pictures import draw_front
+from armwright.tuning.search import Tried
 from raises_at import raises_at
 
 pytest.importorskip("cma", reason="cma is not installed: pip install armwright[control]")
@@ -101,6 +104,17 @@ def test_nothing_that_was_tried_surpasses_the_front_and_all_of_it_keeps_the_marg
         assert loop.keeps(loop.slopes(q, loop.gains), 1.98, 0.69).all()
     with pytest.raises(aw.ArmwrightError, match="two objectives"):
         tuned.tried.front(("rms_error", "energy"))
+
+
+def test_an_objective_that_is_always_0_is_not_magnified():
+    values = np.array([[1.0, 0.0], [0.9, 0.0]])
+    figure = Figure()
+    draw_front(
+        figure, Tried(("rms_error", "saturation"), values, np.ones((2, 4)), values[0]), values[1], "black", "grey"
+    )
+    low, high = figure.axes[0].get_ylim()
+    assert -0.05 < low < 0.0 < high < 0.05
+    assert high - low > 1e-3
 
 
 def test_the_front_is_drawn(tuned, tmp_path):

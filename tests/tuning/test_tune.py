@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 import armwright as aw
+from armwright.tuning.margins import MarginTest
 from armwright.tuning.objective import Objective
+from armwright.tuning.space import GainSpace
 from raises_at import raises_at
 
 pytest.importorskip("cma", reason="cma is not installed: pip install armwright[control]")
@@ -139,10 +141,25 @@ def test_a_start_without_margins_is_tuned_for_them_or_refused():
         pytest.fail(f"returned {found.gains}")
 
 
-def test_runs_that_fail_count_as_infinite():
-    from armwright.tuning.objective import Objective
-    from armwright.tuning.space import GainSpace
+def test_a_start_without_margins_is_tuned_from_the_gains_that_loops_recommends():
+    fast = scenario(kp=(9000.0, 1200.0), kd=(300.0, 60.0))
+    slower = aw.loops.analyse_loops(fast, poses=100).remedies.gains
+    found = quick(fast, generations=1, candidates=4)
+    assert not found.start_keeps
+    nearest = [np.abs(row / np.concatenate([slower["kp"], slower["kd"]]) - 1.0).max() for row in found.tried.gains]
+    assert min(nearest) < 1e-3  # rounded to four digits
 
+
+def test_gains_that_fail_at_all_poses_are_told_apart():
+    fast = scenario(kp=(24000.0, 4800.0), kd=(1000.0, 200.0))
+    margins = MarginTest(fast, GainSpace.of(fast, None), 100, 0, (2.0, np.pi / 6.0))
+    fastest = np.array([24000.0, 4800.0, 1000.0, 200.0])
+    gains = np.array([fastest, 0.9 * fastest, [600.0, 120.0, 60.0, 10.0]])
+    far, near, kept = margins.excess(gains)
+    assert far > near > kept == 0.0
+
+
+def test_runs_that_fail_count_as_infinite():
     one = scenario(vary={"forearm.mass_kg": aw.Batch([3.0, 4.0, 5.0, 6.0])})
     space = GainSpace.of(one, None)
     objective = Objective(one, space, {"rms_error": 1.0}, {}, worst=False, linear=lambda name, gains: gains)

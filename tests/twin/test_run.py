@@ -250,6 +250,13 @@ def test_monitors_are_numbers(scenario, bus, arguments, places):
     assert all(problem.expected for problem in error.value.problems)
 
 
+def test_servos_are_sent_to_their_own_line():
+    loop = aw.Loop(aw.JointPID(kp=1.0), np.zeros(6), period=0.02)
+    with pytest.raises(BusError) as caught:
+        rehearse(aw.Scenario("so101", 0.1, loop=loop))
+    assert all("--serial" in problem.expected for problem in caught.value.problems)
+
+
 def test_drives_that_take_voltages_are_refused():
     loop = aw.Loop(lambda t, r, y: 0.0 * y.q, period=4e-3)
     with raises_at(BusError, "command", "puma560", value="voltage"):

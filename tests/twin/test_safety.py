@@ -136,6 +136,15 @@ def test_the_verdict_is_the_scenarios_own(scenario, tmp_path):
     assert len(permission.sha256) == 64
 
 
+def test_a_step_at_the_start_is_said(scenario):
+    began = scenario.initial_state[0, : scenario.arm.n]
+    still = rehearse(replace(scenario, loop=replace(scenario.loop, reference=began)))
+    away = rehearse(replace(scenario, loop=replace(scenario.loop, reference=began + 0.05 * np.eye(len(began))[0])))
+    said = [line for line in away.sentences() if line not in still.sentences()]
+    assert [line.partition(": ")[0] for line in said] == [scenario.arm.names[0]]
+    assert "0.05 rad" in said[0]
+
+
 def test_reduced_runs_are_slower_and_weaker(scenario):
     full, slow = rehearse(scenario), rehearse(reduced(scenario, 0.25, 0.3))
     assert slow.recording.ticks == 4 * full.recording.ticks

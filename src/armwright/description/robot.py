@@ -7,7 +7,7 @@ from copy import copy
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Union
 
 import numpy as np
-from pydantic import Discriminator, Field, Tag, create_model, model_validator
+from pydantic import Discriminator, Field, PrivateAttr, Tag, create_model, model_validator
 
 from armwright.description.consistency import check_robot
 from armwright.description.drive import (
@@ -318,6 +318,7 @@ class RobotDescription(Record):
     links: tuple[Link, ...] = Field(description="One table a link.")
     frames: tuple[NamedFrame, ...] = Field(default=(), description="One table a named frame.")
     cylinders: tuple[CylinderRecord, ...] = Field(default=(), description="Gas springs and counterbalance cylinders.")
+    _gear_ratios: Mapping[str, float] = PrivateAttr(default_factory=dict)
 
     @model_validator(mode="before")
     @classmethod
@@ -337,6 +338,17 @@ class RobotDescription(Record):
     def moving_joints(self) -> tuple[MovingJoint, ...]:
         """The joints that move, in the file's order."""
         return tuple(joint for joint in self.joints if isinstance(joint, MovingJoint))
+
+    @property
+    def gear_ratios(self) -> Mapping[str, float]:
+        """Gear ratios, by joint, that a URDF states of joints without a motor."""
+        return self._gear_ratios
+
+    def with_gear_ratios(self, ratios: Mapping[str, float]) -> RobotDescription:
+        """The same with gear ratios of joints without a motor."""
+        robot = self.model_copy()
+        robot._gear_ratios = dict(ratios)
+        return robot
 
     @property
     def end_of_chain(self) -> str | None:

@@ -24,7 +24,7 @@ WHERE = {  # key → where to find it
     "resistance_ohm": 'datasheet of the motor: "terminal resistance" or R; between two phases with basis = "line_rms"',
     "voltage_v": 'datasheet of the drive: "supply voltage" or "output voltage"',
     "current_a": 'datasheet of the drive: "peak output current"; of the motor: "maximum current"; the smaller of the two',
-    "position_rad": "datasheet of the arm: range of the joint; 1° = 0.0174533 rad",
+    "position_rad": "datasheet of the arm: range of the joint; 1° = 0.0174533 rad; no such line if it turns without end",
     "position_m": "datasheet of the arm: travel of the joint",
     "velocity_rad_per_s": "datasheet of the arm, or the motor's largest speed over the gear ratio; 1 rpm = 0.10472 rad/s",
     "velocity_m_per_s": "datasheet of the arm, or the motor's largest speed over the gear ratio",

@@ -132,7 +132,9 @@ def goal_search(chain: JointChain, goal: Best, tolerance: float) -> Program:
         tried = scalar.where(first, 0.0, old["corrections"][0])
         corrects = (1.0 - met) * scalar.less(tried, float(CORRECTIONS))
         way = chosen(better, _descent_direction(chain, q, slope, -gradient, metric), old["way"])
-        length = scalar.where(better, scalar.minimum(old["length"][0] * GROW, MOST_LENGTH[goal]), old["length"][0] * SHRINK)
+        length = scalar.where(
+            better, scalar.minimum(old["length"][0] * GROW, MOST_LENGTH[goal]), old["length"][0] * SHRINK
+        )
         length = scalar.where(first, 1.0, scalar.where(corrects, old["length"][0], length))
         kept = chosen(better, q, old["q"])
         least = scalar.where(better, value, old["least"][0])

@@ -126,8 +126,11 @@ def in_order(run: xr.Dataset) -> xr.Dataset:
             those of single variables, such as the entries of a sensor's signal, stay behind.
     """
     check_run(run)
-    if "time" not in run.coords or "joint" not in run.coords:
-        raise RunError(f"no coordinate {'joint' if 'time' in run.coords else 'time'!r}", expected=A_RUN)
+    if "time" not in run.coords:
+        expected = "a run that recorded rows, which what = 'none' does not; `aw.statistics` has the results of reducers"
+        raise RunError("no coordinate 'time'", expected=expected)
+    if "joint" not in run.coords:
+        raise RunError("no coordinate 'joint'", expected=A_RUN)
     for dim, coordinates in {"joint": ("joint", "kind", "command"), "time": ("time",)}.items():
         if dim not in run.dims:
             varying = [name for name, variable in run.variables.items() if name in LONG_NAMES or name in coordinates]

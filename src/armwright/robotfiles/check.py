@@ -197,5 +197,9 @@ def check(name_or_path: str | os.PathLike[str] | Model | RobotDescription, **rea
 
 
 def _finding(check: str, note: Problem | str, level: Level = "warning") -> Finding:
-    """A finding; remarks of a file are text."""
-    return Finding(level, check, note if isinstance(note, Problem) else Problem(note))
+    """A finding; remarks of a file are text, of which what names joints or links is the place."""
+    if isinstance(note, Problem):
+        return Finding(level, check, note)
+    place, colon, what = note.partition(": ")
+    named = colon and NAMED.fullmatch(place)
+    return Finding(level, check, Problem(what, place) if named else Problem(note))

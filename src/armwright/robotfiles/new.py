@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator
+import tomllib
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 from armwright.description import RobotDescription, read_description
 from armwright.description.drive import COMMAND_NEEDS
 from armwright.description.todo import TODO, todo_problems
+from armwright.description.urdf.reader import UNUSED
 from armwright.description.writer import for_folder, to_toml
 from armwright.errors import DescriptionError, OutputError
 from armwright.joint_kinds import KINDS, JointUnits
@@ -91,12 +93,15 @@ def new_robot(
     if source is None:
         if isinstance(joints, bool) or not isinstance(joints, int) or not 1 <= joints <= MOST_JOINTS:
             raise DescriptionError(place="joints", value=joints, expected=f"a whole number from 1 to {MOST_JOINTS}")
-        text, notes = _empty(target.stem, joints), ()
+        text, notes, ratios = _empty(target.stem, joints), (), {}
     else:
         robot = read_description(source, **reading)
         text, notes = _written_for(robot, target.parent)
+        ratios = {
+            name: f'{{ value = {ratio!r}, source = "{robot.source}" }}' for name, ratio in robot.gear_ratios.items()
+        }
     with whole_file(target) as temporary:
-        temporary.write_text(_with_comments(_with_drives(text, command)), encoding="utf-8", newline="\n")
+        temporary.write_text(_with_comments(_with_drives(text, command, ratios)), encoding="utf-8", newline="\n")
     return notes
 
 
@@ -112,11 +117,16 @@ def _empty(name: str, joints: int) -> str:
 def _written_for(robot: RobotDescription, folder: Path) -> tuple[str, tuple[str, ...]]:
     """The text of a description for another folder, and its remarks."""
     plain, lost = for_folder(robot.model_copy(update={"remarks": (), "built_from": None}), folder)
-    return to_toml(plain, folder), (*robot.remarks, *(f"left out: {each}" for each in lost))
+    doubts = (each for each in robot.remarks if UNUSED not in each)  # here the motor has its gear ratio
+    return to_toml(plain, folder), (*doubts, *(f"left out: {each}" for each in lost))
 
 
-def _with_drives(text: str, command: str) -> str:
-    """The canonical text of a robot with TODO for all that its drives need and that is not there."""
+def _with_drives(text: str, command: str, ratios: Mapping[str, str]) -> str:
+    """The canonical text of a robot with TODO for all that its drives need and that is not there.
+
+    Args:
+        ratios: texts of gear ratios that are known, by joint.
+    """
     blocks = re.split(r"\n(?=\[)", text.rstrip("\n") + "\n")
     about = (
         f'# Fill in each "{TODO}"; the comment beside it says what is wanted, and where a datasheet has it.\n'
@@ -138,12 +148,12 @@ def _with_drives(text: str, command: str) -> str:
         while k < len(blocks) and blocks[k].startswith("[joints."):
             tables[blocks[k].partition("]")[0].removeprefix("[joints.")] = blocks[k]
             k += 1
-        done += _joint(tables, command)
+        done += _joint(tables, command, ratios.get(tomllib.loads(block)["joints"][0]["name"]))
     return "\n".join(done)
 
 
-def _joint(tables: dict[str, str], command: str) -> Iterator[str]:
-    """The tables of a joint, those of its drive filled up."""
+def _joint(tables: dict[str, str], command: str, ratio: str | None) -> Iterator[str]:
+    """The tables of a joint, those of its drive filled up; `ratio` is the text of its gear ratio, if known."""
     own = tables.pop("")
     yield own
     kind = next(kind for name, kind in KINDS.items() if f'type = "{name}"' in own)
@@ -157,7 +167,8 @@ def _joint(tables: dict[str, str], command: str) -> Iterator[str]:
             besides = [
                 each for each in OPTIONAL.get(name, {}).get(command, ()) if f"\n{each.split()[0]} = " not in lines
             ]
-            tables[name] = lines + "".join(f"{key} = {quoted}\n" for key in missing if not is_known)
+            values = {"gear_ratio": ratio or quoted}
+            tables[name] = lines + "".join(f"{key} = {values.get(key, quoted)}\n" for key in missing if not is_known)
             tables[name] += "".join(f"# {each}\n" for each in besides)
     yield from tables.values()
 

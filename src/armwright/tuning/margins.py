@@ -9,11 +9,12 @@ import numpy as np
 from armwright.control.analysis.instability import growing_mode
 from armwright.control.analysis.linear_loop import LinearLoop
 from armwright.control.analysis.regions import longest_delay, longest_period, margins_text
+from armwright.control.analysis.remedies import slower_gains
 from armwright.control.analysis.workspace import joint_inertias
 from armwright.errors import ScenarioError
 from armwright.simulation.scenario import Scenario
 from armwright.tuning.linear_measures import measure
-from armwright.tuning.space import GainSpace
+from armwright.tuning.space import GainSpace, rounded
 
 WATCHED = 6  # poses that all candidates are judged at; each that a best one fails at joins them
 
@@ -63,6 +64,11 @@ class MarginTest:
             kept += self._loop.keeps(self._loop.slopes(self.poses[k], gains), *self.asked)
         return 1.0 - kept / len(self._watched)
 
+    def excess(self, gains: np.ndarray) -> np.ndarray:
+        """(candidates,) by how much the largest radius of gains exceeds 1, in the mean over the watched poses."""
+        radii = [self._loop.largest_radius(self._loop.slopes(self.poses[k], gains), *self.asked) for k in self._watched]
+        return np.maximum(np.array(radii) - 1.0, 0.0).mean(axis=0)
+
     def measured(self, name: str, gains: np.ndarray) -> np.ndarray:
         """(candidates, n) of a measure of the linear loop, the largest over the initially watched poses."""
         return measure(name, self._loop, self.poses[list(self._measured)], gains)
@@ -73,6 +79,16 @@ class MarginTest:
         failing = [int(k) for k in np.flatnonzero(~kept) if k not in self._watched]
         self._watched += failing[:1]
         return bool(kept.all())
+
+    def slower(self) -> np.ndarray | None:
+        """(gains * n,) the start with lower bandwidths, as `armwright loops` recommends it; None if it lacks the margins."""
+        space, n = self._space, self._space.n
+        _, gains = slower_gains(LinearLoop(self._one), self.poses, self.asked)
+        row = space.start.copy()
+        for k, name in enumerate(space.names):
+            row[k * n : (k + 1) * n] = gains.get(name, row[k * n : (k + 1) * n])
+        row = np.clip(rounded(row), space.low, space.high)
+        return row if self.keeps(row) else None
 
     def refusal(self) -> ScenarioError:
         """The error for a search without feasible gains, with the period or delay at which the start gains would be feasible."""

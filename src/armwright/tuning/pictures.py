@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 BLUE, ORANGE = "#2a7fc9", "#e07b1f"  # that are seen on white and on black
 FAR = 3.0  # times the start or the front's far ends: gains beyond are not drawn
+LEAST = 0.1  # of an axis, in parts of the start or as a share: smaller differences are not magnified
 
 
 def draw_front(figure: Figure, tried: Tried, chosen: np.ndarray, ink: str, quiet: str) -> None:
@@ -30,7 +31,7 @@ def draw_front(figure: Figure, tried: Tried, chosen: np.ndarray, ink: str, quiet
     front = tried.values[places][:, :2]
     marks = np.vstack([tried.first[None, :2], chosen[None, :2], front])
     ends = np.array([marks.min(axis=0), marks.max(axis=0)])
-    room = 0.06 * np.maximum(ends[1] - ends[0], 1e-3 * np.maximum(ends[1], 1e-9))
+    room = 0.06 * np.maximum(ends[1] - ends[0], LEAST)
     far = (
         np.minimum(tried.values[:, :2].max(axis=0), np.maximum(FAR * tried.first[:2], ends[1]))
         if len(front)

@@ -66,6 +66,16 @@ class GainSearch:
         self.begun: np.ndarray | None = objective.space.start
         self.tried: list[tuple[np.ndarray, np.ndarray]] = []
 
+    def begin_at(self, gains: np.ndarray) -> None:
+        """Begins at gains (gains * n,) that keep the margins at all poses, where the start does not."""
+        values = self.objective.values(gains[None], self.lanes)
+        score = float(self.objective.score(values, self.scales)[0])
+        self.begun, self.simulated = gains, self.simulated + len(self.lanes)
+        if np.isfinite(score):
+            self.best, self.score = gains, score
+            means = self.objective.means(values, self.scales)
+            self.tried.append((gains, np.array([float(each[0]) for each in means.values()])))
+
     def run(self, method: str, generations: int, candidates: int | None, seed: int, progress: Progress) -> None:
         """Runs all generations."""
         space = self.objective.space
@@ -90,6 +100,8 @@ class GainSearch:
         """
         gains, failing, lowered = self._lowered(gains)
         scores, kept = REFUSED * (1.0 + failing), np.flatnonzero(failing == 0.0)
+        if not kept.size:  # equal scores would end the search
+            scores += REFUSED * self.margins.excess(gains)
         if kept.size:
             values = self.objective.values(gains[kept], self.lanes)
             found = self.objective.score(values, self.scales)

@@ -125,6 +125,9 @@ def _tuned(scenario: Scenario, arguments: Mapping[str, Any], progress: Progress)
         objective = replace(objective, levels={name: float(each[0]) for name, each in means.items()})
     budget = (asked["method"], asked["generations"], asked["candidates"], number)
     search = GainSearch(objective, constraint, scales, tuned_in, first if constraint.keeps(space.start) else np.inf)
+    slower = None if search.start_keeps else constraint.slower()
+    if slower is not None:
+        search.begin_at(slower)
     total = asked["generations"] * (1 + asked["front"])
     stopped = False
     try:

@@ -14,7 +14,7 @@ from armwright.export.controller.recording import ControllerRecording, record
 from armwright.export.controller.stages import ControllerStages
 from armwright.results.result import Result
 from armwright.results.table import Table, number
-from armwright.simulation.loop.references import reference_rows
+from armwright.simulation.loop.references import AWAY, reference_rows
 from armwright.simulation.scenario import Scenario
 from armwright.trajectory.limits import MotionLimits
 from armwright.trajectory.online import filtered
@@ -70,6 +70,19 @@ class SimulatedRun(Result):
     def heading(self) -> str:
         """Name above its table and on its page."""
         return f"{self.scenario.arm.name}: rehearsal of {self.recording.ticks * self.stages.period:.4g} s"
+
+    def step_at_start(self) -> list[str]:
+        """A sentence where the reference begins away from the arm's initial position."""
+        start, first = self.scenario.initial_state[0, : self.scenario.arm.n], self.reference[0]
+        step = np.abs(first - start)
+        if step.max() < AWAY:
+            return []
+        body = self.scenario.arm.coordinates[int(step.argmax())]
+        pose = ", ".join(f"{value + 0.0:.4g}" for value in first.round(9))
+        return [
+            f"{body.joint}: the reference begins {step.max():.4g} {body.kind.units.position} from where the arm starts, "
+            f"a step in the first tick; start q = [{pose}] begins on the reference"
+        ]
 
     def check_limits(self, count: np.ndarray) -> None:
         """Refuses motions beyond the limits of joints.
@@ -141,8 +154,8 @@ class Rehearsal(SimulatedRun):
         return [Table(self.heading, heads, rows)]
 
     def sentences(self) -> list[str]:
-        """The load of the bus."""
-        return [str(self.load)]
+        """The load of the bus, and a step at the start."""
+        return [str(self.load), *self.step_at_start()]
 
 
 def rehearse(

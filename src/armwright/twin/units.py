@@ -110,9 +110,10 @@ def _refused(body: Body, arm: str) -> list[Problem]:
         what = f"the motor of joint {body.joint!r} is turned by other joints too"
         return [Problem(what, "motor.coupling", expected="one drive for each joint")]
     if body.drive.command in ("voltage", "position"):
-        taken = "voltages" if body.drive.command == "voltage" else "goals, as servos do"
-        what = f"the drive of joint {body.joint!r} of {arm} takes {taken}"
-        return [Problem(what, "command", body.drive.command, "'current' or 'torque', as CiA 402 drives take")]
+        is_servo = body.drive.command == "position"
+        what = f"the drive of joint {body.joint!r} of {arm} takes {'goals, as servos do' if is_servo else 'voltages'}"
+        expected = "'current' or 'torque', as CiA 402 drives take" + "; servos have a serial line (--serial)" * is_servo
+        return [Problem(what, "command", body.drive.command, expected)]
     problems = []
     if not np.isfinite(_most(body)):
         expected = "torque_n_m or current_a in the record: the bus carries thousandths of the rated torque"

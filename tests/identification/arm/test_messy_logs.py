@@ -118,3 +118,21 @@ def test_fits_of_worn_logs_are_those_of_the_clean_one(recorded, name, tmp_path):
     validated = aw.identification.validate(found.write(tmp_path / "arm.toml"), log, simulation=False)
     for joint, r2 in zip(recorded.machine.names, found.fit.r2, strict=True):
         assert validated.of("torque", joint).overall.r2 == pytest.approx(r2, abs=0.01)
+
+
+def test_friction_of_a_joint_that_only_noise_moves_is_not_stated(tmp_path):
+    machine, rng = Machine.written(tmp_path, 3, 4), np.random.default_rng(4)
+    t = np.arange(int(RATE * SECONDS)) / RATE
+    q, qd, qdd = (
+        np.where([True, False, True], each, still)
+        for each, still in zip(Motion.of(3, 4).at(t), (0.3, 0, 0), strict=True)
+    )
+    torque = machine.torque(q, qd, qdd)
+    noise = rng.normal(size=(2, *q.shape))
+    signals = {"position": q + 2e-5 * noise[0], "torque": torque + 0.02 * torque.std(axis=0) * noise[1]}
+    log = read(written(tmp_path, "still", machine.names, {"t": t, **signals}))
+    assert [each.problem.place for each in log.findings if "at rest" in each.problem.what] == [f"q {machine.names[1]}"]
+    found = aw.identification.identify_arm(log, machine.arm, checks=())
+    assert found.verdict == "not identified"
+    assert {"fv1", "fc1", "fv3", "fc3"} < set(found.fit.base.names)
+    assert not any("fv2" in name or "fc2" in name for name in found.fit.base.names)

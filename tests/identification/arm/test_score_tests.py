@@ -55,7 +55,7 @@ SAID = {
     "zero": r"j3: the zero of its position is -0\.(2[89]|3[01])\d* rad off",
     "late": r"j3: its torques come 0\.0(09|10|11|12)\d* s after its motion",
     "outliers": r"warning: run1: tau j3: \d+ rows \((0\.[89]|1\.0)\d*%\) by more than",
-    "clipped": r"j3: \d+% of its torques are cut off at a limit, and not fitted",
+    "clipped": r"j3: \d+% of its torques are not fitted: cut off at a limit",
     "drift": r"j3: its friction changes by -[3-6]\d% over the log",
 }
 
@@ -82,7 +82,7 @@ def test_what_a_limit_cuts_off_does_not_spoil_the_fit(tmp_path, seed):
     judged = aw.identification.validate(found.write(tmp_path / "found.toml"), log, simulation=False)
     assert min(each.overall.r2 for each in judged.measures) > 0.999
     assert any(
-        re.search(r"j3: \d+% of its torques are cut off at a limit, and not compared", each) for each in judged.notes
+        re.search(r"j3: \d+% of its torques are not compared: cut off at a limit", each) for each in judged.notes
     )
 
 

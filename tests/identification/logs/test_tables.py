@@ -59,6 +59,16 @@ MISTAKES = {
     "two columns of a name": ("t,a,a\n0,1,2\n", {}, r"column = 'a': several columns have that name: use its number"),
     "a cell of all letters": ("x" * 200_000 + ",a\n0,1\n", {}, r"x.csv:1: not CSV: field larger than field limit"),
     "text behind carriage returns": ("t,a\r\r0,1\r1,two\r", {}, r"x.csv:4: column 'a' = 'two': expected a number"),
+    "text below decimal commas": (
+        "t;a\n0;1,5\n1;two\n",
+        {"delimiter": ";", "decimal": ","},
+        r"x.csv:3: column 'a' = 'two': expected a number",
+    ),
+    "a point among decimal commas": (
+        "t;a\n0;1,5\n1;2.5\n",
+        {"delimiter": ";", "decimal": ","},
+        r"x.csv:3: column 'a' = '2.5': expected a number",
+    ),
     "bytes that are no text": (b"t,\xff\n0,1\n", {}, r"x.csv:1: byte 0xff is not UTF-8"),
 }
 

@@ -97,6 +97,21 @@ def test_a_wrong_scale_is_named(two_link):
     assert "this looks like a wrong gear ratio or torque constant" in remark
 
 
+def test_a_missing_torque_costs_its_window_and_no_more(tmp_path, two_link):
+    arm, _ = two_link
+    table = _motion(arm, 1)
+    table["torque"][[700, 701, 2000], [0, 1, 1]] = np.nan
+    log = written_log(tmp_path, list(arm.names), {"fit": _motion(arm, 0), "held": table})
+    found = validate(arm, log)
+    (note,) = [each for each in found.notes if each.startswith("free simulation")]
+    assert "of which 2 of " in note
+    assert found.of("position", arm.names[0]).overall.r2 > 0.999
+    table["torque"][::40] = np.nan
+    log = written_log(tmp_path, list(arm.names), {"fit": _motion(arm, 0), "held": table})
+    with raises_at(LogError, "signals"):
+        validate(arm, log, window=0.5)
+
+
 def test_free_simulation_of_a_motor_from_its_voltage(motor_log):
     record, log = motor_log
     found = validate(record, log)

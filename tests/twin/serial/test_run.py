@@ -171,6 +171,15 @@ def test_without_a_calibration_nothing_moves():
     assert ServoClient(port, servo_model("sts3215")).read(3, "torque_enable") == 0
 
 
+def test_a_reference_that_begins_away_from_the_start_is_said_before_the_arm_moves():
+    at = [0.0, 0.2]
+    away = scenario(reference=lambda t: swing(t) + np.array(at))
+    said = rehearse_servos(away).sentences()[1:]
+    assert len(said) == 1
+    assert all(word in said[0] for word in ("knee", "0.2 rad", "start q = [0, 0.2]"))
+    assert rehearse_servos(replace(away, start=at)).sentences()[1:] == []
+
+
 def test_a_torque_limit_is_rehearsed():
     found = rehearse_servos(scenario(), settings=ServoSettings(torque=0.2))
     assert found.source.vary == {f"{name}.firmware.{key}": value for name in JOINTS for key, value in LIMITED.items()}

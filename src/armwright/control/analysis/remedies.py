@@ -74,7 +74,7 @@ def loop_remedies(analysis: LoopAnalysis) -> LoopRemedies:
         analysis: of `analyse_loops`.
     """
     scenario, q, asked = analysis.loop.scenario, analysis.poses, analysis.asked
-    factors, gains = _slower(analysis, q, asked)
+    factors, gains = slower_gains(analysis.loop, q, asked)
     slower = None if factors is None else _replaced(scenario, scenario.controller, gains)
     period, faster = _faster(analysis, q, asked)
     return LoopRemedies(factors, gains, slower, period, faster, asked)
@@ -107,19 +107,24 @@ def _own_gains(scenario: Scenario) -> dict[str, np.ndarray]:
     return found
 
 
-def _slower(
-    analysis: LoopAnalysis, q: np.ndarray, asked: tuple[float, float]
+def slower_gains(
+    analysed: LinearLoop, q: np.ndarray, asked: tuple[float, float]
 ) -> tuple[np.ndarray | None, dict[str, np.ndarray]]:
     """(n,) f of each joint, and the gains for it: in each step that joint gets slower which brings the loop nearest.
 
     The distance is the largest spectral radius over poses and over the changes of a command that the margins ask for.
+
+    Args:
+        analysed: the loop.   q: (k, n) poses [rad | m].   asked: gain and phase margin [rad].
+    Returns:
+        factors: None where no bandwidths keep the margins.   gains: (n,) by name, for the factors.
     """
-    scenario, own = analysis.loop.scenario, _own_gains(analysis.loop.scenario)
+    scenario, own = analysed.scenario, _own_gains(analysed.scenario)
     if not own:
         return None, {}
     n = scenario.arm.n
     ones = {name: Batch(np.ones((1, n))) for name in own}
-    loop = LinearLoop(_replaced(scenario, scenario.controller, ones), analysis.loop.period, analysis.loop.plant)
+    loop = LinearLoop(_replaced(scenario, scenario.controller, ones), analysed.period, analysed.plant)
 
     def distances(factors: np.ndarray, poses: np.ndarray) -> np.ndarray:
         """(candidates, poses) of factors (candidates, n)."""

@@ -21,6 +21,7 @@ from armwright.errors import DescriptionError
 from armwright.joint_kinds import KINDS
 from armwright.validation import validated
 
+UNUSED = "of its transmission is not used"  # in the remark about a gear ratio of a joint without a motor
 MIMIC = ("coupled", "independent", "fixed")
 MOST_LINKS = 2000  # a tree of more is no robot, and would keep its checks busy for minutes
 
@@ -70,12 +71,15 @@ def read_urdf(
     assert record is not None
     if beside is not None and drives is not None:
         add_drives(beside, drives, record, ratios)
-    for joint in record["joints"]:
+    unused = {}
+    for k, joint in enumerate(record["joints"]):
         ratio = ratios.get(joint["name"], PLACEHOLDER)
         if abs(ratio) != PLACEHOLDER and KINDS[joint["type"]].moves and "motor" not in joint:
+            unused[k] = ratio
             why = "as no motor is known: give one in the drive file"
-            reading.remark("joint", joint["name"], f"gear ratio {ratio:g} of its transmission is not used, {why}")
-    return _validated(reading, record)
+            reading.remark("joint", joint["name"], f"gear ratio {ratio:g} {UNUSED}, {why}")
+    found = _validated(reading, record)
+    return found.with_gear_ratios({found.joints[k].name: ratio for k, ratio in unused.items()})
 
 
 def _record(reading: UrdfReading, robot: Element) -> dict[str, Any]:

@@ -302,7 +302,7 @@ def _about_joints(result: ArmEstimate, cutoff: float) -> Iterator[str]:
     rows = fit.equations.rows
     for joint, share in zip(model.arm.names, 1.0 - rows / max(rows.max(), 1), strict=True):
         if 0.0 < share < 1.0 and not isinstance(model, LossyModel):
-            yield f"{joint}: {share:.0%} of its torques are cut off at a limit, and not fitted"
+            yield f"{joint}: {share:.0%} of its torques are not fitted: cut off at a limit, or filtered together with such"
     if fit.outliers is not None and fit.outliers.dropped > 0:
         yield f"{fit.outliers.dropped:.1%} of the torques count less than half as outliers"
 

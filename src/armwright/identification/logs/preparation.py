@@ -21,14 +21,13 @@ from armwright.fitting.measures import periods_of_rest
 from armwright.identification.logs.log import Log, LogRun
 from armwright.identification.logs.merged_speeds import corners
 from armwright.identification.logs.quantisation import quantisation_step
-from armwright.identification.logs.row_checks import limits_reached
+from armwright.identification.logs.row_checks import SHORTEST, limits_reached, runs_at_rest
 from armwright.identification.logs.spectrum import ABOVE, HIGHEST, LOWEST, longest_finite, motion_band
 from armwright.identification.logs.spikes import spike_limits
 
 HIGHER = 1.25  # cut-off by one that is too low for a run
 ROOM = 2.5  # rate after decimation by the cut-off: its half, Nyquist's frequency, is a quarter above the cut-off
 EDGE = 1e-3  # what is left of a disturbance at a stretch's edge
-SHORTEST = 32  # rows of a signal that has a spectrum
 WIDER = 4.0  # cut-off of a motion that a model is evaluated on, by that of the preparation
 FINEST = 48.0  # rate of that motion by the cut-off, nearly: dry friction jumps somewhere between two rows
 REST = 1e-2  # of a joint's range by the run's duration: slower is at rest
@@ -249,12 +248,15 @@ def shared_preparations(log: Log, runs: Sequence[str], decimate: int | None = No
 def resting_speeds(log: Log, run: str) -> np.ndarray:
     """Speeds (joints,) [rad/s | m/s] below which a joint counts as at rest in a run: noise and rounding decide their signs.
 
-    0 for joints without positions.
+    0 for joints without positions; infinite for those at rest in the whole run.
     """
     chosen, speeds = log.run(run), np.zeros(len(log.joints))
     if "q" in log.layout and chosen.census is not None and chosen.duration > 0:
-        counted = chosen.census.signals["q"]
-        speeds[list(log.layout["q"].joints or ())] = REST * np.subtract(counted.high, counted.low) / chosen.duration
+        counted, joints = chosen.census.signals["q"], list(log.layout["q"].joints or ())
+        speeds[joints] = REST * np.subtract(counted.high, counted.low) / chosen.duration
+        for joint in joints:
+            if runs_at_rest(log, log.joints[joint], [run]):
+                speeds[joint] = np.inf
     return speeds
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from math import pi
 
 import numpy as np
@@ -12,11 +12,14 @@ from armwright.identification.logs.findings import Found, error, note, number_of
 from armwright.identification.logs.log import Log, LogRun
 from armwright.identification.logs.quantisation import quantisation_step
 from armwright.identification.logs.sampling import is_restless
-from armwright.identification.logs.spectrum import longest_finite
+from armwright.identification.logs.spectrum import longest_finite, motion_band
 from armwright.identification.logs.spikes import spike_limits, standing_out
 from armwright.identification.logs.stretches import bridged_rows
 
 UNEVEN, WILD = 0.01, 0.3  # jitter as a share of the period that is noted, and that no interpolation mends
+STILL = 1e-3  # of a joint's largest range over all runs: less is rest
+STEPS = 3  # of quantisation: less is rest
+SHORTEST = 32  # rows of a signal that has a spectrum
 STAY = 5  # rows at an extreme that look like a limit
 HELD = 0.2  # share of rows that repeat: a command in steps
 FEW_LEVELS, OFTEN = 8, 2.0  # of a command in steps; times as often at the extremes as at other levels
@@ -93,6 +96,29 @@ def _columns(log: Log, census: Census) -> Iterator[tuple[str, str, str, SignalCe
             yield signal.name, f"{signal.name} {log.joints[joint]}", signal.units[k], census.signals[signal.name], k
 
 
+def runs_at_rest(log: Log, joint: str, runs: Sequence[str]) -> set[str]:
+    """Runs of a joint at rest: its range is a thousandth of that over all runs, a few counts, or noise."""
+    name = next(name for name in ("q", "qd") if name in log.layout)
+    places = log.layout[name].joints or ()
+    if log.joints.index(joint) not in places:
+        return set()
+    column, order, still = places.index(log.joints.index(joint)), 2 if name == "q" else 1, set()
+    ends = [
+        (run.census.signals[name].low[column], run.census.signals[name].high[column]) for run in log.runs if run.census
+    ]
+    largest = max(high for _, high in ends) - min(low for low, _ in ends)
+    for run in (log.run(each) for each in runs):
+        assert run.census is not None
+        extent = float(run.census.signals[name].high[column] - run.census.signals[name].low[column])
+        values = longest_finite(run.census.excerpt.values[name][:, column])
+        step = quantisation_step(values) or 0.0
+        has_spectrum = len(values) >= SHORTEST and values.std() > 0
+        noise = has_spectrum and motion_band(values, 1.0 / run.census.period, order)[0] == 0.0
+        if extent <= max(STILL * largest, STEPS * step) or noise:
+            still.add(run.name)
+    return still
+
+
 def cells(log: Log, run: LogRun, census: Census) -> Found:
     """Findings about cells: empty ones, constant and quantised columns, saturation, and repeated rows."""
     yield from _repeats(census)
@@ -110,6 +136,8 @@ def cells(log: Log, run: LogRun, census: Census) -> Found:
         if low == high:
             yield note(f"constant, {low:.6g} {unit}: this run says nothing about it", place)
             continue
+        if name == "q" and run.name in runs_at_rest(log, log.joints[(log.layout[name].joints or ())[k]], [run.name]):
+            yield note(f"at rest within {high - low:.3g} {unit}: this run says nothing about its friction", place)
         column = longest_finite(census.excerpt.values[name][:, k])
         step = quantisation_step(column) if len(column) > 16 else None
         if step:

@@ -47,6 +47,8 @@ def motion_band(values: np.ndarray, rate: float, derivatives: int, step: float |
     smooth = _smooth(f, power)
     floor = float(np.median(power[f > 0.25 * rate]))
     above = smooth > ABOVE * floor
+    # the window leaks into the lowest bins of noise, and of few segments one bin stands out by chance; motion has a lobe
+    above[:LOBE] &= above[1 : LOBE + 1]
     acceleration = smooth * f ** (2 * derivatives)
     peak = int(np.argmax(acceleration * above * (f < FASTEST * rate)))
     if not above[peak]:

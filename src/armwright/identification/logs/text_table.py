@@ -17,6 +17,7 @@ from armwright.reading import opened
 
 LONGEST_LINE = 2**20  # bytes of the first line
 DIGITS = 308  # that a finite float has before its point
+COMMAS = str.maketrans({",": ".", ".": "?"})  # where a comma is the decimal mark, a point is none
 
 
 class TextTable(MeasuredTable):
@@ -96,8 +97,11 @@ class TextTable(MeasuredTable):
             return values
         import pandas
 
+        cells = pandas.Series(values, dtype=object)
+        if self.table.decimal == ",":  # one cell of text leaves the whole column as text, with its commas
+            cells = cells.map(lambda cell: cell.translate(COMMAS) if isinstance(cell, str) else cell)
         try:
-            numbers = np.asarray(pandas.to_numeric(pandas.Series(values, dtype=object), errors="coerce"), dtype=float)
+            numbers = np.asarray(pandas.to_numeric(cells, errors="coerce"), dtype=float)
             wrong = np.isnan(numbers) & ~pandas.isna(values)
         except OverflowError:  # an integer that no float holds
             numbers, wrong = values, np.array([len(str(value)) > DIGITS for value in values])

@@ -24,7 +24,8 @@ from scipy import stats
 from armwright.errors import ArmwrightError
 from armwright.fitting.measures import Agreement
 from armwright.identification.logs.log import Log
-from armwright.identification.validation.joint_measures import JointMeasures, moving_rows, resting
+from armwright.identification.logs.row_checks import runs_at_rest
+from armwright.identification.validation.joint_measures import JointMeasures, moving_rows
 from armwright.identification.validation.prediction import Quantity
 from armwright.identification.validation.validate import Validation, validate
 from armwright.model import Model
@@ -169,7 +170,7 @@ def _compared(
     own = [] if first is None else [each for each in first.measures if (each.joint, each.quantity) == (joint, quantity)]
     if first is None or not own or not own[0].runs or own[0].diverged:
         return Compared(joint, quantity, found.unit, found.overall, None, np.nan)
-    column, still = first.arm.names.index(joint), resting(first.log, joint, first.runs)
+    column, still = first.arm.names.index(joint), runs_at_rest(first.log, joint, first.runs)
     measured, predicted = moving_rows([each for each in first.predictions if each.quantity == quantity], column, still)
     explained = largest_explained(measured - predicted, measured, noise.get(joint))
     return Compared(joint, quantity, found.unit, found.overall, own[0].overall, 0.0 if found.diverged else explained)

@@ -46,6 +46,7 @@ class _Driven:
     Attributes:
         t: (rows,) [s].   windows: row numbers (k + 1,) of each window; the first is where it begins.
         start_q, start_qd: (rows, n), filtered.   commands: (rows, n), as logged.   q, qd: (rows, n) as logged; None: not logged.
+        left_out: number of windows in which a command is missing.
     """
 
     run: LogRun
@@ -56,6 +57,7 @@ class _Driven:
     commands: np.ndarray
     q: np.ndarray | None
     qd: np.ndarray | None
+    left_out: int
 
 
 def driving_signal(arm: Model, matched: Match) -> str | None:
@@ -103,6 +105,9 @@ def simulate_log(
     kept = f"{INPUTS[signal]}s of the log held from row to row"
     length = "whole stretches" if window is None else f"windows of {window:g} s, each started from the log"
     how = f"free simulation, {kept}; {length}"
+    if left_out := sum(run.left_out for run in driven):
+        count = left_out + sum(len(run.windows) for run in driven)
+        how += f", of which {left_out} of {count} are left out: a {INPUTS[signal]} is missing there"
     return [
         prediction
         for run, windows in zip(driven, moved, strict=True)
@@ -131,9 +136,16 @@ def _driven(arm: Model, log: Log, matched: Match, run: LogRun, signal: str, wind
         longest = max((part.stop - part.start for part in parts_of(smooth["stretch"].values)), default=0)
         expected = f"{LEAST} rows at least, and no more than a stretch has, {longest * run.period:.4g} s"
         raise LogError(place="window", value=window, expected=expected, file=log.path)
+    whole = [rows for rows in windows if np.isfinite(commands[rows[:-1]]).all()]
+    if not whole:
+        expected = f"a window of {len(windows[0]) - 1} rows in which none is missing"
+        raise LogError(
+            f"a {INPUTS[signal]} is missing in every window", place="signals", expected=expected, file=log.path
+        )
     logged = {name: raw[name].values[at][:, order] if name in matched.logged else None for name in ("q", "qd")}
     start_q = smooth["q"].values[:, order] if "q" in smooth else np.zeros((len(t), arm.n))
-    return _Driven(run, t, windows, start_q, smooth["qd"].values[:, order], commands, logged["q"], logged["qd"])
+    start_qd, left_out = smooth["qd"].values[:, order], len(windows) - len(whole)
+    return _Driven(run, t, whole, start_q, start_qd, commands, logged["q"], logged["qd"], left_out)
 
 
 def _windows(stretch: np.ndarray, steps: int | None) -> list[np.ndarray]:

@@ -18,15 +18,9 @@ from armwright.fitting.residuals import (
     residual_spectrum,
 )
 from armwright.identification.logs.delay import SignalDelay, delay_of
-from armwright.identification.logs.log import Log
-from armwright.identification.logs.quantisation import quantisation_step
-from armwright.identification.logs.spectrum import longest_finite, motion_band
 from armwright.identification.validation.friction_signature import FrictionSignature, SignatureTerm, friction_signature
 from armwright.identification.validation.prediction import Prediction, Quantity
 
-STILL = 1e-3  # of the joint's largest range over all runs: less is rest
-STEPS = 3  # of quantisation: less is rest
-SHORTEST = 32  # rows of which a spectrum tells motion
 OPPOSED, ALIKE = -0.7, 0.85  # correlations from which on a wrong sign, or a wrong scale, is named
 SCALES = (0.75, 1.33)  # of measured over predicted: what lies between needs no wrong gear ratio
 WORSE = 2.0  # times the median RMS: a run that stands out
@@ -94,29 +88,6 @@ class JointMeasures:
     def worst(self) -> str | None:
         """The run with the largest RMS of the residual; None where the joint moves in none."""
         return max(self.runs, key=lambda name: self.runs[name].rms, default=None)
-
-
-def resting(log: Log, joint: str, runs: Sequence[str]) -> set[str]:
-    """Runs of a joint at rest: its range is a thousandth of that over all runs, a few counts, or noise."""
-    name = next(name for name in ("q", "qd") if name in log.layout)
-    places = log.layout[name].joints or ()
-    if log.joints.index(joint) not in places:
-        return set()
-    column, order, still = places.index(log.joints.index(joint)), 2 if name == "q" else 1, set()
-    ends = [
-        (run.census.signals[name].low[column], run.census.signals[name].high[column]) for run in log.runs if run.census
-    ]
-    largest = max(high for _, high in ends) - min(low for low, _ in ends)
-    for run in (log.run(each) for each in runs):
-        assert run.census is not None
-        extent = float(run.census.signals[name].high[column] - run.census.signals[name].low[column])
-        values = longest_finite(run.census.excerpt.values[name][:, column])
-        step = quantisation_step(values) or 0.0
-        has_spectrum = len(values) >= SHORTEST and values.std() > 0
-        noise = has_spectrum and motion_band(values, 1.0 / run.census.period, order)[0] == 0.0
-        if extent <= max(STILL * largest, STEPS * step) or noise:
-            still.add(run.name)
-    return still
 
 
 def joint_measures(predictions: Sequence[Prediction], column: int, still: set[str]) -> JointMeasures:

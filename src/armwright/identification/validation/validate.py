@@ -26,6 +26,7 @@ from armwright.identification.logs.preparation import (
     stored_preparations,
 )
 from armwright.identification.logs.prepared import logged_motion
+from armwright.identification.logs.row_checks import runs_at_rest
 from armwright.identification.logs.torques import Source
 from armwright.identification.validation.free_simulation import (
     WINDOW,
@@ -33,7 +34,7 @@ from armwright.identification.validation.free_simulation import (
     simulate_log,
     simulate_scenario,
 )
-from armwright.identification.validation.joint_measures import JointMeasures, joint_measures, resting
+from armwright.identification.validation.joint_measures import JointMeasures, joint_measures
 from armwright.identification.validation.limits import DEFAULT, Check, Limits, check_limits, checks_of, read_limits
 from armwright.identification.validation.match import Match, match
 from armwright.identification.validation.prediction import Prediction, Quantity
@@ -277,7 +278,7 @@ def _cut_off(predictions: Sequence[Prediction]) -> list[str]:
     """Sentences about joints whose torques are compared only where no limit cuts them off."""
     known = np.concatenate([np.isfinite(each.measured) for each in predictions])
     return [
-        f"{joint}: {1.0 - share:.0%} of its torques are cut off at a limit, and not compared"
+        f"{joint}: {1.0 - share:.0%} of its torques are not compared: cut off at a limit, or filtered together with such"
         for joint, share in zip(predictions[0].joints, known.mean(axis=0), strict=True)
         if 0.0 < share < 1.0
     ]
@@ -295,7 +296,7 @@ def _preparations(model: Model, log: Log, runs: Sequence[str], cutoff: float | N
 def _measures(model: Model, log: Log, runs: Sequence[str], predictions: Sequence[Prediction]) -> list[JointMeasures]:
     """Measures of every quantity and joint that has numbers; torques of some joints may not be logged."""
     return [
-        joint_measures(group, k, resting(log, joint, runs))
+        joint_measures(group, k, runs_at_rest(log, joint, runs))
         for quantity in QUANTITIES
         for group in [_logged(predictions, quantity)]
         for k, joint in enumerate(model.names)

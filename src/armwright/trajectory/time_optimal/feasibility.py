@@ -81,7 +81,7 @@ def check_positions(limits: MotionLimits, path: JointPath) -> None:
         unit, (low, high) = limits.unit("position", int(joint)), limits.position[joint]
         raise ScenarioError(
             f"{limits.names[joint]} is {beyond[joint, side]:.4g} {unit} outside its limits",
-            place=f"path at s = {s[joint, side]:.6g}", value=float(q[joint, side]), expected=f"{low:.6g} … {high:.6g} {unit}",
+            place=f"path at s = {s[joint, side]:.6g} of {path.length:.6g}", expected=f"{low:.6g} … {high:.6g} {unit}",
         )  # fmt: skip
 
 

@@ -105,9 +105,12 @@ class ServoRehearsal(SimulatedRun):
         return [Table(self.heading, heads, rows)]
 
     def sentences(self) -> list[str]:
-        """The time that frames take."""
+        """The time that frames take, and a step at the start."""
         share = self.line_time / self.stages.period
-        return [f"frames of a cycle take {1e3 * self.line_time:.3g} ms, {share:.0%} of its period"]
+        return [
+            f"frames of a cycle take {1e3 * self.line_time:.3g} ms, {share:.0%} of its period",
+            *self.step_at_start(),
+        ]
 
 
 def rehearse_servos(
