@@ -131,9 +131,12 @@ def test_arms_are_written_like_their_descriptions(tmp_path):
         assert arm.description is not None
         text = aw.robotfiles.to_toml(arm)
         assert text == aw.robotfiles.to_toml(arm.description), name
-        assert again(text) == arm.description, name
+        known = arm.description.with_gear_ratios(
+            {}
+        )  # those of a URDF whose joints have no motor have no place in a file
+        assert again(text) == known, name
         path = aw.robotfiles.write_toml(arm, tmp_path / "written.toml")
-        assert aw.load(path, on_impossible="warn").description == arm.description, name
+        assert aw.load(path, on_impossible="warn").description == known, name
         assert aw.robotfiles.check(arm).errors == aw.robotfiles.check(arm.description).errors
 
 

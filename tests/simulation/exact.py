@@ -71,7 +71,7 @@ class ExactPlant:
                 "present", lambda x, *rest: self._sticking.present(x, self._inputs(rest)), self._sizes
             )
             still = {"x": plant.size, "still": elements}
-            self._at_rest = Compiled("rest", lambda x, still: self._sticking._with_rest(x, list(still)), still)
+            self._at_rest = Compiled("rest", lambda x, still: self._sticking._with_zero_speeds(x, list(still)), still)
 
     def _inputs(self, rest: Sequence[Any]) -> PlantInputs:
         """The plant's inputs from arguments behind x."""

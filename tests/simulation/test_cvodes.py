@@ -13,6 +13,7 @@ from armwright.simulation.plant.plant import plant_derivative
 from physics.arms import arm
 from raises_at import raises_at
 from simulation.fields import scenario_of
+from simulation.overflow import overflowing_panda
 from simulation.test_simulation import motor_alone
 
 PERIOD = 4e-3
@@ -164,24 +165,33 @@ def test_a_lane_that_has_no_solution_is_marked_and_the_others_go_on(capfd):
     assert capfd.readouterr().err == ""
 
 
-def falling_panda(solver, **fields):
-    return aw.Scenario(aw.load("panda"), duration=0.62, solver=solver, recording=aw.Recording(every=1), **fields)
+def falling(arm, solver, **fields):
+    return aw.Scenario(arm, duration=0.62, solver=solver, recording=aw.Recording(every=1), **fields)
 
 
-def test_cvodes_that_gives_up_says_when_and_why():
+def test_the_panda_falls_as_fast_as_it_can():
+    """Up to 46 rad/s, where the exponential of its friction overflows if nothing holds it."""
+    run = aw.simulate(falling(aw.load("panda"), aw.Solver("cvodes"), command=np.zeros(7)))
+    same = aw.simulate(falling(aw.load("panda"), aw.Solver("rk45", rtol=1e-11, atol=1e-12), command=np.zeros(7)))
+    assert np.abs(run.qd.values).max() > 45.0
+    np.testing.assert_allclose(run.q.values, same.q.values, atol=1e-5)
+
+
+def test_cvodes_that_gives_up_says_when_and_why(monkeypatch):
     """The Panda falls without torques, its numbers finite: the tick is found within the block that was solved as a whole."""
     with raises_at(DivergenceError, "", r"CVODES gave up at t = 0\.6\d+ s: .*CV_\w+.*'auto'") as caught:
-        aw.simulate(falling_panda(aw.Solver("cvodes"), command=np.zeros(7)))
+        aw.simulate(falling(overflowing_panda(monkeypatch), aw.Solver("cvodes"), command=np.zeros(7)))
     assert "diverged" not in str(caught.value)
 
 
-def test_lanes_in_which_cvodes_gives_up_keep_their_rows_until_then():
+def test_lanes_in_which_cvodes_gives_up_keep_their_rows_until_then(monkeypatch):
+    arm = overflowing_panda(monkeypatch)
     falls = {
         "command": aw.Batch([np.zeros(7), np.zeros(7)]),
         "start": aw.Batch([np.zeros(7), [0, 0.5, 0, -1, 0, 1, 0]]),
     }
-    run = aw.simulate(falling_panda(aw.Solver("cvodes"), **falls))
-    same = aw.simulate(falling_panda(aw.Solver("rk45", rtol=1e-11, atol=1e-12), **falls))
+    run = aw.simulate(falling(arm, aw.Solver("cvodes"), **falls))
+    same = aw.simulate(falling(arm, aw.Solver("rk45", rtol=1e-11, atol=1e-12), **falls))
     assert run.diverged_at.isnull().all()
     at = run.stalled_at.values
     assert 0.6 < at[0] < 0.62

@@ -11,6 +11,7 @@ from armwright.simulation.integrate.integrators import INTEGRATORS
 from physics.arms import arm
 from raises_at import raises_at
 from simulation.fields import scenario_of, with_fields
+from simulation.overflow import overflowing_panda
 from simulation.plants import MOTOR, STOPS, pendulum
 
 START = {"q0": [0.4, 0.4], "qd0": [0.5, 0.5]}
@@ -134,7 +135,9 @@ def test_stops_do_not_cost_the_order():
     assert found.trials[-1].order == pytest.approx(4.0, abs=0.3)
 
 
-def test_a_reference_that_cvodes_cannot_compute_is_named_as_such():
-    scenario = aw.Scenario("panda", duration=0.62, command=np.zeros(7), solver=aw.Solver("rk3", 1e-3))
+def test_a_reference_that_cvodes_cannot_compute_is_named_as_such(monkeypatch):
+    scenario = aw.Scenario(
+        overflowing_panda(monkeypatch), duration=0.62, command=np.zeros(7), solver=aw.Solver("rk3", 1e-3)
+    )
     with raises_at(DivergenceError, "", r"reference .*CVODES .* t = 0\.6\d+ s: .* shorter"):
         aw.simulation.step_study(scenario, steps=1)

@@ -64,7 +64,7 @@ def test_directions_of_a_known_information():
     (direction,) = weak_directions(log)
     np.testing.assert_allclose(jacobian @ (direction.vector / np.linalg.norm(jacobian, axis=0)), 0.0, atol=1e-7)
     (sentence,) = experiments_that_separate(names, log, {"more of the same": log, "a current": current})
-    assert sentence == "Kt and R cannot be distinguished with this log; a current would do it"
+    assert sentence == "R and Kt cannot be distinguished with this log; a current would do it"
     (sentence,) = experiments_that_separate(names, log, {"more of the same": log})
     assert sentence.endswith("no other experiment that was compared would do much better")
     assert experiments_that_separate(names, log + current, {}) == ()

@@ -28,7 +28,7 @@ FOLDED = 30  # logs that all folds fit together, beside those of one fold: up to
 # Of the cost: a step that gains less ends the search. A number one standard deviation off costs a part in as many as rows.
 NEAR, COMPARED, SETTLED = 1e-3, 1e-4, 1e-5  # in parts before the final fit, as whole logs, and in the final fit
 # Steps from each guess, from the best one, of folds in parts and as whole logs, and of the final fit.
-ROUNDS_OF_START, ROUNDS_OF_FEW, ROUNDS_OF_PARTS, ROUNDS, ROUNDS_TO_SETTLE = 4, 8, 3, 8, 15
+ROUNDS_OF_START, ROUNDS_OF_FEW, ROUNDS_OF_PARTS, ROUNDS, ROUNDS_TO_SETTLE = 4, 8, 3, 4, 15
 
 
 @dataclass(frozen=True, eq=False)
