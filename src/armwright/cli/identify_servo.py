@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import armwright as aw
-from armwright.cli.arguments import argument, option, output_option, words
+from armwright.cli.arguments import argument, as_options, option, output_option, words
 from armwright.cli.outcome import PAGE, TOML, check_file, exit_if, exit_unless, until_stopped, write
 from armwright.cli.tables import show
 from armwright.errors import ModelError
@@ -51,7 +51,8 @@ def servo(
         place, value = ("--max-duty", limit) if limit is not None else ("--goal-speed", goal_speed)
         raise ModelError("without --duty-gain", place=place, value=value, expected="--duty-gain beside it")
     orders = words(order) or list(aw.identification.ServoSearch().orders)
-    search = aw.identification.ServoSearch(orders=orders, free=words(free), seed=seed)
+    with as_options("free", "seed", orders="--friction-models"):
+        search = aw.identification.ServoSearch(orders=orders, free=words(free), seed=seed)
     with progress("fitting") as tell:
         found, stopped = until_stopped(
             lambda: aw.identification.identify_servo(files, loop, arm_mass=arm_mass, search=search, progress=tell)

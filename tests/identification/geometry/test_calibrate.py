@@ -113,7 +113,9 @@ def test_eccentric_gears_are_found_and_not_written(tmp_path):
     asked = aw.calibrate(data, arm, terms=("zeros", "frames", "eccentricity"))
     assert asked.errors[0].calibrated < 0.6 * plain.errors[0].calibrated
     assert "joint2 eccentricity cos" in str(asked)
-    asked.report(tmp_path / "asked.html")
+    page = asked.report(tmp_path / "asked.html").read_text(encoding="utf-8")
+    assert asked.sentences()[0] == asked.verdict
+    assert page.index('<p class="verdict') < page.index(asked.verdict[1:20])
     with raises_at(IdentificationError, "terms", "eccentricity"):
         asked.write(tmp_path / "no.toml")
 

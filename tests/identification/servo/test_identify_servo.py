@@ -154,11 +154,20 @@ def test_wrong_options_are_refused(logs):
         search(orders=("M7",))
 
 
-def test_a_rod_of_unknown_mass_is_said(logs):
+def test_a_rod_of_unknown_mass_is_said(logs, tmp_path):
     silent = [replace(each, arm_mass=None) for each in logs[:1]]
     search = aw.identification.ServoSearch(orders=("M1",))
     found = aw.identification.identify_servo(silent, LOOP, search=search, progress=False)
-    assert "no log states the mass of the rod" in found.sentences()[0]
+    assert found.sentences()[0] == found.estimate.verdict
+    assert "no log states the mass of the rod" in found.sentences()[1]
+    page = found.report(tmp_path / "servo.html").read_text(encoding="utf-8")
+    assert f'<p class="verdict{" good" * found.good}">{found.estimate.verdict.capitalize()}.</p>' in page
+    assert "simulated" in page
+
+
+def test_the_command_names_its_own_option(logs, tmp_path):
+    done = run("identify", "servo", str(as_json(logs[0], tmp_path)), "--friction-models", "M9", code=2)
+    assert "--friction-models = 'M9'" in done.stderr
 
 
 def test_the_command_shows_and_writes_it(logs, tmp_path):

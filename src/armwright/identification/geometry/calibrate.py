@@ -80,7 +80,7 @@ def calibrate(
         >>> tip = real.forward_kinematics(q)[:, :3, 3]  # as a tracker sees it [m]
         >>> measured = [aw.identification.Measured("tip", "point", tip)]
         >>> poses = aw.identification.Measurements(arm.names, q, measured)
-        >>> print(aw.calibrate(poses, arm, terms=["zeros"]).sentences()[-1])
+        >>> print(aw.calibrate(poses, arm, terms=["zeros"]).sentences()[0])
         identified
     """
     given = arm if arm is None or isinstance(arm, (str, os.PathLike)) else as_arm(arm)

@@ -110,8 +110,8 @@ class Calibration(Result):
         return f"{self.estimate.log}: corrections of {self.fit.setting.arm.name}"
 
     def sentences(self) -> list[str]:
-        """Remarks, then the verdict."""
-        return [*map(sentence, self.estimate.remarks), self.verdict]
+        """The verdict, then remarks."""
+        return [self.verdict, *map(sentence, self.estimate.remarks)]
 
     def tables(self) -> list[Table]:
         """Corrections; errors; terms that were tried."""

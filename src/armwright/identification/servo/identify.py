@@ -17,7 +17,7 @@ from armwright.fitting.covariance import covariance_of
 from armwright.fitting.measures import agreement
 from armwright.identification.estimate import Estimate
 from armwright.identification.motor.unknowns import values_of
-from armwright.identification.servo.bench import PATHS, ServoLoop, bench_record, loop_of, with_arm_mass
+from armwright.identification.servo.bench import FRICTION, PATHS, ServoLoop, bench_record, loop_of, with_arm_mass
 from armwright.identification.servo.bench_log import BenchLog, as_bench_logs
 from armwright.identification.servo.orders import DELAY, OFFSET, ORDERS
 from armwright.identification.servo.search import (
@@ -37,6 +37,7 @@ AT_BOUND = 1e-6  # of the range of a coordinate
 UNKNOWN = 1.0  # standard deviation of a logarithm, or in parts of its value beside its scale: more is not determined
 VAGUE = 0.5  # of a torque constant or resistance: a standard deviation from which its 95 % interval holds 0
 FEWEST = 3  # logs whose errors tell by how much a difference of their mean is chance
+MOST_SHARE = 10.0  # of a value that a standard deviation is shown as: beyond it nothing is known
 NOTHING = 0.02  # of a mean error: models that differ less predict the same
 EXPLAINED = 0.5  # R² of all logs below which the model does not describe them
 
@@ -128,9 +129,7 @@ def identify_servo(
             remarks.append(f"stopped by Ctrl-C {stopped}")
         name, asked = _chosen({each: model for each, model in models.items() if each in search.orders})
         if len(known) == 1 and len(asked) > 1:
-            remarks.append(
-                f"too few logs to hold one out: {name} is taken, the smallest model (orders=…, --friction-models)"
-            )
+            remarks.append(f"too few logs to hold one out: {name} is taken, the smallest friction model")
         fit = fitted_to_all(asked[name], SETTLED)
         larger = next_larger(name, asked)
         if len(known) >= FEWEST:
@@ -212,7 +211,10 @@ def _concluded(
     vague = {name: deviations[name] / by_name[name] for name in ("kt", "R") if name in by_name}
     vague = {name: share for name, share in vague.items() if share > VAGUE}
     if vague:
-        each = ", ".join(f"{name} ± {share:.0%}" for name, share in vague.items())
+        each = ", ".join(
+            f"{name} ± {min(share, MOST_SHARE):.0%}" + " or more" * (share > MOST_SHARE)
+            for name, share in vague.items()
+        )
         wrong.append(f"{each} (std): other gains, loads and motions are needed to determine them")
     record = bench_record(logs[0], loop, by_name, by_name[OFFSET])
     in_parts = f" in parts of {problem.restart:g} s" if problem.restart < np.inf else ""
@@ -280,9 +282,10 @@ def _determined(fit: OrderFit, std: np.ndarray) -> np.ndarray:
 
 def _in_words(unknowns: Sequence[Any], at_bound: np.ndarray, undetermined: np.ndarray) -> list[str]:
     """Sentences on numbers at a bound, and on those that the logs do not determine."""
-    zero = [each.name for each, bound in zip(unknowns, at_bound, strict=True) if bound and not each.logarithmic]
-    ends = [each.name for each, bound in zip(unknowns, at_bound, strict=True) if bound and each.logarithmic]
-    lost = [each.name for each, no in zip(unknowns, undetermined, strict=True) if no]
+    names = [FRICTION.get(each.name, each.name) for each in unknowns]
+    zero = [n for n, each, bound in zip(names, unknowns, at_bound, strict=True) if bound and not each.logarithmic]
+    ends = [n for n, each, bound in zip(names, unknowns, at_bound, strict=True) if bound and each.logarithmic]
+    lost = [n for n, no in zip(names, undetermined, strict=True) if no]
     words = []
     if zero:
         words.append(f"{', '.join(zero)}: at a bound of what is possible")

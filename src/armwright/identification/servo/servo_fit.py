@@ -76,8 +76,8 @@ class ServoFit(Result):
         return [mean_error(log, own) for log, own in zip(self.logs, self.simulated, strict=True)]
 
     def sentences(self) -> list[str]:
-        """Remarks, then the verdict."""
-        return self.estimate.sentences()
+        """The verdict, then remarks."""
+        return [self.estimate.verdict, *self.estimate.remarks]
 
     def tables(self) -> list[Table]:
         """Numbers with standard deviations; friction models; logs."""
@@ -99,8 +99,8 @@ class ServoFit(Result):
         ]
         return [
             replace(numbers, title=self.heading),
-            Table("mean errors of friction models", heads, orders, ("model", "")),
-            Table("logs", ("log", "P", "mass [kg]", "length [m]", "mean error [rad]"), logs, ("log",)),
+            Table("Mean errors of friction models", heads, orders, ("model", "")),
+            Table("Logs", ("log", "P", "mass [kg]", "length [m]", "mean error [rad]"), logs, ("log",)),
         ]
 
     def draw(self, figure: Figure, ink: str, quiet: str) -> None:
@@ -134,7 +134,7 @@ def mean_error(log: BenchLog, simulated: np.ndarray) -> float:
 
 
 def draw_logs(figure: Figure, logs: Sequence[BenchLog], simulated: Sequence[np.ndarray], ink: str, quiet: str) -> None:
-    """Positions over time, measured in `quiet` and simulated in blue, one picture a log."""
+    """Positions over time, measured in `quiet`, broad, and simulated in blue, one picture a log."""
     from armwright.results.result import BLUE
     from armwright.results.svg import ink_axes
 
@@ -144,7 +144,11 @@ def draw_logs(figure: Figure, logs: Sequence[BenchLog], simulated: Sequence[np.n
         axis.remove()
     for axis, log, own in zip(axes, logs, simulated, strict=False):
         ink_axes(axis, ink)
-        axis.plot(log.t, log.position, color=quiet, linewidth=1.4)
-        axis.plot(log.t, own, color=BLUE, linewidth=0.9)
+        lines = axis.plot(log.t, log.position, color=quiet, linewidth=2.4, alpha=0.6)
+        lines += axis.plot(log.t, own, color=BLUE, linewidth=0.9)
         axis.set_title(escape(log.name.removesuffix(".json")), fontsize=6, color=ink)
         axis.tick_params(labelsize=6)
+    figure.supxlabel("time [s]", fontsize=7, color=ink)
+    figure.supylabel("position [rad]", fontsize=7, color=ink)
+    places = {"loc": "outside upper right", "ncols": 2, "frameon": False, "fontsize": 7, "labelcolor": ink}
+    figure.legend(lines, ["measured", "simulated"], **places)
