@@ -77,6 +77,8 @@ def test_verbs(name, tmp_path):
     assert all(len(line) < 200 for table in found.tables() for line in str(table).splitlines())
     assert str(found).count("\n") < 120
     assert "<table>" in found._repr_html_()
+    if found.good is not None and isinstance(verdict := getattr(found, "verdict", None), str):
+        assert found.sentences()[0] == verdict
     with open(found_csv := saved_as_csv(found, tmp_path), encoding="utf-8", newline="") as file:
         assert len([*csv.reader(file)]) == len(rows) + 1, found_csv
     document = json.loads(found.save(tmp_path / "result.json").read_text(encoding="utf-8"))

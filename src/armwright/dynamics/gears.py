@@ -208,9 +208,8 @@ def _newton_step(qdd: Array, steps: Scalar, mass: Array, bias: Array, gears: Seq
     move, kept, pieces = full - qdd, 1.0, []
     for gear in gears:
         t, there = gear.entering(qdd), gear.entering(full)
-        for (
-            knot
-        ) in gear.loss.knots:  # not by their slopes, which are equal at rest: derivatives need the right side there too
+        # by the side of each knot, not by slopes, which are equal at rest: derivatives need the right side there too
+        for knot in gear.loss.knots:
             kept = kept * scalar.equal(scalar.less(t, knot), scalar.less(there, knot))
         pieces.append((gear.loss, gear.turned(move), t, there - t))
     if not any(loss.jumps for loss, *_ in pieces):

@@ -149,8 +149,8 @@ class Estimate(Result):
         return self.verdict == "identified"
 
     def sentences(self) -> list[str]:
-        """Remarks, then the verdict."""
-        return [*self.remarks, self.verdict]
+        """The verdict, then remarks."""
+        return [self.verdict, *self.remarks]
 
     def tables(self) -> list[Table]:
         """Numbers with standard deviations; then measures of the fit."""

@@ -200,6 +200,6 @@ def test_a_gear_that_turns_backwards_on_a_bench(tmp_path):
     np.savetxt(tmp_path / "bench.csv", np.column_stack([*columns.values()]), delimiter=",", header=heads, comments="")
     (tmp_path / "bench.log.toml").write_text(BACKWARDS)
     fit = aw.identification.identify_motor(tmp_path / "bench.log.toml", search=MotorSearch(starts=4))
-    assert fit.estimate.verdict == "identified"
+    assert fit.estimate.verdict == fit.sentences()[0] == "identified"
     check(fit.estimate, "spin", coulomb=40.0 * TRUE["coulomb"])
     assert aw.load(fit.write(tmp_path / "spin.toml")).coordinates[0].drive.gear_ratio == -40.0

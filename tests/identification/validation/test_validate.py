@@ -60,7 +60,8 @@ def test_the_true_record_passes_and_predicts_torques(two_link):
     assert found.runs == ("held",)
     assert [each.overall.r2 > 0.999 for each in found.measures] == [True, True]
     assert all(not each.remarks for each in found.measures)
-    assert "passes: all 2 limits are kept" in str(found)
+    assert found.sentences()[0] == found.verdict == "passes: all 2 limits are kept"
+    assert found.verdict in str(found)
 
 
 def test_a_free_simulation_of_the_truth_stays_on_the_log_within_its_windows(two_link):

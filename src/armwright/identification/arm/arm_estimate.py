@@ -61,8 +61,8 @@ class ArmEstimate(Result):
         return self.estimate.good
 
     def sentences(self) -> list[str]:
-        """Remarks, then the verdict."""
-        return [*map(sentence, self.estimate.remarks), self.verdict]
+        """The verdict, then remarks."""
+        return [self.verdict, *map(sentence, self.estimate.remarks)]
 
     def tables(self) -> list[Table]:
         """Base parameters by their formulas; measures of each joint; the record on the runs held out."""

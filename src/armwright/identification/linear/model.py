@@ -215,8 +215,8 @@ class LinearModel(Result):
         return self.verdict == "identified"
 
     def sentences(self) -> list[str]:
-        """Method, remarks, verdict."""
-        return [self.method, *self.remarks, self.verdict]
+        """The verdict, then method and remarks."""
+        return [self.verdict, self.method, *self.remarks]
 
     def tables(self) -> list[Table]:
         """Quantities and coefficients with standard deviations; fits of the free simulation."""

@@ -58,7 +58,7 @@ class MotorFit(Result):
         return self.estimate.good
 
     def sentences(self) -> list[str]:
-        """Remarks, then the verdict."""
+        """The verdict, then remarks."""
         return self.estimate.sentences()
 
     def tables(self) -> list[Table]:

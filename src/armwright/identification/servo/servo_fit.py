@@ -77,7 +77,7 @@ class ServoFit(Result):
 
     def sentences(self) -> list[str]:
         """The verdict, then remarks."""
-        return [self.estimate.verdict, *self.estimate.remarks]
+        return self.estimate.sentences()
 
     def tables(self) -> list[Table]:
         """Numbers with standard deviations; friction models; logs."""

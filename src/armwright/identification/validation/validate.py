@@ -130,7 +130,7 @@ class Validation(Result):
     @property
     def heading(self) -> str:
         """Name above its table and on its page."""
-        return f"{self.arm.name}: {self.verdict}"
+        return f"{self.arm.name}: validation"
 
     @property
     def good(self) -> bool:
@@ -138,9 +138,9 @@ class Validation(Result):
         return self.passed
 
     def sentences(self) -> list[str]:
-        """Notes, and remarks on joints."""
+        """The verdict, then notes and remarks on joints."""
         remarks = [f"{each.joint}, {each.quantity}: {remark}" for each in self.measures for remark in each.remarks]
-        return [*self.notes, *remarks]
+        return [self.verdict, *self.notes, *remarks]
 
     def report(self, path: str | os.PathLike[str]) -> Path:
         """Writes a page: verdict, measures, plots of every joint, method.
