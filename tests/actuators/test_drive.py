@@ -11,6 +11,7 @@ import pytest
 from actuators.drives import one_joint
 from armwright.actuators import demanded_drive, limited_drive
 from armwright.actuators.motor import joint_constant, joint_current, joint_voltage
+from armwright.actuators.winding import driven_winding
 from armwright.model import Model
 from armwright.program import evaluate, trace
 from armwright.scalar import Symbol
@@ -50,6 +51,16 @@ def test_a_torque_that_no_limit_touches_is_what_was_asked():
     model = driven("torque", 7.3, {"current_a": 100.0})
     u = np.random.default_rng(0).normal(size=100)
     assert all(limited_drive(model, np.array([0.4]), np.array([x])).tau[0] == x for x in u)
+
+
+def test_magnets_that_lost_a_tenth_take_a_tenth_of_the_torque():
+    """A drive that is commanded by torque gives the current of its record's constant, within its limit of current."""
+    body = driven("torque", -7.3, {"current_a": 1.5}).bodies[0]
+    warm = replace(body.drive, torque_constant=0.9 * 0.2, back_emf_constant=0.9 * 0.2)
+    for asked, current in ((1.0, 1.0 / (-7.3 * 0.2)), (50.0, -1.5)):
+        found = driven_winding(body, warm, 0.4, asked, np.inf)
+        assert found.current == pytest.approx(current)
+        assert found.torque == pytest.approx(0.9 * -7.3 * 0.2 * current)
 
 
 @pytest.mark.parametrize("command", COMMANDS)

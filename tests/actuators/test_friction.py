@@ -9,6 +9,7 @@ from hypothesis import given, strategies as st
 import armwright as aw
 from actuators.drives import one_joint
 from armwright.actuators import friction_torques
+from armwright.friction_laws import LAWS
 from armwright.model import Model
 from armwright.program import interpret, trace
 
@@ -207,6 +208,17 @@ def test_what_is_not_dry_does_not_stick():
     """Viscous friction, an offset and a sigmoid vanish with the speed, or act at rest as they do beside it."""
     for record in (SYMMETRIC["viscous"], LOPSIDED["sigmoid"], {"offset_n_m": 1.0}):
         assert not one_joint(record).bodies[0].friction.sticks
+
+
+def test_the_torques_that_hold_a_joint():
+    """Static levels by direction; of the sigmoid, which has none, its values far from standstill."""
+    level = LOPSIDED["stribeck"]["stribeck_torque_n_m"]
+    for record, expected in ((STICKING["coulomb"], (-1.0, 3.0)), (LOPSIDED["stribeck"], (-level, level))):
+        friction = one_joint(record).bodies[0].friction
+        assert LAWS[friction.law].holding(friction) == expected
+    sliding = one_joint(LOPSIDED["sigmoid"])
+    far = friction_at(sliding, -100.0), friction_at(sliding, 100.0)
+    assert LAWS["sigmoid"].holding(sliding.bodies[0].friction) == pytest.approx(far, rel=1e-14)
 
 
 @pytest.mark.parametrize("record", [*SYMMETRIC.values(), *LOPSIDED.values(), *STICKING.values()])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 import armwright as aw
 from armwright.errors import ArmwrightError, ModelError, OutputError, ScheduleError
 from armwright.export.actuator_fit import STEP
-from armwright.export.mjcf import mjcf_text
+from armwright.export.mjcf import MujocoActuators, mjcf_text
 from armwright.export.servo_actuators import servo_actuators, spreads
 from cli.test_commands import run
 from simulation.test_servo import KT, PLAIN, VISCOUS, VOLTS, R, pendulum
@@ -83,6 +84,20 @@ def test_mujoco_moves_as_armwright_does(kind):
     assert (after < before).all()
     assert after.max() < 3e-4  # a count is 1.5e-3
     assert np.abs(fit.simulated - fit.goal).max() > 0.02  # which is not for lack of anything to be seen
+
+
+def test_what_an_actuator_of_position_has_no_word_for_is_lost_by_name():
+    robot = aw.load("so101").record
+    numbers = {name: replace(each, goal_speed=np.inf) for name, each in servo_actuators(robot).items()}
+    for change, words in (
+        ({"integral": 3.0}, "I of the firmware"),
+        ({"goal_speed": 2.0}, "the goal's speed in the firmware"),
+    ):
+        changed = numbers | {"elbow_flex": replace(numbers["elbow_flex"], **change)}
+        for actuators, lost in ((numbers, False), (changed, True)):
+            losses = mjcf_text(robot, MujocoActuators("position", actuators, STEP))[1]
+            assert any(words in loss and "elbow_flex" in loss for loss in losses) == lost
+        assert not any(words in loss for loss in mjcf_text(robot, MujocoActuators("dcmotor", changed, STEP))[1])
 
 
 def test_files_in_circulation_do_not():

@@ -339,6 +339,15 @@ def test_a_urdf_in_and_out_keeps_its_digits(tmp_path):
     assert again.provenance("j1.limits.torque_n_m").text == "read from in.urdf, a URDF, which names no sources"
 
 
+def test_an_axis_of_length_1_keeps_its_digits(tmp_path):
+    """Scaled to length 1 once more, the last digit of this one would differ."""
+    axis = (-0.9952875748074559, 0.09696722865944372, 0.0)
+    description = read_description("two-link")
+    joints = [joint.replace(axis=axis) if joint.name == "elbow" else joint for joint in description.joints]
+    write_urdf(description.replace(joints=tuple(joints)), tmp_path / "out.urdf")
+    assert 'xyz="-0.9952875748074559 0.09696722865944372 0.0"' in (tmp_path / "out.urdf").read_text(encoding="utf-8")
+
+
 @pytest.mark.parametrize("write", [write_urdf, write_mjcf])
 def test_nothing_is_written_halfway(tmp_path, write):
     description = read_description("two-link")

@@ -12,6 +12,7 @@ import armwright as aw
 from armwright.actuators.coupling import motor_shares
 from armwright.identification.arm.options import FitRows
 from armwright.shadow.observer import MomentumObserver
+from armwright.shadow.rest import widened
 from identification.arm.tx40 import tx40_urdf
 from identification.real_logs import TX40, log_of
 
@@ -107,6 +108,14 @@ def test_bounds_have_the_uncertainty_of_the_record(tmp_path):
     assert last_residual(uncertain, tau) == pytest.approx([0.0, 0.0], abs=0.01)
     tau[0] -= 2.0
     assert last_residual(uncertain, tau)[0] == pytest.approx(1.9, abs=0.01)
+
+
+@pytest.mark.parametrize(("std", "least"), [(0.05, 0.55), (0.2, 0.35)])
+def test_bounds_have_the_uncertainty_of_an_efficiency(tmp_path, std, least):
+    """0.7 ± 0.05 may be 0.55; that it may be under half of the record's number is not believed."""
+    motor, friction = ARMS["lossy gear"]
+    arm = two_link(tmp_path, motor.replace("0.7", f"{{{{ value = 0.7, std = {std} }}}}"), friction)
+    assert [float(body.drive.efficiency) for body in widened(arm).coordinates] == pytest.approx([least, least])
 
 
 def test_a_log_without_coulomb_friction_is_of_a_joint_that_it_holds(tmp_path):

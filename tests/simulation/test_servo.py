@@ -148,17 +148,21 @@ def test_its_loop_is_the_records(truth, name, firmware, solver):
 
 
 @pytest.mark.sample(2)
-@pytest.mark.parametrize("period", [0.02, 1 / 30, 0.0007, 0.0125])
-def test_it_turns_at_its_own_times_whatever_the_period_around_it(truth, period):
+@pytest.mark.parametrize(
+    ("period", "solver"),
+    [(0.02, "fine"), (1 / 30, "fine"), (0.0007, "fine"), (0.0125, "fine"), (0.0125, "cvodes")],
+)
+def test_it_turns_at_its_own_times_whatever_the_period_around_it(truth, period, solver):
     """A tick may hold several turns, or none; goals that change inside a tick are read by the next turn."""
     ticks = int(1.0 / period)
     loop = aw.Loop(lambda t, r, y: r.q, reference=[1.0], period=period, initial_command=[0.0])
-    run = aw.simulate(aw.Scenario(pendulum(ALL), ticks * period, loop=loop, solver=aw.Solver(accuracy=1e-8)))
+    solver, most = SOLVERS[solver]
+    run = aw.simulate(aw.Scenario(pendulum(ALL), ticks * period, loop=loop, solver=solver))
     own = by_hand(ALL, 1.0, lambda t: 1.0)
     at = np.arange(ticks + 1) * period / TURN
     whole = np.abs(at - np.rint(at)) < 1e-6
     assert whole.sum() > 10
-    np.testing.assert_allclose(run.q.values[whole, 0], own[np.rint(at[whole]).astype(int)], rtol=0, atol=1e-8)
+    np.testing.assert_allclose(run.q.values[whole, 0], own[np.rint(at[whole]).astype(int)], rtol=0, atol=10 * most)
 
 
 def test_slower_loops_turn_at_every_so_manyth_turn_of_the_fastest():

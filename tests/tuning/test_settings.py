@@ -87,6 +87,7 @@ def test_a_designed_start_keeps_the_margins_and_is_beaten_on_every_objective(tun
     assert tuned.start["kp"].tolist() != [600.0, 120.0]
     assert tuned.improved
     assert all(after <= before for before, after in tuned.objectives.values())
+    assert (tuned.chosen < tuned.tried.first).all()
     margins = aw.loops.LinearLoop(tuned.scenario).margins(np.random.default_rng(5).uniform(-2.0, 2.0, (30, 2)))
     assert margins.phase.min() > 0.69
     assert margins.gain_up.min() > 1.98

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import armwright as aw
+from armwright.errors import Interrupted
 from armwright.tuning.margins import MarginTest
 from armwright.tuning.objective import Objective
 from armwright.tuning.space import GainSpace
@@ -92,6 +93,31 @@ def test_a_start_that_nothing_beats_is_returned():
     assert found.gains["kp"].tolist() == [600.0, 120.0]
     assert found.scenario.controller.kd.tolist() == [60.0, 10.0]
     assert "the start is returned" in found.sentences()[0]
+
+
+@pytest.mark.parametrize("noise", [0.9, 1.1])
+def test_what_is_worse_in_one_objective_improves_nothing_where_each_shall_be_better(monkeypatch, noise):
+    """Of a start and gains that are compared on lanes held out."""
+    means = Objective.means
+
+    def compared(self, values, scales):
+        found = means(self, values, scales)
+        held_out = self.levels is None and len(found["noise_gain"]) == 2
+        return {"rms_error": np.array([1.0, 0.5]), "noise_gain": np.array([1.0, noise])} if held_out else found
+
+    monkeypatch.setattr(Objective, "means", compared)
+    found = quick(scenario(), objectives={"rms_error": 1.0, "noise_gain": 0.01}, improve_each=True)
+    assert found.improved == (noise < 1.0)
+
+
+def test_ctrl_c_keeps_a_complete_generation():
+    def stop(done, total):
+        if done == 1:
+            raise KeyboardInterrupt
+
+    with pytest.raises(Interrupted, match="after 1 of 6 generations") as stopped:
+        quick(scenario(), progress=stop)
+    assert len(stopped.value.found.history) == 2
 
 
 def test_lanes_of_the_scenario_are_the_uncertainty():

@@ -1,10 +1,20 @@
 """Time on the bus: the figures of the issue from lengths of frames; and buses that are not there."""
 
+import logging
+
 import pytest
 
 from armwright.errors import BusError
 from armwright.twin.bus import BusLoad, check_bus, frame_bits, open_bus
 from raises_at import raises_at
+
+
+def test_what_the_bus_packages_log_does_not_go_to_the_terminal():
+    for package in ("can", "canopen"):
+        logging.getLogger(package).handlers.clear()
+    open_bus("virtual:logged").shutdown()
+    for package in ("can", "canopen"):
+        assert [type(each) for each in logging.getLogger(package).handlers] == [logging.NullHandler]
 
 
 def test_lengths_of_frames():

@@ -160,6 +160,11 @@ def machine(state):
 
 def test_there_are_all_transitions_of_the_standard():
     assert {row.number for row in TRANSITIONS} == set(range(17))
+    ends = {}
+    for row in TRANSITIONS:
+        if isinstance(row.cause, Command):  # a number is one way from state to state, whatever asks for it
+            assert ends.setdefault(row.number, (row.source, row.target)) == (row.source, row.target)
+    assert len(set(ends.values())) == len(ends)
 
 
 def test_canopen_names_every_state_by_its_statusword():

@@ -1,13 +1,14 @@
 """Noise of measured positions: H2 norms beside SciPy and noisy simulations, limit cycles of counts beside simulations of them."""
 
 from dataclasses import replace
+from functools import reduce
 
 import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_lyapunov
 
 import armwright as aw
-from armwright.control.analysis import LinearLoop
+from armwright.control.analysis import LinearLoop, limit_cycles
 from armwright.control.analysis.limit_cycles import rounding_factor
 from armwright.control.analysis.small_signal import small_signal_arm
 from armwright.model.drive import Friction
@@ -135,6 +136,16 @@ def test_describing_functions_foresee_the_amplitude_of_counts_with_coulomb_frict
     assert 0.5 * np.ptp(late) == pytest.approx(cycle.amplitude, rel=0.15)
     reversals = (np.diff(np.sign(run.qd.values[1000:, 1])) != 0).mean()
     assert np.pi * reversals / PERIOD == pytest.approx(cycle.frequency, rel=0.05)
+
+
+@pytest.mark.parametrize("name", CONTROLLERS)
+def test_a_large_oscillation_grows_as_without_counts(name):
+    """Of a loop of several rates too, whose maps of all ticks of a cycle count."""
+    loop = LinearLoop(scenario(CONTROLLERS[name], counts=5000))
+    slopes, count = loop.slopes(POSE), 2 * np.pi / 5000
+    growth, _ = limit_cycles._growth(loop, slopes, 1, np.array([1e5 * count]), count, 0.0, 0)
+    values = np.linalg.eigvals(reduce(lambda before, then: then @ before, loop.maps(slopes, loop.held(slopes))))
+    assert growth[0] == pytest.approx(np.abs(values[np.abs(values.imag) > 1e-9]).max() ** (1.0 / loop.cycle), rel=1e-4)
 
 
 def test_a_limit_cycle_of_counts_needs_counts():

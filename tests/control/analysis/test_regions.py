@@ -113,6 +113,12 @@ def test_an_analysis_says_what_is_sampled():
     text = " ".join(found.sentences())
     assert "300 sampled poses" in text
     assert f"{1 / found.period_stable:.4g} Hz" in text
+    for period, others in ((found.period_held, "held still"), (found.period_free, "free")):
+        assert (
+            f"up to {1e3 * period:.4g} ms ({100 * (period / found.period_stable - 1):+.2g} %) with the others {others}"
+            in text
+        )
+    assert not replace(found, radius=np.where(np.arange(len(found.radius)) == 3, 1.01, found.radius)).stable
     unstable = analyse_loops(scenario(preset="one-tick", period=0.05), 50)
     assert not unstable.stable
     assert not unstable.keeps_margins

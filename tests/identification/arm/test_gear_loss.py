@@ -112,7 +112,6 @@ def record_of(arm: aw.Arm) -> aw.Arm:
     return arm.with_values({f"{body.link}.mass_kg": 1.2 * float(body.mass) for body in arm.bodies})
 
 
-@pytest.mark.sample(4)
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_about_the_truth_the_model_is_the_law_of_the_dynamics(arm, variant):
     lossy = VARIANTS[variant](arm)

@@ -12,6 +12,7 @@ import armwright as aw
 from armwright.errors import LogError
 from armwright.identification.logs.log_file import FileTable
 from armwright.identification.logs.tables import open_table
+from armwright.identification.logs.units import QUANTITIES
 from identification.logs.example_logs import ALL, columns, written
 from raises_at import raises_at
 
@@ -215,3 +216,14 @@ def test_columns_of_parquet_are_read_in_blocks(tmp_path):
     blocks = list(open_table(tmp_path / "arm.parquet", FileTable(path="x")).blocks(["q1"], 1000))
     assert [len(block[0]) for block in blocks] == [1000, 1000, 1000, 1000, 1]
     assert np.array_equal(np.concatenate([block[0] for block in blocks]), table["q1"])
+
+
+def test_units_of_columns_are_those_of_the_international_system():
+    """By name with its prefix: what is turning in radians, what is sliding in metres."""
+    prefixes = {"m": 1e-3, "k": 1e3}
+    for kind in QUANTITIES.values():
+        for units, unit in ((kind.turning, kind.unit), (kind.sliding, kind.sliding_unit)):
+            assert units[unit] == 1.0
+            for prefix, factor in prefixes.items():
+                if prefix + unit in units:
+                    assert units[prefix + unit] == factor

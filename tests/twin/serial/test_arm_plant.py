@@ -8,7 +8,7 @@ import pytest
 
 import armwright as aw
 from armwright.errors import BusError
-from armwright.twin.serial.arm_plant import ArmPlant, Mounting
+from armwright.twin.serial.arm_plant import REGISTERS, ArmPlant, Mounting
 from armwright.twin.serial.plant import Goal
 from armwright.twin.serial.replay import replay, write_goals
 from armwright.twin.serial.servo_arm import Line, ServoArm
@@ -123,6 +123,10 @@ def test_what_the_model_does_not_have_is_said_once():
     ]
     assert sum("'hip'" in text and "firmware.i" in text for text in said) == 1
     assert plant.rows[-1].enabled[1] == 0.0
+
+
+def test_a_dead_band_that_differs_by_direction_is_simulated_by_the_wider():
+    assert [REGISTERS["dead_band_counts"](goal(0.0, dead_band=band), None) for band in ((1, 6), (6, 1))] == [6, 6]
 
 
 def test_a_servos_registers_begin_with_the_records_numbers(arm):

@@ -54,6 +54,13 @@ def test_sts_offset_is_subtracted_and_goals_follow_it(sts):
     assert sts.get(1, "present_position") == 1100 - 2000 + 4096  # within one turn
 
 
+def test_sts_shows_all_turns_if_its_phase_says_so(sts):
+    sts.put(1, "homing_offset", 2000)
+    assert sts.get(1, "present_position") == 1100 - 100 - 2000 + 4096
+    sts.put(1, "phase", sts.get(1, "phase") | 0x10)
+    assert sts.get(1, "present_position") == 1000 - 2000
+
+
 def test_sts_makes_the_present_position_the_middle(sts):
     for number, actual in ((1, 1000), (2, 2000), (3, 3000)):
         assert sts.put(number, "torque_enable", 128) == 0
