@@ -407,7 +407,7 @@ def _expected(name: str, field: Any) -> str:
     if records:
         fields = records[0].model_fields
         needed = [key for key, inner in fields.items() if inner.is_required()]
-        return f"a table of {', '.join(needed)}" if needed else f"a table of some of {', '.join(fields)}"
+        return f"a table with {', '.join(needed)}" if needed else f"a table with some of {', '.join(fields)}"
     return "text" if field.annotation is str else "a value"
 
 

@@ -184,8 +184,7 @@ def test_a_chain_of_files_from_the_excitation_to_the_bus(robot, tmp_path, monkey
         assert "are those of the simulation, to the bit" in text
     else:  # drives that take voltages are refused at any period and bit rate
         text = " ".join(armwright("run-controller", "task.scenario.toml", "--go", code=2).output.split())
-        for joint in arm.names:
-            assert f"command = 'voltage': the drive of joint '{joint}' of {robot} takes voltages" in text
+        assert f"command = 'voltage': drives of {robot} take voltages: {', '.join(arm.names)}" in text
         assert f"loop.period = {bench['period']}" in text
 
 

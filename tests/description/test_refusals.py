@@ -58,7 +58,7 @@ PUMA: dict[str, tuple[tuple[Any, ...], Any, str, Any, str]] = {  # where, what; 
     "missing mass": ((*LINK2, "mass_kg"), GONE, "link 'link2' mass_kg", GONE, "a number of 0 or more"),
     "missing com": ((*LINK2, "com_m"), GONE, "link 'link2' com_m", GONE, "3 numbers"),
     "missing inertia": ((*LINK2, "inertia_kg_m2"), GONE,
-     "link 'link2' inertia_kg_m2", GONE, "a table of xx, xy, xz, yy, yz, zz"),
+     "link 'link2' inertia_kg_m2", GONE, "a table with xx, xy, xz, yy, yz, zz"),
     "a joint called t": ((*ELBOW, "name"), "t", "joint 't' name", SAME, "the time in schedules"),
     "negative std": ((*LINK2, "mass_kg"), {"value": 17.4, "std": -1},
      "link 'link2' mass_kg.std", -1, "a standard deviation of 0 or more"),

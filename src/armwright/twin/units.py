@@ -12,7 +12,7 @@ import numpy as np
 
 from armwright import scalar
 from armwright.errors import BusError, Problem
-from armwright.model import Body
+from armwright.model import Body, Model
 from armwright.scalar import Array
 from armwright.simulation.scenario import Scenario
 from armwright.simulation.scenario_parts import Loop
@@ -21,6 +21,10 @@ COUNTS_PER_TURN = 360_000  # milli-degrees, as the LWA 4P's drives count: 57295.
 COUNTS_PER_METRE = 1e6  # micrometres
 THOUSAND = 1000  # thousandths in rated torque
 MOST = 2**31 - 1  # of a 32-bit position
+OTHERS = {  # commands that no frame carries: what drives take, and where it may run
+    "voltage": ("take voltages", ""),
+    "position": ("take goals, as servos do", "; servos have a serial line (--serial)"),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +56,10 @@ class BusUnits:
         metre = np.broadcast_to(metre, arm.n).astype(float)
         linear = np.array([body.kind.units.linear for body in arm.coordinates])
         count = np.where(linear, 1.0 / metre, 2.0 * np.pi / turn)
-        problems = [problem for body in arm.coordinates for problem in _refused(body, arm.name)]
+        problems = [
+            *_other_commands(arm),
+            *(problem for body in arm.coordinates for problem in _refused(body, arm.name)),
+        ]
         if problems:
             raise BusError.of(*problems)
         most = np.array([_most(body) for body in arm.coordinates])
@@ -103,17 +110,25 @@ def _most(body: Body) -> float:
     return float(min(body.limits.torque / torque, body.limits.current if body.drive.command == "current" else np.inf))
 
 
+def _other_commands(arm: Model) -> list[Problem]:
+    """A problem for each command that drives take and no frame carries, with the joints of all that take it."""
+    problems = []
+    for command, (words, more) in OTHERS.items():
+        joints = [body.joint for body in arm.coordinates if body.drive.command == command]
+        if joints:
+            what = f"drives of {arm.name} {words}: {', '.join(joints)}"
+            problems.append(Problem(what, "command", command, f"'current' or 'torque', as CiA 402 drives take{more}"))
+    return problems
+
+
 def _refused(body: Body, arm: str) -> list[Problem]:
     """Reasons why a drive cannot be one on the bus."""
     limits, place = body.limits, f"joint {body.joint!r} limits"
     if body.drive.coupling:
         what = f"the motor of joint {body.joint!r} is turned by other joints too"
         return [Problem(what, "motor.coupling", expected="one drive for each joint")]
-    if body.drive.command in ("voltage", "position"):
-        is_servo = body.drive.command == "position"
-        what = f"the drive of joint {body.joint!r} of {arm} takes {'goals, as servos do' if is_servo else 'voltages'}"
-        expected = "'current' or 'torque', as CiA 402 drives take" + "; servos have a serial line (--serial)" * is_servo
-        return [Problem(what, "command", body.drive.command, expected)]
+    if body.drive.command in OTHERS:
+        return []
     problems = []
     if not np.isfinite(_most(body)):
         expected = "torque_n_m or current_a in the record: the bus carries thousandths of the rated torque"
