@@ -60,6 +60,20 @@ LOPSIDED = {
         "sigmoid_shift_rad_per_s": 0.036,
     },
 }
+BY_LOADS = {
+    "law": "load-dependent",
+    "coulomb_positive_n_m": 3.0,
+    "coulomb_negative_n_m": 3.0,
+    "stribeck_torque_n_m": 5.0,
+    "stribeck_speed_rad_per_s": 0.3,
+    "stribeck_exponent": 1.3,
+    "load_motor": 0.2,
+    "load_external": 0.1,
+    "load_motor_stribeck": 0.05,
+    "load_external_stribeck": 0.1,
+    "load_motor_quadratic_per_n_m": 0.02,
+    "load_external_quadratic_per_n_m": 0.01,
+}
 MOTOR = {"gear_ratio": -100.0, "rotor_inertia_kg_m2": 0.0}
 speeds = st.floats(-50.0, 50.0)
 
@@ -219,6 +233,16 @@ def test_the_torques_that_hold_a_joint():
     sliding = one_joint(LOPSIDED["sigmoid"])
     far = friction_at(sliding, -100.0), friction_at(sliding, 100.0)
     assert LAWS["sigmoid"].holding(sliding.bodies[0].friction) == pytest.approx(far, rel=1e-14)
+
+
+@pytest.mark.parametrize("loads", [(3.0, -2.0), (-1.0, 2.5), (2.0, 1.0)])
+def test_friction_by_loads_falls_from_standstill_by_what_it_says(loads):
+    friction = one_joint(BY_LOADS, MOTOR).bodies[0].friction
+    law = LAWS["load-dependent"]
+    level, stribeck = law.level(friction, 0.0, loads), BY_LOADS["stribeck_torque_n_m"]
+    assert level > stribeck
+    assert law.falling(friction, loads) == pytest.approx(level - law.level(friction, 1e3, loads), rel=1e-12)
+    assert law.falling(friction) == stribeck - min(BY_LOADS["coulomb_positive_n_m"], BY_LOADS["coulomb_negative_n_m"])
 
 
 @pytest.mark.parametrize("record", [*SYMMETRIC.values(), *LOPSIDED.values(), *STICKING.values()])

@@ -82,6 +82,7 @@ def test_mujoco_moves_as_armwright_does(kind):
     before, after = fit.rms(fit.before), fit.rms(fit.after)
     assert before.max() < 1e-3
     assert (after < before).all()
+    assert {"stiffness [N m/rad]", "limit [N m]", "after [rad]"} <= set(fit.tables()[0].heads)
     assert after.max() < 3e-4  # a count is 1.5e-3
     assert np.abs(fit.simulated - fit.goal).max() > 0.02  # which is not for lack of anything to be seen
 

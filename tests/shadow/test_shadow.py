@@ -10,6 +10,7 @@ import pytest
 
 import armwright as aw
 from armwright.errors import LogError, ScenarioError, ShapeError
+from armwright.model import build_model
 from armwright.shadow.observer import MomentumObserver, with_kilogram
 from identification.arm.simulated_log import motion
 from identification.real_logs import DATA, LWA_4P, log_of
@@ -234,6 +235,27 @@ def test_where_limits_come_from(tmp_path):
     assert "validation with log.log.toml" in aw.shadow.ArmShadow(record).deviations.source
     record.write_text(record.read_text() + "\n# changed\n")
     assert "not known" in aw.shadow.ArmShadow(record).deviations.source
+
+
+@pytest.mark.parametrize("joints", [["shoulder", "elbow"], ["shoulder"]])
+def test_deviations_are_those_of_a_fit_of_all_joints(joints):
+    """One that has measures of some joints only tells no limits."""
+    arm = aw.load("two-link")
+    fit = {
+        "source": "bench",
+        "method": "weighted least squares",
+        "log_sha256": 64 * "0",
+        "verdict": "identified",
+        "measures": {joint: {"rms": 0.1 + k} for k, joint in enumerate(joints)},
+    }
+    found = aw.shadow.ArmShadow(
+        build_model(arm.record.replace(sources={"bench": {"kind": "fit", "text": "a bench"}}, fits={"bench": fit}))
+    ).deviations
+    if len(joints) == arm.n:
+        assert found.source == "residuals of the fit 'bench' in the record"
+        assert found.values.tolist() == [0.1, 1.1]
+    else:
+        assert "not known" in found.source
 
 
 def test_deviations_of_the_records_numbers(tmp_path):

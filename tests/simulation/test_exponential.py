@@ -11,6 +11,7 @@ from armwright.simulation.integrate.exponential import (
     Split,
     phi,
     rk3_exponential,
+    rk3_exponential_pair,
     rk4_exponential,
     semi_implicit_euler_exponential,
 )
@@ -64,6 +65,21 @@ def test_without_a_rate_it_is_the_plain_rule(rule, plain_rule):
     split = rule(Split.of(lambda x, u: (driven(-2.0, x, u)[0], np.zeros(1)), [1]), x, NOTHING, 0.1)
     plain = plain_rule(lambda x, u: driven(-2.0, x, u)[0], x, NOTHING, 0.1)
     np.testing.assert_allclose(split, plain, rtol=1e-15)
+
+
+@pytest.mark.parametrize("rate", [0.0, -1e-7])
+def test_the_error_without_a_rate_is_that_of_the_plain_pair(rate):
+    """h/6 (k1 - 2 k2 + k3)."""
+    x, h = np.array([0.4, 0.9]), 0.1
+
+    def plain(x):
+        return driven(rate, x, NOTHING)[0]
+
+    k1 = plain(x)
+    k2 = plain(x + 0.5 * h * k1)
+    k3 = plain(x + 2.0 * h * k2 - h * k1)
+    error = rk3_exponential_pair(Split.of(lambda x, u: driven(rate, x, u), [1]), x, NOTHING, h)[1]
+    np.testing.assert_allclose(error, h / 6.0 * (k1 - 2.0 * k2 + k3), rtol=1e-6)
 
 
 def test_semi_implicit_euler_without_a_rate_moves_what_is_fast_as_a_position():

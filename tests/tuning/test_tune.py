@@ -9,7 +9,7 @@ import pytest
 import armwright as aw
 from armwright.errors import Interrupted
 from armwright.tuning.margins import MarginTest
-from armwright.tuning.objective import Objective
+from armwright.tuning.objective import BEYOND, Objective
 from armwright.tuning.space import GainSpace
 from raises_at import raises_at
 
@@ -183,6 +183,17 @@ def test_gains_that_fail_at_all_poses_are_told_apart():
     gains = np.array([fastest, 0.9 * fastest, [600.0, 120.0, 60.0, 10.0]])
     far, near, kept = margins.excess(gains)
     assert far > near > kept == 0.0
+
+
+def test_a_limit_costs_by_its_excess():
+    """Relative to the limit, as the mean of the joints: 4 N m at a limit of 2 are once the limit beyond it."""
+    one = scenario()
+    limits = {"peak_torque": np.array([4.0, 2.0])}
+    objective = Objective(
+        one, GainSpace.of(one, None), {"rms_error": 1.0}, limits, worst=False, linear=lambda *_: np.zeros(2)
+    )
+    values = {"rms_error": np.ones((1, 1, 2)), "peak_torque": np.array([[[2.0, 4.0]]])}
+    assert objective.score(values, {"rms_error": np.ones(2)}) == pytest.approx(1.0 + BEYOND * 0.5)
 
 
 def test_runs_that_fail_count_as_infinite():

@@ -206,6 +206,7 @@ def test_an_input_without_influence_is_not_identified():
     draw = np.random.default_rng(10)
     model = aw.identification.fit_oe(draw.standard_normal(800), draw.standard_normal(800), 1.0, order=1, delay=1)
     assert model.verdict == "not identified"
+    assert not model.good
     assert "does not answer" in " ".join(model.remarks)
 
 
@@ -218,6 +219,7 @@ def test_a_sine_does_not_tell_a_third_order():
     assert "cannot be distinguished" in " ".join(model.remarks)
     found = aw.identification.fit_oe(u, y, 1.0, order=1, delay=2, offset=False)
     assert found.verdict == found.sentences()[0] == "identified"
+    assert found.good
 
 
 @pytest.mark.study

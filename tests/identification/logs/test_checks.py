@@ -14,6 +14,19 @@ from armwright.identification.logs.effort_checks import motion_delay
 from armwright.identification.logs.preparation import low_pass
 from identification.logs.example_logs import ALL, HEAD, POSITIONS, RATE, TORQUES, columns, motion, written
 
+OF_PUMA560 = f"""
+robot = "puma560"
+files.arm.path = "arm.csv"
+time.column = "t"
+time.unit = "s"
+[[signals]]
+quantity = "position"
+columns = ["q1", "q2"]
+joints = {list(aw.load("puma560").names[:2])}
+unit = "rad"
+side = "joint"
+"""
+
 
 def findings(folder, change=None, text=ALL, level=None):
     """Sentences of the findings about a log whose columns were changed."""
@@ -207,20 +220,21 @@ def test_nothing_moves(tmp_path):
     assert any("nothing moves" in line for line in findings(tmp_path, still, level="error"))
 
 
+@pytest.mark.parametrize("sign", [1, -1])
+def test_positions_beyond_one_limit_of_the_arm(tmp_path, sign):
+    """A position that leaves the joint's range at one end."""
+    low, high = aw.load("puma560").coordinates[0].limits.position
+    reach = (high if sign > 0 else -low) + 0.2
+
+    def shifted(table):
+        table["q1"] = table["q1"] - (sign * table["q1"]).max() * sign + sign * reach
+
+    (line, *_) = findings(tmp_path, shifted, OF_PUMA560)
+    assert "beyond the joint's limits" in line
+
+
 def test_positions_beyond_the_limits_of_the_arm(tmp_path):
-    text = f"""
-        robot = "puma560"
-        files.arm.path = "arm.csv"
-        time.column = "t"
-        time.unit = "s"
-        [[signals]]
-        quantity = "position"
-        columns = ["q1", "q2"]
-        joints = {list(aw.load("puma560").names[:2])}
-        unit = "rad"
-        side = "joint"
-    """
-    (line, *_) = findings(tmp_path, scaled("q1", by=180 / np.pi), text, "error")
+    (line, *_) = findings(tmp_path, scaled("q1", by=180 / np.pi), OF_PUMA560, "error")
     assert "beyond the joint's limits" in line
     assert "degrees taken for radians" in line
 

@@ -264,6 +264,14 @@ def test_a_motion_beyond_limits_is_refused(arm, poses, duration, words):
         plan_capture(arm, aw.trajectories.Waypoints(poses, times=[0.0, duration]))
 
 
+def test_goals_have_speeds_and_accelerations_above_those_of_the_motion_and_within_limits():
+    arm = pendulum(PLAIN, JOINTS, limits={**LIMITS, "velocity_rad_per_s": 4.0, "acceleration_rad_per_s2": 30.0})
+    fit = ServoFit.of(arm, LINES["sts3215"])
+    for qd, qdd, speed, acceleration in ((0.0, 0.0, 0.2, 20.0), (-2.0, 6.0, 3.0, 24.0), (3.9, -50.0, 4.0, 30.0)):
+        found = fit.goal_limits(np.array([[0.0, 0.0], [qd, 0.0]]), np.array([[qdd, 0.0], [0.0, 0.0]]))
+        assert [each.tolist() for each in found] == [[speed, 0.2], [acceleration, 20.0]]
+
+
 def test_an_encoder_has_ends(arm, motion):
     with raises_at(BusError, "joint 'hip'", r"\S+ rad .* its encoder$"):
         plan_capture(arm, motion, Line(zeros=[4000.0, 2048.0]))
