@@ -13,6 +13,7 @@ from armwright.actuators.coupling import motor_shares
 from armwright.identification.arm.options import FitRows
 from armwright.shadow.observer import MomentumObserver
 from armwright.shadow.rest import widened
+from identification.arm.moved_arm import written_log
 from identification.arm.tx40 import tx40_urdf
 from identification.real_logs import TX40, log_of
 
@@ -194,6 +195,17 @@ def test_a_payload_is_noticed_at_the_next_motion(tmp_path):
     assert alarms
     assert 0.4 < alarms[0].t < 1.2
     assert alarms[0].kind == "payload"
+
+
+def test_the_table_has_the_widest_that_friction_hides(tmp_path):
+    """An arm that moves, and stops: 3.5 N m either way, half of 4 N m forwards and 3 N m backwards."""
+    arm = two_link(tmp_path)
+    t = 2e-3 * np.arange(2000)
+    q = POSE + 0.3 * np.cos(np.pi * np.minimum(t, 2.0))[:, None]
+    tau = np.tile(corners(arm).mean(axis=0), (len(t), 1))
+    log = written_log(tmp_path, "stops", arm.names, t, q, tau)
+    found = aw.shadow.shadow_log(log, arm, deviation=100.0)
+    assert [float(row["friction at rest"]) for row in found.rows()] == pytest.approx([3.5, 3.5], rel=1e-3)
 
 
 @pytest.mark.study

@@ -248,9 +248,8 @@ def test_deviations_are_those_of_a_fit_of_all_joints(joints):
         "verdict": "identified",
         "measures": {joint: {"rms": 0.1 + k} for k, joint in enumerate(joints)},
     }
-    found = aw.shadow.ArmShadow(
-        build_model(arm.record.replace(sources={"bench": {"kind": "fit", "text": "a bench"}}, fits={"bench": fit}))
-    ).deviations
+    record = arm.record.replace(sources={"bench": {"kind": "fit", "text": "a bench"}}, fits={"bench": fit})
+    found = aw.shadow.ArmShadow(build_model(record)).deviations
     if len(joints) == arm.n:
         assert found.source == "residuals of the fit 'bench' in the record"
         assert found.values.tolist() == [0.1, 1.1]

@@ -196,6 +196,17 @@ def test_dynamixel_offset_is_added(dynamixel):
     assert dynamixel.plant.goals[0].value == 1100.0
 
 
+def test_dynamixel_writes_registers_together_or_none_of_them(dynamixel):
+    """A D gain beside an I gain that is none, and beside one that is."""
+    first, second = (dynamixel.registers[f"position_{name}_gain"] for name in ("d", "i"))
+    assert second.address == first.end
+    for gains, error in (((7, 20_000), 0x04), ((20_000, 7), 0x04), ((7, 8), 0)):
+        data = first.encode(gains[0]) + second.encode(gains[1])
+        assert dynamixel.status("write", 1, dynamixel.words(first.address) + data)[0] == error
+        found = [dynamixel.get(1, f"position_{name}_gain") for name in ("d", "i")]
+        assert (found == list(gains)) == (error == 0)
+
+
 def test_dynamixel_reverses(dynamixel):
     dynamixel.put(1, "drive_mode", 1)
     dynamixel.bus.servos[0].power_up()
