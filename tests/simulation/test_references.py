@@ -129,3 +129,13 @@ def test_an_object_that_is_no_trajectory_is_refused_with_what_is_missing(referen
     with raises_at(ScenarioError, place, found) as caught:
         reference_rows(arm("cmu-dd"), reference, T)
     assert "(0,)" not in str(caught.value)
+
+
+def test_lanes_have_poses_or_schedules_and_no_trajectories():
+    schedule, other = (
+        aw.Schedule([0.0], [[0.1, 0.2]], ["shoulder", "elbow"]),
+        aw.trajectories.Quintic([0.0] * 2, [0.1] * 2, 1.0),
+    )
+    loop = aw.Loop(aw.JointPID(10.0), reference=aw.Batch([schedule, other]), period=1e-3)
+    with raises_at(ScenarioError, "loop.reference", "poses or schedules"):
+        aw.simulate(aw.Scenario("two-link", 0.01, loop=loop))
