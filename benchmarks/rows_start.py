@@ -109,9 +109,8 @@ def command_records(times: int) -> list[Record]:
     with tempfile.TemporaryDirectory() as code:
         for command, packages in COMMANDS.items():
             both = [["-m", "armwright", *command.split()], ["-c", f"import {packages}"]]
-            turns = [[_cpu(arguments, code) for arguments in both] for _ in range(times + 1)][
-                1:
-            ]  # the first one compiles
+            # the first one compiles
+            turns = [[_cpu(arguments, code) for arguments in both] for _ in range(times + 1)][1:]
             parts = {"all": [ours for ours, _ in turns], "import packages": [theirs for _, theirs in turns]}
             parts["above packages"] = [statistics.median(ours - theirs for ours, theirs in turns)]
             records.append(_record({"work": f"armwright {command.split()[0]}"}, 0.0, parts))

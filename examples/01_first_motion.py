@@ -12,9 +12,8 @@ folder = Path(sys.argv[1] if len(sys.argv) > 1 else "build/examples")
 folder.mkdir(parents=True, exist_ok=True)
 
 arm = aw.load("cmu-dd")
-schedule = aw.simulation.read_schedule(
-    Path(__file__).with_name("cmu-dd-steps.csv"), arm.names
-)  # three rows of volts, each held
+# three rows of volts, each held
+schedule = aw.simulation.read_schedule(Path(__file__).with_name("cmu-dd-steps.csv"), arm.names)
 run = aw.simulate(aw.Scenario(arm, command=schedule, duration=1.5))
 
 end = run.isel(time=-1)

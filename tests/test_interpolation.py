@@ -24,9 +24,8 @@ def table(outside: str):
 
 @pytest.mark.parametrize("outside", CHOICES)
 def test_values_are_scipys(outside):
-    assert piecewise_linear(X, AT, VALUES, outside) == pytest.approx(
-        table(outside)(X), rel=0, abs=1e-11
-    )  # 1e-14 of the largest value
+    # 1e-14 of the largest value
+    assert piecewise_linear(X, AT, VALUES, outside) == pytest.approx(table(outside)(X), rel=0, abs=1e-11)
 
 
 @pytest.mark.parametrize("outside", CHOICES)

@@ -123,9 +123,8 @@ def test_every_function_is_called_here():
 @pytest.mark.parametrize("name", CALLS)
 def test_it_takes_true_false_and_a_function_and_refuses_the_rest(tmp_path, capfd, name):
     if name == "sweep":
-        CALLS[name](
-            tmp_path, False
-        )  # a cluster for each call would take seconds; the reader of the argument is the same
+        # a cluster for each call would take seconds; the reader of the argument is the same
+        CALLS[name](tmp_path, False)
         return
     calls = []
     for shown in (True, False, None, lambda *at: calls.append(at)):

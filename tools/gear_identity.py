@@ -133,9 +133,8 @@ def probed(model: Model, count: int) -> tuple[float, float, np.ndarray]:
         reach = np.abs(np.linalg.inv(kernels.mass_matrix(q)))
         size = np.abs(qdd).max(1) + np.einsum("kij,kj->ki", reach, np.abs(bias)).max(1)
         worst = max(worst, (np.abs(back - qdd).max(1) / size).max())
-        tau = np.where(
-            rng.uniform(size=(BATCH, 1)) < 0.5, tau, noise * 10 ** rng.uniform(-2, 3, (BATCH, 1))
-        )  # any torques
+        # any torques
+        tau = np.where(rng.uniform(size=(BATCH, 1)) < 0.5, tau, noise * 10 ** rng.uniform(-2, 3, (BATCH, 1)))
         first, taken = steps(q, qd, tau, 0.0 * q)
         counts += np.bincount(taken.astype(int) + 2, minlength=14)
         for _ in range(STARTS):

@@ -327,15 +327,13 @@ def benchmark(name: str) -> str:
     kept = [k for k, column in enumerate(rows[0]) if not wanted or column in wanted]
     heads = [rows[0][k] for k in kept]
     cells = table(heads, [[row[k].replace("_", " ") for k in kept] for row in rows[2:]])
-    dated = [
-        line[2:] for line in section.splitlines() if line.startswith("- measured on ")
-    ]  # of another day than the rest
+    # of another day than the rest
+    dated = [line[2:] for line in section.splitlines() if line.startswith("- measured on ")]
     return "\n\n".join([cells, *(f"This table was {line}." for line in dated)])
 
 
-BENCHMARK: dict[
-    str, tuple[str, tuple[str, ...]]
-] = {  # how a table's title begins, and its columns here; () is all of them
+# how a table's title begins, and its columns here; () is all of them
+BENCHMARK: dict[str, tuple[str, tuple[str, ...]]] = {
     "kernels": (
         "Kernels",
         ("arm", "kernel", "ours, batch", "Pinocchio C++", "Pinocchio C++ ÷ ours", "MuJoCo", "MuJoCo ÷ ours"),

@@ -123,9 +123,8 @@ def export(folder, scenario):
 def twin(scenario):
     """The same controller over a CAN bus, with the simulated arm as six CiA 402 drives, in lock-step."""
     sensors = replace(scenario.loop.sensors, current_noise=0.0)  # no measured current is in the frames
-    command_filter = replace(
-        scenario.loop.command_filter, resolution=None
-    )  # frames carry thousandths of the rated torque
+    # frames carry thousandths of the rated torque
+    command_filter = replace(scenario.loop.command_filter, resolution=None)
     scenario = replace(scenario, loop=replace(scenario.loop, sensors=sensors, command_filter=command_filter))
     try:
         with aw.bus.Twin(scenario, "virtual"):

@@ -39,9 +39,8 @@ def progress(words: str, unit: str = "") -> Iterator[Progress]:
     if bar is None:
         yield _silent
         return
-    patience = threading.Timer(
-        PATIENCE, contextvars.copy_context().run, [bar.start]
-    )  # a cell's output follows its context
+    # a cell's output follows its context
+    patience = threading.Timer(PATIENCE, contextvars.copy_context().run, [bar.start])
     patience.daemon = True
     patience.start()
     _shown.open = True

@@ -42,9 +42,8 @@ def test_constants_are_written_for_the_next_command(bench):
     refused = run("identify", "arm", bench / "as_bought.urdf", bench / "empty.log.toml", code=2)
     assert "torque_constant_n_m_per_a" in refused.stderr
     run("identify", "arm", output, bench / "empty.log.toml", "-o", bench / "identified.toml")
-    run(
-        "validate", bench / "identified.toml", bench / "loaded.log.toml", code=1
-    )  # without the payload it is another arm
+    # without the payload it is another arm
+    run("validate", bench / "identified.toml", bench / "loaded.log.toml", code=1)
 
 
 def test_what_is_identified_is_written_and_the_code_says_that_not_all_is(bench):

@@ -89,9 +89,8 @@ def test_each_option_has_one_meaning_in_all_commands():
             seen.setdefault(name, []).append(path)
     assert set(table) == set(seen), set(table) - set(seen)
     shared = [name for name, paths in seen.items() if len(paths) > 1 and name != "--output"]
-    assert [
-        name for name in shared if not table[name][2]
-    ] == []  # without words nothing would hold their meaning together
+    # without words nothing would hold their meaning together
+    assert [name for name in shared if not table[name][2]] == []
     assert len(shared) > 50
 
 

@@ -131,9 +131,8 @@ def test_arms_are_written_like_their_descriptions(tmp_path):
         assert arm.description is not None
         text = aw.robotfiles.to_toml(arm)
         assert text == aw.robotfiles.to_toml(arm.description), name
-        known = arm.description.with_gear_ratios(
-            {}
-        )  # those of a URDF whose joints have no motor have no place in a file
+        # those of a URDF whose joints have no motor have no place in a file
+        known = arm.description.with_gear_ratios({})
         assert again(text) == known, name
         path = aw.robotfiles.write_toml(arm, tmp_path / "written.toml")
         assert aw.load(path, on_impossible="warn").description == known, name

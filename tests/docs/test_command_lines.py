@@ -84,9 +84,8 @@ def test_its_command_lines_are_understood(path, capsys):
             understood(words, is_whole)
         except Error as error:
             wrong.append(f"armwright {shlex.join(words)}: {error.format_message()}")
-        wrong += [
-            f"armwright {shlex.join(words)}: {note}" for note in capsys.readouterr().err.splitlines()
-        ]  # old names
+        # old names
+        wrong += [f"armwright {shlex.join(words)}: {note}" for note in capsys.readouterr().err.splitlines()]
     assert not wrong, "\n".join(wrong)
 
 

@@ -47,9 +47,8 @@ def test_regrouped_bodies_serve_as_well(which):
     q, (qd, tau) = random_position(model, rng), rng.normal(size=(2, model.n))
     for same in (model, base_parameters(model), simplified(model)):
         matrix = mass_matrix(same, q)
-        expected = [
-            1.0 / np.linalg.inv(matrix[i:, i:])[0, 0] for i in range(model.n)
-        ]  # pivots, the tips eliminated first
+        # pivots, the tips eliminated first
+        expected = [1.0 / np.linalg.inv(matrix[i:, i:])[0, 0] for i in range(model.n)]
         d, condition = pivots(same, q), np.linalg.cond(matrix)
         assert (d > 0.0).all()
         np.testing.assert_allclose(d, expected, rtol=1e-13 * condition)

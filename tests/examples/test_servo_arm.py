@@ -21,9 +21,8 @@ def test_the_shoulder_sags_and_rests_by_its_approach(tmp_path):
     found = [[float(x) for x in re.findall(r"([\d.]+)°", line)] for line in done.stdout.splitlines()]
     armwright, ours, gain_18, gain_998 = np.reshape(found, (4, 2, 4)).transpose(2, 0, 1)  # by case and side
     assert np.abs(ours - armwright).max() < 0.2
-    assert (
-        (armwright[:, 1] - armwright[:, 0] > 0.1) & (armwright[:, 1] - armwright[:, 0] < 0.7)
-    ).all()  # lower from below
+    # lower from below
+    assert ((armwright[:, 1] - armwright[:, 0] > 0.1) & (armwright[:, 1] - armwright[:, 0] < 0.7)).all()
     assert (gain_998 < 0.1).all()
     assert np.abs(gain_18[2:] - armwright[2:]).max() < 0.2  # made for P = 32
     assert (armwright[:2] / gain_18[:2] > 1.8).all()  # and so half of what P = 16 does

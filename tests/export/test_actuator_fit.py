@@ -161,9 +161,8 @@ def test_latency_is_a_delay_and_play_is_told():
     assert model.actuator_delay[0] == pytest.approx(0.01)
     assert fit.document()["joints"]["q"]["play"]["mean"] == 0.02
     assert "3.14" in str(fit)
-    assert any(
-        "play" in line for line in lost
-    )  # an encoder behind the play sees it; MuJoCo's joint would not: 11 mrad in place of 6
+    # an encoder behind the play sees it; MuJoCo's joint would not: 11 mrad in place of 6
+    assert any("play" in line for line in lost)
     assert fit.rms(fit.after)[0] < 0.5 * fit.rms(fit.before)[0]
 
 

@@ -100,9 +100,8 @@ class Guard:
             if is_allowed or self._is_named(os.fsdecode(arguments[0]), place):
                 return
             if TEMPORARY.fullmatch(os.path.basename(place)) and f"{os.path.dirname(place)}{os.sep}" in self.named:
-                raise PermissionError(
-                    errno.EACCES, os.strerror(errno.EACCES), place
-                )  # the case may, this machine's files stay
+                # the case may, this machine's files stay
+                raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), place)
             self.seen.append(f"{event} {os.fsdecode(arguments[0])}"[:200])
 
     def _is_named(self, path: str, place: str) -> bool:

@@ -30,9 +30,8 @@ from fuzz.logs import LOGS
 KINDS = {**FILES, **LOGS, **CALLS, **BUSES_AND_SHEETS, **COMMAND}
 MEMORY = 4 << 30  # bytes of address space of a worker
 MOST_CASES = 50_000  # of a worker before another takes its place, so that caches and leaks stay small
-PATIENCE = (
-    LIMIT + 20
-)  # s of the processor's time without a word, in C that no signal interrupts: a worker is then killed
+# s of the processor's time without a word, in C that no signal interrupts: a worker is then killed
+PATIENCE = LIMIT + 20
 LONGEST = 600.0  # s of the clock, likewise: of a worker that waits for ever
 COUNTS = Path(__file__).parent / "counts.json"
 FAILURES = Path(__file__).parents[1] / "regressions"

@@ -162,9 +162,8 @@ def _replacement(text: str, token: str, tokens: Sequence[tuple[int, int]], rng: 
         return text[start:end]
     if draw < 0.3:
         return ""
-    if draw < 0.5 and re.fullmatch(
-        r"-?\d+(\.\d*)?([eE][-+]?\d+)?", token
-    ):  # a plausible one, for checks that come late
+    # a plausible one, for checks that come late
+    if draw < 0.5 and re.fullmatch(r"-?\d+(\.\d*)?([eE][-+]?\d+)?", token):
         return repr(
             float(token) * rng.choice((-1.0, 0.5, 2.0, 1e-3, 1e3, 1.000001)) + rng.choice((0.0, 0.0, 1.0, 1e-9))
         )

@@ -102,9 +102,8 @@ def test_tools_that_point_straight_down(name, tmp_path):
 def test_what_cannot_be_reached_is_said_by_what_counts(tmp_path):
     arm = small_arm("pitch-4", tmp_path)
     high = aw.kinematics.pose_towards([[0.0, 0.0, 5.0]], [1.0, 0.0, 0.0])
-    stretched = aw.kinematics.pose_towards(
-        [[0.54, 0.0, 0.105]], [0.0, 0.0, 1.0]
-    )  # at the end of its reach with its hand up
+    # at the end of its reach with its hand up
+    stretched = aw.kinematics.pose_towards([[0.54, 0.0, 0.105]], [0.0, 0.0, 1.0])
     for target, far in ((high, 4.0), (stretched, 0.0)):
         found = aw.inverse_kinematics(arm, target, aim="pitch")
         assert not found.success.any()

@@ -15,9 +15,8 @@ from docs.pages import blocks, comparable, python
 from interop.packages import PACKAGES
 from raises_at import raises_at
 
-pytestmark = pytest.mark.filterwarnings(
-    "ignore:.*torch.jit.script.*is deprecated:FutureWarning"
-)  # PyTorch's own, in jacfwd
+# PyTorch's own, in jacfwd
+pytestmark = pytest.mark.filterwarnings("ignore:.*torch.jit.script.*is deprecated:FutureWarning")
 STEP = 1e-6
 FORMS = {  # kernel, optional inputs, options
     "inverse dynamics": ("inverse_dynamics", ("wrench",), {}),

@@ -109,9 +109,8 @@ def test_a_module_put_on_the_other_way_round_moves_the_same(q: float, by: str) -
     meeting = np.diag([1.0, -1.0, -1.0, 1.0])
     face = np.eye(4)
     face[2, 3] = 0.2
-    through = np.linalg.inv(face) @ aw.forward_kinematics(
-        back, np.array([q])
-    )  # face a to face b, from the carrier's side
+    # face a to face b, from the carrier's side
+    through = np.linalg.inv(face) @ aw.forward_kinematics(back, np.array([q]))
     expected = through if by == "a" else meeting @ np.linalg.inv(through) @ meeting
     np.testing.assert_allclose(np.linalg.inv(face) @ pose, expected, atol=1e-12)
 

@@ -104,9 +104,8 @@ def test_passes_keep_the_meaning(each, name):
     scale = np.abs(plain).max(axis=1, keepdims=True)
     assert np.all(np.abs(passed - plain) <= 1e-10 * scale)
     assert np.all(np.abs(interpret(program, *inputs) - plain) <= 1e-10 * scale)
-    assert (
-        len(each(program.instructions)) <= len(program.instructions) + 2 * arm.n
-    )  # a reciprocal each for inertia, friction
+    # a reciprocal each for inertia, friction
+    assert len(each(program.instructions)) <= len(program.instructions) + 2 * arm.n
 
 
 def test_native_code_does_exactly_the_instructions():

@@ -58,9 +58,8 @@ def test_units_and_names(arm):
     assert all(variable.attrs["long_name"] for variable in run.variables.values())
     assert run_units(run, "u") == joint_units(arm, "u") == ["V", "N", "A"]
     assert run_units(run, "q") == joint_units(arm, "q") == ["rad", "m", "rad"]
-    measured = run.rename(
-        q="q_measured", u="u_issued"
-    )  # of sensors and controllers: only the attribute says what they are
+    # of sensors and controllers: only the attribute says what they are
+    measured = run.rename(q="q_measured", u="u_issued")
     assert run_units(measured, "q_measured") == ["rad", "m", "rad"]
     assert run_units(measured, "u_issued") == ["V", "N", "A"]
     assert "q_measured_slide [m]" in wide(measured)

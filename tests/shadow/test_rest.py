@@ -131,9 +131,8 @@ def test_a_log_without_coulomb_friction_is_of_a_joint_that_it_holds(tmp_path):
 
 
 MOVE = aw.trajectories.Quintic(np.array([0.3, -0.8]), np.array([0.9, -0.3]), 1.0, 0.4)  # rest from 1.4 s on
-TURNS = aw.trajectories.Fourier(
-    np.array([0.3, -0.8]), np.full((2, 1), 0.4), np.zeros((2, 1)), 2.0
-)  # turns back every second
+# turns back every second
+TURNS = aw.trajectories.Fourier(np.array([0.3, -0.8]), np.full((2, 1), 0.4), np.zeros((2, 1)), 2.0)
 
 
 def simulated(arm, reference=MOVE, seconds=4.0, wrench=None, payload=None):

@@ -19,9 +19,8 @@ J = 2500 * 2e-4 + 0.1 + 3.0 * 0.3**2  # rotor and rod at the joint
 B = 0.8  # [N m s/rad]
 PERIOD, TICKS = 5e-3, 24
 WINDING = {**MOTOR, "inductance_h": L}
-DRIVES: dict[
-    str, tuple[dict[str, Any], np.ndarray, np.ndarray]
-] = {  # keys of the joint; A and b of (q, q̇) or (q, q̇, i)
+# keys of the joint; A and b of (q, q̇) or (q, q̇, i)
+DRIVES: dict[str, tuple[dict[str, Any], np.ndarray, np.ndarray]] = {
     "integrator": ({"command": "torque"}, np.array([[0, 1], [0, 0]]), np.array([0, 1 / J])),
     "first order": (
         {"command": "torque", "friction": {"viscous_n_m_s_per_rad": B}},

@@ -26,9 +26,8 @@ mujoco = pytest.importorskip("mujoco")
 PERIOD, TICKS, KP, KD = 4e-3, 40, 60.0, 2.0  # [s], 1, [V/rad], [V s/rad]
 LIMITS = {"pendulum": 8.0, "two-link": 20.0}  # [N m], which these motions ask more than at times
 VISCOUS = {"viscous_n_m_s_per_rad": 0.8}
-CASES: dict[
-    str, tuple[dict[str, Any], float, int]
-] = {  # keys of each joint, delay in periods, the order of MuJoCo's error
+# keys of each joint, delay in periods, the order of MuJoCo's error
+CASES: dict[str, tuple[dict[str, Any], float, int]] = {
     "plain": ({}, 0.0, 4),
     "resistance": ({"motor": {**MOTOR, "resistance_ohm": 4.0}}, 0.0, 4),
     "back-EMF": ({"motor": {**MOTOR, "torque_constant_n_m_per_a": 0.15}}, 0.0, 4),

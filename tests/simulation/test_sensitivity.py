@@ -46,9 +46,8 @@ def test_commands_over_time(integrator):
         start=aw.Start([0.3, -0.2], [0.1, 0.2]), solver=aw.Solver(step=2.5e-4, integrator=integrator),
     )  # fmt: skip
     found = aw.simulation.sensitivities(scenario, ["rod1.mass_kg", "joint0.motor.resistance_ohm", "start.q[1]"])
-    np.testing.assert_array_equal(
-        found.q.values, aw.simulate(scenario).q.values
-    )  # the run itself is the same to the bit
+    # the run itself is the same to the bit
+    np.testing.assert_array_equal(found.q.values, aw.simulate(scenario).q.values)
     assert list(found.parameter.values) == ["rod1.mass_kg", "joint0.motor.resistance_ohm", "start.q[1]"]
     changes = [("rod1.mass_kg", 3.0, varied("rod1.mass_kg")), ("start.q[1]", -0.2, start("q", 1))]
     changes.append(("joint0.motor.resistance_ohm", 1.2, varied("joint0.motor.resistance_ohm")))

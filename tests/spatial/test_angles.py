@@ -17,9 +17,8 @@ rotations = st.tuples(angles, angles, angles).map(lambda rpy: rotation_rpy(*rpy)
 @given(rotation=rotations)
 def test_roll_pitch_yaw_make_the_rotation_again(rotation):
     """Also where roll and yaw turn about one axis."""
-    np.testing.assert_allclose(
-        rotation_rpy(*roll_pitch_yaw(rotation)), rotation, rtol=0, atol=3e-12
-    )  # it snaps at 1e-12
+    # it snaps at 1e-12
+    np.testing.assert_allclose(rotation_rpy(*roll_pitch_yaw(rotation)), rotation, rtol=0, atol=3e-12)
     np.testing.assert_allclose(Rotation.from_euler("xyz", roll_pitch_yaw(rotation)).as_matrix(), rotation, atol=3e-12)
 
 

@@ -267,9 +267,8 @@ def test_files_that_the_system_refuses_to_write(
 ) -> None:
     """A limit on the size of files, which Zarr meets as it meets a full disk: in the first file, or in a chunk of results."""
     resource = pytest.importorskip("resource", reason="no limits on the size of files here")
-    aw.sweeps.sweep(
-        file, tmp_path / "first.zarr", lanes=2 * LANES, client=client
-    )  # compiles, and keeps what it compiled
+    # compiles, and keeps what it compiled
+    aw.sweeps.sweep(file, tmp_path / "first.zarr", lanes=2 * LANES, client=client)
     path, before = tmp_path / "runs.zarr", resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (most, before[1]))
     try:

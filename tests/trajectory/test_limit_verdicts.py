@@ -130,9 +130,8 @@ def test_a_limit_is_exceeded_exactly_where_a_dense_grid_says_so(kind, payloads):
             limits[quantity] = np.where(moves[quantity], most * (1.0 + (-margin if exceeded else margin)), 1e6)
         limits["position"] = np.stack([-limits["position"], limits["position"]], axis=-1)
         report = limits_report(model, motion, wide().replace(**limits), payload=payloads)
-        by_share = sorted(
-            report.excess, key=lambda each: each.share
-        )  # of several motions in sequence the largest counts
+        # of several motions in sequence the largest counts
+        by_share = sorted(report.excess, key=lambda each: each.share)
         finite = {(each.joint, each.quantity): each for each in by_share if np.isfinite(each.share)}
         wanted = {(names[k], quantity) for quantity in QUANTITIES for k in np.flatnonzero(moves[quantity])}
         assert {(each.joint, each.quantity) for each in report.excess if np.isinf(each.share)} == {

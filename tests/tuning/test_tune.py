@@ -85,9 +85,8 @@ def test_a_seed_gives_the_same_gains_and_numpys_global_numbers_stay(result):
 
 
 def test_a_start_that_nothing_beats_is_returned():
-    found = quick(
-        scenario(), generations=2, objectives={"saturation": 1.0}
-    )  # of which a torque drive without limits has none
+    # of which a torque drive without limits has none
+    found = quick(scenario(), generations=2, objectives={"saturation": 1.0})
     assert not found.improved
     assert found.score == (0.0, 0.0)
     assert found.gains["kp"].tolist() == [600.0, 120.0]

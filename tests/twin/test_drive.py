@@ -309,9 +309,8 @@ def test_homing_that_is_interrupted():
         assert joint.v == 0.0
         assert joint.drive.offset == 0
         joint.word(0x1F, 1 if word == 0x0F else 50)
-        assert said(joint) == (
-            PROGRESS if word == 0x0F else INTERRUPTED
-        )  # an edge starts it again, the end of a halt does not
+        # an edge starts it again, the end of a halt does not
+        assert said(joint) == (PROGRESS if word == 0x0F else INTERRUPTED)
 
 
 def test_homing_may_leave_the_limits_that_count_from_the_last_home():

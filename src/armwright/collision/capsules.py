@@ -75,9 +75,8 @@ def link_capsules(arm: AnyArm, radius: float | Mapping[str, float] | None = None
             found = [Capsule(label, body, a, b, size) for a, b in segments]
         else:
             continue
-        into = arm.frames[
-            label
-        ].placement.inverse()  # from the body's frame, which stands on its joint, into the link's
+        # from the body's frame, which stands on its joint, into the link's
+        into = arm.frames[label].placement.inverse()
         capsules += [replace(each, a=_point(into, each.a), b=_point(into, each.b)) for each in found]
     return tuple(capsules)
 

@@ -75,9 +75,8 @@ def find_mesh(element: Element, name: str, file: Path, folders: tuple[Path, ...]
         raise element.error(value=name, expected="the path of a file")
     for scheme in SCHEMES:
         if name.startswith(scheme):
-            package, _, rest = (
-                unquote(name.removeprefix(scheme)).lstrip("/").partition("/")
-            )  # some write package:///NAME
+            # some write package:///NAME
+            package, _, rest = unquote(name.removeprefix(scheme)).lstrip("/").partition("/")
             return _in_package(element, name, package, rest, _roots(package, file, folders))
     if name.startswith("file://"):
         name = unquote(name.removeprefix("file://"))

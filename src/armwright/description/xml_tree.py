@@ -17,9 +17,8 @@ from armwright.reading import read_file
 LARGEST = 64 * 2**20  # [bytes]; the largest robot files known are below 1 MiB
 MOST = 1_000_000  # elements
 DEEPEST = 100  # elements within elements
-NUMBER = re.compile(
-    r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?"
-)  # what C's strtod and a person both read; no nan, no 1_000
+# what C's strtod and a person both read; no nan, no 1_000
+NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 
 
 @dataclass(slots=True)

@@ -122,9 +122,8 @@ def _autocovariances(
         pairs = pairs + lagged_products(known.astype(float), ORDER)
         places = places + np.maximum(len(e) - np.arange(ORDER + 1.0), 0.0)[:, None]
     pairs, places = np.asarray(pairs), np.asarray(places)
-    share = places / np.maximum(
-        places[0], 1.0
-    )  # of the rows that have one so many later: small for long lags, as it should
+    # of the rows that have one so many later: small for long lags, as it should
+    share = places / np.maximum(places[0], 1.0)
     return np.asarray(sums) / np.maximum(pairs, 1.0) * share, pairs[0]
 
 

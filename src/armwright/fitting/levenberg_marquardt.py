@@ -17,12 +17,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import lsq_linear
 
-Evaluate = Callable[
-    [np.ndarray], tuple[np.ndarray, np.ndarray]
-]  # points (lanes, k) → errors (lanes, m), J (lanes, m, k)
-Ends = Callable[
-    [np.ndarray, np.ndarray, np.ndarray], np.ndarray
-]  # gained, cost, (J δ)² of accepted steps (lanes,) → (lanes,)
+# points (lanes, k) → errors (lanes, m), J (lanes, m, k)
+Evaluate = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
+# gained, cost, (J δ)² of accepted steps (lanes,) → (lanes,)
+Ends = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 Errors = Callable[[np.ndarray], np.ndarray]  # points (points, k) → errors (points, m)
 Box = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]  # points (lanes, k) → least and largest δ (lanes, k)
 ROUNDS = 60  # accepted steps of a lane at most

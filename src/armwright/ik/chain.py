@@ -72,9 +72,8 @@ class JointChain:
         mimics = self.model.mimics
         if mimics is None:
             return turns
-        return turns & (
-            np.bincount(mimics.coordinate, minlength=self.n) == 1
-        )  # turns of the others move their followers
+        # turns of the others move their followers
+        return turns & (np.bincount(mimics.coordinate, minlength=self.n) == 1)
 
     @cached_property
     def low(self) -> Array:

@@ -54,9 +54,8 @@ class CMachine(Machine):
         self._lines: list[tuple[tuple[str, ...], str]] = []  # what a statement defines, and its text
         self._printed: dict[str, str] = {}
         self._fused: set[str] = set()  # results of fma, and of functions that may end in one
-        self._called: dict[
-            str, tuple[list[Value], list[Value]]
-        ] = {}  # arguments and results of each function's last call
+        # arguments and results of each function's last call
+        self._called: dict[str, tuple[list[Value], list[Value]]] = {}
         self._count = 0
         self._suffix = self.format.suffix
 

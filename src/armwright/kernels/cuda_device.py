@@ -186,9 +186,8 @@ class DeviceArray:
     def __init__(self, gpu: Gpu, address: int, shape: tuple[int, ...], dtype: np.dtype, owner: Any = None):
         self.gpu, self.address, self.shape, self.dtype, self.owner = gpu, address, tuple(shape), dtype, owner
         if owner is None:
-            weakref.finalize(
-                self, gpu.free, address
-            ).atexit = False  # the driver frees what is left when the process ends
+            # the driver frees what is left when the process ends
+            weakref.finalize(self, gpu.free, address).atexit = False
 
     @property
     def ndim(self) -> int:

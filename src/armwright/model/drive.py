@@ -122,9 +122,8 @@ class EfficiencyTable:
 
     torques: tuple[Scalar, ...]  # that leave the gear, magnitudes [N m | N], increasing
     speeds: tuple[Scalar, ...]  # of the joint, magnitudes [rad/s | m/s], increasing, one a row; empty: one row for all
-    driving: tuple[
-        tuple[Scalar, ...], ...
-    ]  # η where the motor drives [-], a row for each speed, a column for each torque
+    # η where the motor drives [-], a row for each speed, a column for each torque
+    driving: tuple[tuple[Scalar, ...], ...]
     driven_back: tuple[tuple[Scalar, ...], ...]  # η where the load drives
 
 

@@ -19,9 +19,8 @@ CYLINDER = (0.0, 0.62, 0.451)
 ROD, BARREL = 0.25, 0.5  # radii of a cylinder's two pieces, in sizes of a bone
 THICKNESS = 0.028  # of a bone, in lengths of the whole arm
 
-Piece = tuple[
-    int, tuple[float, float, float], "trimesh.Trimesh", Placement
-]  # body, colour, mesh, where in the body's frame
+# body, colour, mesh, where in the body's frame
+Piece = tuple[int, tuple[float, float, float], "trimesh.Trimesh", Placement]
 
 
 def joint_figure(arm: Model, travel: Mapping[int, tuple[float, float]]) -> Iterator[Piece]:

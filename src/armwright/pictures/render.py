@@ -112,9 +112,8 @@ def render(surfaces: Surfaces, view: Camera, floor: float, grid: float) -> np.nd
     lit = seen.triangle != NOTHING
     image[lit] = _bodies(surfaces, seen, lit, fine, rays, light, shadow)
     image = np.where((_edges(surfaces, seen) & lit)[..., None], EDGE * image, image)
-    cover = np.where(lit, 1.0, (PAPER - image).max(axis=2) / (1.0 - VEIL))[
-        ..., None
-    ]  # on white paper it is `image` again
+    # on white paper it is `image` again
+    cover = np.where(lit, 1.0, (PAPER - image).max(axis=2) / (1.0 - VEIL))[..., None]
     inked = np.concatenate([image - PAPER * (1.0 - cover), cover], axis=2)
     small = inked.reshape(view.height, FINE, view.width, FINE, 4).mean(axis=(1, 3))
     colour = small[..., :3] / np.maximum(small[..., 3:], 1e-9)

@@ -57,9 +57,8 @@ def laws() -> dict[str, type]:
 
     members = [getattr(control, name) for name in control.__all__]
     kinds = [kind for kind in members if dataclasses.is_dataclass(kind) and hasattr(kind, "step")]
-    kinds = [
-        kind for kind in kinds if not hasattr(kind, "changed")
-    ]  # around another controller, which one line does not hold
+    # around another controller, which one line does not hold
+    kinds = [kind for kind in kinds if not hasattr(kind, "changed")]
     return {
         re.sub(r"(?<=[a-z])(?=[A-Z])", "-", kind.__name__).lower(): kind for kind in kinds if isinstance(kind, type)
     }

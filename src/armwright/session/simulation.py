@@ -94,9 +94,8 @@ def scenario_of(
     if every is not None and state.controller is not None:
         rows_every = _whole_samples(state, every, "every") // _substeps(state)
     start = start_of(state, before, state.step if state.controller is None else state.dac_period)
-    if isinstance(asked, Schedule) and isinstance(
-        start, aw.simulation.LoopState
-    ):  # the schedule's times count from here
+    # the schedule's times count from here
+    if isinstance(asked, Schedule) and isinstance(start, aw.simulation.LoopState):
         asked = _delayed(asked, start.time)
     recording = aw.Recording(rows_every)
     if state.controller is None:
@@ -274,9 +273,8 @@ def start_of(state: SessionState, before: xr.Dataset | None, period: float) -> a
     if end.period == period and before.attrs.get(CONTROLLER, "") == _attributes(state)[CONTROLLER]:
         return end
     plant = {name: values for name, values in end.blocks.items() if name in PLANT}
-    tick = (
-        end.tick if end.period == period else 0
-    )  # with another period ticks count from 0; `joined_runs` shifts the times
+    # with another period ticks count from 0; `joined_runs` shifts the times
+    tick = end.tick if end.period == period else 0
     return aw.simulation.LoopState(tick, period, end.single, end.entries, plant)
 
 

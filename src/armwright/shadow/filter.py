@@ -42,9 +42,8 @@ class SignalFilter:
     def __init__(self, hz: float, held: bool = False):
         self._w, self._held = 2.0 * math.pi * hz, held
         self.delay = 2.0 / self._w  # [s] of every signal
-        self._x = self._u = np.zeros(
-            0
-        )  # (2, signals, n), signals and derivatives, and (signals, n) the last row; empty: not started
+        # (2, signals, n), signals and derivatives, and (signals, n) the last row; empty: not started
+        self._x = self._u = np.zeros(0)
         self._last = self._started = math.inf
         self._tau: np.ndarray | None = None
         self._step, self._matrix = -1.0, ((1.0, 0.0), (0.0, 1.0))

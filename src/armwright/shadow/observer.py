@@ -205,9 +205,8 @@ class MomentumObserver:
                 acting = (momentum[k] - before.momentum) / step - 0.5 * (known[k] + before.rate)
                 centre, width = 0.5 * (here.centre + before.centre), np.maximum(here.width, before.width)
                 news = acting[0] - centre - np.where(resting.turning[k], last.residual[0], 0.0)
-                acting -= centre + np.minimum(
-                    np.maximum(news, -width), width
-                )  # of both models: their difference is that of 1 kg
+                # of both models: their difference is that of 1 kg
+                acting -= centre + np.minimum(np.maximum(news, -width), width)
                 keep = math.exp(-hz * step)
                 residual = keep * last.residual + (1.0 - keep) * acting
                 sway = keep * last.moving + (1.0 - keep) * moving[k]

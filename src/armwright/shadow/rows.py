@@ -108,9 +108,8 @@ class RowCheck:
         """Forgets all rows and events; to be called before another run."""
         self.events: list[ShadowEvent] = []
         self._latest: dict[tuple[str, str | None], int] = {}
-        self._t = self._taken = self._stray = (
-            math.nan
-        )  # last stamps: one that can be, of a row that was taken, one that cannot
+        # last stamps: one that can be, of a row that was taken, one that cannot
+        self._t = self._taken = self._stray = math.nan
         self._q = np.zeros(0)
         self._periods: deque[float] = deque(maxlen=PERIODS)
 

@@ -117,9 +117,8 @@ def _propagated(arm: Model) -> np.ndarray | None:
     qd = SLOW * rng.choice([-1.0, 1.0], q.shape)
     dyn = compile_arm(arm, vary=names)
     nominal = np.array([each.value for each in stated])
-    moved = np.concatenate([nominal[None], nominal + STEP * np.diag(std)])[
-        :, None
-    ]  # upwards: friction may be 0, and not below
+    # upwards: friction may be 0, and not below
+    moved = np.concatenate([nominal[None], nominal + STEP * np.diag(std)])[:, None]
     torques = dyn.inverse_dynamics(q, qd, np.zeros_like(q), moved)
     slope = (torques[1:] - torques[0]) / (STEP * std[:, None, None])  # (k, poses, n)
     return np.sqrt(np.einsum("kpn,kl,lpn->pn", slope, covariance, slope).max(axis=0))

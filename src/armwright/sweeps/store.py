@@ -206,9 +206,8 @@ class SweepStore:
                     LANED: list(by_lane(first)),
                 }
                 texts = [name for name in rest.variables if rest[name].dtype.kind == "U"]
-                rest = rest.assign_coords(
-                    {name: rest[name].astype(object) for name in texts}
-                )  # of any length, as Zarr 3 has them
+                # of any length, as Zarr 3 has them
+                rest = rest.assign_coords({name: rest[name].astype(object) for name in texts})
                 rest.to_zarr(temporary, mode="w", consolidated=False, zarr_format=3)
                 group = zarr.open_group(temporary, mode="r+", use_consolidated=False)
                 for name, variable in by_lane(first).items():

@@ -77,9 +77,8 @@ class Joined(Motion):
     def breaks(self) -> np.ndarray:
         """(k,) [s] times at which a higher derivative may jump: those of all motions."""
         found = np.unique(np.concatenate([np.asarray(each.breaks, dtype=float) for each in self.motions]))
-        distinct = np.diff(found, prepend=-np.inf) > LATE * (
-            1.0 + np.abs(found)
-        )  # ends and beginnings but for rounding
+        # ends and beginnings but for rounding
+        distinct = np.diff(found, prepend=-np.inf) > LATE * (1.0 + np.abs(found))
         return found[distinct]
 
     def at(self, t: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -338,9 +338,8 @@ def parabolic_blends(points: np.ndarray, lengths: np.ndarray, blends: np.ndarray
         points: (k, n) [rad | m].   lengths: (k - 1,) [s] from waypoint to waypoint.   blends: (k,) [s].
     """
     speeds = np.diff(points, axis=0) / lengths[:, None]
-    blends = np.where(
-        blends > COINCIDENT * lengths.sum(), blends, 0.0
-    )  # else a line goes on straight, but for rounding
+    # else a line goes on straight, but for rounding
+    blends = np.where(blends > COINCIDENT * lengths.sum(), blends, 0.0)
     still = np.zeros((1, points.shape[1]))
     before, after = np.concatenate([still, speeds]), np.concatenate([speeds, still])
     middle = 0.5 * blends[0] + np.append(0.0, np.cumsum(lengths))

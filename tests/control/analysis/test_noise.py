@@ -91,9 +91,8 @@ def test_counts_make_a_limit_cycle_where_a_rounded_sample_is_too_large():
         assert found.gain_up[1] == pytest.approx(margin, rel=1e-6)  # of PD, the same as in the command
         assert list(found.may_swing) == [False, swings]
         run = aw.simulate(replace(one, start=pose + np.array([0.0, 3.0 * count])))
-        reversals = (
-            np.diff(np.sign(run.qd.values[1000:, 1])) != 0
-        ).mean()  # without friction it drifts from count to count
+        # without friction it drifts from count to count
+        reversals = (np.diff(np.sign(run.qd.values[1000:, 1])) != 0).mean()
         assert (reversals > 0.2) == swings
         assert (reversals < 0.02) != swings
         if swings:

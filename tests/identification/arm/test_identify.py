@@ -43,9 +43,8 @@ def test_record_with_fitted_numbers_moves_as_the_truth(tmp_path):
     error = aw.compile(again).inverse_dynamics(q, qd, qdd) - expected
     assert (error.std(axis=0) < 0.03 * expected.std(axis=0)).all()
     prepared = aw.identification.choose_preparation(log, cutoff=found.estimate.preparation["cutoff_hz"])
-    prediction = predict_torque(
-        again, log, logged_motion(log, None, prepared)
-    )  # dry friction leaves the low-pass as in the fit
+    # dry friction leaves the low-pass as in the fit
+    prediction = predict_torque(again, log, logged_motion(log, None, prepared))
     rms = np.sqrt(np.nanmean((prediction.measured - prediction.predicted) ** 2, axis=0))
     assert (rms < 1.02 * found.fit.rms).all()
     number = next(n for n in again.parameters if n.name == "joint3.friction.viscous_n_m_s_per_rad")
@@ -315,9 +314,8 @@ def test_tx40(tx40, tmp_path):
     # The reference's joint 5 has once more what turns with it of motor 6.
     assert values["fv5"] + values["fvm6"] == pytest.approx(1.86, rel=0.05)
     assert values["Ia5"] + values["Iam6"] == pytest.approx(0.0468, rel=0.1)
-    assert (
-        abs(values["Ia6"]) < 2 * found.estimate.std[found.estimate.names.index("Ia6")]
-    )  # the rotor turns with joint 5
+    # the rotor turns with joint 5
+    assert abs(values["Ia6"]) < 2 * found.estimate.std[found.estimate.names.index("Ia6")]
     again = aw.load(found.write(tmp_path / "tx40.toml"))
     assert again.record.fits["fit"].verdict == "identified"
     assert again.bodies[5].drive.coupling == (("joint5", 32.0),)

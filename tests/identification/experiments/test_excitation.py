@@ -72,9 +72,8 @@ def test_it_beats_a_random_search(designed):
     limits = excitation_limits(arm("two-link"), LIMITS)
     problem = ExcitationProblem.of(limits, BaseRegressor.of(arm("two-link"), DRIVES, np.full(2, 0.01)), 5.0, 4)
     draw = np.random.default_rng(1)
-    best = min(
-        condition_number(problem.information(problem.random(draw))) for _ in range(500)
-    )  # torques not even looked at
+    # torques not even looked at
+    best = min(condition_number(problem.information(problem.random(draw))) for _ in range(500))
     assert designed.condition < 0.7 * best
 
 

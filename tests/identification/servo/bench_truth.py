@@ -149,9 +149,8 @@ def _integrated(cases, times, goals, on, volts, counts_in_loop):
         seen = np.floor(q / COUNT + 0.5) * COUNT if counts_in_loop else q
         output = active * np.clip(kp * (goal - seen), -limit, limit)
         given = np.where(current, kt * output, kt * output * volts[lanes, row] / np.where(current, 1.0, p["R"]))
-        a = (
-            0.5 * STEP * (active * slope + p["viscous"]) / inertia
-        )  # speed and position by the trapezoidal rule, gravity in the middle of the step
+        # speed and position by the trapezoidal rule, gravity in the middle of the step
+        a = 0.5 * STEP * (active * slope + p["viscous"]) / inertia
         for _ in range(inside):
             tau_m, tau_e = given - active * slope * v, -weight * np.sin(q + 0.5 * STEP * v + p["q_offset_rad"])
             s = np.exp(-((np.abs(v) / p["stribeck_speed"]) ** p["exponent"]))

@@ -240,9 +240,8 @@ def test_the_simulated_arm_follows_without_feedback_and_within_its_volts(seed: i
     assert motion.saturated > 0.95
     accelerations = np.abs(motion.at(np.linspace(0.0, motion.duration, 3000))[2]).max(axis=0)
     free = limits.replace(torque=np.inf, voltage=np.inf, acceleration=accelerations)
-    scale = (
-        aw.trajectories.time_optimal(arm, path, free).duration / motion.duration
-    ) ** 2  # time goes as 1/√acceleration
+    # time goes as 1/√acceleration
+    scale = (aw.trajectories.time_optimal(arm, path, free).duration / motion.duration) ** 2
     alone = aw.trajectories.time_optimal(arm, path, free.replace(acceleration=scale * accelerations))
     assert alone.duration == pytest.approx(motion.duration, rel=1e-3)
     above, most, error = _played(arm, motion, period)

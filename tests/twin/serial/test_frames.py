@@ -57,9 +57,8 @@ def test_frames_of_feetech(number, instruction, data, sent):
 
 def test_fast_read_is_one_frame_whose_parts_end_with_the_crc_so_far():
     parts = DYNAMIXEL.fast([(1, 0, b"\x01\x02"), (2, 0x80, b"\xff\xff\xfd")])
-    assert parts[0][:7] == bytes.fromhex(
-        "FFFFFD00FE0E00"
-    )  # 14 bytes behind the length: 55, and 2 and 3 bytes with 4 more each
+    # 14 bytes behind the length: 55, and 2 and 3 bytes with 4 more each
+    assert parts[0][:7] == bytes.fromhex("FFFFFD00FE0E00")
     assert parts[1][:-2] == bytes.fromhex("8002FFFFFD")  # not stuffed: the maker's software would not take it out
     for k in (1, 2):
         whole = b"".join(parts[:k])

@@ -34,9 +34,8 @@ from armwright.joint_kinds import ROTARY
 MASSLESS = "massless"  # in a remark of an arm that was read without masses, and which are known now
 NOT_NEGATIVE = ("spring", "rotor", "viscous", "coulomb", "coulomb+", "coulomb-")
 Paths = dict[int, list[tuple[str, float]]]  # column → path of a number and the factor from the column's value to it
-NUMBERS: tuple[
-    tuple[str, str, Any, int], ...
-] = (  # of friction: column, stem and dimension of the key, power of the gear ratio
+# of friction: column, stem and dimension of the key, power of the gear ratio
+NUMBERS: tuple[tuple[str, str, Any, int], ...] = (
     ("viscous", "viscous", "damping", -2),
     ("coulomb", "coulomb_positive", "torque", -1),
     ("coulomb", "coulomb_negative", "torque", -1),
@@ -276,9 +275,8 @@ class _Written:
         key_of = (ROTARY if on_motor else joint.kind.units).key
         n = abs(ratio) if on_motor else 1.0
         values: dict[str, Any] = {"side": "motor"} if on_motor else {}
-        if (
-            old is not None and model.unrubbed is not None and LAWS[old.law].by_loads
-        ):  # what loads add stays the record's
+        # what loads add stays the record's
+        if old is not None and model.unrubbed is not None and LAWS[old.law].by_loads:
             values |= {name: value for name, value in dict(old).items() if value is not None}
         if lossy and old is not None and old.load_coefficient is not None and "coulomb" in "".join(fitted):
             values["load_coefficient"] = old.load_coefficient

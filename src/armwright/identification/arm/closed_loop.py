@@ -43,9 +43,8 @@ STEP = 1e-3  # of a parameter, and of the largest one's step, that positions are
 ClosedLoopMethod = Literal["idim-iv", "didim", "cloe"]
 CLOSED_LOOP = ("idim-iv", "didim", "cloe")
 
-Signals = Callable[
-    [np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]
-]  # t (k,) → q, q̇, q̈ of the reference, each (k, n)
+# t (k,) → q, q̇, q̈ of the reference, each (k, n)
+Signals = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]
 
 
 @dataclass(frozen=True, eq=False)

@@ -39,9 +39,8 @@ from armwright.identification.logs.log import Log
 from armwright.identification.logs.preparation import Preparation, choose_preparation
 from armwright.model import Model
 
-KEPT_VALUES = (
-    2**24
-)  # of columns by rows that stay in memory: 128 MB; with more, the logs are prepared anew at each pass
+# of columns by rows that stay in memory: 128 MB; with more, the logs are prepared anew at each pass
+KEPT_VALUES = 2**24
 ROWS = 8.0  # of a log, by the unknown numbers
 WIDER = (1.0, 2.0, 4.0, 8.0, 16.0)  # cut-offs by the one that suits the positions
 WIDEST = 0.1  # half of a gain's 95 % interval, by the gain: a wider one is no answer

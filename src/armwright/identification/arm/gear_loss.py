@@ -205,9 +205,8 @@ def lossy_model(linear: TorqueModel, fitted: Collection[str] | Literal["all"] = 
     stated_etas = [arm.coordinates[i].drive.efficiency for i in chosen]  # no tables, which `_chosen` refuses
     known = [np.nan if eta is None or isinstance(eta, EfficiencyTable) else float(eta) for eta in stated_etas]
     B = motor_shares(arm)
-    mixed = ((np.linalg.inv(B) != 0) | np.eye(arm.n, dtype=bool)) @ (
-        B != 0
-    )  # a gear's loss reaches all that turn its motor
+    # a gear's loss reaches all that turn its motor
+    mixed = ((np.linalg.inv(B) != 0) | np.eye(arm.n, dtype=bool)) @ (B != 0)
     of_joint = linear.of_joint[:, kept].copy()
     of_joint[:, behind] = mixed.T @ of_joint[:, behind]
     of_joint = np.concatenate([of_joint, (B[list(chosen)] != 0).T], axis=1)

@@ -69,9 +69,8 @@ def misread_columns(fit: ArmFit, samples: Samples) -> list[str]:
             ratio = min(ratio, *(of_joint[places] / np.maximum(by_joint[places], EXACT * len(tau))))
         words = f"{' and '.join(model.arm.names[j] for j in places)}: {1 - np.sqrt(ratio):.0%} of the error goes with {what}"
         if len(places) > 1:
-            exchanged = min(
-                exchanged, (float(ratio), words)
-            )  # whatever else is exchanged with these gains something too
+            # whatever else is exchanged with these gains something too
+            exchanged = min(exchanged, (float(ratio), words))
         elif ratio < BETTER:
             said.append(words)
     return [*said, exchanged[1]] if exchanged[1] else said

@@ -147,9 +147,8 @@ class TorqueModel:
     of_joint: np.ndarray
     dyn: CompiledArm
     sprung: bool
-    unrubbed: CompiledArm | None = field(
-        default=None, kw_only=True
-    )  # without friction, where loads add to the record's
+    # without friction, where loads add to the record's
+    unrubbed: CompiledArm | None = field(default=None, kw_only=True)
 
     @property
     def names(self) -> list[str]:

@@ -164,9 +164,8 @@ def experiments_that_separate(
     remarks = []
     own = np.sqrt(np.maximum(np.diag(information), 0.0))
     with_all = column_norms(sum(candidates.values(), start=np.array(information)))
-    lengths = np.where(
-        own > ROUNDING * own.max(initial=0.0), own, with_all
-    )  # the scale that the directions are found in
+    # the scale that the directions are found in
+    lengths = np.where(own > ROUNDING * own.max(initial=0.0), own, with_all)
     for direction in weak_directions(information):
         words, change = direction.names(names, SHARE), direction.vector / lengths
         what, several = listed(words), len(words) > 1

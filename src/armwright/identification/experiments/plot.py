@@ -76,9 +76,8 @@ def draw_command(experiment: MotorExperiment) -> Figure:
     over_time.stairs(experiment.values, ends, baseline=None, color=COLOURS[0], linewidth=1.0)
     over_time.set_ylabel(f"command [{experiment.guess.unit}]", color=TEXT)
     over_time.set_xlabel("time [s]", color=TEXT)
-    fine = np.repeat(
-        experiment.values, max(1, 4096 // len(experiment.values))
-    )  # steps have a spectrum beyond their own rate
+    # steps have a spectrum beyond their own rate
+    fine = np.repeat(experiment.values, max(1, 4096 // len(experiment.values)))
     period = experiment.duration / len(fine)
     amplitudes = 2.0 * np.abs(np.fft.rfft(fine)) / len(fine)
     frequencies = np.fft.rfftfreq(len(fine), period)

@@ -158,9 +158,8 @@ def fit_held(
     x[:n] = poles / size
     theta, slope = parameters(x)
     e, jacobian = errors_of(orders, theta, stretches, skip, initial)
-    linear = np.r_[
-        n : n + m + 1, len(x) - orders.constant : len(x)
-    ]  # numerator and constant: errors are linear in them
+    # numerator and constant: errors are linear in them
+    linear = np.r_[n : n + m + 1, len(x) - orders.constant : len(x)]
     x[linear] -= np.linalg.lstsq((jacobian @ slope)[:, linear], e, rcond=None)[0]
     theta, slope = parameters(x)
     e, jacobian = errors_of(orders, theta, stretches, skip, initial)

@@ -239,9 +239,8 @@ def _add_stretches(state: Census, block: Block, t: np.ndarray) -> None:
     steps = t - np.where(earlier >= 0, t[earlier], state.stop)  # from the last row that has a time
     gap, back = steps > state.sampling.longest_step, steps < 0
     if gap.any() and state.period:
-        lost = np.where(
-            gap, np.round(steps / state.period - 1) - (np.arange(len(t)) - earlier - 1), 0
-        )  # less rows that are none
+        # less rows that are none
+        lost = np.where(gap, np.round(steps / state.period - 1) - (np.arange(len(t)) - earlier - 1), 0)
         state.gaps = state.gaps.plus(row + np.flatnonzero(lost > 0))
         state.lost += int(lost[lost > 0].sum())
         state.widest = max(state.widest, float(steps[lost > 0].max(initial=0.0)))

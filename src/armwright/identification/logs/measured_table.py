@@ -80,8 +80,7 @@ class as_log_error:
         return None
 
     def __exit__(self, kind: Any, error: BaseException | None, trace: Any) -> None:
-        if isinstance(error, Exception) and not isinstance(
-            error, (ArmwrightError, OSError)
-        ):  # OSError: `opened` has that
+        # OSError: `opened` has that
+        if isinstance(error, Exception) and not isinstance(error, (ArmwrightError, OSError)):
             reason = " ".join(str(error).split()) or type(error).__name__
             raise LogError(f"cannot be read: {reason}", file=self.path) from error

@@ -42,9 +42,8 @@ def corners(log: Log, run: LogRun) -> tuple[float, ...]:
         within = f <= max(band, f[1])
         gain = np.sin(2 * np.pi * f / rate) * rate  # of the difference over two rows
         other = float(np.mean(np.maximum(differing - gain**2 * noise, 0.0)[within]))
-        other = max(
-            other, float(np.median(sp.welch(np.diff(v), rate)[1][-32:])) / 4
-        )  # at Nyquist's frequency a difference has gain 2
+        # at Nyquist's frequency a difference has gain 2
+        other = max(other, float(np.median(sp.welch(np.diff(v), rate)[1][-32:])) / 4)
         if noise > 0.0 and np.ptp(v) > 0.0:
             corner = np.sqrt(other / noise) / (2 * np.pi)
             found[joint] = corner if corner < HIGHEST * rate else np.inf

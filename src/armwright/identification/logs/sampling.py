@@ -137,9 +137,8 @@ def resolution_of(t: np.ndarray, period: float) -> float:
             break
         whole = np.abs(steps / digit - np.round(steps / digit)).max(initial=0.0) < 1e-4
         shorter, longer = (np.abs(steps - (period + off)) < 0.5 * digit for off in (-digit, digit))
-        if whole and (
-            shorter.any() or (longer.mean() > OFTEN and _is_regular(longer))
-        ):  # lost rows make steps longer too
+        # lost rows make steps longer too
+        if whole and (shorter.any() or (longer.mean() > OFTEN and _is_regular(longer))):
             return digit
     return 0.0
 
@@ -179,9 +178,8 @@ class _Steps:
         dt = self.dt / sampling.period
         late = self.dt > sampling.longest_step + sampling.resolution
         three = np.convolve(np.pad(dt, 1, mode="edge"), np.ones(3), "valid") if len(dt) else dt
-        by_stamps = np.where(
-            late & ((three > 3.5) | (dt > 2.5)), np.round(dt), 1.0
-        )  # else the stamps beside it are early
+        # else the stamps beside it are early
+        by_stamps = np.where(late & ((three > 3.5) | (dt > 2.5)), np.round(dt), 1.0)
         if len(sampling.weights) != self.motion.shape[1]:
             return np.maximum(by_stamps, 1.0), np.zeros(len(dt), dtype=bool)
         d, size = self.times(sampling.weights)

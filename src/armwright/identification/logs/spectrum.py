@@ -59,13 +59,11 @@ def motion_band(values: np.ndarray, rate: float, derivatives: int, step: float |
     faded = np.flatnonzero(~above[peak:top])
     end = f[peak + faded[0]] if len(faded) else HIGHEST * rate
     valley = np.inf
-    if (
-        len(risen) and acceleration[: risen[0]].min() * RISE <= acceleration[0]
-    ):  # else it rises from the peak on: motion
+    # else it rises from the peak on: motion
+    if len(risen) and acceleration[: risen[0]].min() * RISE <= acceleration[0]:
         before = acceleration[: risen[0]]
-        far_end = np.flatnonzero(before <= VALLEY * before.min())[
-            -1
-        ]  # of the valley: rather some noise than less motion
+        # of the valley: rather some noise than less motion
+        far_end = np.flatnonzero(before <= VALLEY * before.min())[-1]
         valley = f[peak + int(far_end)]
     # quantisation of a periodic motion has lines too: of less power than a step's variance, and up to the highest frequencies
     noise = (step or quantisation_step(values) or 0.0) ** 2 / 12.0 / (f[1] - f[0])
