@@ -249,6 +249,12 @@ def test_a_controller_that_does_not_fit_is_refused(tmp_path, monkeypatch, with_)
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize("name", ["gravity", "anti_windup"])
+def test_what_is_no_number_is_no_parameter(tmp_path, name):
+    with raises_at(ScenarioError, "gains", "kp", value=name):
+        aw.export.export_controller(pid_loop(controller=aw.JointPID(kp=20.0)), tmp_path, gains=[name])
+
+
 def test_gains_of_an_inner_controller_become_parameters(tmp_path):
     """Of a PID within feed-forward: the bits of a batch of one, and the names of where they stand."""
     compiler("gcc")
