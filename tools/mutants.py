@@ -5,9 +5,9 @@
     .venv/bin/python tools/mutants.py run [number …] [--seed 0] [--count 120] [--jobs 2] [--seconds 60]
 
 A mistake is a changed comparison, sign, operator, number, condition or member of a list. It is planted in a copy of the tree, and
-the tests that execute its line run there, the quickest first, until one fails: those of `make test`, then those that only
-`make test-all` runs. What no test has found after `--seconds` of either is undecided. The line of a constant is executed on
-import; tests that execute a line where its name stands count as its tests.
+the tests that execute its line run there until one fails, those of its room first and the quickest first: those of `make test`,
+then those that only `make test-all` runs. What no test has found after `--seconds` of either is undecided. The line of a constant
+is executed on import; tests that execute a line where its name stands count as its tests.
 """
 
 from __future__ import annotations
@@ -138,7 +138,7 @@ class Map:
         return cls(lines, {test: seconds for test, seconds, _ in rows}, {test for test, _, study in rows if study})
 
     def of(self, mutant: Mutant) -> list[str]:
-        """The tests of a mutant, the quickest first."""
+        """The tests of a mutant: those of its room, then others, the quickest first."""
         if mutant.constant:
             word = re.compile(rf"\b{re.escape(mutant.constant)}\b")
             found = set()
@@ -149,7 +149,8 @@ class Map:
                         found |= tests
         else:
             found = self.lines.get(mutant.file, {}).get(mutant.line, set())
-        return sorted(found, key=lambda test: self.seconds.get(test, 0.0))
+        own = f"tests/{mutant.file.split('/')[0]}/"
+        return sorted(found, key=lambda test: (not test.startswith(own), self.seconds.get(test, 0.0)))
 
 
 # --- the mistakes -----------------------------------------------------------------------------------------------------
@@ -247,7 +248,8 @@ def mutants_of(path: Path) -> Iterator[Mutant]:
                     continue
                 if isinstance(child, ast.AST):
                     inside = isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda)
-                    yield from walk(child, "" if inside and name == "body" else named(child) or constant)
+                    local = not constant or (inside and name == "body")  # in a function a name is no constant
+                    yield from walk(child, "" if local else named(child) or constant)
 
     yield from walk(ast.parse(text), "?")
 
