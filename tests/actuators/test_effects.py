@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, strategies as st
@@ -48,6 +50,14 @@ def test_friction_rises_with_load_and_falls_with_temperature():
     assert dry_level(COULOMB, 1.0, -40.0) == pytest.approx(dry_level(COULOMB, 1.0) + 4.0)
     assert viscous_torque(COULOMB, 2.0, 30.0) == pytest.approx(1.6 / np.e)
     assert joint_friction(COULOMB, 2.0, 0.0, 0.0) == joint_friction(COULOMB, 2.0)
+
+
+@pytest.mark.parametrize(("warming", "share"), [(30.0, 0.7), (1000.0, 1e-3)])
+def test_a_warm_gear_grips_less_and_never_nothing(warming, share):
+    """By 1 % a kelvin, down to a thousandth of its dry level."""
+    warm = replace(COULOMB, load_coefficient=None, coulomb_temperature_coefficient=-0.01)
+    cold = bristle_friction(warm, 0.3, 0.0, None, 0.0)
+    assert bristle_friction(warm, 0.3, 0.0, None, warming).rate == pytest.approx(cold.rate / share, rel=1e-12)
 
 
 @given(ANGLE, SPEED, ANGLE, SPEED)

@@ -88,6 +88,11 @@ def test_a_designed_start_keeps_the_margins_and_is_beaten_on_every_objective(tun
     assert tuned.improved
     assert all(after <= before for before, after in tuned.objectives.values())
     assert (tuned.chosen < tuned.tried.first).all()
+    changes = {row[0]: float(row[3].replace("−", "-")) for row in tuned.tables()[-1].cells}
+    assert changes == {
+        name: pytest.approx(100.0 * (after / before - 1.0), abs=0.1)
+        for name, (before, after) in tuned.objectives.items()
+    }
     margins = aw.loops.LinearLoop(tuned.scenario).margins(np.random.default_rng(5).uniform(-2.0, 2.0, (30, 2)))
     assert margins.phase.min() > 0.69
     assert margins.gain_up.min() > 1.98
