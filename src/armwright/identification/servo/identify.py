@@ -282,7 +282,7 @@ def _determined(fit: OrderFit, std: np.ndarray) -> np.ndarray:
 
 def _in_words(unknowns: Sequence[Any], at_bound: np.ndarray, undetermined: np.ndarray) -> list[str]:
     """Sentences on numbers at a bound, and on those that the logs do not determine."""
-    names = [FRICTION.get(each.name, each.name) for each in unknowns]
+    names = [str(FRICTION.get(each.name, each.name)) for each in unknowns]
     zero = [n for n, each, bound in zip(names, unknowns, at_bound, strict=True) if bound and not each.logarithmic]
     ends = [n for n, each, bound in zip(names, unknowns, at_bound, strict=True) if bound and each.logarithmic]
     lost = [n for n, no in zip(names, undetermined, strict=True) if no]

@@ -144,11 +144,11 @@ def draw_logs(figure: Figure, logs: Sequence[BenchLog], simulated: Sequence[np.n
         axis.remove()
     for axis, log, own in zip(axes, logs, simulated, strict=False):
         ink_axes(axis, ink)
-        lines = axis.plot(log.t, log.position, color=quiet, linewidth=2.4, alpha=0.6)
-        lines += axis.plot(log.t, own, color=BLUE, linewidth=0.9)
+        axis.plot(log.t, log.position, color=quiet, linewidth=2.4, alpha=0.6)
+        axis.plot(log.t, own, color=BLUE, linewidth=0.9)
         axis.set_title(escape(log.name.removesuffix(".json")), fontsize=6, color=ink)
         axis.tick_params(labelsize=6)
     figure.supxlabel("time [s]", fontsize=7, color=ink)
     figure.supylabel("position [rad]", fontsize=7, color=ink)
     places = {"loc": "outside upper right", "ncols": 2, "frameon": False, "fontsize": 7, "labelcolor": ink}
-    figure.legend(lines, ["measured", "simulated"], **places)
+    figure.legend(axes[0].get_lines(), ["measured", "simulated"], **places)
