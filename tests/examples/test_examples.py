@@ -38,7 +38,7 @@ SAYS = {  # lines that must come out, and files that must be there
     "14": (["1.124 m in 6.03 s, 1.00 times slower than requested", "less than 1 µm and 1 µrad"], ["weld_seam.png"]),
     "15": (["plain     torque up to 6256", "speed up to 2.00 rad/s"], ["jumping_reference.png"]),
     "16": (
-        ["with motors: 0.0% of ticks above a voltage limit", "113.1% of its limit"],
+        ["with motors: 0.0% of ticks above a voltage limit", "113.0% of its limit"],
         ["time_optimal.png"],
     ),
     "17": (["slower where needed: 3.58 s", "2.39 times too fast, joint 'wrist_roll'"], ["slowed_path.png"]),
