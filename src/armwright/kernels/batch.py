@@ -15,6 +15,7 @@ import numpy as np
 from armwright.errors import ShapeError
 from armwright.kernels.engine import Engine
 from armwright.kernels.format import DOUBLE, Format
+from armwright.kernels.memory import address, addressof, byte_of, empty
 from armwright.kernels.target import Target
 from armwright.program import Port, Program
 from armwright.scalar import real_numbers
@@ -27,13 +28,9 @@ if TYPE_CHECKING:  # a kernel from the cache, called for a few states, needs nei
 
 ndarray = np.ndarray
 POINTER = ctypes.c_void_p
-addressof: Any = ctypes.addressof
-byte_of: Any = ctypes.c_char.from_buffer  # refuses what is read-only, not contiguous or empty
 CHAIN = 4  # divisions
 ROOM = 1800  # operations; two tiles of a longer program want too many registers: a fifth to a half slower
 PLANS = 64  # shapes that are remembered
-LINE = 64  # bytes in a cache line
-LARGE = 4096  # numbers in an array that is worth aligning
 PART = 1_000_000  # operations on whole tiles, some 300 µs: fewer are done sooner than a thread is woken
 
 
@@ -98,8 +95,10 @@ class Kernel:
         dtype = self.dtype
         try:  # the usual call: contiguous arrays of the dtype that hold every state, of shapes that were seen before
             count, wanted = self._plans[tuple([array.shape for array in arrays])]
+            if threads > 1 and count >= 2 * self.least:
+                return self._any(arrays, out, threads)
             if out is None:
-                results = [_empty(shape, dtype) for shape in wanted]
+                results = [empty(shape, dtype) for shape in wanted]
             else:
                 results = list(out) if type(out) is tuple else [out]
                 if [array.shape for array in results] != wanted:
@@ -110,8 +109,6 @@ class Kernel:
                 if array.dtype is not dtype or type(array) is not ndarray:  # a masked array hides entries
                     return self._any(arrays, out, threads)
         except (AttributeError, KeyError, TypeError, ValueError, BufferError):
-            return self._any(arrays, out, threads)
-        if threads > 1 and count >= 2 * self.least:
             return self._any(arrays, out, threads)
         if not self._run_separate(count, *addresses):  # an output lies over an input
             return self._any(arrays, out, threads)
@@ -133,7 +130,7 @@ class Kernel:
         shapes = [shape for _, shape in self._expected]
         blocks = [self._block(array, shape, lead, count) for array, shape in zip(numbers, shapes, strict=True)]
         results, wanted = self._outputs(lead, out, [block for block, _ in blocks])
-        self._launch(count, [(_address(block), step) for block, step in blocks], results, threads)
+        self._launch(count, [(address(block), step) for block, step in blocks], results, threads)
         if count and all(a.shape == lead + shape for a, (_, shape) in zip(numbers, self._expected, strict=True)):
             if len(self._plans) >= PLANS:
                 self._plans.clear()
@@ -161,7 +158,7 @@ class Kernel:
         """Arrays that the kernel writes, and those that the caller gets: the same where `out` is contiguous and no input."""
         shapes = [lead + port.shape for port in self.program.outputs]
         if out is None:
-            results = [_empty(shape, self.dtype) for shape in shapes]
+            results = [empty(shape, self.dtype) for shape in shapes]
             return results, results
         wanted = list(out) if isinstance(out, tuple) else [out]
         if len(wanted) != len(shapes):
@@ -181,11 +178,11 @@ class Kernel:
         """
         w, bytes_ = self.target.width, self.format.bytes
         sizes = [bytes_ * port.size for port in self.program.outputs]
-        outputs = [_address(result) for result in results]
+        outputs = [address(result) for result in results]
 
         def run(first: int, last: int) -> None:
-            sources = ((address + bytes_ * step * (first // w), step) for address, step in inputs)
-            sinks = (address + first * size for address, size in zip(outputs, sizes, strict=True))
+            sources = ((start + bytes_ * step * (first // w), step) for start, step in inputs)
+            sinks = (start + first * size for start, size in zip(outputs, sizes, strict=True))
             self._run(last - first, *itertools.chain.from_iterable(sources), *sinks)
 
         parts = min(threads, count // self.least)
@@ -199,17 +196,6 @@ class Kernel:
             other.result()
 
 
-def _empty(shape: tuple[int, ...], dtype: np.dtype) -> np.ndarray:
-    """A new array; a large one begins at a cache line, which makes storing into it up to a quarter faster."""
-    size = math.prod(shape)
-    if size < LARGE:
-        return np.empty(shape, dtype)
-    line = LINE // dtype.itemsize
-    room = np.empty(size + line, dtype)
-    start = -(_address(room) // dtype.itemsize) % line
-    return room[start : start + size].reshape(shape)
-
-
 def batch_module(width: int, program: Program, dtype: str) -> LlvmModule:
     """The module of a program's batch functions, as `llvm` prints it."""
     from armwright.kernels import llvm
@@ -220,13 +206,6 @@ def batch_module(width: int, program: Program, dtype: str) -> LlvmModule:
 def _waits(counts: Counter[str]) -> bool:
     """True for a short chain of divisions that wait for each other, such as the pivots of a symmetric solve."""
     return counts["DIV"] + counts["INV"] >= CHAIN and counts.total() <= ROOM
-
-
-def _address(array: np.ndarray) -> int:
-    try:  # five times as fast as asking the array
-        return addressof(byte_of(array))
-    except (TypeError, ValueError, BufferError):  # read-only or empty
-        return array.ctypes.data
 
 
 def refuse_shared(program: Program, outputs: list[np.ndarray]) -> None:

@@ -22,8 +22,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from armwright.kernels.batch import LARGE, Kernel
+from armwright.kernels.batch import Kernel
 from armwright.kernels.engine import Engine
+from armwright.kernels.memory import LARGE
 from armwright.kernels.target import select_target
 
 if TYPE_CHECKING:
