@@ -60,6 +60,7 @@ def pytest_configure(config: pytest.Config) -> None:
         measured = Coverage(
             data_file=str(KEPT / "lines"), data_suffix=str(os.getpid()), source=[str(PACKAGE)], config_file=False
         )
+        measured.set_option("run:relative_files", True)  # a map serves other copies of the tree
         measured.start()
         config.stash[COVERAGE] = measured
 
@@ -107,6 +108,7 @@ def make_map(arguments: list[str]) -> None:
     from coverage import Coverage
 
     whole = Coverage(data_file=str(KEPT / "lines"), config_file=False)
+    whole.set_option("run:relative_files", True)
     whole.combine([str(KEPT)])
     whole.save()
 
@@ -127,7 +129,7 @@ class Map:
         data = CoverageData(str(KEPT / "lines"))
         data.read()
         lines = {
-            str(Path(file).relative_to(PACKAGE)): {
+            str((ROOT / file).relative_to(PACKAGE)): {
                 line: {each for each in tests if each} for line, tests in data.contexts_by_lineno(file).items()
             }
             for file in data.measured_files()

@@ -1,0 +1,1 @@
+"""Calls whose numbers are frozen, by room."""
