@@ -25,8 +25,8 @@ from armwright.results.result import Result
 FOLDER = Path(__file__).with_name("numbers")
 ROOMS = tuple(sorted(path.stem for path in Path(__file__).with_name("cases").glob("[a-z]*.py")))
 LONG = 40  # entries of a column that are kept one by one
-WHOLE = 12  # entries of an array that are kept one by one
-DIGITS = 10  # that are kept
+WHOLE = 6  # entries of an array that are kept one by one
+DIGITS = 8  # that are kept
 CLOSE = 1e-6  # of a value, or of the largest of its column: libraries and processors differ in the last bits
 DEEP = 6  # levels of fields
 

@@ -14,13 +14,11 @@ from frozen.runs import RUNS
 from physics.arms import FORMS
 
 
-@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", FORMS)
 def test_kernels_do_the_same_operations(name):
     assert differences(frozen()["programs"][name], kernel_digests(aw.load(name))) == []
 
 
-@pytest.mark.sample(8)
 @pytest.mark.parametrize("name", RUNS)
 def test_reference_runs_have_the_same_bits(name):
     assert differences(frozen()["runs"][name], run_digests(name)) == []
