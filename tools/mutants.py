@@ -5,7 +5,7 @@
     .venv/bin/python tools/mutants.py run [number …] [--seed 0] [--count 120] [--jobs 2] [--seconds 60]
 
 A mistake is a changed comparison, sign, operator, number, condition or member of a list. It is planted in a copy of the tree, and
-the tests that execute its line run there until one fails, those of its room first and the quickest first: those of `make test`,
+the tests that execute its line run there until one fails, frozen numbers and those of its room first: those of `make test`,
 then those that only `make test-all` runs. What no test has found after `--seconds` of either is undecided. The line of a constant
 is executed on import; tests that execute a line where its name stands count as its tests.
 """
@@ -140,7 +140,7 @@ class Map:
         return cls(lines, {test: seconds for test, seconds, _ in rows}, {test for test, _, study in rows if study})
 
     def of(self, mutant: Mutant) -> list[str]:
-        """The tests of a mutant: those of its room, then others, the quickest first."""
+        """The tests of a mutant: frozen numbers and those of its room, then others, the quickest first."""
         if mutant.constant:
             word = re.compile(rf"\b{re.escape(mutant.constant)}\b")
             found = set()
@@ -151,8 +151,7 @@ class Map:
                         found |= tests
         else:
             found = self.lines.get(mutant.file, {}).get(mutant.line, set())
-        own = f"tests/{mutant.file.split('/')[0]}/"
-        return sorted(found, key=lambda test: (not test.startswith(own), self.seconds.get(test, 0.0)))
+        return sorted(found, key=lambda test: (not mutant.is_near(test), self.seconds.get(test, 0.0)))
 
 
 # --- the mistakes -----------------------------------------------------------------------------------------------------
@@ -179,6 +178,10 @@ class Mutant:
     def planted(self, text: str) -> str:
         """The file with the mistake."""
         return text[: self.start] + self.new + text[self.end :]
+
+    def is_near(self, test: str) -> bool:
+        """True for tests of its room, and for frozen numbers."""
+        return test.startswith(("tests/frozen/", f"tests/{self.file.split('/')[0]}/"))
 
     def __str__(self) -> str:
         text = (PACKAGE / self.file).read_text("utf-8")
@@ -343,7 +346,10 @@ def run(mutants: list[Mutant], numbers: list[int], jobs: int, seconds: float) ->
                 path.write_text(mutant.planted(text), "utf-8")
                 every, start = tests.of(mutant), time.monotonic()
                 quick = [each for each in every if each not in tests.studies]
-                test = found_by(quick, copied, seconds, cache)
+                near = [
+                    each for each in quick if mutant.is_near(each)
+                ]  # a few files are collected sooner than a hundred
+                test = found_by(near, copied, seconds, cache) or found_by(quick[len(near) :], copied, seconds, cache)
                 verdict = "make test" if test not in {"", "?"} else "undecided" if test else "survived"
                 if verdict != "make test" and (study := [each for each in every if each in tests.studies]):
                     test = found_by(study, copied, seconds, cache)
