@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 
 from actuators.drives import one_joint
-from armwright.actuators import demanded_drive, limited_drive
+from armwright.actuators import demanded_drive, holding_command, limited_drive
 from armwright.actuators.motor import joint_constant, joint_current, joint_voltage
 from armwright.actuators.winding import driven_winding
 from armwright.model import Model
 from armwright.program import evaluate, trace
 from armwright.scalar import Symbol
+from features.cases import arms
 
 MOTOR = {"rotor_inertia_kg_m2": 1e-4, "torque_constant_n_m_per_a": 0.2, "resistance_ohm": 4.0}
 LIMITS = [{}, {"current_a": 1.5}, {"torque_n_m": 2.0}, {"current_a": 1.5, "torque_n_m": 2.0}]
@@ -95,3 +96,11 @@ def test_what_torques_ask_of_the_motors():
     bare = demanded_drive(one_joint(), qd[:, 0], tau[:, 0])
     assert np.isnan([*bare.current, *bare.voltage]).all()
     assert demanded_drive(model, np.array([Symbol.named("w")]), tau[:, 0]).voltage.shape == (1,)
+
+
+def test_a_servo_without_proportional_gain_has_no_error_that_holds_a_load():
+    servo = arms("servo")[0]
+    loaded = servo.with_values({"joint1.firmware.p": 0.0})
+    assert loaded.coordinates[1].drive.firmware.proportional == 0.0
+    assert holding_command(loaded, np.array([0.0, 2.0]))[1] == 0.0
+    assert holding_command(servo, np.array([0.0, 2.0]))[1] != 0.0

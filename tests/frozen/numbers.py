@@ -1,7 +1,8 @@
 """Numbers that public functions answer with, as `numbers/` keeps them: every value of a result, and what differs from it.
 
 A case is a call; what it returns is taken apart into named values: tables of a result and its sentences, fields of a dataclass,
-variables of a dataset, files of a folder. Long arrays are kept as two sums with weights, files of text as digests.
+variables of a dataset, files of a folder. Values whose names differ in a number stand together, as `joints.*.mass`. Long arrays
+are kept as sums, long texts and files as digests.
 """
 
 from __future__ import annotations
@@ -27,7 +28,9 @@ ROOMS = tuple(sorted(path.stem for path in Path(__file__).with_name("cases").glo
 LONG = 40  # entries of a column that are kept one by one
 WHOLE = 6  # entries of an array that are kept one by one
 DIGITS = 8  # that are kept
-CLOSE = 1e-6  # of a value, or of the largest of its column: libraries and processors differ in the last bits
+CLOSE = 1e-6  # of a value: libraries and processors differ in the last bits
+ROUNDED = 1e-3  # of that, of the largest of its list
+SUMS = "sums"  # begins what is kept of a long array
 DEEP = 6  # levels of fields
 
 
@@ -61,7 +64,16 @@ def computed(room: str, name: str, folder: Path) -> dict[str, Any]:
     """Values of a case, computed now."""
     case = cases(room)[name]
     found = dict(_parts("", case.call(folder), DEEP))
-    return {key: value for key, value in found.items() if not any(word in key for word in case.ignored)}
+    return _together({key: value for key, value in found.items() if not any(word in key for word in case.ignored)})
+
+
+def _together(found: Mapping[str, Any]) -> dict[str, Any]:
+    """Single values whose names differ in numbers alone, as lists."""
+    groups: dict[str, list[Any]] = {}
+    for name, value in found.items():
+        alike = ".".join("*" if each.isdigit() else each for each in name.split("."))
+        groups.setdefault(name if isinstance(value, list) else alike, []).append(value)
+    return {name: _column(values) if len(values) > 1 else values[0] for name, values in groups.items()}
 
 
 def differing(before: Mapping[str, Any], now: Mapping[str, Any], close: float = CLOSE) -> list[str]:
@@ -74,19 +86,15 @@ def differing(before: Mapping[str, Any], now: Mapping[str, Any], close: float = 
 
 
 def alike(before: Any, now: Any, close: float) -> bool:
-    """True where two values are as near as `close` asks; a list of numbers is as exact as its largest."""
-    if isinstance(before, list) and isinstance(now, list):
-        numbers = [abs(each) for each in before if _is_number(each)]
-        scale = max(numbers, default=0.0)
-        return len(before) == len(now) and all(
-            _near(a, b, close, scale) if _is_number(a) and _is_number(b) else a == b
-            for a, b in zip(before, now, strict=True)
-        )
-    return _near(before, now, close, 0.0) if _is_number(before) and _is_number(now) else before == now
-
-
-def _near(a: float, b: float, close: float, scale: float) -> bool:
-    return abs(a - b) <= close * max(abs(a), abs(b), scale)
+    """True where two values are as near as `close` asks. Rounding of the largest number of a list is none of a small one's."""
+    if not (isinstance(before, list) and isinstance(now, list)):
+        before, now = [before], [now]
+    scale = max((abs(each) for each in before if _is_number(each)), default=0.0)
+    absolute = close * scale * (1.0 if before[:1] == [SUMS] else ROUNDED)
+    return len(before) == len(now) and all(
+        abs(a - b) <= max(absolute, close * max(abs(a), abs(b))) if _is_number(a) and _is_number(b) else a == b
+        for a, b in zip(before, now, strict=True)
+    )
 
 
 def _is_number(value: Any) -> bool:
@@ -130,7 +138,9 @@ def _result(at: str, value: Result) -> Iterator[tuple[str, Any]]:
     for k, table in enumerate(value.tables()):
         rows = table.rows()
         for column in rows[0] if rows else ():
-            yield f"{at}{k}.{column}", _column([row[column] for row in rows])
+            values = [row[column] for row in rows]
+            if any(each is not None for each in values):
+                yield f"{at}{k}.{column}", _column(values)
     yield f"{at}sentences", value.sentences()
     yield f"{at}good", value.good
 
@@ -166,7 +176,7 @@ def _number(value: Any) -> Any:
 
 
 def _array(values: np.ndarray) -> Any:
-    """Its entries, or its shape, how many are finite, and two sums whose weights no two entries share."""
+    """Its entries; of many the sum of their sizes, two sums with weights, the shape, and how many are finite."""
     if values.dtype.kind not in "fiub":
         return _text(json.dumps(values.astype(str).tolist()))
     if values.size <= WHOLE:
@@ -175,8 +185,8 @@ def _array(values: np.ndarray) -> Any:
     finite = np.isfinite(flat)
     flat, place = np.where(finite, flat, 0.0), np.arange(flat.size)
     weights = np.cos(place), np.cos(0.618 * place + 1.0)
-    size = float(np.abs(flat).sum())  # it makes the list as exact as the sum of sizes
-    return [*map(_number, (size, *(flat @ each for each in weights))), *values.shape, int(finite.sum())]
+    size = float(np.abs(flat).sum())
+    return [SUMS, *map(_number, (size, *(flat @ each for each in weights))), *values.shape, int(finite.sum())]
 
 
 def _text(value: str | bytes) -> str:
