@@ -11,11 +11,13 @@ from typing import Any
 import numpy as np
 
 import armwright as aw
+from armwright.results.aliases import LOOP_STATE
 from armwright.results.reducers import REDUCERS
 from armwright.simulation.integrate.integrators import INTEGRATORS
 from armwright.simulation.plant.step_limits import StepLimit, full_voltage, loads
 from features.cases import ARMS, BODY, SCENARIOS, arms, base, commanded, looped, move
 from frozen.numbers import Case
+from simulation.plants import MANY
 
 SHORT = 0.03  # [s]
 STEPPED = aw.Solver(step=2.5e-4, integrator="rk3")
@@ -26,7 +28,7 @@ def run(scenario: aw.Scenario, **options: Any) -> dict[str, Any]:
     """All that a run records and says of itself."""
     found = aw.simulate(scenario, **options)
     said = {name: found.attrs[name] for name in ("notes", "rule", "step_s", "controller") if name in found.attrs}
-    return {"run": found, **said}
+    return {"run": found.drop_vars(LOOP_STATE, errors="ignore"), **said}  # what the state consists of may change
 
 
 def of_feature(feature: str, folder: Path) -> dict[str, Any]:
@@ -94,6 +96,13 @@ def reduced(folder: Path) -> dict[str, Any]:
     return run(replace(looped(arms("heat")[0], SHORT, reference=lanes), recording=kept))
 
 
+def reversing(effect: str, folder: Path) -> dict[str, Any]:
+    """An arm that breaks away, comes to rest, holds and breaks away the other way."""
+    arm = MANY[effect]
+    ways = [[12.0] * arm.n, [0.0] * arm.n, [-18.0] * arm.n]
+    return run(aw.Scenario(arm, 0.09, command=aw.Schedule([0.0, 0.03, 0.06], ways, arm.names)))
+
+
 RULES = {
     "open loop by steps of its own": lambda: commanded(base(), SHORT),
     "rk4": lambda: replace(commanded(base(), SHORT), solver=aw.Solver(step=5e-4, integrator="rk4")),
@@ -125,6 +134,7 @@ CASES: dict[str, Any] = {
         for feature in ARMS
         if feature != "mimic joints"
     },
+    **{f"there and back with {effect}": partial(reversing, effect) for effect in MANY},
     **{name: (lambda folder, make=make: run(make())) for name, make in RULES.items()},
     "stepped by hand": stepped,
     "continued": continued,
