@@ -137,7 +137,11 @@ def light() -> RobotDescription:
     """Links without mass, with the inertia of a line, and with one that nobody has; what is fixed behind one has mass."""
     nothing = dict.fromkeys(TENSOR, 0.0)
     return linked(
-        {}, {"type": "fixed"}, {}, {}, {},
+        {},
+        {"type": "fixed"},
+        {},
+        {},
+        {},
         links=(
             {"mass_kg": 0.0, "inertia_kg_m2": nothing},
             {},
@@ -145,7 +149,7 @@ def light() -> RobotDescription:
             {"inertia_kg_m2": nothing | {"xx": 0.1, "yy": 0.1, "zz": 0.9}, "accept_impossible": "a test"},
             {"mass_kg": 0.0, "inertia_kg_m2": nothing},
         ),
-    )  # fmt: skip
+    )
 
 
 def limited() -> RobotDescription:
@@ -224,8 +228,18 @@ def played(kind: str = "position", scale: float = 1e-3) -> ActuatorFit:
     found = {each: one.scaled(factors) for each, one in start.items()}
     away = scale * np.cos(t[:, None] * [9.0, 11.0])
     return ActuatorFit(
-        record, kind, "motion.csv", found, spreads(record), t, goal, simulated, simulated + 3.0 * away, simulated + away, "3.4.0"
-    )  # fmt: skip
+        record,
+        kind,
+        "motion.csv",
+        found,
+        spreads(record),
+        t,
+        goal,
+        simulated,
+        simulated + 3.0 * away,
+        simulated + away,
+        "3.4.0",
+    )
 
 
 def fit_values(fit: ActuatorFit, folder: Path) -> dict[str, Any]:
@@ -279,24 +293,33 @@ def far() -> RobotDescription:
 
 
 CASES = {
-    **{f"{name} as URDF and MJCF": partial(written, partial(robot, name)) for name in (*BUILTIN, *OWN, "scara", "hot-lift")},
+    **{
+        f"{name} as URDF and MJCF": partial(written, partial(robot, name))
+        for name in (*BUILTIN, *OWN, "scara", "hot-lift")
+    },
     **{f"an arm with {name}": partial(written, lambda name=name: arms(name)[0].record) for name in ARMS},
     **{f"{name} of an arm": partial(written, record) for name, record in SPECIAL.items()},
     **{f"random tree {seed}": partial(written, partial(random_description, seed, screws=False)) for seed in range(6)},
     "URDF without its drive file": partial(written, sourced, drive=False),
-    **{f"drive file of {name}": lambda _, name=name: {"text": rounded(drive_file(robot(name)))} for name in ("panda", "so101")},
+    **{
+        f"drive file of {name}": lambda _, name=name: {"text": rounded(drive_file(robot(name)))}
+        for name in ("panda", "so101")
+    },
     **{f"actuators of {name}": lambda _, name=name: servo_actuators(SERVOS[name]()) for name in SERVOS},
     **{f"deviations of {name}": lambda _, name=name: spreads(SERVOS[name]()) for name in ("so101", "all gains")},
     **{
         f"{kind} of {name}": lambda _, name=name, kind=kind: actuators(name, kind)
-        for name in SERVOS for kind in ("position", "dcmotor")
+        for name in SERVOS
+        for kind in ("position", "dcmotor")
     },
     "a good fit of actuators": lambda folder: fit_values(played(), folder),
     "a poor fit of actuators": lambda folder: fit_values(played(scale=0.1), folder),
     "a poor fit of motors": lambda folder: fit_values(played("dcmotor", scale=0.1), folder),
     "factors of actuators": Case(lambda _: factors(), close=1e-3),
     "ROS 2 of puma560": partial(ros2, lambda: aw.load("puma560")),
-    "ROS 2 of so101 by speed": partial(ros2, lambda: aw.load("so101").record, command="velocity", rate=250, hardware="a/Driver"),
+    "ROS 2 of so101 by speed": partial(
+        ros2, lambda: aw.load("so101").record, command="velocity", rate=250, hardware="a/Driver"
+    ),
     "ROS 2 of xarm7 by effort": partial(ros2, lambda: aw.load("xarm7"), command="effort"),
     "ROS 2 of words": partial(ros2, far),
-}  # fmt: skip
+}

@@ -128,10 +128,14 @@ LOOPS: dict[str, ANY] = {
     "rounded commands": lambda: pid_loop(command_filter=aw.CommandFilter(resolution=0.5)),
     "law of time": lambda: pid_loop(controller=timed, period=1.6e-3),
     "encoders": lambda: pid_loop(sensors=ENCODERS),
-    "feed-forward": lambda: pid_loop(controller=aw.FeedForward(aw.JointPID(kp=20.0, kd=1.0, cutoff_hz=50.0), gravity=True)),
-    "voltages": lambda: pid_loop(two(limits={"voltage_v": 24.0, "velocity_rad_per_s": 3.0, "position_rad": [-1.0, 2.0]})),
+    "feed-forward": lambda: pid_loop(
+        controller=aw.FeedForward(aw.JointPID(kp=20.0, kd=1.0, cutoff_hz=50.0), gravity=True)
+    ),
+    "voltages": lambda: pid_loop(
+        two(limits={"voltage_v": 24.0, "velocity_rad_per_s": 3.0, "position_rad": [-1.0, 2.0]})
+    ),
     "three rates": lambda: three_rates(40),
-}  # fmt: skip
+}
 
 
 def footprints() -> dict[str, Any]:
@@ -222,19 +226,22 @@ EXCHANGED: dict[str, ANY] = {
     "two-link": lambda: aw.load("two-link"),
     "elastic joints": lambda: commanded(two(elasticity=ELASTIC), start=aw.Start([0.1, 0.2], [0.3, 0.4])),
     "stops and play": lambda: commanded(
-        chain([
-            {"command": "torque", "stops": STOPS, "limits": {"position_rad": [-0.1, 0.1]}},
-            {"command": "voltage", "motor": MOTOR, "elasticity": PLAY},
-        ])
+        chain(
+            [
+                {"command": "torque", "stops": STOPS, "limits": {"position_rad": [-0.1, 0.1]}},
+                {"command": "voltage", "motor": MOTOR, "elasticity": PLAY},
+            ]
+        )
     ),
     "heat and a supply": lambda: commanded(
         chain(
-            [{"command": "voltage", "motor": {**MOTOR, "inductance_h": 1e-3, "thermal": THERMAL, "cogging": COGGING}}] * 2,
+            [{"command": "voltage", "motor": {**MOTOR, "inductance_h": 1e-3, "thermal": THERMAL, "cogging": COGGING}}]
+            * 2,
             robot={"supply": SUPPLY},
         )
     ),
     "a slide": lambda: arms("payload")[0],
-}  # fmt: skip
+}
 PLANTS: dict[str, ANY] = {
     "an arm": lambda: aw.load("two-link"),
     "all effects": lambda: commanded(MANY["all"]),
@@ -246,13 +253,19 @@ PLANTS: dict[str, ANY] = {
 
 CASES = {
     **{
-        f"C of {real} {name}": lambda _, name=name, real=real, chosen=chosen: all_rounded(c_library(aw.load(name), chosen, real))
+        f"C of {real} {name}": lambda _, name=name, real=real, chosen=chosen: all_rounded(
+            c_library(aw.load(name), chosen, real)
+        )
         for name, chosen in (("two-link", KERNELS), ("puma560", ("inverse_dynamics", "motor_voltage")))
         for real in ("double", "float")
     },
     **{
         f"test vectors of {form} in {real}": lambda _, arm=arm, form=form, real=real: vectors(aw.load(arm), form, real)
-        for arm, form in (("two-link", "inverse_dynamics"), ("puma560", "operational_inertia"), ("two-link", "jacobian"))
+        for arm, form in (
+            ("two-link", "inverse_dynamics"),
+            ("puma560", "operational_inertia"),
+            ("two-link", "jacobian"),
+        )
         for real in ("double", "float")
     },
     "words of C": lambda _: words(),
@@ -271,17 +284,23 @@ CASES = {
         for found, expected in (([[1.0, 2.0], [3.0, 2.5]], [[1.0, 2.0], [2.0, 2.0]]), ([[0.0], [0.0]], [[0.0], [0.0]]))
     ],
     **{f"package: {name}": partial(package, LOOPS[name]) for name in ("PID", "voltages", "encoders", "feed-forward")},
-    "package: limited PID": partial(package, LOOPS["limited PID"], gains=("kp", "limit"), hardware="a/Driver", name="My  Arm_1"),
+    "package: limited PID": partial(
+        package, LOOPS["limited PID"], gains=("kp", "limit"), hardware="a/Driver", name="My  Arm_1"
+    ),
     "package names": lambda _: [package_name(each) for each in ("Two-Link", "a__b", "9 lives", "é")],
     **{f"FMU of {name}": partial(fmu, source) for name, source in PLANTS.items()},
     **{f"FMU of {name} in 2.0": partial(fmu, PLANTS[name], version="2.0") for name in ("a busy plant", "what acts")},
     **{
         f"FMU of {part}: {name}": partial(fmu, loop, part=part)
-        for part in ("controller", "both") for name, loop in {"PID": pid_loop, "busy": busy, "batched": batched}.items()
+        for part in ("controller", "both")
+        for name, loop in {"PID": pid_loop, "busy": busy, "batched": batched}.items()
     },
     "FMU of a batched plant": partial(fmu, batched),
     "FMU of a pose": partial(fmu, lambda: pid_loop(reference=[0.3, -0.2]), part="both", version="2.0", name="pose"),
-    **{f"FMU to be solved: {name}": partial(fmu, source, interface="model-exchange") for name, source in EXCHANGED.items()},
+    **{
+        f"FMU to be solved: {name}": partial(fmu, source, interface="model-exchange")
+        for name, source in EXCHANGED.items()
+    },
     **{
         f"FMU to be solved in 2.0: {name}": partial(fmu, EXCHANGED[name], interface="model-exchange", version="2.0")
         for name in ("two-link", "stops and play")
@@ -292,4 +311,4 @@ CASES = {
     "units of FMUs": lambda _: {unit: base_unit(unit) for unit in UNITS},
     "names of FMUs": lambda _: [quoted(each) for each in ("", "elbow", "3", "joint 2", "a'b", "é\\")],
     "platforms of FMUs": lambda _: PLATFORMS,
-}  # fmt: skip
+}
