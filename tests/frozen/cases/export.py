@@ -12,13 +12,15 @@ import numpy as np
 import armwright as aw
 from armwright.description.database import parse, read_toml
 from armwright.description.robot import RobotDescription
+from armwright.description.urdf import read_urdf
 from armwright.errors import ModelError
 from armwright.export.actuator_fit import STEP, ActuatorFit, _fitted
 from armwright.export.drive_file import drive_file
 from armwright.export.mjcf import MujocoActuators, mjcf_text, write_mjcf
 from armwright.export.servo_actuators import FITTED, ServoActuator, servo_actuators, spreads
 from armwright.export.urdf import write_urdf
-from features.cases import ARMS, arms
+from description.urdf_files import INERTIAL, one_joint, written as urdf_file
+from features.cases import ARMS, LOADED, arms
 from frozen.numbers import Case
 from frozen.texts import rounded, texts
 from physics.arms import OWN, description
@@ -192,6 +194,18 @@ SPECIAL = {
 }  # fmt: skip
 
 
+def meshes(folder: Path) -> dict[str, Any]:
+    """Pictures of meshes, beside the file and elsewhere, and what an MJCF says of them."""
+    (folder / "in").mkdir()
+    for name in ("in/a.stl", "b.stl"):
+        (folder / name).write_text("")
+    shapes = '<mesh filename="a.stl"/>', '<mesh filename="../b.stl" scale="1 2 3"/>'
+    visuals = "".join(f"<visual><geometry>{shape}</geometry></visual>" for shape in shapes)
+    record = read_urdf(urdf_file(folder / "in", one_joint(moved=INERTIAL + visuals), "in.urdf"))
+    found = written(lambda: record, folder / "in")
+    return {name: text.replace(folder.as_uri(), "") if isinstance(text, str) else text for name, text in found.items()}
+
+
 # Actuators of servos.
 
 CURRENT = PLAIN | {"output": "current", "output_limit": 1.5, "d": 2.0, "d_scale_s_per_rad": 0.01}
@@ -202,11 +216,13 @@ INTEGRAL = PLAIN | {
     "period_s": 4e-3,
     "latency_periods": 2,
 }
+BY_LOAD = {name: value for name, value in LOADED.items() if name != "smoothing_rad_per_s"}
 SERVOS = {
     "so101": lambda: aw.load("so101").record,
     "open-manipulator-x": lambda: aw.load("open-manipulator-x").record,
     "currents": lambda: pendulum(CURRENT, limits={"voltage_v": VOLTS, "current_a": 1.2}).record,
     "all gains": lambda: pendulum(INTEGRAL, ("hip", "knee"), limits={"voltage_v": VOLTS, "torque_n_m": 1.1}).record,
+    "friction by load": lambda: pendulum(PLAIN, friction=BY_LOAD).record,
     "play": lambda: pendulum(PLAIN, elasticity={**ELASTIC, "backlash_rad": 0.02}).record,
 }
 
@@ -300,6 +316,7 @@ CASES = {
     **{f"an arm with {name}": partial(written, lambda name=name: arms(name)[0].record) for name in ARMS},
     **{f"{name} of an arm": partial(written, record) for name, record in SPECIAL.items()},
     **{f"random tree {seed}": partial(written, partial(random_description, seed, screws=False)) for seed in range(6)},
+    "meshes": meshes,
     "URDF without its drive file": partial(written, sourced, drive=False),
     **{
         f"drive file of {name}": lambda _, name=name: {"text": rounded(drive_file(robot(name)))}

@@ -33,6 +33,7 @@ from armwright.model import Model
 from export.controllers import three_rates
 from export.running import pid_loop
 from features.cases import arms
+from frozen.cases.twin import refusals
 from frozen.texts import rounded, texts
 from simulation.plants import BRAKE, COGGING, COULOMB, ELASTIC, MANY, MOTOR, SUPPLY, THERMAL, chain, pendulum
 from simulation.test_switching import PLAY, STOPS
@@ -172,6 +173,79 @@ def package(scenario: ANY, folder: Path, **options: Any) -> dict[str, Any]:
     return {"paths": len(made.paths), "lost": made.lost, "notes": made.notes, **texts(folder)}
 
 
+def untraced(t, r, y):
+    """A law that cannot be traced."""
+    return np.array([float(each) for each in r.q - y.q])
+
+
+def refused_controllers() -> list[str]:
+    """Scenarios whose controllers cannot be exported."""
+    good = pid_loop()
+    loops: list[tuple[Any, ...]] = [
+        (pid_loop(controller=untraced),),
+        (replace(good, loop=replace(good.loop, controller=None)),),
+        (good, None, ("none",)),
+        (good, None, ("gravity",)),
+        (replace(good, vary={"forearm.mass_kg": aw.Batch([1.0, 2.0])}),),
+        (good, None, ("kp", "ki")),
+    ]
+    found = refusals(lambda *words: f"{ControllerStages.of(*words).gains.names}", *loops)
+    return found + refusals(lambda: ControllerStages.of(good, counts=True).count.tolist(), ())
+
+
+def refused_units(folder: Path) -> list[str]:
+    """What no FMU and no package can be."""
+    path, good = folder / "unit.fmu", pid_loop()
+    options: list[dict[str, Any]] = [
+        {"part": "none"},
+        {"version": "1.0"},
+        {"interface": "none"},
+        {"name": "9x"},
+        {"name": "int"},
+        {"name": "x" * 64},
+        {"name": "x" * 63},
+        {"part": "both", "interface": "model-exchange"},
+        {"platforms": ["none"]},
+    ]
+    found = refusals(
+        lambda each: aw.export.export_fmu("two-link", path, **{"platforms": [], **each}).name,
+        *((each,) for each in options),
+    )
+    sources = (
+        good,
+        commanded(aw.load("two-link"), solver=aw.Solver("cvodes")),
+        replace(good, loop=replace(good.loop, controller=None)),
+    )
+    found += refusals(
+        lambda each: aw.export.export_fmu(each, path, part="both", platforms=[]).name, *((each,) for each in sources)
+    )
+    sticking = pendulum(motor=MOTOR, friction={k: v for k, v in COULOMB.items() if "smoothing" not in k})
+    found += refusals(lambda: aw.export.export_fmu(sticking, path, interface="model-exchange", platforms=[]).name, ())
+    rates = [pid_loop(period=period) for period in (1.6e-3, 8e-3, 0.1)] + [pid_loop(reference=[0.1, 0.2])]
+    with patch("armwright.export.controller.write.find_compiler", lambda: None):
+        found += refusals(
+            lambda each: len(aw.export.export_ros2(each, folder / "package").paths), *((each,) for each in rates)
+        )
+        said = [{"rate": 3}, {"command": "effort"}, {"hardware": " "}]
+        found += refusals(
+            lambda each: len(aw.export.export_ros2(good, folder / "package", **each).paths), *((each,) for each in said)
+        )
+    arms_only = [
+        {"name": "a"},
+        {"gains": ("kp",)},
+        {"rate": 0},
+        {"rate": True},
+        {"rate": 1},
+        {"command": "none"},
+        {"hardware": ""},
+    ]
+    found += refusals(
+        lambda each: len(aw.export.export_ros2(aw.load("two-link"), folder / "arm", **each).paths),
+        *((each,) for each in arms_only),
+    )
+    return [each.replace(str(folder), "") for each in found]
+
+
 # FMUs.
 
 
@@ -308,6 +382,8 @@ CASES = {
     "FMU of what acts, to be solved": partial(
         fmu, lambda: replace(acted_on(), arm=pendulum(motor=MOTOR, brake=BRAKE)), interface="model-exchange"
     ),
+    "controllers that are refused": lambda _: refused_controllers(),
+    "units that are refused": refused_units,
     "units of FMUs": lambda _: {unit: base_unit(unit) for unit in UNITS},
     "names of FMUs": lambda _: [quoted(each) for each in ("", "elbow", "3", "joint 2", "a'b", "é\\")],
     "platforms of FMUs": lambda _: PLATFORMS,

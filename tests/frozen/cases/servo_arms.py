@@ -27,12 +27,13 @@ from armwright.twin.serial.calibration import (
     stored_servo,
 )
 from armwright.twin.serial.capture import Captured, approach, capture, plan_capture
+from armwright.twin.serial.frames import BROADCAST, FEETECH
 from armwright.twin.serial.registers import servo_model
 from armwright.twin.serial.replay import replay, write_goals
 from armwright.twin.serial.run import ServoUnits, goal_limits, line_time, rehearse_servos, run_on_servos
 from armwright.twin.serial.servo_arm import Line, ServoArm, ids_of, mountings_of
 from armwright.twin.serial.timing import CycleEnd, LockStep
-from frozen.cases.servos import MODELS
+from frozen.cases.servos import MODELS, scripted
 from frozen.cases.twin import refusals
 from frozen.texts import rounded, texts
 from simulation.test_servo import ALL, PLAIN, pendulum
@@ -118,6 +119,25 @@ def registers(model: str, arm: aw.Model) -> dict[str, Any]:
     made = ServoArm(arm, Line(model, reversed=arm.names[:1]))
     values = {name: [servo[name] for servo in made.bus.servos if name in servo] for name in servo_model(model).by_name}
     return {"words": str(made), "values": values, "mountings": made.plant.mountings}
+
+
+def served_arm(folder: Path) -> dict[str, Any]:
+    """An arm on a terminal in lock-step, whose goals are written as a scenario."""
+    goals = FEETECH.pack(
+        BROADCAST, 0x83, b"\x2a\x02" + b"".join(bytes((k,)) + (2100 + 50 * k).to_bytes(2, "little") for k in (1, 2, 3))
+    )
+    reads = FEETECH.pack(BROADCAST, 0x82, b"\x38\x02\x01\x02\x03")
+    made, said = ServoArm(three(), start=START), list[str]()
+    with (
+        scripted([(0.001, each) for each in (goals, reads, goals, goals, reads)]) as terminal,
+        pytest.MonkeyPatch.context() as patch,
+    ):
+        patch.setattr("armwright.twin.serial.servo_arm.Terminal", lambda path: terminal)
+        ended = lambda: not terminal.script  # noqa: E731
+        counts = made.serve(
+            None, ended, cycle=(PERIOD, "sync-write:42"), schedule=folder / "run.scenario.toml", ready=said.append
+        )
+    return {"counts": repr(counts), "written": terminal.written, "said": said, **texts(folder)}
 
 
 def refused_lines() -> list[str]:
@@ -406,13 +426,16 @@ def refused_runs() -> list[str]:
     port = served("sts3215")
     plain = ServoFit.of(port.made.arm, port.made.line)
     found += refusals(lambda: ArmServos(port, plain, 0.001).check_permitted(), ())
-    for name, value in (("operating_mode", 1), ("homing_offset", 5)):
+    for name, value in (("operating_mode", 1), ("homing_offset", 5), ("model_number", 3)):
         held = stored(port)
         port.made.bus.servos[0][name] = value
         fit = ServoFit.of(port.made.arm, replace(port.made.line, reversed=()), held)
         found += refusals(lambda fit=fit: ArmServos(port, fit, 0.001).check_permitted(), ())
         port.made.bus.servos[0][name] = 0
-    return found
+    timed = served("xl330-m288")
+    timed.made.bus.servos[1]["drive_mode"] = 4
+    fit = ServoFit.of(timed.made.arm, replace(timed.made.line, zeros=None), stored(timed))
+    return found + refusals(lambda: ArmServos(timed, fit, 0.001).check_permitted(), ())
 
 
 def units() -> dict[str, Any]:
@@ -448,6 +471,7 @@ CASES = {
     "loops of currents": lambda _: with_currents(),
     "goals as scenarios": replayed,
     **{f"registers of {model}": lambda _, model=model: registers(model, three()) for model in MODELS},
+    "an arm on a terminal": served_arm,
     "lines that do not fit": lambda _: refused_lines(),
     "servos on joints": lambda _: fitted(Line(zeros=[2000.0, 3000.0], reversed=["knee"])),
     "calibrated servos on joints": lambda _: fitted(

@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from armwright.errors import ArmwrightError
+from armwright.twin.serial.__main__ import _arguments, _servos, _values
 from armwright.twin.serial.bus import Losses, ServoBus, collide, make_servo, wire_time
 from armwright.twin.serial.client import ServoClient
 from armwright.twin.serial.frames import BROADCAST, COMMON, DYNAMIXEL, FEETECH, FRAMINGS, Frame, Framing, Parser, crc16
 from armwright.twin.serial.plant import Goal, KinematicPlant, Measurement
 from armwright.twin.serial.registers import model_names, servo_model
-from armwright.twin.serial.timing import CycleEnd, GoalSchedule, LockStep, RealTime
+from armwright.twin.serial.terminal import serve
+from armwright.twin.serial.timing import CycleEnd, GoalSchedule, LockStep, RealTime, Timing
 from frozen.cases.twin import refusals
 from frozen.texts import texts
 from twin.serial.conftest import BAUD, VOLTAGES, Client, client
@@ -24,6 +29,7 @@ from twin.serial.test_servo import loaded
 from twin.serial.test_timing import GOALS, cycle, frame
 
 MODELS = tuple(VOLTAGES)
+POWER_UP = ("power up",)
 USUAL = 7.4  # [V] of a measurement that says nothing of the supply
 ADDRESSES = (0, 3, 42, 56, 132)
 
@@ -145,7 +151,7 @@ Step = tuple[Any, ...]
 def walked(model: str, *steps: Step, **values: int) -> dict[str, Any]:
     """What a servo answers to steps, which registers each step changed, and what it commands its joint.
 
-    A step is (register, value), a number of seconds, (instruction, bytes), or a `Measurement`, whose position 0 changes none.
+    A step is (register, value), `POWER_UP`, a number of seconds, (instruction, bytes), or a `Measurement`, whose position 0 changes none.
     """
     line, plant = loaded(model, VOLTAGES[model], baud_rate=0 if model == "sts3215" else 3, **values)
     rows, goals = [], []
@@ -155,6 +161,10 @@ def walked(model: str, *steps: Step, **values: int) -> dict[str, Any]:
         if isinstance(step, float):
             line.bus.advance(line.bus.time + step)
             said: Any = ""
+        elif step == POWER_UP:
+            line.bus.servos[0].power_up()
+            line.bus.advance(line.bus.time + 1e-3)
+            said = ""
         elif isinstance(step, Measurement):
             plant.now = replace(step, voltage=VOLTAGES[model] if step.voltage == USUAL else step.voltage)
             plant.positions[0] = step.position or plant.positions[0]
@@ -341,6 +351,100 @@ def in_real_time() -> dict[str, Any]:
         }
 
 
+class Scripted:
+    """A terminal from which bytes come as a script says: (seconds, bytes); it ends with the script."""
+
+    device, path, unsent, baud = "tty", None, 0, BAUD
+
+    def __init__(self, clock: SimpleNamespace, script: list[tuple[float, bytes]]):
+        self.clock, self.script, self.written = clock, list(script), list[str]()
+
+    def __enter__(self) -> Scripted:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        """Nothing."""
+
+    def read(self, seconds: float) -> bytes:
+        """The next bytes."""
+        after, data = self.script.pop(0)
+        self.clock.time += after
+        return data
+
+    def write(self, data: bytes) -> None:
+        """Takes an answer."""
+        self.written.append(f"{self.clock.time:.6f} {data.hex()}")
+
+
+@contextmanager
+def scripted(script: list[tuple[float, bytes]]) -> Iterator[Scripted]:
+    """A terminal, and the time at its side."""
+    clock = SimpleNamespace(time=0.0)
+    clock.now = lambda: clock.time
+    clock.sleep_until = lambda t: setattr(clock, "time", max(t, clock.time))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("armwright.twin.serial.terminal.clock", clock)
+        patch.setattr("armwright.twin.clock.now", clock.now)
+        yield Scripted(clock, script)
+
+
+def pieces() -> list[tuple[float, bytes]]:
+    """Instructions in pieces and with pauses, one of them late."""
+    whole = FEETECH.pack(1, 2, b"\x38\x02")
+    goals = FEETECH.pack(BROADCAST, 0x83, b"\x2a\x02\x01\xdc\x05\x02\xd0\x07")
+    cut = [(0.001, whole[:5]), *[(0.005, b"")] * 5, (0.001, whole)]
+    return [
+        (0.002, whole),
+        (0.001, whole[:3]),
+        (0.001, whole[3:] + goals),
+        *cut,
+        (0.024, whole),
+        (0.026, whole),
+        (0.001, goals),
+    ]
+
+
+def served(timing: Callable[[ServoBus], Timing]) -> dict[str, Any]:
+    """What is answered on a terminal, and what is counted."""
+    line = client("sts3215", return_delay_time=50)
+    with scripted(pieces()) as terminal:
+        made, said = timing(line.bus), list[str]()
+        try:
+            counts = repr(
+                serve(terminal, line.bus, made, lambda: not terminal.script, ready=lambda: said.append("ready"))
+            )
+        except ArmwrightError as error:
+            counts = str(error)
+        return {
+            "written": terminal.written,
+            "counts": counts,
+            "said": said,
+            "time": line.bus.time,
+            "goals": repr(line.plant.goals),
+        }
+
+
+def words_of_a_line() -> dict[str, Any]:
+    """Servos and values by texts, and what else a process of servos is told."""
+    texts_of = (
+        ["sts3215:1-3,7"],
+        ["xl330-m288:1", "xl430-w250:5-6"],
+        ["sts3215"],
+        ["sts3215:a"],
+        ["none:1"],
+        ["sts3215:3-"],
+    )
+    given = vars(_arguments().parse_args(["--servo", "sts3215:1", "--set", "lock=0"]))
+    return {
+        "servos": refusals(
+            lambda words: [(s.number, s.model.name) for s in _servos(words, {"return_delay_time": 9})],
+            *((t,) for t in texts_of),
+        ),
+        "values": refusals(lambda words: _values(words), (["a=1", "b=-2"],), (["a"],), (["a=x"],), (["a=-"],)),
+        "arguments": repr(sorted(given.items())),
+    }
+
+
 def cycle_ends() -> dict[str, Any]:
     """Instructions that close a cycle."""
     found = refusals(
@@ -443,6 +547,17 @@ STS: dict[str, tuple[Any, ...]] = {
     ),
     "no limit of speed": (("phase", 8), ("profile_velocity", 0), ("goal_position", 1400), ("phase", 0)),
     "ids": (("id", 5), ("lock", 1), ("id", 6), ("baud_rate", 0), ("return_delay_time", 9)),
+    "the EEPROM": (
+        ("lock", 0),
+        ("id", 5),
+        ("max_torque_limit", 700),
+        ("lock", 1),
+        ("id", 6),
+        POWER_UP,
+        ("goal_position", 1100),
+        0.05,
+        POWER_UP,
+    ),
     "registered writes": (("action", b""), ("reg-write", b"\x2a\xdc\x05"), ("action", b""), ("action", b"")),
     "odd reads": (
         ("read", b"\x38\x02"),
@@ -533,6 +648,16 @@ X: dict[str, tuple[Any, ...]] = {
         ("reset", b"\x01"),
         ("reset", b"\x05"),
     ),
+    "the EEPROM": (
+        ("homing_offset", 50),
+        ("goal_position", 1100),
+        ("torque_enable", 1),
+        0.05,
+        POWER_UP,
+        ("drive_mode", 1),
+        POWER_UP,
+    ),
+    "turns while it moves": (("operating_mode", 4), MOVING, ("clear", b"\x01\x44\x58\x4c\x22")),
     "registered writes": (
         ("action", b""),
         ("reg-write", b"\x74\x00\xdc\x05\x00\x00"),
@@ -585,5 +710,8 @@ CASES = {
     "goals that came": scheduled,
     "real time": lambda _: in_real_time(),
     "ends of cycles": lambda _: cycle_ends(),
+    "served in lock-step": lambda _: served(lambda bus: LockStep(bus, 0.02, GOALS)),
+    "served in real time": lambda _: served(RealTime),
+    "words of a line": lambda _: words_of_a_line(),
     "joints without mass": lambda _: kinematic(),
 }

@@ -24,7 +24,7 @@ from armwright.twin.difference import first_difference
 from armwright.twin.faults import read_fault
 from armwright.twin.law import Law
 from armwright.twin.listen import DATA, BusListener, bus_recording, shadow_bus
-from armwright.twin.master import Ending, Identity, Trouble
+from armwright.twin.master import Ending, Identity, Trouble, _dictionary
 from armwright.twin.on_bus import plant_on_bus, scenario_on_bus
 from armwright.twin.rehearsal import Rehearsal, rehearse
 from armwright.twin.run import BusRun, check_arguments, release_drives, run_controller
@@ -132,7 +132,7 @@ def objects() -> dict[str, Any]:
             try:
                 values[f"{index:04X}:{sub}"] = client.get((index, sub))
             except Exception as error:  # noqa: BLE001  what canopen says of a text or of a code
-                values[f"{index:04X}:{sub}"] = str(error)
+                values[f"{index:04X}:{sub}"] = str(error).partition(",")[0]
         return {"values": repr(values), "load": str(twin.load), "frames": transcript(bus)}
 
 
@@ -165,7 +165,7 @@ def refused_objects() -> list[str]:
                 client.put(key, value)
                 found.append(f"{client.get(key)}")
             except Exception as error:  # noqa: BLE001  as canopen says it
-                found.append(str(error))
+                found.append(str(error).partition(",")[0])
     return found
 
 
@@ -292,11 +292,52 @@ def refused_rehearsals() -> list[str]:
     )
 
 
+def data_sheets(folder: Path) -> list[str]:
+    """Dictionaries of nodes from files that are whole, lack objects, or are none."""
+    text = od.eds_text(3, "arm", {od.MAX_SPEED: 7})
+    for name, content in {
+        "whole": text,
+        "lacking": text.replace("[6502]", "[6503]").replace("=0x6502", "=0x6503"),
+        "none": "x",
+    }.items():
+        (folder / f"{name}.eds").write_text(content, encoding="utf-8")
+    path = {name: str(folder / f"{name}.eds") for name in ("whole", "lacking", "none", "absent")}
+    calls = [
+        (3, None, 0),
+        (3, [path["whole"]], 1),
+        (3, [path["lacking"]], 0),
+        (3, [path["none"]], 0),
+        (3, [path["absent"]], 0),
+        (3, path["whole"], 0),
+        (3, [path["none"], path["whole"]], 1),
+        (3, [path["whole"]] * 2, 2),
+    ]
+    found = refusals(lambda *words: f"{len(_dictionary(*words))} objects", *calls)
+    return [each.replace(str(folder), "").partition(": Missing")[0] for each in found]  # what follows is Python's
+
+
+def strangers(change: Callable[[Any], None]) -> list[str]:
+    """What a master says of nodes before it enables them."""
+    with counted_bus(), aw.bus.Twin(small_scenario(0.02), serial=7) as twin:
+        change(twin)
+        return refusals(lambda: f"{run_controller(slow(), 'virtual').complete}", ())
+
+
+def put(key: od.Key, value: int, joint: int = 1) -> Callable[[Any], None]:
+    """Another value of a drive's object."""
+
+    def change(twin: Any) -> None:
+        twin.drives[joint].values[key] = value
+
+    return change
+
+
 def slowed_scenario(speed: float, torque: float) -> dict[str, Any]:
     """A scenario with all inputs at a part of its speed and torque."""
     wrench = aw.Schedule([0.0, 0.1], np.arange(12.0).reshape(2, 6), ("fx", "fy", "fz", "mx", "my", "mz"))
     bodies = [PAYLOAD, replace(PAYLOAD, time=0.1)]
-    given = replace(small_scenario(), inputs=aw.Inputs(payload=bodies, wrench=wrench))
+    held = aw.CommandFilter(limit=[100.0, 70.0])
+    given = replace(small_scenario(command_filter=held), inputs=aw.Inputs(payload=bodies, wrench=wrench))
     found = reduced(given, speed, torque)
     loop = found.loop
     assert loop is not None
@@ -576,6 +617,20 @@ CASES = {
         ),
         bitrate=1_000_000,
     ),
+    "rehearsal of a step": lambda _: rehearsed(small_scenario(0.1, reference=[-1.15, 0.02])),
+    "data sheets": data_sheets,
+    **{
+        f"nodes with {name}": lambda _, change=change: strangers(change)
+        for name, change in {
+            "another type": put((0x1000, 0), 0x20191),
+            "a type that is near": put((0x1000, 0), 0x40192),
+            "other modes": put(od.SUPPORTED_MODES, 0x1FF),
+            "that mode alone": put(od.SUPPORTED_MODES, 0x200),
+            "another mapping": put((0x1600, 2), 0x60710010),
+            "fewer objects": put((0x1A00, 0), 2),
+            "no object": put((0x1A00, 0), 0),
+        }.items()
+    },
     "runs that are refused": lambda _: refused_runs(),
     "rehearsals that are refused": lambda _: refused_rehearsals(),
     **{
