@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zipfile
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
@@ -129,6 +130,7 @@ LOOPS: dict[str, ANY] = {
     "rounded commands": lambda: pid_loop(command_filter=aw.CommandFilter(resolution=0.5)),
     "law of time": lambda: pid_loop(controller=timed, period=1.6e-3),
     "encoders": lambda: pid_loop(sensors=ENCODERS),
+    "one encoder": lambda: pid_loop(pendulum("torque"), sensors=ENCODERS),
     "feed-forward": lambda: pid_loop(
         controller=aw.FeedForward(aw.JointPID(kp=20.0, kd=1.0, cutoff_hz=50.0), gravity=True)
     ),
@@ -261,7 +263,9 @@ def fmu(source: ANY, folder: Path, **options: Any) -> dict[str, Any]:
         key: getattr(made, key)
         for key in ("name", "version", "interface", "part", "inputs", "outputs", "parameters", "notes")
     }
-    return {**said, **own, "files": sorted(texts(folder))}
+    with zipfile.ZipFile(folder / "unit.fmu") as archive:
+        dates = {each.date_time for each in archive.infolist()}
+    return {**said, **own, "files": sorted(texts(folder)), "dates": repr(dates)}
 
 
 def commanded(arm: Model, **scenario: Any) -> aw.Scenario:
@@ -349,6 +353,7 @@ CASES = {
     "controller: gains": partial(controller, LOOPS["limited PID"], gains=("kp", "kd", "limit")),
     "controller: gains within": partial(controller, LOOPS["feed-forward"], gains=("kp", "inner.kd")),
     "controller: counts": partial(controller, LOOPS["encoders"], counts=True),
+    "controller: counts of one joint": partial(controller, LOOPS["one encoder"], counts=True),
     "controller: counts in float": partial(controller, LOOPS["encoders"], counts=True, real="float"),
     "written controller": partial(written, LOOPS["lossy PID"], name="hold", gains="kp", ticks=300),
     "written controller of all ticks": partial(written, LOOPS["law of time"]),

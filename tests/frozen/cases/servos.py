@@ -151,7 +151,8 @@ Step = tuple[Any, ...]
 def walked(model: str, *steps: Step, **values: int) -> dict[str, Any]:
     """What a servo answers to steps, which registers each step changed, and what it commands its joint.
 
-    A step is (register, value), `POWER_UP`, a number of seconds, (instruction, bytes), or a `Measurement`, whose position 0 changes none.
+    A step is (register, value), `POWER_UP`, a number of seconds, (instruction, bytes), or a `Measurement`, of which position 0
+    changes none.
     """
     line, plant = loaded(model, VOLTAGES[model], baud_rate=0 if model == "sts3215" else 3, **values)
     rows, goals = [], []
