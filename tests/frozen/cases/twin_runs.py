@@ -169,6 +169,22 @@ def refused_objects() -> list[str]:
     return found
 
 
+def allowed_values() -> dict[str, str]:
+    """Values that a node takes of every object that has choices."""
+    with watched_twin(small_scenario()) as (twin, _, _bus):
+        found = {}
+        for key in (*od.CHOICES, *od.ABOVE_ZERO, od.MAX_TORQUE):
+            taken = []
+            for value in (*range(-2, 41), 1000, 1001):
+                try:
+                    twin.nodes[0]._check(key, value)
+                    taken.append(value)
+                except Exception:  # noqa: BLE001, S112  canopen's, of a value that is refused
+                    continue
+            found[f"{key[0]:04X}:{key[1]}"] = repr(taken)
+        return found
+
+
 def another_mapping() -> dict[str, Any]:
     """Process data that a client maps: second sets, each third SYNC, and on change only."""
     with watched_twin(small_scenario()) as (twin, client, bus):
@@ -445,10 +461,11 @@ class Frames:
     """A bus on which frames wait."""
 
     def __init__(self, frames: list[can.Message]):
-        self.frames = frames
+        self.frames, self.waited = frames, list[bool]()
 
     def recv(self, timeout: float) -> can.Message | None:
         """The next frame."""
+        self.waited.append(timeout > 0.0)
         return self.frames.pop(0) if self.frames else None
 
     def shutdown(self) -> None:
@@ -486,6 +503,29 @@ def heard(
         recorded = bus_recording(arm, rows)
     units = {name: recorded[name].attrs.get("units", "") for name in recorded.data_vars}
     return {"rows": rows, "incomplete": listener.incomplete, "latest": listener.latest, "run": recorded, "units": units}
+
+
+def stopped_listener() -> dict[str, Any]:
+    """Frames that came before a listener is stopped, which are taken without waiting, and periods that are none."""
+    bus = Frames([can.Message(arbitration_id=0x80, timestamp=1.0 + k, is_extended_id=False) for k in range(3)])
+    listener = BusListener(small_arm(), "virtual")
+    listener._bus = bus
+    listener.stop()
+    rows = list(listener.rows(silence=30.0))
+    periods = refusals(
+        lambda each: BusListener(small_arm(), "virtual", period=each)._period,
+        *((p,) for p in (None, 1, 0.0, -1.0, np.inf, "x")),
+    )
+    silent = refusals(lambda *words: list(listener.rows(*words)), (None, 1.0), (0.5, 1.0), (0.5, 0.2))
+    listener._bus = None
+    listener.__exit__()
+    return {
+        "rows": len(rows),
+        "waited": bus.waited,
+        "incomplete": listener.incomplete,
+        "periods": periods,
+        "silent": silent,
+    }
 
 
 def law(scenario: Scenario) -> np.ndarray:
@@ -588,6 +628,7 @@ CASES = {
     "drives that are released": lambda _: released(),
     "objects over the bus": lambda _: objects(),
     "objects that are refused": lambda _: refused_objects(),
+    "values of choices": lambda _: allowed_values(),
     "another mapping": lambda _: another_mapping(),
     "network management": lambda _: managed(),
     "moved by profile": lambda _: moved(1, (0x1F, 40, {od.TARGET_POSITION: -60_000}), (0x10F, 20, {}), (0x02, 30, {})),
@@ -647,6 +688,7 @@ CASES = {
     "rows of time stamps": lambda _: heard(small_arm(), None, counts=4096),
     "rows of currents": lambda _: heard(aw.load("lwa4p"), 4e-3),
     "rows with a shadow": lambda _: heard(small_arm(), 4e-3, lost=((7, 1),), shadowed=True),
+    "a listener that is stopped": lambda _: stopped_listener(),
     "commands of a law": lambda _: law(small_scenario(0.08)),
     "commands of a law with a rate": lambda _: law(small_scenario(0.08, command_filter=aw.CommandFilter(rate=2000.0))),
     **{
