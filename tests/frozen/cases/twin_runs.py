@@ -179,7 +179,7 @@ def allowed_values() -> dict[str, str]:
                 try:
                     twin.nodes[0]._check(key, value)
                     taken.append(value)
-                except Exception:  # noqa: BLE001, S112  canopen's, of a value that is refused
+                except Exception:  # noqa: BLE001  canopen's, of a value that is refused
                     continue
             found[f"{key[0]:04X}:{key[1]}"] = repr(taken)
         return found
@@ -628,6 +628,10 @@ CASES = {
     "drives that are released": lambda _: released(),
     "objects over the bus": lambda _: objects(),
     "objects that are refused": lambda _: refused_objects(),
+    "numbers of twins": lambda _: refusals(
+        lambda serial: aw.bus.Twin(small_scenario(0.02), serial=serial).drives[1].values[od.SERIAL],
+        *((each,) for each in (-1, 0, 2**32 - 1, 2**32, 1.5)),
+    ),
     "values of choices": lambda _: allowed_values(),
     "another mapping": lambda _: another_mapping(),
     "network management": lambda _: managed(),
