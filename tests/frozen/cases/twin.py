@@ -460,8 +460,10 @@ CASES = {
     "a brake that is not meant": moving(9, (None, 10, {od.OUTPUT: 1, od.OUTPUT_MASK: 0})),
     "homings": lambda _: homings(),
     **{f"connection lost {k}": lambda _, k=k: aborted(k) for k in (0, 1, 2, 3)},
-    "no data": lambda _: watched(9, 60, lambda drive: None, lambda k: k < 10),
-    "no data in profile mode": lambda _: watched(1, 60, lambda drive: None, lambda k: k < 10),
+    **{
+        f"no data in mode {mode}": lambda _, mode=mode: watched(mode, 60, lambda drive: None, lambda k: k < 10)
+        for mode in od.MODES
+    },
     "some data": lambda _: watched(9, 60, lambda drive: None, lambda k: k % 20 == 0),
     "as fast as it may be": lambda _: watched(10, 12, moved(264)),
     "too fast": lambda _: watched(10, 12, moved(265)),

@@ -69,10 +69,11 @@ def driven(
     faults: tuple[str, ...] = (),
     disturbance: Any = None,
     twin: dict[str, Any] | None = None,
+    acting: Scenario | None = None,
     **options: Any,
 ) -> dict[str, Any]:
     """A run on a twin with faults, the frames that crossed the bus, and the drives at its end."""
-    source = scenario.source if isinstance(scenario, Rehearsal) else scenario
+    source = acting or (scenario.source if isinstance(scenario, Rehearsal) else scenario)
     joints = source.arm.names
     said = [read_fault(text, joints) for text in faults]
     with counted_bus() as bus, aw.bus.Twin(source, faults=said, **(twin or {})) as made:
@@ -101,6 +102,13 @@ def gentle() -> Rehearsal:
 def plain() -> Rehearsal:
     """A run of 0.2 s."""
     return rehearse(small_scenario())
+
+
+def pushed(newtons: float) -> Scenario:
+    """The same arm, pushed at its tip behind 60 ms."""
+    rows = np.array([[0.0] * 6, [newtons, newtons, 0.0, 0.0, 0.0, 0.0]])
+    wrench = aw.Schedule([0.0, 0.06], rows, ("fx", "fy", "fz", "mx", "my", "mz"))
+    return replace(small_scenario(), inputs=aw.Inputs(wrench=wrench))
 
 
 @cache
@@ -603,6 +611,9 @@ CASES = {
     "run with a body": lambda _: driven(replace(small_scenario(0.1), inputs=aw.Inputs(payload=PAYLOAD))),
     "run at half torque": lambda _: driven(small_scenario(0.04), permission=Permission(speed=0.5, torque=0.5)),
     "run with a small following error": lambda _: driven(plain(), following_error=[0.02, 1e-3]),
+    "run that is not ended by the usual following error": lambda _: driven(plain(), faults=("lost-frames=24@0.04",)),
+    "run that is ended by the usual following error": lambda _: driven(plain(), acting=pushed(400.0)),
+    "run that is pushed": lambda _: driven(plain(), acting=pushed(150.0)),
     "run that starts elsewhere": lambda _: starts(),
     "run whose key is released": lambda _: stopped_by_key(7),
     **{
