@@ -301,7 +301,10 @@ def _of_motion(name: str, motion: Any, regressor: BaseRegressor, noise: Any, rat
     if not scalar.real_number(rate) or rate <= 0:
         raise IdentificationError(place="rate", value=rate, expected="a number above 0 [Hz]")
     states = motion.at(np.arange(0.0, duration, 1.0 / rate) + getattr(motion, "time", 0.0))
-    std = np.broadcast_to(_std("noise", noise), (regressor.model.arm.n,))
+    std, joints = _std("noise", noise), regressor.model.arm.n
+    if std.shape not in ((), (1,), (joints,)):
+        raise IdentificationError(place="noise", value=noise, expected=f"one number for all joints, or {joints}")
+    std = np.broadcast_to(std, (joints,))
     rows = (regressor.rows(*states) / std[:, None]).reshape(-1, len(regressor))
     prior, matrix = regressor.model.prior, regressor.base.matrix
     values = np.where((matrix != 0) @ np.isnan(prior), np.nan, matrix @ np.nan_to_num(prior))
