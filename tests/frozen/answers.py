@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 import tomllib
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -50,3 +51,13 @@ def refused(call: Callable[[], Any], folder: Path | None = None) -> dict[str, An
 def all_refused(calls: Mapping[str, Callable[[], Any]], folder: Path | None = None) -> dict[str, Any]:
     """How each of some calls is refused."""
     return {name: refused(call, folder) for name, call in calls.items()}
+
+
+_FOLDERS = tempfile.TemporaryDirectory(prefix="frozen-")  # of logs that several cases share; gone when the process ends
+
+
+def shared_folder(name: str) -> Path:
+    """A folder that lasts as long as the process."""
+    path = Path(_FOLDERS.name) / name
+    path.mkdir(parents=True)
+    return path

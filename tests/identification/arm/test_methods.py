@@ -10,6 +10,7 @@ from armwright.errors import IdentificationError
 from armwright.identification.arm.methods import METHODS
 from identification.arm.moved_arm import multisine, written_log
 from identification.arm.test_closed_loop import KD, KP, PERIOD, SECONDS, Feedback, loop_of, reference
+from raises_at import raises_at
 
 # Largest error of a base parameter. Over four seeds: instruments up to 0.036, 1.0 standard deviations; CLOE 0.009; DIDIM 0.053 to
 # 0.057 whatever the seed, 1.1 of its standard deviations: it is not noise but a small bias, of a gravity moment of 6 kg m.
@@ -89,6 +90,8 @@ def test_recursive_is_the_batch_at_its_end(arm, log, monkeypatch):
     late = aw.identification.identify_arm(log, arm, method="recursive", forgetting=0.99, record=False, **OPTIONS).fit
     assert np.abs(late.values - batch.values).max() > 1e-3
     assert np.median(late.std / batch.std) > 1.0
+    with raises_at(IdentificationError, "forgetting", "nearer to 1", value=0.5):  # fewer rows count than are unknown
+        aw.identification.identify_arm(log, arm, method="recursive", forgetting=0.5, record=False, **OPTIONS)
 
 
 def test_the_correction_for_noise_of_the_columns_brings_least_squares_to_the_truth(arm, log, every, truth, monkeypatch):

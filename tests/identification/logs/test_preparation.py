@@ -145,6 +145,7 @@ def test_too_short_and_impossible_choices(tmp_path):
         aw.identification.prepare_log(log, preparation=choice)
     for wrong, said in (
         ({"cutoff": 300.0}, "below half the rate"),
+        ({"cutoff": 0.5 / log.run().period * (1 - 1e-12)}, "below half the rate"),
         ({"cutoff": 10.0, "decimate": 40}, "decimate = 40: expected 1 to 2[45]"),
         ({"order": 0}, "order = 0"),
         ({"differentiation": "spline"}, "differentiation = 'spline'"),

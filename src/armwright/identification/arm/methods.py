@@ -119,7 +119,7 @@ def _recursive(problem: FitProblem) -> ArmFit:
         known = np.isfinite(rest)
         weights = np.broadcast_to(batch.weights, rest.shape)[known]
         estimate = estimate.with_rows(values[known], (rest + values @ batch.values)[known], weights)
-    if not estimate.identifiable:
+    if not estimate.identifiable or np.isinf(estimate.variance):
         raise IdentificationError(
             "the rows that still count do not determine all parameters", place="forgetting", value=problem.forgetting,
             expected="nearer to 1",

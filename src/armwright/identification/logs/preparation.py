@@ -25,6 +25,7 @@ from armwright.identification.logs.row_checks import SHORTEST, limits_reached, r
 from armwright.identification.logs.spectrum import ABOVE, HIGHEST, LOWEST, longest_finite, motion_band
 from armwright.identification.logs.spikes import spike_limits
 
+ROUNDING = 1e-9  # of a rate that times tell: at half of it a low-pass never settles
 HIGHER = 1.25  # cut-off by one that is too low for a run
 ROOM = 2.5  # rate after decimation by the cut-off: its half, Nyquist's frequency, is a quarter above the cut-off
 EDGE = 1e-3  # what is left of a disturbance at a stretch's edge
@@ -152,7 +153,7 @@ def choose_preparation(
     if cutoff is None:
         cutoff, reason = _cutoff(log, chosen, rate)
         reasons.append(reason)
-    elif not 0 < cutoff < 0.5 * rate:
+    elif not 0 < cutoff < (1.0 - ROUNDING) * 0.5 * rate:
         raise LogError(
             place="cutoff", value=cutoff, expected=f"a frequency above 0, below half the rate, {0.5 * rate:.4g} Hz"
         )
