@@ -12,6 +12,8 @@ import numpy as np
 
 from armwright.errors import ArmwrightError
 
+_FOLDERS = tempfile.TemporaryDirectory(prefix="frozen-")  # of logs that several cases share; gone when the process ends
+
 
 def real(values: Any) -> np.ndarray:
     """Real and imaginary parts of an array, or of one of real numbers itself."""
@@ -43,7 +45,8 @@ def refused(call: Callable[[], Any], folder: Path | None = None) -> dict[str, An
     try:
         found = call()
     except ArmwrightError as error:
-        text = str(error) if folder is None else str(error).replace(str(folder), "FOLDER")
+        text = str(error).replace(_FOLDERS.name, "FOLDERS")
+        text = text if folder is None else text.replace(str(folder), "FOLDER")
         return {"error": type(error).__name__, "place": str(error.place), "text": text}
     return {"answer": str(type(found).__name__)}
 
@@ -51,9 +54,6 @@ def refused(call: Callable[[], Any], folder: Path | None = None) -> dict[str, An
 def all_refused(calls: Mapping[str, Callable[[], Any]], folder: Path | None = None) -> dict[str, Any]:
     """How each of some calls is refused."""
     return {name: refused(call, folder) for name, call in calls.items()}
-
-
-_FOLDERS = tempfile.TemporaryDirectory(prefix="frozen-")  # of logs that several cases share; gone when the process ends
 
 
 def shared_folder(name: str) -> Path:

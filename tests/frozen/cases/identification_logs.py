@@ -308,7 +308,7 @@ def bands():
         "of a torque": motion_delay(q, tau, 1 / RATE, sections), "sections": sections,
         "counts": [
             quantisation_step(each)
-            for each in (np.round(wave * 40) / 40, np.round(20 * wave) * 6.42857, wave, np.array([1.0, 2.0, 1.0]), np.round(3 * wave))
+            for each in (np.round(wave * 40) / 40, np.round(20 * wave) * 6.4, wave, np.array([1.0, 2.0, 1.0]), np.round(3 * wave))
         ],
     }  # fmt: skip
 

@@ -11,18 +11,17 @@ import armwright as aw
 from armwright.identification import MotorReading, MotorSearch, ServoSearch
 from armwright.identification.servo.orders import ORDERS, Scales, order_of
 from armwright.identification.servo.output_error import BenchProblem
-from frozen.answers import all_refused, beside, record, shared_folder
+from frozen.answers import all_refused, record, shared_folder
 from frozen.numbers import Case
-from identification.motor_simulator import Bench, Motor
-from identification.motor_simulator import write_log as simulated_log
-from identification.motor_truth import DELAY, PERIOD, TRUE, true_record, write_log
 from identification.motor.test_motors_by_themselves import LOAD, arm_of, log_of, logged
 from identification.motor.test_priors import with_prior
-from identification.servo.test_identify_servo import LOOP, OFFSET, as_json, bench_log
-from identification.servo.test_identify_servo import TRUE as TRUE_SERVO
+from identification.motor_simulator import Bench, Motor, write_log as simulated_log
+from identification.motor_truth import DELAY, PERIOD, TRUE, true_record, write_log
+from identification.servo.test_identify_servo import LOOP, TRUE as TRUE_SERVO, as_json, bench_log
 
 ident = aw.identification
 IGNORED = ("sha", "version", "sources", "fits")
+FEW = ["R", "Kt", "J", "coulomb"]  # other laws are not tried then
 CLOSE = 1e-3  # of searches that end at a tolerance
 ONE = MotorSearch(starts=1)
 FIELDS = ("names", "values", "covariance", "fit", "remarks", "at_bound", "identifiable", "units")
@@ -78,8 +77,12 @@ def simulated(folder, motor, experiment, **options):
 def static(folder):
     """With the steady part of a second log."""
     log = write_log(folder, 0, ("current", "qd"), rows=200)
-    levels = write_log(folder, 4, ("current", "qd"), rows=600, name="levels")
-    return of(ident.identify_motor(log, search=ONE, reading=MotorReading(static=levels)), folder)
+    levels = write_log(folder, 4, ("current", "qd"), rows=200, name="levels")
+    known = {
+        "free": ["R", "Kt", "J"],
+        "fixed": {"delay": DELAY * PERIOD, "viscous": TRUE["viscous"], "coulomb": TRUE["coulomb"]},
+    }
+    return of(ident.identify_motor(log, search=ONE, reading=MotorReading(static=levels), **known), folder)
 
 
 @cache
@@ -87,7 +90,8 @@ def servo_logs():
     """Logs of a servo as the simulator has them, in counts."""
     blank = [bench_log(k % 3, p, mass, k) for k, (p, mass) in enumerate([(8, 1.0), (32, 0.5)])]
     blank = [
-        replace(each, **{name: getattr(each, name)[:200] for name in ("t", "position", "goal", "on", "supply")}) for each in blank
+        replace(each, **{name: getattr(each, name)[:200] for name in ("t", "position", "goal", "on", "supply")})
+        for each in blank
     ]
     order = order_of("M1", LOOP, Scales.of(blank), ("offset",))
     bench_problem = BenchProblem(tuple(blank), LOOP, order)
@@ -104,7 +108,8 @@ def servo(folder, orders=("M1",), free=("offset",), loop=LOOP, change=lambda log
     path = fit.write(folder / "servo.toml")
     return {
         "order": fit.order, "names": list(fit.estimate.names), "values": fit.estimate.values, "std": fit.estimate.std,
-        "error": fit.error, "orders": fit.orders, "remarks": [len(each) for each in fit.estimate.remarks], "good": fit.good,
+        "error": fit.error, "orders": fit.orders, "remarks": [len(each) for each in fit.estimate.remarks],
+        "good": fit.good,
         "simulated": list(fit.simulated), "record": record(path)["joints"],
     }  # fmt: skip
 
@@ -151,20 +156,27 @@ def refusals(folder):
     few, late = servo_log.t[:10], servo_log.t.copy()
     late[5] = late[4]
     return all_refused({
-        "starts": lambda: MotorSearch(starts=0), "delay": lambda: MotorSearch(most_delay=-1), "per run": lambda: MotorSearch(per_run="J"),
-        "seed": lambda: MotorSearch(seed=-1), "pwm": lambda: MotorSearch(pwm="x"), "runs": lambda: MotorReading(runs="a"),
-        "speed": lambda: MotorReading(speed="x"), "free": fit(free="R"), "nothing": fit(free=[]), "unknown": fit(free=["Q"]),
+        "starts": lambda: MotorSearch(starts=0), "delay": lambda: MotorSearch(most_delay=-1),
+        "per run": lambda: MotorSearch(per_run="J"),
+        "seed": lambda: MotorSearch(seed=-1), "pwm": lambda: MotorSearch(pwm="x"),
+        "runs": lambda: MotorReading(runs="a"),
+        "speed": lambda: MotorReading(speed="x"), "free": fit(free="R"), "nothing": fit(free=[]),
+        "unknown": fit(free=["Q"]),
         "fixed": fit(fixed={"R": -1.0}), "late": fit(fixed={"delay": -1.0}), "both": fit(free=["R"], fixed={"R": 1.0}),
         "priors": fit(search=MotorSearch(priors=True)), "no priors": fit(robot=robot, search=MotorSearch(priors=True)),
         "signals": fit(reading=MotorReading(signals=["x"])), "load": fit(load=0), "joint": fit(joint="elbow"),
         "as one": fit(motors, arm, joint="elbow"), "no joint": fit(motors, arm, joint="wrist", load=0),
-        "negative": fit(motors, arm, joint="elbow", load=-1), "locked": fit(motors, arm, joint="elbow", load=0, locked=True),
+        "negative": fit(motors, arm, joint="elbow", load=-1),
+        "locked": fit(motors, arm, joint="elbow", load=0, locked=True),
         "loads": fit(motors, arm, joint="elbow", load={"shoulder": 0}), "run": fit(reading=MotorReading(runs=["b"])),
         "rows": changed(t=few), "times": changed(t=late), "supply": changed(supply=servo_log.supply * 0.0),
-        "on": changed(on=servo_log.on + 0.5), "mass": changed(mass=0.0), "rod": changed(arm_mass=-1.0), "length": changed(length=0.0),
-        "p": changed(p=0.0), "goal": changed(goal=servo_log.goal * np.nan), "orders": lambda: ServoSearch(orders=("M7",)),
+        "on": changed(on=servo_log.on + 0.5), "mass": changed(mass=0.0), "rod": changed(arm_mass=-1.0),
+        "length": changed(length=0.0),
+        "p": changed(p=0.0), "goal": changed(goal=servo_log.goal * np.nan),
+        "orders": lambda: ServoSearch(orders=("M7",)),
         "no orders": lambda: ServoSearch(orders=()), "extra": lambda: ServoSearch(free=("R",)),
-        "goal speed": lambda: servo(folder, free=("goal_speed",)), "servo": lambda: servo(folder, loop=None, change=_of_mine),
+        "goal speed": lambda: servo(folder, free=("goal_speed",)),
+        "servo": lambda: servo(folder, loop=None, change=_of_mine),
     }, folder)  # fmt: skip
 
 
@@ -177,34 +189,64 @@ def case(call, close=CLOSE, *ignored):
 
 
 CASES = {
-    "bench": case(bench), "bench without current": case(lambda folder: bench(folder, ("qd",), fixed={"viscous": TRUE["viscous"]}), 1e-2),
-    "bench of positions": case(lambda folder: bench(folder, ("q",), fixed={"R": TRUE["R"], "delay": DELAY * PERIOD}), 1e-2),
+    "bench": case(bench),
+    "bench without current": case(lambda folder: bench(folder, ("qd",), fixed={"viscous": TRUE["viscous"]}), 1e-2),
+    "bench of positions": case(
+        lambda folder: bench(folder, ("q",), fixed={"R": TRUE["R"], "delay": DELAY * PERIOD}), 1e-2
+    ),
     "bench by current": case(
         lambda folder: bench(folder, ("current", "qd"), change=without_voltage, fixed={"Kt": TRUE["Kt"], "delay": 0.0})
     ),
-    "bench with a record": case(lambda folder: bench(folder, arm=true_record, free=["R", "Kt", "J", "coulomb", "delay", "offset"])),
-    "bench by differences": case(lambda folder: bench(folder, ("qd", "current"), reading=MotorReading(speed="difference"))),
-    "bench by instants": case(lambda folder: bench(folder, reading=MotorReading(signals=["qd", "current"], speed="instant"))),
-    "friction by direction": case(
-        lambda folder: bench(folder, free=["R", "Kt", "J", "viscous", "coulomb_positive", "coulomb_negative"], fixed={"delay": 0.01})
+    "bench with a record": case(
+        lambda folder: bench(folder, arm=true_record, free=["R", "Kt", "J", "coulomb", "delay", "offset"])
     ),
-    "all that is asked for": case(lambda folder: bench(folder, ("qd",), free=["R", "Kt", "J", "coulomb"], fixed={"delay": 0.0115}), 1e-2),
+    "bench by differences": case(
+        lambda folder: bench(folder, ("qd", "current"), free=FEW, reading=MotorReading(speed="difference"))
+    ),
+    "bench by instants": case(
+        lambda folder: bench(folder, free=FEW, reading=MotorReading(signals=["qd", "current"], speed="instant"))
+    ),
+    "friction by direction": case(
+        lambda folder: bench(
+            folder, free=["R", "Kt", "J", "viscous", "coulomb_positive", "coulomb_negative"], fixed={"delay": 0.01}
+        )
+    ),
+    "all that is asked for": case(
+        lambda folder: bench(folder, ("qd",), free=["R", "Kt", "J", "coulomb"], fixed={"delay": 0.0115}), 1e-2
+    ),
     "prior": case(
         lambda folder: bench(
-            folder, ("qd",), arm=lambda folder: with_prior(folder, 1.25, 0.05), free=["R", "Kt", "J", "coulomb", "delay"],
-            fixed={"viscous": TRUE["viscous"]}, search=MotorSearch(priors=True, starts=1),
-        ), 1e-2,
+            folder,
+            ("qd",),
+            arm=lambda folder: with_prior(folder, 1.25, 0.05),
+            free=["R", "Kt", "J", "coulomb", "delay"],
+            fixed={"viscous": TRUE["viscous"]},
+            search=MotorSearch(priors=True, starts=1),
+        ),
+        1e-2,
     ),
-    "two runs": case(lambda folder: two_runs(folder, search=MotorSearch(per_run=["coulomb"], starts=1))),
-    "held out": case(lambda folder: two_runs(folder, "hold-out", search=ONE)),
-    "of an arm": case(of_an_arm), "static": case(static),
-    "locked": case(lambda folder: simulated(folder, Motor(C=1.0, L=2e-3), Bench(rows=400, signals=("i",)), locked=True)),
+    "two runs": case(lambda folder: two_runs(folder, search=MotorSearch(per_run=["coulomb"], starts=1), free=FEW)),
+    "held out": case(lambda folder: two_runs(folder, "hold-out", search=ONE, free=FEW)),
+    "of an arm": case(of_an_arm),
+    "static": case(static),
+    "locked": case(
+        lambda folder: simulated(folder, Motor(C=1.0, L=2e-3), Bench(rows=400, signals=("i",)), locked=True)
+    ),
     "geared": case(
-        lambda folder: simulated(folder, Motor(R=8.0, L=1e-5, K=0.02, J=2e-6, B=1e-6, C=1e-3, gear=-50.0), Bench(period=2e-3, rows=400, counts=1024))
+        lambda folder: simulated(
+            folder,
+            Motor(R=8.0, L=1e-5, K=0.02, J=2e-6, B=1e-6, C=1e-3, gear=-50.0),
+            Bench(period=2e-3, rows=400, counts=1024),
+        )
     ),
     "closed loop": case(lambda folder: simulated(folder, Motor(L=1e-5), Bench(rows=400, loop=True)), 1e-2),
-    "servo": case(servo, 1e-2), "servo of a free loop": case(lambda folder: servo(folder, free=("offset", "delay", "gain")), 2e-2),
+    "servo": case(servo, 1e-2),
+    "servo of a free loop": case(lambda folder: servo(folder, free=("offset", "delay", "gain")), 2e-2),
     "servo of two models": case(lambda folder: servo(folder, ("M1", "M2")), 2e-2),
-    "servo of an unknown rod": case(lambda folder: servo(folder, change=lambda log: replace(log, arm_mass=None), arm_mass=0.02), 1e-2),
-    "friction models": case(lambda _: orders(), 1e-6), "files of servos": read_back, "refusals": refusals,
-}  # fmt: skip
+    "servo of an unknown rod": case(
+        lambda folder: servo(folder, change=lambda log: replace(log, arm_mass=None), arm_mass=0.02), 1e-2
+    ),
+    "friction models": case(lambda _: orders(), 1e-6),
+    "files of servos": read_back,
+    "refusals": refusals,
+}

@@ -5,7 +5,6 @@ from __future__ import annotations
 import importlib.util
 import sys
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 
@@ -27,9 +26,9 @@ from frozen.answers import all_refused, beside, record, shared_folder
 from frozen.cases.identification_arm import CLOSE, IGNORED, all_of, arm_with
 from frozen.numbers import Case
 from identification.arm import test_gear_loss
-from identification.arm.moved_arm import moved, multisine, written_log
+from identification.arm.moved_arm import moved
 from identification.arm.test_equations import samples
-from identification.arm.test_friction import BODY, PENDULUM, USUAL, WARMS, rows, warming_log
+from identification.arm.test_friction import PENDULUM, USUAL, WARMS, rows, warming_log
 from identification.arm.test_physical import DRIVES, LINKS, NAMES, bodies, problem
 from identification.arm.weighed_arm import four_joints, weighed
 
@@ -52,8 +51,10 @@ def laws():
     for term, more in {
         None: {}, "stribeck": {"stribeck_torque": 4.0, "stribeck_speed": 0.3}, "load": {"load_coefficient": 0.08},
         "coulomb by temperature": {"coulomb_temperature_coefficient_per_k": -0.02},
-        "viscous by temperature": {"viscous_temperature_coefficient_per_k": -0.02}, "counterbalance": {"sine": 1.0, "cosine": -0.7},
-        "spring": {"stiffness": 3.0}, "sigmoid": {"sigmoid_amplitude": 4.0, "sigmoid_slope": 3.0, "sigmoid_shift": 0.05, "offset": 0.3},
+        "viscous by temperature": {"viscous_temperature_coefficient_per_k": -0.02},
+        "counterbalance": {"sine": 1.0, "cosine": -0.7},
+        "spring": {"stiffness": 3.0},
+        "sigmoid": {"sigmoid_amplitude": 4.0, "sigmoid_slope": 3.0, "sigmoid_shift": 0.05, "offset": 0.3},
     }.items():  # fmt: skip
         terms = ("viscous", "sigmoid") if term == "sigmoid" else ("viscous", "coulomb", *([term] if term else []))
         usual = {"viscous": 0.5} if term == "sigmoid" else USUAL
@@ -75,7 +76,8 @@ def friction(folder, change=None, candidates=(), arm=None, **options):
     q, qd, qdd = np.random.default_rng(2).normal(size=(3, 6, arm.n))
     several = friction_rows(log, arm)
     return of(
-        found, torque=aw.compile(model).inverse_dynamics(q, qd, qdd), curve=[friction_over_speed(each, 9) for each in several],
+        found, torque=aw.compile(model).inverse_dynamics(q, qd, qdd),
+        curve=[friction_over_speed(each, 9) for each in several],
         rows=[[len(each.q), each.torque, each.load, each.number] for each in several],
     )  # fmt: skip
 
@@ -113,7 +115,9 @@ def payload(folder, two=False, **options):
     found = ident.identify_payload(log, arm, **more, **options)
     carrying = with_identified_payload(arm, found)
     q, qd, qdd = np.random.default_rng(2).normal(size=(3, 6, arm.n))
-    return of(found, torque=aw.compile(carrying).inverse_dynamics(q, qd, qdd), columns=payload_model(arm).rows(q, qd, qdd))
+    return of(
+        found, torque=aw.compile(carrying).inverse_dynamics(q, qd, qdd), columns=payload_model(arm).rows(q, qd, qdd)
+    )
 
 
 def planar_payload(folder, mass=1.5, com=(0.1, 0.04, 0.0)):
@@ -166,7 +170,16 @@ def loss_terms(variant, free=()):
 def with_loss(variant, **options):
     """A fit of a lossy arm."""
     arm = test_gear_loss.VARIANTS[variant](lossy())
-    log = moved(shared_folder(f"loss {variant} {len(options)}"), "moved", arm, seconds=8.0, rate=125.0, harmonics=10, size=0.7, torque_noise=0.2)
+    log = moved(
+        shared_folder(f"loss {variant} {len(options)}"),
+        "moved",
+        arm,
+        seconds=8.0,
+        rate=125.0,
+        harmonics=10,
+        size=0.7,
+        torque_noise=0.2,
+    )
     given = {"rows": FitRows(cutoff=10.0, decimate=2), "checks": ()} | options
     return all_of(ident.identify_arm(log, test_gear_loss.record_of(arm), **given))
 
@@ -204,7 +217,8 @@ def fits_of_rows():
     return {
         name: {
             "values": fit.values, "covariance": fit.covariance, "weights": fit.weights, "rms": fit.rms, "r2": fit.r2,
-            "condition": fit.condition, "freedom": fit.freedom, "correlation": fit.correlation, "parameters": fit.parameters,
+            "condition": fit.condition, "freedom": fit.freedom, "correlation": fit.correlation,
+            "parameters": fit.parameters,
             "outliers": fit.outliers, "held out": cross_validated(fit) if name in ("ols", "wls") else None,
             "effect": fit.part_effect,
         }
@@ -232,7 +246,9 @@ def recursive():
     }.items():  # fmt: skip
         for count in (3, 5, 60):
             each = begun.with_rows(Y[:count], y[:count], weights=2.0)
-            known = {"values": each.values, "variance": each.variance, "covariance": each.covariance} if count > 3 else {}
+            known = (
+                {"values": each.values, "variance": each.variance, "covariance": each.covariance} if count > 3 else {}
+            )
             found[f"{name} {count}"] = known | {"memory": each.memory, "known": each.identifiable, "rows": each.rows}
     return found
 
@@ -258,15 +274,22 @@ def refusals(folder):
     arm, two = aw.load("lwa4p"), aw.load("two-link")
     log = moved(folder, "log", two, seconds=4.0)
     return all_refused({
-        "candidate": lambda: ident.identify_friction(log, two, candidates=("magic",)), "arm": lambda: ident.identify_friction(log, arm),
-        "payload": lambda: ident.identify_payload(log, arm), "frame": lambda: ident.identify_payload(log, two, frame="hand"),
-        "gains": lambda: ident.identify_drive_gains(log, log, two, 1.0), "mass": lambda: ident.identify_drive_gains(log, log, two, -1.0),
+        "candidate": lambda: ident.identify_friction(log, two, candidates=("magic",)),
+        "arm": lambda: ident.identify_friction(log, arm),
+        "payload": lambda: ident.identify_payload(log, arm),
+        "frame": lambda: ident.identify_payload(log, two, frame="hand"),
+        "gains": lambda: ident.identify_drive_gains(log, log, two, 1.0),
+        "mass": lambda: ident.identify_drive_gains(log, log, two, -1.0),
         "spread": lambda: ident.identify_drive_gains(log, log, two, 1.0, mass_std=-1.0),
-        "both": lambda: torque_model(two, friction=("coulomb", "asymmetric")), "gears": lambda: torque_model(two, gears=np.eye(3)),
-        "essential": lambda: essential_parameters(np.eye(3), np.ones(3), 1.0, 3), "memory": lambda: RecursiveEstimate.begin(3, 1.1),
-        "places": lambda: PhysicalBounds(NAMES, LINKS, (19, 21)), "light": lambda: PhysicalBounds(NAMES, LINKS, DRIVES, mass={0: (2.0, 1.0)}),
+        "both": lambda: torque_model(two, friction=("coulomb", "asymmetric")),
+        "gears": lambda: torque_model(two, gears=np.eye(3)),
+        "essential": lambda: essential_parameters(np.eye(3), np.ones(3), 1.0, 3),
+        "memory": lambda: RecursiveEstimate.begin(3, 1.1),
+        "places": lambda: PhysicalBounds(NAMES, LINKS, (19, 21)),
+        "light": lambda: PhysicalBounds(NAMES, LINKS, DRIVES, mass={0: (2.0, 1.0)}),
         "total": lambda: PhysicalBounds(NAMES, LINKS, DRIVES, mass={0: (1.0, 2.0), 1: (1.0, 2.0)}, total_mass=(5.0, 6.0)),
-        "friction of a loss": lambda: ident.identify_arm(log, lossy()), "method": lambda: with_loss("efficiency", method="essential"),
+        "friction of a loss": lambda: ident.identify_arm(log, lossy()),
+        "method": lambda: with_loss("efficiency", method="essential"),
     }, folder)  # fmt: skip
 
 
@@ -275,34 +298,55 @@ def case(call, close=CLOSE):
 
 
 CASES = {
-    "friction laws": case(lambda _: laws(), 1e-3), "friction": case(friction),
+    "friction laws": case(lambda _: laws(), 1e-3),
+    "friction": case(friction),
     "friction of springs": case(lambda folder: friction(folder, sprung, ("spring", "counterbalance")), 1e-3),
     "friction by speed": case(
-        lambda folder: friction(folder, lambda _: arm_with(stribeck_torque_n_m=4.0, stribeck_speed_rad_per_s=0.3), ("stribeck", "load", "sigmoid")),
+        lambda folder: friction(
+            folder,
+            lambda _: arm_with(stribeck_torque_n_m=4.0, stribeck_speed_rad_per_s=0.3),
+            ("stribeck", "load", "sigmoid"),
+        ),
         1e-2,
     ),
     "friction of another worth": case(lambda folder: friction(folder, candidates=("stribeck",), worth=0.5), 1e-3),
-    "friction of another arm": case(lambda folder: friction(folder, lambda arm: arm.with_values({"forearm.mass_kg": 9.0}))),
+    "friction of another arm": case(
+        lambda folder: friction(folder, lambda arm: arm.with_values({"forearm.mass_kg": 9.0}))
+    ),
     "friction by temperature": case(warming, 1e-3),
-    "payload": case(payload), "payload by two logs": case(lambda folder: payload(folder, True)),
-    "payload in a plane": case(planar_payload), "no payload": case(lambda folder: planar_payload(folder, None)),
-    "constants": case(constants, 1e-3), "constants by the centre": case(lambda folder: constants(folder, True, mass_std=0.02), 1e-3),
+    "payload": case(payload),
+    "payload by two logs": case(lambda folder: payload(folder, True)),
+    "payload in a plane": case(planar_payload),
+    "no payload": case(lambda folder: planar_payload(folder, None)),
+    "constants": case(constants, 1e-3),
+    "constants by the centre": case(lambda folder: constants(folder, True, mass_std=0.02), 1e-3),
     "constants by all": case(lambda folder: constants(folder, True, True, False, np.array([1.0, 0.8, 1.2, 1.0])), 1e-3),
     **{f"loss: {name}": case(lambda _, name=name: loss_terms(name), 1e-6) for name in test_gear_loss.VARIANTS},
     "loss: free efficiencies": case(lambda _: loss_terms("efficiency", "all"), 1e-6),
     "loss: one free efficiency": case(lambda _: loss_terms("motor side", ("elbow",)), 1e-6),
     "fit with loss": case(lambda _: with_loss("efficiency"), 1e-3),
     "fit with loss by load": case(lambda _: with_loss("friction by load", record=False), 1e-3),
-    "fit of efficiencies": case(lambda _: with_loss("efficiency", terms=ArmTerms(fit_efficiency="all"), record=False), 1e-2),
-    **{f"columns of {name}": case(lambda _, name=name: columns(name), 1e-6) for name in ("two-link", "puma560", "cmu-dd", "so101")},
+    "fit of efficiencies": case(
+        lambda _: with_loss("efficiency", terms=ArmTerms(fit_efficiency="all"), record=False), 1e-2
+    ),
+    **{
+        f"columns of {name}": case(lambda _, name=name: columns(name), 1e-6)
+        for name in ("two-link", "puma560", "cmu-dd", "so101")
+    },
     "columns of laws": case(
-        lambda _: columns("two-link", friction=("viscous", "asymmetric", "stribeck"), springs=("elbow",), stribeck_speed=0.2), 1e-6
+        lambda _: columns(
+            "two-link", friction=("viscous", "asymmetric", "stribeck"), springs=("elbow",), stribeck_speed=0.2
+        ),
+        1e-6,
     ),
     "columns that lack": case(lambda _: columns("puma560", lacks=("gravity", "rotors", "coulomb")), 1e-6),
     "columns of gears": case(lambda _: columns("two-link", gears=np.array([[50.0, 0.0], [10.0, 40.0]])), 1e-6),
-    "fits of rows": case(lambda _: fits_of_rows()), "essential": lambda _: essential(), "recursive": lambda _: recursive(),
-    "possible": case(lambda _: possible(2, 1e-2), 1e-2), "possible of much noise": case(lambda _: possible(3, 3.0), 2e-2),
+    "fits of rows": case(lambda _: fits_of_rows()),
+    "essential": lambda _: essential(),
+    "recursive": lambda _: recursive(),
+    "possible": case(lambda _: possible(2, 1e-2), 1e-2),
+    "possible of much noise": case(lambda _: possible(3, 3.0), 2e-2),
     "possible near a prior": case(lambda _: possible(4, 0.1, rank=14, prior=True), 1e-2),
     "possible of known masses": case(lambda _: possible(5, 0.5, mass={0: (1.0, 1.2)}, total_mass=(2.0, 2.5)), 2e-2),
     "refusals": refusals,
-}  # fmt: skip
+}
