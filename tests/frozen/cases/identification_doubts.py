@@ -46,7 +46,9 @@ def springs_stay(folder):
     """Springs that stay, and the record with them."""
     arm = arm_with()
     log = moved(folder, "sprung", sprung(arm), seconds=12.0, rate=200.0, torque_noise=0.1)
-    found = ident.identify_arm(log, arm, terms=ArmTerms(springs=("elbow",)), rows=FitRows(cutoff=20.0, decimate=2), checks=())
+    found = ident.identify_arm(
+        log, arm, terms=ArmTerms(springs=("elbow",)), rows=FitRows(cutoff=20.0, decimate=2), checks=()
+    )
     return all_of(found) | {"written": record(found.write(folder / "sprung.toml"))["joints"]}
 
 
@@ -88,7 +90,14 @@ def doubtful_constants(folder, factors=None, mass=5.0, noise=0.01, moving=None, 
     moving = None if moving is None else np.array(moving)
     logs = [
         weighed(folder, "empty", true, 0, noise=noise, moving=moving),
-        weighed(folder, "loaded", true.with_payload(mass, (0.05, -0.04, 0.08), 0.006 * mass * np.eye(3)), 1, noise=noise, factors=factors),
+        weighed(
+            folder,
+            "loaded",
+            true.with_payload(mass, (0.05, -0.04, 0.08), 0.006 * mass * np.eye(3)),
+            1,
+            noise=noise,
+            factors=factors,
+        ),
     ]
     try:
         return of(ident.identify_drive_gains(*(logs[::-1] if exchanged else logs), plain, mass, com))
@@ -107,7 +116,9 @@ def formats(folder):
     t = np.arange(300) / 100.0
     q, qd, _, tau = motion(t)
     table = {"t": t, "q1": q[:, 0], "q2": q[:, 1], "m1": tau[:, 0], "m2": tau[:, 1]}
-    xarray.Dataset({name: ("row", values) for name, values in table.items()}).to_netcdf(folder / "log.nc", engine="h5netcdf")
+    xarray.Dataset({name: ("row", values) for name, values in table.items()}).to_netcdf(
+        folder / "log.nc", engine="h5netcdf"
+    )
     pandas.DataFrame(table).to_parquet(folder / "log.parquet")
     write_joint_states(folder / "log.mcap", ["shoulder", "elbow"], t, q, qd, tau)
     found = {}
@@ -134,7 +145,9 @@ def formats(folder):
 
 def read(path: Path, wanted, **about):
     """Columns of a file in blocks of two rows."""
-    return np.concatenate([np.stack(block, axis=1) for block in open_table(path, FileTable(path=path.name, **about)).blocks(wanted, 2)])
+    return np.concatenate(
+        [np.stack(block, axis=1) for block in open_table(path, FileTable(path=path.name, **about)).blocks(wanted, 2)]
+    )
 
 
 def dialects(folder):
@@ -170,19 +183,19 @@ def columns_of_motors(folder):
     for name, (old, new) in {
         "voltage": ('unit = "V"', 'unit = "V"\nsigns = -1'), "current": ('unit = "A"', 'unit = "A"\nsigns = -1'),
         "speed": ('unit = "rad/s"', 'unit = "rad/s"\nsigns = -1'), "position": ('unit = "counts"', 'unit = "counts"\nsigns = -1'),
-        "u and i": ("", ""), "u and w": ("", ""), "gear": ("[time]", "[gears]\nratios = [-1.0]\n[time]"), "good": ("", ""),
+        "u and i": ("", ""),
     }.items():  # fmt: skip
-        signals = ("qd",) if name == "u and w" else ("current", "q") if name == "position" else ("current", "qd")
+        signals = ("current", "q") if name == "position" else ("current", "qd")
         path = write_log(folder, 0, signals, rows=300, name=name.replace(" ", ""))
         text = path.read_text().replace(old, new) if old else path.read_text()
-        if name == "gear":
-            text = text.replace('side = "joint"', 'side = "motor"')
         if name.startswith("u and"):
             other = name[-1]
             text = text.replace('"u"', '"?"').replace(f'"{other}"', '"u"').replace('"?"', f'"{other}"')
         own = path.with_name(f"{path.name.split('.')[0]}{len(calls)}.log.toml")
         own.write_text(text)
-        calls[name] = lambda own=own: ident.identify_motor(own, search=ONE, free=["R", "Kt", "J"], fixed={"delay": 0.0115})
+        calls[name] = lambda own=own: ident.identify_motor(
+            own, search=ONE, free=["R", "Kt", "J"], fixed={"delay": 0.0115}
+        )
     calls["signals"] = lambda: ident.identify_motor(own, search=ONE, reading=MotorReading(signals=["q"]))
     return all_refused(calls, folder)
 
@@ -192,7 +205,8 @@ def by_name(folder):
     log = linear_log(folder, {"a": "fit", "b": "hold-out"})
     options = {"frequency": {}, "n4sid": {"order": "1"}}
     found = {
-        name: fit_linear(log, name, LogSignals(), **options.get(name, {"order": "1", "delay": 1, "select": "bic"})) for name in MODELS
+        name: fit_linear(log, name, LogSignals(), **options.get(name, {"order": "1", "delay": 1, "select": "bic"}))
+        for name in MODELS
     }
     return found | all_refused({
         "model": lambda: fit_linear(log, "lsq", LogSignals()), "order": lambda: fit_linear(log, "oe", LogSignals(), order="one"),
@@ -208,11 +222,12 @@ CASES = {
     "small motions of six joints": case(
         lambda folder: hardly_moved(folder, aw.load("lwa4p"), 0.1, 2, checks=("cutoff",)), 1e-3
     ),
-    "small motions, freely chosen": case(lambda folder: hardly_moved(folder, size=0.2, rows=FitRows(), checks=("cutoff",)), 1e-3),
+    "small motions, freely chosen": case(
+        lambda folder: hardly_moved(folder, size=0.2, rows=FitRows(), checks=("cutoff",)), 1e-3
+    ),
     "springs that stay": case(springs_stay, 1e-3),
     "record of a coupled arm": case(lambda folder: lossy_record("coupled", folder), 1e-3),
     "record with friction of motors": case(lambda folder: lossy_record("motor side", folder), 1e-3),
-    "record with smoothed friction": case(lambda folder: lossy_record("smoothing", folder), 1e-3),
     "record with an efficiency": case(
         lambda folder: lossy_record("efficiency", folder, terms=ArmTerms(fit_efficiency=("elbow",))), 1e-2
     ),

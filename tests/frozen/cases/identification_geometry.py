@@ -76,14 +76,14 @@ def distances(folder, known):
     for name, anchor in (("left", [1.2, 0.3, 0.1]), ("right", [0.2, -1.4, 0.4])):
         distance = np.linalg.norm(at - anchor, axis=1) + draw.normal(0, 1e-4, len(q))
         given.append(Measured(name, "distance", distance[:, None], place=point, anchor=anchor if known else None))
-    return of(aw.calibrate(Measurements(JOINTS, q, given), nominal("frame", folder), folds=2), folder)
+    return of(aw.calibrate(Measurements(JOINTS, q, given), nominal("frame", folder), folds=2), folder, write=known)
 
 
 def touched(folder):
     """By two sockets that a probe touches from many sides."""
     real, draw, point = truth("frame", 14), np.random.default_rng(14), np.array([0.0, 0.02, 0.1])
     sockets, rows, labels = (np.array([0.3, 0.1, 0.5]), np.array([-0.1, 0.35, 0.4])), [], []
-    for k in range(16):
+    for k in range(10):
 
         def away(q, socket=sockets[k % 2]):
             return real.pose(q)[:3, :3] @ point + real.pose(q)[:3, 3] - socket
@@ -240,17 +240,16 @@ def case(call, close=CLOSE, *ignored):
 
 CASES = {
     "points": case(points),
-    "points of frames": case(lambda folder: points(folder, "frame", 2)),
-    "points with a mistake": case(lambda folder: points(folder, wrong=2, markers=2, count=20)),
-    "points by huber": case(lambda folder: points(folder, loss="huber", wrong=2, count=20)),
-    "points by squares": case(lambda folder: points(folder, loss="squares", common=3e-4)),
-    "points of zeros": case(lambda folder: points(folder, "frame", terms=("zeros",))),
+    "points of frames": case(lambda folder: points(folder, "frame", 2, count=12)),
+    "points with a mistake": case(lambda folder: points(folder, wrong=2, markers=2, write=False)),
+    "points by huber": case(lambda folder: points(folder, loss="huber", wrong=2, count=12, write=False)),
+    "points by squares": case(lambda folder: points(folder, loss="squares", common=3e-4, count=12, write=False)),
     "points of eccentric gears": case(
         lambda folder: points(
-            folder, "frame", 3, 20, False, terms=("zeros", "frames", "eccentricity"), eccentricity={1: 2e-3}
+            folder, "frame", 3, 16, False, terms=("zeros", "frames", "eccentricity"), eccentricity={1: 2e-3}
         )
     ),
-    "points of a good record": case(lambda folder: points(folder, noise=2e-2, count=12)),
+    "points of a good record": case(lambda folder: points(folder, noise=2e-2, count=12, write=False)),
     "poses of a tool": case(tool),
     "distances": case(lambda folder: distances(folder, True)),
     "distances of unknown anchors": case(lambda folder: distances(folder, False), 1e-3),

@@ -74,17 +74,6 @@ def simulated(folder, motor, experiment, **options):
     return of(ident.identify_motor(simulated_log(folder, motor, experiment, 3), search=ONE, **options), folder)
 
 
-def static(folder):
-    """With the steady part of a second log."""
-    log = write_log(folder, 0, ("current", "qd"), rows=200)
-    levels = write_log(folder, 4, ("current", "qd"), rows=200, name="levels")
-    known = {
-        "free": ["R", "Kt", "J"],
-        "fixed": {"delay": DELAY * PERIOD, "viscous": TRUE["viscous"], "coulomb": TRUE["coulomb"]},
-    }
-    return of(ident.identify_motor(log, search=ONE, reading=MotorReading(static=levels), **known), folder)
-
-
 @cache
 def servo_logs():
     """Logs of a servo as the simulator has them, in counts."""
@@ -180,6 +169,10 @@ def refusals(folder):
     }, folder)  # fmt: skip
 
 
+def _of_no_rod(log):
+    return replace(log, arm_mass=None)
+
+
 def _of_mine(log):
     return replace(log, servo="mine")
 
@@ -199,9 +192,6 @@ CASES = {
     ),
     "bench with a record": case(
         lambda folder: bench(folder, arm=true_record, free=["R", "Kt", "J", "coulomb", "delay", "offset"])
-    ),
-    "bench by differences": case(
-        lambda folder: bench(folder, ("qd", "current"), free=FEW, reading=MotorReading(speed="difference"))
     ),
     "bench by instants": case(
         lambda folder: bench(folder, free=FEW, reading=MotorReading(signals=["qd", "current"], speed="instant"))
@@ -226,9 +216,8 @@ CASES = {
         1e-2,
     ),
     "two runs": case(lambda folder: two_runs(folder, search=MotorSearch(per_run=["coulomb"], starts=1), free=FEW)),
-    "held out": case(lambda folder: two_runs(folder, "hold-out", search=ONE, free=FEW)),
+    "held out": case(lambda folder: two_runs(folder, "hold-out", search=ONE, free=FEW[:3])),
     "of an arm": case(of_an_arm),
-    "static": case(static),
     "locked": case(
         lambda folder: simulated(folder, Motor(C=1.0, L=2e-3), Bench(rows=400, signals=("i",)), locked=True)
     ),
@@ -239,13 +228,12 @@ CASES = {
             Bench(period=2e-3, rows=400, counts=1024),
         )
     ),
-    "closed loop": case(lambda folder: simulated(folder, Motor(L=1e-5), Bench(rows=400, loop=True)), 1e-2),
+    "closed loop": case(lambda folder: simulated(folder, Motor(L=1e-5), Bench(rows=300, loop=True), free=FEW), 1e-2),
     "servo": case(servo, 1e-2),
-    "servo of a free loop": case(lambda folder: servo(folder, free=("offset", "delay", "gain")), 2e-2),
-    "servo of two models": case(lambda folder: servo(folder, ("M1", "M2")), 2e-2),
-    "servo of an unknown rod": case(
-        lambda folder: servo(folder, change=lambda log: replace(log, arm_mass=None), arm_mass=0.02), 1e-2
+    "servo of a free loop": case(
+        lambda folder: servo(folder, free=("offset", "delay", "gain"), change=_of_no_rod), 2e-2
     ),
+    "servo of two models": case(lambda folder: servo(folder, ("M1", "M2")), 2e-2),
     "friction models": case(lambda _: orders(), 1e-6),
     "files of servos": read_back,
     "refusals": refusals,

@@ -309,7 +309,6 @@ CASES = {
         ),
         1e-2,
     ),
-    "friction of another worth": case(lambda folder: friction(folder, candidates=("stribeck",), worth=0.5), 1e-3),
     "friction of another arm": case(
         lambda folder: friction(folder, lambda arm: arm.with_values({"forearm.mass_kg": 9.0}))
     ),
@@ -324,7 +323,6 @@ CASES = {
     **{f"loss: {name}": case(lambda _, name=name: loss_terms(name), 1e-6) for name in test_gear_loss.VARIANTS},
     "loss: free efficiencies": case(lambda _: loss_terms("efficiency", "all"), 1e-6),
     "loss: one free efficiency": case(lambda _: loss_terms("motor side", ("elbow",)), 1e-6),
-    "fit with loss": case(lambda _: with_loss("efficiency"), 1e-3),
     "fit with loss by load": case(lambda _: with_loss("friction by load", record=False), 1e-3),
     "fit of efficiencies": case(
         lambda _: with_loss("efficiency", terms=ArmTerms(fit_efficiency="all"), record=False), 1e-2
