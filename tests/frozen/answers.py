@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tempfile
 import tomllib
 from collections.abc import Callable, Mapping
@@ -61,3 +62,15 @@ def shared_folder(name: str) -> Path:
     path = Path(_FOLDERS.name) / name
     path.mkdir(parents=True)
     return path
+
+
+def words_of(page: Path) -> list[str]:
+    """Words of a page without its pictures, styles, checksums and dates, a text for each element."""
+    text = page.read_text(encoding="utf-8")
+    text = re.sub(r"(?s)<(svg|style|script|head)\b.*?</\1>", "", text)
+    text = re.sub(
+        r"\b[0-9a-f]{8,64}\b|\d{4}-\d\d-\d\d|T\d\d:\d\d:\d\d\+00:00|\d+\.\d+\.\d+(\.dev\d+)?",
+        "",
+        text.replace(_FOLDERS.name, ""),
+    )
+    return [" ".join(each.split()) for each in re.split(r"<[^>]*>", text) if each.strip()]

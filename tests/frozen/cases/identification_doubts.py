@@ -12,7 +12,7 @@ from armwright.identification.arm.payload import with_identified_payload
 from armwright.identification.linear.choice import MODELS, fit_linear
 from armwright.identification.logs.log_file import FileTable
 from armwright.identification.logs.tables import open_table
-from frozen.answers import all_refused, record
+from frozen.answers import all_refused, record, shared_folder
 from frozen.cases.identification_arm import CLOSE, IGNORED, all_of, arm_with, fitted
 from frozen.cases.identification_linear import log_of as linear_log
 from frozen.cases.identification_logs import all_of as all_of_log
@@ -50,6 +50,16 @@ def springs_stay(folder):
         log, arm, terms=ArmTerms(springs=("elbow",)), rows=FitRows(cutoff=20.0, decimate=2), checks=()
     )
     return all_of(found) | {"written": record(found.write(folder / "sprung.toml"))["joints"]}
+
+
+def sprung_loop():
+    """Instruments for an arm whose record has a spring, by a loop that follows the log."""
+    log = moved(
+        shared_folder("sprung loop"), "sprung", sprung(aw.load("two-link")), seconds=3.0, rate=100.0, torque_noise=0.1
+    )
+    gains = np.array([900.0, 300.0]), np.array([120.0, 40.0]), 0.01
+    options = {"friction": (), "terms": ArmTerms(lacks=("rotors",)), "feedback": gains, "rows": FitRows(cutoff=20.0)}
+    return fitted(log, sprung(aw.load("two-link")), method="iv", **options)
 
 
 def lossy_record(variant, folder, **options):
@@ -226,6 +236,7 @@ CASES = {
         lambda folder: hardly_moved(folder, size=0.2, rows=FitRows(), checks=("cutoff",)), 1e-3
     ),
     "springs that stay": case(springs_stay, 1e-3),
+    "loop of an arm with a spring": case(lambda _: sprung_loop(), 1e-3),
     "record of a coupled arm": case(lambda folder: lossy_record("coupled", folder), 1e-3),
     "record with friction of motors": case(lambda folder: lossy_record("motor side", folder), 1e-3),
     "record with an efficiency": case(

@@ -318,6 +318,9 @@ CASES = {
     "n4sid without D": Case(lambda _: subspace(method=SubspaceMethod(), initial=False), CLOSE),
     "n4sid by cv": Case(lambda _: subspace_of_one(search=OrderSearch("cv", 3, 6)), CLOSE),
     "n4sid by bic": Case(lambda _: subspace_of_one(search=OrderSearch("bic", 4), delay=2), CLOSE),
+    "n4sid of a short horizon": Case(
+        lambda _: subspace_of_one(search=OrderSearch("bic", 6), delay=2, method=SubspaceMethod(4)), CLOSE
+    ),
     "n4sid of one": Case(lambda _: subspace_of_one(order=2, initial=False), CLOSE),
     "log": Case(of_a_log, CLOSE, ("sha", "estimate.result.sentences")),
     "several joints": Case(of_several_joints, CLOSE),

@@ -377,6 +377,9 @@ def refusals(folder):
     changes = {
         "sides": ('side = "joint"', ""), "signs": ('unit = "N m"', 'unit = "N m"\nsigns = [1, 2]'),
         "few signs": ('unit = "N m"', 'unit = "N m"\nsigns = [1, -1, 1]'), "unit": ('unit = "N m"', 'unit = "rad"'),
+        "few offsets": ('unit = "rad"\n', 'unit = "rad"\noffsets = [1, 2, 3]\n'),
+        "few counts": ('unit = "rad"\n', 'unit = "counts"\ncounts_per_turn = [1, 2, 3]\n'),
+        "few rated": ('unit = "N m"', 'unit = "%"\nrated = [1, 2, 3]'),
         "counts": ('unit = "rad"\n', 'unit = "counts"\n'), "rated": ('unit = "N m"', 'unit = "N m"\nrated = 3'),
         "percent": ('unit = "N m"', 'unit = "%"'), "negative": ('unit = "N m"', 'unit = "%"\nrated = -3'),
         "held": ('quantity = "speed"', 'quantity = "speed"\nheld = true'),
@@ -433,6 +436,13 @@ CASES = {
     "much jitter": checked(at_times(lambda t: np.sort(t + 8e-4 * rng(1).uniform(-1, 1, len(t))))),
     "no clock": checked(at_times(lambda t: np.sort(rng(1).uniform(0, 4, len(t))))),
     "lost rows": checked(at_times(lambda t: np.delete(t, rng(5).choice(np.arange(10, 1990), 20, replace=False)))),
+    "lost rows of torques": checked(
+        at_times(lambda t: np.sort(np.delete(t, [300, 301, 700, 701, 702, 1100]) + 2e-4 * rng(1).uniform(-1, 1, len(t) - 6))),
+        HEAD + TORQUES,
+    ),
+    "jitter of a robot's rows": checked(
+        at_times(lambda t: np.delete(np.sort(t + 3e-4 * rng(2).normal(size=len(t))), [400, 401, 900])), TWO
+    ),
     "wrong rate": checked(text=ALL.replace('column = "t"\nunit = "s"', "rate_hz = 400")),
     "saturated": checked(saturated), "clipped": checked(clipped), "held": checked(held), "still": checked(still),
     "spikes": checked(with_spikes), "holes": checked(with_holes), "rest": checked(rests, TWO),

@@ -8,7 +8,7 @@ import numpy as np
 
 import armwright as aw
 from armwright.identification.validation.friction_signature import friction_signature
-from frozen.answers import all_refused, beside, record, refused, shared_folder
+from frozen.answers import all_refused, beside, record, refused, shared_folder, words_of
 from frozen.numbers import Case
 from identification.validation.made_logs import driven, motor_file, random_steps, written_log
 from identification.validation.test_friction_signature import ACCELERATION, MISSING, NOISE, SPEED
@@ -212,6 +212,18 @@ def _of(path):
     return record(path) if path.exists() else None
 
 
+def pages(folder):
+    """Words of the pages of a validation and of an estimate."""
+    arm = aw.load("two-link")
+    tables = {name: motion(arm, k, 1000) for k, name in enumerate(("fit", "held"))}
+    resting(tables["held"])
+    log = written_log(folder, list(arm.names), tables)
+    found = ident.validate(arm, ident.read_log(log, on_error="keep"), simulation=False)
+    reports = found.report(folder / "links.html"), ESTIMATE.report(folder / "estimate.html", "A motor")
+    words = {page.stem: words_of(page) for page in reports}
+    return {f"{name} {k}": " ".join(each[k : k + 10]) for name, each in words.items() for k in range(0, len(each), 10)}
+
+
 def refusals(folder):
     arm = aw.load("two-link")
     tables = {name: motion(arm, k, 400) for k, name in enumerate(("fit", "held"))}
@@ -287,5 +299,6 @@ CASES = {
     "verdicts": case(verdicts, 1e-3),
     "signatures": lambda _: signatures(),
     "estimates": case(estimates),
+    "pages": case(pages),
     "refusals": refusals,
 }
