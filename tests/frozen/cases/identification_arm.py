@@ -160,6 +160,14 @@ MISTAKES = {
 }  # fmt: skip
 
 
+SMALL = {
+    "torque scale": lambda t, q, tau: (q, tau * [1.0, 1.075]), "position scale": lambda t, q, tau: (q * [1.03, 1.0], tau),
+    "zero": lambda t, q, tau: (q + np.array([0.0, 0.03]), tau),
+    "late": lambda t, q, tau: (q, np.stack([np.interp(t - 0.003, t, each) for each in tau.T], axis=1)),
+    "drift": lambda t, q, tau: (q, tau + 0.15 * (t / t[-1])[:, None] * np.sign(np.gradient(q, axis=0))),
+}  # fmt: skip
+
+
 def in_current(folder):
     """Fits of currents and of voltages of an arm whose motors have constants."""
     arm = aw.load("cmu-dd")
@@ -241,5 +249,6 @@ CASES = {
     "irls of wild torques": case(damaged(wild, method="irls")),
     "tukey of wild torques": case(damaged(wild, method="tukey")),
     **{f"damaged: {name}": case(damaged(change, record=name == "wrong sign"), 1e-3) for name, change in MISTAKES.items()},
+    **{f"slightly damaged: {name}": case(damaged(change), 1e-3) for name, change in SMALL.items()},
     "refusals": refusals,
 }  # fmt: skip

@@ -13,6 +13,7 @@ from armwright.identification.logs.preparation import low_pass
 from armwright.identification.logs.prepared import prepared_blocks
 from armwright.identification.logs.quantisation import quantisation_step
 from armwright.identification.logs.spectrum import motion_band, spectrum
+from armwright.identification.logs.units import ALIASES, QUANTITIES, SHARES, TIME, ZERO
 from armwright.results.csv_tables import write_table
 from frozen.answers import all_refused, record
 from frozen.numbers import Case
@@ -168,6 +169,53 @@ def pushed(sign):
 
 def beyond(by):
     return lambda table: table.update(q1=table["q1"] - table["q1"].max() + by)
+
+
+def findings(folder, change, text=ALL, seconds=2.0):
+    log = log_of(folder, change, text, seconds)
+    return [str(each).replace(str(folder), "FOLDER") for each in log.findings]
+
+
+def scales(folder):
+    """Findings about speeds that are multiples of what they should be, on either side of every bound."""
+    factors = (
+        2 * np.pi, 1 / (2 * np.pi), np.pi / 30, 1e3, 1e-3, 1.02, 1.04, 1.12, 187 / np.pi, -0.93, -1.08, -30 / np.pi,
+    )  # fmt: skip
+    found = {f"{factor:.4g}": findings(folder, scaled("v1", by=factor), GEARED) for factor in factors}
+    return found | {
+        "times": findings(folder, scaled("t", by=1e-3)),
+        "both": findings(folder, scaled("q1", "v1", by=30.0), GEARED),
+    }
+
+
+def sizes(folder):
+    """Findings about sizes on either side of what drives have."""
+    found = {}
+    for quantity, unit, values in (
+        ("voltage", "V", (1.4e3, 1.6e3, 2.9e3)), ("current", "A", (0.9e3, 1.1e3, 1.9e3)),
+        ("temperature", "°C", (-55, -65, 215, 225)),
+    ):  # fmt: skip
+        text = ALL + f'[[signals]]\nquantity = "{quantity}"\ncolumns = ["x", "y"]\nunit = "{unit}"\n'
+        for value in values:
+            slow = {"x": lambda t, v=value: v * np.sin(t), "y": lambda t: 9 + t}
+            if quantity == "temperature":
+                slow["x"] = lambda t, v=value: v + 0 * t
+            change = lambda table, slow=slow: table.update({name: each(table["t"]) for name, each in slow.items()})  # noqa: E731
+            found[f"{quantity} {value:g}"] = findings(folder, change, text)
+    for value in (0.9e5, 1.5e5):
+        found[f"torque {value:g}"] = findings(folder, lambda table, v=value: table.update(m1=v * np.sin(table["t"])))
+    for value in (0.49, 0.52, 0.9, 1.1):
+        found[f"period {value:g}"] = findings(folder, scaled("t", by=value * RATE), TWO)
+    for value in (2.8, 2.82, 5.5, 5.7):
+        found[f"beyond {value:g}"] = findings(folder, beyond(value), OF_PUMA560)
+    for value in (24.0, 26.0):
+        found[f"turned {value:g}"] = findings(folder, set_of("q1", lambda q, t, v=value: v * np.sin(3 * t)), TWO, 4.0)
+    return found
+
+
+def tables():
+    """Units of all quantities."""
+    return {"quantities": QUANTITIES, "time": TIME, "aliases": ALIASES, "shares": SHARES, "zero": ZERO}
 
 
 def in_units(folder):
@@ -451,6 +499,9 @@ CASES = {
     "voltage": checked(pushed(1.0), MOTOR + VOLTS + SPEED),
     "voltage against the motion": checked(pushed(-1.0), MOTOR + VOLTS + SPEED),
     "turns": checked(set_of("q1", lambda q, t: 60.0 * np.sin(t)), TWO),
+    "scales": scales,
+    "sizes": sizes,
+    "tables of units": lambda _: tables(),
     "three runs alike": checked(scaled("v1", by=-1.0), ALL + '[[runs]]\nname = "one"\n[[runs]]\nname = "two"\n', 2.0),
     "parts": checked(text=ALL + PARTS), "held out": checked(text="hold_out = 0.25\n" + ALL),
     "units": in_units, "clocks": of_clocks, "temperatures": Case(of_temperatures, 1e-5),
