@@ -488,6 +488,9 @@ CASES = {
         at_times(lambda t: np.sort(np.delete(t, [300, 301, 700, 701, 702, 1100]) + 2e-4 * rng(1).uniform(-1, 1, len(t) - 6))),
         HEAD + TORQUES,
     ),
+    "rounded times with lost rows": checked(
+        lambda table: {name: np.delete(each, [300, 301, 700, 1100]) for name, each in rounded(0.0025)(table).items()}
+    ),
     "jitter of a robot's rows": checked(
         at_times(lambda t: np.delete(np.sort(t + 3e-4 * rng(2).normal(size=len(t))), [400, 401, 900])), TWO
     ),
