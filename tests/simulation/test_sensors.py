@@ -123,3 +123,8 @@ def test_noisy_currents_are_recorded_as_measured():
     assert noise.std() == pytest.approx(0.02, rel=0.1)
     assert run.current_measured.attrs["units"] == "A"
     assert "current_measured" not in aw.simulate(scenario_of(model, sensors=Sensors(position_noise=1e-4), **law))
+
+
+def test_a_list_of_sensors_holds_nothing_else():
+    with raises_at(ScenarioError, "loop.sensors", expected="a list of sensors"):
+        aw.Loop(sensors=[aw.Sensors(), 3])

@@ -15,7 +15,7 @@ from armwright.results.aliases import LOOP_STATE
 from armwright.results.reducers import REDUCERS
 from armwright.simulation.integrate.integrators import INTEGRATORS
 from armwright.simulation.plant.step_limits import StepLimit, full_voltage, loads
-from features.cases import ARMS, BODY, SCENARIOS, arms, base, commanded, looped, move
+from features.cases import ARMS, BODY, SCENARIOS, arms, base, commanded, looped, move, together
 from frozen.numbers import Case
 from simulation.plants import MANY
 
@@ -79,6 +79,33 @@ def stepped(folder: Path) -> dict[str, Any]:
     }
 
 
+def stepped_loop(folder: Path) -> dict[str, Any]:
+    """A loop stepped far beyond the part of its reference that is worked out ahead, and what its lanes refuse."""
+    lanes = replace(looped(base(), 0.01, reference=move(2)), vary={"rod1.mass_kg": aw.Batch([1.8, 2.2])})
+    simulation = aw.simulation.Simulation(lanes)
+    seen = []
+    for k in range(2200):
+        simulation.step()
+        if k % 200 == 0:
+            seen.append([*np.ravel(simulation.reference_now.q), *np.ravel(simulation.plant_state["q"])])
+    stepped = aw.simulation.Simulation(replace(lanes, loop=None, command=None, solver=STEPPED))
+    refused = []
+    for count in (1, 2, 3):
+        try:
+            stepped.step(np.ones((count, 2)))
+        except aw.ArmwrightError as error:
+            refused.append(str(error))
+    return {"seen": np.array(seen), "refused": refused}
+
+
+def studied(folder: Path) -> dict[str, Any]:
+    """A step study and its progress."""
+    told: list[tuple[int, int]] = []
+    scenario = replace(looped(base(), SHORT), solver=aw.Solver(integrator="rk3"))
+    study = aw.simulation.step_study(scenario, steps=3, progress=lambda done, of: told.append((done, of)))
+    return {"study": study, "told": told[:4]}
+
+
 def continued(folder: Path) -> dict[str, Any]:
     """A loop with delays, noise and a filter that goes on from where it ended."""
     scenario = looped(
@@ -118,6 +145,13 @@ RULES = {
     "lanes of commands": lambda: replace(commanded(base(), SHORT), command=aw.Batch([[1.0, 2.0], [-3.0, 4.0]])),
     "recorded seldom": lambda: replace(looped(base(), SHORT), recording=aw.Recording(period=5e-3)),
     "a body gripped by its motion": lambda: looped(base(), 0.15, reference=move(2, [BODY])),
+    "play before stops": lambda: looped(together(["play", "stops"]), 0.15),
+    "losses and delays of a filtered command by lanes": lambda: looped(
+        base(),
+        SHORT,
+        command_filter=aw.CommandFilter(rate=300.0, limit=11.0),
+        timing=aw.Timing("one-tick", command_delay=1.3e-3, command_loss=aw.Batch([0.0, 0.4])),
+    ),
     "a loop that is unstable": lambda: replace(
         looped(base(), 0.3), loop=aw.Loop(aw.JointPID([9e4] * 2, 0.0, [1.0] * 2), [0.3, -0.6], 4e-3)
     ),
@@ -137,12 +171,11 @@ CASES: dict[str, Any] = {
     **{f"there and back with {effect}": partial(reversing, effect) for effect in MANY},
     **{name: (lambda folder, make=make: run(make())) for name, make in RULES.items()},
     "stepped by hand": stepped,
+    "a stepped loop": stepped_loop,
     "continued": continued,
     "reduced": reduced,
     "step study": Case(
-        lambda folder: aw.simulation.step_study(
-            replace(looped(base(), SHORT), solver=aw.Solver(integrator="rk3")), steps=3
-        ),
+        studied,
         close=1e-2,
         ignored=("time", "cost"),
     ),
