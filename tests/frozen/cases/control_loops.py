@@ -232,7 +232,6 @@ def remedies(_: Path) -> dict[str, Any]:
         "fast": scenario(replace(PID, kp=[9e3, 250.0], kd=[1500.0, 50.0])),
         "cascade": scenario(replace(CASCADE, speed_kp=[900.0, 200.0])),
         "wrapped": scenario(aw.Filtered(replace(PD, kp=[9e3, 4e3]), [aw.LowPass(120.0)])),
-        "late": scenario(replace(PD, kd=[3e3, 50.0]), timing=aw.Timing(command_delay=6e-3)),
         "without gains": scenario(lambda t, r, y: 9e3 * (r.q - y.q) - 2e3 * y.qd),
     }
     found = {}
@@ -250,6 +249,7 @@ def analysed(law: Any, model: Any = "two-link", poses: int = 20, **more: Any) ->
     return {
         "words": found.sentences(),
         "rows": found.tables()[0].rows(),
+        "cells": [str(cell) for row in found.tables()[0].cells for cell in row],
         "verdict": [found.good, found.stable],
         "radius": found.radius,
         "periods": [found.period_stable, found.period_with_margin, found.period_held, found.period_free],
@@ -301,6 +301,18 @@ def words(_: Path) -> list[Any]:
     ]  # fmt: skip
 
 
+def notes(_: Path) -> list[Any]:
+    """What small motions leave out, of an arm with all effects and a scenario with all parts."""
+    sensors = aw.Sensors(counts=4096, position_noise=1e-4)
+    timing = aw.Timing("one-tick", jitter=1e-4, measurement_loss=0.1, clock_drift=1e-4)
+    full = replace(
+        scenario(HELD_SOFT, MANY["all"], sensors=sensors, timing=timing, command_filter=aw.CommandFilter(limit=30.0)),
+        start=aw.Start([0.1, 0.2], [0.3, 0.1]), inputs=aw.Inputs(wrench=[1.0, 2.0, 3.0, 0.0, 0.0, 0.0]),
+    )  # fmt: skip
+    moving = replace(full, loop=replace(full.loop, reference=aw.trajectories.Quintic([0.0, 0.0], [0.1, 0.1], 0.1)))
+    return [LinearLoop(each).notes for each in (full, moving)]
+
+
 def searches(_: Path) -> list[Any]:
     """First values along a grid at which something ends, and states that matter."""
     grid, ends = np.geomspace(1.0, 1e3, 20), np.array([1.05, 7.0, 400.0, 2e3])
@@ -330,12 +342,12 @@ CASES = {
     "remedies": Case(remedies, close=1e-4),
     "slower gains": slower,
     "analysis of a cascade": Case(lambda _: analysed(CASCADE, sensors=COUNTED), close=1e-5),
-    "analysis of several rates": Case(lambda _: analysed(SLOW, poses=4), close=1e-5),
     "analysis of an unstable loop": Case(lambda _: analysed(aw.JointPID(kp=100.0, kd=1e-3)), close=1e-5),
     "regions of an analysis": areas,
     "inertias over the workspace": lambda _: vars(joint_inertias("two-link", 50, 4)),
     "inertias of a slide": lambda _: vars(joint_inertias(arm("sprung"), POSES)),
     "small motions": small_arms,
     "words and rates": words,
+    "notes": notes,
     "searches": searches,
 }

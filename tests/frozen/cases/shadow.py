@@ -173,6 +173,7 @@ def watched(_: Path) -> dict[str, Any]:
     torque[150:400, 1] = np.where(np.arange(250) % 50 < 45, 4.0, 0.8)
     torque[170:300, 2] = 3.0
     torque[450:520], torque[480:490] = [2.5, 0.0, 0.5], np.nan
+    torque[500:504, 1] = np.nan
     torque[700:760] = [1.0, 2.2, 3.3]
     torque[765:, 2] = -6.0
     kilogram = np.tile([1.0, 2.2, 3.2], (rows, 1))
@@ -241,7 +242,7 @@ def deviations(folder: Path) -> dict[str, Any]:
 def resting(model: Any, lacking: Any = None) -> dict[str, Any]:
     """Centre and width of friction along a motion that turns and rests, and the elements that make it."""
     t = np.arange(60) * 0.02
-    q = 0.4 * np.sin(2.0 * t)[:, None] * np.linspace(1.0, -0.7, model.n)
+    q = 4.0 * np.sin(2.0 * t)[:, None] * np.linspace(1.0, -0.7, model.n)
     qd = np.where((t < 0.4)[:, None], 0.8 * np.cos(2.0 * t)[:, None], 0.01) * np.linspace(1.0, -0.7, model.n)
     qdd = np.where((t < 0.8)[:, None], -1.6 * np.sin(2.0 * t)[:, None], 0.02) * np.linspace(1.0, -0.7, model.n)
     seen = model if lacking is None else lacking
@@ -274,7 +275,9 @@ def wide(folder: Path) -> dict[str, Any]:
         place = folder / str(std)
         place.mkdir()
         model = widened(two_link(place, text.replace("STD", str(std)), dry))
-        found[str(std)] = [[vars(body.friction), body.drive.efficiency] for body in model.coordinates]
+        known = torque_deviations(aw.load(place / "arm.toml"))
+        rows = [[vars(body.friction), body.drive.efficiency] for body in model.coordinates]
+        found[str(std)] = [known, *rows]
     return found
 
 

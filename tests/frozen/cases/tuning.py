@@ -291,7 +291,7 @@ TUNED: dict[str, dict[str, Any]] = {
     "differential evolution": {"method": "differential-evolution", "candidates": 5},
     "worst lane": {"over": "worst", "seed": 1},
     "no objective worse": {"improve_each": True, "objectives": {"rms_error": 1.0, "noise_gain": 0.1}},
-    "front": {"front": 1, "objectives": {"rms_error": 1.0, "noise_gain": 0.05, "saturation": 0.0}},
+    "front": {"front": 1, "objectives": {"saturation": 0.0, "rms_error": 1.0, "noise_gain": 0.05}},
     "limits": {"limits": {"peak_torque": [60.0, 20.0]}, "gains": {"kp": 3.0}, "draws": {"mass": 0.5, "delay": 1e-3}},
     "designed": {"start": "analytic", "gains": {"kd": 3.0}},
     "nothing found": {"objectives": {"saturation": 1.0}},
