@@ -206,6 +206,7 @@ def ripple(_: Path) -> list[Any]:
     ]
     laws.append((aw.JointPID(kp=100.0), COUNTED))
     found = [quantisation(loop_of(law, sensors=sensors), Q) for law, sensors in laws]
+    found.append(quantisation(loop_of(PD, sensors=COUNTED), Q[0]))
     return [{**vars(each), "may swing": each.may_swing} for each in found]
 
 

@@ -18,6 +18,7 @@ from armwright.shadow.rest import RestingFriction, _elements, widened
 from armwright.shadow.rows import RowCheck, ShadowEvent, event_lines
 from armwright.shadow.uncertainty import torque_deviations
 from armwright.shadow.verdict import Judged, verdict
+from frozen.cases.control_design import LIMITED_ARM
 from frozen.numbers import Case
 from identification.arm.simulated_log import motion
 from physics.arms import arm
@@ -133,7 +134,7 @@ def filtered(_: Path) -> dict[str, Any]:
 
 def checked(name: str, change: Any = junk) -> dict[str, Any]:
     """Rows of an arm that are taken, and what is said of the others."""
-    model = arm(name)
+    model = LIMITED_ARM if name == "limited drives" else arm(name)
     t, q, _, _ = motion(model.n, 2.0, RATE, seed=1)
     tau = np.stack([np.sin(t * (k + 1.0)) for k in range(model.n)], axis=1)
     change(t, q, tau)
@@ -290,8 +291,9 @@ def logged(folder: Path, name: str = "two-link", changes: Any = None, **options:
     path = log_file(folder, model, motion(model.n, 1.5, RATE, seed=4), 0.05)
     if changes is not None:
         path.write_text(changes(path.read_text()))
-    given = model if options.pop("as_model", False) else name
-    return told(aw.shadow.shadow_log(path, given, progress=False, **options))
+    given, seen = model if options.pop("as_model", False) else name, []
+    found = aw.shadow.shadow_log(path, given, progress=lambda done, total: seen.append([done, total]), **options)
+    return told(found) | {"progress": seen}
 
 
 def told(found: Any) -> dict[str, Any]:
@@ -364,7 +366,7 @@ CASES = {
     "filter": filtered,
     **{
         f"checked rows of {name}": lambda _, name=name: checked(name)
-        for name in ("two-link", "puma560", "workshop", "lwa4p")
+        for name in ("two-link", "puma560", "workshop", "lwa4p", "limited drives")
     },
     "checked clock": lambda _: checked("two-link", clock),
     "in words": lines,

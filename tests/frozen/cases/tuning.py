@@ -306,8 +306,9 @@ def tuned(law: Any = PD, gains: Any = None, **more: Any) -> dict[str, Any]:
         for name in ("method", "candidates", "over", "seed", "improve_each", "front")
         if name in more
     }
-    asked = aw.tuning.Search(**{"generations": 2, "candidates": 4, **search})
-    return told(tune(scenario(law), gains, lanes=4, margins=MARGINS, search=asked, progress=False, **more))
+    asked, seen = aw.tuning.Search(**{"generations": 2, "candidates": 4, **search}), []
+    more["progress"] = lambda done, total: seen.append([done, total])
+    return told(tune(scenario(law), gains, lanes=4, margins=MARGINS, search=asked, **more)) | {"progress": seen}
 
 
 def told(found: Any) -> dict[str, Any]:
