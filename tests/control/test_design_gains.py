@@ -234,6 +234,7 @@ def _driven(arm, drive):
         ({"bandwidth": 0.0}, "above 0"),
         ({"bandwidth": [1.0, 2.0, 3.0]}, "2 of them"),
         ({"bandwidth": 1e4}, "small delays"),
+        ({"bandwidth": [10.0, 1e4]}, "small delays"),
         ({"damping": 0.0}, "0.1 to 3"),
         ({"poses": 0}, "poses"),
         ({"gain_margin": 0.5}, "gain_margin"),

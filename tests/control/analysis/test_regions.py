@@ -40,6 +40,15 @@ def test_inertias_are_the_mass_matrix_s():
     assert ((found.coupling >= -1e-12) & (found.coupling < 1)).all()
 
 
+def test_a_period_that_does_not_sample_a_filter_keeps_no_margins():
+    slow = scenario(aw.Filtered(PD, [aw.LowPass(240.0)]))
+    period, failing = aw.loops.longest_period(slow, POSES)
+    assert 2e-3 < period < 0.5 / 240.0
+    assert failing is not None
+    assert failing == pytest.approx(0.5 / 240.0, rel=2e-3)
+    assert analyse_loops(slow, poses=5, progress=False).period_stable == pytest.approx(period, rel=2e-3)
+
+
 def test_the_longest_period_is_where_stability_ends():
     made = scenario(preset="one-tick")
     period, failing = aw.loops.longest_period(made, POSES)

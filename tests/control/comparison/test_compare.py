@@ -108,6 +108,13 @@ def test_a_scenario_brings_its_own_period(arm):
     assert found.data["largest_error"].sizes["controller"] == 3
 
 
+def test_by_default_there_are_as_many_runs_as_every_scenario_has_lanes(arm):
+    lanes = {
+        name: replace(scenario(arm), start=aw.Batch(np.zeros((count, 2)))) for name, count in (("two", 2), ("three", 3))
+    }
+    assert aw.loops.compare_controllers(scenario(arm), lanes, {"ramp": RAMP}).runs == 2
+
+
 def test_limits_of_commands():
     """[A] of `lwa4p`: no more than the current and the torque allow;  [V] of `cmu-dd`."""
     modular, direct = aw.load("lwa4p"), aw.load("cmu-dd")

@@ -202,7 +202,10 @@ def longest_period(
     watched = list(range(0, len(q), -(-len(q) // WATCHED)))  # the others are looked at where these pass
 
     def failing(period: float, poses: np.ndarray) -> np.ndarray:
-        loop = LinearLoop(scenario, period, first.plant)
+        try:
+            loop = LinearLoop(scenario, period, first.plant)
+        except ScenarioError:  # of a filter whose frequency such a period does not sample
+            return np.arange(len(poses))
         each = (loop.slopes(poses, joint=joint, free=others == "free") for joint in loops)
         kept = [loop.keeps(slopes, gain_margin, phase_margin) for slopes in each]
         return np.flatnonzero(~np.all(kept, axis=0))
