@@ -126,5 +126,5 @@ def test_noisy_currents_are_recorded_as_measured():
 
 
 def test_a_list_of_sensors_holds_nothing_else():
-    with raises_at(ScenarioError, "loop.sensors", expected="a list of sensors"):
+    with raises_at(ScenarioError, "loop.sensors", "list of sensors"):
         aw.Loop(sensors=[aw.Sensors(), 3])

@@ -92,7 +92,7 @@ def stepped_loop(folder: Path) -> dict[str, Any]:
     refused = []
     for count in (1, 2, 3):
         try:
-            stepped.step(np.ones((count, 2)))
+            stepped.step(aw.Batch(np.ones((count, 2))))
         except aw.ArmwrightError as error:
             refused.append(str(error))
     return {"seen": np.array(seen), "refused": refused}
