@@ -30,6 +30,7 @@ WHOLE = 6  # entries of an array that are kept one by one
 DIGITS = 8  # that are kept
 CLOSE = 1e-6  # of a value: libraries and processors differ in the last bits
 ROUNDED = 1e-3  # of that, of the largest of its list
+NOT_FINITE = ("nan", "inf", "-inf")  # as they are kept
 SUMS = "sums"  # begins what is kept of a long array
 DEEP = 6  # levels of fields
 
@@ -39,12 +40,14 @@ class Case:
     """A call, and how exactly its numbers are those of other machines.
 
     Attributes:
-        call: takes an empty folder.   close: largest difference, relative.   ignored: names of values that are not compared.
+        call: takes an empty folder.   close: largest difference, relative.   ignored: parts of names of values that are rounding
+            or differ from one machine to another.   study: True: it takes seconds, and `make test-all` alone runs it.
     """
 
     call: Callable[[Path], Any]
     close: float = CLOSE
     ignored: tuple[str, ...] = ()
+    study: bool = False
 
 
 @cache
@@ -72,6 +75,7 @@ def _together(found: Mapping[str, Any]) -> dict[str, Any]:
     groups: dict[str, list[Any]] = {}
     for name, value in found.items():
         alike = ".".join("*" if each.isdigit() else each for each in name.split("."))
+        alike += " in words" if isinstance(value, str) and value not in NOT_FINITE and alike != name else ""
         groups.setdefault(name if isinstance(value, list) else alike, []).append(value)
     return {name: _column(values) if len(values) > 1 else values[0] for name, values in groups.items()}
 
@@ -152,19 +156,14 @@ def _column(values: list[Any]) -> Any:
     ]
     if len(simple) <= LONG:
         return [each if isinstance(each, str) else _number(each) for each in simple]
-    words = any(isinstance(each, str) for each in simple)
+    words = any(isinstance(each, str) and each not in NOT_FINITE for each in simple)
     return _array(np.array(simple, str if words else float))
 
 
 def as_text(found: Mapping[str, Mapping[str, Any]]) -> str:
-    """JSON with a line for each value."""
-    parts = [
-        f"{json.dumps(name)}: {{\n"
-        + ",\n".join(f"  {json.dumps(key)}: {json.dumps(value, ensure_ascii=False)}" for key, value in values.items())
-        + "\n}"
-        for name, values in found.items()
-    ]
-    return "{\n" + ",\n".join(parts) + "\n}\n"
+    """JSON with a line for each case."""
+    lines = [f"{json.dumps(name)}: {json.dumps(values, ensure_ascii=False)}" for name, values in found.items()]
+    return "{\n" + ",\n".join(lines) + "\n}\n"
 
 
 def _number(value: Any) -> Any:

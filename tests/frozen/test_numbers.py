@@ -9,8 +9,14 @@ import pytest
 
 from frozen.numbers import ROOMS, alike, cases, computed, differing, kept
 
+EVERY = [
+    pytest.param(room, name, marks=[pytest.mark.study] if case.study else [])
+    for room in ROOMS
+    for name, case in cases(room).items()
+]
 
-@pytest.mark.parametrize(("room", "name"), [(room, name) for room in ROOMS for name in cases(room)])
+
+@pytest.mark.parametrize(("room", "name"), EVERY)
 def test_public_functions_answer_with_the_same_numbers(room, name, tmp_path):
     assert differing(kept(room)[name], computed(room, name, tmp_path), cases(room)[name].close) == []
 

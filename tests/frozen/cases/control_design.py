@@ -275,5 +275,5 @@ CASES = {
     "limits of commands by motors": lambda _: command_limits(SOFT),
     "path of a tool": tool,
     "settling": settling,
-    "comparison": Case(compared, close=1e-4),
+    "comparison": Case(compared, close=1e-4, study=True),
 }  # fmt: skip

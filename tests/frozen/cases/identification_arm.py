@@ -222,8 +222,8 @@ side = "joint"
 """
 
 
-def case(call, close=CLOSE, *ignored):
-    return Case(lambda folder: call(folder), close, (*IGNORED, *ignored))
+def case(call, close=CLOSE, ignored=(), study=False):
+    return Case(lambda folder: call(folder), close, (*IGNORED, *ignored), study)
 
 
 CASES = {
@@ -234,7 +234,7 @@ CASES = {
     },
     "by recursive, forgetting": case(lambda _: by_method("recursive", forgetting=0.999)),
     "by iv of gains": case(lambda _: by_method("iv", feedback=(KP, KD, PERIOD)), 1e-3),
-    "whole": case(whole, 1e-3), "held out": case(held_out, 1e-3), "six joints": case(of_six),
+    "whole": case(whole, 1e-3, study=True), "held out": case(held_out, 1e-3), "six joints": case(of_six),
     "currents and voltages": case(in_current),
     "no friction": case(lambda _: fitted(log_of(), friction=())),
     "viscous": case(lambda _: fitted(log_of(), friction=("viscous",))),

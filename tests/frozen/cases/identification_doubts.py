@@ -223,17 +223,20 @@ def by_name(folder):
     }, folder)  # fmt: skip
 
 
-def case(call, close=CLOSE):
-    return Case(call, close, IGNORED)
+ROUNDING = ("parameter", "formulas")  # factors that are rounding
+
+
+def case(call, close=CLOSE, ignored=(), study=False):
+    return Case(call, close, (*IGNORED, *ignored), study)
 
 
 CASES = {
-    "small motions": case(hardly_moved),
+    "small motions": case(hardly_moved, ignored=ROUNDING),
     "small motions of six joints": case(
         lambda folder: hardly_moved(folder, aw.load("lwa4p"), 0.1, 2, checks=("cutoff",)), 1e-3
     ),
     "small motions, freely chosen": case(
-        lambda folder: hardly_moved(folder, size=0.2, rows=FitRows(), checks=("cutoff",)), 1e-3
+        lambda folder: hardly_moved(folder, size=0.2, rows=FitRows(), checks=("cutoff",)), 1e-3, ROUNDING
     ),
     "springs that stay": case(springs_stay, 1e-3),
     "loop of an arm with a spring": case(lambda _: sprung_loop(), 1e-3),
@@ -252,7 +255,7 @@ CASES = {
     "constants of exchanged logs": case(lambda folder: doubtful_constants(folder, exchanged=True), 1e-3),
     "constants of another centre": case(lambda folder: doubtful_constants(folder, com=(0.4, 0.3, -0.2)), 1e-3),
     "fit of one efficiency": case(lambda _: with_loss("one motor", record=False), 1e-3),
-    "formats": case(formats),
+    "formats": case(formats, study=True),
     "dialects": dialects,
     "mistakes": mistakes,
     "columns of motors": columns_of_motors,

@@ -71,11 +71,6 @@ def designed(criterion="condition", name="two-link", **options):
     )
 
 
-def designed_parts(found, folder):
-    names = ("condition", "condition_si", "logdet", "columns", "used", "starts", "margins", "notes")
-    return beside(found, *names, states=found.states(20.0), file=table(found.save(folder / "motion.csv", 50.0)))
-
-
 def bounds():
     """Limits of designs that records and callers state."""
     panda = arm("panda")
@@ -259,7 +254,6 @@ def refusals(folder):
     }, folder)  # fmt: skip
 
 
-SEARCHED = ("velocity", (2.0, 3.0)), ("acceleration", 9.0)
 CASES = {
     **{
         f"{kind}, {word}": lambda folder, kind=kind, guess=guess: played(kind, guess, folder, seed=3)
@@ -269,13 +263,10 @@ CASES = {
     },
     "a slow device": lambda folder: played("prbs", GUESS, folder, period=0.007),
     "guesses": lambda _: guesses(),
-    "excitation": Case(lambda folder: designed_parts(designed(), folder), 1e-2),
-    "excitation by logdet": Case(lambda folder: designed_parts(designed("logdet", most=SEARCHED, seed=2), folder), 1e-2),
-    "excitation in SI units": Case(lambda folder: designed_parts(designed("condition_si", most=SEARCHED), folder), 1e-2),
     "bounds": lambda _: bounds(),
     "regressor": lambda _: rows_of(DRIVES), "regressor without drives": lambda _: rows_of(()),
     "regressor of six": lambda _: rows_of(("viscous", "coulomb"), "puma560"),
     "comparison": lambda _: compared(), "comparison of scenarios": Case(lambda _: compared_scenarios(), 1e-4),
-    "directions": lambda _: told(), "tensors": lambda _: tensors(), "weighed": lambda _: weighed(),
+    "directions": lambda _: told(), "tensors": Case(lambda _: tensors(), ignored=("relative",)), "weighed": lambda _: weighed(),
     "records": written, "refusals": refusals,
 }  # fmt: skip

@@ -234,8 +234,8 @@ def refusals(folder):
     }, folder)  # fmt: skip
 
 
-def case(call, close=CLOSE, *ignored):
-    return Case(call, close, (*IGNORED, *ignored))
+def case(call, close=CLOSE, ignored=(), study=False):
+    return Case(call, close, (*IGNORED, *ignored), study)
 
 
 CASES = {

@@ -169,16 +169,12 @@ def refusals(folder):
     }, folder)  # fmt: skip
 
 
-def _of_no_rod(log):
-    return replace(log, arm_mass=None)
-
-
 def _of_mine(log):
     return replace(log, servo="mine")
 
 
-def case(call, close=CLOSE, *ignored):
-    return Case(call, close, (*IGNORED, *ignored))
+def case(call, close=CLOSE, ignored=(), study=False):
+    return Case(call, close, (*IGNORED, *ignored), study)
 
 
 CASES = {
@@ -226,14 +222,10 @@ CASES = {
             folder,
             Motor(R=8.0, L=1e-5, K=0.02, J=2e-6, B=1e-6, C=1e-3, gear=-50.0),
             Bench(period=2e-3, rows=400, counts=1024),
-        )
+        ),
+        ignored=("resistance_ohm.std",),
     ),
     "closed loop": case(lambda folder: simulated(folder, Motor(L=1e-5), Bench(rows=300, loop=True), free=FEW), 1e-2),
-    "servo": case(servo, 1e-2),
-    "servo of a free loop": case(
-        lambda folder: servo(folder, free=("offset", "delay", "gain"), change=_of_no_rod), 2e-2
-    ),
-    "servo of two models": case(lambda folder: servo(folder, ("M1", "M2")), 2e-2),
     "friction models": case(lambda _: orders(), 1e-6),
     "files of servos": read_back,
     "refusals": refusals,

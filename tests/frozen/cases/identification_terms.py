@@ -293,12 +293,12 @@ def refusals(folder):
     }, folder)  # fmt: skip
 
 
-def case(call, close=CLOSE):
-    return Case(call, close, IGNORED)
+def case(call, close=CLOSE, ignored=(), study=False):
+    return Case(call, close, (*IGNORED, *ignored), study)
 
 
 CASES = {
-    "friction laws": case(lambda _: laws(), 1e-3),
+    "friction laws": case(lambda _: laws(), 1e-3, ("tried.load",)),
     "friction": case(friction),
     "friction of springs": case(lambda folder: friction(folder, sprung, ("spring", "counterbalance")), 1e-3),
     "friction by speed": case(
@@ -328,7 +328,7 @@ CASES = {
         lambda _: with_loss("efficiency", terms=ArmTerms(fit_efficiency="all"), record=False), 1e-2
     ),
     **{
-        f"columns of {name}": case(lambda _, name=name: columns(name), 1e-6)
+        f"columns of {name}": case(lambda _, name=name: columns(name), 1e-6, ("formulas",) if name == "so101" else ())
         for name in ("two-link", "puma560", "cmu-dd", "so101")
     },
     "columns of laws": case(
@@ -339,12 +339,14 @@ CASES = {
     ),
     "columns that lack": case(lambda _: columns("puma560", lacks=("gravity", "rotors", "coulomb")), 1e-6),
     "columns of gears": case(lambda _: columns("two-link", gears=np.array([[50.0, 0.0], [10.0, 40.0]])), 1e-6),
-    "fits of rows": case(lambda _: fits_of_rows()),
+    "fits of rows": case(lambda _: fits_of_rows(), ignored=("stacked",)),
     "essential": lambda _: essential(),
     "recursive": lambda _: recursive(),
-    "possible": case(lambda _: possible(2, 1e-2), 1e-2),
-    "possible of much noise": case(lambda _: possible(3, 3.0), 2e-2),
-    "possible near a prior": case(lambda _: possible(4, 0.1, rank=14, prior=True), 1e-2),
-    "possible of known masses": case(lambda _: possible(5, 0.5, mass={0: (1.0, 1.2)}, total_mass=(2.0, 2.5)), 2e-2),
+    "possible": case(lambda _: possible(2, 1e-2), 1e-2, ("cost",)),
+    "possible of much noise": case(lambda _: possible(3, 3.0), 2e-2, ("cost",)),
+    "possible near a prior": case(lambda _: possible(4, 0.1, rank=14, prior=True), 1e-2, ("cost",)),
+    "possible of known masses": case(
+        lambda _: possible(5, 0.5, mass={0: (1.0, 1.2)}, total_mass=(2.0, 2.5)), 2e-2, ("cost",)
+    ),
     "refusals": refusals,
 }
