@@ -318,7 +318,6 @@ EXCHANGED: dict[str, ANY] = {
             robot={"supply": SUPPLY},
         )
     ),
-    "a slide": lambda: arms("payload")[0],
 }
 PLANTS: dict[str, ANY] = {
     "an arm": lambda: aw.load("two-link"),
