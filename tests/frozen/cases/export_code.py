@@ -33,7 +33,6 @@ from armwright.kernels.compiled import CompiledArm
 from armwright.model import Model
 from export.controllers import three_rates
 from export.running import pid_loop
-from features.cases import arms
 from frozen.cases.twin import refusals
 from frozen.texts import rounded, texts
 from simulation.plants import BRAKE, COGGING, COULOMB, ELASTIC, MANY, MOTOR, SUPPLY, THERMAL, chain, pendulum

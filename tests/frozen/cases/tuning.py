@@ -266,7 +266,7 @@ def searches(_: Path) -> dict[str, Any]:
     rows = start * np.array([1.0, 1.4, 3.0, 9.0, 30.0, 0.3])[:, None]
     lowered, failing, often = search._lowered(rows)
     found: dict[str, Any] = {"lowered": lowered, "failing": failing, "often": often, "scores": search._scores(rows)}
-    found |= {"best": search.best, "score": search.score, "simulated": search.simulated, "tried": dict(search.tried)}
+    found |= {"best": search.best, "score": search.score, "simulated": search.simulated, "tried": list(search.tried)}
     found["none kept"] = search._scores(rows[3:5] * 40.0)
     search.begin_at(0.9 * start)
     found["begun"] = [search.begun, search.best, search.score, search.simulated]
