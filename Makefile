@@ -38,7 +38,7 @@ check: $(VENV)/.all  ## style, types, and which room imports which
 	$(BIN)/pyright
 	$(BIN)/python -m pytest -q tests/architecture
 
-frozen: $(VENV)/.all  ## compare kernels and reference runs with what is frozen (ARGS=--write: freeze anew)
+frozen: $(VENV)/.all  ## compare kernels, reference runs and numbers with what is frozen (ARGS=--write: freeze anew)
 	PYTHONPATH=tests $(BIN)/python -m frozen $(ARGS)
 
 fuzz: $(VENV)/.all  ## feed everything damaged input for MINUTES=10, count outcomes, keep failures

@@ -231,7 +231,8 @@ CHAPTERS: dict[str, tuple[str, tuple[Column, ...]]] = {
         (
             *(label("arm", "arm"), label("kernel", "work"), label("bytes a state", "bytes"), label("states", "states")),
             *(time("few", "few"), time("1024", "some"), time("many", "many"), time("a fill of as many bytes", "fill")),
-            *(ratio("few ÷ many", "few"), ratio("fill ÷ many", "fill"), worst("error")),
+            *(ratio("few ÷ many", "few"), ratio("fill ÷ many", "fill")),
+            *(time("4096, plain", "plain"), ratio("again ÷ plain", "again"), worst("error")),
         ),
     ),
     "gpu": (

@@ -22,7 +22,7 @@ ROWS = (
     ("chain-20", "inverse_dynamics_derivatives"),
     ("chain-30", "mass_matrix"),
 )
-FEW, SOME, MANY, QUICK_MANY = 256, 1024, 65536, 1024  # states
+FEW, SOME, PLAIN, MANY, QUICK_MANY = 256, 1024, 4096, 65536, 1024  # states
 CHECKED = 4  # states that are compared with the plain function; the others must be finite
 
 
@@ -35,7 +35,7 @@ def tasks(quick: bool) -> list[Task]:
 
 
 def large_records(arm: str, name: str, quick: bool, repetitions: int) -> list[Record]:
-    """One row: few states, 1024, many, and a fill of the many results' bytes, in one race."""
+    """One row: few states, 1024, 4096 with and without new arrays, many, and a fill of the many results' bytes, in one race."""
     model, dyn, many = timed_arm(arm), compiled(arm), QUICK_MANY if quick else MANY
     states = random_states(model, many)
     ports = dyn.kernel(name).program.inputs
@@ -45,14 +45,20 @@ def large_records(arm: str, name: str, quick: bool, repetitions: int) -> list[Re
     check = _checked([np.array(part) for part in zip(*rows, strict=True)])
     contestants = {
         column: batch(f"{count} states", getattr(dyn, name), [values[:count].copy() for values in inputs], check)
-        for column, count in (("few", FEW), ("some", SOME), ("many", many))
+        for column, count in (("few", FEW), ("some", SOME), ("again", min(PLAIN, many)), ("many", many))
     }
+    contestants["plain"] = plain_call(getattr(dyn, name), [values[:PLAIN].copy() for values in inputs], check)
     size = sum(port.size for port in dyn.kernel(name).program.outputs)
     filled = np.zeros(many * size)
     contestants["fill"] = Contestant("a fill", lambda: filled.fill(1.0), many, lambda _: Check(0.0, TOLERANCE))
     labels = {"arm": arm, "joints": model.n, "work": name, "states": many, "bytes": 8 * size}
-    entry = Entry(labels, contestants, {"few": "many", "fill": "many"})
+    entry = Entry(labels, contestants, {"few": "many", "fill": "many", "again": "plain"})
     return [record(row) for row in race([entry], repetitions, clock=time.process_time)]
+
+
+def plain_call(run: Callable[..., Any], inputs: list[np.ndarray], check: Callable[[Any], Check]) -> Contestant:
+    """A batch into new arrays, as most programs ask for it."""
+    return Contestant("a plain call", lambda: run(*inputs), len(inputs[0]), check)
 
 
 def _parts(result: Any) -> tuple[np.ndarray, ...]:
@@ -77,6 +83,7 @@ def notes(quick: bool) -> dict[str, list[str]]:
     return {
         "large results": [
             f"few: {FEW} states; one thread, into arrays that are used again; CPU time",
+            f"plain: a call of {PLAIN} states that gives new arrays; again: the same into arrays that are used again",
             "from 4 MiB of results on they are written past the cache, where rows have more than 32 columns",
             "a fill: `ndarray.fill`, of as many bytes as the many results have",
             "error: against the plain functions",
