@@ -109,7 +109,7 @@ def test_scenarios_are_compared_by_their_sensitivities():
         (({"a": 3},), "a Scenario, or a motion beside `arm`"),
         (({"a": Fourier([0.0, 0.0], [[1.0], [1.0]], [[1.0], [1.0]], 1.0)}, "two-link"), "a motion that ends"),
         (({"a": BOTH}, "two-link", -1.0), "standard deviations above 0"),
-        (({"a": BOTH}, "two-link", [1.0, 2.0, 3.0]), "one number for all joints, or 2"),
+        (({"a": BOTH}, "two-link", [1.0, 2.0, 3.0]), "all joints, or 2"),
     ],
 )
 def test_what_cannot_be_compared_is_refused(arguments, said):
