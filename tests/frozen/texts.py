@@ -6,7 +6,9 @@ import re
 import zipfile
 from pathlib import Path
 
-VERSION = re.compile(r"\b\d+\.\d+\.\d+[\w.+]*|\b\d{4}-\d\d-\d\d\b")
+VERSION = re.compile(
+    r"\b\d+\.\d+\.\d+[\w.+]*|\b\d{4}-\d\d-\d\d\b|(?<=\.py, )line \d+"
+)  # and a place in a test's own file
 TOKEN = re.compile(
     r"\{[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}\}|SHA256 [0-9a-f]+"
 )  # checksums of texts with all digits
