@@ -67,3 +67,13 @@ def test_bad_settings():
         with pytest.raises(LogError) as caught:
             aw.identification.frequency_response(u, y, 1.0, **options)
         assert caught.value.place == next(iter(options))
+
+
+def test_an_input_that_only_nearly_repeats_is_not_averaged_over_periods():
+    draw = np.random.default_rng(5)
+    u = np.tile(draw.choice([-1.0, 1.0], 256), 12)
+    exact = aw.identification.frequency_response(u, signal.lfilter(B, A, u), 1.0)
+    u = u + 0.05 * draw.standard_normal(len(u))
+    near = aw.identification.frequency_response(u, signal.lfilter(B, A, u), 1.0)
+    assert "periods" in exact.method
+    assert "periods" not in near.method
