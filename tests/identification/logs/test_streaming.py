@@ -8,6 +8,7 @@ import sys
 import numpy as np
 import pytest
 
+import armwright as aw
 from identification.logs.example_logs import HEAD, POSITIONS, TORQUES, motion, written
 
 SHORT, LONG = 250_000, 1_250_000  # rows: one row group of the Parquet file, and 40 MB of numbers more
@@ -57,3 +58,15 @@ def test_a_long_log_needs_no_more_memory(tmp_path, ending):
         (_, fitted), (prepared, both) = fits
         assert prepared > LONG // 100
         assert both < RATIO * fitted
+
+
+def test_a_share_is_held_out_of_the_whole_run_not_of_its_first_block(tmp_path):
+    t = np.arange(70_000) / 1000.0  # two blocks
+    q, _, _, tau = motion(t)
+    table = {"t": t, "q1": q[:, 0], "q2": q[:, 1], "m1": tau[:, 0], "m2": tau[:, 1]}
+    log = aw.identification.read_log(
+        written(tmp_path, "hold_out = 0.2\n" + HEAD + POSITIONS + TORQUES, {"arm.csv": table})
+    )
+    assert [(run.name, run.use) for run in log.runs] == [("run1", "fit"), ("run1-held", "hold-out")]
+    assert log.runs[1].begin == pytest.approx(0.8 * t[-1])
+    assert abs(log.runs[1].rows - 14_000) <= 1
