@@ -65,7 +65,7 @@ class _Owner:
         if size > KEPT:
             return
         others = [each for each in list(_waiting) if each != size]
-        while (full := size + sum(each * len(_waiting[each]) for each in list(_waiting)) > KEPT) and others:
-            _waiting.pop(others.pop(0), None)
+        while (full := size + sum(each * len(same) for each, same in list(_waiting.items())) > KEPT) and others:
+            _waiting.pop(others.pop(0), None)  # which another thread may have done
         if not full:
             _waiting.setdefault(size, []).append(self._memory)
