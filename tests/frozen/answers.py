@@ -17,9 +17,9 @@ _FOLDERS = tempfile.TemporaryDirectory(prefix="frozen-")  # of logs that several
 
 
 def real(values: Any) -> np.ndarray:
-    """Real and imaginary parts of an array, or of one of real numbers itself."""
+    """Real and imaginary parts of an array; of one of real numbers itself, whatever type a library gives them."""
     values = np.asarray(values)
-    return np.stack([values.real, values.imag]) if np.iscomplexobj(values) else values
+    return np.stack([values.real, values.imag]) if np.iscomplexobj(values) and values.imag.any() else values.real
 
 
 def beside(result: Any, *names: str, **more: Any) -> dict[str, Any]:

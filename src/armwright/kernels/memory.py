@@ -34,7 +34,7 @@ def empty(shape: tuple[int, ...], dtype: np.dtype) -> np.ndarray:
 
 
 def address(array: np.ndarray) -> int:
-    """Where an array begins."""
+    """Address of an array's first byte."""
     try:  # five times as fast as asking the array
         return addressof(byte_of(array))
     except (TypeError, ValueError, BufferError):  # read-only or empty
