@@ -69,15 +69,17 @@ def test_what_no_lane_needs_costs_next_to_nothing(lanes):
         return WhereNeeded("long", long, {"x": (1,)})(scalar.less(0.0, given[0]), given, given)
 
     kernel = Kernel(trace("either", either, {"given": (1,)}, ("y",)), select_target())
-    seconds = []
-    for sign in (-1.0, 1.0):
-        values = np.full((lanes, 1), sign)
-        kernel(values)
+    idle, busy = np.full((lanes, 1), -1.0), np.full((lanes, 1), 1.0)
+
+    def seconds(values: np.ndarray) -> float:
         began = time.process_time()
         for _ in range(20):
             kernel(values)
-        seconds.append(time.process_time() - began)
-    assert 3.0 * seconds[0] < seconds[1]
+        return time.process_time() - began
+
+    seconds(busy)
+    least = np.array([[seconds(idle), seconds(busy)] for _ in range(8)]).min(axis=0)
+    assert 3.0 * least[0] < least[1]
 
 
 def test_calls_with_some_new_arguments_keep_the_others():

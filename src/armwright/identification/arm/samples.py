@@ -88,13 +88,14 @@ class Stream:
 
     def at(self, cutoff: float, decimate: int | None = None, reason: str = "as asked for") -> Stream:
         """The stream with another cut-off in Hz of its low-passes, or the highest below it that a run's rate allows."""
-        made, fresh = (
-            {name: _at(each.narrow, cutoff, decimate, reason) for name, each in some.items()}
-            for some in (self.filters, self.fresh)
-        )
-        fresh = {name: leaving_rows(self.log, name, each) for name, each in fresh.items()}
-        filters, others = (filters_of(self.log, each, self.order, self.source) for each in (made, fresh))
-        return replace(self, filters=filters, fresh=others)
+        def changed(each: RunFilters) -> Preparation:
+            return _at(each.narrow, cutoff, decimate, reason)
+
+        filters = {name: each.with_low_pass(changed(each)) for name, each in self.filters.items()}
+        fresh = {
+            name: each.with_low_pass(leaving_rows(self.log, name, changed(each))) for name, each in self.fresh.items()
+        }
+        return replace(self, filters=filters, fresh=fresh)
 
     def kept(self, model: TorqueModel, memory: Memory | None = None) -> SampleSource:
         """Samples for a model at each call: in memory where they are few, else read again.

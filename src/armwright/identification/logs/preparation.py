@@ -115,6 +115,10 @@ class RunFilters:
     resting: np.ndarray
     limits: np.ndarray
 
+    def with_low_pass(self, narrow: Preparation) -> RunFilters:
+        """The filters with another low-pass; what the rows say of rest and limits stays."""
+        return replace(self, narrow=narrow, wide=narrow.of_motion)
+
 
 def choose_preparation(
     log: AnyLog,

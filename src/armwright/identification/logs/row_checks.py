@@ -112,9 +112,9 @@ def runs_at_rest(log: Log, joint: str, runs: Sequence[str]) -> set[str]:
         extent = float(run.census.signals[name].high[column] - run.census.signals[name].low[column])
         values = longest_finite(run.census.excerpt.values[name][:, column])
         step = quantisation_step(values) or 0.0
+        within = extent <= max(STILL * largest, STEPS * step)
         has_spectrum = len(values) >= SHORTEST and values.std() > 0
-        noise = has_spectrum and motion_band(values, 1.0 / run.census.period, order)[0] == 0.0
-        if extent <= max(STILL * largest, STEPS * step) or noise:
+        if within or (has_spectrum and motion_band(values, 1.0 / run.census.period, order, step)[0] == 0.0):
             still.add(run.name)
     return still
 

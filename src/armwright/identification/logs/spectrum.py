@@ -41,7 +41,7 @@ def motion_band(values: np.ndarray, rate: float, derivatives: int, step: float |
 
     Args:
         values: (rows,).   rate: in Hz.   derivatives: from the signal to accelerations: 2 of positions, 1 of speeds.
-        step: of its quantisation; None: looked for.
+        step: of its quantisation, 0 where it has none; None: looked for.
     """
     f, power = spectrum(values, rate)
     smooth = _smooth(f, power)
@@ -66,7 +66,8 @@ def motion_band(values: np.ndarray, rate: float, derivatives: int, step: float |
         far_end = np.flatnonzero(before <= VALLEY * before.min())[-1]
         valley = f[peak + int(far_end)]
     # quantisation of a periodic motion has lines too: of less power than a step's variance, and up to the highest frequencies
-    noise = (step or quantisation_step(values) or 0.0) ** 2 / 12.0 / (f[1] - f[0])
+    step = quantisation_step(values) if step is None else step
+    noise = (step or 0.0) ** 2 / 12.0 / (f[1] - f[0])
     least = max(noise, ABOVE * float(power[f > 0.25 * rate].max()))
     last = BEYOND_LINES * highest_line(f, power, derivatives, least)
     if last > min(valley, end):
