@@ -88,6 +88,7 @@ class Stream:
 
     def at(self, cutoff: float, decimate: int | None = None, reason: str = "as asked for") -> Stream:
         """The stream with another cut-off in Hz of its low-passes, or the highest below it that a run's rate allows."""
+
         def changed(each: RunFilters) -> Preparation:
             return _at(each.narrow, cutoff, decimate, reason)
 
