@@ -103,6 +103,7 @@ def test_brackets_too_deep_are_refused():
         number("(" * 300 + "1" + ")" * 300)
 
 
+@pytest.mark.study
 @given(st.text(max_size=60))
 def test_any_text_is_a_number_or_refused(text):
     with contextlib.suppress(ExpressionError):

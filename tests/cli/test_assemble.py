@@ -51,6 +51,7 @@ def run(*arguments: str, code: int = 0) -> str:
     return result.stdout
 
 
+@pytest.mark.study
 def test_a_built_in_arm_is_made_and_simulated_without_an_edit() -> None:
     assert "wrote arm.toml" in run("assemble", "lwa4p.assembly.toml", "-o", "arm.toml")
     assert aw.load("arm.toml").description == aw.modules.assemble("lwa4p")

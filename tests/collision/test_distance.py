@@ -11,6 +11,7 @@ FLOATS = st.floats(-2.0, 2.0, width=32)
 POINT = st.tuples(FLOATS, FLOATS, FLOATS).map(np.array)
 
 
+@pytest.mark.study
 @given(POINT, POINT, POINT, POINT)
 @settings(max_examples=200, deadline=None)
 def test_segments(a, b, c, d):

@@ -47,6 +47,7 @@ class ByHand:
         return u, scalar.array(np.concatenate([w, iw, i, ii + 30.0 * e * PERIOD]))
 
 
+@pytest.mark.study
 def test_it_is_the_loop_by_hand():
     law = Cascade(
         position_kp=8.0, speed_feedforward=0.5, speed_limit=0.4, position_every=4, position_phase=1,
@@ -150,6 +151,7 @@ def test_an_integrator_waits_while_the_stage_behind_it_is_cut_off():
     np.testing.assert_allclose(second[N : 2 * N], first[N : 2 * N])
 
 
+@pytest.mark.study
 def test_it_tracks_with_each_kind_of_drive():
     for name, speed_kp in (("two-link", [400.0, 100.0]), ("lwa4p", 20.0), ("cmu-dd", [400.0, 900, 300, 150, 40, 20])):
         model = arm(name)

@@ -169,7 +169,7 @@ def test_the_regulator_of_a_joint_without_damping_is_the_closed_form():
     assert design.gains["kd"] == pytest.approx(design.inertia * 6.0 * np.sqrt(2.0), rel=0.4)
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("method", ["pole-placement", "symmetric-optimum", "loop-shaping", "lqr"])
 @pytest.mark.parametrize("law", [PD, CASCADE], ids=["pd", "cascade"])
 def test_gains_without_a_stated_bandwidth_keep_the_margins_at_other_poses(method, law):
@@ -266,6 +266,7 @@ def test_no_state_space(arm, changes):
         aw.loops.state_space(arm, **changes)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("wrapped", [False, True])
 def test_a_designed_cascade_arrives_though_its_commands_are_late(wrapped):
     """Kessler's rule lives on its integral, which must not take a late command for one that was cut off."""
@@ -281,6 +282,7 @@ def test_a_designed_cascade_arrives_though_its_commands_are_late(wrapped):
     assert (aw.simulate(aw.loops.design_gains(stated, poses=50).scenario).q.values == run.q.values).all()
 
 
+@pytest.mark.study
 def test_what_is_left_at_rest_without_an_integral_is_said():
     start = np.array([0.3, 0.4])
     friction = Friction(viscous=1.0, coulomb_positive=3.0, coulomb_negative=2.0)

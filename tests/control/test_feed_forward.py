@@ -62,6 +62,7 @@ def tracking(law, period=1e-3):
     return np.abs(run.q.values - run.q_reference.values).max()
 
 
+@pytest.mark.study
 def test_a_direct_drive_arm_follows_a_fast_motion_by_it():
     servo = aw.JointPID(kp=[800, 1800, 600, 300, 60, 40], kd=[80, 180, 60, 24, 6, 4])
     alone = tracking(servo)

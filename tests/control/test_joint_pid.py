@@ -88,6 +88,7 @@ def overshoot(run):
     return run.q.values[:, 0].max() / 1.5 - 1.0
 
 
+@pytest.mark.study
 def test_rules_against_wind_up_take_the_overshoot_away():
     wound = overshoot(step_response())
     clamped = overshoot(step_response(anti_windup="clamping"))
@@ -97,6 +98,7 @@ def test_rules_against_wind_up_take_the_overshoot_away():
     assert tracked < 0.2 * wound
 
 
+@pytest.mark.study
 def test_where_nothing_is_cut_off_the_rules_do_nothing():
     common = {"reference": np.full(6, 1e-3), "period": PERIOD, "duration": 0.2, "vary": {}}
     laws = [
@@ -108,6 +110,7 @@ def test_where_nothing_is_cut_off_the_rules_do_nothing():
         np.testing.assert_allclose(other, plain, atol=1e-12)
 
 
+@pytest.mark.study
 def test_a_command_that_is_late_is_compared_with_its_own():
     """One tick late, what the drive did belongs to the command before the last: nothing is missing."""
     common = {"reference": np.full(6, 1e-3), "period": PERIOD, "duration": 0.2, "timing": aw.Timing("one-tick")}
@@ -126,6 +129,7 @@ def test_a_limit_of_its_own_is_kept():
     assert np.abs(run.u_issued.values).max() == 5.0
 
 
+@pytest.mark.study
 def test_gains_may_be_a_batch():
     kp = np.array([50.0, 100.0, 200.0])
     common = {"reference": np.full(6, 0.1), "period": PERIOD, "duration": 0.1}

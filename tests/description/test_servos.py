@@ -197,6 +197,7 @@ def test_a_servo_with_more_gain_sags_less(tmp_path):
     assert 0.0 < hard < soft
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", ["erob80-50", "erob80-100"])
 def test_an_actuator_with_current_moves_by_its_torque_constant(tmp_path, name):
     """At rest it takes more than its friction to move it; the current is held to its limit."""

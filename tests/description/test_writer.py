@@ -50,6 +50,7 @@ def test_builtin_arms_are_written_as_they_stand(name, tmp_path):
     assert written == text
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("name", builtin_names())
 def test_dynamics_are_kept_exactly(name, tmp_path):
     """The model of a written file has the same bits."""
@@ -125,6 +126,7 @@ def forms(folder: Path) -> dict[str, Model]:
     }
 
 
+@pytest.mark.study
 def test_arms_are_written_like_their_descriptions(tmp_path):
     """Text and file of an arm are those of its description, and read back as it."""
     for name, arm in forms(tmp_path).items():

@@ -229,6 +229,7 @@ def test_slopes_at_rest_are_those_of_motion_forward(tmp_path):
     assert_slope(by_qd, -np.linalg.solve(aw.mass_matrix(arm, q), np.diag(slope)), 1e-10)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("kernel", [*KERNELS, *DERIVATIVES])
 def test_kernels_are_their_functions(tmp_path, kernel):
     arm, _ = arm_with(tmp_path)

@@ -50,6 +50,7 @@ def coupled_tree(draw):
     return record.replace(joints=tuple(joints))
 
 
+@pytest.mark.study
 @settings(deadline=None, max_examples=25)
 @given(record=coupled_tree(), seed=SEEDS)
 def test_torques_and_inertia_are_those_of_the_tree_projected(record, seed):

@@ -67,6 +67,7 @@ def test_a_loop_of_currents_has_no_back_emf():
     assert found.effort == pytest.approx(1.2 * KT)
 
 
+@pytest.mark.study
 def test_spreads_are_those_of_a_product():
     spread = spreads(aw.load("so101").record)["elbow_flex"]
     servo = aw.robotfiles.servos()["sts3215-7.4v"]
@@ -76,6 +77,7 @@ def test_spreads_are_those_of_a_product():
     assert spread["armature"] == pytest.approx(0.006 / 0.0284, rel=1e-3)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("kind", ["position", "dcmotor"])
 def test_mujoco_moves_as_armwright_does(kind):
     fit = fitted(kind)

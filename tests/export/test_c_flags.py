@@ -88,7 +88,7 @@ def differences(which: str, source: Path, folder: Path) -> int:
 
 
 @pytest.mark.parametrize(("which", "option"), CASES)
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 def test_no_option_changes_bits_unnoticed(library, tmp_path, which, option):
     """Whatever the compiler's version; the words of the table hold for the versions that it names."""
     seen = outcome(which, option.split(), library, tmp_path)

@@ -62,6 +62,7 @@ def test_every_command_has_the_bits_of_the_simulation(exported, which):
     assert not (status & NOT_FINITE).any()
 
 
+@pytest.mark.study
 def test_the_recording_is_the_simulation():
     """What is compared with is what `simulate` gives: measurements, references and commands."""
     scenario = CONTROLLERS["voltage_loop"](300)
@@ -330,6 +331,7 @@ def test_nothing_is_allocated_and_nothing_recurses(exported):
     assert {"cmu_dd_controller_init", "cmu_dd_controller_reset", "cmu_dd_controller_step"} <= known
 
 
+@pytest.mark.study
 @settings(max_examples=2, deadline=None)
 @given(loops())
 def test_any_controller_of_the_library_s_blocks_has_the_bits_of_its_simulation(scenario):
@@ -393,6 +395,7 @@ class WholeGains:
         return self.kp * (r.q - y.q), s
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("law", [aw.JointPID(kp=20, kd=2), aw.JointPID(kp=[20, 30]), WholeGains()])
 def test_gains_that_are_whole_numbers_become_parameters(tmp_path, law):
     exported = aw.export.export_controller(pid_loop(controller=law), tmp_path, gains="kp", ticks=20)

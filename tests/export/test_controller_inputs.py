@@ -90,6 +90,7 @@ def test_parameters_of_another_scenario_are_loaded(tmp_path):
     assert run_c(folder, name, same) == ["0", "0"]
 
 
+@pytest.mark.study
 def test_damaged_or_foreign_parameters_change_nothing(tmp_path):
     exported = aw.export.export_controller(pid_loop(), tmp_path, gains=("kp",), ticks=20)
     name, good = exported.name, exported.paths[-1].read_bytes()

@@ -38,6 +38,7 @@ def assert_same_arm(one: Model, two: Model, *, tip: bool = True) -> None:
             np.testing.assert_allclose(aw.forward_kinematics(one, q), aw.forward_kinematics(two, q), atol=1e-12)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("name", ARMS)
 def test_toml_urdf_toml(tmp_path, name):
     """With the drive file nothing of the dynamics is lost: friction, rotors, gear loss, gravity, limits, tip."""

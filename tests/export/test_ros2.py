@@ -18,6 +18,7 @@ from raises_at import raises_at
 yaml = pytest.importorskip("yaml")
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("name", [*builtin_names(), "examples/scara.toml"])
 def test_limits_are_those_of_the_arm(tmp_path, name):
     arm = aw.load(name)

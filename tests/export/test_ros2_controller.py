@@ -124,7 +124,7 @@ def made(folder, scenario, gains=()):
 
 
 @pytest.mark.parametrize("which", LOOPS)
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 def test_the_plugin_commands_the_bits_of_the_simulation(plugins, which):
     """Also `applied` is its own: the limited commands that were sent, as late as the loop's timing says."""
     plugin = plugins(which)
@@ -154,6 +154,7 @@ def test_alone_it_holds_the_pose_of_its_start(plugins):
     assert np.abs(held[3] - plugin.drive()[3]).max() > 0.1
 
 
+@pytest.mark.study
 def test_parameters_of_the_file_count(tmp_path):
     law = aw.JointPID(kp=20.0, kd=0.0, ki=0.0)
     plugin = made(tmp_path, pid_loop(controller=law), gains=("kp",))

@@ -37,6 +37,7 @@ def test_deviations_are_those_of_the_fits(rho):
     assert (np.abs(found - 1.0) < 0.15).all(), found
 
 
+@pytest.mark.study
 def test_differences_of_rounded_signals_take_less():
     """Negatively correlated noise leaves less in a level than white noise does; an autoregression of 12 rows sees most of it."""
     found = stated_by_true(

@@ -57,6 +57,7 @@ def test_the_written_robot_has_numbers_deviations_correlation_and_checksum(tmp_p
     }
 
 
+@pytest.mark.study
 def test_all_other_lines_stay_as_they_were(tmp_path: Path) -> None:
     text = BUILTIN.read_text(encoding="utf-8")
     own = tmp_path / "own.toml"
@@ -108,6 +109,7 @@ def test_what_the_log_cannot_tell_stays_and_is_listed(tmp_path: Path) -> None:
     assert record.fits["fit"].verdict == "not identified"
 
 
+@pytest.mark.study
 def test_a_value_at_its_bound_has_no_deviation(tmp_path: Path) -> None:
     bound = estimate(at_bound=[True, False, False, False, False])
     assert np.isnan(bound.std[0])

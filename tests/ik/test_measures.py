@@ -139,6 +139,7 @@ def test_arms_in_a_plane_are_seen_from_in_front_of_it(axis, titles, tmp_path):
     assert "left out" not in (tmp_path / "planar.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.study
 @pytest.mark.parametrize("name", ["examples/scara.toml"])
 def test_sliding_joints_and_few_samples_are_drawn(name, tmp_path):
     found = aw.kinematics.workspace(aw.load(name), 1)

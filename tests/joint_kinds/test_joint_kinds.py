@@ -89,6 +89,7 @@ def test_a_locked_screw_stays_where_its_thread_puts_it(held):
     assert aw.forward_kinematics(locked, q[others]) == pytest.approx(aw.forward_kinematics(model, q), abs=1e-12)
 
 
+@pytest.mark.study
 def test_pitches_may_differ_by_lane():
     """A pitch is a parameter like any other: kernels with it left open agree with those of the changed record."""
     dyn, pitches = aw.compile(arm("screws"), vary=["joint3.pitch_m_per_rad"]), np.array([[0.05], [0.11]])

@@ -67,6 +67,7 @@ def test_linkers_agree_and_share_no_entry(folder, monkeypatch, target):
     assert len(list(folder.glob("*.code"))) == len(found) // 2
 
 
+@pytest.mark.study
 def test_function_keeps_its_engine():
     function = engine.Engine(select_target(), batch_module, program(), "float64").function("wave.separate", *TYPES)
     gc.collect()
@@ -86,6 +87,7 @@ def test_unknown_function_is_refused():
         made.function("no_such")
 
 
+@pytest.mark.study
 @LINUX
 def test_dropped_engines_leave_nothing(folder):
     def pages() -> int:
@@ -154,6 +156,7 @@ assert [each(X).tobytes().hex() for each in kept] == {expected}
 """
 
 
+@pytest.mark.study
 @LINUX
 def test_code_reaches_libm_from_anywhere(folder):
     """Between arrays of several GB, further from libm and from each other than a near call reaches."""

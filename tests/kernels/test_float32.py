@@ -68,6 +68,7 @@ def test_single_precision_is_double_rounded(name, kernel):
     assert 0.0 < worst(name, kernel, 2000) <= BOUND
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", ARMS)
 def test_inverse_dynamics_against_the_float_reference(name):
     """The plain function on Python's floats is the outside judge."""

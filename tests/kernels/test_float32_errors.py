@@ -60,6 +60,7 @@ def test_the_search_climbs_to_a_maximum():
     np.testing.assert_allclose(state, top, atol=1e-2)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("name", "kernel"), [("puma560", "inverse_dynamics"), ("cmu-dd", "energy"), ("panda", "mass_matrix")]
 )

@@ -41,7 +41,7 @@ def dyn():
     return compiled()
 
 
-@pytest.mark.sample(7)
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("name", sorted(SIGNATURES))
 def test_every_kernel_has_the_general_bits(name):
     dyn, rng = aw.compile(aw.load("puma560")), np.random.default_rng(1)

@@ -118,6 +118,7 @@ def quarter_residual(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return residual, k.astype(np.int64)
 
 
+@pytest.mark.study
 @extended
 def test_sine_cosine_and_tangent_beside_every_multiple_of_half_pi():
     """The three doubles about every k π/2 up to 2^20, 667,544 of them: where a shorter reduction loses everything."""

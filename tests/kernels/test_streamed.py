@@ -21,6 +21,7 @@ def without_cache(monkeypatch):
     monkeypatch.setenv("ARMWRIGHT_CACHE_DIR", "")
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("name", ["mass_matrix", "regressor", "inverse_dynamics_derivatives"])
 @pytest.mark.parametrize("dtype", ["float64", "float32"])
 @pytest.mark.parametrize("level", [None, "x86-64"])

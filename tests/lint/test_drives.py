@@ -133,7 +133,7 @@ PLANTED = [
 ]  # fmt: skip
 
 
-@pytest.mark.sample(3)
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ("values", "key", "question", "fits", "name", "joint"),
     [pytest.param(*case[1:], id=f"{case[0]}-{case[-2]}-{case[-1]}") for case in PLANTED],
@@ -228,7 +228,7 @@ THERMAL = {
 }
 
 
-@pytest.mark.sample(4)
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ("key", "value", "question", "fit"),
     [
@@ -255,6 +255,7 @@ def test_sound_arms_raise_no_question(name):
     assert contradictions(parse(record(name).unwrap(), name)) == []
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("basis", DC_EQUIVALENT)
 def test_sound_drives_raise_no_question(basis):
     """Small and large motors, low limits, spare speed, constants that differ by 7 %, in any basis."""

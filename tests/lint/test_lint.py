@@ -113,6 +113,7 @@ def test_a_joint_far_from_a_base_without_mass(tmp_path):
     assert warning == "joint 'j1' frame.xyz_m = [0.0, 0.0, 400.0]: 400 m away: millimetres for metres?"
 
 
+@pytest.mark.study
 def test_improv_l5_breaks_the_triangle_inequality(tmp_path):
     """Robot-facts 2.2: zz = 7.43e-4 > 2 · 3.28e-4."""
     found = warnings(tmp_path, inertial(0.17, (0, 0, 0.042), (3.28e-4, 3.28e-4, 7.43e-4)))

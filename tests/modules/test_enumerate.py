@@ -96,6 +96,7 @@ def test_impossible_modules_are_left_out_and_named() -> None:
     assert len(found.candidates) == 3 < found.total
 
 
+@pytest.mark.study
 def test_every_assembly_is_one_that_can_be_made() -> None:
     """Names, masses and joints of what is listed are those of the arm that `assemble` makes."""
     seen = []
@@ -176,6 +177,7 @@ def test_static_torques_are_the_float_reference(lwa4p: Model) -> None:
         np.testing.assert_allclose(gravity[k] + load[k], both, atol=1e-12)
 
 
+@pytest.mark.study
 @settings(max_examples=5, deadline=None)
 @given(st.integers(0, 2**31))
 def test_poses_that_can_be_reached_are_reached(seed: int) -> None:

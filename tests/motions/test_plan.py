@@ -361,6 +361,7 @@ def test_each_segment_that_breaks_a_limit_is_named(tmp_path, segment, kind, jump
     assert "all limits" not in str(beyond)
 
 
+@pytest.mark.study
 def test_the_fastest_curve_jumps_in_acceleration_only_without_a_limit_of_jerk(tmp_path):
     fastest, free = POINTS + 'curve = "fastest"\n', FILE.replace("jerk = 60.0", "")
     smooth, jumping = (planned(tmp_path, fastest, file) for file in (FILE, free))

@@ -25,6 +25,7 @@ def hand(path, animation="run", t=2.0):
     return TO_Z_UP @ pose_of(Gltf(path.read_bytes()), animation, "tip hand", t)
 
 
+@pytest.mark.study
 def test_simulated_run_ends_where_kinematics_says(tmp_path):
     arm = aw.load("cmu-dd")
     run = aw.simulate(aw.Scenario(arm, command=[8, 12, 8, 4, 2, 1], duration=0.5))

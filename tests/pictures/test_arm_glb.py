@@ -116,7 +116,7 @@ def test_sizes_and_colours_are_the_arms(tmp_path):
     assert green == pytest.approx(0.214041, abs=1e-6)  # half of a screen's green is a fifth of its light
 
 
-@pytest.mark.sample(5)
+@pytest.mark.sample(2)
 def test_gravity_points_down(arm):
     """As y is up in the file, whichever way gravity has in the base; the turn is a rotation, and none where z is up."""
     q = np.zeros((1, arm.n))

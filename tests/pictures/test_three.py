@@ -71,6 +71,7 @@ def test_it_has_a_track_for_every_joint(played):
     assert browser.value("loaded.animations[0].duration") == pytest.approx(1.0, abs=1e-6)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("t", [0.0, 0.25, 0.7, 1.0])
 def test_the_hand_is_where_forward_kinematics_says(played, t):
     arm, run, browser = played

@@ -31,6 +31,7 @@ def test_files_are_whole(run, tmp_path, ending, several):
     assert [entry.name for entry in tmp_path.iterdir()] == [f"run{ending}"]
 
 
+@pytest.mark.study
 def test_svg_is_well_formed(run, tmp_path):
     aw.plot(run, tmp_path / "run.svg")
     assert ElementTree.parse(tmp_path / "run.svg").getroot().tag.endswith("svg")
@@ -61,7 +62,7 @@ def test_runs_beside_each_other_are_drawn_in_their_styles(run):
 LONG = "with feed-forward and friction compensation"
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", ["two-link", "panda", "cmu-dd"])
 @pytest.mark.parametrize("names", [["before", "after"], [LONG, f"no {LONG}"]])
 def test_the_legend_covers_no_axes_and_is_not_cut(name, names):
@@ -103,6 +104,7 @@ def test_diverged_lanes_leave_gaps(tmp_path, ending, value):
     assert np.isfinite(line.get_ydata()).tolist() == [True] * 30 + [False] * 11
 
 
+@pytest.mark.study
 def test_pyplot_is_left_alone(run, tmp_path):
     """In a process of its own: python-control, which other tests import, brings pyplot along."""
     aw.save(run, tmp_path / "run.nc")

@@ -79,6 +79,7 @@ def test_without_a_record_they_are_the_same():
     assert single.rms_error.attrs["units"] == "rad"
 
 
+@pytest.mark.study
 def test_commands_over_time_are_followed_too():
     """Lanes of a schedule, from their own beginnings, or from a reference: what the recorded rows say."""
     base = scenario()
@@ -105,6 +106,7 @@ def test_commands_over_time_are_followed_too():
     np.testing.assert_array_equal(plain.q.values, run.q.values)
 
 
+@pytest.mark.study
 def test_a_lane_is_followed_from_where_it_began():
     """Without a reference every lane is to stay where it began, whoever stands beside it."""
     law = aw.JointPID(kp=100.0, kd=10.0)
@@ -147,6 +149,7 @@ def test_the_highest_temperature_is_that_of_the_record():
     assert (run.peak_temperature.values > 25.5).all()
 
 
+@pytest.mark.study
 def test_where_the_controller_runs_in_python_they_are_the_same():
     def law(t, r, y):
         return np.asarray(100.0 * (r.q - y.q) - 10.0 * y.qd, dtype=float)

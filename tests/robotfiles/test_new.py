@@ -128,6 +128,7 @@ def test_the_meaning_of_each_stands_beside_it(tmp_path, source, command):
     assert {line: lines[line - 1].partition("  # ")[2] for line in comments} == comments
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("joints", [2, 30, 100])
 def test_an_arm_of_any_size_has_a_row_for_each_key(tmp_path, joints):
     path = tmp_path / "new.toml"

@@ -107,6 +107,7 @@ def test_draws_depend_on_the_seed_and_on_nothing_else(tmp_path):
     assert np.all(q0[:, [0, 2, 3, 4, 5]] == 0.0)
 
 
+@pytest.mark.study
 def test_noise_and_losses_come_again(tmp_path):
     noisy = PID.replace("[loop.controller]", "seed = 5\n[loop.controller]").replace(
         "[loop.controller]",

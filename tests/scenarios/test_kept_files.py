@@ -67,6 +67,7 @@ def test_a_run_is_reproduced_where_nothing_else_is_left(folder, tmp_path):
     assert aw.reproduce(moved).same
 
 
+@pytest.mark.study
 def test_reproducing_opens_no_other_file(folder, tmp_path):
     path = saved(folder)
     done = subprocess.run([sys.executable, "-c", OPENED, path], capture_output=True, text=True, check=True)

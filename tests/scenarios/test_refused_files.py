@@ -117,6 +117,7 @@ def test_what_goes_wrong_in_a_run_names_the_file(tmp_path):
     assert refused.stderr.startswith(f"armwright: error: {path}: loop.reference of shoulder at t = 0 s")
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", ["limit", "rate"])
 def test_joints_that_a_table_leaves_out_have_no_limit(tmp_path, name):
     first = aw.load("two-link").names[0]

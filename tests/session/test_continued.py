@@ -138,6 +138,7 @@ def test_what_does_not_go_on_is_told(robot):
     assert "began anew at t = 0.08 s" not in notes(session)
 
 
+@pytest.mark.study
 def test_notes_on_limits_are_those_of_the_whole_run(robot):
     session = begun(robot, LAWS["voltage"])
     session.run("simulate new steps=20")

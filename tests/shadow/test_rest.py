@@ -166,6 +166,7 @@ def test_the_right_arm_raises_nothing_where_it_stops_starts_and_turns(tmp_path, 
     assert not alarms_of(arm, simulated(arm, reference))
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(("begin", "joint"), [(0.7, "moving"), (2.5, "at rest")])
 def test_a_contact_is_noticed(tmp_path, begin, joint):
     """25 N at the tip of the right arm, on joints that move, and on joints at rest far beyond what holds them."""

@@ -75,6 +75,7 @@ def test_huge_values_that_can_be_are_alarms_and_are_over(arm):
         assert np.abs(shadow.last.torque[1050]).max() < 1.0
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("count", [3, 40, 500])
 def test_long_runs_of_nan_are_a_gap(arm, count):
     """In one joint only: nothing is known meanwhile, and a settling time after them all joints are judged again."""

@@ -63,6 +63,7 @@ def test_a_step_has_order_five_and_its_path_order_four():
     assert np.all(np.log2(np.array(middles[:-1]) / middles[1:]) > 4.6), middles
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("rtol", [1e-5, 1e-8, 1e-11])
 def test_a_run_is_as_good_as_its_tolerance(rtol):
     model, u = arm("two-link"), np.array([90.0, 20.0])
@@ -262,6 +263,7 @@ def test_events_are_found_under_a_controller_too():
         np.testing.assert_allclose(run.q.values[lane], fine.q.values[lane], atol=1e-7)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("command", [[90.0, 20.0], aw.Batch([[90.0, 20.0], [0.0, 0.0]])], ids=["single", "lanes"])
 def test_runs_with_events_are_kept_drawn_and_written(command, tmp_path):
     run = aw.simulate(

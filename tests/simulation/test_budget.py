@@ -70,12 +70,14 @@ def test_rows_change_nothing(rod):
     assert abs(int(rare.steps_tried) - int(often.steps_tried)) < 30
 
 
+@pytest.mark.study
 def test_ten_times_the_accuracy_is_five_times_as_right(rod):
     errors = [wrong_by(aw.simulate(swing(rod, 1.5, 20.0, accuracy=10.0**-k))) for k in range(3, 9)]
     assert (np.divide(errors[:-1], errors[1:]) > 5.0).all()
     assert errors[-1] < 1e-8
 
 
+@pytest.mark.study
 def test_cogging_is_not_jumped_over():
     arm = pendulum("torque", 0.0, motor={**MOTOR, "gear_ratio": 100.0, "cogging": COGGING})
     scenario = aw.Scenario(arm, 3.0, command=[0.0], start=aw.Start(qd=[0.3]))
@@ -199,6 +201,7 @@ def test_a_sensitive_motion_is_called_so():
     assert "the motion is sensitive, errors grow tenfold every" in run.attrs["notes"]
 
 
+@pytest.mark.study
 def test_counts_leave_errors_unsaid():
     arm = aw.load("cmu-dd")
     controller = aw.JointPID(kp=[100.0] * 6, kd=[10.0] * 6)

@@ -163,6 +163,7 @@ def test_a_delay_of_one_and_a_half_periods_switches_in_the_middle_of_one():
     assert abs(run.qd.values[3, 0]) > 1e-3
 
 
+@pytest.mark.study
 def test_what_cannot_be_traced_runs_in_python_and_says_so():
     def stubborn(t, r, y):
         return np.asarray(pd(t, r, y), dtype=float)
@@ -179,6 +180,7 @@ def test_what_cannot_be_traced_runs_in_python_and_says_so():
     np.testing.assert_allclose(many[0].q.values, many[1].q.values, atol=1e-12)
 
 
+@pytest.mark.study
 def test_a_lane_has_the_same_bits_wherever_it_stands():
     model = arm("cmu-dd")
     q0 = np.random.default_rng(0).uniform(-0.2, 0.2, (40, 6))
@@ -209,6 +211,7 @@ class Gains:
         return self.kp * (r.q - y.q) - KD * y.qd, s
 
 
+@pytest.mark.study
 def test_gains_and_parameters_may_be_batches():
     model = arm("cmu-dd")
     gains = KP * np.array([[0.5], [1.0], [2.0]])

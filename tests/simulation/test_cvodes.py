@@ -169,6 +169,7 @@ def falling(arm, solver, **fields):
     return aw.Scenario(arm, duration=0.62, solver=solver, recording=aw.Recording(every=1), **fields)
 
 
+@pytest.mark.study
 def test_the_panda_falls_as_fast_as_it_can():
     """Up to 46 rad/s, where the exponential of its friction overflows if nothing holds it."""
     run = aw.simulate(falling(aw.load("panda"), aw.Solver("cvodes"), command=np.zeros(7)))

@@ -73,7 +73,7 @@ SOLVERS = {
 }
 
 
-@pytest.mark.sample(3)
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("name", SOLVERS)
 def test_motion_and_bus_are_those_of_two_circuits(name):
     """Diodes that take over at 0 V and let go where the source gives more than the motor draws, located by SciPy."""

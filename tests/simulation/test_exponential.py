@@ -82,6 +82,7 @@ def test_the_error_without_a_rate_is_that_of_the_plain_pair(rate):
     np.testing.assert_allclose(error, h / 6.0 * (k1 - 2.0 * k2 + k3), rtol=1e-6)
 
 
+@pytest.mark.study
 def test_semi_implicit_euler_without_a_rate_moves_what_is_fast_as_a_position():
     """A spring that is bent by its mass's speed: z and the position beside it go the same way, and the energy stays."""
 

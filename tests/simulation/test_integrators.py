@@ -67,6 +67,7 @@ def test_semi_implicit_euler_moves_positions_by_their_new_speeds_wherever_these_
     )
 
 
+@pytest.mark.study
 def test_semi_implicit_euler_keeps_the_energy_of_an_oscillator():
     """Its error swings and does not grow: over 1000 periods the amplitude stays within h ω / 2 of what it was."""
     x, h = np.array([1.0, 0.0]), 0.05
@@ -130,7 +131,7 @@ STIFF = {  # drives whose fast parts are integrated exactly, each with a step th
 }
 
 
-@pytest.mark.sample(4)
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("name", INTEGRATORS)
 @pytest.mark.parametrize("drive", STIFF)
 def test_fast_parts_that_are_integrated_exactly_leave_the_rule_its_order(drive, name):

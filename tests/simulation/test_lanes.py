@@ -112,6 +112,7 @@ def test_a_thousand_lanes_share_a_matrix():
         np.testing.assert_array_equal(one.q.values, run.q.values[lane])
 
 
+@pytest.mark.study
 def test_every_lane_may_have_its_own_matrix():
     """To the bit what the single run with this matrix gives."""
     gains = np.array([lqr_gain(weight) for weight in np.geomspace(0.1, 100.0, 9)])

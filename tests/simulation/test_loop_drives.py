@@ -104,6 +104,7 @@ def test_a_controller_cannot_move_what_is_braked_and_goes_on_when_it_is_not():
     assert balance == pytest.approx(stored[1] - stored[0], abs=2e-2 * flows["electrical_power"])
 
 
+@pytest.mark.study
 def test_brakes_differ_by_lane_and_bits_do_not():
     joint = {"command": "voltage", "motor": MOTOR, "brake": BRAKE, "limits": {"current_a": 6.0}}
     model = chain([joint, joint], gravity=0.0)

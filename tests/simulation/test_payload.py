@@ -101,6 +101,7 @@ def test_holding_it_takes_m_g_r_more():
         assert -tau[k] == pytest.approx(moment * G * np.cos(q[k]), rel=1e-5)  # about y, and the rod points along x
 
 
+@pytest.mark.study
 def test_it_is_there_before_the_first_tick():
     """What is in the hand at t = 0 belongs to what holds the arm still."""
     model = arm("cmu-dd")

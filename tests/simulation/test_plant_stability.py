@@ -23,6 +23,7 @@ def largest(arm, rule=RK3):
     return StepLimit(arm).largest_step(rule, np.zeros(arm.n))
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("inductance", [1e-7, 1e-5])
 @pytest.mark.parametrize("rule", INTEGRATORS.values(), ids=INTEGRATORS)
 def test_a_fast_winding_costs_no_step(rule, inductance):

@@ -54,6 +54,7 @@ def alone(found: aw.Scenario) -> np.ndarray:
     return results(found)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("rule", ["rk3", "auto"])
 def test_other_lanes_trace_no_plant_and_have_the_bits_that_they_have_alone(rule):
     first, other = (scenario(seed, solver=aw.Solver(rule)) for seed in (0, 1))

@@ -122,6 +122,7 @@ def test_drives_whose_flanks_touch_and_whose_gears_hold(joint, name, step, event
     check(scenario, steps, [(t, {"command": u}) for t, u in commands.items()], events, within=within)
 
 
+@pytest.mark.study
 def test_a_reversal_and_a_stop_under_coulomb_friction():
     """J q̈ = u - F₊ from speed v: it comes to 0 at t₁ = J v / (F₊ - u), then goes back by J q̈ = u + F₋, or stays.
 

@@ -129,6 +129,7 @@ def test_lanes_are_those_of_single_runs():
         np.testing.assert_array_equal(many.d_q.values[k], alone.d_q.values)
 
 
+@pytest.mark.study
 def test_a_reversal_under_coulomb_friction():
     """J q̈ = u - Fc sgn q̇ with u < -Fc: from v it stops at t₁ = J v / (Fc - u), then goes back. By the jump formula, at T,
 
@@ -227,6 +228,7 @@ def test_laws_in_numpy_have_them_too():
     np.testing.assert_allclose(own, expected, atol=1e-6 * np.abs(expected).max())
 
 
+@pytest.mark.study
 def test_bristles_turn_round_smoothly():
     """LuGre needs no jump formula: its state is continuous through a reversal."""
     model = pendulum(motor=MOTOR, friction=LUGRE)

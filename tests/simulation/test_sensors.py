@@ -115,6 +115,7 @@ def test_linear_counts_need_a_prismatic_joint():
         )
 
 
+@pytest.mark.study
 def test_noisy_currents_are_recorded_as_measured():
     """As a drive's log has them; without noise they are the run's current, and stored once."""
     model, law = arm("cmu-dd"), {"controller": lambda t, r, y: 5.0 + 0.0 * y.q, "period": 1e-3, "duration": 0.5}

@@ -244,6 +244,7 @@ def test_the_first_goal_holds_the_arm():
     assert run.u.values[0, 0] == pytest.approx(0.8 + weight * R / KT / VOLTS / (32 * 0.166), rel=1e-9)
 
 
+@pytest.mark.study
 def test_sensitivities_of_an_exact_loop_are_differences():
     firmware = {key: value for key, value in ALL.items() if key not in ("counts_per_turn", "dead_band_counts")}
     names = ["q.firmware.p", "q.firmware.i", "q.firmware.d_scale_s_per_rad", "q.motor.resistance_ohm"]

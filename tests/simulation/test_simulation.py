@@ -191,6 +191,7 @@ def test_bits_do_not_depend_on_lanes_threads_or_width(cmu):
         assert np.array_equal(narrow.q.values, whole.q.values)
 
 
+@pytest.mark.study
 def test_schedule_rows_are_landed_on(cmu):
     """Rows on and between ticks act at their own times: against SciPy restarted at every row."""
     arm, loop = cmu

@@ -53,6 +53,7 @@ def arms():
 ARMS = arms()
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("rule", RULES)
 def test_an_arm_held_by_friction_stays_for_ever(rule):
     """A loaded arm at 1 ms: not a bit of its state changes, so that an hour is as ten minutes."""
@@ -175,6 +176,7 @@ def sprung_position(t: float) -> float:
     return at if abs(at) <= OFF else middle + (at - middle) * np.cos(RATE * t)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("rule", "settings", "most", "steps"),
     [

@@ -114,7 +114,7 @@ def test_stiff_arms_are_right_at_ticks_of_a_millisecond(name):
     assert int(run.steps_tried) < 700
 
 
-@pytest.mark.sample(4)
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("name", MANY)
 def test_every_effect_is_followed(name):
     arm = MANY[name]
@@ -144,6 +144,7 @@ def alone(f, x0, tick, ticks, rtol, atol):
     return np.array(states), int(lanes.get("trials")[0, 0])
 
 
+@pytest.mark.study
 def test_van_der_pols_equation_with_mu_1000():
     """Two jumps in 2000 s, whose times the tolerance decides; beside SciPy's Radau."""
 
@@ -156,6 +157,7 @@ def test_van_der_pols_equation_with_mu_1000():
     assert trials < 5000  # an explicit rule takes millions
 
 
+@pytest.mark.study
 def test_robertsons_reaction():
     """Rates from 0.04 to 3e7 over 10⁵ s; the amounts stay 1 together."""
 

@@ -61,6 +61,7 @@ def test_the_note_says_frequency_and_growth_that_the_run_has():
     assert hz == pytest.approx(0.5 * crossings / (len(late) * PERIOD), rel=0.1)
 
 
+@pytest.mark.study
 def test_stable_loops_that_are_clipped_are_not_called_unstable():
     """Large steps on stable loops whose drives saturate, with an integrator that winds up."""
     model = arm("cmu-dd")

@@ -112,6 +112,7 @@ def test_a_file_in_chunks_has_the_bits_of_one_run(
     assert_same(stored, whole)
 
 
+@pytest.mark.study
 def test_the_example_is_swept(tmp_path: Path, client: Any) -> None:
     example = Path(__file__).parents[2] / "examples" / "robust.scenario.toml"
     stored = aw.sweeps.sweep(example, tmp_path / "runs.zarr", lanes=40, chunk=20, client=client).load()

@@ -158,6 +158,7 @@ def law(**changes):
     return aw.trajectories.ReferenceFilter(aw.ComputedTorque(kp=400.0, kd=40.0), **values)
 
 
+@pytest.mark.study
 def test_it_runs_in_the_compiled_loop_with_limits_of_each_lane():
     goal, speeds = np.array([0.6, -0.4]), [0.5, 1.0]
     velocity = aw.Batch([[each, each] for each in speeds])

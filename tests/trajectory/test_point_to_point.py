@@ -52,6 +52,7 @@ def test_limits_hold_and_one_is_used(kind, seed):
     assert np.max(used) > 0.98  # the slowest joint is as fast as its limits let it be
 
 
+@pytest.mark.study
 @settings(max_examples=300, deadline=None)
 @given(st.floats(1e-6, 1e3), st.floats(1e-3, 1e3), st.floats(1e-3, 1e3))
 def test_a_trapezoid_is_its_closed_form(h, v, a):

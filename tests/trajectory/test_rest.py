@@ -83,6 +83,7 @@ def standing(rounding):
     return PiecewisePolynomial.hermite(np.array([0.0, 1.0]), ends, rest, rest)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("rounding", [0.0, 1e-13, -1e-13])
 def test_the_verdict_is_that_of_the_least_torque(rounding):
     """Friction holds what the motor does not: a limit is kept down to the least torque of the band, and not below."""

@@ -201,6 +201,7 @@ def test_a_front_needs_two_objectives(tmp_path):
         )
 
 
+@pytest.mark.study
 def test_differential_evolution_gets_better_too_and_repeats_itself(tmp_path):
     scenario = read(tmp_path, "poses = 100\nlanes = 12\ngenerations = 5\nmethod = 'differential-evolution'")
     found, again = aw.tuning.tune(scenario), aw.tuning.tune(scenario)

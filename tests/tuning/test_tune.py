@@ -38,6 +38,7 @@ def result():
     return quick(scenario())
 
 
+@pytest.mark.study
 def test_a_detuned_controller_gets_better_on_lanes_that_nobody_tuned_in(result):
     assert result.start_keeps
     assert result.improved
@@ -65,6 +66,7 @@ def test_the_returned_gains_keep_the_margins_at_poses_of_another_draw(result):
     assert np.degrees(margins.phase.min()) > 29.5
 
 
+@pytest.mark.study
 def test_without_the_margin_better_gains_exist_so_that_it_binds(result):
     free = quick(scenario(), gain_margin=1.0, phase_margin=0.0)
     tight = quick(scenario(), phase_margin=np.radians(55.0))
@@ -73,6 +75,7 @@ def test_without_the_margin_better_gains_exist_so_that_it_binds(result):
     assert np.degrees(aw.loops.LinearLoop(tight.scenario).margins(q).phase.min()) > 54.0
 
 
+@pytest.mark.study
 def test_a_seed_gives_the_same_gains_and_numpys_global_numbers_stay(result):
     global_numbers: Any = np.random.get_state
     state = global_numbers()[1].copy()
@@ -94,6 +97,7 @@ def test_a_start_that_nothing_beats_is_returned():
     assert "the start is returned" in found.sentences()[0]
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("noise", [0.9, 1.1])
 def test_what_is_worse_in_one_objective_improves_nothing_where_each_shall_be_better(monkeypatch, noise):
     """Of a start and gains that are compared on lanes held out."""
@@ -146,6 +150,7 @@ def test_a_joint_at_rest_is_measured_by_a_tenth_of_those_that_move_as_it_does():
     assert scales["peak_torque"] == pytest.approx([0.02, 2e-5, 2e-5, 0.004])
 
 
+@pytest.mark.study
 def test_limits_hold_a_peak_back():
     peaks = [
         quick(scenario(), limits=limits).held_out["peak_torque"][1].max()

@@ -244,6 +244,7 @@ def test_an_arm_that_holds_does_not_hide_who_is_silent(rehearsal, monkeypatch):
             run_controller(rehearsal, "virtual", following_error=1.9)
 
 
+@pytest.mark.study
 def test_the_following_error_by_default(scenario, monkeypatch):
     """Twice the largest of the simulated run, and at least a degree."""
     law = aw.Cascade(position_kp=[3.0, 15.0], speed_kp=[150.0, 160.0], speed_ki=[300.0, 1600.0], speed_feedforward=1.0)

@@ -35,6 +35,7 @@ def lwa4p():
     return replace(scenario, lanes=None, vary={}, duration=1.2, start=motion.motions[0].start, loop=loop)
 
 
+@pytest.mark.study
 def test_in_lock_step_the_twin_is_the_simulation_to_the_bit(lwa4p, bus):
     expected = aw.simulate(scenario_on_bus(lwa4p))
     with Twin(lwa4p, bus) as twin:
@@ -86,6 +87,7 @@ def test_a_twin_that_is_another_arm_is_not_the_simulation(scenario, bus):
     assert np.abs(run.errors).max() < 0.05
 
 
+@pytest.mark.study
 def test_in_real_time_cycles_are_counted(scenario, bus):
     """Two seconds by the clock; how many are late is the machine's, that all are counted is ours."""
     gentle = aw.Cascade(position_kp=3.0, speed_kp=[150.0, 40.0], speed_ki=[300.0, 80.0], delay_ticks=1)  # bears delays
@@ -282,6 +284,7 @@ def test_the_delay_is_the_bus_times(scenario):
     assert timing.command_delay == pytest.approx(BusLoad(2, 4e-3).cycle(stuffed=True))
 
 
+@pytest.mark.study
 def test_a_second_run_begins_the_scenario_anew(scenario, bus):
     """The twin holds the arm between two runs; a wrench that acts from 0.2 s on acts in the second one from then on, too."""
     rows = [[0.0] * 6, [30.0, -20.0, 0.0, 0.0, 0.0, 5.0], [0.0] * 6]

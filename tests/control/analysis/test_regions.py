@@ -67,6 +67,7 @@ def test_a_loop_that_is_too_slow_is_told_the_rate_that_it_needs():
     )
 
 
+@pytest.mark.study
 def test_a_region_holds_what_margins_say():
     values = {"kp": np.geomspace(30, 3e4, 6), "kd": np.geomspace(4, 4e3, 6)}
     joint = "elbow"

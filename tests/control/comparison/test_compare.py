@@ -65,6 +65,7 @@ def test_a_saved_comparison_has_its_measures(ramps, tmp_path):
         assert list(data["controller"].values) == list(CONTROLLERS)
 
 
+@pytest.mark.study
 def test_noise_spreads_the_runs_and_payloads_cost_effort(arm):
     load = aw.Payload(0.0, 2.0, np.zeros(3), np.zeros((3, 3)))
     motion = aw.trajectories.Quintic(np.zeros(2), np.array([0.8, -0.6]), 0.5)

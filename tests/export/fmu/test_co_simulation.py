@@ -100,6 +100,7 @@ def test_arm_and_controller_in_one_unit_do_what_was_simulated(name, tmp_path):
     fmu.close()
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("version", ["3.0", "2.0"])
 def test_loops_at_their_own_rates_have_their_turns_as_simulated(version, tmp_path):
     ticks, scenario = 100, three_rates(100)

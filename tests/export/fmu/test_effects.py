@@ -81,6 +81,7 @@ def test_brakes_wrenches_and_payloads_are_inputs(tmp_path):
     assert np.abs(run.q.values[30:] - aw.simulate(commanded(arm, TICKS)).q.values[30:]).max() > 1e-4
 
 
+@pytest.mark.study
 def test_a_plant_begins_where_its_start_parameters_say(tmp_path):
     """Exported from one pose and begun in another: as exported from that one, motors, windings and temperatures too."""
     arm = MANY["all"]
@@ -143,6 +144,7 @@ def test_states_are_kept_restored_and_serialised(version, tmp_path):
     second.close()
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("version", ["3.0", "2.0"])
 def test_steps_are_whole_ticks(version, tmp_path):
     arm = MANY["plain"]

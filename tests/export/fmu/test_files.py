@@ -129,6 +129,7 @@ int main(void)
 """
 
 
+@pytest.mark.study
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="no GCC here")
 def test_no_address_is_wrong_and_no_behaviour_undefined(tmp_path):
     """An arm with every effect, noise and delays, under the sanitizers of the compiler, leaks included."""

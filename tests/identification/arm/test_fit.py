@@ -63,6 +63,7 @@ def test_outliers_count_less(model, base):
         assert 0.03 < robust.outliers.dropped < 0.1
 
 
+@pytest.mark.study
 def test_deviations_count_correlated_noise(model, base):
     """Noise that is the mean of ten white ones has deviations √10 larger than its white formula where columns vary slowly."""
     arm, generator = model.arm, np.random.default_rng(7)

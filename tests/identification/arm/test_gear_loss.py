@@ -160,6 +160,7 @@ def test_a_log_without_noise_gives_the_truth(tmp_path, arm, variant):
     assert np.nanmin(found.fit.r2) > 0.9999
 
 
+@pytest.mark.study
 def test_a_fit_that_does_not_know_the_loss_is_wrong(arm, log):
     """What this is for: links far from the truth by their stated deviations."""
     known = aw.identification.identify_arm(log, arm, record=False, checks=())

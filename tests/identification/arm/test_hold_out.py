@@ -42,6 +42,7 @@ def arms(tmp_path_factory):
     return Arms(tmp_path_factory.mktemp("arms"))
 
 
+@pytest.mark.study
 def test_numbers_of_runs_held_out_are_those_of_validate_bit_by_bit(arms, tmp_path):
     log, arm = aw.identification.read_log(arms.logs["plain"]), arms.arms["plain"]
     found = aw.identification.identify_arm(log, arm)
@@ -98,6 +99,7 @@ def test_a_fit_worse_than_the_record_that_came_in_is_not_identified(arms, tmp_pa
     assert again.record.fits["fit"].verdict == "not identified"
 
 
+@pytest.mark.study
 def test_a_fit_better_than_a_wrong_record_is_identified(arms):
     """The same fit, beside a record without any friction."""
     found = aw.identification.identify_arm(

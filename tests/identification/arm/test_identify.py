@@ -66,6 +66,7 @@ def test_smoothing_speeds_go_with_friction_to_the_other_side(tmp_path):
     np.testing.assert_allclose(after, before, rtol=1e-14)
 
 
+@pytest.mark.study
 def test_kinematics_alone_are_enough(tmp_path):
     """The same log without masses, motors and friction of the record: base parameters are the same."""
     arm = aw.load("lwa4p")
@@ -86,6 +87,7 @@ def test_kinematics_alone_are_enough(tmp_path):
     assert again.bodies[3].mass > 0
 
 
+@pytest.mark.study
 def test_joint_that_rests_is_not_identified_and_said(tmp_path):
     arm = aw.load("lwa4p")
     log = aw.identification.read_log(write_log(tmp_path, arm, still=(5,)))
@@ -96,6 +98,7 @@ def test_joint_that_rests_is_not_identified_and_said(tmp_path):
     assert "joint6" in text or "link6" in text
 
 
+@pytest.mark.study
 def test_what_the_torque_lacks_is_read_from_the_log(tmp_path):
     arm = aw.load("lwa4p")
     floating = arm.replace(gravity=(0.0, 0.0, 0.0))

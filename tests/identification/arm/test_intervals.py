@@ -27,6 +27,7 @@ def cover(case: str, joints: int, seeds: int) -> tuple[float, float]:
     return float((np.abs(z) < 1.96).mean()), float(np.sqrt((z**2).mean()))
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("case", ["noise", "quantised", "both"])
 def test_few_seeds_of_a_small_arm(case):
     share, size = cover(case, 3, 3)
@@ -68,6 +69,7 @@ def drifting(
     return machine, read(path)
 
 
+@pytest.mark.study
 def test_friction_that_changes_widens_intervals_and_is_said(tmp_path):
     machine, log = drifting(tmp_path, 0.4)
     found = aw.identification.identify_arm(log, machine.arm, record=False, checks=())

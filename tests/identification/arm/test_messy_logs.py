@@ -105,7 +105,7 @@ WORN = {
     "beside": (beside, 0.002), "lost 5": (lost(0.05), 0.002), "repeated 5": (repeated(0.05), 0.002),
     "lost 20": (lost(0.2), 0.01), "repeated 20": (repeated(0.2), 0.01), "frozen": (frozen, 0.01), "jitter": (jittering, 0.002),
 }  # fmt: skip
-QUICK = ("beside", "lost 20", "frozen")
+QUICK = ("lost 20",)
 
 
 @pytest.mark.parametrize(

@@ -68,6 +68,7 @@ def test_every_method_finds_the_arm(arm, log, feedback, every, truth, method):
     assert (error < CLOSED.get(method, 0.6) * np.maximum(np.abs(truth[chosen]), 1.0)).all()
 
 
+@pytest.mark.study
 def test_instruments_are_nearer_to_the_truth_than_least_squares(arm, log, feedback, truth):
     errors = [
         np.abs(
@@ -117,6 +118,7 @@ def test_essential_leaves_out_what_the_log_hardly_tells(tmp_path):
     assert (found.fit.r2 > whole.r2 - 0.01).all()
 
 
+@pytest.mark.study
 def test_the_record_has_what_the_method_found(arm, log, feedback, tmp_path):
     """Links that are written predict as the instruments' base parameters, not as those of least squares."""
     found = aw.identification.identify_arm(log, arm, method="iv", feedback=feedback, **OPTIONS)

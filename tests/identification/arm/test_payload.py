@@ -38,6 +38,7 @@ def test_columns_are_those_of_the_arm_with_a_payload(arm):
     np.testing.assert_allclose(model.rows(q, qd, qdd) @ parameters, more, atol=1e-9)
 
 
+@pytest.mark.study
 def test_two_kilograms_within_one_per_cent_from_one_log(arm, tmp_path):
     log = moved(tmp_path, "loaded", arm.with_payload(MASS, COM, INERTIA), **NOISE)
     found = identify_payload(log, arm)

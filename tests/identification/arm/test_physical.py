@@ -106,6 +106,7 @@ def test_without_a_prior_both_agree():
     assert first.cost_free <= first.cost
 
 
+@pytest.mark.study
 def test_a_negative_rotor_inertia_is_never_silent():
     pytest.importorskip("cvxpy", reason="the extra `identify` is not installed")
     R, _, truth = problem(5, 0.01)

@@ -31,6 +31,7 @@ def problem(tmp_path_factory):
     return model, equations, fit_arm(equations, base_parameters(model))
 
 
+@pytest.mark.study
 def test_tx40(problem):
     pytest.importorskip("cvxpy", reason="the extra `identify` is not installed")
     model, equations, fit = problem

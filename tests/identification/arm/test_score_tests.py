@@ -105,6 +105,7 @@ def test_the_zero_of_a_vertical_axis_cannot_be_seen(tmp_path):
     assert sentences(tmp_path, "zero", joint=0) == []
 
 
+@pytest.mark.study
 def test_clean_logs_raise_no_alarm(tmp_path):
     assert [sentences(tmp_path, "", seed, share=0.02) for seed in range(3)] == [[], [], []]
 

@@ -5,11 +5,13 @@ from __future__ import annotations
 import importlib.util
 from pathlib import Path
 
+import pytest
 from scipy.stats import chi2
 
 PATH = Path(__file__).resolve().parents[3] / "tools" / "arm_seeds.py"
 
 
+@pytest.mark.study
 def test_errors_have_the_stated_covariance():
     """6 seeds of LWA 4P, short, with slow noise: few enough to be quick, enough to find a covariance that is wrong by a third."""
     spec = importlib.util.spec_from_file_location("arm_seeds", PATH)

@@ -197,6 +197,7 @@ def test_a_payload_on_a_coupled_wrist_is_found_from_currents(tmp_path, truth):
     assert found.fit["axis_5"]["r2"] > 0.99  # which the motor of axis_6 turns too
 
 
+@pytest.mark.study
 def test_friction_of_joints_of_a_coupled_wrist(tmp_path, truth, table):
     log = written_log(tmp_path, "drives", table, OF_DRIVES, f"joints = {NAMES}\ngears.matrix = {GEARS.tolist()}\n")
     found = aw.identification.identify_friction(log, truth, candidates=())

@@ -77,6 +77,7 @@ def test_it_beats_a_random_search(designed):
     assert designed.condition < 0.7 * best
 
 
+@pytest.mark.study
 def test_logdet_asks_for_more_information_than_condition(designed):
     other = aw.identification.design_excitation(
         arm("two-link"), cycle=5.0, harmonics=4, starts=3, criterion="logdet", limits=LIMITS
@@ -100,6 +101,7 @@ def test_the_smooth_criterion_bounds_the_condition_number(scaling):
         assert value == pytest.approx(-0.5 / size * np.linalg.slogdet(information)[1], rel=1e-8)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("name", ["two-link", "cmu-dd", "panda"])
 def test_the_traced_regressor_is_the_compiled_one(name):
     model = arm(name)

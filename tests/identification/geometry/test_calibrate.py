@@ -19,6 +19,7 @@ tiago = pytest.mark.skipif(
 )
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("kind", ["frame", "row"])
 def test_what_is_identifiable_is_the_rank_of_a_numerical_jacobian(kind, tmp_path):
     """Columns by central differences of the plain chain: the same rank, with every point and the tracker unknown."""
@@ -48,6 +49,7 @@ def test_what_is_identifiable_is_the_rank_of_a_numerical_jacobian(kind, tmp_path
     assert any("*" in name for name in found.fit.setting.grouped.names)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("kind", ["frame", "row"])
 def test_known_mistakes_are_found_within_their_intervals(kind, tmp_path):
     """Two seeds of each kind; tools/geometry_seeds.py has the table of many."""
@@ -120,6 +122,7 @@ def test_eccentric_gears_are_found_and_not_written(tmp_path):
         asked.write(tmp_path / "no.toml")
 
 
+@pytest.mark.study
 def test_links_that_bend_under_gravity_are_found():
     """A give of 2e-4 rad/(N m) at the shoulder of the PUMA, whose moments come from its masses by `gravity_torques`."""
     arm, real = aw.load("puma560", on_impossible="warn"), truth("row", 4)
@@ -136,6 +139,7 @@ def test_links_that_bend_under_gravity_are_found():
     assert value > 10 * std[found.estimate.number("shoulder joint compliance z")]
 
 
+@pytest.mark.study
 @tiago
 def test_tiago_is_predicted_better_than_by_an_independent_search(tmp_path):
     """Motion capture of 34 poses, held out in the same ten parts: Pinocchio's chain and SciPy's Levenberg-Marquardt of all

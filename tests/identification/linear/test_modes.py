@@ -42,6 +42,7 @@ def test_deviations_are_those_of_differences():
         assert each.std == pytest.approx(np.sqrt(slope @ covariance @ slope), rel=1e-5)
 
 
+@pytest.mark.study
 def test_zeros_and_their_deviations():
     a, b, deviations = np.poly([0.9, 0.6]), np.array([0.0, 0.2, -0.1]), []
     for seed in range(25):

@@ -47,6 +47,7 @@ def test_order_is_chosen():
         assert model.order == 3
 
 
+@pytest.mark.study
 def test_the_jackknife_tells_the_deviations():
     gain, squares = C @ np.linalg.solve(np.eye(3) - A, B) + D, []
     for seed in range(8):

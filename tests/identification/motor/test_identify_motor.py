@@ -92,6 +92,7 @@ def test_current_that_drives_tells_all_but_the_scale(tmp_path):
     assert found[PATHS["coulomb"]] == pytest.approx(TRUE["coulomb"], rel=0.2), "a current is not held from row to row"
 
 
+@pytest.mark.study
 def test_a_named_robot_keeps_its_file_and_gives_the_first_guess(tmp_path):
     log = write_log(tmp_path, 2)
     robot = true_record(tmp_path, R=2.0, J=5e-5)

@@ -55,6 +55,7 @@ def test_steps_that_end_at_rest_converge_fast(arm, monkeypatch):
     assert errors[2] < 5e-6
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("inductance", [1e-6, 4e-4, 4e-3], ids=["stiff", "real poles", "complex poles"])
 def test_a_winding_is_the_matrix_exponential(tmp_path, inductance):
     """Of a simulator on SciPy alone; the delay has a fraction, and the rotor stops, rests and breaks loose."""

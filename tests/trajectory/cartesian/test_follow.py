@@ -151,6 +151,7 @@ def test_a_motion_is_even_between_smooth_ends_and_its_derivatives_are_its_own():
     assert motion.breaks[-1] == pytest.approx(0.5 + motion.duration)
 
 
+@pytest.mark.study
 def test_limits_slow_the_whole_motion_or_are_named():
     model, path, near = arm("puma560"), corner("puma560"), HOME["puma560"]
     limits = aw.trajectories.MotionLimits.of(model, velocity=0.3, acceleration=2.0, jerk=30.0)

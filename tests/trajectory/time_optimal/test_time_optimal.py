@@ -66,6 +66,7 @@ def test_accelerations_go_on_smoothly_where_one_limit_is_active() -> None:
     assert jumps[first].max() < 0.02 * np.abs(after).max()
 
 
+@pytest.mark.study
 def test_many_waypoints_with_all_limits_of_the_motors() -> None:
     arm = aw.load("cmu-dd")
     limits = aw.trajectories.MotionLimits.of(arm, velocity=8.0, acceleration=80.0)
@@ -202,6 +203,7 @@ def test_more_costs_time_and_path_speeds_at_the_ends_save_some() -> None:
     np.testing.assert_allclose(second, 0.2)
 
 
+@pytest.mark.study
 def test_dry_friction_and_lossy_gears_are_known() -> None:
     arm = plain_arm(smoothing=0.02)
     path = random_path(arm, 0, 3)

@@ -58,6 +58,7 @@ def test_a_circle_is_gone_at_the_speed_of_its_centripetal_acceleration() -> None
     np.testing.assert_allclose(motion.x[inner], 3.0, rtol=2e-3)
 
 
+@pytest.mark.study
 @given(st.integers(0, 10**6), st.integers(2, 12))
 @settings(max_examples=25, deadline=None)
 def test_no_limit_is_exceeded_between_grid_points(seed: int, count: int) -> None:

@@ -200,6 +200,7 @@ def test_nothing_moves_before_all_is_checked(arm, motion, served, monkeypatch):
     assert [client.read(number, "torque_limit") for number in (1, 3)] == [1000, 1000]
 
 
+@pytest.mark.study
 def test_the_approach_is_slow_and_within_limits(arm, motion, served, monkeypatch):
     monkeypatch.setattr(
         "armwright.twin.serial.arm_servos.ServoClient", lambda port, model, patience: ServoClient(port, model, LONG)

@@ -61,6 +61,7 @@ class Clock:
         self.time = max(time, self.time)
 
 
+@pytest.mark.study
 def test_an_arm_is_identified_from_what_its_servos_measured(arm, port, tmp_path, monkeypatch):
     ticking = Clock()
     monkeypatch.setattr(

@@ -144,6 +144,7 @@ def test_raw_frames_drive_an_arm_in_lock_step(twin, tmp_path):
     checked(tmp_path / "1" / "run.scenario.toml", positions, 4096)
 
 
+@pytest.mark.study
 def test_six_servos_in_real_time(twin, tmp_path):
     end, lost = twin(6), 0
     port = open_port(tmp_path / "port")
