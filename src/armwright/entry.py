@@ -165,6 +165,18 @@ def expect(
         raise error(place=place, value=value, expected=expected)
 
 
+def expect_names(value: Any, place: str, error: type[ArmwrightError] = ArmwrightError) -> None:
+    """Refuses one text where a list of names is expected: each of its letters would be a name.
+
+    Args:
+        value: the argument.   place: what it is called.   error: that is raised.
+    Raises:
+        ArmwrightError: it is a text.
+    """
+    if isinstance(value, str):
+        raise error(place=place, value=value, expected="a list of names")
+
+
 def _as(kind: str, value: Any, place: str, *rest: Any) -> Any:
     entry = ENTRIES[kind]
     if isinstance(value, _found(entry.type)):

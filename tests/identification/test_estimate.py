@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import armwright as aw
-from armwright.errors import DescriptionError, ModelError, OutputError
+from armwright.errors import DescriptionError, IdentificationError, ModelError, OutputError
 
 NAMES = ("joint1.motor.resistance_ohm", "joint1.friction.viscous_n_m_s_per_rad", "link2.com_m[0]", "delay_s", "base3")
 COVARIANCE = np.diag([1e-4, 1e-6, 1e-4, 1e-8, 1.0])
@@ -137,6 +137,18 @@ def test_what_cannot_be_believed_is_refused_and_nothing_is_written(tmp_path: Pat
     assert not list(tmp_path.iterdir())
     with pytest.raises(OutputError):
         aw.identification.write_into("cmu-dd", estimate(), tmp_path / "a.csv")
+
+
+def test_the_path_of_a_part_of_a_number_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "own").mkdir()
+    robot = aw.robotfiles.write_toml(aw.load("two-link").record, tmp_path / "own" / "robot.toml")
+    link = aw.load(robot).record.links[0].name
+    wrong = estimate(names=(f"{link}.com_m.x",), values=[0.1], covariance=[[1e-4]])
+    for arm in ("two-link", robot):
+        with pytest.raises((IdentificationError, DescriptionError)) as error:
+            aw.identification.write_into(arm, wrong, tmp_path / "a.toml")
+        assert "com_m" in str(error.value)
+    assert [each.name for each in tmp_path.iterdir()] == ["own"]
 
 
 @pytest.mark.sample(1)

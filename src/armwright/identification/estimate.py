@@ -206,7 +206,7 @@ def write_into(
         path: of the file.
     Raises:
         OutputError: the file cannot be written.   DescriptionError: the robot is invalid, with these numbers or
-            without; then nothing is written.
+            without; then nothing is written.   IdentificationError: the path of no number.
     Example:
         >>> log = "examples/logs/lwa4p/lwa4p.log.toml"
         >>> fit = aw.identification.identify_friction(log, "lwa4p", candidates=())
@@ -336,6 +336,9 @@ def _set_number(parts: list[Any], record: RobotDescription, name: str, value: fl
         if part not in table:
             table[part] = tomlkit.inline_table() if isinstance(table, InlineTable) else tomlkit.table()
         table = table[part]
+        if not isinstance(table, Mapping):
+            expected = "the path of a number, such as link1.com_m[0]"
+            raise IdentificationError("no number of the robot", place="path", value=name, expected=expected)
     number: Any = float(f"{value:.12g}")
     deviation: Any = float(f"{std:.4g}") if np.isfinite(std) else None
     if index:

@@ -126,6 +126,13 @@ def test_a_search_that_cannot_be_is_refused(options):
     assert caught.value.place == next(iter(options))
 
 
+@pytest.mark.parametrize("place", ["runs", "signals"])
+def test_one_text_is_no_list_of_names(place):
+    with pytest.raises(LogError) as caught:
+        aw.identification.MotorReading(**{place: "qd"})
+    assert caught.value.place == place
+
+
 def test_a_delay_may_be_known_like_any_number(tmp_path):
     log = write_log(tmp_path, 0, rows=400)
     found = aw.identification.identify_motor(

@@ -6,6 +6,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from armwright.entry import expect_names
 from armwright.errors import IdentificationError
 
 
@@ -23,7 +24,7 @@ class FitRows:
     decimate: int | None = None
 
     def __post_init__(self) -> None:
-        _check_names("runs", self.runs)
+        expect_names(self.runs, "runs", IdentificationError)
 
 
 @dataclass(frozen=True)
@@ -43,11 +44,6 @@ class ArmTerms:
     fit_efficiency: Collection[str] | Literal["all"] = ()
 
     def __post_init__(self) -> None:
-        _check_names("springs", self.springs)
-        _check_names("lacks", self.lacks)
-        _check_names("fit_efficiency", None if self.fit_efficiency == "all" else self.fit_efficiency)
-
-
-def _check_names(place: str, value: object) -> None:
-    if isinstance(value, str):
-        raise IdentificationError(place=place, value=value, expected="a list of names")
+        lossy = None if self.fit_efficiency == "all" else self.fit_efficiency
+        for place, names in (("springs", self.springs), ("lacks", self.lacks), ("fit_efficiency", lossy)):
+            expect_names(names, place, IdentificationError)

@@ -11,7 +11,7 @@ import numpy as np
 
 from armwright.description.paths import path_name
 from armwright.description.robot import RobotDescription
-from armwright.entry import as_log, expect
+from armwright.entry import as_log, expect, expect_names
 from armwright.errors import LogError, ModelError
 from armwright.features import Support
 from armwright.identification.logs.log import Log
@@ -25,7 +25,7 @@ from armwright.identification.motor.held_out import judged
 from armwright.identification.motor.measured import MotorReading, measured, steady
 from armwright.identification.motor.output_error import DriveProblem
 from armwright.identification.motor.predictions import MARK
-from armwright.identification.motor.problem import MotorSearch, check_names, problem_of
+from armwright.identification.motor.problem import MotorSearch, problem_of
 from armwright.identification.motor.report import MotorFit
 from armwright.identification.motor.starting import given_numbers, names_to_fit, robot_of, starting_record
 from armwright.model.model import Model
@@ -175,7 +175,7 @@ def _check_rows(problem: DriveProblem, log: Log) -> None:
 
 
 def _check(free: Any, fixed: Mapping[str, Any], per_run: Sequence[str]) -> None:
-    check_names("free", free)
+    expect_names(free, "free", ModelError)
     if free is not None and not [name for name in free if name]:
         raise ModelError(place="free", value=list(free), expected="one name or more, or None: all that the record has")
     for name, value in fixed.items():

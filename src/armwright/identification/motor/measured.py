@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from armwright.entry import expect_names
 from armwright.errors import LogError
 from armwright.fitting.stretch import LogStretch
 from armwright.identification.logs.log import Log
@@ -85,6 +86,8 @@ class MotorReading:
     static: Log | str | os.PathLike[str] | None = None
 
     def __post_init__(self) -> None:
+        expect_names(self.runs, "runs", LogError)
+        expect_names(self.signals, "signals", LogError)
         if self.speed not in SPEEDS:
             raise LogError(place="speed", value=self.speed, choices=SPEEDS)
 

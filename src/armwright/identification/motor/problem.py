@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
 from armwright.description.paths import path_name, quantities, reading_at
 from armwright.description.robot import RobotDescription
+from armwright.entry import expect_names
 from armwright.errors import ModelError
 from armwright.identification.motor.drive_record import paths_of, value_at
 from armwright.identification.motor.guess import Guess
@@ -61,7 +62,7 @@ class MotorSearch:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        check_names("per_run", self.per_run)
+        expect_names(self.per_run, "per_run", ModelError)
         numbers = (
             ("starts", self.starts, 1, 1000),
             ("most_delay", self.most_delay, 0, 1000),
@@ -75,16 +76,6 @@ class MotorSearch:
 
 
 PWM = (None, "brake", "coast", "compare")
-
-
-def check_names(place: str, value: Any) -> None:
-    """Refuses one text where a list of names is expected.
-
-    Raises:
-        ModelError: names the place.
-    """
-    if isinstance(value, str):
-        raise ModelError(place=place, value=value, expected="a list of names")
 
 
 def problem_of(
