@@ -314,17 +314,16 @@ FAST = '[[segments]]\nkind = "time_optimal"\npoints = [[0.3, 0.3, 0, 0, 0, 0]]\n
 
 
 def test_a_limit_of_jerk_holds_beside_a_time_optimal_segment(tmp_path):
+    """Those of torque and voltage of the record hold beside it."""
     plan = planned(tmp_path, FAST + MOVE.format(""))
-    assert not plan.kept
-    assert plan.excesses()
-    assert all(each.startswith("segments[0] (time_optimal): joint") for each in plan.excesses())
-    assert any("its limit of jerk, 60 rad/s³, is not kept" in each for each in plan.excesses())
-    assert all("jerk" in each for each in plan.excesses())
-    assert "all limits" not in str(plan)
-    assert "no limit" not in str(plan).splitlines()[5].rpartition("rad/s³")[2].partition("N m")[0]  # of the jerk
-    move = plan.motion.motions[1].polynomial
+    assert plan.kept, plan.excesses()
+    assert "all limits that are known are kept" in str(plan)
+    fastest, move = (motion.polynomial for motion in plan.motion.motions)
+    assert 59.0 < fastest.largest(3).max() <= 60.0
     assert move.largest(3).max() == pytest.approx(60.0, rel=1e-9)  # the move is an S-curve at that limit
-    assert planned(tmp_path, FAST, FILE.replace("jerk = 60.0", "")).kept
+    free = planned(tmp_path, FAST, FILE.replace("jerk = 60.0", ""))
+    assert free.kept
+    assert free.motion.duration < fastest.breaks[-1] - fastest.breaks[0]
 
 
 @pytest.mark.sample(1)
@@ -339,7 +338,7 @@ def test_a_limit_of_jerk_holds_beside_a_time_optimal_segment(tmp_path):
         (POINTS, "waypoints", True),
         (POINTS + 'curve = "quintic"\n', "waypoints", False),
         (POINTS + 'curve = "parabolic"\n', "waypoints", True),
-        (FAST, "time_optimal", True),
+        (FAST, "time_optimal", False),
     ],
 )
 def test_each_segment_that_breaks_a_limit_is_named(tmp_path, segment, kind, jumps):

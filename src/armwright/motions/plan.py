@@ -334,10 +334,7 @@ class _Planning:
         points = np.vstack([self.q, through(segment.points, self.arm)])
         if isinstance(segment, TimeOptimalSegment):
             held = self.payloads[-1] if self.payloads and self.payloads[-1].mass > 0.0 else None
-            limits = self.limits
-            if np.isfinite([limits.torque, limits.voltage]).any():
-                limits = limits.replace(jerk=np.inf)  # which it cannot keep beside them; the report names it
-            return time_optimal(self.arm, points, limits, payload=held, grid=segment.grid, time=self.time)
+            return time_optimal(self.arm, points, self.limits, payload=held, grid=segment.grid, time=self.time)
         return self.waypoints(segment, points)
 
     def doubts(self, k: int, segment: Any) -> list[str]:

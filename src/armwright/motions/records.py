@@ -24,9 +24,7 @@ class LimitsTable(Record):
     position: Any = optional("One number to either side, or lower and upper of every joint [rad | m].")
     velocity: PerJoint | None = optional("[rad/s | m/s].")
     acceleration: PerJoint | None = optional("[rad/s² | m/s²].")
-    jerk: PerJoint | None = optional(
-        "[rad/s³ | m/s³]; not kept by parabolic blends and trapezoids, nor by time_optimal beside torque or voltage."
-    )
+    jerk: PerJoint | None = optional("[rad/s³ | m/s³]; not kept by parabolic blends and trapezoids.")
     torque: PerJoint | None = optional("Of the motors, referred to the joints [N m | N].")
     voltage: PerJoint | None = optional("Of the motors [V].")
 

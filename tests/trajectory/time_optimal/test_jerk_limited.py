@@ -10,6 +10,7 @@ from scipy.spatial import KDTree
 
 import armwright as aw
 from armwright.errors import ScenarioError
+from armwright.model import build_model
 from armwright.trajectory.limits import MotionLimits
 from armwright.trajectory.time_optimal.jerk_limited import SpeedProblem
 
@@ -74,6 +75,73 @@ def test_limits_hold_between_grid_points_along_the_same_path(seed: int, count: i
     assert KDTree(path.at(s)[0]).query(q)[0].max() < 0.51 * path.length / 40_000 * np.abs(path.at(s)[1]).max() * ARM.n
     free = aw.trajectories.time_optimal(ARM, path, limits.replace(jerk=np.inf))
     assert motion.duration > 0.996 * free.duration  # whose limits between grid points are kept by a bound
+
+
+def judged(motion: Any, arm: Any, limits: MotionLimits, payload: Any = None) -> dict[str, float]:
+    """Largest parts of limits at many times of every piece, by the arm's own dynamics."""
+    loaded = arm if payload is None else arm.with_payload(payload.mass, payload.com, payload.inertia, payload.frame)
+    dyn, parts = aw.compile(loaded), np.linspace(0.0, 1.0, 16)[:-1]
+    t = (motion.breaks[:-1, None] + np.diff(motion.breaks)[:, None] * parts).ravel()
+    q, qd, qdd = motion.at(t)
+    tau = dyn.inverse_dynamics(q, qd, qdd)
+    found = {"velocity": qd, "acceleration": qdd, "torque": tau}
+    found["jerk"] = motion.polynomial.derivative().derivative().at(t)[1]
+    if np.isfinite(limits.voltage).any():
+        found["voltage"] = dyn.motor_voltage(qd, tau)
+    return {name: float((np.abs(values) / getattr(limits, name)).max()) for name, values in found.items()}
+
+
+@pytest.mark.parametrize(
+    ("name", "seed"), [pytest.param("cmu-dd", 4), pytest.param("panda", 25), *(
+        pytest.param(name, seed, marks=pytest.mark.study) for name in ("cmu-dd", "panda") for seed in range(12)
+    )]
+)  # fmt: skip
+def test_torques_and_voltages_hold_beside_jerk(name: str, seed: int) -> None:
+    """With their friction, with limits of acceleration for some, and with a payload for some."""
+    draw, arm = np.random.default_rng(seed), aw.load(name)
+    payload = aw.Payload(0.0, mass=draw.uniform(0.1, 1.0), com=(0.0, 0.0, 0.02)) if seed % 3 == 1 else None
+    points = draw.uniform(-0.8, 0.8, (draw.integers(2, 7), arm.n)) * (draw.random(arm.n) < 0.85)
+    points[:, 0] += np.arange(len(points)) / 10.0
+    limits = MotionLimits.of(arm, position=1e6)
+    limits = limits.replace(acceleration=draw.uniform(3.0, 20.0)) if seed % 2 else limits
+    free = aw.trajectories.time_optimal(arm, points, limits, payload=payload)
+    for jerk in (1e7, 30.0 * np.abs(points).max() / free.duration**2):
+        limited = limits.replace(jerk=jerk)
+        motion = aw.trajectories.time_optimal(arm, points, limited, payload=payload)
+        found = judged(motion, arm, limited, payload)
+        assert motion.excess <= 0.0
+        assert max(found.values()) < 1.0 + 1e-6, found
+        assert max(found.values()) > 0.995, found
+        assert motion.duration > 0.996 * free.duration
+        assert jerk < 1e7 or motion.duration < 1.02 * free.duration
+
+
+def dry(part: float) -> Any:
+    """`cmu-dd` with dry friction, as a part of the torque that its motors have."""
+    arm = aw.load("cmu-dd")
+    joints = (
+        joint.replace(friction=joint.friction.replace(coulomb_positive_n_m=c, coulomb_negative_n_m=c))
+        for joint, c in zip(arm.record.joints, part * MotionLimits.of(arm).torque, strict=True)
+    )
+    return build_model(arm.record.replace(joints=tuple(joints)))
+
+
+def test_dry_friction_that_jumps_at_turns_keeps_a_motion_within_its_limits() -> None:
+    arm, points = dry(0.2), turns(6, 5)
+    limits = MotionLimits.of(arm, position=1e6, jerk=3000.0)
+    motion = aw.trajectories.time_optimal(arm, points, limits)
+    assert 0.99 < max(judged(motion, arm, limits).values()) < 1.0 + 1e-6
+    assert motion.duration < 1.03 * aw.trajectories.time_optimal(arm, points, limits.replace(jerk=np.inf)).duration
+
+
+def test_a_motion_that_slower_would_take_more_torque_than_there_is_is_refused() -> None:
+    """Near its end it falls short of what gravity and friction take, and gets there by slowing down."""
+    arm, points = dry(0.3), turns(6, 5)
+    limits = MotionLimits.of(arm, position=1e6)
+    assert aw.trajectories.time_optimal(arm, points, limits).duration < 10.0
+    with pytest.raises(ScenarioError) as caught:
+        aw.trajectories.time_optimal(arm, points, limits.replace(jerk=3000.0))
+    assert caught.value.place == "limits.jerk"
 
 
 def test_accelerations_are_continuous_and_nothing_at_both_ends() -> None:
@@ -142,7 +210,6 @@ def test_derivatives_of_the_problem_are_differences() -> None:
 @pytest.mark.parametrize(
     ("changes", "options", "place"),
     [
-        ({"torque": 50.0}, {}, "limits.jerk"),
         ({}, {"rms_torque": 50.0}, "limits.jerk"),
         ({}, {"speeds": (0.1, 0.0)}, "speeds"),
         ({"acceleration": np.inf}, {}, "limits"),

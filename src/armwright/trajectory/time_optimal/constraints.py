@@ -159,18 +159,24 @@ class PathLimits:
 
     def tangents(self, x: np.ndarray, shares: Shares, least: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Limits  a s̈ + b x ≤ c  that are true near x (m,), of which less than `least` counts as that: each (m, r)."""
-        beside = BESIDE * np.maximum(x, least)
-        levels = np.stack([np.maximum(x - beside, 0.0), x + beside], axis=1)
         limited = np.isfinite(self.limits.acceleration)
         most = (self.limits.acceleration * shares["acceleration"])[:, limited]
         first, second = self.first[:, limited], self.second[:, limited]
         rows = [(first, second, most), (-first, -second, most)]
         if self.has_torques:
-            for sign, room in zip((-1.0, 1.0), self._inertial_torque_bounds(levels, shares), strict=True):
-                inner = np.isfinite(room).all(axis=(0, 1))
-                room = sign * room[..., inner]
-                slope = (room[:, 1] - room[:, 0]) / np.diff(levels)
-                rows.append((sign * self._inertia[:, 0, inner], -slope, room[:, 0] - slope * levels[:, :1]))
+            rows.append(self.torque_tangents(x, shares, least))
+        a, b, c = (np.concatenate(each, axis=1) for each in zip(*rows, strict=True))
+        return a, b, c
+
+    def torque_tangents(self, x: np.ndarray, shares: Shares, least: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Of `tangents` those of torques and voltages."""
+        beside = BESIDE * np.maximum(x, least)
+        levels, rows = np.stack([np.maximum(x - beside, 0.0), x + beside], axis=1), []
+        for sign, room in zip((-1.0, 1.0), self._inertial_torque_bounds(levels, shares), strict=True):
+            inner = np.isfinite(room).all(axis=(0, 1))
+            room = sign * room[..., inner]
+            slope = (room[:, 1] - room[:, 0]) / np.diff(levels)
+            rows.append((sign * self._inertia[:, 0, inner], -slope, room[:, 0] - slope * levels[:, :1]))
         a, b, c = (np.concatenate(each, axis=1) for each in zip(*rows, strict=True))
         return a, b, c
 

@@ -2,8 +2,9 @@
 
 s(t) is a cubic spline, C², through fixed places of the path. Unknown are the durations of its pieces, and ṡ and s̈ at the places.
 The limits hold for the coefficients, in Bernstein's basis, of the polynomials through q̇, q̈ and q⃛ at both ends of each piece, so
-that little is left to exceed them between. An interior-point method finds a local optimum; a moving average of the fastest motion
-without a limit of jerk, over a window of time, is the start.
+that little is left to exceed them between. Limits of torque and voltage are tangents in ṡ² at the places, taken again at what was
+found. An interior-point method finds a local optimum; a moving average of the fastest motion without a limit of jerk, over a
+window of time, is the start.
 """
 
 from __future__ import annotations
@@ -13,15 +14,15 @@ from itertools import islice
 
 import numpy as np
 from scipy.interpolate import PPoly, make_interp_spline
-from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
 from armwright.errors import ScenarioError
+from armwright.kernels.compiled import CompiledArm
 from armwright.trajectory.interior_point import Combined, Terms, iterates
 from armwright.trajectory.limits import MotionLimits
 from armwright.trajectory.path import JointPath
+from armwright.trajectory.time_optimal.path_use import OF_MOTORS, ORDERS, PathUse
 from armwright.trajectory.time_optimal.timing import PathTiming
 
-ORDERS = {"velocity": 1, "acceleration": 2, "jerk": 3}
 PIECES, FEWEST = 24, 6  # between two breaks of the path on average; between any two breaks
 ALONG, LEAST = 40.0, (160, 400)  # pieces within the moving average; of a path at least, by how short that is
 WINDOWS = np.geomspace(2e-3, 2.9, 14)  # of the duration: lengths of the moving average
@@ -33,11 +34,11 @@ LAST, SETTLED = 3, 3e-4  # steps, and the part of the duration that they change 
 SMOOTH = 5e-3  # of s̈ that may jump before the spline is made
 LEFT, ENOUGH = 1e-3, 2e-4  # of limits before the first step; part of the duration that is not looked for
 CONVEX = 0.02  # least added curvature, in parts
-REPAIRS, AROUND = 6, 8  # of what exceeds limits between places; pieces to either side that are passed slower
+REPAIRS = 6  # of what exceeds limits between places
+TANGENTS, LOWER = 6, 0.02  # of torques and voltages: how often they are taken, and the first barrier in later rounds
+SHRUNK, GOOD = 1.05, 1.01  # times the excess; times the duration of what keeps limits at places alone
+BESIDE, FAR = 0.02, -1e6  # of a piece; of a limit, in place of a lower one where there is none
 THIRD = 1.0 / 3.0
-LOOKED = np.linspace(0.0, 1.0, 9)  # of a piece's time
-ROUNDING = 1e-7  # of the duration
-ZOOMS = 3  # about each peak that may be the largest
 
 
 def has_jerk_limits(path: JointPath, limits: MotionLimits) -> bool:
@@ -46,12 +47,13 @@ def has_jerk_limits(path: JointPath, limits: MotionLimits) -> bool:
 
 
 def jerk_limited(
-    path: JointPath, limits: MotionLimits, fastest: PathTiming
+    path: JointPath, limits: MotionLimits, fastest: PathTiming, dyn: CompiledArm | None = None
 ) -> tuple[PathTiming, dict[str, np.ndarray]]:
-    """The fastest s(t) that was found within limits of velocity, acceleration and jerk, from rest to rest with s̈ = 0.
+    """The fastest s(t) that was found within all limits, from rest to rest with s̈ = 0.
 
     Args:
         path: C².   limits: of the joints.   fastest: without a limit of jerk.
+        dyn: the compiled arm; None where neither torques nor voltages are limited.
     Returns:
         timing: its s̈ is continuous, and 0 at both ends.
         used: by quantity (m - 1, n) the largest part of its limit that each joint uses in a piece.
@@ -59,32 +61,81 @@ def jerk_limited(
         ScenarioError: nothing was found.
     """
     second = float(fastest.durations.sum())  # the unit of time, for limits of any size
-    scaled = {name: getattr(limits, name) * second**order for name, order in ORDERS.items()}
     with np.errstate(all="ignore"):  # numbers that are not finite end the search
-        timing, used = _planned(path, replace(limits, **scaled), fastest.slowed(1.0 / second))
-    if not np.isfinite(timing.durations).all():
-        expected = "other limits, or jerk = inf"
-        raise ScenarioError("no motion within the limits of jerk was found", place="limits.jerk", expected=expected)
+        timing, used = _planned(PathUse.of(path, limits, dyn, second), fastest.slowed(1.0 / second))
+    if not np.isfinite(timing.durations).all() or max(float(each.max()) for each in used.values()) > 1.0:
+        raise _nothing_found()
     return timing.slowed(second), used
 
 
-def _planned(path: JointPath, limits: MotionLimits, fastest: PathTiming) -> tuple[PathTiming, dict[str, np.ndarray]]:
-    """As `jerk_limited`, with times near 1."""
-    s, start = _start(path, limits, fastest)
-    problem = SpeedProblem.of(path, limits, s, start)
-    first, best = problem.within(problem.unknowns(start)), _through(s, start[:-1, 0])
+def _nothing_found() -> ScenarioError:
+    expected = "other limits, or jerk = inf"
+    return ScenarioError("no motion within the limits of jerk was found", place="limits.jerk", expected=expected)
+
+
+def _planned(use: PathUse, fastest: PathTiming) -> tuple[PathTiming, dict[str, np.ndarray]]:
+    """As `jerk_limited`, with times near 1.
+
+    Where torques matter, turns are among the places, as dry friction jumps there. Where that ends in nothing good, places are
+    twice as many, and turns are not among them.
+    """
+    tried: list[PathTiming] = []
+    for with_turns, finer in ((False, 1),) if use.dyn is None else ((True, 1), (True, 2), (False, 1)):
+        best, least = _found(use, fastest, with_turns, finer)
+        tried.append(best)
+        if best.durations.sum() < GOOD * least:
+            break
+    return use.kept(min(tried, key=lambda each: each.durations.sum()))
+
+
+def _found(use: PathUse, fastest: PathTiming, with_turns: bool, finer: int) -> tuple[PathTiming, float]:
+    """A motion that keeps the limits at some times of every piece, and the duration of the one that does so at places."""
+    s, start = _start(use, fastest, with_turns, finer)
+    if not np.isfinite(start).all():  # slower motions take more torque than there is
+        raise _nothing_found()
+    problem = SpeedProblem.of(use.path, use.limits, s, start)
+    y, best = problem.within(problem.unknowns(start)), use.within(_through(s, start[:-1, 0]))
     far = float(start[:-1, 0].sum() / fastest.durations.sum()) - 1.0
     barrier = float(np.interp(far, *BARRIERS))
-    best = best.slowed(_factor(_sampled_use(path, limits, best).max(axis=0)))
-    spans = problem.unit / _optimised(problem, first, barrier)[problem.rates]
+    if use.dyn is None:
+        spans = problem.unit / _optimised(problem, y, barrier)[problem.rates]
+        least = float(spans.sum())
+    else:
+        spans, least = _within_torques(use, problem, s, y, barrier)
     for _ in range(REPAIRS):
         found = _through(s, spans)
-        used = _sampled_use(path, limits, found)
-        best = min(best, found.slowed(_factor(used.max(axis=0))), key=lambda each: each.durations.sum())
+        best = min(best, use.within(found), key=lambda each: each.durations.sum())
         if best.durations.sum() < (1.0 + ENOUGH) * spans.sum():
             break
-        spans = spans * _locally_slower(used)
-    return _kept(path, limits, best)
+        spans = spans * use.locally_slower(use.sampled(found))
+    return best, least
+
+
+def _within_torques(
+    use: PathUse, problem: SpeedProblem, s: np.ndarray, y: np.ndarray, barrier: float
+) -> tuple[np.ndarray, float]:
+    """Durations (m - 1,) of pieces within tangents of torques and voltages, taken again at what was found, and their least sum.
+
+    What a motion exceeds between places is taken off the limits at both.
+    """
+    best, shares, fastest, least = problem.unit / y[problem.rates], np.ones((len(s), use.path.n)), np.inf, np.inf
+    for count in range(TANGENTS):
+        limited, start = problem.with_torques(use, s, y, shares)
+        if not np.isfinite(1.0 / start[problem.rates]).all():  # limits so small that they no longer hold the arm
+            break
+        y = _optimised(limited, start, min(barrier, LOWER) if count else barrier)
+        found = _through(s, problem.unit / y[problem.rates])
+        kept, least = float(use.within(found).durations.sum()), min(least, float(found.durations.sum()))
+        if kept < fastest:
+            best, fastest = found.durations, kept
+        if count and kept < (1.0 + ENOUGH) * found.durations.sum():
+            break
+        used = use.by_name(use.peaks(found))
+        excess = np.max([each - 1.0 for name, each in used.items() if name in OF_MOTORS], axis=0).clip(0.0)
+        factor = 1.0 / (1.0 + SHRUNK * excess)
+        shares[:-1] *= factor
+        shares[1:] *= factor
+    return best, least
 
 
 def _optimised(problem: SpeedProblem, first: np.ndarray, barrier: float) -> np.ndarray:
@@ -110,6 +161,8 @@ class SpeedProblem:
         rows: by quantity q', q'' and q''' over its limit, each (2, n, m - 1) at the beginnings and the ends of pieces.
         limited_joints: by quantity (n,) those that have a limit; the others are left out of the rows.
         fastest: (m,) largest ṡ.   size: of s̈.   unit: [s].   length: of s.
+        torques: a, b and c (r, p) of limits  a s̈ + b ṡ² ≤ c  beside places, in parts of the largest c, and the numbers (p,) of
+            the rates there.
     """
 
     way: np.ndarray
@@ -119,6 +172,7 @@ class SpeedProblem:
     size: float
     unit: float
     length: float
+    torques: tuple[np.ndarray, ...] = ()
     band: int = 5
 
     @classmethod
@@ -149,7 +203,26 @@ class SpeedProblem:
     def within(self, y: np.ndarray) -> np.ndarray:
         """Unknowns, as much slower as a whole as keeps all limits with a little left."""
         factor = max(float(np.abs(each.value / each.most).max()) ** (1.0 / order) for order, each in self._terms(y))
-        factor = max(factor * (1.0 + LEFT), 1.0)
+        return self.slower(y, max(factor * (1.0 + LEFT), 1.0))
+
+    def with_torques(
+        self, use: PathUse, s: np.ndarray, y: np.ndarray, shares: np.ndarray
+    ) -> tuple[SpeedProblem, np.ndarray]:
+        """With tangents of torques and voltages at unknowns, which are made slower as a whole until they keep shares (m, n)."""
+        # on either side of a place, as near to it as the sign of dry friction is that of the piece
+        piece = np.diff(s)
+        k = np.tile(np.arange(1, len(s) - 1), 2)
+        s = np.concatenate([s[1:-1] - BESIDE * piece[:-1], s[1:-1] + BESIDE * piece[1:]])
+        rate = self.length / self.unit
+        speed, sdd, none = rate * y[1::3][k], rate / self.unit * y[2::3][k], np.zeros_like(s)
+        factor = max(use.slowing(s, speed, sdd, none, none[:, None], shares[k]) * (1.0 + LEFT), 1.0)
+        a, b, c = use.lines(s, speed / factor, shares[k])
+        size = np.abs(c).max(axis=1, keepdims=True)
+        torques = a / size * rate / self.unit, b / size * rate**2, c / size, 3 * k
+        return replace(self, torques=torques), self.slower(y, factor)
+
+    def slower(self, y: np.ndarray, factor: float) -> np.ndarray:
+        """Unknowns of the motion that takes as much longer."""
         return y / np.tile([factor, factor, factor**2], len(y) // 3)
 
     def jumps(self, y: np.ndarray) -> float:
@@ -190,8 +263,14 @@ class SpeedProblem:
         return [mean, terms(change, (12.0 * d * x - 3.0 * (v + w), -3.0 * x, -half, -3.0 * x, half), curves)]
 
     def limited(self, y: np.ndarray) -> list[Combined]:
-        """Bernstein coefficients of q̇, q̈ and q⃛ in every piece, and ṡ at the places between both ends."""
-        return [each for _, each in self._terms(y)]
+        """Bernstein coefficients of q̇, q̈ and q⃛ in every piece; ṡ and tangents of torques at the places between both ends."""
+        found = [each for _, each in self._terms(y)]
+        if self.torques:
+            a, b, c, at = self.torques
+            v, sdd = y[at + 1], y[at + 2]
+            first, second = ({1: 2.0 * v}, {0: 1.0}), {(0, 0): {1: 2.0}}
+            found.append(Combined((a, b), (sdd, v * v), (at + 1, at + 2), first, second, c, FAR))
+        return found
 
     def _terms(self, y: np.ndarray) -> list[tuple[int, Combined]]:
         """Limited terms, each with the power of time in them."""
@@ -262,12 +341,12 @@ def _jerk(
 KINDS = (("velocity", _velocity), ("acceleration", _acceleration), ("acceleration", _inner), ("jerk", _jerk))
 
 
-def _start(path: JointPath, limits: MotionLimits, fastest: PathTiming) -> tuple[np.ndarray, np.ndarray]:
+def _start(use: PathUse, fastest: PathTiming, with_turns: bool, finer: int) -> tuple[np.ndarray, np.ndarray]:
     """Places s (m,), and durations of the pieces after them, ṡ and s̈ there (m, 3), of the shortest moving average within limits.
 
     The places are even in time between any two breaks of the path, where q''' jumps.
     """
-    whole = float(fastest.durations.sum())
+    path, whole = use.path, float(fastest.durations.sum())
     times = np.concatenate([[0.0], np.cumsum(fastest.durations)])
     moving = np.stack([fastest.jerks / 6.0, 0.5 * fastest.accelerations, fastest.speeds[:-1], fastest.s[:-1]])
     at_rest = np.zeros((4, 1)), np.array([[0.0], [0.0], [0.0], [path.length]])
@@ -283,24 +362,26 @@ def _start(path: JointPath, limits: MotionLimits, fastest: PathTiming) -> tuple[
         # in the middle of even parts: at a place itself rounding may take s̈ from either side
         t = (np.arange(len(times)) + 0.5) / len(times) * (whole + window) - 0.5 * window
         s, speed, sdd, jerk = averaged(t, window)
-        factor = max(
-            float(each.max()) ** (1.0 / ORDERS[name])
-            for name, each in _parts(path, limits, s, path.derivative(s, 3), speed, sdd, jerk).items()
-        )
+        factor = use.slowing(s, speed, sdd, jerk, path.derivative(s, 3))
         return factor * (whole + window), window, factor
 
     _, window, factor = min(duration(whole * float(part)) for part in WINDOWS)
     t = np.linspace(-0.5 * window, whole + 0.5 * window, 4 * len(times))
-    passes = np.interp(path.breaks, averaged(t, window)[0], t)
+    passed = averaged(t, window)[0]
+    passes = np.interp(path.breaks, passed, t)
     share = np.diff(passes) / (passes[-1] - passes[0])
     least = np.clip(ALONG * whole / window, *LEAST)
-    pieces = np.maximum(np.ceil(max(PIECES * len(share), least) * share).astype(int), FEWEST)
+    pieces = np.maximum(np.ceil(finer * max(PIECES * len(share), least) * share).astype(int), FEWEST)
     numbers = np.concatenate([[0], np.cumsum(pieces)])
-    t = np.interp(np.arange(numbers[-1] + 1), numbers, passes)
-    s, speed, sdd, _ = averaged(t, window)
-    s[numbers] = path.breaks
+    places = np.interp(np.arange(numbers[-1] + 1), numbers, passes)
+    turns = np.interp(path.turns, passed, t)
+    nearest = np.searchsorted(0.5 * (places[1:] + places[:-1]), turns)
+    own = ~np.isin(nearest, numbers) & (np.diff(nearest, prepend=-1) > 0) & with_turns
+    places[nearest[own]] = turns[own]
+    s, speed, sdd, _ = averaged(places, window)
+    s[numbers], s[nearest[own]] = path.breaks, path.turns[own]
     speed[[0, -1]] = sdd[[0, -1]] = 0.0
-    return s, np.stack([np.append(factor * np.diff(t), 1.0), speed / factor, sdd / factor**2], axis=1)
+    return s, np.stack([np.append(factor * np.diff(places), 1.0), speed / factor, sdd / factor**2], axis=1)
 
 
 def _through(s: np.ndarray, spans: np.ndarray) -> PathTiming:
@@ -319,76 +400,3 @@ def _through(s: np.ndarray, spans: np.ndarray) -> PathTiming:
     s[[1, -2]] = spline(times[[1, -2]])
     speed = np.append(np.append(0.0, spline(times[1:-1], 1)), 0.0)
     return PathTiming(s, np.maximum(speed, 0.0) ** 2, spans=spans)
-
-
-def _parts(
-    path: JointPath,
-    limits: MotionLimits,
-    s: np.ndarray,
-    third: np.ndarray,
-    speed: np.ndarray,
-    sdd: np.ndarray,
-    jerk: np.ndarray,
-) -> dict[str, np.ndarray]:
-    """By quantity the part of its limit (…, n) that each joint uses; s, ṡ, s̈ and s⃛ (…), q''' (…, n)."""
-    _, first, second = path.at(s)
-    speed, sdd, jerk = speed[..., None], sdd[..., None], jerk[..., None]
-    return {
-        "velocity": np.abs(first * speed) / limits.velocity,
-        "acceleration": np.abs(first * sdd + second * speed**2) / limits.acceleration,
-        "jerk": np.abs(first * jerk + 3.0 * second * speed * sdd + third * speed**3) / limits.jerk,
-    }
-
-
-def _used(
-    path: JointPath, limits: MotionLimits, timing: PathTiming, pieces: np.ndarray, parts: np.ndarray
-) -> np.ndarray:
-    """Parts of limits (p, k, 3 n) in pieces (p,) after parts (p, k) of their times."""
-    s, speed, sdd = timing.at(pieces[:, None], parts * timing.durations[pieces, None])
-    third = path.derivative(0.5 * (timing.s[pieces] + timing.s[pieces + 1]), 3)[:, None]
-    jerk = np.broadcast_to(timing.jerks[pieces, None], s.shape)
-    return np.concatenate(list(_parts(path, limits, s, third, speed, sdd, jerk).values()), axis=2)
-
-
-def _sampled_use(path: JointPath, limits: MotionLimits, timing: PathTiming) -> np.ndarray:
-    """Largest parts of limits (m - 1, 3 n) at some times of every piece."""
-    pieces = np.arange(len(timing.s) - 1)
-    return _used(path, limits, timing, pieces, np.tile(LOOKED, (len(pieces), 1))).max(axis=1)
-
-
-def _locally_slower(used: np.ndarray) -> np.ndarray:
-    """(m - 1,) smooth factors of durations, above 1 around pieces that use more than a limit: parts (m - 1, 3 n)."""
-    most = [
-        part.max(axis=1) ** (1.0 / order)
-        for order, part in zip(ORDERS.values(), np.split(used, 3, axis=1), strict=True)
-    ]
-    excess = maximum_filter1d(np.maximum(np.max(most, axis=0) - 1.0, 0.0), 2 * AROUND + 1, mode="nearest")
-    return 1.0 + uniform_filter1d(uniform_filter1d(excess, AROUND, mode="nearest"), AROUND, mode="nearest")
-
-
-def _factor(most: np.ndarray) -> float:
-    """By how much slower the largest parts of limits (3 n,) are 1."""
-    return max(
-        float(each.max()) ** (1.0 / order) for order, each in zip(ORDERS.values(), np.split(most, 3), strict=True)
-    )
-
-
-def _kept(path: JointPath, limits: MotionLimits, timing: PathTiming) -> tuple[PathTiming, dict[str, np.ndarray]]:
-    """The timing, slower as a whole so that it keeps the limits at all times, and its use of them; see `jerk_limited`."""
-    pieces = np.arange(len(timing.s) - 1)
-    rows = _used(path, limits, timing, pieces, np.tile(LOOKED, (len(pieces), 1)))
-    most = rows.max(axis=1)
-    bent = np.abs(np.diff(rows, 2, axis=1)).max(axis=1)  # eight times what a parabola rises above its samples
-    beyond = np.repeat([_factor(most.max(axis=0)) ** order for order in ORDERS.values()], path.n)
-    piece, column = np.nonzero(most + bent >= beyond)
-    begin, end = np.zeros(len(piece)), np.ones(len(piece))
-    for _ in range(ZOOMS if len(piece) else 0):
-        parts = begin[:, None] + (end - begin)[:, None] * np.linspace(0.0, 1.0, 17)
-        values = _used(path, limits, timing, piece, parts)[np.arange(len(piece)), :, column]
-        np.maximum.at(most, (piece, column), values.max(axis=1))
-        k = values.argmax(axis=1)
-        rows = np.arange(len(piece))
-        begin, end = parts[rows, np.maximum(k - 1, 0)], parts[rows, np.minimum(k + 1, parts.shape[1] - 1)]
-    factor = _factor(most.max(axis=0)) * (1.0 + ROUNDING)
-    used = zip(ORDERS.items(), np.split(most, 3, axis=1), strict=True)
-    return timing.slowed(factor), {name: each / factor**order for (name, order), each in used}

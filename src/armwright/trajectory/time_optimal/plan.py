@@ -10,7 +10,7 @@ import numpy as np
 from armwright.collision import Clearance
 from armwright.entry import AnyArm, as_arm
 from armwright.errors import ScenarioError
-from armwright.kernels.compiled import KERNELS, compile_arm
+from armwright.kernels.compiled import KERNELS, CompiledArm, compile_arm
 from armwright.model import Model
 from armwright.model.changes import without_servos
 from armwright.model.payload import Payload
@@ -29,7 +29,7 @@ from armwright.trajectory.time_optimal.feasibility import (
 from armwright.trajectory.time_optimal.heat import cooled
 from armwright.trajectory.time_optimal.jerk_limited import has_jerk_limits, jerk_limited
 from armwright.trajectory.time_optimal.motion import PathMotion
-from armwright.trajectory.time_optimal.planner import Planner
+from armwright.trajectory.time_optimal.planner import Planner, largest
 from armwright.trajectory.time_optimal.timing import PathTiming
 from armwright.trajectory.time_optimal.whole_cells import WholeCells
 
@@ -67,9 +67,8 @@ def time_optimal(
     settles, it is judged on a denser grid; limits that it exceeds there are shrunk, and it is made again. Friction may forbid
     speeds between lower and higher ones: no plan passes through them, but one that begins below may miss a way above.
 
-    Accelerations jump, unless limits of jerk are stated beside those of velocity and acceleration, for motions from rest to rest:
-    then q̈ is continuous, 0 at both ends, and |q⃛| stays below its limit, in a local optimum. With limits of torque or voltage,
-    jerk cannot be limited.
+    Accelerations jump, unless limits of jerk are stated, for motions from rest to rest: then q̈ is continuous, 0 at both ends, and
+    |q⃛| stays below its limit beside all others, in a local optimum.
 
     The motors' heat over the whole motion, √(∫ tau² dt / T) ≤ `rms_torque`, is kept by an outer search over plans within less
     torque, each played as slowly as it takes: for a mass on a straight line 7.5 % longer than the fastest there is.
@@ -138,13 +137,9 @@ def _planned(
         cells = WholeCells.of(path, limits, grid)
         timing = PathTiming(cells.s, cells.fastest(ends), ramps=False)
         if has_jerk_limits(path, limits):
-            timing, used = jerk_limited(path, limits, timing)
-        else:
-            used = cells.used(timing.x)
-        excess = max(float(each.max()) for each in used.values()) - 1.0
-        return PathMotion(
-            path, timing.s, timing.x, time, used, excess, SUPPORT.notes(arm), ramps=False, spans=timing.spans
-        )
+            return _smooth(arm, path, limits, timing, time)
+        used = cells.used(timing.x)
+        return PathMotion(path, timing.s, timing.x, time, used, largest(used) - 1.0, SUPPORT.notes(arm), ramps=False)
     dyn, best, failure = compile_arm(without_servos(arm)), None, None
     least = max(grid, min(BETWEEN * (len(path.breaks) - 1), MOST_GRID))
     for count in (least * 2**k for k in range(FINER)):
@@ -162,7 +157,7 @@ def _planned(
         if profile.stuck is not None:
             failure = no_way(planner, profile)
             break
-        excess = max(float(each.max()) for each in used.values()) - 1.0
+        excess = largest(used) - 1.0
         motion = PathMotion(path, planner.s, profile.x, time, used, excess, SUPPORT.notes(arm), planner.ramps)
         if best is None or motion.duration < best.duration:
             best = motion
@@ -171,7 +166,19 @@ def _planned(
     if best is None:
         assert failure is not None
         raise failure
+    if has_jerk_limits(path, limits):
+        return _smooth(arm, path, limits, PathTiming(best.s, best.x, best.ramps), time, dyn)
     return best
+
+
+def _smooth(
+    arm: Model, path: JointPath, limits: MotionLimits, fastest: PathTiming, time: float, dyn: CompiledArm | None = None
+) -> PathMotion:
+    """The motion within limits of jerk as well; `dyn` where torques or voltages are limited."""
+    timing, used = jerk_limited(path, limits, fastest, dyn)
+    return PathMotion(
+        path, timing.s, timing.x, time, used, largest(used) - 1.0, SUPPORT.notes(arm), ramps=False, spans=timing.spans
+    )
 
 
 def grid_points(path: JointPath, count: int) -> np.ndarray:
