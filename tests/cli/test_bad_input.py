@@ -13,7 +13,7 @@ SIMULATE = ("simulate", "two-link", "--torque", "0", "--duration", "0.1")
 REFUSED = [
     (("simulat",), "No such command 'simulat'"),
     (("--colour",), "No such option: --colour"),
-    (("simulate",), "Missing argument 'ROBOT'"),
+    (("simulate",), "Missing argument 'ROBOT|SCENARIO'"),
     (("simulate", "two-link", "--colour"), "No such option: --colour"),
     (("inverse-dynamics", "two-link"), "Missing argument 'IN.csv'"),
     (("info", "pma560"), "robot = 'pma560': not a built-in arm and not a file; did you mean puma560?"),
@@ -27,7 +27,7 @@ REFUSED = [
         ("simulate", "lwa4p", "--voltage", "1"),
         "lwa4p --voltage: joint 'joint1' is driven by current; expected --current",
     ),
-    (("simulate", "cmu-dd", "--voltage", "1", "--torque", "1"), "--voltage and --torque given; expected one of"),
+    (("simulate", "cmu-dd", "--voltage", "1", "--torque", "1"), "--voltage and --torque given; expected --schedule"),
     (("simulate", "cmu-dd", "--voltage", "1", "--schedule", "v.csv"), "--voltage and --schedule given"),
     (
         ("simulate", "cmu-dd", "--voltage", "1,2", "--duration", "1"),
@@ -65,7 +65,7 @@ REFUSED = [
     ),
     ((*SIMULATE, "--record-every", "-1"), "error: --record-every = -1"),
     ((*SIMULATE, "--accuracy", "0"), "--accuracy = 0.0: expected a number of at least 1e-12 and below 1"),
-    ((*SIMULATE, "--record-every", "1.5"), "Invalid value for '--record-every'"),
+    ((*SIMULATE, "--record-every", "1.5"), "--record-every = '1.5': expected a valid integer"),
     (
         (*SIMULATE, "-o", "run.xls"),
         "run.xls: the ending '.xls' is not offered; expected .nc, .csv, .parquet, .mcap or .mat",

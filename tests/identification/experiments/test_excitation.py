@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import os
+import signal
+import sys
+import threading
+
 import casadi
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
 import armwright as aw
-from armwright.errors import ScenarioError
+from armwright.errors import Interrupted, ScenarioError
 from armwright.identification.experiments.columns import DRIVES, BaseRegressor
 from armwright.identification.experiments.excitation import ExcitationProblem
 from armwright.identification.experiments.information import condition_number, criterion_function
@@ -110,6 +115,23 @@ def test_the_traced_regressor_is_the_compiled_one(name):
     traced = [np.array(regressor.graph()(*state)).T for state in zip(q, qd, qdd, strict=True)]
     np.testing.assert_allclose(traced, regressor.rows(q, qd, qdd), atol=1e-6)
     assert isinstance(regressor.graph(), casadi.Function)
+
+
+@pytest.mark.study
+@pytest.mark.skipif(sys.platform == "win32", reason="needs POSIX signals")
+def test_ctrl_c_within_the_solver_ends_it():
+    """CasADi takes the signal and goes on: it came to nothing there, half of the times."""
+    limits = aw.trajectories.MotionLimits.of("two-link", position=1.0, velocity=2.0)
+    for delay in np.linspace(0.0, 0.2, 6):
+        timer = threading.Timer(float(delay), os.kill, [os.getpid(), signal.SIGINT])
+
+        def stop(done, _, timer=timer):
+            if done == 2:
+                timer.start()
+
+        with pytest.raises(Interrupted) as caught:
+            aw.identification.design_excitation("two-link", limits=limits, harmonics=3, starts=30, progress=stop)
+        assert len(caught.value.found.reasons) > 0
 
 
 def test_kinematics_alone_are_enough_and_said_so(tmp_path):

@@ -11,10 +11,14 @@ away by a smaller swing of that joint.
 
 from __future__ import annotations
 
+import contextlib
 import os
-from collections.abc import Sequence
+import signal
+import threading
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import FrameType
 from typing import Any
 
 import casadi
@@ -204,7 +208,8 @@ def design_excitation(
         try:
             for k in range(starts):
                 tell(k, starts)
-                found.append(problem.solved(np.random.default_rng([seed, k])))
+                with _heard():
+                    found.append(problem.solved(np.random.default_rng([seed, k])))
             tell(starts, starts)
         except KeyboardInterrupt:
             if all(each is None for each in found):
@@ -219,6 +224,34 @@ def design_excitation(
     if len(found) < starts:
         raise Interrupted(f"after {len(found)} of {starts} starts", found=result)
     return result
+
+
+@contextlib.contextmanager
+def _heard() -> Iterator[None]:
+    """Ctrl-C ends the block, though CasADi takes it for an error of a function and goes on, or raises another error."""
+    usual = signal.getsignal(signal.SIGINT)
+    if threading.current_thread() is not threading.main_thread() or not callable(usual):
+        yield
+        return
+    heard: list[KeyboardInterrupt] = []
+
+    def hear(number: int, frame: FrameType | None) -> None:
+        try:
+            usual(number, frame)
+        except KeyboardInterrupt as stop:
+            heard.append(stop)
+            raise
+
+    signal.signal(signal.SIGINT, hear)
+    try:
+        yield
+    except SystemError:
+        if not heard:
+            raise
+    finally:
+        signal.signal(signal.SIGINT, usual)
+    if heard:
+        raise heard[0]
 
 
 def _kept(used: dict[str, np.ndarray], outside: float) -> bool:
