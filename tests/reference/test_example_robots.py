@@ -85,7 +85,7 @@ def test_the_old_ur5_wrists_are_named(verdicts):
 
 def test_no_mesh_is_opened():
     """Reading finds meshes by their names."""
-    path = robot_files()["solo_description/robots/solo12.urdf"]
+    path = robot_files()["solo_description/robots/solo12.urdf"].resolve()
     opened: set[str] = set()
     watching = [True]
     sys.addaudithook(lambda event, given: opened.add(str(given[0])) if watching and event == "open" else None)
