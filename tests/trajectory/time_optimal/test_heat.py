@@ -73,6 +73,22 @@ def test_motors_stay_within_their_mean_torque_and_all_other_limits(name: str, se
     assert fast.duration < motion.duration < 1.001 * slow
 
 
+@pytest.mark.parametrize("torques", [pytest.param(True, marks=pytest.mark.study), False])
+def test_motors_stay_cool_beside_a_limit_of_jerk(torques: bool) -> None:
+    arm = aw.load("cmu-dd")
+    path, limits = random_path(arm, 0, 4), MotionLimits.of(arm, acceleration=20.0, jerk=400.0)
+    limits = limits if torques else limits.replace(torque=np.inf, voltage=np.inf)
+    smooth = aw.trajectories.time_optimal(arm, path, limits)
+    hot = mean_torque(arm, smooth)
+    motion = aw.trajectories.time_optimal(arm, path, limits, rms_torque=0.85 * hot)
+    found = mean_torque(arm, motion)
+    np.testing.assert_allclose(motion.rms_torque, found, rtol=1e-4)
+    assert 0.995 < (found / (0.85 * hot)).max() <= 1.0 + 1e-4
+    assert largest_use(arm, motion, limits) <= 1.0 + 1e-6
+    assert motion.polynomial.largest(3).max() <= 400.0 * (1.0 + 1e-6)
+    assert smooth.duration < motion.duration < 1.2 * smooth.duration
+
+
 def test_a_limit_that_is_kept_anyway_changes_nothing() -> None:
     arm = aw.load("cmu-dd")
     path = random_path(arm, 0)

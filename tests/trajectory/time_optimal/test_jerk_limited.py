@@ -210,7 +210,6 @@ def test_derivatives_of_the_problem_are_differences() -> None:
 @pytest.mark.parametrize(
     ("changes", "options", "place"),
     [
-        ({}, {"rms_torque": 50.0}, "limits.jerk"),
         ({}, {"speeds": (0.1, 0.0)}, "speeds"),
         ({"acceleration": np.inf}, {}, "limits"),
     ],

@@ -274,8 +274,7 @@ def test_bad_input_is_refused(place: str) -> None:
     good = {"path": random_path(arm, 0), "limits": aw.trajectories.MotionLimits.of(arm)}
     bad = {
         "path": [[[0.0] * 6] * 2, [[0.0] * 5, [1.0] * 5], [[np.nan] * 6, [0.0] * 6], [[0.0] * 6, [9.0] + [0.0] * 5]],
-        "limits": [aw.trajectories.MotionLimits.of(aw.load("two-link")), 3.0, aw.trajectories.MotionLimits.of(arm, jerk=10.0),
-                   aw.trajectories.MotionLimits.of(arm, **RELAXED)],
+        "limits": [aw.trajectories.MotionLimits.of(aw.load("two-link")), 3.0, aw.trajectories.MotionLimits.of(arm, **RELAXED)],
         "payload": [aw.Payload(0.0, 500.0, [0, 0, 0], [0.1, 0.1, 0.1]), 3.0],
         "grid": [3, 1.5, True, 10**9, None],
         "speeds": [(-1.0, 0.0), (np.nan, 0.0), 3.0, (1e4, 0.0), (0.0, 1e4)],

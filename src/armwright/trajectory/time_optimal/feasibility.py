@@ -41,9 +41,6 @@ def check_limits(arm: Model, limits: MotionLimits, path: JointPath, rms_torque: 
         ScenarioError: names the quantity and the joints.
     """
     moving = np.ptp(np.asarray(path.waypoints), axis=0) > 0.0
-    if np.isfinite(limits.jerk[moving]).any() and np.isfinite(rms_torque).any():
-        expected = "inf, or rms_torque = inf: jerk may be limited beside all limits but those of the motors' heat"
-        raise ScenarioError("with a limit of rms_torque", place="limits.jerk", value=limits.jerk, expected=expected)
     massless = bool(arm.without_masses) or not np.asarray(arm.inertial_parameters, dtype=float).any()
     dark = [
         body.joint for body in arm.coordinates if body.drive.resistance is None or body.drive.torque_constant is None

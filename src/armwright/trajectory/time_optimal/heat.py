@@ -19,8 +19,8 @@ from armwright.kernels.compiled import CompiledArm
 from armwright.trajectory.limits import MotionLimits
 from armwright.trajectory.time_optimal.constraints import PathLimits
 from armwright.trajectory.time_optimal.motion import PathMotion
+from armwright.trajectory.time_optimal.path_use import PathUse
 from armwright.trajectory.time_optimal.planner import KEPT, Planner, largest
-from armwright.trajectory.time_optimal.timing import PathTiming
 
 POINTS = np.linspace(0.0, 1.0, 9)  # of a piece's time, and their weights by Simpson's rule
 WEIGHTS = np.array([1.0, 4.0, 2.0, 4.0, 2.0, 4.0, 2.0, 4.0, 1.0]) / 24.0
@@ -84,18 +84,25 @@ def _slowed(dyn: CompiledArm, motion: PathMotion, limits: MotionLimits, rms: np.
         for _ in range(HALVINGS):
             middle = 0.5 * (scale + above)
             scale, above = (middle, above) if fits(middle) else (scale, middle)
-    planner = Planner(dyn, limits, motion.path, motion.s, (0.0, 0.0))
-    planner.levelled[~np.broadcast_to(motion.ramps, planner.levelled.shape)] = 1
-    used = planner.judged(scale * motion.x)
+    slower = motion.timing.slowed(scale**-0.5)
+    if motion.spans is None:
+        planner = Planner(dyn, limits, motion.path, motion.s, (0.0, 0.0))
+        planner.levelled[~np.broadcast_to(motion.ramps, planner.levelled.shape)] = 1
+        used = planner.judged(slower.x)
+    else:
+        use = PathUse(motion.path, limits, dyn, 1.0)
+        used = use.by_name(use.peaks(slower))
     excess = largest(used) - 1.0
     if excess > KEPT:  # of friction that is larger at lower speeds
         return None
-    return replace(motion, x=scale * motion.x, used=used, excess=excess, rms_torque=_torques(dyn, motion, scale)[0])
+    return replace(
+        motion, x=slower.x, spans=slower.spans, used=used, excess=excess, rms_torque=_torques(dyn, motion, scale)[0]
+    )
 
 
 def _torques(dyn: CompiledArm, motion: PathMotion, scale: float) -> tuple[np.ndarray, np.ndarray]:
     """Root mean square and largest magnitude of the torques (n,) [N m | N], with x and s̈ times a scale."""
-    timing = PathTiming(motion.s, scale * motion.x, motion.ramps)
+    timing = motion.timing.slowed(scale**-0.5)
     pieces = np.arange(len(motion.s) - 1)[:, None]
     s, speed, sdd = timing.at(pieces, POINTS * timing.durations[:, None])
     points = PathLimits.at(dyn, MotionLimits.of(dyn.arm), motion.path, s.ravel())

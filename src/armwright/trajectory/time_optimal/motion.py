@@ -66,7 +66,7 @@ class PathMotion(Motion):
         knots = self.breaks
         k = np.clip(np.searchsorted(knots, times, side="right") - 1, 0, len(self.s) - 2)
         moving = (times >= knots[0]) & (times <= knots[-1])
-        s, speed, sdd = self._timing.at(k, np.clip(times, knots[0], knots[-1]) - knots[k])
+        s, speed, sdd = self.timing.at(k, np.clip(times, knots[0], knots[-1]) - knots[k])
         q, first, second = self.path.at(s)
         speed = speed * moving
         qdd = first * (sdd * moving)[..., None] + second * (speed * speed)[..., None]
@@ -77,7 +77,8 @@ class PathMotion(Motion):
         return self.polynomial(t) if scalar.is_symbolic(t) else self.at(t)
 
     @cached_property
-    def _timing(self) -> PathTiming:
+    def timing(self) -> PathTiming:
+        """s(t)."""
         return PathTiming(self.s, self.x, self.ramps, self.spans)
 
     @property
@@ -87,12 +88,12 @@ class PathMotion(Motion):
 
     @cached_property
     def _knots(self) -> np.ndarray:
-        return self.time + np.concatenate([[0.0], np.cumsum(self._timing.durations)])
+        return self.time + np.concatenate([[0.0], np.cumsum(self.timing.durations)])
 
     @cached_property
     def polynomial(self) -> PiecewisePolynomial:
         """The motion as polynomials of time."""
-        timing = self._timing
+        timing = self.timing
         terms = [timing.speeds[:-1], 0.5 * timing.accelerations, timing.jerks / 6.0]
         terms = terms if np.any(self.ramps) or self.spans is not None else terms[:2]
         gone = np.stack([np.zeros_like(terms[0]), *terms], axis=-1)[:, None]  # s - s_k over the time since then
