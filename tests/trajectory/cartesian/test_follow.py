@@ -308,7 +308,7 @@ def test_a_goal_out_of_reach_is_said_of_a_path_that_begins_in_a_singularity(name
     with pytest.raises(ScenarioError, match=r"of reach .* mm") as error:
         aw.trajectories.solve_path(arm(name), path, near=q, aim="pose" if len(q) > 2 else "position")
     if off is not None:
-        assert f"nearest pose is {1e3 * off:.4g} mm off" in str(error.value)
+        assert f"nearest pose is {1e3 * off:.3g} mm off" in str(error.value)
 
 
 def test_a_limit_of_position_is_named_with_the_joint_and_how_far():
