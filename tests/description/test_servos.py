@@ -173,6 +173,7 @@ def test_motor_and_friction_give_the_figures_of_the_data_sheet(name, key):
     assert (abs(found - float(stated)) > 2 * stated.std) == (key in servo.disagrees), (found, float(stated))
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("name", POSITION)
 def test_a_servo_goes_to_its_goal_and_sags_under_load(tmp_path, name):
     """With a tenth of its stall torque it stays below the goal from below, and on each side of it without load."""

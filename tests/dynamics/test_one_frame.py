@@ -135,6 +135,7 @@ def test_short_arms_stay_as_they_are():
     assert slopes_pay(chain(10))
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("straight", [False, True])
 @pytest.mark.parametrize(
     ("kernel", "n"),

@@ -218,6 +218,7 @@ def test_other_names_of_joints_are_claimed(plugins):
     assert "law/left_elbow/velocity" in names
 
 
+@pytest.mark.study
 def test_files_of_the_package_agree(plugins):
     plugin = plugins("cascade")
     folder, name = plugin.folder, plugin.stages.name

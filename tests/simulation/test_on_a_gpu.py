@@ -116,6 +116,7 @@ SLOW: dict[str, Callable[[], aw.Scenario]] = {
 }
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("name", QUICK)
 def test_a_run_has_the_bits_of_the_cpu_s(gpu, name):
     assert_same_bits(QUICK[name]())

@@ -72,6 +72,7 @@ def check(scenario, steps, changes, events, brakes=False, within=1e-4):
             assert largest > 1e-6
 
 
+@pytest.mark.study
 @pytest.mark.sample(1)
 @pytest.mark.parametrize("friction", [DRY, STRIBECK], ids=["coulomb", "stribeck"])
 def test_two_links_with_dry_friction_stops_and_a_brake(friction):

@@ -153,6 +153,7 @@ def arm_with_contacts():
     return chain([{**joint, **each} for each in own])
 
 
+@pytest.mark.study
 @pytest.mark.sample(1)
 @pytest.mark.parametrize("integrator", ["rk3", "rk45", "rodas3"])
 def test_a_lane_does_not_depend_on_its_neighbours(integrator):

@@ -341,6 +341,7 @@ def test_the_table_has_every_field_and_no_other():
     assert all(word in (EXACT, NONE, REFUSED) or word.startswith("replaced by ") for word in FEATURES.values())
 
 
+@pytest.mark.study
 def test_all_at_once_with_delays_and_losses(bus):
     """Body, push and brake on a hot motor behind a weak supply, with both delays, losses, jitter and noise."""
     slow = aw.Timing("sync", measurement_delay=6e-3, command_delay=5e-3, jitter=3e-3, measurement_loss=0.05)

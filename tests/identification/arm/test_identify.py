@@ -27,6 +27,7 @@ from raises_at import raises_at
 FIT = {"fit": Source(kind="fit", text="a test")}
 
 
+@pytest.mark.study
 def test_record_with_fitted_numbers_moves_as_the_truth(tmp_path):
     arm = aw.load("lwa4p")
     log = aw.identification.read_log(write_log(tmp_path, arm, seconds=40))
@@ -324,6 +325,7 @@ def test_tx40(tx40, tmp_path):
     assert again.bodies[5].drive.coupling == (("joint5", 32.0),)
 
 
+@pytest.mark.study
 def test_tx40_predicts_seconds_that_it_has_not_seen(tx40):
     log, arm = tx40
     found = aw.identification.identify_arm(log, arm, rows=FitRows(cutoff=100, decimate=20), record=False, checks=())

@@ -22,6 +22,7 @@ def errors(folder, case: str, seeds: int) -> tuple[np.ndarray, list[aw.identific
     return np.array([list(deviations(each, motor, bench).values()) for each in found]), found
 
 
+@pytest.mark.study
 def test_an_inductance_that_nobody_named_is_found(tmp_path):
     """L/R = 0.33 ms at rows of 1 ms: without it R is wrong by 0.6 %, J by 3 %, and the delay by the time constant."""
     z, estimates = errors(tmp_path, "L/R 0.33 ms", FEW)

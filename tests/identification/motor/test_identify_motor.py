@@ -47,6 +47,7 @@ def test_the_record_has_the_numbers_and_their_source(seed, tmp_path):
     assert record.fits["fit"].correlation_matrix().shape == (6, 6)
 
 
+@pytest.mark.study
 def test_without_a_current_only_products_are_found_and_it_says_so(tmp_path):
     found = aw.identification.identify_motor(
         write_log(tmp_path, 0, ("qd",)),

@@ -236,6 +236,7 @@ def test_every_log_is_held_out_once(logs, count, folds):
     assert sorted(k for each in held for k in each) == list(range(count if count > 1 else 0))
 
 
+@pytest.mark.study
 def test_another_seed_finds_the_same_numbers(logs):
     """Of logs that the model does not describe: friction grows by the load, and M1 has none of that."""
     order = order_of("M3", LOOP, Scales.of(logs))

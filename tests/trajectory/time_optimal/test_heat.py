@@ -73,7 +73,8 @@ def test_motors_stay_within_their_mean_torque_and_all_other_limits(name: str, se
     assert fast.duration < motion.duration < 1.001 * slow
 
 
-@pytest.mark.parametrize("torques", [pytest.param(True, marks=pytest.mark.study), False])
+@pytest.mark.study
+@pytest.mark.parametrize("torques", [True, False])
 def test_motors_stay_cool_beside_a_limit_of_jerk(torques: bool) -> None:
     arm = aw.load("cmu-dd")
     path, limits = random_path(arm, 0, 4), MotionLimits.of(arm, acceleration=20.0, jerk=400.0)
