@@ -147,7 +147,7 @@ class Map:
             for file, lines in self.lines.items():
                 text = (PACKAGE / file).read_text("utf-8").splitlines()
                 for line, tests in lines.items():
-                    if word.search(text[line - 1]):
+                    if word.search("".join(text[line - 1 : line])):  # a file may be shorter than it was
                         found |= tests
         else:
             found = self.lines.get(mutant.file, {}).get(mutant.line, set())

@@ -205,8 +205,8 @@ def write_into(
     Returns:
         path: of the file.
     Raises:
-        OutputError: the file cannot be written.   DescriptionError: the robot is invalid, with these numbers or
-            without; then nothing is written.   IdentificationError: the path of no number.
+        OutputError: the file cannot be written.   IdentificationError: a path without a number.
+        DescriptionError: the robot is invalid, with these numbers or without; then nothing is written.
     Example:
         >>> log = "examples/logs/lwa4p/lwa4p.log.toml"
         >>> fit = aw.identification.identify_friction(log, "lwa4p", candidates=())
