@@ -56,6 +56,9 @@ def test_unknown_kinds_name_file_key_and_choices():
         kind_named("screw", "joints[0].type", "arm.toml")
     assert caught.value.choices == tuple(KINDS)
     assert str(caught.value).startswith("arm.toml: joints[0].type = 'screw'")
+    assert kind_named("helical") is Helical
+    with pytest.raises(DescriptionError):
+        kind_named(["helical"])
 
 
 def test_a_screw_without_pitch_is_refused():

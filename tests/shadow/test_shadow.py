@@ -257,6 +257,13 @@ def test_deviations_are_those_of_a_fit_of_all_joints(joints):
         assert "not known" in found.source
 
 
+@pytest.mark.parametrize("given", [[1.0, np.inf], [np.nan, 1.0], [1.0, 0.0], [1.0, 2.0, 3.0], "much"])
+def test_a_deviation_is_a_torque_for_each_joint(given):
+    with pytest.raises(ScenarioError) as caught:
+        aw.shadow.ArmShadow(aw.load("two-link"), deviation=given)
+    assert caught.value.place == "deviation"
+
+
 def test_deviations_of_the_records_numbers(tmp_path):
     """One mass with a standard deviation: 0.1 kg at the end of the arm, whose gravity torque is largest where it is stretched."""
     arm = aw.load("two-link")

@@ -64,6 +64,20 @@ def test_its_motion_is_that_of_its_schedule_whatever_the_cuts(arm, tmp_path):
     assert len(enabled) > 3
 
 
+def test_the_schedule_of_a_built_in_arm_names_it_and_one_of_another_folder_stands_beside(arm, tmp_path):
+    (tmp_path / "far").mkdir()
+    far = aw.load(aw.robotfiles.write_toml(aw.load("so101").record, tmp_path / "far" / "arm.toml"))
+    for model, names in ((aw.load("so101"), 1), (far, 2), (arm, 2)):
+        folder = tmp_path / f"of {model.file if model is not far else 'far'}".replace("/", "-")
+        folder.mkdir()
+        plant = ArmPlant(model, [Mounting()] * model.n, [0.0] * model.n)
+        plant.advance(0.01)
+        write_goals(plant, folder / "run.scenario.toml")
+        assert len([each for each in folder.iterdir() if each.suffix == ".toml"]) == names
+        assert ('robot = "so101"' in (folder / "run.scenario.toml").read_text("utf-8")) == (names == 1)
+        assert len(replay(folder / "run.scenario.toml")) == 1
+
+
 def test_registers_written_while_a_servo_is_on_are_kept_beside_the_schedule(arm, tmp_path):
     changes = {12: {"gains": (25, 2, 8), "limit": 0.5}, 20: {"speed": 500.0, "acceleration": 3000.0}}
     plant = driven(arm, 4, 5, changes.items())
