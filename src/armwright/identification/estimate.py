@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, MutableMapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib import resources
 from pathlib import Path
@@ -336,7 +336,7 @@ def _set_number(parts: list[Any], record: RobotDescription, name: str, value: fl
         if part not in table:
             table[part] = tomlkit.inline_table() if isinstance(table, InlineTable) else tomlkit.table()
         table = table[part]
-        if not isinstance(table, Mapping):
+        if not isinstance(table, MutableMapping):
             expected = "the path of a number, such as link1.com_m[0]"
             raise IdentificationError("no number of the robot", place="path", value=name, expected=expected)
     number: Any = float(f"{value:.12g}")
