@@ -17,6 +17,7 @@ from armwright.kernels.compiled import CompiledArm
 from armwright.trajectory.limits import MotionLimits
 from armwright.trajectory.path import JointPath
 from armwright.trajectory.time_optimal.constraints import TINY, PathLimits
+from armwright.trajectory.time_optimal.planner import JUDGED
 from armwright.trajectory.time_optimal.timing import PathTiming
 
 ORDERS = {"velocity": 1, "acceleration": 2, "jerk": 3}
@@ -154,11 +155,13 @@ class PathUse:
 
     def peaks(self, timing: PathTiming) -> np.ndarray:
         """Largest parts of limits (m - 1, quantities × n), between the times that were looked at too where they may exceed."""
-        rows = self._at(timing, np.arange(len(timing.s) - 1))
+        looked, pieces = LOOKED if self.dyn is None else JUDGED, np.arange(len(timing.s) - 1)
+        rows = self._at(timing, pieces, np.tile(looked, (len(pieces), 1)))
         most = rows.max(axis=1)
         bent = np.abs(np.diff(rows, 2, axis=1)).max(axis=1)  # eight times what a parabola rises above its samples
         piece, column = np.nonzero(most + bent >= 1.0)
-        begin, end, count = np.zeros(len(piece)), np.ones(len(piece)), np.arange(len(piece))
+        k, count = rows.argmax(axis=1)[piece, column], np.arange(len(piece))
+        begin, end = looked[np.maximum(k - 1, 0)], looked[np.minimum(k + 1, len(looked) - 1)]
         for _ in range(ZOOMS if len(piece) else 0):
             parts = begin[:, None] + (end - begin)[:, None] * ZOOM
             values = self._at(timing, piece, parts)[count, :, column]
