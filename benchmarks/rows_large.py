@@ -14,6 +14,7 @@ from rows_kernels import TOLERANCE, batch, compiled
 from timing import Check, Contestant, Entry, race, relative_error
 
 from armwright import dynamics
+from armwright.kernels.llvm import STREAMED
 
 ROWS = (
     ("puma560", "regressor"),
@@ -84,7 +85,7 @@ def notes(quick: bool) -> dict[str, list[str]]:
         "large results": [
             f"few: {FEW} states; one thread, into arrays that are used again; CPU time",
             f"plain: a call of {PLAIN} states that gives new arrays; again: the same into arrays that are used again",
-            "from 4 MiB of results on they are written past the cache, where rows have more than 32 columns",
+            f"from {STREAMED >> 20} MiB of results on they are written past the cache, where rows have more than 32 columns",
             "a fill: `ndarray.fill`, of as many bytes as the many results have",
             "error: against the plain functions",
         ]

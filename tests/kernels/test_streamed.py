@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import armwright as aw
-from armwright.kernels import llvm
+from armwright.kernels import llvm, target
 from armwright.kernels.batch import Kernel
 from armwright.kernels.format import FORMATS
 from armwright.kernels.signatures import SIGNATURES, trace_kernel
@@ -91,3 +91,11 @@ def test_few_columns_are_stored_as_ever():
     for name in ("inverse_dynamics", "forward_kinematics"):
         program = trace_kernel(arm("puma560"), SIGNATURES[name])
         assert "nontemporal" not in llvm.batch_module(4, program).text()
+
+
+@pytest.mark.parametrize(("said", "bytes"), [("32768K\n", 32 << 20), ("all of it", 0), (None, 0)])
+def test_the_last_cache_is_as_large_as_the_system_says(said, bytes, tmp_path, monkeypatch):
+    monkeypatch.setattr(target, "LAST_CACHE", tmp_path / "size")
+    if said is not None:
+        (tmp_path / "size").write_text(said)
+    assert target.last_cache() == bytes

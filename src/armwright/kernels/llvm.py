@@ -15,6 +15,7 @@ from armwright.kernels.format import DOUBLE, FORMATS, Format
 from armwright.kernels.llvm_machine import LlvmMachine
 from armwright.kernels.lowering import walk, walk_instructions
 from armwright.kernels.machine import Value
+from armwright.kernels.target import last_cache
 from armwright.kernels.tiles import load_tile, store_tile, store_tile_loop, stream_tile
 from armwright.program import Instruction, Program
 from armwright.program.cut import WHOLE, Piece, cut
@@ -22,10 +23,10 @@ from armwright.program.passes import optimised
 
 WIDE = 256  # columns of an output that are stored in a loop rather than a line
 CACHE_LINE = 64  # bytes; a guess that is too small or too large costs a little time
-STREAMED = 4 << 20  # bytes of results that leave the cache anyway: from here on they are written past it …
-NARROW = (
-    32  # … where rows have more columns than this; of fewer a detour by a tile in the cache costs more than it saves
-)
+# Bytes of results that leave the cache anyway: from here on they are written past it, where rows have more than NARROW columns.
+# Neighbours and the caller's own data take their part of a large cache.
+STREAMED = min(max(last_cache() // 2, 4 << 20), 8 << 20)
+NARROW = 32  # of fewer columns a detour by a tile in the cache costs more than it saves
 
 
 @dataclass

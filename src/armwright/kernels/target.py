@@ -9,6 +9,7 @@ import ctypes
 import functools
 import sys
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 from llvmlite import binding
 
@@ -16,6 +17,7 @@ from armwright.errors import ModelError
 from armwright.kernels.format import DOUBLE, FORMATS, Format
 
 WIDTHS = {"x86-64-v4": 8, "x86-64-v3": 4, "x86-64-v2": 2, "x86-64": 2}  # doubles in a vector register
+LAST_CACHE = Path("/sys/devices/system/cpu/cpu0/cache/index3/size")  # of Linux: "32768K"
 NEEDS = {"x86-64-v4": "avx512f", "x86-64-v3": "avx2", "x86-64-v2": "sse4.2", "x86-64": "sse2"}
 
 
@@ -71,6 +73,14 @@ def select_target(name: str | None = None, format: Format = DOUBLE) -> Target:
         missing = f"this processor ({binding.get_host_cpu_name()}) has no {NEEDS[name]}"
         raise ModelError(missing, place="target", value=name)
     return Target(name, "-prefer-256-bit", WIDTHS[name]).lanes_of(format)
+
+
+def last_cache() -> int:
+    """Bytes of the last cache before memory; 0 where the system does not say."""
+    try:
+        return 1024 * int(LAST_CACHE.read_text().strip().removesuffix("K"))
+    except (OSError, ValueError):
+        return 0
 
 
 def _host_features() -> dict[str, bool]:

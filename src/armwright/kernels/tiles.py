@@ -28,7 +28,7 @@ def load_tile(m: LlvmMachine, pointer: str, columns: int) -> list[Value]:
         for row in range(c):
             places = [_at(m, pointer, r * columns + start) for r in range(row, m.width, c)]
             vectors.append(_joined(m, [m.emit(load.format(place)) for place in places], c))
-        for k, vector in enumerate(_transposed(m, vectors)):
+        for k, vector in enumerate(_transposed(m, vectors, c)):
             loaded.setdefault(start + k, vector)
     return [loaded[k] for k in range(columns)]
 
@@ -41,9 +41,8 @@ def store_tile(m: LlvmMachine, pointer: str, values: list[Value]) -> None:
             m.lines.append(f"  store {m.real} {value}, ptr {_at(m, pointer, k * m.width)}, align {m.format.bytes}")
         return
     for start, c in _chunks(columns, m):
-        for row, vector in enumerate(_transposed(m, values[start : start + c])):
-            for part, r in enumerate(range(row, m.width, c)):
-                _store_part(m, vector, part, c, pointer, r * columns + start)
+        for row, vector in _rows(m, values[start : start + c]):
+            _store_row(m, vector, c, pointer, row * columns + start)
 
 
 def store_tile_loop(m: LlvmMachine, columns: int, table: str | None = None) -> None:
@@ -52,7 +51,7 @@ def store_tile_loop(m: LlvmMachine, columns: int, table: str | None = None) -> N
     The table, in memory, has the place of every column in the block; by default they stand in order. A straight line of
     thousands of shuffles takes compilers minutes.
     """
-    w, c = m.width, 4 if m.width >= 4 else 2
+    c = 4 if m.width >= 4 else 2
     chunks = -(-columns // c)
     with m.repeat("chunk", chunks) as k:
         even = m.emit(f"mul i64 {k}, {c}")
@@ -65,10 +64,8 @@ def store_tile_loop(m: LlvmMachine, columns: int, table: str | None = None) -> N
                 entry = m.emit(f"load i64, ptr {m.emit(f'getelementptr i64, ptr {table}, i64 {entry}')}")
             place = m.emit(f"getelementptr {m.real}, ptr %block, i64 {entry}")
             values.append(m.emit(f"load {m.real}, ptr {place}, align {m.bytes}"))
-        for row, vector in enumerate(_transposed(m, values)):
-            for part, r in enumerate(range(row, w, c)):
-                first = m.emit(f"add i64 {start}, {r * columns}")
-                _store_part(m, vector, part, c, "%out", first)
+        for row, vector in _rows(m, values):
+            _store_row(m, vector, c, "%out", m.emit(f"add i64 {start}, {row * columns}"))
 
 
 def stream_tile(m: LlvmMachine, columns: int) -> None:
@@ -124,28 +121,44 @@ def _joined(m: LlvmMachine, parts: list[Value], size: int) -> Value:
     return parts[0]
 
 
-def _store_part(m: LlvmMachine, value: Value, part: int, size: int, pointer: str, offset: Value) -> None:
-    """Stores the part-th `size` reals of a vector."""
-    if size != m.width:
-        lanes = _lanes(range(part * size, (part + 1) * size))
-        value = m.emit(f"shufflevector {m.real} {value}, {m.real} poison, <{size} x i32> <{lanes}>")
-    m.lines.append(f"  store <{size} x {m.format.real}> {value}, ptr {_at(m, pointer, offset)}, align {m.format.bytes}")
+def _store_row(m: LlvmMachine, row: Value, size: int, pointer: str, offset: Value) -> None:
+    m.lines.append(f"  store <{size} x {m.format.real}> {row}, ptr {_at(m, pointer, offset)}, align {m.format.bytes}")
 
 
-def _transposed(m: LlvmMachine, rows: list[Value]) -> list[Value]:
-    """c vectors, transposed inside each block of c lanes: each round swaps the off-diagonal blocks of size s in pairs."""
-    w, rows = m.width, list(rows)
+def _rows(m: LlvmMachine, columns: list[Value]) -> Iterator[tuple[int, Value]]:
+    """W rows of c reals from c columns, each with its number: the last round takes the c lanes of a row at once.
+
+    LLVM would fold a round over all lanes and what takes c of them only in passes that cost a quarter of the time to compile.
+    """
+    c = len(columns)
+    columns = _transposed(m, columns, c // 2)
+    parts = [_swapped(m, columns, c // 2, range(first, first + c)) for first in range(0, m.width, c)]
+    for row in range(c):
+        for part, rows in enumerate(parts):
+            yield part * c + row, rows[row]
+
+
+def _transposed(m: LlvmMachine, rows: list[Value], size: int) -> list[Value]:
+    """Vectors, transposed inside each block of `size` lanes."""
     s = 1
-    while s < len(rows):
-        low = _lanes(w + k - s if k & s else k for k in range(w))
-        high = _lanes(w + k if k & s else k + s for k in range(w))
-        for i in range(len(rows)):
-            if not i & s:
-                a, b = rows[i], rows[i + s]
-                rows[i], rows[i + s] = (
-                    m.emit(f"shufflevector {m.real} {a}, {m.real} {b}, <{w} x i32> <{lanes}>") for lanes in (low, high)
-                )
+    while s < size:
+        rows = _swapped(m, rows, s, range(m.width))
         s *= 2
+    return rows
+
+
+def _swapped(m: LlvmMachine, rows: list[Value], s: int, kept: range) -> list[Value]:
+    """One round of a transpose, of which some lanes are kept: it swaps the off-diagonal blocks of size s in pairs."""
+    w, rows = m.width, list(rows)
+    low = _lanes(w + k - s if k & s else k for k in kept)
+    high = _lanes(w + k if k & s else k + s for k in kept)
+    for i in range(len(rows)):
+        if not i & s:
+            a, b = rows[i], rows[i + s]
+            rows[i], rows[i + s] = (
+                m.emit(f"shufflevector {m.real} {a}, {m.real} {b}, <{len(kept)} x i32> <{lanes}>")
+                for lanes in (low, high)
+            )
     return rows
 
 
