@@ -15,6 +15,7 @@ import pytest
 from typer.testing import CliRunner
 
 import armwright as aw
+from armwright.cli import main
 from armwright.cli.app import app
 from armwright.control.analysis import analyse
 from armwright.control.comparison import compare
@@ -290,3 +291,14 @@ def test_friction_keeps_the_joints_that_are_fitted(tmp_path):
     assert "\nnot identified\n" in out
     assert aw.load(tmp_path / "found.toml").record.fits["friction"].verdict == "not identified"
     assert "Traceback" not in said
+
+
+def test_ctrl_c_before_a_command_runs_ends_without_a_traceback(monkeypatch):
+    def starting(**options):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("armwright.cli.app.app", starting)
+    monkeypatch.setattr("gc.set_threshold", lambda number: None)
+    with pytest.raises(SystemExit) as stopped:
+        main()
+    assert stopped.value.code == 130

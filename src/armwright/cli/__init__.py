@@ -15,6 +15,7 @@ def main() -> None:
     gc.set_threshold(ALLOCATED)  # a command's imports stay: to look for cycles among them took a tenth of its time
     try:
         from armwright.cli.app import app
-    except KeyboardInterrupt:  # Python would end with a traceback
+
+        app(prog_name="armwright")
+    except KeyboardInterrupt:  # before a command runs: Python would end with a traceback
         sys.exit(130)
-    app(prog_name="armwright")
