@@ -19,10 +19,16 @@ class Cell(str):
     """Text of a number together with the number, so that rows and --json keep all digits.
 
     Attributes:
-        value: the number; None if not known.
+        value: the number, or the ends of a range; None if not known.
     """
 
-    value: float | None
+    value: float | list[float] | None
+
+    def __new__(cls, text: str, value: float | list[float] | None) -> Cell:
+        """A cell of this text and value."""
+        made = super().__new__(cls, text)
+        made.value = value
+        return made
 
 
 def number(value: Any, form: str = ".5g") -> Cell:
@@ -33,9 +39,7 @@ def number(value: Any, form: str = ".5g") -> Cell:
     """
     exact = None if value is None or isnan(float(value)) else float(value) + 0.0  # no -0
     text = "—" if exact is None else f"{exact:{form}}".replace("inf", "∞")
-    cell = Cell(f"−{text[1:]}" if text.startswith("-") else text)  # exponents keep the minus that programs read
-    cell.value = exact
-    return cell
+    return Cell(f"−{text[1:]}" if text.startswith("-") else text, exact)  # exponents keep the minus that programs read
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +81,7 @@ class Table:
         return {name: found["unit"] for name, found in pairs if found}
 
     def rows(self) -> list[dict[str, Any]]:
-        """A dict for each row, name of the column → number with all digits, text, or None for an empty cell."""
+        """A dict for each row, name of the column → number, the two of a range, text, or None for an empty cell."""
         rows: list[dict[str, Any]] = []
         for row in self.cells:
             values = [_value(cell, k in self.words) for k, cell in enumerate(row)]

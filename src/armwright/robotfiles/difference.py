@@ -16,7 +16,7 @@ from armwright.model.load import load
 from armwright.model.variants.edits import tip_of
 from armwright.quantity import Quantity, Record, Source
 from armwright.results.result import Result
-from armwright.results.table import Table, number
+from armwright.results.table import Cell, Table, number
 from armwright.robotfiles.dynamic_effect import DynamicEffect, dynamic_effect
 
 SUPPORT = Support("diff")
@@ -80,7 +80,7 @@ class Difference(Result):
         return [] if self.effect is not None else ["no joint is in both: gravity torques and inertias are not compared"]
 
     def tables(self) -> list[Table]:
-        """Parameters, sources of equal values, and the effect on the dynamics."""
+        """Parameters with their change in percent, sources of equal values, and the effect on the dynamics."""
         rows = [_row(change) for change in self.changes if not change.is_source_only]
         heads = ("parameter", "A", "B", "change", "source")
         sources = _sources([change for change in self.changes if change.is_source_only])
@@ -222,7 +222,10 @@ def _summary(item: Any, kind: str) -> str:
 def _row(change: Change) -> list[str]:
     sources = [_source_text(source) for source in (change.source_before, change.source_after) if source is not None]
     origins = " → ".join(dict.fromkeys(sources))
-    values = (_value(change.before, change.std_before), _value(change.after, change.std_after))
+    values = [
+        Cell(_value(value, std), value) if _is_number(value) else _value(value, std)
+        for value, std in ((change.before, change.std_before), (change.after, change.std_after))
+    ]
     return [change.path, *values, _relative(change.before, change.after), origins]
 
 
@@ -238,25 +241,28 @@ def _value(value: Any, std: Any) -> str:
     """A number, several numbers or a word; with its standard deviation."""
     if value is None:
         return "absent"
-    numbers = isinstance(value, (int, float)) and not isinstance(value, bool)
     if isinstance(value, tuple):
         text = f"[{', '.join(_value(item, None) for item in value)}]"
     else:
-        text = f"{value + 0.0:.7g}".replace("-", "−") if numbers else str(value)
+        text = f"{value + 0.0:.7g}".replace("-", "−") if _is_number(value) else str(value)
     return text if std is None else f"{text} ± {_value(std, None)}"
 
 
 def _relative(before: Any, after: Any) -> str:
     """Of one number, in percent."""
-    plain = all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in (before, after))
-    return _percent(before, after) if plain else ""
+    return _percent(before, after) if _is_number(before) and _is_number(after) else ""
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
 
 
 def _percent(before: float, after: float) -> str:
     if before == 0:
         return ""
     share = (after - before) / abs(before)
-    return f"{100 * share if abs(share) > 1e-12 else 0.0:+.3g} %".replace("-", "−").replace("+0 ", "0 ")
+    percent = 100 * share if abs(share) > 1e-12 else 0.0
+    return Cell(f"{percent:+.3g} %".replace("-", "−").replace("+0 ", "0 "), percent)
 
 
 def _sources(changes: list[Change]) -> Table:

@@ -32,7 +32,7 @@ from armwright.model.joint_signals import command_unit, joint_units
 from armwright.progress import Shown, automatic
 from armwright.results.page_parts import bullets, sentence
 from armwright.results.result import Result
-from armwright.results.table import Cell, Table
+from armwright.results.table import Cell, Table, number
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -169,7 +169,7 @@ class LoopAnalysis(Result):
         return {"inertia held": inertia, "inertia free": inertia, "gravity slope": slope, "noise gain": noise}
 
     def tables(self) -> list[Table]:
-        """A row for each joint; ranges are those over the poses, margins the least."""
+        """A row for each joint; ranges are those over the poses, margins the least; the phase margin is in degrees."""
         rows, units = [], self._units
         shared = {name: next(iter(each)) for name, each in units.items() if len(set(each)) == 1}
         heads = [f"{head} [{shared[head]}]" if head in shared else head for head in HEADS]
@@ -178,15 +178,15 @@ class LoopAnalysis(Result):
             margins = [
                 _gain("×", np.nanmin(self.held.gain_up[:, j]), 1) if np.isfinite(self.held.gain_up[:, j]).any() else "—",
                 _gain("÷", 1.0 / down, -1) if (down := np.nanmax(self.held.gain_down[:, j])) > 0 else "∞",
-                f"{np.degrees(np.nanmin(self.held.phase[:, j])):.3g}°",
+                _angle(np.nanmin(self.held.phase[:, j])),
             ] if np.isfinite(self.held.phase[:, j]).all() else ["unstable"] * 3  # fmt: skip
             noise = self.noise.command[:, j, j]
-            margins.append(f"{np.nanmax(noise):.3g}" if np.isfinite(noise).all() else "—")
-            row = [name, *ranges, f"{self.inertias.coupling[:, j].max():.2f}", *margins]
+            margins.append(number(np.nanmax(noise), ".3g") if np.isfinite(noise).all() else "—")
+            row = [name, *ranges, number(self.inertias.coupling[:, j].max(), ".2f"), *margins]
             unlike = [len(set(units.get(head, [""]))) > 1 for head in HEADS]
             rows.append(
                 [
-                    f"{cell} {units[head][j]}" if mixed else cell
+                    Cell(f"{cell} {units[head][j]}", cell.value) if mixed and isinstance(cell, Cell) else cell
                     for cell, head, mixed in zip(row, HEADS, unlike, strict=True)
                 ]
             )
@@ -239,9 +239,7 @@ class LoopAnalysis(Result):
 
 
 def _gain(sign: str, factor: float, way: int) -> Cell:
-    cell = Cell(f"{sign} {factor:.3g} ({way * decibels(factor):+.1f} dB)".replace("-", "−"))
-    cell.value = factor
-    return cell
+    return Cell(f"{sign} {factor:.3g} ({way * decibels(factor):+.1f} dB)".replace("-", "−"), factor)
 
 
 def analyse_loops(
@@ -292,6 +290,12 @@ def analyse_loops(
     return LoopAnalysis(loop, inertias, q, held, held.radius, asked, stable, with_margin, alone_held, alone_free, noise)
 
 
-def _range(values: np.ndarray) -> str:
+def _angle(value: float) -> Cell:
+    """An angle [rad] in degrees."""
+    degrees = float(np.degrees(value))
+    return Cell(f"{degrees:.3g}°", degrees)
+
+
+def _range(values: np.ndarray) -> Cell:
     low, high = float(values.min()), float(values.max())
-    return f"{low:.3g}" if f"{low:.3g}" == f"{high:.3g}" else f"{low:.3g} … {high:.3g}"
+    return Cell(f"{low:.3g}" if f"{low:.3g}" == f"{high:.3g}" else f"{low:.3g} … {high:.3g}", [low, high])
