@@ -78,7 +78,7 @@ def select_target(name: str | None = None, format: Format = DOUBLE) -> Target:
 def last_cache() -> int:
     """Bytes of the last cache before memory; 0 where the system does not say."""
     try:
-        return 1024 * int(LAST_CACHE.read_text().strip().removesuffix("K"))
+        return 1024 * int(LAST_CACHE.read_text(encoding="ascii").strip().removesuffix("K"))
     except (OSError, ValueError):
         return 0
 
