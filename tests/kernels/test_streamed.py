@@ -105,7 +105,5 @@ def test_the_last_cache_is_as_large_as_the_system_says(said, bytes, tmp_path, mo
 def test_rows_are_taken_from_columns_in_the_last_round(name):
     """No lanes are taken out of a register a second time: those instructions took a tenth of the time of such results."""
     text = llvm.batch_module(8, trace_kernel(arm("puma560"), SIGNATURES[name])).text()
-    stored = text.count("store <4 x double>") + text.count("store <2 x double>")
-    taken = [line for line in text.splitlines() if "shufflevector <8 x double>" in line and "poison" in line]
-    assert stored > 6 * 8
-    assert not taken
+    assert text.count("store <4 x double>") > 30
+    assert "poison, <4 x i32>" not in text
