@@ -145,6 +145,24 @@ def test_an_arm_without_brakes_applies_none():
         aw.Scenario(arm("two-link"), command=[0.0, 0.0], duration=0.1, inputs=aw.Inputs(brake=1))
 
 
+def test_a_current_on_its_way_stops_no_integrator():
+    """A load that comes at once is taken up as by a drive whose current is there at once."""
+    law = aw.Cascade(position_kp=8.0, speed_kp=2.0, speed_ki=40.0)
+    ends = []
+    for winding in ({}, {"inductance_h": 1e-3, "current_loop_hz": 300.0}):
+        model = pendulum("current", gravity=0.0, motor={**MOTOR, **winding})
+        run = aw.simulate(
+            aw.Scenario(
+                model, duration=0.3, inputs=aw.Inputs(wrench=[0.0, 0.0, 0.0, 0.0, 10.0, 0.0]),
+                loop=aw.Loop(controller=law, reference=[0.0], period=PERIOD), recording=aw.Recording(reduce=["saturation"]),
+            )
+        )  # fmt: skip
+        assert run.saturation.values == 0.0
+        ends.append(np.abs(run.q.values[50::50, 0]))
+    assert ends[0].max() > 1e-4
+    np.testing.assert_allclose(ends[1], ends[0], rtol=0.1)
+
+
 WRIST = {**MOTOR, "gear_ratio": 30.0}
 
 

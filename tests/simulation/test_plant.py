@@ -27,6 +27,7 @@ from simulation.plants import (
     RK3,
     STOPS,
     SUPPLY,
+    THERMAL,
     exact,
     magnitudes,
     pendulum,
@@ -239,14 +240,32 @@ def test_brakes_take_part_only_where_they_are_asked_for():
 
 
 def test_what_the_drives_did():
-    """In each joint's own unit: the bus is all the voltage there is, and a torque is what the current makes."""
+    """In each joint's own unit: the bus is all the voltage there is, a current that is on its way is not limited."""
     sagged = Plant.of(MANY["supply"])
     x = sagged.initial([0.3], [0.5])
     x[2] = 20.0
     assert sagged.applied(x, np.array([40.0])).tolist() == [20.0]
     assert Plant.of(MANY["plain"]).applied(x[:2], np.array([40.0])).tolist() == [40.0]
     loop = Plant.of(MANY["current loop"])
-    np.testing.assert_allclose(loop.applied(np.array([0.3, 0.5, 2.0]), np.array([12.0])), 50.0 * 0.06 * 2.0)
+    np.testing.assert_allclose(loop.applied(np.array([0.3, 0.5, 2.0]), np.array([12.0])), 12.0)
+
+
+@pytest.mark.parametrize(
+    ("limits", "followed"),
+    [({}, 12.0), ({"current_a": 3.0}, 9.0), ({"torque_n_m": 6.0}, 6.0), ({"voltage_v": 4.5}, 3.0 * (4.5 - 1.5) / 1.2)],
+)
+@pytest.mark.parametrize(
+    "state", [{"inductance_h": 1e-3}, {"inductance_h": 1e-3, "current_loop_hz": 300.0}, {"thermal": THERMAL}]
+)
+def test_only_limits_keep_a_drive_from_its_command(state, limits, followed):
+    """Not its winding, its current loop or its warm magnets: anti-windup would stop integrators for them."""
+    plant = Plant.of(pendulum("torque", motor={**MOTOR, **state}, limits=limits))
+    x = plant.initial([0.3], [0.5])  # E = 50 · 0.06 · 0.5 V; Kt i of 12 N m is 4 A
+    if "thermal" in state:
+        x[2:] = 20.0 if "voltage_v" in limits else 80.0  # warm, a winding takes more of the voltage
+    else:
+        x[2] = 1.0
+    np.testing.assert_allclose(plant.applied(x, np.array([12.0])), followed, rtol=1e-12)
 
 
 def test_an_elastic_gear_needs_its_rotor():

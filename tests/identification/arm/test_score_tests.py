@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import armwright as aw
+from armwright.identification.arm.score_tests import Score, made_up_for, suspicions
 from identification.arm.logged_machine import Machine, Motion, read, written
 
 T = np.arange(10000) / 500
@@ -24,6 +25,8 @@ def sentences(folder: Path, mistake: str, seed: int = 0, joint: int = JOINT, sha
     if mistake == "drift":
         friction = machine.coulomb * np.sign(qd) + machine.viscous * qd
         torque[:, joint] -= 0.4 * (T / T[-1]) * friction[:, joint]
+    if mistake == "spring":
+        torque[:, joint] += 0.1 * np.ptp(torque[:, joint]) / np.ptp(q[:, joint]) * q[:, joint]
     if mistake == "late":
         torque[:, joint] = machine.torque(*motion.at(T - 0.01))[:, joint]
     torque = torque + share * torque.std(axis=0) * rng.normal(size=torque.shape)
@@ -56,6 +59,7 @@ SAID = {
     "late": r"j3: its torques come 0\.0(09|10|11|12)\d* s after its motion",
     "outliers": r"warning: run1: tau j3: \d+ rows \((0\.[89]|1\.0)\d*%\) by more than",
     "clipped": r"j3: \d+% of its torques are not fitted: cut off at a limit",
+    "spring": r"j3: its torques change with its position by \+\d+% of their spread",
     "drift": r"j3: its friction changes by -[3-6]\d% over the log",
 }
 
@@ -65,6 +69,16 @@ SAID = {
 def test_a_mistake_is_found_with_its_joint_and_size(tmp_path, mistake):
     (sentence,) = sentences(tmp_path, mistake)
     assert re.match(SAID[mistake], sentence), sentence
+
+
+@pytest.mark.parametrize(
+    ("share", "explains", "doubts", "remarks"),
+    [(0.4, 0.9, 1, 0), (0.4, 0.5, 0, 1), (-0.4, 0.9, 0, 0), (0.01, 0.9, 0, 0)],
+)
+def test_a_spring_that_leaves_most_of_a_residual_is_a_doubt(share, explains, doubts, remarks):
+    """One that pushes away from its rest is none."""
+    scores = [Score("j3", "rad", "spring", share, 0.02, 50.0 * share / abs(share), explains)]
+    assert (len(made_up_for(scores)), len(list(suspicions(scores)))) == (doubts, remarks)
 
 
 @pytest.mark.parametrize("seed", range(2))

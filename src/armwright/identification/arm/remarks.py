@@ -17,7 +17,7 @@ from armwright.identification.arm.fit import AT_REST, ArmFit, HeldOut, residual_
 from armwright.identification.arm.gear_loss import LossyModel, doubtful_losses, loss_remarks
 from armwright.identification.arm.methods import FittedLog
 from armwright.identification.arm.misread import late_torques, misread_columns
-from armwright.identification.arm.score_tests import other_loads, score_tests, suspicions
+from armwright.identification.arm.score_tests import made_up_for, score_tests, suspicions
 from armwright.identification.arm.spring_record import SPRINGS
 from armwright.identification.arm.torque_model import SUPPORT
 from armwright.identification.estimate import HALF_95, Estimate
@@ -230,7 +230,7 @@ def with_remarks(
     late = late_torques(fit, some)
     scores = score_tests(fit, found.rows())
     remarks += [*late, *suspicions(scores, all_late=bool(late))]
-    doubts += [*other_loads(scores), *([] if driving else misread_columns(fit, some)), *impossible]
+    doubts += [*made_up_for(scores), *([] if driving else misread_columns(fit, some)), *impossible]
     remarks += [*loss_remarks(fit, found.unfitted), *SUPPORT.notes(fit.equations.model.arm)]
     doubts = [*doubtful_losses(fit), *doubts]
     return replace(

@@ -29,7 +29,8 @@ STEP = 1e-5  # of a position, for derivatives [rad | m], and of its scale
 LIKELY = 2.0  # deviations from which a mistake is taken out
 INVISIBLE = 1e-9  # share of a column's squares that the model leaves
 FRICTION = ("viscous", "coulomb", "coulomb+", "coulomb-", "stribeck")
-LOAD = "load"
+LOAD, SPRING = "load", "spring"
+MOST = 0.75  # of a joint's squared residuals: a spring that explains more is missing
 BESIDE = 0.7  # of the largest |z|: mistakes with less follow from that one
 
 Torques = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
@@ -51,6 +52,11 @@ MISTAKES = {
     "friction": Mistake("its friction changes by {size:+.0%} over the log", 0.1),
     "position zero": Mistake("the zero of its position is {size:+.3g} {unit} off", 0.02),
     "position scale": Mistake("its positions are {size:+.1%} off in scale: are counts and gear ratio right?", 0.02),
+    "spring": Mistake(
+        "its torques change with its position by {size:+.0%} of their spread, as with a spring that the record lacks or "
+        "has otherwise, and masses make up for it: --springs fits one",
+        0.02,
+    ),
     "load": Mistake("what loads add to its friction is {size:+.0%} off the record's, and masses make up for it", 0.005),
 }
 
@@ -60,7 +66,7 @@ class Score:
     """A mistake of a joint: size a, its deviation, and a by it; infinite deviation: the log says nothing about it.
 
     Attributes:
-        unit: of the joint's position.
+        unit: of the joint's position.   explains: share of the joint's squared residuals that goes with the mistake.
     """
 
     joint: str
@@ -69,6 +75,7 @@ class Score:
     size: float
     std: float
     z: float
+    explains: float
 
 
 def score_tests(fit: ArmFit, samples: Iterable[Samples]) -> list[Score]:
@@ -87,13 +94,19 @@ def score_tests(fit: ArmFit, samples: Iterable[Samples]) -> list[Score]:
     times = np.concatenate([block.t for block in blocks])
     middle, span = float(times.mean()), max(float(np.ptp(times)), np.finfo(float).tiny)
     root = np.sqrt(fit.weights)[:, None]
+    torque, moved = (
+        np.nan_to_num(np.concatenate(each)).std(axis=0) for each in zip(*((b.tau, b.q) for b in blocks), strict=True)
+    )
+    stiffness = np.divide(
+        torque, moved, out=np.zeros_like(moved), where=moved > 0.0
+    )  # of springs with the torques' spread
     columns, effects, errors = [], [], []
     for block in blocks:
         Y = block.regressor(model)[:, :, base.independent]
         e = block.unknown_torque(model) - Y @ fit.values
         known = np.isfinite(e)[:, :, None]
         columns.append(np.where(known, Y, 0.0))
-        effects.append(np.where(known, _effects(model, fit.parameters, block, middle, span), 0.0))
+        effects.append(np.where(known, _effects(model, fit.parameters, block, (middle, span), stiffness), 0.0))
         errors.append(e)
     if count < 2 * len(base):
         return []
@@ -115,6 +128,7 @@ def score_tests(fit: ArmFit, samples: Iterable[Samples]) -> list[Score]:
         np.einsum("tjk,tj->k", d * fit.weights[:, None], np.nan_to_num(e)) for d, e in zip(clean, errors, strict=True)
     )
     size, std = np.zeros(len(visible)), np.full(len(visible), np.inf)
+    squares = fit.weights * np.sum([np.nansum(e * e, axis=0) for e in errors], axis=0)
     size[visible], std[visible] = scores / left[visible], np.sqrt(np.diag(found.covariance))
     least = np.array([each.least for each in MISTAKES.values()] * model.arm.n)
     for at, k in enumerate(np.flatnonzero(visible)):
@@ -130,6 +144,7 @@ def score_tests(fit: ArmFit, samples: Iterable[Samples]) -> list[Score]:
             float(size[k]),
             float(std[k]),
             float(size[k] / std[k]) if std[k] > 0.0 else 0.0,
+            float(size[k] ** 2 * left[k] / max(squares[k // len(MISTAKES)], np.finfo(float).tiny)),
         )
         for k, (joint, mistake) in enumerate(
             (joint, mistake) for joint in model.arm.coordinates for mistake in MISTAKES
@@ -141,12 +156,26 @@ def score_tests(fit: ArmFit, samples: Iterable[Samples]) -> list[Score]:
 def _seen(scores: list[Score]) -> list[Score]:
     """Mistakes that are there, on one in a hundred clean logs."""
     limit = float(stats.norm.isf(FALSE_ALARMS / max(2 * len(scores), 1)))
-    return [each for each in scores if abs(each.z) > limit and abs(each.size) > MISTAKES[each.mistake].least]
+    return [
+        each
+        for each in scores
+        if abs(each.z) > limit
+        and abs(each.size) > MISTAKES[each.mistake].least
+        and (each.mistake != SPRING or each.size > 0.0)  # no spring pushes away from its rest
+    ]
 
 
-def other_loads(scores: list[Score]) -> list[str]:
-    """Sentences about joints whose friction grows otherwise with the load than the record, whose numbers the fit takes, says."""
-    return [_words(each) for each in _seen(scores) if each.mistake == LOAD]
+def made_up_for(scores: list[Score]) -> list[str]:
+    """Sentences about mistakes of the record that masses make up for.
+
+    Friction that grows otherwise with the load than the record says, whose numbers the fit takes; a spring without which most
+    of a joint's residual would be gone.
+    """
+    return [_words(each) for each in _seen(scores) if _is_made_up_for(each)]
+
+
+def _is_made_up_for(score: Score) -> bool:
+    return score.mistake == LOAD or (score.mistake == SPRING and score.explains > MOST)
 
 
 def _words(score: Score) -> str:
@@ -155,20 +184,26 @@ def _words(score: Score) -> str:
 
 
 def suspicions(scores: list[Score], all_late: bool = False) -> Iterator[str]:
-    """Sentences about mistakes that are there, but for those of `other_loads`.
+    """Sentences about mistakes that are there, but for those of `made_up_for`.
 
     Args:
         scores: of all joints.   all_late: the lateness of all joints together is said already.
     """
-    seen = [each for each in _seen(scores) if each.mistake != LOAD]
+    seen = [each for each in _seen(scores) if not _is_made_up_for(each)]
     largest = max((abs(each.z) for each in seen), default=0.0)
     for each in seen:
         if abs(each.z) >= BESIDE * largest and not (all_late and each.mistake == "lateness"):
             yield _words(each)
 
 
-def _effects(model: TorqueModel, parameters: np.ndarray, block: Samples, middle: float, span: float) -> np.ndarray:
-    """Columns d (rows, n, 6 n) of the mistakes of each joint, in the order of `MISTAKES`; times [s] about their middle."""
+def _effects(
+    model: TorqueModel, parameters: np.ndarray, block: Samples, times: tuple[float, float], stiffness: np.ndarray
+) -> np.ndarray:
+    """Columns d (rows, n, 7 n) of the mistakes of each joint, in the order of `MISTAKES`.
+
+    Args:
+        times: middle and span of the log [s].   stiffness: (n,) of the springs that are tried [N m/rad | N/m].
+    """
     n = model.arm.n
     motion = block.q, block.qd, block.qdd
 
@@ -179,12 +214,13 @@ def _effects(model: TorqueModel, parameters: np.ndarray, block: Samples, middle:
     friction = block.regressor(model)[:, :, rub] @ parameters[rub]
     own = torques(*motion)  # as predicted: measured ones have the residuals themselves in them
     late = -np.gradient(own, block.t, axis=0) if len(block.t) > 2 else np.zeros_like(own)
-    later = (block.t - middle) / span
+    later = (block.t - times[0]) / times[1]
     found = np.zeros((len(block.t), n, n, len(MISTAKES)))
     for j in range(n):
         found[:, j, j, 0], found[:, j, j, 1], found[:, j, j, 2] = own[:, j], late[:, j], later * friction[:, j]
+        found[:, j, j, 5] = stiffness[j] * block.q[:, j]
         if block.loaded is not None:
-            found[:, j, j, 5] = block.loaded[:, j]
+            found[:, j, j, 6] = block.loaded[:, j]
         for place, moves in ((3, [np.ones(len(block.t)), 0.0, 0.0]), (4, [each[:, j] for each in motion])):
             moved = [each.copy() for each in motion]
             for each, by in zip(moved, moves, strict=True):

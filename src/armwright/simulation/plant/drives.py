@@ -28,6 +28,7 @@ from armwright.simulation.plant.joint_drive import (
     at_rest,
     contact_depths,
     driven_joint,
+    followed_command,
 )
 from armwright.simulation.plant.state import KEPT, OUTPUTS, WAITING, contacts_of, is_kept, state_layout
 
@@ -142,10 +143,7 @@ class PlantDrives:
         u, touching, brake = inputs.command, inputs.contacts, inputs.brake
         ends = np.cumsum(self.contacts)
         of = [None if touching is None else touching[end - k : end] for end, k in zip(ends, self.contacts, strict=True)]
-        supply = self.model.supply
-        volts = None if supply is None else drive_voltage(supply, self.part(x, "bus_voltage")[0])
-        if inputs.supply is not None:
-            volts = inputs.supply[0]
+        volts = self._bus_voltage(x) if inputs.supply is None else inputs.supply[0]
         enabled = {} if inputs.enabled is None else dict(zip(self.servos, inputs.enabled, strict=True))
         external = self._external(x, inputs)
         applied = dict.fromkeys(self.braked, 0.0) if brake is None else dict(zip(self.braked, brake, strict=True))
@@ -164,6 +162,11 @@ class PlantDrives:
             )
             for (i, body), at in zip(enumerate(self.model.coordinates), self.motions(x), strict=True)
         ]
+
+    def _bus_voltage(self, x: Array) -> Scalar | None:
+        """[V] that the bus gives the drives; None: the supply never sags."""
+        supply = self.model.supply
+        return None if supply is None else drive_voltage(supply, self.part(x, "bus_voltage")[0])
 
     def _external(self, x: Array, inputs: PlantInputs) -> Array:
         """-(C q̇ + g + s) + Jᵀ wrench (n,) [N m | N], for friction that depends on it; else 0."""
@@ -304,20 +307,23 @@ class PlantDrives:
         return from_motors(shares, q), from_motors(shares, qd)
 
     def applied(self, x: Array, u: Array) -> np.ndarray:
-        """Commands that the drives follow: what they produce for theirs, within limits and supply.
+        """Commands that the drives follow: what they produce for theirs in the end, within limits and supply.
 
-        A command within a dead zone is followed: it gives nothing, but no limit has changed it.
+        A command within a dead zone is followed: it gives nothing, but no limit has changed it. So is one that a winding or its
+        current loop reaches a moment later, or one of torque that warm magnets fall short of.
 
         Args:
             x: (size,).   u: (n,) commands.
         Returns:
             applied: (n,) [V | A | N m | N | rad], each in its joint's own unit; of a servo the goal that it follows.
         """
-        applied = list(in_command_units(self.model, self._done(x, u)))
+        applied, speeds = list(in_command_units(self.model, self._done(x, u))), self._motors(x)[1]
         for i, body in enumerate(self.model.coordinates):
-            width, servo = body.drive.dead_zone, self._states(x, i).servo
-            if servo is not None:
-                applied[i] = servo.goal
+            width, states = body.drive.dead_zone, self._states(x, i)
+            if states.servo is not None:
+                applied[i] = states.servo.goal
+            elif states.current is not None or states.winding_temperature is not None:
+                applied[i] = followed_command(body, states, speeds[i], u[i], self._bus_voltage(x))
             if width is not None:
                 applied[i] = scalar.where(scalar.less_equal(scalar.abs(u[i]), width), u[i], applied[i])
         return scalar.array(applied)

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from armwright import scalar
 from armwright.actuators.backlash import flank_depths
 from armwright.actuators.brake import holding
 from armwright.actuators.cogging import cogging_torque
+from armwright.actuators.dead_zone import command_for
 from armwright.actuators.elasticity import bent, transmitted
 from armwright.actuators.firmware import FirmwareState, bridged, within_drive
 from armwright.actuators.friction import has_corner, joint_friction, sliding_friction
 from armwright.actuators.gear import GearLoss, gear_loss, holds_by_loss
 from armwright.actuators.lugre import bristle_friction, sliding
-from armwright.actuators.motor import check_command
+from armwright.actuators.motor import check_command, joint_constant
 from armwright.actuators.stops import stop_depths, stopped
 from armwright.actuators.thermal import warmed, warming_rates
 from armwright.actuators.winding import Winding, driven_winding, is_limit, switched
@@ -236,6 +237,21 @@ def _winding(
         drive = warmed(drive, states.winding_temperature, states.housing_temperature)
     winding = driven_winding(body, drive, speed, u, supply, states.current, volts)
     return winding if enabled is None else switched(drive, winding, enabled, speed)
+
+
+def followed_command(body: Body, states: JointStates, speed: Scalar, u: Scalar, volts: Scalar | None) -> Scalar:
+    """Command that a drive follows at this speed, as a drive would report it whose current were there at once.
+
+    Args:
+        body: the joint, no servo.   states: of its drive.   speed: of the motor, referred to the joint [rad/s | m/s].
+        u: [V | A | N m | N].   volts: of the bus [V]; None: the supply never sags.
+    Returns:
+        followed: u within limits and supply, in its unit; a torque by the constant of the record, as the drive takes it.
+    """
+    winding = _winding(body, replace(states, current=None), speed, u, volts, None)
+    if body.drive.command == "voltage":
+        return command_for(winding.voltage, body.drive.dead_zone)
+    return winding.current if body.drive.command == "current" else joint_constant(body.drive) * winding.current
 
 
 def _warming(body: Body, states: JointStates, heat: Scalar | None, change: dict[str, Scalar]) -> Scalar | None:
