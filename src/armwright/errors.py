@@ -265,7 +265,8 @@ class Interrupted(KeyboardInterrupt):
     """Ctrl-C ended long work, which keeps what was found until then.
 
     Attributes:
-        run: of a simulation, the lanes that were finished, or of one group of lanes the time until then.
+        run: of a simulation, the lanes that were finished, or of one group of lanes the time until then; of a run over a bus, its
+            rows until then.
         found: of a search or a fit, its result so far.
     """
 

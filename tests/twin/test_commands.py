@@ -168,3 +168,13 @@ def test_a_fault_is_one_line_too(file, bus):
     assert result.exit_code == 1
     assert "node 4 of elbow is in state" in result.output
     assert "error 0x4310: motor too hot" in result.output
+
+
+def test_ctrl_c_says_whether_the_arm_is_held(file, bus, monkeypatch):
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("armwright.twin.law.Law.command", interrupted)
+    result = invoked("run-controller", file, "--bus", bus, "--go")
+    assert result.exit_code == 130
+    assert "--release" in result.output

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import armwright as aw
-from armwright.errors import BusError, RunStopped
+from armwright.errors import BusError, Interrupted, RunStopped
 from armwright.twin.bus import BusLoad
 from armwright.twin.faults import Fault
 from armwright.twin.on_bus import scenario_on_bus
@@ -138,15 +138,24 @@ def test_letting_go_of_the_key_ends_the_run(scenario, bus):
     assert len(run.time) == 20
 
 
-def test_an_interrupted_run_stops_the_arm_and_closes_the_bus(scenario, bus):
+def test_an_interrupted_run_stops_the_arm_says_its_state_and_closes_the_bus(scenario, bus):
+    presses = iter([True] * 20)
+
     def interrupt():
+        if next(presses, False):
+            return True
         raise KeyboardInterrupt
 
     before = threading.active_count()
     with Twin(scenario, bus) as twin:
-        with pytest.raises(KeyboardInterrupt):
+        with pytest.raises(Interrupted) as stop:
             run_controller(scenario, bus, permission=Permission(may_move=interrupt))
         assert all(drive.state is State.QUICK_STOP for drive in twin.drives)
+    run = stop.value.run
+    assert len(run.time) == 20
+    assert not run.complete
+    assert run.ending.held
+    assert str(run.ending) in str(stop.value)
     assert threading.active_count() == before
 
 

@@ -97,8 +97,8 @@ class Commands(TyperGroup):
         """Runs the command; Ctrl-C outside of work that keeps what it has found is said, exit code 130."""
         try:
             return super().invoke(ctx)
-        except KeyboardInterrupt:
-            note("stopped by Ctrl-C")
+        except KeyboardInterrupt as stop:  # of ours with what it means
+            note(f"stopped by Ctrl-C {stop}".rstrip())
             raise typer.Exit(130) from None
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:

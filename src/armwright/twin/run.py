@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from armwright.entry import expect
-from armwright.errors import BusError, OutputError, Problem, RunStopped
+from armwright.errors import BusError, Interrupted, OutputError, Problem, RunStopped
 from armwright.results.result import Result
 from armwright.results.table import Table, number
 from armwright.scalar import real_numbers
@@ -139,6 +139,7 @@ def run_controller(
     Raises:
         RunStopped: the run ended early, since a node was lost, a drive had a fault or a following error was too large; its
             `run` is what was recorded.
+        Interrupted: Ctrl-C; its `run` is what was recorded.
         BusError: refused before a drive was enabled: no such bus, arguments out of range, nodes that do not answer or are no
             such drives, two devices with one number, an arm that must not move or stands elsewhere.
     Example:
@@ -284,17 +285,23 @@ def _run(
     law.begin(start[:n], start[n:])
     q, u, applied = (np.zeros((recording.ticks, n)) for _ in range(3))
     rows = DrivenRows(q, u, applied)
-    trouble = _driven(master, law, rows, most, real_time, may_move)
+    trouble, interrupted = None, False
+    try:
+        trouble = _driven(master, law, rows, most, real_time, may_move)
+    except KeyboardInterrupt:
+        interrupted = True
     report = master.cycles.report
     ending = master.stop(trouble)
     restless = ending.unknown + ending.moving
-    if trouble is None and restless:
+    if trouble is None and restless and not interrupted:
         joint = master.names.index(restless[0])
         what = f"node {master.numbers[joint]} of {restless[0]} does not come to rest at the end"
         trouble = Trouble(joint, what, "an answer that says so", believed=False)
     done = rows.done
     times = master.period * np.arange(done)
     run = BusRun(master.rehearsal, times, rows.q[:done], rows.u[:done], rows.applied[:done], report, ending, trouble)
+    if interrupted:
+        raise Interrupted(f"at {done * master.period:g} s; {ending}", run)
     if trouble is None:
         return run
     error = master.error(trouble, ending)

@@ -211,3 +211,11 @@ def test_a_large_gain_margin_is_found():
 def test_several_rates_have_no_single_sensitivity():
     with pytest.raises(ScenarioError):
         LinearLoop(scenario(CONTROLLERS["three rates"])).sensitivity(POSE)
+
+
+def test_a_body_in_the_hand_is_said_to_be_left_out():
+    """With 8 kg at the tip the arm's inertias are others, so margins of the empty hand are no verdict on it."""
+    empty, carried = scenario(CONTROLLERS["cascade"]), aw.Inputs(payload=[aw.Payload(0.5, 8.0)])
+    assert len(LinearLoop(replace(empty, inputs=carried)).notes) == len(LinearLoop(empty).notes) + 1
+    loaded = replace(empty, arm=empty.arm.with_payload(8.0, [0.0] * 3, np.zeros((3, 3))))
+    assert LinearLoop(loaded).radius(POSE) != LinearLoop(empty).radius(POSE)

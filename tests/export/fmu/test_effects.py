@@ -6,6 +6,7 @@ import pytest
 import armwright as aw
 from export.fmu.fmus import Instance, this_platform
 from export.fmu.test_co_simulation import commanded, states
+from features.cases import SCENARIOS, base
 from simulation.plants import BRAKE, COULOMB, MANY, MOTOR, pendulum
 from simulation.sticking import block, dry
 from simulation.test_switching import PLAY, STOPS
@@ -79,6 +80,14 @@ def test_brakes_wrenches_and_payloads_are_inputs(tmp_path):
     x = states(exported(scenario, tmp_path / "plant.fmu"), run, TICKS, 1e-3, brake=brake, payload=load)
     np.testing.assert_allclose(x[:, 0], run.q.values[:, 0], atol=1e-13)
     assert np.abs(run.q.values[30:] - aw.simulate(commanded(arm, TICKS)).q.values[30:]).max() > 1e-4
+
+
+def test_what_a_motion_grips_is_an_input_of_the_plant(tmp_path):
+    """As `inputs.payload` is; the plant has no motion that could take it up."""
+    gripping, given = (SCENARIOS[name](base())[0] for name in ("grips of a motion", "payloads over time"))
+    found, same = (aw.export.export_fmu(each, tmp_path / "a.fmu", platforms=[]).inputs for each in (gripping, given))
+    assert found == same
+    assert any(each.startswith("payload.") for each in found)
 
 
 @pytest.mark.study

@@ -63,6 +63,17 @@ def test_several_mistakes_are_all_reported(tmp_path):
     assert {problem.place for problem in error.value.problems} == {"titel", "signals[1].unit"}
 
 
+def test_units_of_time_and_signals_that_are_missing_are_reported_together_with_their_lines(tmp_path):
+    text = ALL.replace('unit = "s"\n', "").replace('unit = "rad/s"\n', "")
+    path = written(tmp_path, text)
+    with pytest.raises(LogError) as error:
+        aw.identification.read_log(path)
+    problems = error.value.problems
+    assert [problem.place for problem in problems] == ["time.unit", "signals[1].unit"]
+    lines = text.splitlines()
+    assert [problem.line for problem in problems] == [1 + lines.index("[time]"), lines.index('quantity = "speed"')]
+
+
 @pytest.mark.parametrize(("old", "new"), [("[time]", "[[time]]"), ("[[signals]]", "[signals]")])
 def test_tables_for_lists_and_lists_for_tables_are_refused_with_their_lines(tmp_path, old, new):
     text = "[[signals]]".join(ALL.split("[[signals]]")[:2])  # with one table of signals

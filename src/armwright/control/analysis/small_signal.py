@@ -31,11 +31,15 @@ from armwright.simulation.plant.slopes import plant_slopes
 from armwright.simulation.plant.view import PlantView
 
 LEFT_OUT = "left out"
+EMPTY_HAND = "left out, the margins are those of an arm that carries none of it"
 SERVOS = "arm.replace(firmware=None), with the servo's loop in the controller"
 SUPPORT = Support(
     "loops",
     scenario=True,
-    approximated={"lanes": "the nominal arm is analysed, without their variations"}
+    approximated={
+        "lanes": "the nominal arm is analysed, without their variations",
+        **dict.fromkeys(("grips of a motion", "payloads over time"), EMPTY_HAND),
+    }
     | dict.fromkeys(
         (
             *("gear loss", "dry friction", "smoothed friction", "friction by direction", "friction offset"),
@@ -49,12 +53,10 @@ SUPPORT = Support(
     without_effect={
         "brakes": "they are released unless inputs.brake applies them",
         **dict.fromkeys(
-            ("pose", "schedule of poses", "motion", "grips of a motion", "moving start"),
+            ("pose", "schedule of poses", "motion", "moving start"),
             "small motions about rest are those of any reference",
         ),
-        **dict.fromkeys(
-            ("wrench", "applied brakes", "payloads over time", "supply over time"), "the loop is that without them"
-        ),
+        **dict.fromkeys(("wrench", "applied brakes", "supply over time"), "the loop is that without them"),
     },
     refused={
         "commands over time": "a loop and its controller",

@@ -239,7 +239,8 @@ def plant_alone(scenario: Scenario) -> Scenario:
     if loop is None:
         loop = Loop(period=scenario.tick, initial_command=all_rows(scenario.commands)[0])
     loop = replace(loop, controller=None, reference=None, period=loop.period or scenario.tick)
-    return _bare(replace(scenario, loop=loop, command=None))
+    inputs = replace(scenario.inputs, payload=scenario.carried)  # what the reference takes up stays an input without it
+    return _bare(replace(scenario, loop=loop, command=None, inputs=inputs))
 
 
 def _split(stages: tuple[Stage, ...]) -> tuple[Sequence[Stage], Call, Sequence[Stage], Sequence[Stage]]:

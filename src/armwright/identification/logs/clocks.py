@@ -27,7 +27,8 @@ class Clock:
             unit = time.unit or stated
             if unit not in TIME or (stated in TIME and time.unit not in (None, stated)):
                 what = f"the header says {stated!r}" if stated else "missing"
-                raise LogError(what, place="time.unit", expected=f"one of {', '.join(TIME)}", file=table.path)
+                file = table.path if stated else ""  # a missing unit is to be written into the log's file
+                raise LogError(what, place="time.unit", expected=f"one of {', '.join(TIME)}", file=file)
             self.scale = TIME[unit]
 
     def seconds(self, times: np.ndarray | None, row: int, count: int, origin: int | float | None = None) -> np.ndarray:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from armwright.errors import LogError, Problem
+from armwright.identification.logs.clocks import Clock
 from armwright.identification.logs.log_file import LogTable, SignalTable
 from armwright.identification.logs.measured_table import MeasuredTable
 from armwright.identification.logs.units import COUNTS, OF_SIGNAL, QUANTITIES, SHARES, ZERO, plain_unit
@@ -27,12 +28,20 @@ def layout_of(
     """The signals of a log with their units.
 
     Raises:
-        LogError: a joint twice or none of the log's, a unit that is missing, contradicts the header, or is not the joint's.
+        LogError: a joint twice or none of the log's, a unit that is missing, contradicts the header, or is not the joint's; all
+            such mistakes together.
     """
     kinds = {} if arm is None else {body.joint: body.kind for body in arm.coordinates}
     sliding: dict[int, bool] = {joints.index(name): kind.units.linear for name, kind in kinds.items() if name in joints}
     found: dict[str, list[int]] = {}
     problems: list[Problem] = []
+    clocks = {"": (table.time, None if table.time.column is None else table.only(table.time.file))}
+    clocks |= {f"files.{key}": (each.time, key) for key, each in table.files.items() if each.time is not None}
+    for place, (time, key) in clocks.items():
+        try:
+            Clock(time, None if key is None else tables[key])
+        except LogError as error:
+            problems += error.within(place).problems
     for k, signal in enumerate(table.signals):
         try:
             _place_columns(f"signals[{k}]", signal, joints, tables[table.only(signal.file)], found, sliding)
