@@ -16,7 +16,7 @@ from armwright.model.load import load
 from armwright.model.variants.edits import tip_of
 from armwright.quantity import Quantity, Record, Source
 from armwright.results.result import Result
-from armwright.results.table import Table, number
+from armwright.results.table import Cell, Table, number
 from armwright.robotfiles.dynamic_effect import DynamicEffect, dynamic_effect
 
 SUPPORT = Support("diff")
@@ -82,7 +82,7 @@ class Difference(Result):
     def tables(self) -> list[Table]:
         """Parameters, sources of equal values, and the effect on the dynamics."""
         rows = [_row(change) for change in self.changes if not change.is_source_only]
-        heads = ("parameter", "A", "B", "change", "source")
+        heads = ("parameter", "A", "B", "change [%]", "source")
         sources = _sources([change for change in self.changes if change.is_source_only])
         effect = [] if self.effect is None or not self else [_effect(self.effect)]
         return [Table("Parameters", heads, rows, ("A", "B", "source")), sources, *effect]
@@ -243,13 +243,23 @@ def _value(value: Any, std: Any) -> str:
         text = f"[{', '.join(_value(item, None) for item in value)}]"
     else:
         text = f"{value + 0.0:.7g}".replace("-", "−") if numbers else str(value)
-    return text if std is None else f"{text} ± {_value(std, None)}"
+    text = text if std is None else f"{text} ± {_value(std, None)}"
+    return _cell(text, value) if numbers else text
+
+
+def _cell(text: str, value: Any) -> Cell:
+    """A number's text, which keeps the number for `rows`."""
+    cell = Cell(text)
+    cell.value = float(value)
+    return cell
 
 
 def _relative(before: Any, after: Any) -> str:
-    """Of one number, in percent."""
+    """Of one number, in percent, without the unit."""
     plain = all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in (before, after))
-    return _percent(before, after) if plain else ""
+    if not plain or before == 0:
+        return ""
+    return _cell(_percent(before, after).removesuffix(" %"), 100 * (after - before) / abs(before))
 
 
 def _percent(before: float, after: float) -> str:
