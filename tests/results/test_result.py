@@ -143,3 +143,25 @@ def test_a_table_keeps_all_digits_and_knows_its_units():
         "a          0.33333",
         "                 —  late",
     ]
+
+
+def test_scenarios_and_motions_fit_a_screen():
+    corners = [[0.0] * 6, [0.5] * 6]
+    motion = aw.trajectories.time_optimal("cmu-dd", corners)
+    assert repr(motion) == f"<PathMotion of 6 joints, {motion.duration:.4g} s>"
+    assert len(repr(aw.trajectories.follow_path("two-link", straight(), 0.1, 0.5))) < 60
+    loop = aw.Loop(aw.JointPID(kp=80.0, kd=8.0), motion, 0.002, sensors=aw.Sensors(counts=4096))
+    shown = repr(aw.Scenario("cmu-dd", 1.0, loop=loop))
+    assert repr(motion) in shown
+    assert "period=0.002, sensors=Sensors(counts=4096" in shown
+    assert len(shown) < 400
+    assert " at 0x" not in repr(aw.load("two-link").parameters["forearm.mass_kg"])
+
+
+def straight():
+    start = aw.forward_kinematics("two-link", [0.3, 0.9])
+    end = aw.forward_kinematics("two-link", [0.35, 0.85])
+    line = aw.trajectories.Line(end[:3, 3])
+    return aw.trajectories.solve_path(
+        "two-link", aw.trajectories.CartesianPath([line], start), near=[0.3, 0.9], aim="position"
+    )

@@ -36,6 +36,10 @@ class Motion(ABC):
     payloads: Any = ()
     file: Any = None
 
+    def __repr__(self) -> str:
+        """Kind, joints and duration; kinds that are a few numbers have the call that makes them."""
+        return f"<{type(self).__name__} of {self.n} joints, {self.duration:.4g} s>"
+
     @property
     @abstractmethod
     def n(self) -> int:
