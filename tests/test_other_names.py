@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 
@@ -10,6 +11,7 @@ import pytest
 import armwright as aw
 from armwright.kernels.signatures import SIGNATURES
 from armwright.other_names import HERE, OTHERS
+from docs.pages import page
 from public_names import GROUPS, PUBLIC
 
 
@@ -41,6 +43,37 @@ def test_public_names(name, here):
 def test_kernels(name, here):
     with pytest.raises(AttributeError, match=f"'{name}'; .* {here}$"):
         getattr(aw.compile(aw.load("two-link")), name)
+
+
+@pytest.mark.parametrize(
+    ("name", "here"),
+    [
+        ("fkine", "aw.forward_kinematics(arm, …)"),
+        ("fdyn", "aw.simulate(aw.Scenario(arm, …))"),
+        ("dof", "n"),
+        ("qlim", "aw.trajectories.MotionLimits.of(arm)"),
+        ("payload", "with_payload(…)"),
+    ],
+)
+def test_attributes_of_an_arm(name, here):
+    arm = aw.load("two-link")
+    with pytest.raises(AttributeError, match=f"'{name}'; here it is {re.escape(here)}$"):
+        getattr(arm, name)
+    assert not hasattr(arm, "xyzzy")
+
+
+def test_the_tables_of_other_libraries_say_the_same():
+    """Where a row of docs/coming-from.md translates one call to one call, the error about that name does, too."""
+    rows = re.findall(
+        r"^\| `[\w ={}]*?(?:\w+\.)?(\w+)\([^`]*` \| [^|]*?`(?:aw|dyn)\.([\w.]+)",
+        page("docs/coming-from.md"),
+        re.MULTILINE,
+    )
+    told = {name: here for name, here in rows if name.replace("_", "").lower() in HERE}
+    assert len(told) > 20
+    assert {name: HERE[name.replace("_", "").lower()] for name in told} == {
+        name: here.rpartition(".")[2] for name, here in told.items()
+    }
 
 
 def test_names_that_nobody_has():

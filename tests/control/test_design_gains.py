@@ -1,6 +1,7 @@
 """Designed gains and linear models of arms, against python-control, SciPy, and the closed forms of their rules."""
 
 from dataclasses import replace
+from importlib import resources
 
 import numpy as np
 import pytest
@@ -253,6 +254,17 @@ def test_margins_that_no_bandwidth_keeps_say_what_would():
     with raises_at(aw.ArmwrightError, "margins") as caught:
         aw.loops.design_gains(slow, poses=20)
     assert "a sample period of" in str(caught.value)
+
+
+def test_a_joint_whose_inertia_varies_much_gets_the_bandwidth_that_keeps_its_margins(tmp_path):
+    text = (resources.files("armwright") / "robots" / "two-link.toml").read_text(encoding="utf-8")
+    (tmp_path / "column.toml").write_text(text.replace("axis = [0.0, 0.0, 1.0]", "axis = [0.0, 1.0, 0.0]", 1))
+    arm = aw.load(tmp_path / "column.toml")  # turns about the vertical, with the forearm's mass out or above the axis
+    light = {"upper_arm.mass_kg": 0.1, "upper_arm.inertia_kg_m2.yy": 0.02, "upper_arm.inertia_kg_m2.zz": 0.02}
+    arm = arm.with_values({**light, "forearm.com_m[0]": 1.0})
+    design = aw.loops.design_gains(replace(scenario(PD, period=2e-3, preset="ideal"), arm=arm), poses=100)
+    assert design.keeps
+    assert design.bandwidth[0] < 10.0  # a hundredth of the highest, 1 / 1 ms
 
 
 def test_a_law_that_no_rule_designs():

@@ -64,7 +64,7 @@ RESULTS = {
     "FrequencyResponse": lambda: aw.identification.frequency_response(*np.random.default_rng(0).normal(size=(2, 4000)), 1e-3),
     "Estimate": lambda: aw.identification.Estimate(("a", "b"), [1.0, 2.0], np.diag([0.01, np.nan]), 64 * "0", "by hand"),
 }  # fmt: skip
-NO_PICTURE = {"Report", "Difference"}  # of words
+NO_PICTURE = {"Report"}  # of words
 NUMBER = re.compile(r"[−±×÷+-]?\s*\d")  # at the beginning of a text that should be one
 
 
@@ -79,6 +79,7 @@ def test_verbs(name, tmp_path):
     assert not [value for row in rows for value in [*row.values()][1:] if str is type(value) and NUMBER.match(value)]
     assert all(len(line) < 200 for table in found.tables() for line in str(table).splitlines())
     assert str(found).count("\n") < 120
+    assert len(repr(found)) <= len(str(found))
     assert "<table>" in found._repr_html_()
     if found.good is not None and isinstance(verdict := getattr(found, "verdict", None), str):
         assert found.sentences()[0] == verdict
@@ -110,6 +111,26 @@ def test_another_ending_is_refused_and_nothing_written(verb, tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+def test_numbers_of_a_difference_are_numbers():
+    (row,) = RESULTS["Difference"]().rows()
+    assert (row["parameter"], row["A"], row["B"], row["change"]) == ("forearm.mass_kg", 4.0, 9.0, 125.0)
+
+
+def test_tables_without_rows_are_not_printed():
+    assert str(aw.robotfiles.diff("two-link", "two-link")).count("\n") == 0
+
+
+def test_bars_have_the_names_of_their_rows_and_one_unit():
+    limits = aw.trajectories.MotionLimits.of("two-link", velocity=3.0)
+    motion = aw.trajectories.Quintic([0.0, 0.0], [1.0, 1.0], 1.0)
+    axes = aw.trajectories.limits_report("two-link", motion, limits).plot().axes
+    assert [each.get_xlabel() for each in axes] == ["limit utilisation [%]", "time [s]"]  # no axis of rad and N m
+    assert [each.get_text() for each in axes[0].get_yticklabels()][:2] == ["shoulder position", "shoulder velocity"]
+    many = aw.inverse_kinematics("puma560", np.tile(aw.forward_kinematics("puma560", np.full(6, 0.1)), (200, 1, 1)))
+    assert many.plot().get_figheight() == pytest.approx(13.0)
+    assert 40 < len(many.plot().axes[0].get_yticklabels()) <= 60
+
+
 def test_a_table_keeps_all_digits_and_knows_its_units():
     table = Table(
         "t", ("joint", "error [rad]", "note"), [["a", number(1.0 / 3.0), ""], ["", number(None), "late"]], ("note",)
@@ -125,3 +146,25 @@ def test_a_table_keeps_all_digits_and_knows_its_units():
         "a          0.33333",
         "                 —  late",
     ]
+
+
+def test_scenarios_and_motions_fit_a_screen():
+    corners = [[0.0] * 6, [0.5] * 6]
+    motion = aw.trajectories.time_optimal("cmu-dd", corners)
+    assert repr(motion) == f"<PathMotion of 6 joints, {motion.duration:.4g} s>"
+    assert len(repr(aw.trajectories.follow_path("two-link", straight(), 0.1, 0.5))) < 60
+    loop = aw.Loop(aw.JointPID(kp=80.0, kd=8.0), motion, 0.002, sensors=aw.Sensors(counts=4096))
+    shown = repr(aw.Scenario("cmu-dd", 1.0, loop=loop))
+    assert repr(motion) in shown
+    assert "period=0.002, sensors=Sensors(counts=4096" in shown
+    assert len(shown) < 400
+    assert " at 0x" not in repr(aw.load("two-link").parameters["forearm.mass_kg"])
+
+
+def straight():
+    start = aw.forward_kinematics("two-link", [0.3, 0.9])
+    end = aw.forward_kinematics("two-link", [0.35, 0.85])
+    line = aw.trajectories.Line(end[:3, 3])
+    return aw.trajectories.solve_path(
+        "two-link", aw.trajectories.CartesianPath([line], start), near=[0.3, 0.9], aim="position"
+    )

@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from armwright.content import checksum
 from armwright.description.robot import RobotDescription, Source
@@ -19,6 +19,7 @@ from armwright.model.cylinder_lengths import implausible_lengths, is_stretched
 from armwright.model.parameter_table import Parameters, parameters_of
 from armwright.model.tree import Tree
 from armwright.notebook import repr_html
+from armwright.other_names import advice_of_arm
 from armwright.spatial import rotated
 
 
@@ -39,6 +40,11 @@ class Model(Tree):
 
     __repr__ = Tree.__repr__
     _repr_html_ = repr_html
+
+    if not TYPE_CHECKING:  # with it any attribute of an arm would pass a type checker
+
+        def __getattr__(self, name: str) -> Any:
+            raise AttributeError(f"an arm has no attribute {name!r}{advice_of_arm(name)}", name=name, obj=self)
 
     @cached_property
     def sha256(self) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -28,7 +28,7 @@ class Parameter:
 
     path: str
     entry: int | None
-    reading: Reading
+    reading: Reading = field(repr=False)
     value: float
     unit: str
     std: float | None

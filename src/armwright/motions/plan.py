@@ -7,7 +7,7 @@ import textwrap
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
@@ -108,6 +108,12 @@ class Plan(Result):
         """
         self.motion.save(self.arm, path, rate)
         return Path(path)
+
+    @overload
+    def plot(self, path: None = None) -> Figure: ...
+
+    @overload
+    def plot(self, path: str | os.PathLike[str]) -> None: ...
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | None:
         """Figure of the motion with its torques and voltages, written to a path (.png, .svg, .pdf, .html) if one is given.

@@ -12,8 +12,10 @@ import os
 import re
 from dataclasses import fields, is_dataclass
 from html import escape
+from itertools import takewhile
+from math import ceil
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
@@ -34,16 +36,28 @@ BLUE = "#2a7fc9"  # seen on white and on black
 WIDTH = 9.2  # of a picture in a page [inch]
 LONGEST = 12  # values of an array that are shown one by one
 BARS = 4  # columns of a table that are drawn
+LABELS, LABEL = 60, 0.2  # rows of bars that are named, and the height of each [inch]
 WORDS = re.compile(r"(?<=[a-z])(?=[A-Z])")
 
 
 class Result:
     """Base of all result types of public functions."""
 
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        if "__repr__" not in cls.__dict__:  # that of a dataclass has all arrays, up to 100 kB of them
+            cls.__repr__ = Result.__repr__
+
+    def __repr__(self) -> str:
+        """The printed tables and sentences, which a Python prompt shows."""
+        return str(self)
+
     @property
     def height(self) -> float:
         """Of its picture [inch]."""
-        return 3.6
+        return (
+            max(3.6, 1.0 + LABEL * min(len(self.tables()[0].cells), LABELS)) if type(self).draw is Result.draw else 3.6
+        )
 
     @property
     def heading(self) -> str:
@@ -80,6 +94,12 @@ class Result:
     def rows(self) -> list[dict[str, Any]]:
         """The main table: a dict for each row, as `pandas.DataFrame` takes them; numbers with all digits, None if not known."""
         return self.tables()[0].rows()
+
+    @overload
+    def plot(self, path: None = None) -> Figure: ...
+
+    @overload
+    def plot(self, path: str | os.PathLike[str]) -> None: ...
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | None:
         """Picture of the result.
@@ -149,10 +169,11 @@ class Result:
 
     def __str__(self) -> str:
         """Tables of at most 24 rows, and sentences."""
-        return "\n\n".join(filter(None, [*map(str, self.tables()), "\n".join(self.sentences())]))
+        tables = [str(each) for each in self.tables() if each.cells]
+        return "\n\n".join(filter(None, [*tables, "\n".join(self.sentences())]))
 
     def _repr_html_(self) -> str:
-        tables = (f"<b>{escape(each.title or '')}</b>{shown_table(each)}" for each in self.tables())
+        tables = (f"<b>{escape(each.title or '')}</b>{shown_table(each)}" for each in self.tables() if each.cells)
         return "".join(tables) + said(self.sentences(), None)
 
 
@@ -163,17 +184,22 @@ def draw_bars(figure: Figure, table: Table, ink: str) -> None:
         ArmwrightError: no column of numbers.
     """
     cells, names = table.rows(), table.names
-    numbers = {name for name in names[1:] for row in cells if isinstance(row[name], (int, float))}
+    columns = {name for k, name in enumerate(names) if k not in table.words}
+    numbers = {name for name in columns for row in cells if isinstance(row[name], (int, float))}
+    if len({row["unit"] for row in cells if "unit" in names}) > 1 and numbers & set(table.units):
+        numbers &= set(table.units)  # values in different units have no common axis
     rows = [row for row in cells if any(isinstance(row[name], (int, float)) for name in numbers)]
     if not rows:
         raise ArmwrightError("nothing to draw", place=table.title or "plot", expected="a result with numbers")
     drawn = [name for name in names if name in numbers][:BARS]
-    labels = [str(row[names[0]]) for row in rows]
+    words = list(takewhile(lambda k: k in table.words and names[k] != "unit", range(len(names))))
+    labels = [" ".join(str(row[names[k]]) for k in words if k == 0 or isinstance(row[names[k]], str)) for row in rows]
     places = figure.subplots(1, len(drawn), sharey=True, squeeze=False)[0]
+    every = ceil(len(rows) / LABELS)
     for axes, name in zip(places, drawn, strict=True):
         values = [row[name] if isinstance(row[name], (int, float)) else np.nan for row in rows]
         axes.barh(range(len(labels)), np.where(np.isfinite(values), values, 0.0), color=BLUE)
-        axes.set_yticks(range(len(labels)), labels)
+        axes.set_yticks(range(0, len(labels), every), labels[::every])
         axes.set_xlabel(f"{name} [{table.units[name]}]" if name in table.units else name, color=ink)
         ink_axes(axes, ink)
     places[0].invert_yaxis()

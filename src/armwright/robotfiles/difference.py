@@ -82,7 +82,7 @@ class Difference(Result):
     def tables(self) -> list[Table]:
         """Parameters with their change in percent, sources of equal values, and the effect on the dynamics."""
         rows = [_row(change) for change in self.changes if not change.is_source_only]
-        heads = ("parameter", "A", "B", "change", "source")
+        heads = ("parameter", "A", "B", "change [%]", "source")
         sources = _sources([change for change in self.changes if change.is_source_only])
         effect = [] if self.effect is None or not self else [_effect(self.effect)]
         return [Table("Parameters", heads, rows, ("A", "B", "source")), sources, *effect]
@@ -249,8 +249,9 @@ def _value(value: Any, std: Any) -> str:
 
 
 def _relative(before: Any, after: Any) -> str:
-    """Of one number, in percent."""
-    return _percent(before, after) if _is_number(before) and _is_number(after) else ""
+    """Of one number, in percent, without the unit."""
+    share = _percent(before, after) if _is_number(before) and _is_number(after) else ""
+    return Cell(share.removesuffix(" %"), share.value) if isinstance(share, Cell) else share
 
 
 def _is_number(value: Any) -> bool:

@@ -16,7 +16,7 @@ from armwright.model import Model
 from armwright.model.joint_signals import joint_signal
 from armwright.model.payload import Payload
 from armwright.model.vary import Varied
-from armwright.notebook import repr_html
+from armwright.notebook import repr_html, stated
 from armwright.parameters import (
     Batch,
     Draw,
@@ -108,6 +108,9 @@ class Scenario:
     source: Any = field(default=None, repr=False)
     document: str | None = field(default=None, init=False, repr=False)
     notes: tuple[str, ...] = field(default=(), init=False, repr=False)
+
+    def __repr__(self) -> str:
+        return stated(self)
 
     _repr_html_ = repr_html
 

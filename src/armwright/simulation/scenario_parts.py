@@ -14,6 +14,7 @@ from armwright.entry import expect
 from armwright.errors import ScenarioError
 from armwright.interfaces import Sensor
 from armwright.kernels.compiled import CPU
+from armwright.notebook import stated
 from armwright.parameters import UNSET, NumbersOrNone
 from armwright.results.reducers import reducer
 from armwright.simulation.checks import check_choice, check_time, check_whole
@@ -60,6 +61,9 @@ class Loop:
     command_filter: CommandFilter = field(default_factory=CommandFilter)
     timing: Timing = field(default_factory=Timing)
     initial_command: Any = None
+
+    def __repr__(self) -> str:
+        return stated(self)
 
     def __post_init__(self) -> None:
         if self.controller is not None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from abc import ABC, abstractmethod
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Self, overload
 
 import numpy as np
 
@@ -35,6 +35,10 @@ class Motion(ABC):
     duration: Any
     payloads: Any = ()
     file: Any = None
+
+    def __repr__(self) -> str:
+        """Kind, joints and duration; kinds that are a few numbers have the call that makes them."""
+        return f"<{type(self).__name__} of {self.n} joints, {self.duration:.4g} s>"
 
     @property
     @abstractmethod
@@ -89,6 +93,12 @@ class Motion(ABC):
         """The motion, which knows from now on the file that it was read from."""
         object.__setattr__(self, "file", os.fspath(path))
         return self
+
+    @overload
+    def plot(self, arm: AnyArm, path: None = None, payload: Any = None) -> Figure: ...
+
+    @overload
+    def plot(self, arm: AnyArm, path: str | os.PathLike[str], payload: Any = None) -> None: ...
 
     def plot(self, arm: AnyArm, path: str | os.PathLike[str] | None = None, payload: Any = None) -> Figure | None:
         """Figure of positions, speeds, accelerations, torques and voltages, written to a path if one is given.

@@ -18,7 +18,7 @@ LAST = 1e9  # [s] of the end of a plan: some thirty years, where a float still t
 SAME = 1e-13  # of a duration: knots of two joints this near to each other are one
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class PiecewisePolynomial(Motion):
     """q(t) = Σ_d coefficients[i, :, d] (t - knots[i])^d  in piece i,  knots[i] ≤ t < knots[i + 1].
 

@@ -29,6 +29,15 @@ TWO = HEAD + POSITIONS + TORQUES
 UNITS = {"rad": 1.0, "deg": np.pi / 180, "turn": 2 * np.pi, "counts": 2 * np.pi / 4096}
 
 
+@pytest.mark.parametrize("spelling", ["1/min", "min⁻¹", "U/min", "rev/min"])
+def test_turns_a_minute_are_written_as_data_sheets_write_them(tmp_path, spelling):
+    table = columns()
+    speeds = {f"v{k} [{spelling}]": 30.0 / np.pi * table.pop(f"v{k}") for k in (1, 2)}
+    text = ALL.replace('["v1", "v2"]', str([*speeds])).replace('"rad/s"', '"rpm"')
+    data = aw.identification.read_log(written(tmp_path, text, {"arm.csv": table | speeds})).dataset()
+    np.testing.assert_allclose(data["qd"], motion(table["t"])[1], atol=1e-9)
+
+
 @settings(max_examples=25)
 @given(
     unit=st.sampled_from(sorted(UNITS)),

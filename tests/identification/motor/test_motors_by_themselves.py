@@ -80,7 +80,7 @@ def arm_of(folder: Path, joints: tuple[str, ...] = ("shoulder", "elbow")) -> Pat
 def log_of(folder: Path, motors: dict[str, dict[str, np.ndarray]]) -> Path:
     """Path of a log of motors by joint, each signal on the motor's side."""
     first = next(iter(motors.values()))
-    columns = {"t": np.arange(len(first["u"])) * PERIOD}
+    columns = {"t": np.arange(len(next(iter(first.values())))) * PERIOD}
     text = LOG.format(joints=[*motors], ratios=[RATIO] * len(motors))
     for name in first:
         heads = [f"{name}_{joint}" for joint in motors]
@@ -173,6 +173,20 @@ def test_a_locked_rotor_tells_resistance_and_inductance(tmp_path):
         assert estimate["elbow.motor.resistance_ohm"] == pytest.approx(TRUE["R"], rel=0.01)
         assert estimate["elbow.motor.inductance_h"] == pytest.approx(inductance, rel=0.05)
         assert not any("torque_constant" in name or "inertia" in name for name in estimate.names)
+
+
+def test_currents_and_speeds_alone_determine_ratios_and_no_motor(tmp_path):
+    rng, inertia, damping = np.random.default_rng(2), 0.05, 0.3
+    i, w, decay = commands(rng, 400, 3.0), [0.0], np.exp(-damping * PERIOD / inertia)
+    for amperes in i[:-1]:  # held from row to row, with a torque constant of 1
+        w.append(w[-1] * decay + amperes / damping * (1.0 - decay))
+    log = log_of(tmp_path, {"elbow": {"current": i, "qd": np.array(w) + 1e-3 * rng.standard_normal(len(i))}})
+    found = aw.identification.identify_motor(log, search=MotorSearch(starts=2)).estimate
+    assert found.verdict == "not identified"
+    known = aw.identification.identify_motor(
+        log, fixed={"Kt": 1.0}, search=MotorSearch(starts=2), free=["J", "viscous"]
+    )
+    assert known.estimate.verdict == "identified"
 
 
 def test_bad_input_is_refused(tmp_path):

@@ -130,18 +130,22 @@ class Designer:
         """(n,) [rad/s] bandwidth with the greatest stiffness that keeps each joint's margins; None if one of them has none.
 
         Args:
-            from_: (n,) [rad/s] lowest of them that are tried, and taken where no other does; None: `SLOWEST` of the highest.
+            from_: (n,) [rad/s] lowest of them that are tried, and taken where no other does; None: `SLOWEST` of the highest,
+                and that share again where none of those keeps them.
         """
         n, steps = self.scenario.arm.n, STEPS.get(self.method, 25)
         low = SLOWEST * self.highest if from_ is None else np.minimum(from_, self.highest)
         grid, chosen = np.geomspace(self.highest, low, steps), np.zeros(n)
+        slower = [SLOWEST * grid] if from_ is None else []  # where inertia varies much and delays are short
         for joint in range(n):
-            kept = np.flatnonzero(self.keeping(grid, joint))
-            if kept.size:
-                chosen[joint] = grid[kept[self.stiffness(grid[kept])[:, joint].argmax()], joint]
-            elif from_ is None:
-                return None
+            for tried in (grid, *slower):
+                kept = np.flatnonzero(self.keeping(tried, joint))
+                if kept.size:
+                    chosen[joint] = tried[kept[self.stiffness(tried[kept])[:, joint].argmax()], joint]
+                    break
             else:
+                if from_ is None:
+                    return None
                 chosen[joint] = from_[joint]
         return chosen
 

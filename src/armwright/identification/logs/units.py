@@ -7,7 +7,8 @@ from math import pi
 
 ALIASES = {
     "Nm": "N m", "mNm": "mN m", "kNm": "kN m", "°": "deg", "°/s": "deg/s", "°/s²": "deg/s²", "degrees": "deg",
-    "degC": "°C", "celsius": "°C", "kelvin": "K",
+    "1/min": "rpm", "min⁻¹": "rpm", "min^-1": "rpm", "min-1": "rpm", "r/min": "rpm", "rev/min": "rpm", "U/min": "rpm",
+    "rev": "turn", "rev/s": "turn/s", "degC": "°C", "celsius": "°C", "kelvin": "K",
     "rad/s2": "rad/s²", "rad/s^2": "rad/s²", "deg/s2": "deg/s²", "deg/s^2": "deg/s²", "m/s2": "m/s²", "m/s^2": "m/s²",
 }  # fmt: skip
 TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "min": 60.0}  # unit → seconds

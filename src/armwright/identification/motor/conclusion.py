@@ -27,6 +27,7 @@ CURRENT = 0.9  # R² of a current below which its rows may be others than is tak
 FAR = 3.0  # deviations from its prior at which a number contradicts it
 NOTHING_NEW = 0.9  # of the prior's deviation that is left: the log says next to nothing
 WORSE = 15.0  # per cent of fit by which a run that was held out is described worse
+UNKNOWN = 0.9  # deviation, as a share of a number, from which on nothing is known of it but its place in ratios
 AT_BOUND = 1e-6  # of a range: nearer to its end is at the bound
 WORDS = {
     "R": "resistance",
@@ -68,7 +69,7 @@ def concluded(
     judgements, doubts = _of_measures(measures, fresh_measures)
     clauses = separating(record, data, done, first)
     remarks = [*data.remarks, *done.remarks, *_in_words(done, values, data, clauses), *_of_priors(done, whole)]
-    wrong = [*_unfitted(done, free, at_bound), *doubts]
+    wrong = [*_unfitted(done, free, at_bound), *doubts, *_unknown(done, values, whole)]
     lengths = np.linalg.svd(jacobian / np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300), compute_uv=False)
     estimate = Estimate(
         names=tuple(names),
@@ -109,6 +110,17 @@ def _unfitted(done: Fitted, free: Sequence[str] | None, at_bound: np.ndarray) ->
             f"{each.name} stands at a bound of its search: the log, or the model, does not determine it"
             for each in ends
         ),
+    ]
+
+
+def _unknown(done: Fitted, values: np.ndarray, covariance: np.ndarray) -> list[str]:
+    """A sentence where no number of the motor is known better than to its size, as without a scale of torques."""
+    motors = [k for k in done.kept if done.problem.unknowns[k].paths and values[k]]
+    std = np.sqrt(np.diag(covariance)[motors])
+    if not motors or (std < UNKNOWN * np.abs(values[motors])).any():
+        return []
+    return [
+        "the log determines ratios of the motor's numbers alone: say one that is known, such as --fix Kt=… (fixed=…)"
     ]
 
 

@@ -27,7 +27,13 @@ from armwright.identification.motor.output_error import DriveProblem
 from armwright.identification.motor.predictions import MARK
 from armwright.identification.motor.problem import MotorSearch, problem_of
 from armwright.identification.motor.report import MotorFit
-from armwright.identification.motor.starting import given_numbers, names_to_fit, robot_of, starting_record
+from armwright.identification.motor.starting import (
+    given_numbers,
+    guesses_that_stay,
+    names_to_fit,
+    robot_of,
+    starting_record,
+)
 from armwright.model.model import Model
 from armwright.progress import Shown, automatic
 from armwright.scalar import real_number
@@ -112,6 +118,9 @@ def identify_motor(
         if static is not None:
             stretches.append(steady(static, joints, data, max(each.time for each in guesses)))
         names, record = names_to_fit(record, free, set(known), guesses, data, locked)
+        fitted_paths = [path for paths in names.values() for path in paths]
+        alone = base is None and free is not None and not locked
+        held = guesses_that_stay(record, data.joints[0], data.command, fitted_paths, known) if alone else []
 
         def problems(
             record: RobotDescription, names: Mapping[str, tuple[str, ...]], free: Sequence[str] | None
@@ -123,7 +132,8 @@ def identify_motor(
         done = fitted(record, data, problem, search, free, tell)
         if free is None and not locked and len(joints) == 1:
             record, done = chosen(Candidate(record, names, ("delay",), done), data, problems, set(known), tell)
-        fit = concluded(log, record, data, done, free, bench=base is None, locked=locked, first=guesses[0])
+        said = replace(data, remarks=(*data.remarks, *held))
+        fit = concluded(log, record, said, done, free, bench=base is None, locked=locked, first=guesses[0])
         if base is None:
             return fit
         given = given_numbers(base, joints, known, mode)

@@ -33,7 +33,7 @@ class SlowStretch:
         return f"s = {self.begin:.4g} … {self.end:.4g} m: {self.slower:.3g} times too fast, {self.what}"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class CartesianMotion(Motion):
     """Motion of the joints along a path of the tool; made by `follow_path`.
 

@@ -18,7 +18,7 @@ from armwright.trajectory.time_optimal.timing import PathTiming
 SATURATED = 0.98  # of a limit: a motion that uses more is at it
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class PathMotion(Motion):
     """q(s(t)): a path with s̈ linear in time or constant between grid points, so polynomials of time of three times the path's
     degree, or of twice.
