@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import armwright as aw
+from armwright.control.design.rest_errors import rest_errors
 from armwright.model.drive import Friction
 from raises_at import raises_at
 
@@ -315,3 +316,16 @@ def test_what_is_left_at_rest_without_an_integral_is_said():
         assert other.friction_error.all() == left
         assert not other.weight_error.any()  # PD: gravity = True
         assert len(other.sentences()) == 2 + left + len(other.notes)
+
+
+@pytest.mark.parametrize("coupling", [(), (("shoulder", 60.0),)])
+def test_weight_leaves_the_error_in_the_simulation_that_a_design_states(arm, coupling):
+    """Of coupled motors, too, where what a motor gives reaches several joints."""
+    elbow = replace(arm.bodies[1], drive=replace(arm.bodies[1].drive, gear_ratio=50.0, coupling=coupling))
+    own = replace(arm, bodies=(arm.bodies[0], elbow))
+    law, pose = aw.JointPID(kp=[8000.0, 6000.0], kd=[900.0, 150.0]), np.array([0.3, 0.5])
+    loop = aw.Loop(law, pose, 1e-3)
+    run = aw.simulate(aw.Scenario(own, 1.5, loop=loop, start=pose, solver=aw.Solver("rk4")))
+    end = run.q.values[-1]
+    _, weight = rest_errors(own, law, law, law.kp, end[None])
+    assert np.abs(end - pose) == pytest.approx(weight, rel=1e-3)

@@ -191,7 +191,7 @@ def clearance(
         ignored.add(frozenset(pair))
     alone = Clearance(arm, capsules, (), ignored)
     if alone.pairs:
-        low, high = np.array([np.clip(body.limits.position, -np.pi, np.pi) for body in arm.coordinates]).T
+        low, high = np.array([body.sampled_range for body in arm.coordinates]).T
         poses = np.random.default_rng(0).uniform(low, high, (SAMPLES, arm.n))
         always = np.max(alone.distances(poses), axis=0) < 0.0
         if radius is not None and always.all():

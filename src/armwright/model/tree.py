@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Self
@@ -47,6 +48,19 @@ class Body(Frozen):
     brake: Brake | None = None
     offset: Scalar = 0.0  # [rad], what the angle of a joint that turns is beyond q
     spring: Spring | None = None
+
+    @property
+    def sampled_range(self) -> tuple[float, float]:
+        """Lowest and highest position [rad | m] of samples: the limits, or where they are more than a turn one about 0.
+
+        The turn is as near to 0 as the limits allow. What slides has no turns: its limits count as they are.
+        """
+        low, high = self.limits.position
+        turn, known = 2.0 * math.pi, math.isfinite(low) and math.isfinite(high)
+        if known and (self.kind.slides or high - low <= turn):
+            return low, high
+        low = min(max(-math.pi, low), high - turn)
+        return low, low + turn
 
     @property
     def com(self) -> Array:

@@ -9,9 +9,10 @@ from scipy.linalg import solve_discrete_lyapunov
 
 import armwright as aw
 from armwright.control.analysis import LinearLoop, limit_cycles
+from armwright.control.analysis.instability import growing_mode
 from armwright.control.analysis.limit_cycles import rounding_factor
 from armwright.control.analysis.small_signal import small_signal_arm
-from armwright.model.drive import Friction
+from armwright.model.drive import Elasticity, Friction
 from raises_at import raises_at
 
 PERIOD = 2e-3
@@ -43,6 +44,27 @@ def test_a_noisy_simulation_has_the_standard_deviations_of_the_norms(name):
     for values, norms in ((run.u.values[:, 400:-1], gain.command), (run.q.values[:, 400:], gain.position)):
         expected = deviation * np.sqrt((norms**2).sum(axis=1))
         assert values.std(axis=(0, 1)) == pytest.approx(expected, rel=0.04)
+
+
+@pytest.mark.parametrize("name", ["elastic", "coupled", "elastic and coupled"])
+def test_noise_of_an_encoder_on_a_motor_counts_at_the_joint(name):
+    """An elastic gear's motor turns 50 rad where its joint turns 1; encoders of coupled motors see several joints."""
+    made = scenario(aw.JointPID(kp=400.0, kd=40.0))
+    shoulder, elbow = made.arm.bodies
+    drive = replace(elbow.drive, gear_ratio=-50.0, rotor_inertia=4e-4, coupling=())
+    if "coupled" in name:
+        drive = replace(drive, coupling=(("shoulder", -40.0),))
+    elasticity = Elasticity(stiffness=2e4, damping=20.0) if "elastic" in name else None
+    arm = replace(
+        made.arm.replace(gravity=np.zeros(3)), bodies=(shoulder, replace(elbow, drive=drive, elasticity=elasticity))
+    )
+    gain = aw.loops.noise_gain(LinearLoop(replace(made, arm=arm)), POSE)
+    deviation = 1e-6
+    loop = replace(made.loop, sensors=aw.Sensors(velocity="difference", position_noise=deviation))
+    run = aw.simulate(replace(made, arm=arm, loop=loop, start=aw.Batch(np.tile(POSE, (32, 1)))))
+    for values, norms in ((run.u.values[:, 100:-1], gain.command), (run.q.values[:, 100:], gain.position)):
+        expected = deviation * np.sqrt((norms**2).sum(axis=1))
+        assert values.std(axis=(0, 1)) == pytest.approx(expected, rel=0.06)
 
 
 def test_scipy_s_lyapunov_equation_has_the_same_norm():
@@ -135,6 +157,35 @@ def test_describing_functions_foresee_the_amplitude_of_counts_with_coulomb_frict
     assert 0.5 * np.ptp(late) == pytest.approx(cycle.amplitude, rel=0.15)
     reversals = (np.diff(np.sign(run.qd.values[1000:, 1])) != 0).mean()
     assert np.pi * reversals / PERIOD == pytest.approx(cycle.frequency, rel=0.05)
+
+
+def test_friction_of_a_motor_damps_a_limit_cycle_behind_a_stiff_gear_as_that_of_its_joint():
+    """The rotor's inertia is 0.1 kg m² at the joint, so that a torque and an acceleration differ by a factor of 10."""
+    pose = np.array([0.0, 72 * 2 * np.pi / 500])
+    made = scenario(aw.JointPID(kp=[400.0, 1387.0], kd=[60.0, 208.0]), counts=10)
+    arm = made.arm.replace(gravity=np.zeros(3))
+    drive = replace(arm.bodies[1].drive, gear_ratio=50.0, rotor_inertia=4e-5)
+
+    def cycle(on_motor):
+        rubs = Friction(coulomb_positive=6.0, coulomb_negative=6.0, on_motor=on_motor)
+        elasticity = Elasticity(stiffness=1e7, damping=1e3)
+        elbow = replace(arm.bodies[1], drive=drive, friction=rubs, elasticity=elasticity)
+        loop = LinearLoop(replace(made, arm=replace(arm, bodies=(arm.bodies[0], elbow))))
+        found = aw.loops.limit_cycle(loop, pose, 1)
+        assert found is not None
+        return found.amplitude, found.frequency
+
+    assert cycle(True) == pytest.approx(cycle(False), rel=1e-3)
+
+
+def test_a_mode_that_grows_is_that_of_the_joint_that_moves_not_of_a_motor_that_turns_fast():
+    made = scenario(aw.JointPID(kp=[400.0, 4000.0], kd=[60.0, 3000.0]))
+    arm = made.arm.replace(gravity=np.zeros(3))
+    drive = replace(arm.bodies[0].drive, gear_ratio=500.0, rotor_inertia=4e-6)
+    shoulder = replace(arm.bodies[0], drive=drive, elasticity=Elasticity(stiffness=2e4, damping=20.0))
+    mode = growing_mode(LinearLoop(replace(made, arm=replace(arm, bodies=(shoulder, arm.bodies[1])))), POSE[None])
+    assert mode is not None
+    assert mode.joint == "elbow"
 
 
 @pytest.mark.parametrize("name", CONTROLLERS)

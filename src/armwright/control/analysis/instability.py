@@ -52,7 +52,9 @@ def growing_mode(loop: LinearLoop, q: Any, gains: Any = None) -> GrowingMode | N
     value, ticks = values[pose, mode], loop.cycle
     if np.abs(value) ** (1.0 / ticks) <= 1.0 + GROWS:
         return None
-    moves = [np.abs(vectors[pose, loop.positions(joint), mode]).max() for joint in range(len(loop.names))]
+    moves = np.abs(vectors[pose, : len(loop.names), mode])
+    for joint, place, ratio in loop.elastic_motors:
+        moves[joint] = max(moves[joint], np.abs(vectors[pose, place, mode] / ratio))
     angle, time = float(np.abs(np.angle(value))), ticks * loop.period
     if angle * 20.0 < 2.0 * np.pi * time:  # a period of more than 20 s
         return GrowingMode(loop.names[int(np.argmax(moves))], 0.0, _power(np.abs(value), 0.1 / time))

@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from armwright.actuators.coupling import motor_shares
 from armwright.control.analysis.linear_loop import LinearLoop
 from armwright.control.analysis.noise import measured_entries
 from armwright.control.analysis.small_signal import LoopSlopes
@@ -68,16 +69,16 @@ def limit_cycle(loop: LinearLoop, q: Any, joint: int) -> LimitCycle | None:
         raise ScenarioError(
             "its encoder has no counts", place="joint", value=loop.names[joint], expected="sensors.counts"
         )
-    force, places = _coulomb(loop, joint)
+    force, slope = _coulomb(loop, joint)
     amplitudes = count * COUNTS
-    growth, frequency = _growth(loop, slopes, joint, amplitudes, count, force, places)
+    growth, frequency = _growth(loop, slopes, joint, amplitudes, count, force, slope)
     ends = np.flatnonzero((growth[:-1] >= 1.0) & (growth[1:] < 1.0))
     if not ends.size:
         return None
     low, high, grows = amplitudes[ends[-1]], amplitudes[ends[-1] + 1], growth
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
-        grows, frequency = _growth(loop, slopes, joint, np.array([middle]), count, force, places)
+        grows, frequency = _growth(loop, slopes, joint, np.array([middle]), count, force, slope)
         low, high = (middle, high) if grows[0] >= 1.0 else (low, middle)
     if abs(grows[0] - 1.0) > AT_ONE:  # another oscillation takes over there, and none goes on
         return None
@@ -96,31 +97,43 @@ def rounding_factor(amplitude: Any, count: float) -> np.ndarray:
     return 4.0 * count / (np.pi * amplitude) * np.sqrt(inside).sum(axis=-1)
 
 
-def _coulomb(loop: LinearLoop, joint: int) -> tuple[float, int]:
-    """Coulomb friction of a joint, the mean of both directions [N m | N], and the place of its speed in the state."""
-    friction, layout = loop.scenario.arm.coordinates[joint].friction, loop.plant.plant.layout
-    part = "motor_qd" if friction is not None and friction.on_motor and "motor_qd" in layout else "qd"
-    place = int(loop.plant.states_of(joint, [part])[0])
+def _coulomb(loop: LinearLoop, joint: int) -> tuple[float, np.ndarray]:
+    """Coulomb friction of a joint, the mean of both directions [N m | N], and (N, N) what a damping of 1 adds to the slopes A."""
+    body, size, plant = loop.scenario.arm.coordinates[joint], loop.plant.plant.size, loop.plant
+    friction, slope = body.friction, np.zeros((size, size))
+    on_motor = friction is not None and friction.on_motor
+    if on_motor and body.elasticity is not None:  # a row of its own, of the motor's acceleration
+        (place,) = plant.states_of(joint, ["motor_qd"])
+        slope[place, place] = -1.0 / body.drive.reflected
+    else:
+        speeds = plant.plant.layout.place("qd")
+        share = motor_shares(loop.scenario.arm)[joint] if on_motor else np.eye(len(loop.names))[joint]
+        slope[speeds, speeds] = -np.outer(share, share)
     if friction is None:
-        return 0.0, place
-    return 0.5 * (float(friction.coulomb_positive) + float(friction.coulomb_negative)), place
+        return 0.0, slope
+    return 0.5 * (float(friction.coulomb_positive) + float(friction.coulomb_negative)), slope
 
 
 def _growth(
-    loop: LinearLoop, slopes: LoopSlopes, joint: int, amplitudes: np.ndarray, count: float, force: float, speed: int
+    loop: LinearLoop,
+    slopes: LoopSlopes,
+    joint: int,
+    amplitudes: np.ndarray,
+    count: float,
+    force: float,
+    slope: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
     """(k,) growth a tick and frequency [rad/s] of the oscillation at each amplitude."""
     factor = rounding_factor(amplitudes, count)
-    seen = loop.positions(joint)
+    part, size = loop.encoders()[1][joint], slopes.a.shape[-1]
     frequency, growth = np.full(len(amplitudes), 0.1 * np.pi / loop.period), np.zeros(len(amplitudes))
     turned = frequency
     for _ in range(ROUNDS if force > 0.0 else 1):
-        a = np.repeat(slopes.a[None], len(amplitudes), axis=0)
-        a[:, speed, speed] -= 4.0 * force / (np.pi * frequency * amplitudes)
-        damped = replace(slopes, a=a)
+        damping = 4.0 * force / (np.pi * frequency * amplitudes)
+        damped = replace(slopes, a=slopes.a + damping[:, None, None] * slope)
         maps, product = loop.maps(damped, loop.held(damped)), np.eye(1)
-        for each, entry in zip(maps, measured_entries(loop, damped, maps, seen), strict=True):
-            each[..., seen] += (factor[:, None, None] - 1.0) * entry
+        for each, entry in zip(maps, measured_entries(loop, damped, maps), strict=True):
+            each[..., :size] += (factor[:, None, None] - 1.0) * (entry @ part)
             product = each @ product if product.ndim > 2 else each
         values = np.linalg.eigvals(product)
         swings = np.where(np.abs(values.imag) > 1e-9, np.abs(values), 0.0)

@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from armwright.actuators.coupling import motor_shares
 from armwright.control.analysis.hold import Held, split_delay, zero_order_hold
 from armwright.control.analysis.small_signal import SUPPORT, LoopSlopes, SmallPlant, SmallSignal
 from armwright.control.analysis.workspace import checked_poses
@@ -30,7 +31,6 @@ from armwright.simulation.scenario import Scenario
 
 GAINS = np.geomspace(1.0, 1e6, 61)  # factors among which the first unstable one is looked for
 ANGLES = np.linspace(0.0, np.pi, 31)
-POSITIONS = ("q", "motor_q")  # parts of a plant's state that encoders see
 PARTS = 6  # of these ranges, looked at in turn
 HALVINGS = 24  # of the interval where a margin ends
 
@@ -150,10 +150,38 @@ class LinearLoop:
             slopes.e, slopes.a, slopes.b, tuple(tick[..., rows[:, None], columns] for tick in slopes.ticks)
         )
 
-    def positions(self, joint: int) -> list[int]:
-        """Indices of a joint's measured positions in the plant's state."""
-        layout = self.plant.plant.layout
-        return self.plant.states_of(joint, [name for name in POSITIONS if name in layout]).tolist()
+    @property
+    def elastic_motors(self) -> list[tuple[int, int, float]]:
+        """Joint, place of the position [rad] in the plant's state, and gear ratio of each motor behind an elastic gear."""
+        bodies = enumerate(self.scenario.arm.coordinates)
+        elastic = [(j, float(body.drive.gear_ratio)) for j, body in bodies if body.elasticity is not None]
+        return [(j, int(self.plant.states_of(j, ["motor_q"])[0]), ratio) for j, ratio in elastic]
+
+    def encoders(self, joint: int | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """Errors of the joints' encoders as changes of the plant's state that are measured likewise.
+
+        Args:
+            joint: its encoder alone, the other joints held; None: those of all k joints.
+        Returns:
+            errors: (k, N) change that is measured as an error of 1 rad or m, referred to the encoder's joint.
+            parts: (k, N, N) change by state that is measured as an error as large as the encoder's own reading.
+        """
+        size, place = self.plant.plant.size, self.plant.plant.layout.place("q")
+        assert self.scenario.loop is not None
+        n = len(self.names)
+        of_motors = self.scenario.loop.joint_sensors.side == "motor" and joint is None
+        shares = (
+            motor_shares(self.scenario.arm) if of_motors else np.eye(n)
+        )  # encoders of coupled motors see several joints
+        errors, readings = np.zeros((n, size)), np.zeros((n, size))
+        errors[:, place], readings[:, place] = np.linalg.inv(shares).T, shares
+        parts = errors[:, :, None] * readings[:, None, :]
+        for j, motor, ratio in self.elastic_motors:
+            errors[j, motor], parts[j, motor, motor] = ratio, 1.0
+        if joint is None:
+            return errors, parts
+        states = self.states_of(joint)
+        return errors[[joint]][:, states], parts[[joint]][:, states[:, None], states]
 
     def states_of(self, joint: int) -> np.ndarray:
         """Indices of a joint's states in the plant's state."""

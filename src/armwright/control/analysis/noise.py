@@ -32,7 +32,7 @@ class NoiseGain(Result):
     """Standard deviations caused by white position noise of standard deviation 1 rad or m; NaN for an unstable loop.
 
     Attributes:
-        position: (…, n, n) of joint i's position for noise in that of joint j [-].
+        position: (…, n, n) of joint i's position for noise of joint j's encoder, referred to that joint [-].
         command: (…, n, n) of joint i's command [U/rad | U/m], U its unit V, A, N m or N.
     """
 
@@ -80,12 +80,12 @@ def noise_gain(loop: LinearLoop, q: Any, *, gains: Any = None, joint: int | None
         >>> aw.loops.noise_gain(loop, np.zeros(6)).command.shape
         (6, 6)
     """
-    slopes, maps, columns = _measured(loop, q, gains, joint)
+    slopes, maps = _measured(loop, q, gains, joint)
+    errors, _ = loop.encoders(joint)
     n = slopes.b.shape[-1]
     first = slopes.b.shape[-2] + slopes.ticks[0].shape[-2] - n  # of the commands that were given last
     rows = np.r_[0:n, first : first + n]
-    each_joint = [measured_entries(loop, slopes, maps, places) for places in columns]
-    entries = [np.stack([one[k].sum(axis=-1) for one in each_joint], axis=-1) for k in range(loop.cycle)]  # (…, Z, n)
+    entries = [entry @ errors.T for entry in measured_entries(loop, slopes, maps)]  # (…, Z, n)
     lead, size = maps[0].shape[:-2], maps[0].shape[-1]
     product, total = np.eye(size), np.zeros((*lead, n, size, size))
     for each, entry in zip(maps, entries, strict=True):
@@ -122,51 +122,45 @@ def quantisation(loop: LinearLoop, q: Any, *, gains: Any = None) -> Quantisation
     assert scenario.loop is not None
     count = scenario.loop.joint_sensors.counts_of(scenario.arm)
     spread = count / np.sqrt(12.0)
-    slopes, maps, columns = _measured(loop, q, gains)
-    ends = [_ends(maps, measured_entries(loop, slopes, maps, places), places) for places in columns]
+    slopes, maps = _measured(loop, q, gains)
+    entries = measured_entries(loop, slopes, maps)
+    ends = [_ends(maps, [entry @ part for entry in entries]) for part in loop.encoders()[1]]
     up, down = (np.stack([end[k] for end in ends], axis=-1) for k in (0, 1))
     position, command = (np.sqrt((each**2) @ spread**2) for each in (gain.position, gain.command))
     stable = ~np.isnan(position)
     return Quantisation(count, position, command, np.where(stable, up, np.nan), np.where(stable, down, np.nan))
 
 
-def _measured(
-    loop: LinearLoop, q: Any, gains: Any, joint: int | None = None
-) -> tuple[LoopSlopes, list[np.ndarray], list[list[int]]]:
-    """Slopes and maps of a loop, and for each joint the places in the state that its encoder may see."""
+def _measured(loop: LinearLoop, q: Any, gains: Any, joint: int | None = None) -> tuple[LoopSlopes, list[np.ndarray]]:
+    """Slopes and maps of a loop."""
     if not isinstance(loop, LinearLoop):
         raise ScenarioError(place="loop", value=loop, expected="an aw.loops.LinearLoop of a scenario")
     slopes = loop.slopes(q, gains, joint)
-    columns = [loop.positions(j) for j in range(len(loop.names))]
-    if joint is not None:
-        columns = [[list(loop.states_of(joint)).index(place) for place in columns[joint]]]
-    return slopes, loop.maps(slopes, loop.held(slopes)), columns
+    return slopes, loop.maps(slopes, loop.held(slopes))
 
 
-def measured_entries(
-    loop: LinearLoop, slopes: LoopSlopes, maps: list[np.ndarray], places: list[int]
-) -> list[np.ndarray]:
-    """(…, Z, places) of each tick: columns of its map through the measured positions only, without those through the plant.
+def measured_entries(loop: LinearLoop, slopes: LoopSlopes, maps: list[np.ndarray]) -> list[np.ndarray]:
+    """(…, Z, N) of each tick: the map of the plant's state through what is measured only, without that through the plant.
 
     Args:
-        loop: linearised.   slopes: of its plant.   maps: of its ticks.   places: of the positions.
+        loop: linearised.   slopes: of its plant.   maps: of its ticks.
     """
     size, plant = slopes.b.shape[-2], loop.held(slopes).a
-    entries = [each[..., places].copy() for each in maps]
+    entries = [each[..., :size].copy() for each in maps]
     for entry in entries:
-        entry[..., :size, :] -= plant[..., places]
+        entry[..., :size, :] -= plant
     return entries
 
 
-def _ends(maps: list[np.ndarray], entries: list[np.ndarray], places: list[int]) -> tuple[np.ndarray, np.ndarray]:
-    """(…,) factors of measured positions above and below 1 at which the loop's stability ends."""
-    shape = maps[0].shape[:-2]
+def _ends(maps: list[np.ndarray], entries: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """(…,) factors of a measured position, which acts by entries (…, Z, N), above and below 1 at which stability ends."""
+    shape, size = maps[0].shape[:-2], entries[0].shape[-1]
 
     def unstable(factor: np.ndarray) -> np.ndarray:
         product = np.eye(maps[0].shape[-1])
         for each, entry in zip(maps, entries, strict=True):
             changed = np.array(np.broadcast_to(each, (*factor.shape, *each.shape[-2:])))
-            changed[..., places] += (factor[..., None, None] - 1.0) * entry
+            changed[..., :size] += (factor[..., None, None] - 1.0) * entry
             product = changed @ product
         return np.abs(np.linalg.eigvals(product)).max(axis=-1) >= 1.0
 

@@ -64,7 +64,7 @@ def checked_poses(q: Any, n: int) -> np.ndarray:
 
 
 def sampled_poses(arm: Model, count: int, seed: int = 0) -> np.ndarray:
-    """(count, n) poses drawn uniformly within the position limits, or within ±π for a revolute joint without limits.
+    """(count, n) poses drawn uniformly within the position limits, of more than a turn within one (`Body.sampled_range`).
 
     Raises:
         ScenarioError: a count below 1, or a sliding joint without limits.
@@ -73,10 +73,9 @@ def sampled_poses(arm: Model, count: int, seed: int = 0) -> np.ndarray:
     check_whole("seed", seed, 0)
     ranges = []
     for body in arm.coordinates:
-        ends = np.array(body.limits.position, dtype=float)
-        if body.kind.units.linear and not np.isfinite(ends).all():
+        if body.kind.units.linear and not np.isfinite(body.limits.position).all():
             raise ScenarioError(f"sliding joint {body.joint!r} has no position limits", place="poses", file=arm.name)
-        ranges.append(ends if body.kind.units.linear else np.clip(ends, -np.pi, np.pi))
+        ranges.append(body.sampled_range)
     low, high = np.array(ranges).T
     return low + (high - low) * np.random.default_rng(seed).uniform(size=(count, arm.n))
 

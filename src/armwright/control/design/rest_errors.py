@@ -6,11 +6,12 @@ from typing import Any
 
 import numpy as np
 
+from armwright.actuators.coupling import motor_shares
 from armwright.control.commands import torque_commands
 from armwright.control.computed_torque import ComputedTorque
 from armwright.control.design.joint_plants import current_driven
 from armwright.dynamics import holding_torques, mass_matrix
-from armwright.model import Model
+from armwright.model import Friction, Model
 
 
 def rest_errors(arm: Model, control: Any, law: Any, stiffness: np.ndarray, poses: np.ndarray) -> np.ndarray:
@@ -20,16 +21,22 @@ def rest_errors(arm: Model, control: Any, law: Any, stiffness: np.ndarray, poses
         arm: the model.   control: the whole controller.   law: the one within it that is designed.
         stiffness: (n,) k_s k_p of it.   poses: (k, n) [rad | m] among which weights are largest.
     """
-    n, frictions = arm.n, [body.friction for body in arm.coordinates]
-    levels = [0.0 if f is None else max(f.coulomb_positive, f.coulomb_negative, f.stribeck or 0.0) for f in frictions]
-    weights = np.zeros(n)
-    if not (isinstance(law, ComputedTorque) or _compensates(control)):
-        weights = np.max([np.abs(holding_torques(arm, q)) for q in poses], axis=0)
-    torques = np.array([levels, weights], dtype=float)
+    n, shares = arm.n, motor_shares(arm)
+    frictions = [body.friction or Friction() for body in arm.coordinates]
+    levels = np.array([max(f.coulomb_positive, f.coulomb_negative, f.stribeck or 0.0) for f in frictions], dtype=float)
+    of_motors = np.array([f.on_motor for f in frictions])
     if isinstance(law, ComputedTorque):  # its gains act through the mass matrix
-        return torques / (stiffness * np.min([np.diagonal(mass_matrix(arm, q)) for q in poses], axis=0))
+        at_joints = np.where(of_motors, 0.0, levels) + np.abs(shares).T @ np.where(of_motors, levels, 0.0)
+        mass = np.min([np.diagonal(mass_matrix(arm, q)) for q in poses], axis=0)
+        return np.array([at_joints, np.zeros(n)]) / (stiffness * mass)
+    to_motors = np.linalg.inv(shares).T  # of coupled motors one's torque reaches several joints
+    friction = np.where(of_motors, levels, 0.0) + np.abs(to_motors) @ np.where(of_motors, 0.0, levels)
+    weights = np.zeros(n)
+    if not _compensates(control):
+        weights = np.max([np.abs(to_motors @ holding_torques(arm, q)) for q in poses], axis=0)
     driven = arm if getattr(law, "current_kp", None) is None else current_driven(arm)
-    return np.array([np.abs(torque_commands(driven, np.zeros(n), each)) for each in torques], dtype=float) / stiffness
+    commands = [np.abs(torque_commands(driven, np.zeros(n), each)) for each in (friction, weights)]
+    return np.array(commands, dtype=float) / stiffness
 
 
 def rest_sentences(arm: Model, friction: np.ndarray, weight: np.ndarray) -> list[str]:

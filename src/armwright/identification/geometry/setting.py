@@ -23,7 +23,6 @@ from armwright.spatial import Placement, rotation_rpy
 
 RANDOM = 30  # poses at least that show the structure
 ROWS = 3  # numbers by column in them
-WIDE = np.pi  # [rad | m] to either side, of a joint without limits
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +108,7 @@ def positions(arm: Model, measurements: Measurements) -> np.ndarray:
 
 def random_positions(arm: Model, count: int, seed: int = 0) -> np.ndarray:
     """(count, n) positions within the joints' limits."""
-    low, high = np.array([np.clip(body.limits.position, -WIDE, WIDE) for body in arm.coordinates], dtype=float).T
+    low, high = np.array([body.sampled_range for body in arm.coordinates], dtype=float).T
     return np.random.default_rng(seed).uniform(low, high, (count, arm.n))
 
 

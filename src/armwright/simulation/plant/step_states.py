@@ -18,8 +18,7 @@ STILL = 1e-3  # of a smoothing speed: just beside standstill, where friction may
 def linearisation_states(plant: Plant) -> np.ndarray:
     """(m, size) states to linearise at: poses over the joints' ranges, at speeds where friction is steep."""
     model, n = plant.model, plant.model.n
-    low = np.array([max(body.limits.position[0], -np.pi) for body in model.coordinates])
-    high = np.array([min(body.limits.position[1], np.pi) for body in model.coordinates])
+    low, high = np.array([body.sampled_range for body in model.coordinates]).T
     poses = low + (high - low) * np.random.default_rng(0).uniform(size=(POSES, n))
     poses[0] = np.clip(0.0, low, high)
     for joint, body in enumerate(model.coordinates):
