@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import copy
 import csv
 import inspect
 import json
+import pickle
 import re
 
 import numpy as np
@@ -139,6 +141,7 @@ def test_a_table_keeps_all_digits_and_knows_its_units():
         {"joint": "a", "error": pytest.approx(1 / 3, rel=1e-15), "note": None},
         {"joint": "a", "error": None, "note": "late"},
     ]
+    assert copy.deepcopy(table).rows() == pickle.loads(pickle.dumps(table)).rows() == table.rows()
     assert table.units == {"error": "rad"}
     assert str(table).splitlines() == [
         "t",

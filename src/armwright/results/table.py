@@ -24,8 +24,8 @@ class Cell(str):
 
     value: float | list[float] | None
 
-    def __new__(cls, text: str, value: float | list[float] | None) -> Cell:
-        """A cell of this text and value."""
+    def __new__(cls, text: str, value: float | list[float] | None = None) -> Cell:
+        """A cell of this text and value; copies and pickles give the text alone, and set the value then."""
         made = super().__new__(cls, text)
         made.value = value
         return made
