@@ -56,6 +56,7 @@ KEYWORDS = {  # likewise, of arguments by keyword: the name here → theirs
 }  # fmt: skip
 HERE = {other: name for name, others in OTHERS.items() for other in (*others.split(), name.replace("_", "").lower())}
 HERE_OF_ARM = {other: name for name, others in OF_ARM.items() for other in others.split()}
+HERE_IT_IS = "; here it is "  # before the name, at the end of an error
 ELSEWHERE = ("load", "manipulability", "state_space", "follow_path", "simulate")  # not called aw.NAME(arm, …)
 
 
@@ -67,7 +68,7 @@ def advice(name: str, known: Iterable[str]) -> str:
     """
     here = (HERE.get(name.replace("_", "").lower(), ""), name)
     found = next((each for each in known if each.rpartition(".")[2] in here), "")
-    return f"; here it is {found}" if found else ""
+    return f"{HERE_IT_IS}{found}" if found else ""
 
 
 def advice_of_arm(name: str) -> str:
@@ -75,8 +76,8 @@ def advice_of_arm(name: str) -> str:
     plain = name.replace("_", "").lower()
     function = HERE.get(plain, "")
     if function.islower() and function not in ELSEWHERE:
-        return f"; here it is aw.{function}(arm, …)"
-    return f"; here it is {HERE_OF_ARM[plain]}" if plain in HERE_OF_ARM else ""
+        return f"{HERE_IT_IS}aw.{function}(arm, …)"
+    return f"{HERE_IT_IS}{HERE_OF_ARM[plain]}" if plain in HERE_OF_ARM else ""
 
 
 def answering(function: Callable[P, R]) -> Callable[P, R]:

@@ -181,12 +181,30 @@ def test_robot_may_be_left_out_where_a_file_names_it():
     )
 
 
-@pytest.mark.parametrize(("word", "meant"), [("version", "--version"), ("help", "--help"), ("desing", "design")])
+@pytest.mark.parametrize(("word", "meant"), [
+    ("version", "--version"), ("help", "--help"), ("desing", "design"), ("compare", "compare-controllers"),
+    ("rnea", "inverse-dynamics"), ("ikine", "ik"), ("inverse-kinematics", "ik"), ("teach", "show"),
+])  # fmt: skip
 def test_a_command_that_is_none_suggests_what_is_meant(word, meant):
     found = CliRunner().invoke(app, [word])
     assert found.exit_code == 2
     assert found.stderr.startswith(f"armwright: error: No such command {word!r}. Did you mean {meant!r}?")
     assert found.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("word", "here"),
+    [
+        ("fkine", "forward_kinematics"),
+        ("linearize", "loops.state_space"),
+        ("mass-matrix", "mass_matrix"),
+        ("crba", "mass_matrix"),
+    ],
+)
+def test_a_function_that_no_command_has_is_named(word, here):
+    found = CliRunner().invoke(app, [word])
+    assert found.exit_code == 2
+    assert f"aw.{here} " in found.stderr
 
 
 IN_BRACKETS = re.compile(r"\[[^\[\]\n]+\]")

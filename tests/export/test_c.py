@@ -27,6 +27,7 @@ from armwright.model import Model, build_model
 from docs.pages import blocks, shell
 from dynamics.gear_tables import worn
 from export.cortex import CORTEX_M4, run_on_board
+from export.running import pid_loop
 from kernels.c_compilers import BITS, CORTEX_M7, STRICT, batch_function, build, compiler, run_batch
 from kernels.harness import same_bits
 from physics.arms import arm, workshop
@@ -219,7 +220,7 @@ def test_float_is_double_rounded(tmp_path, kernel):
         f'#include "puma560.h"\n{batch_function(name, sizes, len(program.inputs), "float")}'
     )
     shared = ("-shared", "-fPIC", source, tmp_path / "driver.c", "-o", tmp_path / "library.so", "-lm")
-    build([compiler("gcc"), *BITS, *STRICT, "-Wdouble-promotion", *shared])
+    build([compiler("gcc"), *BITS, *STRICT, *shared])
     random = np.random.default_rng(0)
     inputs = [random.uniform(-np.pi, np.pi, (10_000, *port.shape)).astype(np.float32) for port in program.inputs]
     (found,) = run_batch(ctypes.CDLL(str(tmp_path / "library.so")), name, inputs, [p.shape for p in program.outputs])
@@ -465,6 +466,19 @@ def test_any_name_is_a_name_in_c(tmp_path):
     assert [path.name for path in paths] == ["arm_3_Achs_Gr_e.h", "arm_3_Achs_Gr_e.c", "arm_3_Achs_Gr_e_selftest.c"]
     build([compiler("gcc"), *BITS, *STRICT, *paths[1:], "-o", tmp_path / "selftest", "-lm"])
     assert subprocess.run([tmp_path / "selftest"], capture_output=True).returncode == 0
+
+
+def test_a_name_that_is_too_long_for_a_file_is_refused(tmp_path):
+    """Of an arm, or of a controller: the files would be named after it."""
+    record: dict[str, Any] = workshop() | {"name": "a" * 300}
+    model = build_model(parse(record, "long"))
+    with raises_at(ModelError, "name", value="a" * 300):
+        write_c(model, ["inverse_dynamics"], tmp_path)
+    scenario = pid_loop()
+    for export in (aw.export.export_controller, aw.export.export_ros2):
+        with raises_at(ModelError, "name", value="b" * 201):
+            export(scenario, tmp_path, name="b" * 201)
+    assert not list(tmp_path.iterdir())
 
 
 def test_comments_are_ascii():

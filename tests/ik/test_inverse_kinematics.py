@@ -9,10 +9,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import armwright as aw
-from armwright.errors import ModelError, ShapeError
+from armwright.errors import ABSENT, ModelError, ShapeError
 from armwright.ik.starts import random_positions, sampled_ranges
 from ik.arms import arm_of, samples
 from ik.closed_form.made_arms import arm_of_axes
+from raises_at import raises_at
 
 COUNT = 10_000
 TOLERANCE = 1e-8
@@ -306,6 +307,21 @@ def test_bad_input_is_named(targets, options, place):
     with pytest.raises((ModelError, ShapeError)) as error:
         aw.inverse_kinematics(aw.load("puma560"), targets, **options)
     assert error.value.place == place
+
+
+@pytest.mark.parametrize(
+    ("call", "place"),
+    [
+        (lambda arm: aw.inverse_kinematics(arm, np.eye(4), near=np.zeros((3, 6))), "near"),
+        (lambda arm: aw.inverse_kinematics(arm, np.zeros((3, 6))), "targets"),
+        (lambda arm: aw.kinematics.manipulability(arm, np.zeros((3, 5))), "q"),
+        (lambda arm: aw.kinematics.pose_towards(np.zeros((3, 5)), [0.0, 0.0, 1.0]), "position"),
+    ],
+)
+def test_a_wrong_shape_is_no_value(call, place):
+    with raises_at(ShapeError, place, r"shape \(3, \d") as caught:
+        call(aw.load("puma560"))
+    assert caught.value.value is ABSENT
 
 
 @pytest.mark.parametrize("name", ["puma560", "panda"])

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-STRICT = ("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror")
+STRICT = ("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Werror")
 FMA = ("-mfma",) if platform.machine() in ("x86_64", "AMD64") else ()
 #: How the C text is said to have the kernels' bits.
 BITS = ("-std=c99", "-O2", *FMA, "-ffp-contract=off")

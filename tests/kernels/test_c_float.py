@@ -34,7 +34,7 @@ def library(request, tmp_path_factory) -> ctypes.CDLL:
     folder = tmp_path_factory.mktemp("operations")
     (folder / "operations.c").write_text(operations(inline, C_FLOAT), encoding="ascii")
     command = [compiler(COMPILERS[which][0]), *COMPILERS[which][1:], "-shared", "-fPIC", folder / "operations.c"]
-    warnings = () if inline else (*STRICT, "-Wdouble-promotion")
+    warnings = () if inline else STRICT
     build([*command, *warnings, "-Wno-unused-parameter", "-o", folder / "operations.so", "-lm"])
     return ctypes.CDLL(str(folder / "operations.so"))
 

@@ -125,12 +125,24 @@ def test_tables_without_rows_are_not_printed():
 def test_bars_have_the_names_of_their_rows_and_one_unit():
     limits = aw.trajectories.MotionLimits.of("two-link", velocity=3.0)
     motion = aw.trajectories.Quintic([0.0, 0.0], [1.0, 1.0], 1.0)
-    axes = aw.trajectories.limits_report("two-link", motion, limits).plot().axes
-    assert [each.get_xlabel() for each in axes] == ["limit utilisation [%]", "time [s]"]  # no axis of rad and N m
-    assert [each.get_text() for each in axes[0].get_yticklabels()][:2] == ["shoulder position", "shoulder velocity"]
+    report = aw.trajectories.limits_report("two-link", motion, limits)
+    (axes,) = report.plot().axes  # no axis of rad and N m, none of times
+    assert axes.get_xlabel() == "limit utilisation [%]"
+    assert [each.get_text() for each in axes.get_yticklabels()] == ["shoulder velocity", "elbow velocity"]
+    assert report.verdict() in str(report)
     many = aw.inverse_kinematics("puma560", np.tile(aw.forward_kinematics("puma560", np.full(6, 0.1)), (200, 1, 1)))
     assert many.plot().get_figheight() == pytest.approx(13.0)
     assert 40 < len(many.plot().axes[0].get_yticklabels()) <= 60
+
+
+def test_bars_of_each_unit_have_an_axis():
+    axes = aw.loops.joint_inertias("two-link", poses=50).plot().axes
+    assert [each.get_xlabel() for each in axes] == [
+        "value [rad | m]",
+        "value [kg m² | kg]",
+        "value [N m/rad | N/m]",
+    ]
+    assert [len(each.patches) for each in axes] == [2, 4, 2]
 
 
 def test_a_table_keeps_all_digits_and_knows_its_units():

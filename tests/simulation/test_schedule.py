@@ -176,3 +176,9 @@ def test_refuses_arrays(times, commands, place, value, said):
         Schedule(np.array(times), np.array(commands), NAMES)
     assert (refused.value.place, refused.value.value) == (place, value)
     assert said in str(refused.value)
+
+
+@pytest.mark.parametrize("time", [[0.1, 0.2], np.zeros(1), np.nan, "now", None])
+def test_a_schedule_is_asked_for_one_time(time):
+    with raises_at(ScheduleError, "time"):
+        Schedule.constant(NAMES, [1.0, 2.0]).at(time)

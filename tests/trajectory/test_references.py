@@ -38,6 +38,27 @@ def test_they_begin_and_end_at_rest(reference):
         np.testing.assert_array_equal([qd, qdd], 0.0)
 
 
+def every_kind() -> list[aw.trajectories.Motion]:
+    """A motion of each kind that answers many times at once."""
+    limits = aw.trajectories.MotionLimits.of("two-link", velocity=1.0, acceleration=4.0, jerk=40.0)
+    quintic, ways = SMOOTH[1], [START, [0.3, 0.1], GOAL]
+    return [
+        Step(START, GOAL, 0.3), *SMOOTH, aw.trajectories.Cubic(START, GOAL, 0.5), aw.trajectories.SCurve(START, GOAL, limits),
+        aw.trajectories.InputShaper(quintic, hz=10.0, damping=0.1),
+        aw.trajectories.Joined([quintic, aw.trajectories.Quintic(GOAL, START, 0.5, time=0.7)]),
+        aw.trajectories.time_optimal("two-link", ways, limits),
+    ]  # fmt: skip
+
+
+def test_a_time_that_is_not_a_number_has_no_pose():
+    for motion in every_kind():
+        for times in (np.nan, [np.nan], [[0.1, np.nan, 9.0]]):
+            unknown = np.isnan(times)
+            for rows in motion.at(times):
+                assert rows.shape == (*np.shape(times), 2), motion
+                np.testing.assert_array_equal(np.isnan(rows), np.repeat(unknown[..., None], 2, axis=-1), str(motion))
+
+
 def test_a_step_jumps_at_its_tick():
     t = np.arange(11) * 0.1  # 3 ticks are 0.30000000000000004 s
     rows = reference_rows(arm("two-link"), Step(START, GOAL, 0.3), t)

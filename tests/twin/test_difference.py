@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import armwright as aw
+from armwright.twin.difference import first_difference
 from armwright.twin.rehearsal import rehearse
 from armwright.twin.run import BusRun
 
@@ -50,6 +51,17 @@ def test_of_several_the_first_is_said_and_what_came_before_what_was_made_of_it(r
     u[4] = run.u[4]
     found = replace(run, q=q, u=u, applied=applied).first_difference
     assert (found.tick, found.joint, found.signal) == (5, "shoulder", "position")
+
+
+@pytest.mark.parametrize(("speed", "body", "said"), [(0.5, True, 0.5), (0.5, False, 1.0), (1.0, True, 1.0)])
+def test_the_speed_that_a_twin_needs_is_said_of_slow_runs_in_which_inputs_change(scenario, speed, body, said):
+    inputs = aw.Inputs(payload=aw.Payload(AT, 0.5, [0.0, 0.0, 0.1], [1e-3] * 3) if body else None)
+    found = rehearse(replace(scenario, duration=0.08, inputs=inputs), speed=speed)
+    recording, units = found.recording, found.units
+    applied = units.command(units.thousandths(recording.y[:, -2:]))
+    difference = first_difference(found, found.q + 1.0, recording.u, applied)
+    assert difference.speed == said
+    assert (f"speed, {speed:g}" in str(difference)) == (said != 1.0)
 
 
 def test_a_run_that_ended_before_is_not_equal(run):

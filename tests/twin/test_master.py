@@ -17,6 +17,7 @@ from armwright.errors import BusError, RunStopped
 from armwright.model import Brake
 from armwright.twin import objects as od
 from armwright.twin.law import Law
+from armwright.twin.master import Ending
 from armwright.twin.rehearsal import _too_fast, rehearse
 from armwright.twin.run import run_controller
 from armwright.twin.safety import Permission, joints_without_brake
@@ -287,6 +288,16 @@ def test_a_fault_in_the_very_last_answer(rehearsal, monkeypatch):
     assert "node 3 of shoulder is in state fault" in str(error)
     assert not run.complete
     assert len(run.time) == ticks
+
+
+@pytest.mark.parametrize(
+    ("unknown", "limp", "holds"), [((), ("a", "b"), False), (("b",), ("a",), False), ((), ("a",), True)]
+)
+def test_drives_without_torque_are_not_said_to_hold_the_arm(unknown, limp, holds):
+    still = tuple(name for name in ("a", "b") if name not in unknown)
+    text = str(Ending(still, (), unknown, True, ("a", "b"), 0.5, limp))
+    assert ("hold the arm" in text) == holds
+    assert ("no drive" in text) != holds
 
 
 @pytest.mark.parametrize(("off", "refused"), [(1, False), (3, True)])

@@ -22,6 +22,7 @@ from armwright import __version__
 from armwright.cli.json_output import with_json
 from armwright.cli.spelling import Spelled, UsageError, global_first, without_types
 from armwright.errors import ArmwrightError, RunStopped
+from armwright.other_names import HERE_IT_IS
 from armwright.terminal import be_quiet, note, say
 
 _with_traceback = contextvars.ContextVar("traceback", default=False)
@@ -49,7 +50,12 @@ MODULES = {
     "forward-dynamics": "dynamics",
     "run-controller": "twin",
 }  # others: as their name
-OTHER_WORDS = {"version": "--version", "help": "--help"}  # what other programs have as commands
+OTHER_WORDS = {  # what other programs have as commands, and functions of Python whose commands have other names
+    "version": "--version",
+    "help": "--help",
+    "inverse_kinematics": "ik",
+    "manipulability": "workspace",
+}
 DRAWN = ("show", "plot", "animate", "sim")  # these draw, or converse: --json would have nothing to write
 
 
@@ -88,9 +94,8 @@ class Commands(TyperGroup):
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """The command that the first word names; words that other programs have as commands are answered with ours."""
-        meant = OTHER_WORDS.get(args[0]) if args else None
-        if meant is not None:
-            raise UsageError(f"No such command {args[0]!r}. Did you mean {meant!r}?", ctx=ctx)
+        if args and args[0] not in PANEL_OF and (meant := _meant(args[0])):
+            raise UsageError(f"No such command {args[0]!r}. {meant}", ctx=ctx)
         return super().resolve_command(ctx, args)
 
     def invoke(self, ctx: Any) -> Any:
@@ -136,6 +141,25 @@ class Commands(TyperGroup):
         if standalone_mode:
             sys.exit(code if isinstance(code, int) else 0)
         return code
+
+
+def _meant(word: str) -> str:
+    """A sentence with the commands that a word may mean, else with the function of Python; "" if it means neither."""
+    import armwright as aw
+
+    here = word.replace("-", "_")
+    if here not in aw.__all__:
+        try:
+            getattr(aw, here)
+        except AttributeError as error:  # which knows the names of other toolboxes
+            here = str(error).partition(HERE_IT_IS)[2]
+    name = here.rpartition(".")[2]
+    command = OTHER_WORDS.get(word, OTHER_WORDS.get(name, name.replace("_", "-")))
+    commands = [command] if command in PANEL_OF or word in OTHER_WORDS else []
+    commands = commands or [each for each in PANEL_OF if word in each.split("-")]
+    if commands:
+        return f"Did you mean {', '.join(map(repr, commands))}?"
+    return f"In Python it is aw.{here}" if here else ""
 
 
 def _usage_text(error: Any) -> str:

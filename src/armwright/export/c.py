@@ -14,10 +14,9 @@ from pathlib import Path
 from armwright.errors import ModelError, OutputError
 from armwright.export.c_arithmetic import arithmetic
 from armwright.export.c_function import WRITTEN, c_functions, parse_form
-from armwright.export.c_header import comment, header, prototype
+from armwright.export.c_header import comment, export_name, header, prototype
 from armwright.export.c_selftest import selftest
 from armwright.kernels.c import REALS, Unit, c_text
-from armwright.kernels.c_syntax import identifier
 from armwright.kernels.compiled import KERNELS
 from armwright.kernels.signatures import SIGNATURES
 from armwright.model import Model
@@ -40,7 +39,7 @@ def write_c(arm: Model, functions: Sequence[str], folder: str | Path, real: str 
         paths: the header, the C file, the self-test.
     Raises:
         ModelError: an unknown function, input, option or frame, two functions that C would call alike, or one that needs
-            what the arm lacks, such as a motor constant or a tip.
+            what the arm lacks, such as a motor constant or a tip. A name of more than 200 characters.
         OutputError: the folder or a file cannot be written.
     """
     texts = c_library(arm, functions, real)
@@ -59,7 +58,7 @@ def c_library(arm: Model, functions: Sequence[str], real: str = "double") -> dic
         raise ModelError(place="real", value=real, choices=REALS)
     if not functions:
         raise ModelError("none is named", place="functions", expected=f"{WRITTEN}, NAME one of {', '.join(SIGNATURES)}")
-    name = identifier(arm.name)
+    name = export_name(arm.name)
     chosen = c_functions(arm, name, [parse_form(text) for text in functions])
     unit = Unit(REALS[real], f"{name}_")
     for each in chosen:

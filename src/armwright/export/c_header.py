@@ -8,12 +8,15 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 
+from armwright.errors import ModelError
 from armwright.export.c_arithmetic import FAULTS
 from armwright.export.c_function import CFunction
-from armwright.kernels.c_syntax import parameters, port_names
+from armwright.kernels.c_syntax import identifier, parameters, port_names
 from armwright.model import Model
 
 WIDTH = 100  # of a function's first line, above which its parameters stand below each other
+
+LONGEST_NAME = 200  # of an export: with an ending such as _selftest.c it is the name of a file, of at most 255 bytes
 
 #: [bytes] What the functions that a kernel's function calls, and registers that are saved, take of the stack.
 CALLS = 128
@@ -26,6 +29,19 @@ _CORES = {
     "double": "-mcpu=cortex-m7 -mthumb -mfpu=fpv5-d16 -mfloat-abi=hard",
     "float": "-mcpu=cortex-m4 -mthumb -mfpu=fpv4-sp-d16 -mfloat-abi=hard",
 }
+
+
+def export_name(text: str) -> str:
+    """The C identifier, made from a name, that the files and functions of an export begin with.
+
+    Raises:
+        ModelError: it is longer than a file's name can be.
+    """
+    word = identifier(text)
+    if len(word) > LONGEST_NAME:
+        what = f"has {len(word)} characters, and is the beginning of the files' names"
+        raise ModelError(what, place="name", value=word, expected=f"at most {LONGEST_NAME} characters")
+    return word
 
 
 def header(

@@ -94,7 +94,12 @@ def selftest(arm: Model, name: str, functions: Sequence[CFunction], real: str) -
     parts = [
         comment([about, "Ends with 0 if all are met, else with 1."]),
         f'#include <math.h>\n#include <stdio.h>\n#include <string.h>\n\n#include "{name}.h"',
-        _CHECK.format(real=real, cast="(double)" if real == "float" else "", f="f" if real == "float" else ""),
+        _CHECK.format(
+            real=real,
+            cast="(double)" if real == "float" else "",
+            f="f" if real == "float" else "",
+            infinity=REALS[real].infinity,
+        ),
         *(_test(arm, each, real, compiled) for each in functions),
         _MAIN.format(name=name, faults=faults, two_roundings=TWO_ROUNDINGS, calls="\n".join(calls)),
     ]
@@ -110,7 +115,7 @@ static {real} error_of(const {real} *result, const {real} *expected, int count, 
     for (k = 0; k < count; k++) {{
         const {real} error = fabs{f}(result[k] - expected[k]) / tolerance;
         if (!(error <= largest)) {{
-            largest = error < INFINITY ? error : INFINITY;
+            largest = error < {infinity} ? error : {infinity};
         }}
     }}
     return largest;

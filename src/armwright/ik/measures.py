@@ -92,7 +92,7 @@ def manipulability(
     checked_task(arm, aim, length)
     positions = checked_array(q, "q")
     if positions.shape[-1:] != (arm.n,):
-        raise ShapeError(place="q", value=positions.shape, expected=f"(…, {arm.n}) joint positions")
+        raise ShapeError(f"shape {positions.shape}", place="q", expected=f"(…, {arm.n}) joint positions")
     _, sigma = measures(arm, frame, aim, float(length))(positions, threads=threads)
     return Manipulability(sigma, limit_margin(arm, positions), aim, float(length))
 

@@ -162,9 +162,11 @@ def _checked_starts(near: Any, n: int, shape: tuple[int, ...]) -> np.ndarray:
     """
     starts = checked_array(near, "near")
     fits = starts.shape[-1:] == (n,) and starts.shape[:-1] in ((), shape)
-    if not fits or not np.isfinite(starts).all():
-        expected = f"{n} finite numbers, or as many for each target"
-        raise ShapeError(place="near", value=starts.shape if not fits else near, expected=expected)
+    expected = f"{n} finite numbers, or as many for each target"
+    if not fits:
+        raise ShapeError(f"shape {starts.shape}", place="near", expected=expected)
+    if not np.isfinite(starts).all():
+        raise ShapeError(place="near", value=near, expected=expected)
     return np.broadcast_to(starts, (*shape, n)).reshape(-1, n)
 
 

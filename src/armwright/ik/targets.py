@@ -59,10 +59,10 @@ def checked_targets(targets: Any, aim: str | Aim | None) -> tuple[np.ndarray, tu
             if aim in (None, POSITION)
             else ", as aw.kinematics.pose_towards(positions, direction) makes"
         )
-        raise ShapeError(place="targets", value=array.shape, expected=expected)
+        raise ShapeError(f"shape {array.shape}", place="targets", expected=expected)
     if aim is None and array.shape[-2:] == (3, 3) and _rotations(array.reshape(-1, 3, 3)):
         expected = "(…, 4, 4) poses: a position too; aim='position' where they are three positions"
-        raise ShapeError("a rotation matrix alone", place="targets", value=array.shape, expected=expected)
+        raise ShapeError(f"a rotation matrix alone, shape {array.shape}", place="targets", expected=expected)
     shape, positions = array.shape[:-1], array.reshape(-1, 3)
     wrong = np.flatnonzero(~(np.abs(positions) < LARGEST).all(axis=1))
     if len(wrong):
@@ -94,7 +94,7 @@ def pose_towards(position: Any, direction: Any, axis: str = "z") -> np.ndarray:
     for place, value in (("position", at), ("direction", way)):
         if value.shape[-1:] != (3,) or (place == "direction" and way.shape not in ((3,), at.shape)):
             expected = "(…, 3)" if place == "position" else "(3,), or one for each position"
-            raise ShapeError(place=place, value=value.shape, expected=expected)
+            raise ShapeError(f"shape {value.shape}", place=place, expected=expected)
         if not (np.abs(value) < LARGEST).all():
             raise ModelError("not finite", place=place, value=value.tolist(), expected="finite numbers")
     if axis not in tuple(AXES):

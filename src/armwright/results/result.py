@@ -37,6 +37,7 @@ WIDTH = 9.2  # of a picture in a page [inch]
 LONGEST = 12  # values of an array that are shown one by one
 BARS = 4  # columns of a table that are drawn
 LABELS, LABEL = 60, 0.2  # rows of bars that are named, and the height of each [inch]
+AXIS = 0.5  # height of an axis with its numbers and name [inch]
 WORDS = re.compile(r"(?<=[a-z])(?=[A-Z])")
 
 
@@ -55,9 +56,7 @@ class Result:
     @property
     def height(self) -> float:
         """Of its picture [inch]."""
-        return (
-            max(3.6, 1.0 + LABEL * min(len(self.tables()[0].cells), LABELS)) if type(self).draw is Result.draw else 3.6
-        )
+        return bars_height(self.tables()[0]) if type(self).draw is Result.draw else 3.6
 
     @property
     def heading(self) -> str:
@@ -177,32 +176,52 @@ class Result:
         return "".join(tables) + said(self.sentences(), None)
 
 
+def bars_height(table: Table) -> float:
+    """Height of the picture that `draw_bars` makes of a table [inch]."""
+    _, parts = _drawn(table)
+    return max(3.6, 1.0 + AXIS * (len(parts) - 1) + LABEL * min(len(table.cells), LABELS))
+
+
 def draw_bars(figure: Figure, table: Table, ink: str) -> None:
-    """Draws the columns of numbers of a table as bars over its first column.
+    """Draws the columns of numbers of a table as bars over its first column; values in different units have axes of their own.
 
     Raises:
         ArmwrightError: no column of numbers.
     """
+    names, parts = _drawn(table)
+    if not parts:
+        raise ArmwrightError("nothing to draw", place=table.title or "plot", expected="a result with numbers")
+    words = list(takewhile(lambda k: k in table.words and table.names[k] != "unit", range(len(table.names))))
+    share = {"height_ratios": [len(rows) for rows in parts.values()]}
+    grid = figure.subplots(len(parts), len(names), sharey="row", squeeze=False, gridspec_kw=share)
+    every = ceil(sum(map(len, parts.values())) / LABELS)
+    for places, (unit, rows) in zip(grid, parts.items(), strict=True):
+        cells = ([row[table.names[k]] for k in words] for row in rows)
+        labels = [" ".join(str(cell) for k, cell in enumerate(row) if k == 0 or isinstance(cell, str)) for row in cells]
+        for axes, name in zip(places, names, strict=True):
+            values = [row[name] if isinstance(row[name], (int, float)) else np.nan for row in rows]
+            axes.barh(range(len(labels)), np.where(np.isfinite(values), values, 0.0), color=BLUE)
+            axes.set_yticks(range(0, len(labels), every), labels[::every])
+            stated = table.units.get(name, unit)
+            axes.set_xlabel(f"{name} [{stated}]" if stated else name, color=ink)
+            ink_axes(axes, ink)
+        places[0].invert_yaxis()
+
+
+def _drawn(table: Table) -> tuple[list[str], dict[str, list[dict[str, Any]]]]:
+    """Names of the columns that are drawn as bars, and their rows: all as one, or by the unit that a column states of each."""
     cells, names = table.rows(), table.names
     columns = {name for k, name in enumerate(names) if k not in table.words}
     numbers = {name for name in columns for row in cells if isinstance(row[name], (int, float))}
-    if len({row["unit"] for row in cells if "unit" in names}) > 1 and numbers & set(table.units):
-        numbers &= set(table.units)  # values in different units have no common axis
-    rows = [row for row in cells if any(isinstance(row[name], (int, float)) for name in numbers)]
-    if not rows:
-        raise ArmwrightError("nothing to draw", place=table.title or "plot", expected="a result with numbers")
-    drawn = [name for name in names if name in numbers][:BARS]
-    words = list(takewhile(lambda k: k in table.words and names[k] != "unit", range(len(names))))
-    labels = [" ".join(str(row[names[k]]) for k in words if k == 0 or isinstance(row[names[k]], str)) for row in rows]
-    places = figure.subplots(1, len(drawn), sharey=True, squeeze=False)[0]
-    every = ceil(len(rows) / LABELS)
-    for axes, name in zip(places, drawn, strict=True):
-        values = [row[name] if isinstance(row[name], (int, float)) else np.nan for row in rows]
-        axes.barh(range(len(labels)), np.where(np.isfinite(values), values, 0.0), color=BLUE)
-        axes.set_yticks(range(0, len(labels), every), labels[::every])
-        axes.set_xlabel(f"{name} [{table.units[name]}]" if name in table.units else name, color=ink)
-        ink_axes(axes, ink)
-    places[0].invert_yaxis()
+    units = {str(row["unit"] or "") for row in cells} if "unit" in names else set()
+    if len(units) > 1 and numbers & set(table.units):
+        numbers &= set(table.units)  # of shares of limits and the like one axis serves all rows
+    parts: dict[str, list[dict[str, Any]]] = {}
+    for row in cells:
+        if any(isinstance(row[name], (int, float)) for name in numbers):
+            by_row = "unit" in names and not numbers & set(table.units)
+            parts.setdefault(str(row["unit"] or "") if by_row else "", []).append(row)
+    return [name for name in names if name in numbers][:BARS], parts
 
 
 def _fields(found: Any) -> list[list[Any]]:

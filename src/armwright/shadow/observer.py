@@ -162,7 +162,7 @@ class MomentumObserver:
         qd = None if qd is None else np.asarray(qd, dtype=float)
         for name, values in (("q", q), ("tau", tau), ("qd", q if qd is None else qd)):
             if t.ndim != 1 or values.shape != (len(t), self.arm.n):
-                raise ShapeError(place=name, value=str(values.shape), expected=f"({t.size}, {self.arm.n})")
+                raise ShapeError(f"shape {values.shape}", place=name, expected=f"({t.size}, {self.arm.n})")
         checked = self._check.check(t, q, tau, qd)
         rows = np.flatnonzero(checked.taken)
         found = np.full((6, *q.shape), np.nan)

@@ -101,9 +101,7 @@ class Fourier(Motion):
             qdd = qdd - (k * w) ** 2 * (sin * a + cos * b)
         return scalar.array(q), scalar.array(moving * qd), scalar.array(moving * qdd)
 
-    def at(self, t: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """q, q̇ and q̈, each (…, n), at times t (…) [s]; of a series without batches."""
-        times = np.asarray(t, dtype=float)
+    def _at(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         s = np.clip(times - self.time, 0.0, self.duration)[..., None]
         moving = ((times >= self.time) & (times <= self.time + self.duration))[..., None]
         q, qd, qdd = series_matrices(np.asarray(self.sine).shape[1], self.cycle, s)

@@ -95,9 +95,7 @@ class InputShaper(Motion):
         """(k,) [s] times at which a higher derivative may jump: the reference's after every impulse."""
         return np.unique(np.add.outer(self.impulses[1], self.reference.breaks))
 
-    def at(self, t: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """q, q̇ and q̈, each (…, n) [rad | m, …/s, …/s²], at times t (…) [s]."""
-        times = np.asarray(t, dtype=float)
+    def _at(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         total = np.zeros((3, *times.shape, self.n))
         for a, late in zip(*self.impulses, strict=True):
             total += a * np.stack(self.reference.at(times - late))

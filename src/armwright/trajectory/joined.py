@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -81,9 +80,7 @@ class Joined(Motion):
         distinct = np.diff(found, prepend=-np.inf) > LATE * (1.0 + np.abs(found))
         return found[distinct]
 
-    def at(self, t: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """q, q̇ and q̈, each (…, n) [rad | m, …/s, …/s²], at times t (…) [s]."""
-        times = np.asarray(t, dtype=float)
+    def _at(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         begins = [float(each.time) for each in self.motions[1:]]
         which = np.searchsorted(begins, times, side="right")
         q, qd, qdd = (np.zeros((*times.shape, self.n)) for _ in range(3))

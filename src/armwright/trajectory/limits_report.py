@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from armwright.kernels.compiled import KERNELS, compile_arm
 from armwright.model import Model
 from armwright.model.joint_signals import UNITS
 from armwright.model.payload import Payload
-from armwright.results.result import Result
+from armwright.results.result import Result, bars_height, draw_bars
 from armwright.results.table import Table, number
 from armwright.trajectory.efforts import efforts, has_constants, in_order
 from armwright.trajectory.joined import LARGEST_JUMP, Joined
@@ -22,6 +22,9 @@ from armwright.trajectory.limits import MotionLimits, current_torques
 from armwright.trajectory.motion import Motion
 from armwright.trajectory.piecewise import PiecewisePolynomial
 from armwright.trajectory.rest_to_rest import RestToRest
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 SUPPORT = KERNELS.named("plan")
 
@@ -171,8 +174,29 @@ class LimitsReport(Result):
         return [Table(self.heading, heads, rows, ("quantity", "unit"))]
 
     def __str__(self) -> str:
-        jumps = [str(each) for each in self.excess if np.isinf(each.share)]
-        return "\n".join([self.table(), *jumps, *(f"not checked: {each}" for each in self.unchecked)])
+        return "\n".join([self.table(), *self.sentences()])
+
+    @property
+    def height(self) -> float:
+        """Of its picture [inch]."""
+        return bars_height(self._used())
+
+    def draw(self, figure: Figure, ink: str, quiet: str) -> None:
+        """Draws the share of every limit that has one.
+
+        Args:
+            figure: to draw in.   ink, quiet: colours of words and of what is less important.
+        Raises:
+            ArmwrightError: no limit is known.
+        """
+        draw_bars(figure, self._used(), ink)
+
+    def _used(self) -> Table:
+        """The main table without values and times: its bars."""
+        table = self.tables()[0]
+        kept = [k for k, name in enumerate(table.names) if name in ("joint", "quantity", "limit utilisation")]
+        rows = [[row[k] for k in kept] for row in table.cells if row[kept[-1]].value is not None]
+        return Table(table.title, [table.heads[k] for k in kept], rows, ("quantity",))
 
     def table(self) -> str:
         """A row for each joint: of every quantity the value with the largest share of its limit, and that share."""

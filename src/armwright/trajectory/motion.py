@@ -55,8 +55,16 @@ class Motion(ABC):
         """q (n,) [rad | m], q̇ and q̈ at t [s], a number or a symbol."""
 
     def at(self, t: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """q, q̇ and q̈, each (…, n) [rad | m, …/s, …/s²], at times t (…) [s]; of a motion without batches."""
+        """q, q̇ and q̈, each (…, n) [rad | m, …/s, …/s²], at times t (…) [s], NaN at those that are NaN; without batches."""
         times = np.asarray(t, dtype=float)
+        q, qd, qdd = self._at(times)
+        unknown = np.isnan(times)[..., None]
+        if unknown.any():  # clipped and compared, they would be times of rest
+            q, qd, qdd = (np.where(unknown, np.nan, each) for each in (q, qd, qdd))
+        return q, qd, qdd
+
+    def _at(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """q, q̇ and q̈, each (…, n), at times (…) [s] that may have any values at NaN: all of `at` that kinds differ in."""
         if not times.size:
             empty = np.zeros((*times.shape, self.n))
             return empty, empty, empty

@@ -164,9 +164,7 @@ class PiecewisePolynomial(Motion):
         rows = self.coefficients[:, :, 1:] * factors if order > 1 else np.zeros((*self.coefficients.shape[:2], 1))
         return PiecewisePolynomial(self.knots, rows)
 
-    def at(self, t: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """q, q̇ and q̈, each (…, n) [rad | m, …/s, …/s²], at times t (…) [s]."""
-        times = np.asarray(t, dtype=float)
+    def _at(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         piece = np.clip(np.searchsorted(self.knots, times, side="right") - 1, 0, len(self.coefficients) - 1)
         local = np.clip(times, self.knots[0], self.knots[-1]) - self.knots[piece]
         inside = ((times >= self.knots[0]) & (times <= self.knots[-1]))[..., None]
@@ -232,9 +230,8 @@ class PiecewiseMotion(Motion):
         """(k + 1,) [s] times between pieces, and both ends."""
         return self.polynomial.knots
 
-    def at(self, t: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """q, q̇ and q̈, each (…, n) [rad | m, …/s, …/s²], at times t (…) [s]."""
-        return self.polynomial.at(t)
+    def _at(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        return self.polynomial.at(times)
 
     def __call__(self, t: Scalar) -> tuple[Array, Array, Array]:
         """q (n,) [rad | m], q̇ and q̈ at t [s]."""

@@ -20,6 +20,7 @@ class RunDifference:
         tick: of the controller.   time: [s].   joint: its name.   signal: "position", "applied" or "command".
         value, simulated: [rad | m], or [A | N m | N], over the bus and in the simulation.
         changed: input of the scenario that changed last before it; "" where none did.   since: [s] of that change.
+        speed: of the run, in parts of the scenario's, if inputs change in it: a twin needs the same.
     """
 
     tick: int
@@ -30,12 +31,14 @@ class RunDifference:
     simulated: float
     changed: str = ""
     since: float = 0.0
+    speed: float = 1.0
 
     def __str__(self) -> str:
         where = f"differs from the simulation from tick {self.tick} on, at {self.time:g} s"
         what = f"{self.signal} of {self.joint} is {self.value:.9g}, in the simulation {self.simulated:.9g}"
         cause = f"; before it the {self.changed} of the scenario changed, at {self.since:g} s" if self.changed else ""
-        return f"{where}: {what}{cause}"
+        slow = f"; a twin has to be started at the same speed, {self.speed:g}, to change inputs at the same times"
+        return f"{where}: {what}{cause}{slow if self.speed != 1.0 else ''}"
 
 
 def first_difference(rehearsal: Rehearsal, q: np.ndarray, u: np.ndarray, applied: np.ndarray) -> RunDifference | None:
@@ -62,10 +65,11 @@ def first_difference(rehearsal: Rehearsal, q: np.ndarray, u: np.ndarray, applied
     tick, k, joint = min(found)
     signal, (ours, simulated) = list(signals.items())[k]
     time = tick * rehearsal.stages.period
-    earlier = [change for change in _changes(rehearsal.scenario) if change[0] < time]
-    since, changed = max(earlier, default=(0.0, ""))
+    changes = list(_changes(rehearsal.scenario))
+    since, changed = max((change for change in changes if change[0] < time), default=(0.0, ""))
+    speed = rehearsal.speed if changes else 1.0
     name, values = rehearsal.scenario.arm.names[joint], (float(ours[tick, joint]), float(simulated[tick, joint]))
-    return RunDifference(tick, time, name, signal, *values, changed, since)
+    return RunDifference(tick, time, name, signal, *values, changed, since, speed)
 
 
 def _changes(scenario: Scenario) -> Iterator[tuple[float, str]]:

@@ -99,7 +99,7 @@ class Ending:
     Attributes:
         still: names of the joints that stand still.   moving: of those that still moved after `seconds`.
         unknown: of those whose drives gave no answer that is plausible.
-        held: True if the drives hold the arm; False if they are disabled.
+        held: True if the drives hold the arm, those of `limp` aside; False if they are disabled.
         limp: names of the joints whose drives have no torque, such as after a fault, though they are to hold the arm.
         lifted: names of the joints that gravity moves and that have no brake.   seconds: the quick stop took.
     """
@@ -122,6 +122,8 @@ class Ending:
         if not self.held:
             return f"{text}; the drives are disabled"
         lifted, limp = ", ".join(self.lifted), ", ".join(self.limp)
+        if set(self.limp) >= {*self.still, *self.moving}:
+            return f"{text}; no drive{' that answers' if self.unknown else ''} has torque, and no brake holds {lifted}"
         but = f" but for {limp}, where the drive has no torque" if limp else ""
         return f"{text}; the drives hold the arm{but}, until you release them (--release): no brake holds {lifted}"
 

@@ -85,9 +85,20 @@ def test_brakes_wrenches_and_payloads_are_inputs(tmp_path):
 def test_what_a_motion_grips_is_an_input_of_the_plant(tmp_path):
     """As `inputs.payload` is; the plant has no motion that could take it up."""
     gripping, given = (SCENARIOS[name](base())[0] for name in ("grips of a motion", "payloads over time"))
-    found, same = (aw.export.export_fmu(each, tmp_path / "a.fmu", platforms=[]).inputs for each in (gripping, given))
-    assert found == same
-    assert any(each.startswith("payload.") for each in found)
+    found, same = (aw.export.export_fmu(each, tmp_path / "a.fmu", platforms=[]) for each in (gripping, given))
+    assert found.inputs == same.inputs
+    assert any(each.startswith("payload.") for each in found.inputs)
+    assert all("payload." in each.notes[0] for each in (found, same))
+
+
+@pytest.mark.parametrize(("name", "options", "noted"), [
+    ("grips of a motion", {"part": "both"}, True), ("grips of a motion", {"part": "controller"}, False),
+    ("payloads over time", {"interface": "model-exchange"}, True), ("wrench", {}, False),
+])  # fmt: skip
+def test_inputs_that_change_during_the_scenario_are_noted(tmp_path, name, options, noted):
+    """The FMU has no schedule of them; those that stay at their first values are right as they are."""
+    made = aw.export.export_fmu(SCENARIOS[name](base())[0], tmp_path / "a.fmu", platforms=[], **options)
+    assert any("payload.…" in note for note in made.notes) == bool(made.notes) == noted
 
 
 @pytest.mark.study

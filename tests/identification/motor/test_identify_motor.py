@@ -80,6 +80,19 @@ def test_what_was_asked_for_and_cannot_be_told_is_not_identified(tmp_path):
     assert "R was to be fitted" in str(found.estimate)
 
 
+def test_numbers_that_stay_at_first_guesses_are_not_identified(tmp_path):
+    """J and Kt fit the log whatever R stands at; with R said they are identified."""
+    log, options = write_log(tmp_path, 0, ("qd",)), {"free": ["Kt", "J", "coulomb"], "search": MotorSearch(starts=1)}
+    known = {"delay": DELAY * PERIOD, "viscous": TRUE["viscous"]}
+    found = aw.identification.identify_motor(log, fixed=known, **options).estimate
+    assert found.verdict == "not identified"
+    assert any("R = 1" in each for each in found.remarks)
+    assert (
+        aw.identification.identify_motor(log, fixed={**known, "R": TRUE["R"]}, **options).estimate.verdict
+        == "identified"
+    )
+
+
 def test_current_that_drives_tells_all_but_the_scale(tmp_path):
     log = write_log(tmp_path, 1, ("current", "qd"))
     text = log.read_text()

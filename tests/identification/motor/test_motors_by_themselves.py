@@ -184,7 +184,7 @@ def test_currents_and_speeds_alone_determine_ratios_and_no_motor(tmp_path):
     found = aw.identification.identify_motor(log, search=MotorSearch(starts=2)).estimate
     assert found.verdict == "not identified"
     known = aw.identification.identify_motor(
-        log, fixed={"Kt": 1.0}, search=MotorSearch(starts=2), free=["J", "viscous"]
+        log, fixed={"Kt": 1.0, "coulomb": 0.0}, search=MotorSearch(starts=2), free=["J", "viscous"]
     )
     assert known.estimate.verdict == "identified"
 

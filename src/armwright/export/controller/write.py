@@ -10,6 +10,7 @@ from typing import Literal
 from armwright.entry import AnyScenario, as_scenario
 from armwright.errors import ModelError
 from armwright.export.c import files_to_write
+from armwright.export.c_header import export_name
 from armwright.export.controller.build_files import cmake, readme
 from armwright.export.controller.footprint import Footprint, footprint
 from armwright.export.controller.header import header
@@ -108,7 +109,8 @@ def export_controller(
         ScenarioError: no controller, several lanes, a controller that cannot be traced: names the line and why.
         OutputError: the directory or a file cannot be written.
         ModelError: a controller that takes more RAM or flash than there is. The compiler ends with an error, or the compiled
-            code gives other commands than the simulation; nothing is then written. Float without a compiler.
+            code gives other commands than the simulation; nothing is then written. Float without a compiler. A name of more
+            than 200 characters.
     Example:
         >>> pid = aw.JointPID(kp=[900.0, 250.0], kd=[180.0, 50.0], limit=[150, 40])
         >>> loop = aw.Loop(pid, aw.trajectories.Step([0.0, 0.0], [0.5, -0.5]), period=0.002)
@@ -152,8 +154,13 @@ def export_controller(
 
 
 def controller_code(stages: ControllerStages, real: str = "double") -> dict[str, str]:
-    """Header and C file of a controller, by name."""
-    return {f"{stages.name}.h": header(stages, real), f"{stages.name}.c": source(stages, real)}
+    """Header and C file of a controller, by name.
+
+    Raises:
+        ModelError: a name that is too long for a file.
+    """
+    name = export_name(stages.name)
+    return {f"{name}.h": header(stages, real), f"{name}.c": source(stages, real)}
 
 
 def with_selftest(

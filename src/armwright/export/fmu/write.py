@@ -11,6 +11,8 @@ from importlib.metadata import version as version_of
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
+
 from armwright.entry import as_arm
 from armwright.errors import ModelError
 from armwright.export.fmu.build import PLATFORMS, build, chosen_platforms
@@ -23,6 +25,7 @@ from armwright.kernels.c_syntax import KEYWORDS
 from armwright.model import Model
 from armwright.output import whole_file, working_folder
 from armwright.results.result import Result
+from armwright.simulation.inputs.input_schedule import all_rows
 from armwright.simulation.scenario import Scenario
 from armwright.simulation.scenario_parts import Loop
 
@@ -136,8 +139,22 @@ def export_fmu(
     }
     return ExportedFmu(
         path, identifier, version, interface, part, sizes, path.stat().st_size,
-        names["input"], names["output"], names["parameter"], () if targets or platforms == [] else (NOTHING_BUILT,),
+        names["input"], names["output"], names["parameter"],
+        (*_changing(scenario, names["input"]), *(() if targets or platforms == [] else (NOTHING_BUILT,))),
     )  # fmt: skip
+
+
+def _changing(scenario: Scenario, inputs: Sequence[str]) -> list[str]:
+    """Sentences about inputs of the FMU that change during the scenario: its schedules are not in the FMU."""
+    schedules = {name: all_rows(each) for name, each in scenario.input_schedules.items()}
+    changing = [
+        f"{name}.…" for name, rows in schedules.items()
+        if np.any(rows != rows[0]) and any(each.startswith(f"{name}.") for each in inputs)
+    ]  # fmt: skip
+    if not changing:
+        return []
+    what = f"the scenario changes {' and '.join(changing)}: inputs of the FMU, at the scenario's first values until they are set"
+    return [what, *(scenario.carried_notes if "payload.…" in changing else [])]
 
 
 def _identifier(path: Path, name: str | None) -> str:

@@ -329,9 +329,11 @@ def _shares(arm: Model, gears: np.ndarray | None) -> list[list[tuple[int, float]
     if gears is None or any(body.drive.coupling for body in arm.coordinates):
         return [[(j, float(share)) for j, share in row] for row in shares_of(arm)]
     gears = np.asarray(gears, dtype=float)
-    if gears.shape != (arm.n, arm.n) or (np.diag(gears) == 0).any():
-        expected = f"({arm.n}, {arm.n}), numbers other than 0 on the diagonal"
-        raise IdentificationError(place="gears", value=gears.shape, expected=expected)
+    expected = f"({arm.n}, {arm.n}), numbers other than 0 on the diagonal"
+    if gears.shape != (arm.n, arm.n):
+        raise IdentificationError(f"shape {gears.shape}", place="gears", expected=expected)
+    if (np.diag(gears) == 0).any():
+        raise IdentificationError(f"the diagonal is {np.diag(gears).tolist()}", place="gears", expected=expected)
     shares = gears / np.diag(gears)[:, None]
     return [[(int(j), float(row[j])) for j in np.flatnonzero(row) if j != i] for i, row in enumerate(shares)]
 

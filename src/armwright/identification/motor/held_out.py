@@ -98,9 +98,9 @@ def judged(
     """
     fresh = [name for name in log.hold_out if name not in runs]
     if not fresh:
-        return _with_remarks(fit, [NO_HOLD_OUT])
+        return with_remarks(fit, [NO_HOLD_OUT])
     if locked:
-        return _with_remarks(fit, ["the runs held out do not judge the record: the rotor was held"])
+        return with_remarks(fit, ["the runs held out do not judge the record: the rotor was held"])
 
     def model_of(record: RobotDescription) -> Model:
         return build_model(record if loads is None else decoupled_record(record, list(loads), loads))
@@ -116,13 +116,13 @@ def judged(
                 reason = f"the record that came in does not predict them, {error}"
         comparison = compare_records(written, before, log, fresh, reason=reason)
     except ArmwrightError as error:
-        return _with_remarks(fit, [f"the runs held out do not judge the record: {error}"])
+        return with_remarks(fit, [f"the runs held out do not judge the record: {error}"])
     estimate = replace(fit.estimate, fit={**fit.estimate.fit, **comparison.measures})
     doubts = comparison.worse
-    return _with_remarks(replace(fit, estimate=estimate, hold_out=comparison), comparison.remarks, doubts)
+    return with_remarks(replace(fit, estimate=estimate, hold_out=comparison), comparison.remarks, doubts)
 
 
-def _with_remarks(fit: MotorFit, remarks: Sequence[str], doubts: Sequence[str] = ()) -> MotorFit:
+def with_remarks(fit: MotorFit, remarks: Sequence[str], doubts: Sequence[str] = ()) -> MotorFit:
     """The fit with further remarks; with doubts it is "not identified"."""
     estimate = replace(
         fit.estimate,

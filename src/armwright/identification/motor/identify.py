@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Literal
 
@@ -19,9 +19,9 @@ from armwright.identification.motor.candidates import Candidate, chosen
 from armwright.identification.motor.channels import check_channels, feedback_remark
 from armwright.identification.motor.conclusion import concluded
 from armwright.identification.motor.drive_record import value_at, with_numbers
-from armwright.identification.motor.fitting import fitted
+from armwright.identification.motor.fitting import Fitted, covariance, fitted, without
 from armwright.identification.motor.guess import guess
-from armwright.identification.motor.held_out import judged
+from armwright.identification.motor.held_out import judged, with_remarks
 from armwright.identification.motor.measured import MotorReading, measured, steady
 from armwright.identification.motor.output_error import DriveProblem
 from armwright.identification.motor.predictions import MARK
@@ -118,9 +118,6 @@ def identify_motor(
         if static is not None:
             stretches.append(steady(static, joints, data, max(each.time for each in guesses)))
         names, record = names_to_fit(record, free, set(known), guesses, data, locked)
-        fitted_paths = [path for paths in names.values() for path in paths]
-        alone = base is None and free is not None and not locked
-        held = guesses_that_stay(record, data.joints[0], data.command, fitted_paths, known) if alone else []
 
         def problems(
             record: RobotDescription, names: Mapping[str, tuple[str, ...]], free: Sequence[str] | None
@@ -132,9 +129,12 @@ def identify_motor(
         done = fitted(record, data, problem, search, free, tell)
         if free is None and not locked and len(joints) == 1:
             record, done = chosen(Candidate(record, names, ("delay",), done), data, problems, set(known), tell)
-        said = replace(data, remarks=(*data.remarks, *held))
-        fit = concluded(log, record, said, done, free, bench=base is None, locked=locked, first=guesses[0])
+        fit = concluded(log, record, data, done, free, bench=base is None, locked=locked, first=guesses[0])
         if base is None:
+            if free is not None and not locked:
+                fitted_paths = [path for paths in names.values() for path in paths]
+                stay = guesses_that_stay(record, data.joints[0], data.command, fitted_paths, known)
+                fit = with_remarks(fit, [], _of_guesses(record, stay, done, lambda moved: problems(moved, names, free)))
             return fit
         given = given_numbers(base, joints, known, mode)
         robot = with_numbers(base, given) if given else base
@@ -144,6 +144,29 @@ def identify_motor(
         mode = search.pwm
         fit = _better_mode(fit_of("brake"), fit_of("coast")) if mode == "compare" else fit_of(mode)
         return judged(fit, log, asked, base, loads, locked)
+
+
+def _of_guesses(
+    record: RobotDescription, stay: Mapping[str, Sequence[str]], done: Fitted,
+    problem_with: Callable[[RobotDescription], DriveProblem],
+) -> list[str]:  # fmt: skip
+    """A sentence on first guesses that stayed, where twice their size moves a fitted number by more than its deviation.
+
+    Args:
+        record: with the guesses.   stay: their paths, by name.   problem_with: the fit's problem, of another record.
+    """
+    inner, z = without(done.problem, done.held, done.z), done.z[done.kept][None]
+    residuals, (jacobian,) = inner.evaluate(z)
+    std = np.sqrt(np.diag(covariance(inner, residuals[0], jacobian)))
+    found = []
+    for name, paths in stay.items():
+        value = value_at(record, paths[0])
+        moved = without(problem_with(with_numbers(record, dict.fromkeys(paths, 2.0 * value))), done.held, done.z)
+        shift = np.linalg.lstsq(jacobian, residuals[0] - moved.evaluate(z)[0][0], rcond=1e-10)[0]
+        if not (np.abs(shift) <= std).all():
+            found.append(f"{name} = {value:.4g}")
+    what = f"neither fitted nor known, but first guesses on which the other numbers depend: {', '.join(found)}"
+    return [f"{what}; name them in --free or --fix (free=…, fixed=…)"] if found else []
 
 
 def _ratio(base: RobotDescription | None, log: Log, joint: str) -> float | None:

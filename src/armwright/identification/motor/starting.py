@@ -155,22 +155,21 @@ def _bench_guess(
 
 def guesses_that_stay(
     record: RobotDescription, joint: str, command: str, fitted: Collection[str], known: Collection[str]
-) -> list[str]:
-    """A sentence on a bench's numbers that the motion depends on, and that are neither fitted nor known.
+) -> dict[str, Sequence[str]]:
+    """Paths, by their names, of a bench's numbers that are neither fitted nor known.
 
     Args:
         command: quantity that drives the motor.   fitted: paths.   known: names that were given.
     """
     needless = {"voltage": (), "current": ("R",), "torque": ("R", "Kt")}[command]
-    stay = []
+    stay = {}
     for name in ("R", "Kt", "J", "viscous", "coulomb"):
         paths = paths_of(record, joint, name)
         given = {path for each in known if each != "delay" for path in paths_of(record, joint, each)}
         value = value_at(record, paths[0])
         if name not in needless and value and not {*fitted, *given} & {*paths}:  # 0: a term that is left out
-            stay.append(f"{name} = {value:.4g}")
-    what = f"neither fitted nor known, but first guesses on which the other numbers depend: {', '.join(stay)}"
-    return [f"{what}; name them in --free or --fix (free=…, fixed=…)"] if stay else []
+            stay[name] = paths
+    return stay
 
 
 def names_to_fit(

@@ -62,8 +62,15 @@ class Schedule:
         return cls(np.zeros(1), np.asarray(values, dtype=float)[None], tuple(names))
 
     def at(self, time: float) -> np.ndarray:
-        """(n,) the command that holds from `time` [s] on; a row's own time counts to the row."""
-        return self.commands[max(int(np.searchsorted(self.times, time, side="right")) - 1, 0)]
+        """(n,) the command that holds from `time` [s] on; a row's own time counts to the row.
+
+        Raises:
+            ScheduleError: no time, several, or NaN.
+        """
+        number = scalar.numbers_or_nan(time)
+        if number.ndim or np.isnan(number):
+            raise ScheduleError(place="time", value=time, expected="one number [s]")
+        return self.commands[max(int(np.searchsorted(self.times, number, side="right")) - 1, 0)]
 
     def __repr__(self) -> str:
         rows = "1 row" if len(self.times) == 1 else f"{len(self.times)} rows until {self.times[-1]:g} s"

@@ -148,7 +148,8 @@ def _solved(arm: Model, path: Any, near: Any, limits: MotionLimits) -> ToolPathS
         what, expected = f"solved for {path.tool.arm.name}", f"a path, or one that is solved for {arm.name}"
         raise ScenarioError(what, place="path", expected=expected)
     if near is not None:
-        raise ScenarioError("with a solution", place="near", expected="it given to solve_path")
+        expected = "none beside a solved path, which begins where solve_path(…, near=…) began it"
+        raise ScenarioError(place="near", value=near, expected=expected)
     low, high = limits.position.T
     beyond = np.maximum(low - q, q - high)
     if (beyond > BEYOND).any():

@@ -87,9 +87,8 @@ class CartesianMotion(Motion):
             low, high = np.where(before, middle, low), np.where(before, high, middle)
         return high
 
-    def at(self, t: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """q, q̇ and q̈, each (…, n) [rad | m, …/s, …/s²], at times t (…) [s]."""
-        s, rate, change = (each[..., 0] for each in self.profile.at(t))
+    def _at(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        s, rate, change = (each[..., 0] for each in self.profile.at(times))
         q, first, second = self.solution.at(s)
         rate, change = rate[..., None], change[..., None]
         return q, first * rate, second * rate * rate + first * change

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -57,12 +56,8 @@ class PathMotion(Motion):
         """Duration [s]."""
         return float(self.breaks[-1] - self.breaks[0])
 
-    def at(self, t: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """q, q̇ and q̈, each (…, n) [rad | m, …/s, …/s²], at times t (…) [s].
-
-        Through s(t) and the path, so that no speed has the other sign by rounding where the arm comes to rest.
-        """
-        times = np.asarray(t, dtype=float)
+    def _at(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Through s(t) and the path, so that no speed has the other sign by rounding where the arm comes to rest."""
         knots = self.breaks
         k = np.clip(np.searchsorted(knots, times, side="right") - 1, 0, len(self.s) - 2)
         moving = (times >= knots[0]) & (times <= knots[-1])
