@@ -22,7 +22,7 @@ from armwright.identification.motor.predictions import MARK, Measures, predictio
 from armwright.identification.motor.problem import starts_of
 from armwright.identification.motor.report import MotorFit
 from armwright.identification.motor.unknowns import Unknown, values_of
-from armwright.identification.validation.comparison import NO_HOLD_OUT, compare_records
+from armwright.identification.validation.comparison import NO_HOLD_OUT, compare_records, judged_by
 from armwright.model.model import Model, build_model
 
 
@@ -117,19 +117,11 @@ def judged(
         comparison = compare_records(written, before, log, fresh, reason=reason)
     except ArmwrightError as error:
         return _with_remarks(fit, [f"the runs held out do not judge the record: {error}"])
-    estimate = replace(fit.estimate, fit={**fit.estimate.fit, **comparison.measures})
-    doubts = comparison.worse
-    return _with_remarks(replace(fit, estimate=estimate, hold_out=comparison), comparison.remarks, doubts)
+    return replace(fit, estimate=judged_by(fit.estimate, comparison), hold_out=comparison)
 
 
-def _with_remarks(fit: MotorFit, remarks: Sequence[str], doubts: Sequence[str] = ()) -> MotorFit:
-    """The fit with further remarks; with doubts it is "not identified"."""
-    estimate = replace(
-        fit.estimate,
-        remarks=(*fit.estimate.remarks, *remarks, *doubts),
-        verdict="not identified" if doubts else fit.estimate.verdict,
-    )
-    return replace(fit, estimate=estimate)
+def _with_remarks(fit: MotorFit, remarks: Sequence[str]) -> MotorFit:
+    return replace(fit, estimate=replace(fit.estimate, remarks=(*fit.estimate.remarks, *remarks)))
 
 
 def _joint_of(problem: DriveProblem, unknown: int) -> int:
