@@ -18,7 +18,7 @@ from armwright.description.friction import BY_TEMPERATURE
 from armwright.description.paths import path_name, unit_at
 from armwright.dynamics.gears import joint_torques
 from armwright.entry import AnyArm, AnyLog, as_arm, as_log
-from armwright.errors import ArmwrightError, IdentificationError, Interrupted
+from armwright.errors import IdentificationError, Interrupted
 from armwright.fitting.covariance import covariance_of
 from armwright.fitting.measures import agreement
 from armwright.friction_laws import law_of_keys
@@ -41,7 +41,7 @@ from armwright.identification.arm.torque_model import SUPPORT as LINEAR, torque_
 from armwright.identification.estimate import Estimate
 from armwright.identification.logs.log import Log
 from armwright.identification.logs.preparation import Preparation, choose_preparation
-from armwright.identification.validation.comparison import NO_HOLD_OUT, compare_records, judged_by, unexplained
+from armwright.identification.validation.comparison import NO_HOLD_OUT, NO_VERDICT, judged_on_torques
 from armwright.model import Body, Model
 from armwright.progress import Progress, Shown, automatic
 
@@ -248,17 +248,10 @@ def _judged(estimate: Estimate, log: Log, arm: Model, joints: Sequence[str]) -> 
     """
     if not log.hold_out:
         return replace(estimate, remarks=(*estimate.remarks, NO_HOLD_OUT))
-    no_verdict = "the runs held out do not judge the record"
     if any(name.endswith(BY_TEMPERATURE) for name in estimate.names):
-        what = f"{no_verdict}: validate predicts torques at the reference temperature, and this friction depends on temperature"
+        what = f"{NO_VERDICT}: validate predicts torques at the reference temperature, and this friction depends on temperature"
         return replace(estimate, remarks=(*estimate.remarks, what))
-    try:
-        comparison = compare_records(
-            with_identified_friction(arm, estimate), arm, log, list(log.hold_out), simulation=False
-        )
-    except ArmwrightError as error:
-        return replace(estimate, remarks=(*estimate.remarks, f"{no_verdict}: {error}"))
-    return judged_by(estimate, comparison, unexplained(joints, comparison))
+    return judged_on_torques(estimate, lambda: with_identified_friction(arm, estimate), arm, log, joints)
 
 
 def _fits(

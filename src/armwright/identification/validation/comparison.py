@@ -14,7 +14,7 @@ beside every calibration, and about what filters leave without noise.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -43,6 +43,7 @@ NO_HOLD_OUT = (
     'no run is held out: mark one use = "hold-out" in the log, and the fitted record is judged there, beside the one that it '
     "replaces"
 )
+NO_VERDICT = "the runs held out do not judge the record"
 
 
 class FitNoise(NamedTuple):
@@ -174,6 +175,22 @@ def judged_by(estimate: Estimate, comparison: RecordComparison, doubts: Sequence
         remarks=(*estimate.remarks, *comparison.remarks, *doubts),
         verdict="not identified" if doubts else estimate.verdict,
     )
+
+
+def judged_on_torques(
+    estimate: Estimate, written: Callable[[], Model], before: Model, log: Log, joints: Collection[str]
+) -> Estimate:
+    """The estimate judged by the torques of the runs held out, which its record and the one before predict.
+
+    Args:
+        estimate: that says nothing of these runs.   written: makes the arm with it.   before: the arm that came in.
+        log: with runs held out.   joints: names of those whose torque the record is to explain.
+    """
+    try:
+        comparison = compare_records(written(), before, log, list(log.hold_out), simulation=False)
+    except ArmwrightError as error:
+        return replace(estimate, remarks=(*estimate.remarks, f"{NO_VERDICT}: {error}"))
+    return judged_by(estimate, comparison, unexplained(joints, comparison))
 
 
 def unexplained(joints: Collection[str], comparison: RecordComparison) -> list[str]:
