@@ -261,3 +261,22 @@ def test_power_balances_with_coupled_motors_under_a_controller(elastic):
     balance = flows["electrical_power"] - flows["heat"] - flows["friction_loss"]
     assert balance == pytest.approx(stored[1] - stored[0], abs=2e-3 * flows["electrical_power"])
     assert flows["electrical_power"] > 0.5
+
+
+@pytest.mark.parametrize("winding", [{}, {"inductance_h": 1e-3}])
+def test_a_supply_over_time_is_a_limit_of_the_drive(winding):
+    """It stops integrators, and is counted as saturation, as a limit of that voltage does."""
+    law = aw.Cascade(position_kp=8.0, speed_kp=20.0, speed_ki=400.0)
+    runs = []
+    for limits, supply in (({"voltage_v": 6.0}, None), ({}, aw.Schedule([0.0], [[6.0]], ["supply"]))):
+        model = pendulum("voltage", gravity=0.0, motor={**MOTOR, **winding}, limits=limits)
+        run = aw.simulate(
+            aw.Scenario(
+                model, duration=0.8, inputs=aw.Inputs(supply=supply), recording=aw.Recording(reduce=["saturation"]),
+                loop=aw.Loop(controller=law, reference=[1.0], period=PERIOD),
+            )
+        )  # fmt: skip
+        runs.append(run)
+    assert 0.1 < runs[0].saturation.values < 0.9
+    assert runs[1].saturation.values == runs[0].saturation.values
+    np.testing.assert_allclose(runs[1].q.values, runs[0].q.values, atol=1e-9)

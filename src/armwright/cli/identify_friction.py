@@ -33,8 +33,8 @@ def friction(
 
     Candidates are Stribeck's fall, load-proportional friction, the sigmoid law, a spring and a counterbalance, and slopes
     over temperature if the log or --warming states temperatures; a candidate is kept only if it lowers the held-out error
-    by 1 %. Exit code: 0 identified, 1 friction does not explain the torques, 2 bad input, 130 Ctrl-C: the joints that were
-    fitted until then are kept.
+    by 1 %. Exit code: 0 identified, 1 friction does not explain the torques, or predicts runs held out worse than the record
+    that came in, 2 bad input, 130 Ctrl-C: the joints that were fitted until then are kept.
 
     \b
     Examples:

@@ -216,9 +216,10 @@ class Reduction:
         ) -> Array:
             values = dict(zip(config.plant_blocks, rest, strict=True))
             plant = config.plant(values)
-            outputs = plant.outputs(x, config.plant_inputs(u, values))
+            inputs = config.plant_inputs(u, values)
+            outputs = plant.outputs(x, inputs)
             row = RunRow(
-                tick[0], plant.part(x, "q"), layout.part(r, "q"), u, first, final, outputs, plant.applied(x, u)
+                tick[0], plant.part(x, "q"), layout.part(r, "q"), u, first, final, outputs, plant.applied(x, inputs)
             )
             values, start = [], 0
             for each in self.reducers.values():

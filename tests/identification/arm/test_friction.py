@@ -12,6 +12,7 @@ from armwright.identification.arm.friction_law import FittedFriction, FrictionRo
 from armwright.model import build_model
 from armwright.results.csv_tables import write_table
 from identification.arm.moved_arm import moved, multisine, written_log
+from identification.arm.two_runs import two_runs
 
 USUAL_KEYS = {"viscous_n_m_s_per_rad": 1.5, "coulomb_positive_n_m": 2.0, "coulomb_negative_n_m": 2.6}
 USUAL = {"viscous": 1.5, "coulomb_positive": 2.0, "coulomb_negative": 2.6}
@@ -185,6 +186,26 @@ def test_friction_over_a_logged_temperature(tmp_path):
     found = identify_friction(log, aw.load(tmp_path / "plain.toml"), candidates=candidates)
     assert "hinge.friction.viscous_temperature_coefficient_per_k" not in found.names
     assert any("reference_c" in remark for remark in found.remarks)
+
+
+@pytest.mark.parametrize("is_warm", [False, True])
+def test_runs_held_out_judge_the_friction(tmp_path, is_warm):
+    """Fitted to a run with a third of the friction, as of a warm arm, the record predicts the cold run worse than the old one."""
+    record, arms = aw.load("two-link").record, []
+    for share in (1.0, 0.3):
+        friction = {key: share * value for key, value in USUAL_KEYS.items()}
+        arms.append(
+            build_model(record.replace(joints=tuple(each.replace(friction=friction) for each in record.joints)))
+        )
+    cold, warm = arms
+    log = aw.identification.read_log(two_runs(tmp_path / "log", warm if is_warm else cold, seconds=10.0, fresh=cold))
+    found = identify_friction(log, cold, candidates=())
+    judged = aw.identification.validate(with_identified_friction(cold, found), log, simulation=False)
+    for joint in cold.names:
+        assert found.fit[f"torque of {joint} (held out)"]["r2"] == judged.of("torque", joint).overall.r2
+    before = found.fit["torque of elbow (held out, by the record before)"]["rms"]
+    assert (found.fit["torque of elbow (held out)"]["rms"] > 2 * before) is is_warm
+    assert found.verdict == ("not identified" if is_warm else "identified"), found.remarks
 
 
 def test_bad_input_is_refused(tmp_path):

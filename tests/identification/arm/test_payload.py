@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -15,6 +17,7 @@ from armwright.identification.arm.payload import (
 )
 from armwright.identification.arm.samples import stream_of
 from identification.arm.moved_arm import moved
+from identification.arm.two_runs import two_runs
 
 MASS, COM = 2.0, (0.02, -0.03, 0.08)
 INERTIA = np.array([[0.012, 0.001, 0.002], [0.001, 0.010, -0.001], [0.002, -0.001, 0.006]])
@@ -117,5 +120,62 @@ def test_a_flat_arm_does_not_tell_all(tmp_path):
     assert found["payload.mass_kg"] == pytest.approx(MASS, rel=1e-3)
     assert sum(identifiable[name] for name in NAMES[1:4]) == 2
     assert not any(identifiable[name] for name in NAMES[4:])
+    (never,) = [each for each in found.remarks if each.startswith("no motion of two-link tells")]
+    assert [name in never for name in NAMES] == [not each for each in found.identifiable]
     with pytest.raises(LogError, match="joint"):
         identify_payload(moved(tmp_path, "other", aw.load("lwa4p"), seconds=2.0), flat)
+
+
+@pytest.mark.parametrize("stays", [True, False])
+def test_runs_held_out_judge_the_payload(tmp_path, stays):
+    """A payload that was not there in the run held out: the arm without it predicts that run better."""
+    arm = aw.load("two-link")
+    loaded = arm.with_payload(MASS, COM, INERTIA)
+    log = aw.identification.read_log(two_runs(tmp_path / "log", loaded, seconds=10.0, fresh=loaded if stays else arm))
+    found = identify_payload(log, arm)
+    r2, before = (found.fit[f"torque of elbow (held out{each})"]["r2"] for each in ("", ", by the record before"))
+    assert (r2 > before) is stays
+    assert found.verdict == ("identified" if stays else "not identified"), found.remarks
+
+
+PAN_TILT = """
+name = "pan-tilt"
+source = "estimate"
+command = "torque"
+tip = "camera"
+frames = [{ name = "camera", link = "tray", xyz_m = [0.1, 0.02, 0.0], rpy_rad = [0.0, 0.0, 0.0] }]
+"""
+TURNED = """
+[[joints]]
+name = "{joint}"
+type = "revolute"
+parent = "{parent}"
+child = "{child}"
+frame = {{ xyz_m = [0.0, 0.0, 0.2], rpy_rad = [0.0, 0.0, 0.0] }}
+axis = {axis}
+[[links]]
+name = "{child}"
+mass_kg = 1.0
+com_m = [0.02, 0.0, 0.03]
+inertia_kg_m2 = {{ xx = 0.004, yy = 0.005, zz = 0.003, xy = 0.0, xz = 0.0, yz = 0.0 }}
+"""
+
+
+def test_no_motion_of_intersecting_axes_tells_a_mass(tmp_path):
+    """Eight combinations of a payload turn a pan-tilt head; they come out with deviations, and none is called a mass."""
+    pan = TURNED.format(joint="pan", parent="base", child="yoke", axis=[0, 0, 1])
+    tilt = TURNED.format(joint="tilt", parent="yoke", child="tray", axis=[0, 1, 0])
+    (tmp_path / "head.toml").write_text(PAN_TILT + pan + tilt, encoding="utf-8")
+    head = aw.load(tmp_path / "head.toml")
+    found = identify_payload(moved(tmp_path, "loaded", head.with_payload(MASS, COM, INERTIA), torque_noise=0.02), head)
+    assert found.verdict == "not identified"
+    assert not np.any(found.identifiable[:10])
+    c, about = np.array(COM), INERTIA + MASS * (np.dot(COM, COM) * np.eye(3) - np.outer(COM, COM))
+    truth = {"mL": MASS} | {f"mc{x}L": MASS * value for x, value in zip("xyz", c, strict=True)}
+    truth |= {f"I{x}{y}L": about[i, j] for i, x in enumerate("xyz") for j, y in enumerate("xyz")}
+    assert len(found.names) == 18
+    for k, formula in enumerate(found.names[10:], start=10):
+        expected = eval(re.sub(r"(\d) (\w)", r"\1 * \2", formula), truth)
+        assert abs(found.values[k] - expected) < 4 * found.std[k] < 0.02, formula
+    assert any("mcxL + 0.1 mL" in remark for remark in found.remarks)
+    assert not any("would" in remark for remark in found.remarks)

@@ -6,6 +6,7 @@ The torque that the arm without friction leaves unexplained, row by row, is fitt
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -13,6 +14,7 @@ import numpy as np
 
 from armwright.actuators.coupling import motor_shares
 from armwright.actuators.gear import loses_power
+from armwright.description.friction import BY_TEMPERATURE
 from armwright.description.paths import path_name, unit_at
 from armwright.dynamics.gears import joint_torques
 from armwright.entry import AnyArm, AnyLog, as_arm, as_log
@@ -39,6 +41,7 @@ from armwright.identification.arm.torque_model import SUPPORT as LINEAR, torque_
 from armwright.identification.estimate import Estimate
 from armwright.identification.logs.log import Log
 from armwright.identification.logs.preparation import Preparation, choose_preparation
+from armwright.identification.validation.comparison import NO_HOLD_OUT, NO_VERDICT, judged_on_torques
 from armwright.model import Body, Model
 from armwright.progress import Progress, Shown, automatic
 
@@ -169,7 +172,8 @@ def identify_friction(
     Returns:
         estimate: numbers under the record's own keys, such as `joint1.friction.viscous_n_m_s_per_rad`; those of springs, of which
             the record may make a table, under names of their own. Remarks say what each candidate brought. "not identified" where
-            friction explains less than half of what the arm leaves unexplained and a tenth of the torque's power is left.
+            friction explains less than half of what the arm leaves unexplained and a tenth of the torque's power is left, or
+            where the record predicts the runs that the log holds out worse than the one that came in, or with R² below 0.5.
     Raises:
         IdentificationError: an arm without masses, an unknown candidate, a log that does not fit.
         Interrupted: Ctrl-C; `found` holds the friction of the joints until then, "not identified".
@@ -231,7 +235,23 @@ def identify_friction(
     )  # fmt: skip
     if missing:
         raise Interrupted(f"before {missing} could be fitted", found=result)
-    return result
+    return _judged(result, log, arm, [joint for joint in arm.names if joint in measures])
+
+
+def _judged(estimate: Estimate, log: Log, arm: Model, joints: Sequence[str]) -> Estimate:
+    """The estimate with measures of its record on the runs held out, as `validate` has them, beside the record that came in.
+
+    The few numbers of a joint's friction add nothing to its error there that counts beside the spread of the residuals.
+
+    Args:
+        estimate: of the friction.   log: of the runs.   arm: that came in.   joints: names of those that were fitted.
+    """
+    if not log.hold_out:
+        return replace(estimate, remarks=(*estimate.remarks, NO_HOLD_OUT))
+    if any(name.endswith(BY_TEMPERATURE) for name in estimate.names):
+        what = f"{NO_VERDICT}: validate predicts torques at the reference temperature, and this friction depends on temperature"
+        return replace(estimate, remarks=(*estimate.remarks, what))
+    return judged_on_torques(estimate, lambda: with_identified_friction(arm, estimate), arm, log, joints)
 
 
 def _fits(
@@ -367,8 +387,6 @@ def with_identified_friction(arm: Model, estimate: Estimate) -> Model:
     Raises:
         DescriptionError: the record cannot have these numbers.
     """
-    from dataclasses import replace as with_changes
-
     from armwright.description.drive import LinearFriction, RotaryFriction
     from armwright.description.robot import MovingJoint
     from armwright.model.variants.edits import checked, replaced
@@ -403,4 +421,4 @@ def with_identified_friction(arm: Model, estimate: Estimate) -> Model:
     record = replaced(arm.record, "with_identified_friction", joints=tuple(joints), fits=fits)
     from armwright.model import build_model
 
-    return with_changes(build_model(record, on_impossible="warn"), changes={})
+    return replace(build_model(record, on_impossible="warn"), changes={})

@@ -22,7 +22,7 @@ from armwright.identification.arm.equations import Samples, equations_of, stacke
 from armwright.identification.arm.fit import ArmFit
 from armwright.identification.arm.samples import Stream
 from armwright.identification.estimate import Estimate
-from armwright.identification.validation.comparison import FitNoise, RecordComparison, compare_records
+from armwright.identification.validation.comparison import NO_VERDICT, FitNoise, RecordComparison, compare_records
 from armwright.model import Model
 from armwright.model.load import load
 
@@ -53,7 +53,7 @@ def judged_record(
             cutoff=stream.cutoff,
         )
     except ArmwrightError as error:
-        return None, [f"the runs held out do not judge the record: {error}"]
+        return None, [f"{NO_VERDICT}: {error}"]
     return found, found.remarks
 
 

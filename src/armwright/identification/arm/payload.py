@@ -25,7 +25,7 @@ from armwright.actuators.gear import loses_power
 from armwright.dynamics.gears import joint_torques
 from armwright.entry import AnyArm, AnyLog, as_arm, as_log
 from armwright.errors import IdentificationError, Interrupted, LogError
-from armwright.identification.arm.base import BaseParameters, regrouped
+from armwright.identification.arm.base import BaseParameters, base_parameters, regrouped
 from armwright.identification.arm.equations import Equations, Samples, SampleSource, equations_of
 from armwright.identification.arm.fit import ArmFit, fit_arm, with_correlation
 from armwright.identification.arm.gear_loss import GearProblem, LossyModel, fit_gears, lossy_model
@@ -49,6 +49,7 @@ from armwright.identification.arm.torque_model import (
 from armwright.identification.estimate import HALF_95, Estimate
 from armwright.identification.logs.log import Log
 from armwright.identification.logs.preparation import Preparation, choose_preparation
+from armwright.identification.validation.comparison import NO_VERDICT, judged_on_torques
 from armwright.model import BASE, Model
 from armwright.progress import Shown, automatic
 
@@ -160,6 +161,8 @@ def identify_payload(
     Returns:
         estimate: `payload.mass_kg`, `payload.com_m[k]` in the frame, `payload.inertia_kg_m2.xx`, … about the centre of mass, in
             the frame's axes. "not identified" where the mass cannot be told, or half of its 95 % interval is over 10 % of it.
+            Without a mass, what the log determines follows: formulas of the mass `mL`, first moments `mcxL`, … and moments of
+            inertia `IxxL`, … about the frame's origin.
     Raises:
         IdentificationError: a log without positions or torques, of another arm, with too few rows.
         Interrupted: Ctrl-C; `found` holds the best estimate of the low-passes until then.
@@ -178,7 +181,7 @@ def identify_payload(
     warnings = tuple(str(warning) for each in logs for warning in each.warnings)
     if preparation is not None:
         found = _fitted(logs, arm, frame, [preparation] * len(logs))
-        return replace(found, remarks=(*found.remarks, *warnings))
+        return _judged(replace(found, remarks=(*found.remarks, *warnings)), logs, arm, frame)
     log = logs[0]
     chosen = choose_preparation(log).cutoff
     tried: list[tuple[float, Estimate]] = []
@@ -203,19 +206,33 @@ def identify_payload(
     if not tried:
         assert too_short is not None
         raise too_short
-    cutoff, best = min(tried, key=lambda each: _mass_std(each[1]))
+    cutoff, best = min(tried, key=lambda each: _uncertainty(each[1]))
+    told = "the mass" if best.identifiable[0] else "the payload's numbers"
     ends = f"{tried[0][0]:.3g} to {tried[-1][0]:.3g} Hz"
-    remark = f"low-pass of {cutoff:.3g} Hz: of {len(tried)} from {ends} it leaves the mass least uncertain"
+    remark = f"low-pass of {cutoff:.3g} Hz: of {len(tried)} from {ends} it leaves {told} least uncertain"
     remarks = (remark, f"stopped by Ctrl-C {stopped}: a higher one was not tried") if stopped else (remark,)
     result = replace(best, remarks=(*best.remarks, *warnings, *remarks))
     if stopped:
         raise Interrupted(stopped, found=result)
-    return result
+    return _judged(result, logs, arm, frame)
 
 
-def _mass_std(estimate: Estimate) -> float:
-    """Standard deviation of the mass [kg]; infinite if it is not told."""
-    return float(estimate.std[0]) if np.isfinite(estimate.std[0]) else np.inf
+def _judged(estimate: Estimate, logs: Sequence[Log], arm: Model, frame: str | None) -> Estimate:
+    """The estimate judged on the runs held out, by torques of the arm with this payload beside those of the arm without it."""
+    if not logs[-1].hold_out or not np.asarray(estimate.identifiable)[0]:
+        return estimate
+    if len(logs) > 1:
+        what = f"{NO_VERDICT}: with two logs the arm's own masses do not count"
+        return replace(estimate, remarks=(*estimate.remarks, what))
+    return judged_on_torques(
+        estimate, lambda: with_identified_payload(arm, estimate, frame), arm, logs[0], list(estimate.fit)
+    )
+
+
+def _uncertainty(estimate: Estimate) -> float:
+    """Standard deviation of the mass [kg]; geometric mean of those of the base parameters where no mass is found."""
+    std = estimate.std
+    return float(std[0] if np.isfinite(std[0]) else np.exp(np.log(std[PER_LINK:]).mean()))
 
 
 def _fitted(logs: Sequence[Log], arm: Model, frame: str | None, preparations: Sequence[Preparation]) -> Estimate:
@@ -243,7 +260,8 @@ def _fitted(logs: Sequence[Log], arm: Model, frame: str | None, preparations: Se
         with_correlation(each, replace(fit, equations=half)).covariance
         for each, half in zip(sources, halves, strict=True)
     ]
-    return _estimate(fit, sum(covariances, np.zeros(())), method, sha256, logs[-1].path.name)
+    structural = base_parameters(payload_model(arm, frame))
+    return _estimate(fit, structural, sum(covariances, np.zeros(())), method, sha256, logs[-1].path.name)
 
 
 def _joined(model: TorqueModel, sources: Sequence[SampleSource]) -> tuple[Equations, list[Equations]]:
@@ -295,17 +313,27 @@ def _identifiable_base(equations: Equations, dropped: Sequence[int] = ()) -> Bas
     return base
 
 
-def _estimate(fit: ArmFit, covariance: np.ndarray, method: str, sha256: str, name: str) -> Estimate:
-    """The payload's numbers from base parameters, possible ones where the free ones are not."""
-    first = len(fit.base.columns) - PER_LINK
+def _alone(matrix: np.ndarray) -> np.ndarray:
+    """(10,) True for parameters that stand alone in a row of  β = A π_L."""
+    return (matrix[np.count_nonzero(matrix, axis=1) == 1] != 0).any(axis=0)
+
+
+def _estimate(
+    fit: ArmFit, structural: BaseParameters, covariance: np.ndarray, method: str, sha256: str, name: str
+) -> Estimate:
+    """The payload's numbers from base parameters, possible ones where the free ones are not; the base parameters themselves
+    where no mass is found, without which the others are none.
+
+    Args:
+        fit: of the logs.   structural: of the payload alone, for all motions of its arm.   covariance: of the fit.
+    """
+    arm, first = fit.equations.model.arm, len(fit.base.columns) - PER_LINK
     rows = np.flatnonzero(fit.base.independent >= first)
     A = fit.base.matrix[rows, first : first + PER_LINK]
     mixed = np.any(np.delete(fit.base.matrix[rows], np.s_[first:], axis=1) != 0) if first else False
     assert not mixed  # the payload's columns are those of one log alone
     beta, C = fit.values[rows], covariance[rows][:, rows]
-    identifiable = np.zeros(PER_LINK, dtype=bool)
-    for row in A:
-        identifiable |= (row != 0) & (np.count_nonzero(row) == 1)
+    identifiable, by_any_motion = _alone(A), _alone(structural.matrix)
     free = np.linalg.pinv(A) @ beta
     remarks: list[str] = []
     values, at_bound = free, np.zeros(PER_LINK, dtype=bool)
@@ -329,28 +357,42 @@ def _estimate(fit: ArmFit, covariance: np.ndarray, method: str, sha256: str, nam
     verdict = "identified"
     if not known[0]:
         verdict = "not identified"
-        what = (
-            "not above 0"
-            if identifiable[0]
-            else "not identifiable from this motion: one that accelerates or turns the payload against gravity would"
-        )
+        what = "not above 0"
+        if not by_any_motion[0]:
+            what = f"not identifiable by any motion of {arm.name}, whose torques depend on {', '.join(structural.formulas)} alone"
+        elif not identifiable[0]:
+            what = "not identifiable from this motion: one that accelerates or turns the payload against gravity would"
         remarks.append(f"the payload's mass is {what}")
     elif half > WELL_TOLD:
         verdict = "not identified"
         remarks.append(
             f"the payload's mass is {numbers[0]:.3g} kg, give or take {half:.0%} in 95 % of cases: too uncertain"
         )
+    never = ~by_any_motion
+    never[4:] |= never.any()
+    if known[0] and never.any():
+        unknown = ", ".join(name for name, lost in zip(NAMES, never, strict=True) if lost)
+        remarks.append(f"no motion of {arm.name} tells {unknown}")
     vague = [name for k, name in enumerate(NAMES[4:], start=4) if known[k] and spread[k, k] > numbers[k] ** 2]
     if vague and known[0]:
         remarks.append(f"{', '.join(vague)}: as uncertain as large; use a motion that turns the payload faster")
-    measures = {
-        joint: {"r2": float(fit.r2[j]), "rms": float(fit.rms[j])}
-        for j, joint in enumerate(fit.equations.model.arm.names)
-    }
-    return Estimate(  # without a condition number: that of the fit is of the arm's parameters too, which need not be told
+    measures = {joint: {"r2": float(fit.r2[j]), "rms": float(fit.rms[j])} for j, joint in enumerate(arm.names)}
+    found = Estimate(  # without a condition number: that of the fit is of the arm's parameters too, which need not be told
         NAMES, np.where(known, numbers, 0.0), spread, sha256, method, at_bound=at_bound, identifiable=known,
-        remarks=(*remarks, *SUPPORT.notes(fit.equations.model.arm)), fit=measures, verdict=verdict, log=name,
+        remarks=(*remarks, *SUPPORT.notes(arm)), fit=measures, verdict=verdict, log=name,
     )  # fmt: skip
+    if known[0]:
+        return found
+    count = len(rows)
+    return replace(
+        found,
+        names=(*NAMES, *(fit.base.formulas[row] for row in rows)),
+        units=(*found.units, *(fit.base.units[row] for row in rows)),
+        values=np.concatenate([found.values, beta]),
+        covariance=np.block([[spread, np.zeros((PER_LINK, count))], [np.zeros((count, PER_LINK)), C]]),
+        at_bound=np.concatenate([at_bound, np.zeros(count, dtype=bool)]),
+        identifiable=np.concatenate([known, np.ones(count, dtype=bool)]),
+    )
 
 
 def _of_order_one(parameters: np.ndarray) -> np.ndarray:

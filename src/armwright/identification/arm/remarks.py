@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Literal
 
@@ -21,12 +21,11 @@ from armwright.identification.arm.score_tests import made_up_for, score_tests, s
 from armwright.identification.arm.spring_record import SPRINGS
 from armwright.identification.arm.torque_model import SUPPORT
 from armwright.identification.estimate import HALF_95, Estimate
-from armwright.identification.validation.comparison import RecordComparison
+from armwright.identification.validation.comparison import poorly_predicted, unexplained
 
 MOST_NAMED = 6  # parameters in one remark
 POSES = 50  # of the log, for the mean of a joint's inertia
 POOR = 0.8  # R² of a joint below which there is a remark
-LEAST_HELD_OUT = 0.5  # R² of a joint that moves, on rows that were not fitted, for "identified"
 DISSIPATING = ("viscous", "coulomb", "coulomb+", "coulomb-")  # kinds of columns whose numbers above 0 take power
 SURE = 5.0  # standard deviations below 0 at which the power of a joint's friction has the wrong sign
 OF_TORQUE = 0.05  # of a joint's torque: a smaller friction below 0 may be a drive's own compensation of friction
@@ -50,20 +49,16 @@ def unpredicted(fit: ArmFit, held_out: Sequence[HeldOut]) -> list[str]:
     with np.errstate(divide="ignore", invalid="ignore"):
         spread = fit.rms**2 / (1.0 - fit.r2)  # of the measured torque
     r2s = r_squared(np.mean(parts, axis=0) * fit.torque_rms**2, spread)
-    return _poor(fit, dict(zip(fit.equations.model.arm.names, r2s, strict=True)), "on parts held out")
+    return poorly_predicted(
+        _moving(fit), dict(zip(fit.equations.model.arm.names, r2s, strict=True)), "on parts held out"
+    )
 
 
-def unexplained(fit: ArmFit, comparison: RecordComparison) -> list[str]:
-    """Sentences about moving joints with poorly predicted torque on the runs held out, by the written record."""
-    r2s = {each.joint: each.written.r2 for each in comparison.rows if each.quantity == "torque"}
-    return _poor(fit, r2s, "on the runs held out")
-
-
-def _poor(fit: ArmFit, r2s: Mapping[str, float], where: str) -> list[str]:
+def _moving(fit: ArmFit) -> list[str]:
     return [
-        f"{joint}: R² {r2s[joint]:.2f} {where}, below {LEAST_HELD_OUT:g}: its torque is not explained by this model"
+        joint
         for joint, moves in zip(fit.equations.model.arm.names, joints_that_move(fit.equations), strict=True)
-        if moves and joint in r2s and r2s[joint] < LEAST_HELD_OUT
+        if moves
     ]
 
 
@@ -224,7 +219,7 @@ def with_remarks(
     if comparison is None:
         unseen = unpredicted(fit, result.held_out)
     else:
-        unseen = [*unexplained(fit, comparison), *comparison.worse]
+        unseen = [*unexplained(_moving(fit), comparison), *comparison.worse]
         measures |= comparison.measures
     verdict = "not identified" if unseen else _verdict(fit, len(found.base), len(found.structural))
     late = late_torques(fit, some)

@@ -21,7 +21,7 @@ from armwright.progress import Progress
 ROUNDS = 3  # of fit and new standard deviations of the signals
 SAME = 0.02  # of a standard deviation: a smaller change is none
 AT_BOUND = 1e-3  # of the range of a logarithm: nearer to its end is at the bound
-NONE = 1e-6  # of a size, or of a sample: less is 0
+NONE = 1e-6  # of a size, or of a delay's range: less is 0
 WEAK = 0.5  # standard deviation of the logarithm of a product of numbers beyond which the log does not tell it
 NOTHING = 1e-6  # standard deviations of all residuals together that a nuisance of its size makes: less is none
 PART = 0.25  # of the largest entry of a direction: numbers with more take part in it
@@ -62,7 +62,7 @@ def fitted(
     free: Sequence[str] | None,
     progress: Progress,
 ) -> Fitted:
-    """Least squares from the best of several starts, with unidentifiable parameters fixed.
+    """Least squares from the best of several starts, with unidentifiable parameters fixed; no worse than the record itself.
 
     Raises:
         ModelError: nothing could be simulated from any start.
@@ -80,13 +80,44 @@ def fitted(
         raise ModelError(
             "the log determines none of the numbers to be fitted", place="free", value=names, expected=expected
         )
+    own = _of_record(problem, first)
+    begin = np.concatenate([begin, own])
     z, cost = many_starts(without(problem.part(ROWS_OF_STARTS), done.held, first), begin[:, done.kept])
     if not np.isfinite(cost).any():
         expected = "another first guess, by fixed=… or a robot's record"
         what = "nothing could be simulated from any start"
         raise ModelError(what, place="starts", value=search.starts, expected=expected)
     done.z[done.kept] = z[int(np.argmin(cost))]
+    done.z[:] = min([done.z.copy(), *own], key=lambda each: _cost(problem, each))  # on all rows
     return settled(record, data, done, first, free, progress)
+
+
+def _of_record(problem: DriveProblem, first: np.ndarray) -> np.ndarray:
+    """(1, k) coordinates with the record's numbers, and the delay and initial states that fit them best; (0, k) without any.
+
+    Of a motor in a closed loop the voltage answers its motion, and a late command with other numbers explains the log nearly as
+    well: a search that moves all at once ends there, with the truth as its record.
+    """
+    numbers = [k for k, each in enumerate(problem.unknowns) if not each.nuisance]
+    others = [k for k, each in enumerate(problem.unknowns) if each.nuisance]
+    if not numbers or not others:
+        return np.zeros((0, len(first)))
+    prompt = np.array(
+        [
+            low if each.name == "delay" else z
+            for each, low, z in zip(problem.unknowns, problem.bounds[0], first, strict=True)
+        ]
+    )
+    z, cost = many_starts(without(problem.part(ROWS_OF_STARTS), numbers, first), np.stack([first, prompt])[:, others])
+    found = first.copy()
+    found[others] = z[int(np.argmin(cost))]
+    return found[None]
+
+
+def _cost(problem: DriveProblem, z: np.ndarray) -> float:
+    """Sum of squared residuals at coordinates (k,); infinite where they diverge."""
+    squares = float((problem.evaluate(z[None])[0] ** 2).sum())
+    return squares if np.isfinite(squares) else np.inf
 
 
 def settled(
@@ -178,10 +209,12 @@ def _note_ends(done: Fitted) -> None:
 
 def _hold_at_zero(done: Fitted, free: Sequence[str] | None) -> None:
     """Drops delays and unrequested friction terms that the fit drives to 0, their bound."""
+    low, high = done.problem.bounds
     for k in done.kept:
         each = done.problem.unknowns[k]
+        none = NONE * (high[k] - low[k]) if each.name == "delay" else NONE  # of a delay all that counts as at its bound
         is_friction = not each.nuisance and not each.logarithmic and each.low == 0.0 and each.short not in (free or ())
-        if done.z[k] > NONE or not (is_friction or each.name == "delay"):
+        if done.z[k] > none or not (is_friction or each.name == "delay"):
             continue
         done.z[k] = 0.0
         done.held.append(k)

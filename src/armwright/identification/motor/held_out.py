@@ -22,7 +22,7 @@ from armwright.identification.motor.predictions import MARK, Measures, predictio
 from armwright.identification.motor.problem import starts_of
 from armwright.identification.motor.report import MotorFit
 from armwright.identification.motor.unknowns import Unknown, values_of
-from armwright.identification.validation.comparison import NO_HOLD_OUT, compare_records
+from armwright.identification.validation.comparison import NO_HOLD_OUT, NO_VERDICT, compare_records, judged_by
 from armwright.model.model import Model, build_model
 
 
@@ -100,7 +100,7 @@ def judged(
     if not fresh:
         return with_remarks(fit, [NO_HOLD_OUT])
     if locked:
-        return with_remarks(fit, ["the runs held out do not judge the record: the rotor was held"])
+        return with_remarks(fit, [f"{NO_VERDICT}: the rotor was held"])
 
     def model_of(record: RobotDescription) -> Model:
         return build_model(record if loads is None else decoupled_record(record, list(loads), loads))
@@ -116,10 +116,8 @@ def judged(
                 reason = f"the record that came in does not predict them, {error}"
         comparison = compare_records(written, before, log, fresh, reason=reason)
     except ArmwrightError as error:
-        return with_remarks(fit, [f"the runs held out do not judge the record: {error}"])
-    estimate = replace(fit.estimate, fit={**fit.estimate.fit, **comparison.measures})
-    doubts = comparison.worse
-    return with_remarks(replace(fit, estimate=estimate, hold_out=comparison), comparison.remarks, doubts)
+        return with_remarks(fit, [f"{NO_VERDICT}: {error}"])
+    return replace(fit, estimate=judged_by(fit.estimate, comparison), hold_out=comparison)
 
 
 def with_remarks(fit: MotorFit, remarks: Sequence[str], doubts: Sequence[str] = ()) -> MotorFit:

@@ -14,8 +14,8 @@ beside every calibration, and about what filters leave without noise.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -23,6 +23,7 @@ from scipy import stats
 
 from armwright.errors import ArmwrightError
 from armwright.fitting.measures import Agreement
+from armwright.identification.estimate import Estimate
 from armwright.identification.logs.log import Log
 from armwright.identification.logs.row_checks import runs_at_rest
 from armwright.identification.validation.joint_measures import JointMeasures, moving_rows
@@ -35,12 +36,14 @@ BATCHES = 20
 LEAST = 8  # rows of a batch; shorter runs have fewer batches
 CERTAIN = 0.99
 NEGLIGIBLE = 1e-4  # of the signal's variance
+LEAST_HELD_OUT = 0.5  # R² of a joint that moves, on rows that were not fitted, for "identified"
 HELD_OUT = " (held out)"  # behind a quantity and a joint, among the measures of a fit
 BEFORE = " (held out, by the record before)"
 NO_HOLD_OUT = (
     'no run is held out: mark one use = "hold-out" in the log, and the fitted record is judged there, beside the one that it '
     "replaces"
 )
+NO_VERDICT = "the runs held out do not judge the record"
 
 
 class FitNoise(NamedTuple):
@@ -161,6 +164,48 @@ def compare_records(
         _compared(after, first, each, noise or {}) for each in after.measures if each.quantity in judged and each.runs
     )
     return RecordComparison(after, first, rows, reason)
+
+
+def judged_by(estimate: Estimate, comparison: RecordComparison, doubts: Sequence[str] = ()) -> Estimate:
+    """The estimate with a comparison's measures and remarks; a worse record, or doubts about it, make it "not identified"."""
+    doubts = [*doubts, *comparison.worse]
+    return replace(
+        estimate,
+        fit={**estimate.fit, **comparison.measures},
+        remarks=(*estimate.remarks, *comparison.remarks, *doubts),
+        verdict="not identified" if doubts else estimate.verdict,
+    )
+
+
+def judged_on_torques(
+    estimate: Estimate, written: Callable[[], Model], before: Model, log: Log, joints: Collection[str]
+) -> Estimate:
+    """The estimate judged by the torques of the runs held out, which its record and the one before predict.
+
+    Args:
+        estimate: that says nothing of these runs.   written: makes the arm with it.   before: the arm that came in.
+        log: with runs held out.   joints: names of those whose torque the record is to explain.
+    """
+    try:
+        comparison = compare_records(written(), before, log, list(log.hold_out), simulation=False)
+    except ArmwrightError as error:
+        return replace(estimate, remarks=(*estimate.remarks, f"{NO_VERDICT}: {error}"))
+    return judged_by(estimate, comparison, unexplained(joints, comparison))
+
+
+def unexplained(joints: Collection[str], comparison: RecordComparison) -> list[str]:
+    """Sentences about moving joints whose torque the fitted record predicts poorly on the runs held out."""
+    r2s = {each.joint: each.written.r2 for each in comparison.rows if each.quantity == "torque"}
+    return poorly_predicted(joints, r2s, "on the runs held out")
+
+
+def poorly_predicted(joints: Collection[str], r2s: Mapping[str, float], where: str) -> list[str]:
+    """Sentences about joints, by their names, with R² of the torque below `LEAST_HELD_OUT` on such rows, in words."""
+    return [
+        f"{joint}: R² {r2s[joint]:.2f} {where}, below {LEAST_HELD_OUT:g}: its torque is not explained by this model"
+        for joint in joints
+        if joint in r2s and r2s[joint] < LEAST_HELD_OUT
+    ]
 
 
 def _compared(

@@ -62,7 +62,9 @@ def make_tick(config: LoopConfig) -> Tick:
     inputs: list[Stage] = [RowsStage(name, entries) for name, entries in config.inputs.items()]
     if sampling is None:
         before += [RowsStage("u", config.arm.n)]
-    elif len(sampling.sensors.sensors) > 1:  # which may look at what acts on the plant
+    elif (
+        len(sampling.sensors.sensors) > 1 or "supply" in config.inputs
+    ):  # sensors and limits depend on what acts on the plant
         before, inputs = inputs, []
     if sampling is not None:
         stages, seen = measuring_stages(config, sampling)
@@ -114,10 +116,11 @@ def measuring_stages(config: LoopConfig, sampling: Sampling) -> tuple[list[Stage
         queue = "y_now"
 
     def tell(y: Array, x: Array, u: Array, *p: Array) -> Array:
-        plant = config.plant(dict(zip(_parameters(config), p, strict=True)))
-        return scalar.array(np.concatenate([y, plant.applied(x, u)]))
+        values = dict(zip(more, p, strict=True))
+        return scalar.array(np.concatenate([y, config.plant(values).applied(x, config.plant_inputs(u, values))]))
 
-    shapes = {queue: (size,), "x": (config.bare.size,), "u": (n,)} | _parameters(config)
+    more = {name: shape for name, shape in config.plant_blocks.items() if name in ("p", "supply")}
+    shapes = {queue: (size,), "x": (config.bare.size,), "u": (n,)} | more
     stages.append(Call(trace("tell", tell, shapes, ("y",))))
     return stages, seen
 

@@ -143,7 +143,7 @@ class PlantDrives:
         u, touching, brake = inputs.command, inputs.contacts, inputs.brake
         ends = np.cumsum(self.contacts)
         of = [None if touching is None else touching[end - k : end] for end, k in zip(ends, self.contacts, strict=True)]
-        volts = self._bus_voltage(x) if inputs.supply is None else inputs.supply[0]
+        volts = self._supply_voltage(x, inputs)
         enabled = {} if inputs.enabled is None else dict(zip(self.servos, inputs.enabled, strict=True))
         external = self._external(x, inputs)
         applied = dict.fromkeys(self.braked, 0.0) if brake is None else dict(zip(self.braked, brake, strict=True))
@@ -163,8 +163,10 @@ class PlantDrives:
             for (i, body), at in zip(enumerate(self.model.coordinates), self.motions(x), strict=True)
         ]
 
-    def _bus_voltage(self, x: Array) -> Scalar | None:
-        """[V] that the bus gives the drives; None: the supply never sags."""
+    def _supply_voltage(self, x: Array, inputs: PlantInputs) -> Scalar | None:
+        """[V] that the inputs' supply or the bus gives the drives; None: the supply never sags."""
+        if inputs.supply is not None:
+            return inputs.supply[0]
         supply = self.model.supply
         return None if supply is None else drive_voltage(supply, self.part(x, "bus_voltage")[0])
 
@@ -306,30 +308,32 @@ class PlantDrives:
         shares = self.shares if side == "motor" else []
         return from_motors(shares, q), from_motors(shares, qd)
 
-    def applied(self, x: Array, u: Array) -> np.ndarray:
+    def applied(self, x: Array, inputs: PlantInputs | Array) -> np.ndarray:
         """Commands that the drives follow: what they produce for theirs in the end, within limits and supply.
 
         A command within a dead zone is followed: it gives nothing, but no limit has changed it. So is one that a winding or its
         current loop reaches a moment later, or one of torque that warm magnets fall short of.
 
         Args:
-            x: (size,).   u: (n,) commands.
+            x: (size,).   inputs: commands, and a supply that takes the place of the record's; or commands alone.
         Returns:
             applied: (n,) [V | A | N m | N | rad], each in its joint's own unit; of a servo the goal that it follows.
         """
-        applied, speeds = list(in_command_units(self.model, self._done(x, u))), self._motors(x)[1]
+        inputs = PlantInputs.of(inputs)
+        u, volts, speeds = inputs.command, self._supply_voltage(x, inputs), self._motors(x)[1]
+        applied = list(in_command_units(self.model, self._done(x, PlantInputs(u, supply=inputs.supply))))
         for i, body in enumerate(self.model.coordinates):
             width, states = body.drive.dead_zone, self._states(x, i)
             if states.servo is not None:
                 applied[i] = states.servo.goal
             elif states.current is not None or states.winding_temperature is not None:
-                applied[i] = followed_command(body, states, speeds[i], u[i], self._bus_voltage(x))
+                applied[i] = followed_command(body, states, speeds[i], u[i], volts)
             if width is not None:
                 applied[i] = scalar.where(scalar.less_equal(scalar.abs(u[i]), width), u[i], applied[i])
         return scalar.array(applied)
 
-    def _done(self, x: Array, u: Array) -> DriveOutput:
+    def _done(self, x: Array, inputs: PlantInputs | Array) -> DriveOutput:
         """Torques, voltages and currents of the motors."""
-        joints = self.driven(x, PlantInputs(u))
+        joints = self.driven(x, PlantInputs.of(inputs))
         columns = zip(*((joint.tau, joint.voltage, joint.current) for joint in joints), strict=True)
         return DriveOutput(*(scalar.array(list(column)) for column in columns))
