@@ -37,6 +37,10 @@ def lazy_names(package: str) -> tuple[Callable[[str], Any], Callable[[], list[st
             if name not in homes or not isinstance(value, ModuleType) or homes[name][0].level:
                 super().__setattr__(name, value)
 
+        def __reduce__(self) -> tuple[Callable[[str], ModuleType], tuple[str]]:
+            """The package by its name, as cloudpickle (joblib, Dask, Ray) writes modules; it knows plain modules alone."""
+            return importlib.import_module, (package,)
+
     def get(name: str) -> Any:
         if name not in homes:
             raise AttributeError(absent(name), name=name, obj=module)  # Python adds the nearest name

@@ -1,13 +1,17 @@
 """A start brings no more than it needs: libraries, modules of ours, checkers of tables that nobody has. Fresh processes."""
 
+import copy
 import json
 import os
+import pickle
 import subprocess
 import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
+
+import armwright as aw
 
 LIBRARIES = ("numpy", "casadi", "llvmlite", "pydantic")
 NEVER = (  # in a script that loads an arm and calls a kernel
@@ -102,3 +106,10 @@ def test_tables_that_no_file_has_get_no_checker(starts):
     puma, both = starts["warm"]["checkers"]
     assert not puma
     assert both == ["BuiltFrom", "Visual"]  # of cmu-dd
+
+
+@pytest.mark.parametrize("package", [aw, aw.identification], ids=["armwright", "identification"])
+def test_packages_travel_to_other_processes_by_name(package):
+    """Functions of a script that say `aw.simulate` are sent with the module `aw` by joblib, Dask and Ray."""
+    assert pickle.loads(pickle.dumps(package)) is package
+    assert copy.deepcopy(package) is package

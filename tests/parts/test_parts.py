@@ -374,6 +374,8 @@ def test_units_that_look_like_others(tmp_path):
     assert (light.what, light.expected) == ("g/cm³ for kg/m³?", "2700")
     assert "g/m³ for kg/m³" in doubts(density_kg_per_m3=2.7e6)[0].what
     assert "a mesh of 120 m: millimetres" in doubts(solid={"shape": "mesh", "file": "hand.stl", "scale": 1})[0].what
+    (tiny,) = doubts(solid={"shape": "mesh", "file": "hand.stl", "scale": 1e-6})  # 0.001 twice
+    assert tiny.what.startswith("a mesh of 0.00012 m")
     assert doubts(density_kg_per_m3=25.0) == doubts(density_kg_per_m3=19300.0) == ()
     assert doubts(solid={"shape": "mesh", "file": "hand.stl", "scale": 0.001}) == ()
 

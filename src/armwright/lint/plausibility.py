@@ -26,6 +26,7 @@ PARALLEL_AXES = 1e-3  # how well a product of inertia must equal -m c_j c_k to b
 OF_THE_TENSOR = 0.02  # a product below this share of the largest moment proves nothing
 PAIRS = ((0, 1), (0, 2), (1, 2))
 LONGEST = 10.0  # [m] from one joint to the next, or of a mesh
+SMALLEST = 1e-3  # [m] of a mesh: less than any screw's
 WIDEST = 4 * pi  # [rad]: an angle between two axes says no more beyond a turn, and few joints have four turns
 DEGREES = 720.0  # a limit beyond it is how files write that there is none
 DENSITIES = 23.0, 23_000.0  # [kg/m³]: osmium has 22.6 g/cm³, and the lightest foams less than 23 kg/m³
@@ -251,7 +252,7 @@ def _of_spring(joint: Any) -> Iterator[Problem]:
 
 
 def implausible_sections(link: Any) -> Iterator[Problem]:
-    """Densities that would be a material's in g/cm³ or g/m³, and meshes that would be of a robot's size in millimetres.
+    """Densities that would be a material's in g/cm³ or g/m³, and meshes of a robot's size in another unit.
 
     Args:
         link: a `parts.mass_properties.WeighedLink`.
@@ -271,3 +272,5 @@ def implausible_sections(link: Any) -> Iterator[Problem]:
                 size = float(np.ptp(solid.surface().bounds, axis=0).max())
                 if size > LONGEST:
                     yield Problem(f"a mesh of {size:.4g} m: {MILLIMETRES}", place, expected="scale = 0.001")
+                elif size < SMALLEST:
+                    yield Problem(f"a mesh of {size:.4g} m: metres for millimetres?", place, expected="scale = 1")

@@ -158,6 +158,9 @@ def test_feedback_is_noticed_and_armax_stands_it():
     assert any("closed loop" in remark for remark in aw.identification.frequency_response(u, y, 1.0).remarks)
     assert any("closed loop" in remark for remark in aw.identification.fit_n4sid(u, y, 1.0, order=1, delay=1).remarks)
     assert aw.identification.fit_armax(u, y, 1.0, order=1, delay=1).poles[0].real == pytest.approx(0.9, abs=0.02)
+    assert aw.identification.fit_n4sid(u, y, 1.0, order=1).delay >= 1  # though the input answers to y in the same row
+    found = aw.identification.fit_oe(u, y, 1.0, order=1)
+    assert found.delay > 0 or any("delay=1" in remark for remark in found.remarks)
     false = 0
     for seed in range(30):
         u, y = bench(seed, rows=800, colour=tuple(0.9 ** np.arange(20)))
@@ -165,6 +168,22 @@ def test_feedback_is_noticed_and_armax_stands_it():
             "closed loop" in remark for remark in aw.identification.fit_oe(u, y, 1.0, order=2, delay=2).remarks
         )
     assert false <= 1
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_held_input_of_a_slow_resonance_is_no_closed_loop(seed):
+    """Two poles at 12 rad/s and a delay of 8 rows, 200 a second, with a sensor's noise: no short ARX model whitens it."""
+    draw = np.random.default_rng(seed)
+    pole = np.exp(12.0 * (-0.15 + 1j * np.sqrt(1.0 - 0.15**2)) / 200.0)
+    u, a = np.repeat(draw.standard_normal(400), 10), np.poly([pole, pole.conjugate()]).real
+    y = lfilter([0.0] * 8 + [3.0 * a.sum()], a, u)
+    y += 0.05 * y.std() * draw.standard_normal(len(y))
+    assert not any("closed loop" in remark for remark in aw.identification.frequency_response(u, y, 0.005).remarks)
+    short = aw.identification.SubspaceMethod(horizon=6)
+    late = aw.identification.fit_n4sid(
+        u[:2000], y[:2000], 0.005, order=2, delay=15, method=short
+    )  # of a delay that is too long, too
+    assert not any("closed loop" in remark for remark in late.remarks)
 
 
 @pytest.mark.parametrize("seed", range(3))

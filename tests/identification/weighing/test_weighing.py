@@ -178,3 +178,14 @@ def test_the_command_measures_and_writes(tmp_path):
     wrong = run(app, ["measure", "pendulum", "--swing-period", "1.3,1,1", "--mass", "2", "--distance", "0.2"])
     assert wrong.exit_code == 2
     assert "--swing-period" in wrong.output
+
+
+@pytest.mark.parametrize(("readings", "scale_std"), [(2, 0.0), (3, 0.0), (3, 0.5)])
+def test_interval_of_a_few_readings_covers_the_mass(readings, scale_std):
+    """The scatter of two readings says little of their deviation: 1.96 of it cover in 7 of 10 cases."""
+    draw, covered = np.random.default_rng(1), 0
+    for _ in range(400):
+        seen = 10.0 + scale_std * draw.standard_normal() + draw.standard_normal(readings)
+        low, high = aw.identification.measured_mass(seen, scale_std=scale_std).interval
+        covered += low < 10.0 < high
+    assert 0.92 < covered / 400 < 0.99

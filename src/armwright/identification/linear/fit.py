@@ -163,7 +163,7 @@ def _fit(
     delays = (orders.delay, orders.delay) if settled else delay_interval(fit, scaled.fit, initial)
     model = _result(records, scaled, fit, to_units, initial)
     rows = tuple(_row(each) for each in tried)
-    remarks = (*model.remarks, *_of_delays(delays))
+    remarks = (*model.remarks, *_of_delays(delays, orders.delay if known is None else None))
     if stopped:
         remarks += (f"stopped by Ctrl-C {stopped}: another order or delay may be better",)
     model = replace(model, delays=delays, remarks=remarks, tried=rows, criterion=search.select if rows else "")
@@ -264,8 +264,13 @@ def _doubts(records: Records, fit: PredictionFit, measures: Mapping[str, Mapping
     return found
 
 
-def _of_delays(delays: tuple[int, int] | None) -> list[str]:
-    """Sentence about delays that the data do not distinguish."""
+def _of_delays(delays: tuple[int, int] | None, chosen: int | None = None) -> list[str]:
+    """Sentences about delays that the data do not distinguish, and about none that was chosen from them."""
+    if chosen == 0:
+        return [
+            "the output answers in its input's own row (delay 0), as it seems to where a controller reads the output and "
+            "acts in one row: if the input acts after the output is measured, fit with delay=1 or the delay that is known"
+        ]
     if delays is None or delays[0] == delays[1]:
         return []
     return [

@@ -13,7 +13,7 @@ from armwright.identification.linear.records import RecordedStretch
 
 LAGS = 20  # samples
 MOST_PAST = 30  # rows of the past in an autoregression of errors or inputs
-LONG = 12  # coefficients of the model whose errors are white
+LONG = 30  # coefficients of the model whose errors are white, also where noise is not shaped by the plant
 PREDICTABLE = 1e-8  # of its variance: an input that its own past tells so well is made by a formula, not by feedback
 STEP = 3.0  # deviations of the whitened input, beyond which it is a step of a reference
 NORMAL_MEDIAN = 0.6745  # median of a normal variable's magnitude by its deviation

@@ -28,6 +28,7 @@ class MeasuredNumber(Result):
     Attributes:
         quantity: what it is.   value, std: in `unit`.   unit: of both.   how: the formula and the readings, in one line.
         readings: name, value, standard deviation and share of the variance (0 to 1) of each.
+        freedom: degrees of freedom of std: few where it is known from the scatter of a few readings alone.
     """
 
     quantity: str
@@ -36,11 +37,17 @@ class MeasuredNumber(Result):
     unit: str
     how: str
     readings: tuple[tuple[str, float, float, float], ...]
+    freedom: float = np.inf
 
     @property
     def interval(self) -> tuple[float, float]:
-        """Bounds of the 95 % interval, for a normal error."""
-        return self.value - HALF_95 * self.std, self.value + HALF_95 * self.std
+        """Bounds of the 95 % interval, for normal errors: Student's t of the degrees of freedom. [JCGM100], annex G."""
+        half = HALF_95
+        if np.isfinite(self.freedom):
+            from scipy.stats import t  # which takes long to import
+
+            half = float(t.ppf(0.975, self.freedom))
+        return self.value - half * self.std, self.value + half * self.std
 
     @property
     def heading(self) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -51,7 +52,10 @@ def measured_mass(
     found = propagated("mass", "kg", how, lambda mean, scale, last, empty: mean + scale + last - empty, parts)
     if found.value <= 0.0:
         raise IdentificationError("not above 0", place="mass", value=found.value, expected="readings above the tare")
-    return found
+    if scatter == 0.0:
+        return found
+    freedom = (len(values) - 1) * (found.std / scatter) ** 4  # Welch and Satterthwaite, [JCGM100] eq. (G.2b)
+    return replace(found, freedom=float(freedom))
 
 
 def measured_centre(
