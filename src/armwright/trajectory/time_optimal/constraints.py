@@ -8,7 +8,7 @@ any function of it. So limits are computed at given x, through the compiled kern
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -150,6 +150,17 @@ class PathLimits:
         )
         return next(ends), next(ends)
 
+    @cached_property
+    def _alone(self) -> list[PathLimits]:
+        """With the limits of torque alone and with those of voltage alone, where there are any."""
+        found = []
+        for name, other in (("torque", "voltage"), ("voltage", "torque")):
+            if np.isfinite(getattr(self.limits, name)).any():
+                limits = replace(self.limits, **{other: np.full(self.limits.n, np.inf)})
+                found.append(replace(self, limits=limits))
+                vars(found[-1]).update(_inertia=self._inertia, _flat_inertia=self._flat_inertia)
+        return found
+
     def of_points(self, k: np.ndarray) -> PathLimits:
         """The limits at some of the points."""
         part = PathLimits(self.dyn, self.limits, self.q[k], self.first[k], self.second[k])
@@ -169,14 +180,15 @@ class PathLimits:
         return a, b, c
 
     def torque_tangents(self, x: np.ndarray, shares: Shares, least: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Of `tangents` those of torques and voltages."""
+        """Of `tangents` those of torques, and those of voltages: one that allows more at x may allow less beside it."""
         beside = BESIDE * np.maximum(x, least)
         levels, rows = np.stack([np.maximum(x - beside, 0.0), x + beside], axis=1), []
-        for sign, room in zip((-1.0, 1.0), self._inertial_torque_bounds(levels, shares), strict=True):
-            inner = np.isfinite(room).all(axis=(0, 1))
-            room = sign * room[..., inner]
-            slope = (room[:, 1] - room[:, 0]) / np.diff(levels)
-            rows.append((sign * self._inertia[:, 0, inner], -slope, room[:, 0] - slope * levels[:, :1]))
+        for alone in self._alone:
+            for sign, room in zip((-1.0, 1.0), alone._inertial_torque_bounds(levels, shares), strict=True):
+                inner = np.isfinite(room).all(axis=(0, 1))
+                room = sign * room[..., inner]
+                slope = (room[:, 1] - room[:, 0]) / np.diff(levels)
+                rows.append((sign * self._inertia[:, 0, inner], -slope, room[:, 0] - slope * levels[:, :1]))
         a, b, c = (np.concatenate(each, axis=1) for each in zip(*rows, strict=True))
         return a, b, c
 
