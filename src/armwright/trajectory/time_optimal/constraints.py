@@ -25,6 +25,7 @@ FLAT = 1e-13  # of a joint's largest slope: below it the joint bounds x, not s̈
 LINES = 12  # of a piecewise-linear torque that the search for a bound visits at most
 STUCK = 4  # steps without a root: those that are left go on without an end, between two lines
 SOLVED = 1e-11  # of the torques that are allowed
+LARGEST = 1e3  # times the torques that are allowed: what M q' s̈ may be
 NEAR = 1e-4  # of the accelerations that are allowed, over which a line's slope is measured
 UNBOUNDED = 1e100  # finite, so that bounds can be interpolated
 BESIDE, TINY = 1e-3, 1e-9  # of x: how far beside it a tangent is taken; of the largest x, where x is smaller
@@ -148,7 +149,9 @@ class PathLimits:
             np.where(flat | (np.abs(end) >= UNBOUNDED), allowed - torque, inertia * end)
             for end, allowed in ((np.where(rising, low, high), least), (np.where(rising, high, low), most))
         )
-        return next(ends), next(ends)
+        # where M q' goes through 0, what the gear takes leaves almost anything, which rounding decides
+        low, high = (np.clip(end, -LARGEST * size, LARGEST * size) for end in ends)
+        return low, high
 
     @cached_property
     def _alone(self) -> list[PathLimits]:
