@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import armwright as aw
-from armwright.model import Model
+from armwright.model import Model, build_model
 from armwright.trajectory.limits import MotionLimits
 from armwright.trajectory.motion import Motion
 from armwright.trajectory.path import JointPath
@@ -50,6 +50,15 @@ def reachable_limits(arm: Model, path: JointPath, seed: int) -> MotionLimits:
         stall = [drive.resistance / abs(drive.gear_ratio * drive.torque_constant) for drive in drives]
         limits = limits.replace(voltage=torque * np.array(stall, dtype=float) * draw.uniform(0.95, 2.0))
     return limits
+
+
+def limited_in_speed(volts: float) -> tuple[Model, np.ndarray, MotionLimits]:
+    """`cmu-dd` with so little resistance that its voltages limit its speeds alone, poses (3, n), and its limits."""
+    record = aw.load("cmu-dd").record
+    joints = (joint.replace(motor=joint.motor.replace(resistance_ohm=0.05)) for joint in record.joints)
+    arm = build_model(record.replace(joints=tuple(joints)))
+    points = np.random.default_rng(0).uniform(-1.2, 1.2, (3, arm.n))
+    return arm, points, MotionLimits.of(arm, position=1e6, voltage=volts)
 
 
 def random_problem(seed: int) -> tuple[Model, JointPath, MotionLimits]:

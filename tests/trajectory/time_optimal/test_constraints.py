@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import armwright as aw
 from armwright.trajectory.time_optimal.constraints import PathLimits
@@ -72,3 +73,27 @@ def test_velocity_limits_bound_x() -> None:
     half = {"velocity": np.full(points.q.shape, 0.5)}
     speeds = np.abs(points.first) * np.sqrt(points.largest_x(half))[:, None]
     np.testing.assert_allclose(speeds.max(axis=1), 1.0)
+
+
+@pytest.mark.parametrize("name", ["workshop", "rough"])
+def test_rounding_bounds_no_speed_where_a_joint_accelerates_without_torque(name: str) -> None:
+    """Where M q' goes through 0, a lossy gear's own torque grows almost not with s̈."""
+    arm = built_arm(name)
+    path = random_path(arm, 3)
+    dyn, limits = aw.compile(arm), reachable_limits(arm, path, 1)
+
+    def points(s: np.ndarray) -> PathLimits:
+        return PathLimits.at(dyn, limits, path, s)
+
+    s = np.linspace(0.0, path.length, 401)
+    inertia = points(s)._inertia[:, 0]
+    places = [
+        brentq(lambda at, joint=joint: points(np.array([at]))._inertia[0, 0, joint], s[k], s[k + 1], xtol=1e-9)
+        for k, joint in np.argwhere(inertia[:-1] * inertia[1:] < 0.0)
+    ]
+    near = points(np.array(places))
+    shares = {each: np.ones(near.q.shape) for each in ("velocity", "acceleration", "torque", "voltage")}
+    _, b, c = near.torque_tangents(np.full(len(places), 0.1), shares, 1e-9)
+    assert len(places) > 3
+    assert np.abs(c).max() < 1e8 * limits.torque.max()
+    assert np.abs(b).max() < 1e8 * limits.torque.max()

@@ -13,6 +13,7 @@ from armwright.errors import ScenarioError
 from armwright.model import build_model
 from armwright.trajectory.limits import MotionLimits
 from armwright.trajectory.time_optimal.jerk_limited import SpeedProblem
+from trajectory.path_problems import limited_in_speed
 
 ARM = aw.load("puma560")
 
@@ -114,6 +115,24 @@ def test_torques_and_voltages_hold_beside_jerk(name: str, seed: int) -> None:
         assert max(found.values()) > 0.995, found
         assert motion.duration > 0.996 * free.duration
         assert jerk < 1e7 or motion.duration < 1.02 * free.duration
+
+
+def test_voltages_that_limit_speeds_alone_leave_a_motion_at_limits() -> None:
+    """So that its duration hardly depends on the grid."""
+    arm, points, limits = limited_in_speed(40.0)
+    limits = limits.replace(jerk=2000.0)
+    motion, finer = (aw.trajectories.time_optimal(arm, points[:2], limits, grid=grid) for grid in (60, 120))
+    assert motion.duration == pytest.approx(finer.duration, rel=2e-3)
+    assert min(motion.saturated, finer.saturated) > 0.95
+    assert max(judged(motion, arm, limits).values()) < 1.0 + 1e-6
+
+
+def test_a_peak_of_jerk_between_places_is_taken_off_there_alone() -> None:
+    """Not by a motion that is slower as a whole."""
+    draw = np.random.default_rng(1043)
+    points = draw.uniform(-0.7, 0.7, (draw.integers(2, 7), 4))
+    limits = MotionLimits.of("open-manipulator-x", position=1e6, jerk=20.0)
+    assert aw.trajectories.time_optimal("open-manipulator-x", points, limits, grid=60).saturated > 0.95
 
 
 def dry(part: float) -> Any:

@@ -21,6 +21,7 @@ from trajectory.path_problems import (
     by_ipopt,
     by_toppra,
     largest_use,
+    limited_in_speed,
     random_path,
     random_problem,
     reachable_limits,
@@ -53,6 +54,17 @@ def test_a_motor_under_voltage_takes_the_time_of_its_equation() -> None:
     assert motion.saturated > 0.99
     t = np.linspace(0.0, 0.9 * low, 500)  # of full voltage forth: no stairs
     np.testing.assert_allclose(motion.at(t)[2][:, 0], fastest / tau * np.exp(-t / tau), rtol=2e-3)
+
+
+def test_voltages_that_limit_speeds_alone_refuse_no_motion() -> None:
+    """At speeds where the torque's limit is the lower one, a little faster the voltage's is."""
+    arm, points, limits = limited_in_speed(10.0)
+    path = aw.trajectories.JointPath(points)
+    motion = aw.trajectories.time_optimal(arm, path, limits, grid=100)
+    _, first, _ = path.at(np.linspace(0.0, path.length, 4000))
+    least = path.length * np.mean(np.abs(aw.compile(arm).motor_voltage(first, 0.0 * first)).max(axis=1)) / 10.0
+    assert 0.95 * least < motion.duration < 1.1 * least
+    assert motion.saturated > 0.95
 
 
 def test_accelerations_go_on_smoothly_where_one_limit_is_active() -> None:

@@ -31,12 +31,13 @@ BARRIERS = (0.2, 0.9), (0.1, 0.3)  # the first, by the part that the start takes
 FALL = 0.8  # of barriers: lower ones save steps where it goes well, and cost many where it does not
 FIRST, STEPS = 12, 45  # steps at least and at most
 LAST, SETTLED = 3, 3e-4  # steps, and the part of the duration that they change at most where the search ends
-SMOOTH = 5e-3  # of s̈ that may jump before the spline is made
+SMOOTH, EXACT = 5e-3, 1e-3  # of s̈ that may jump before the spline is made, and before what that exceeds lowers limits
 LEFT, ENOUGH = 1e-3, 2e-4  # of limits before the first step; part of the duration that is not looked for
 CONVEX = 0.02  # least added curvature, in parts
 REPAIRS = 6  # of what exceeds limits between places
-TANGENTS, LOWER = 6, 0.02  # of torques and voltages: how often they are taken, and the first barrier in later rounds
+TANGENTS, LOWER = 10, 0.02  # of torques and voltages: how often they are taken, and the first barrier in later rounds
 SHRUNK, GOOD = 1.05, 1.01  # times the excess; times the duration of what keeps limits at places alone
+CHANGED = 1e-3  # of the duration, by new tangents: less is not looked for
 BESIDE, FAR = 0.02, -1e6  # of a piece; of a limit, in place of a lower one where there is none
 THIRD = 1.0 / 3.0
 
@@ -118,23 +119,28 @@ def _within_torques(
 
     What a motion exceeds between places is taken off the limits at both.
     """
-    best, shares, fastest, least = problem.unit / y[problem.rates], np.ones((len(s), use.path.n)), np.inf, np.inf
+    best, fastest, before, least = problem.unit / y[problem.rates], np.inf, np.inf, np.inf
+    shares = {name: np.ones((len(s), use.path.n)) for name in OF_MOTORS}
     for count in range(TANGENTS):
-        limited, start = problem.with_torques(use, s, y, shares)
+        limited, start = problem.with_torques(use, s, problem.within(y) if count else y, shares)
         if not np.isfinite(1.0 / start[problem.rates]).all():  # limits so small that they no longer hold the arm
             break
         y = _optimised(limited, start, min(barrier, LOWER) if count else barrier)
         found = _through(s, problem.unit / y[problem.rates])
-        kept, least = float(use.within(found).durations.sum()), min(least, float(found.durations.sum()))
+        kept, whole = float(use.within(found).durations.sum()), float(found.durations.sum())
+        is_settled, before, least = before - whole < CHANGED * whole, whole, min(least, whole)
         if kept < fastest:
             best, fastest = found.durations, kept
-        if count and kept < (1.0 + ENOUGH) * found.durations.sum():
+        if is_settled and kept < (1.0 + ENOUGH) * whole:
             break
-        used = use.by_name(use.peaks(found))
-        excess = np.max([each - 1.0 for name, each in used.items() if name in OF_MOTORS], axis=0).clip(0.0)
-        factor = 1.0 / (1.0 + SHRUNK * excess)
-        shares[:-1] *= factor
-        shares[1:] *= factor
+        if limited.jumps(y) > EXACT:  # these it exceeds most
+            continue
+        excess = {name: (part - 1.0).clip(0.0) for name, part in use.by_name(use.peaks(found)).items()}
+        problem = problem.within_less(excess)
+        for name in shares.keys() & excess.keys():
+            factor = 1.0 / (1.0 + SHRUNK * excess[name])
+            shares[name][:-1] *= factor
+            shares[name][1:] *= factor
     return best, least
 
 
@@ -205,8 +211,13 @@ class SpeedProblem:
         factor = max(float(np.abs(each.value / each.most).max()) ** (1.0 / order) for order, each in self._terms(y))
         return self.slower(y, max(factor * (1.0 + LEFT), 1.0))
 
+    def within_less(self, excess: dict[str, np.ndarray]) -> SpeedProblem:
+        """With limits of velocity, acceleration and jerk lowered in the pieces (m - 1, n) where a motion exceeds them."""
+        more = {name: 1.0 + SHRUNK * excess[name].T[self.limited_joints[name]] for name in self.rows}
+        return replace(self, rows={name: tuple(each * more[name] for each in rows) for name, rows in self.rows.items()})
+
     def with_torques(
-        self, use: PathUse, s: np.ndarray, y: np.ndarray, shares: np.ndarray
+        self, use: PathUse, s: np.ndarray, y: np.ndarray, shares: dict[str, np.ndarray]
     ) -> tuple[SpeedProblem, np.ndarray]:
         """With tangents of torques and voltages at unknowns, which are made slower as a whole until they keep shares (m, n)."""
         # on either side of a place, as near to it as the sign of dry friction is that of the piece
@@ -215,8 +226,9 @@ class SpeedProblem:
         s = np.concatenate([s[1:-1] - BESIDE * piece[:-1], s[1:-1] + BESIDE * piece[1:]])
         rate = self.length / self.unit
         speed, sdd, none = rate * y[1::3][k], rate / self.unit * y[2::3][k], np.zeros_like(s)
-        factor = max(use.slowing(s, speed, sdd, none, none[:, None], shares[k]) * (1.0 + LEFT), 1.0)
-        a, b, c = use.lines(s, speed / factor, shares[k])
+        shares = {name: each[k] for name, each in shares.items()}
+        factor = max(use.slowing(s, speed, sdd, none, none[:, None], shares) * (1.0 + LEFT), 1.0)
+        a, b, c = use.lines(s, speed / factor, shares)
         size = np.abs(c).max(axis=1, keepdims=True)
         torques = a / size * rate / self.unit, b / size * rate**2, c / size, 3 * k
         return replace(self, torques=torques), self.slower(y, factor)

@@ -6,6 +6,7 @@ part does: what carries the arm and overcomes dry friction stays.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -22,6 +23,7 @@ from armwright.trajectory.time_optimal.timing import PathTiming
 
 ORDERS = {"velocity": 1, "acceleration": 2, "jerk": 3}
 OF_MOTORS = ("torque", "voltage")
+ALL = dict.fromkeys(OF_MOTORS, 1.0)  # of their limits
 LOOKED = np.linspace(0.0, 1.0, 9)  # of a piece's time
 ROUNDING = 1e-7  # of the duration
 AROUND = 8  # pieces to either side that are passed slower
@@ -87,7 +89,13 @@ class PathUse:
         return {name: np.abs(used[name]).reshape(*speed.shape, -1) for name in self.names if name in OF_MOTORS}
 
     def slowing(
-        self, s: np.ndarray, speed: np.ndarray, sdd: np.ndarray, jerk: np.ndarray, third: np.ndarray, shares: Any = 1.0
+        self,
+        s: np.ndarray,
+        speed: np.ndarray,
+        sdd: np.ndarray,
+        jerk: np.ndarray,
+        third: np.ndarray,
+        shares: Mapping[str, Any] = ALL,
     ) -> float:
         """By how much slower the motion keeps all limits at places s (…), of the motors' `shares`; infinite if it never does."""
         found = self.parts(s, speed, sdd, jerk, third)
@@ -98,7 +106,7 @@ class PathUse:
 
         def exceeds(factor: float) -> bool:
             parts = self._of_motors(points, speed / factor, sdd / factor**2)
-            return any(bool((each > shares).any()) for each in parts.values())
+            return any(bool((each > shares[name]).any()) for name, each in parts.items())
 
         above = factor
         while exceeds(above):
@@ -170,11 +178,12 @@ class PathUse:
             begin, end = parts[count, np.maximum(k - 1, 0)], parts[count, np.minimum(k + 1, parts.shape[1] - 1)]
         return most
 
-    def lines(self, s: np.ndarray, speed: np.ndarray, shares: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def lines(
+        self, s: np.ndarray, speed: np.ndarray, shares: Mapping[str, np.ndarray]
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Shares (p, n) of limits of torque and voltage  a s̈ + b ṡ² ≤ c  that are true near ṡ (p,), at s (p,): each (r, p)."""
-        x, points = (speed / self.unit) ** 2, self.points(s)
-        of_both: dict[str, np.ndarray] = dict.fromkeys(OF_MOTORS, shares)
-        a, b, c = (each.T for each in points.torque_tangents(x, of_both, TINY * float(x.max())))
+        x = (speed / self.unit) ** 2
+        a, b, c = (each.T for each in self.points(s).torque_tangents(x, shares, TINY * float(x.max())))
         return a / self.unit**2, b / self.unit**2, c
 
 
