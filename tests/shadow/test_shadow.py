@@ -304,7 +304,7 @@ def test_a_loop_is_closed_over_a_validated_record_alone(tmp_path):
 def test_wrong_rows_and_settings():
     arm = aw.load("two-link")
     shadow = aw.shadow.ArmShadow(arm, deviation=1.0)
-    with pytest.raises(ShapeError, match=r"tau = '\(2, 2\)': expected \(1, 2\)"):
+    with pytest.raises(ShapeError, match=r"tau: shape \(2, 2\); expected \(1, 2\)"):
         shadow.update([0.0], np.zeros((1, 2)), np.zeros((2, 2)))
     for settings, place in (
         ({"deviation": 0.0}, "deviation"),
