@@ -148,7 +148,7 @@ def _meant(word: str) -> str:
     import armwright as aw
 
     here = word.replace("-", "_")
-    if here not in aw.__all__:
+    if here not in dir(aw):
         try:
             getattr(aw, here)
         except AttributeError as error:  # which knows the names of other toolboxes

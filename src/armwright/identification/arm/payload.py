@@ -207,6 +207,7 @@ def identify_payload(
         assert too_short is not None
         raise too_short
     cutoff, best = min(tried, key=lambda each: _uncertainty(each[1]))
+    assert best.identifiable is not None
     told = "the mass" if best.identifiable[0] else "the payload's numbers"
     ends = f"{tried[0][0]:.3g} to {tried[-1][0]:.3g} Hz"
     remark = f"low-pass of {cutoff:.3g} Hz: of {len(tried)} from {ends} it leaves {told} least uncertain"

@@ -161,6 +161,7 @@ def _of_guesses(
     found = []
     for name, paths in stay.items():
         value = value_at(record, paths[0])
+        assert value is not None
         moved = without(problem_with(with_numbers(record, dict.fromkeys(paths, 2.0 * value))), done.held, done.z)
         shift = np.linalg.lstsq(jacobian, residuals[0] - moved.evaluate(z)[0][0], rcond=1e-10)[0]
         if not (np.abs(shift) <= std).all():

@@ -227,7 +227,7 @@ class SpeedProblem:
         rate = self.length / self.unit
         speed, sdd, none = rate * y[1::3][k], rate / self.unit * y[2::3][k], np.zeros_like(s)
         shares = {name: each[k] for name, each in shares.items()}
-        factor = max(use.slowing(s, speed, sdd, none, none[:, None], shares) * (1.0 + LEFT), 1.0)
+        factor = max(use.slowing(s, speed, sdd, none, none[:, None], shares=shares) * (1.0 + LEFT), 1.0)
         a, b, c = use.lines(s, speed / factor, shares)
         size = np.abs(c).max(axis=1, keepdims=True)
         torques = a / size * rate / self.unit, b / size * rate**2, c / size, 3 * k

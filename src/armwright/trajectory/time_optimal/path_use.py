@@ -23,7 +23,7 @@ from armwright.trajectory.time_optimal.timing import PathTiming
 
 ORDERS = {"velocity": 1, "acceleration": 2, "jerk": 3}
 OF_MOTORS = ("torque", "voltage")
-ALL = dict.fromkeys(OF_MOTORS, 1.0)  # of their limits
+ALL: dict[str, float] = dict.fromkeys(OF_MOTORS, 1.0)  # of their limits
 LOOKED = np.linspace(0.0, 1.0, 9)  # of a piece's time
 ROUNDING = 1e-7  # of the duration
 AROUND = 8  # pieces to either side that are passed slower
@@ -95,6 +95,7 @@ class PathUse:
         sdd: np.ndarray,
         jerk: np.ndarray,
         third: np.ndarray,
+        *,
         shares: Mapping[str, Any] = ALL,
     ) -> float:
         """By how much slower the motion keeps all limits at places s (…), of the motors' `shares`; infinite if it never does."""
