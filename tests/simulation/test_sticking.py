@@ -101,6 +101,21 @@ def test_it_comes_to_rest_where_and_when_the_closed_form_says():
     assert errors[-1] < 0.5 * level / 2.0 * 1e-3**2
 
 
+def test_a_joint_that_sticks_lets_its_coupled_motor_turn():
+    """The first joint of a coupled wrist turns the last motor, too; friction of the last joint holds that joint alone."""
+    wrist = ARMS["wrist"]
+    levels = (0.5, 200.0)
+    bodies = tuple(replace(body, friction=dry(level)) for body, level in zip(wrist.bodies, levels, strict=True))
+    plant, step = stepper(replace(wrist, bodies=bodies), "rk3")
+    x = plant.initial(np.zeros(2), np.array([0.5, 0.0]))[None]
+    for _ in range(40):
+        x = step(x, np.zeros((1, 2)), np.array([1e-3]))
+    position, held, speed, still = x[0]
+    assert position > 0.01
+    assert speed > 0.1
+    assert (held, still) == (0.0, 0.0)
+
+
 # --- stick-slip: a block that a spring pulls whose other end moves at a constant speed ---------------------------------------
 
 MASS, STIFFNESS, STATIC, KINETIC, PULL = 1.0, 100.0, 2.0, 1.0, 0.1
