@@ -16,6 +16,7 @@ from armwright.identification.experiments.expected import (
 )
 from armwright.trajectory import Fourier
 from physics.arms import arm
+from raises_at import raises_at
 
 BOTH = Fourier.at_rest(
     [0.2, -0.3], [[0.5, 0.2, -0.3], [-0.4, 0.6, 0.2]], [[0.2, -0.4, 0.3], [0.5, 0.1, -0.3]], 4.0, cycles=1
@@ -116,3 +117,10 @@ def test_what_cannot_be_compared_is_refused(arguments, said):
     candidates, name, noise = (*arguments, None, 1.0)[:3] if len(arguments) < 3 else arguments
     with pytest.raises(IdentificationError, match=said):
         aw.identification.compare_experiments(candidates, arm=None if name is None else arm(name), noise=noise)
+
+
+@pytest.mark.parametrize("noise", [{}, 0.01, None])
+def test_noise_of_a_scenario_is_by_signal(noise):
+    scenario = aw.Scenario(arm("two-link"), duration=0.01, command=[0.0, 0.0])
+    with raises_at(IdentificationError, "noise"):
+        aw.identification.compare_experiments({"a": scenario}, by=["elbow.mass"], noise=noise)

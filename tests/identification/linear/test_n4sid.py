@@ -40,6 +40,14 @@ def test_exact_data_give_the_exact_system(weighting, direct):
     assert (model.singular[3:] < 1e-4 * model.singular[2]).all()
 
 
+def test_an_integrator_stays_one():
+    """Poles are drawn back from beyond 1 + 1 / rows alone: one of 1 is none of them."""
+    u = np.random.default_rng(5).choice([-1.0, 1.0], 500)
+    y = np.concatenate([[0.0], 0.01 * np.cumsum(u)[:-1]])
+    model = aw.identification.fit_n4sid(u, y, 0.01, order=1)
+    assert model.poles == pytest.approx([1.0], abs=1e-7)
+
+
 def test_order_is_chosen():
     u, y = plant(1, rows=2500, noise=0.1)
     for by in ("bic", "cv"):

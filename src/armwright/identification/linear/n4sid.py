@@ -285,6 +285,6 @@ class SubspaceFit:
             return np.full((order, 1), np.nan), np.full((*whole.d.shape, 1), np.nan)
         factor = np.sqrt((len(poles) - 1) / len(poles))
         spread, gain = np.array(poles).T, np.moveaxis(np.array(gains), 0, -1)
-        return factor * (spread - spread.mean(axis=1, keepdims=True)), factor * (
-            gain - gain.mean(axis=-1, keepdims=True)
-        )
+        with np.errstate(invalid="ignore"):  # an integrator's gain is infinite, and has no deviation
+            around = gain - gain.mean(axis=-1, keepdims=True)
+        return factor * (spread - spread.mean(axis=1, keepdims=True)), factor * around
