@@ -46,6 +46,7 @@ def test_an_integrator_stays_one():
     y = np.concatenate([[0.0], 0.01 * np.cumsum(u)[:-1]])
     model = aw.identification.fit_n4sid(u, y, 0.01, order=1)
     assert model.poles == pytest.approx([1.0], abs=1e-7)
+    assert model.simulate(u, y) == pytest.approx(y, abs=1e-9)
 
 
 def test_order_is_chosen():

@@ -141,7 +141,7 @@ def _fit(
         raise LogError(what, place="data", expected="one of each; fit_n4sid takes several")
     noise = structure == "armax"
     n, known = checked_order(order, 2 + noise), checked_delay(delay)
-    scaled, to_units = scale(records, offset)
+    scaled, to_units = scale(records, inputs_centred=offset, outputs_centred=offset)
     tried: tuple[OrderCandidate, ...] = ()
     stopped = ""
     if isinstance(n, tuple) or (n is not None and known is not None):

@@ -129,7 +129,7 @@ def fit_n4sid(
         late = first_response(records.fit, max(search.most_delay, least), least) if single else least
     if late == 0 and not direct:
         raise LogError(place="delay", value=0, expected="from 1 on, or direct=True: a state answers one sample late")
-    scaled, units = scale(records, offset)
+    scaled, units = scale(records, inputs_centred=False, outputs_centred=offset)
     fit = SubspaceFit(scaled.delayed(late - (not direct)), rows, method, offset, initial)
     check_rows(fit.data, rows * (len(records.inputs) + len(records.outputs)), 2 * rows)
     projection = fit.projection(fit.data.fit)

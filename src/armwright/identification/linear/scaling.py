@@ -15,13 +15,13 @@ from armwright.identification.linear.state_space import StateSpace
 class SignalUnits:
     """Mean and size of every signal, and the way back to units."""
 
-    def __init__(self, records: Records, centred: bool):
+    def __init__(self, records: Records, inputs_centred: bool, outputs_centred: bool):
         u, y = (np.concatenate([getattr(each, name) for each in records.fit]) for name in ("u", "y"))
-        self.u0, self.y0 = (u.mean(axis=0), y.mean(axis=0)) if centred else (np.zeros(u.shape[1]), np.zeros(y.shape[1]))
+        self.u0, self.y0 = inputs_centred * u.mean(axis=0), outputs_centred * y.mean(axis=0)
         self.us, self.ys = u.std(axis=0), y.std(axis=0)
 
     def scaled(self, each: RecordedStretch) -> RecordedStretch:
-        """Rows with mean 0 and size 1."""
+        """Rows of size 1, and of mean 0 where they are centred."""
         return RecordedStretch(each.run, (each.u - self.u0) / self.us, (each.y - self.y0) / self.ys)
 
     def polynomials(self, model: Polynomials) -> Polynomials:
@@ -42,16 +42,13 @@ class SignalUnits:
         return np.asarray(matrix)
 
     def state_space(self, model: StateSpace) -> StateSpace:
-        """The model of signals in units."""
+        """The model of signals in units, of inputs that were not centred: at their mean an integrator is never at rest."""
         b, c = model.b / self.us, model.c * self.ys[:, None]
         d = model.d * self.ys[:, None] / self.us
-        whole = replace(model, b=b, c=c, d=d)
-        offset = self.y0 + self.ys * model.offset
-        gain = whole.gain
-        return replace(whole, offset=offset - (gain @ self.u0 if np.isfinite(gain).all() else 0.0))
+        return replace(model, b=b, c=c, d=d, offset=self.y0 + self.ys * model.offset)
 
 
-def scale(records: Records, offset: bool) -> tuple[Records, SignalUnits]:
-    """Records scaled, centred where an offset is estimated, and the way back."""
-    units = SignalUnits(records, offset)
+def scale(records: Records, *, inputs_centred: bool, outputs_centred: bool) -> tuple[Records, SignalUnits]:
+    """Records scaled and centred, and the way back."""
+    units = SignalUnits(records, inputs_centred, outputs_centred)
     return records.changed(units.scaled), units
