@@ -150,7 +150,8 @@ class Map:
                     if word.search("".join(text[line - 1 : line])):  # a file may be shorter than it was
                         found |= tests
         else:
-            found = self.lines.get(mutant.file, {}).get(mutant.line, set())
+            lines = self.lines.get(mutant.file, {})
+            found = lines.get(mutant.line) or set().union(*lines.values())  # of what runs on import: those of the file
         return sorted(found, key=lambda test: (not mutant.is_near(test), self.seconds.get(test, 0.0)))
 
 

@@ -56,6 +56,16 @@ def test_a_mistake_is_explained(tmp_path, name):
     assert "\n" not in line or name == "another robot"  # two joints that it does not have
 
 
+def test_a_unit_in_the_header_is_that_of_the_signal(tmp_path):
+    path, table = written(tmp_path, ALL), tmp_path / "arm.csv"
+    text = table.read_text("utf-8")
+    table.write_text(text.replace("q1", "q1 [rad]", 1), "utf-8")
+    assert aw.identification.read_log(path).joints == ("shoulder", "elbow")
+    table.write_text(text.replace("q1", "q1 [deg]", 1), "utf-8")
+    with raises_at(LogError, "signals[0].unit"):
+        aw.identification.read_log(path)
+
+
 def test_several_mistakes_are_all_reported(tmp_path):
     text = ALL.replace('unit = "rad/s"', 'unit = "miles"').replace('title = "Two joints"', 'titel = "x"')
     with pytest.raises(LogError, match=r"2 mistakes") as error:

@@ -162,6 +162,15 @@ def test_sts_monitors(now, bit, off):
     assert line.frames("ping", 1)[0].instruction == (bit if bit == 8 else 0)
 
 
+def test_sts_moves_from_its_threshold_of_speed_on():
+    line, plant = loaded("sts3215")
+    assert line.put(1, "moving_threshold", 50) == 0
+    for k, (speed, moving) in enumerate(((49.0, 0), (-49.0, 0), (50.0, 1), (-51.0, 1))):
+        plant.now = Measurement(0.0, speed=speed)  # counts in a second
+        line.bus.advance(0.1 * (k + 1))
+        assert line.get(1, "moving") == moving
+
+
 def test_sts_status_level_and_registered_writes(sts):
     sts.put(1, "status_return_level", 0)
     assert sts.frames("write", 1, b"\x29\x05") == []
