@@ -12,7 +12,7 @@ import datetime
 import hashlib
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -271,10 +271,10 @@ def reduced(scenario: Scenario, speed: float = 1.0, torque: float = 1.0) -> Scen
     duration = scenario.duration
     if duration is not None and speed < 1.0:
         duration = float(np.ceil(duration / speed / scenario.tick - 1e-9) * scenario.tick)
-    # Bodies and forces come where the full run has them, as the slower motion gets there later; those of a motion become
-    # the scenario's own, since another reference may take its place.
-    each = {"payload": scenario.carried, "wrench": scenario.inputs.wrench, "brake": scenario.inputs.brake}
-    inputs = Inputs(**{name: _later(value, speed) for name, value in each.items()})
+    # Inputs come where the full run has them, as the slower motion gets there later; bodies of a motion become the
+    # scenario's own, since another reference may take its place.
+    acting = replace(scenario.inputs, payload=scenario.carried)
+    inputs = Inputs(**{each.name: _later(getattr(acting, each.name), speed) for each in fields(Inputs)})
     return replace(scenario, loop=loop, inputs=inputs, duration=duration)
 
 
