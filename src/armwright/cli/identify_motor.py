@@ -12,13 +12,13 @@ import typer
 import armwright as aw
 from armwright.cli.arguments import (
     argument,
-    complete_robot,
     flag,
     named_numbers,
     only,
     option,
     output_option,
     refuse,
+    robot_argument,
 )
 from armwright.cli.identify_linear import show_linear
 from armwright.cli.outcome import PAGE, TOML, check_file, end_with_nothing, exit_unless, write
@@ -31,11 +31,8 @@ HEADS = ("number", "value")
 
 
 def motor(
-    robots: list[str] | None = argument(
-        "ROBOT",
-        "The arm; by default the one that the log names, else one motor on a bench.",
-        None,
-        autocompletion=complete_robot,
+    robots: list[str] | None = robot_argument(
+        "The arm; by default the one that the log names, else one motor on a bench.", None
     ),
     file: Path = argument("LOG.log.toml", "Log with voltage or current, and motion."),
     model: str = option(

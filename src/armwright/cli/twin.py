@@ -16,12 +16,12 @@ from armwright.cli.arguments import (
     Position,
     argument,
     as_options,
-    complete_robot,
     flag,
     node_numbers,
     option,
     output_option,
     refuse,
+    robot_argument,
 )
 from armwright.cli.outcome import exit_unless
 from armwright.cli.servo_arm import run_servos, serve_servos
@@ -66,10 +66,9 @@ Seconds = Annotated[
 def twin(
     arm: Annotated[
         str,
-        argument(
-            "ROBOT|SCENARIO",
+        robot_argument(
             "A .scenario.toml with a controller; with --serial, a built-in arm or a robot's file.",
-            autocompletion=complete_robot,
+            metavar="ROBOT|SCENARIO",
         ),
     ],
     bus: str | None = option("BUS", CAN_BUS),
