@@ -115,25 +115,10 @@ def twin(
       armwright twin arm.toml --serial /tmp/arm --ids 1-6
       armwright twin arm.toml --serial /tmp/arm --period 0.02 --tick sync-write:42 --write-schedule run.scenario.toml
     """
-    on_can = {
-        "bus": bus,
-        "nodes": nodes,
-        "bitrate": bitrate,
-        "serial-number": serial_number,
-        "fault": fault,
-        "write-eds": write_eds,
-    }
-    on_can |= {"reference": reference, "speed": speed, "allow": allow}
-    on_line = {
-        "servo": servo,
-        "ids": ids,
-        "baud": baud,
-        "zero": zero,
-        "reverse": reverse,
-        "start": q0,
-        "period": period,
-    }
-    on_line |= {"tick": tick, "patience": patience, "write-schedule": write_schedule}
+    on_can = {"bus": bus, "nodes": nodes, "bitrate": bitrate, "serial-number": serial_number, "fault": fault}
+    on_can |= {"write-eds": write_eds, "reference": reference, "speed": speed, "allow": allow}
+    on_line = {"servo": servo, "ids": ids, "baud": baud, "zero": zero, "reverse": reverse, "start": q0}
+    on_line |= {"period": period, "tick": tick, "patience": patience, "write-schedule": write_schedule}
     if serial is not None:
         refuse(on_can, "is of a CAN bus, beside --serial", error=BusError, with_value=True)
         serve_servos(arm, Path(serial), duration, on_line)
@@ -256,13 +241,8 @@ def run_controller(
         on_can |= {"bitrate": bitrate, "serial-number": arm, "fault": fault}
         refuse(on_can, "is of a CAN bus, beside --serial", error=BusError, with_value=True)
         _, found = _scenarios(scenario, allow, reference, duration)
-        run_servos(
-            found,
-            serial,
-            {**on_line, "speed": speed, "torque": torque, "following_error": following_error},
-            go,
-            release,
-        )
+        limits = {"speed": speed, "torque": torque, "following_error": following_error}
+        run_servos(found, serial, on_line | limits, go, release)
         return
     refuse(on_line, "is of servos", error=BusError, with_value=True, expected="--serial PORT beside it")
     bus, bitrate, missing = bus or "virtual", 500_000 if bitrate is None else bitrate, 2 if missing is None else missing
