@@ -353,13 +353,12 @@ def _faults(scenario: Scenario, texts: Sequence[str] | None) -> list[Fault]:
 
 def _write_sheets(made: Twin, folder: Path) -> None:
     from armwright.export.c import folder_to_write
-    from armwright.output import file_stem, whole_file
+    from armwright.output import file_stem, write_whole
 
     with folder_to_write(folder):
         for node in made.nodes:
             path = folder / f"{file_stem(made.arm.name)}-{node.number}.eds"
-            with whole_file(path) as temporary:
-                temporary.write_text(node.eds, encoding="ascii", newline="\n")
+            write_whole(path, node.eds)
             say(f"wrote {path}")
 
 

@@ -27,7 +27,7 @@ from armwright.identification.validation.verdict import StoredVerdict, stored_ve
 from armwright.interfaces import JointReference
 from armwright.model import Model
 from armwright.model.payload import Payload
-from armwright.output import whole_file
+from armwright.output import write_whole
 from armwright.parameters import Batch
 from armwright.program import interpret, trace
 from armwright.scalar import Array, Scalar, real_number
@@ -116,8 +116,7 @@ class Permission:
         values = {**self._bound(bound), "speed": self.speed, "torque": self.torque}
         for name, value in {**values, "date": datetime.date.today().isoformat()}.items():
             document[name] = value
-        with whole_file(path) as temporary:
-            temporary.write_text(tomlkit.dumps(document), encoding="utf-8", newline="\n")
+        write_whole(path, tomlkit.dumps(document))
         return path
 
     def _bound(self, bound: Mapping[str, Any]) -> dict[str, Any]:
