@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Literal
+from typing import Any
 
 import typer
 
 import armwright as aw
 from armwright.cli.arguments import (
     argument,
+    as_options,
     flag,
     named_numbers,
     only,
@@ -105,6 +106,11 @@ def motor(
     refuse(black_box, "belongs to a black box, not to --model dc", error=LogError, expected="one of the two")
     check_file(output, TOML, (file, robot, static))
     check_file(report, PAGE, (file, robot, static))
+    mode: Any = pwm
+    with as_options("pwm"):
+        search = aw.identification.MotorSearch(
+            per_run=_names(per_run) or (), pwm=mode, priors=priors, starts=16 if starts is None else starts
+        )
     with progress("fitting") as tell, _numbers_if_stopped():
         found = aw.identification.identify_motor(
             file,
@@ -115,9 +121,7 @@ def motor(
             free=_names(free),
             fixed=_values(fix),
             reading=aw.identification.MotorReading(runs=_names(runs), static=static),
-            search=aw.identification.MotorSearch(
-                per_run=_names(per_run) or (), pwm=_pwm(pwm), priors=priors, starts=16 if starts is None else starts
-            ),
+            search=search,
             progress=tell,
         )
     show(found)
@@ -160,9 +164,3 @@ def _load(words: list[str] | None) -> float | dict[str, float] | None:
         return float(words[-1])
     except ValueError:
         raise ModelError(place="--load", value=words[-1], expected="an inertia, or JOINT=INERTIA,…") from None
-
-
-def _pwm(word: str | None) -> Literal["brake", "coast", "compare"] | None:
-    if word in (None, "brake", "coast", "compare"):
-        return word  # type: ignore[return-value]
-    raise ModelError(place="--pwm", value=word, choices=("brake", "coast", "compare"))
