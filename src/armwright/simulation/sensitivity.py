@@ -347,7 +347,7 @@ def _begin(
         tangents["x"] = np.broadcast_to(seeds["start"], (lanes.count, *seeds["start"].shape))
     else:
         kernel = Kernel(with_tangents(program, (), seeds, count), select_target(simulation.scenario.solver.target))
-        results = kernel(*own.arguments(lanes, *simulation.acting(lanes)))
+        results = kernel(*own.arguments(lanes, simulation.acting(lanes)))
         results = results if isinstance(results, tuple) else (results,)
         for port, result in zip(program.outputs, results, strict=True):
             tangents[port.name[0]] = np.asarray(result)[:, port.size :].reshape(lanes.count, port.size, count)

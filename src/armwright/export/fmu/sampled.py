@@ -179,7 +179,7 @@ def _borders(loop: UnrecordedLoop, part: str, first: Mapping[str, np.ndarray], *
     sampling, reference, command = loop.config.sampling, loop.reference, loop.scenario.command_layout
     assert sampling is not None
     assert reference is not None
-    arguments = {"c": "c", "p": "p", "c_sensors": "c_sensors", "payload": "in_payload", "wrench": "in_wrench"}
+    arguments = {"c": "c", "p": "p", "c_sensors": "c_sensors", **{name: f"in_{name}" for name in loop.config.inputs}}
     borders, y = _Borders(loop.arm.names, arguments=arguments), sampling.sensors.y
     if part == "plant":
         borders.add(command, "in_u", first["u"], "input", "discrete")
