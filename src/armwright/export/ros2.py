@@ -143,10 +143,7 @@ def _description(source: Arm | RobotDescription, folder: Path, command: str, rat
         raise ModelError(place="rate", value=rate, expected="a whole number of 1 Hz or more")
     robot, moving = _moving(source)
     driven = [joint.name for joint in moving if joint.mimic is None]
-    texts = {
-        "joint_limits.yaml": _limits_text(moving),
-        "controllers.yaml": _yaml(_controllers(driven, command, rate)),
-    }
+    texts = {"joint_limits.yaml": _limits_text(moving), "controllers.yaml": _yaml(_controllers(driven, command, rate))}
     commands = {joint.name: _ranges(joint) for joint in moving if joint.mimic is None}
     with files_to_write(folder, texts):
         element = _ros2_control(robot, moving, hardware, commands, COMMANDS)
