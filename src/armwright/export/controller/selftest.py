@@ -67,12 +67,13 @@ int main(void)
 }}"""
 
 _READER = """\
-/* reader INPUTS COMMANDS STATUS: runs all rows and writes the results; prints the seconds taken. */
+/* reader INPUTS COMMANDS STATUS REPEATS: runs all rows so many times and writes the results; prints the seconds taken. */
 int main(int count, char **words)
 {{
-    FILE *file = fopen(words[count - 3], "rb");
-    FILE *commands = fopen(words[count - 2], "wb");
-    FILE *status = fopen(words[count - 1], "wb");
+    FILE *file = fopen(words[count - 4], "rb");
+    FILE *commands = fopen(words[count - 3], "wb");
+    FILE *status = fopen(words[count - 2], "wb");
+    const int repeats = atoi(words[count - 1]);
     static {name}_state state;
     {name}_reference reference;
     {name}_measurement measurement;
@@ -82,6 +83,7 @@ int main(int count, char **words)
     {name}_command *results = NULL;
     uint32_t *words_of_status = NULL;
     size_t ticks = 0u, k = 0u;
+    int repeat = 0;
     clock_t began;
     if ((file == NULL) || (commands == NULL) || (status == NULL)) {{
         return 2;
@@ -98,12 +100,14 @@ int main(int count, char **words)
         return 2;
     }}
     began = clock();
-    from_row(rows, &reference, &measurement);
-    memcpy(command.u, in_force, sizeof command.u);
-    {name}_init(&state, &{name}_default_parameters, &measurement, &command);
-    for (k = 1u; k < ticks; k++) {{
-        from_row(&rows[{width}u * k], &reference, &measurement);
-        words_of_status[k] = {name}_step(&state, &{name}_default_parameters, &reference, &measurement, &results[k]);
+    for (repeat = 0; repeat < repeats; repeat++) {{
+        from_row(rows, &reference, &measurement);
+        memcpy(command.u, in_force, sizeof command.u);
+        {name}_init(&state, &{name}_default_parameters, &measurement, &command);
+        for (k = 1u; k < ticks; k++) {{
+            from_row(&rows[{width}u * k], &reference, &measurement);
+            words_of_status[k] = {name}_step(&state, &{name}_default_parameters, &reference, &measurement, &results[k]);
+        }}
     }}
     printf("%.17g\\n", (double)(clock() - began) / (double)CLOCKS_PER_SEC);
     k = fwrite(&results[1], sizeof *results, ticks - 1u, commands);

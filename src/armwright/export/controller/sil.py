@@ -77,7 +77,7 @@ def software_in_the_loop(
         files = [work / "reader.c", Path(folder) / f"{stages.name}.c"]
         run_program([compiler, *options, *map(str, files), "-o", str(work / "reader"), "-lm"])
         paths = [str(work / each) for each in ("reader", "inputs", "commands", "status")]
-        seconds = float(run_program(paths))
+        seconds = float(run_program([*paths, "1"]))
         found = np.fromfile(work / "commands", dtype=dtype).reshape(recording.u.shape)
         status = np.fromfile(work / "status", dtype=np.uint32)
     expected = recording.u.astype(dtype)
