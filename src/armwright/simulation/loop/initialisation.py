@@ -22,7 +22,7 @@ from armwright.signals import Layout
 from armwright.simulation.loop.config import LoopConfig, Sampling
 from armwright.simulation.loop.controller import ControllerAdapter, hidden_state
 from armwright.simulation.loop.sensor_set import SensorSet
-from armwright.simulation.plant.inputs import PlantInputs
+from armwright.simulation.plant.inputs import OF_DRIVES, PlantInputs
 from armwright.simulation.plant.view import PlantView
 
 OF_PLANT, OF_LOOP = ("x_0",), ("u_0", "y_0", "m_0", "s_0")
@@ -44,9 +44,9 @@ class Initialisation:
     They are computed by one compiled program however many lanes there are, so that a lane's bits do not depend on their number.
 
     Attributes:
-        program: (start, c, p, payload, wrench, c_sensors, and of a sampled loop u? and further inputs) → initial state of the
-            plant and, of a sampled loop, the command in force, the measurement, what sensors remember and the controller's
-            state. None where the state is the start itself.
+        program: (start, c, p, payload, wrench, c_sensors, u?, supply?, enabled?) → initial state of the plant and, of a sampled
+            loop, the command in force, the measurement, what sensors remember and the controller's state. None where the state
+            is the start itself.
         untraced: why the controller's own beginning is not traced; None where it is.
     """
 
@@ -100,7 +100,7 @@ class Initialisation:
         if sensors is not None and self._command is not None:
             shapes["u"] = (config.arm.n,)
         if sensors is not None:
-            shapes |= {name: (size,) for name, size in config.inputs.items()}
+            shapes |= {name: (size,) for name, size in config.inputs.items() if name in OF_DRIVES}
 
         def begin(controller: ControllerAdapter, *arguments: Array) -> tuple[Array, ...]:
             given = dict(zip(shapes, arguments, strict=True))
@@ -110,7 +110,7 @@ class Initialisation:
                 return (scalar.array(x),)
             q = plant.part(x, "q")
             u = given["u"] if "u" in given else holding_command(arm, holding_torques(arm, q), q)
-            inputs = PlantInputs.named(u, {name: given[name] for name in config.inputs})
+            inputs = PlantInputs.named(u, {name: given[name] for name in config.inputs if name in given})
             view = PlantView(plant, x, inputs, self._period)
             exact = sensors.of_lane(given["c_sensors"]).without_noise()
             memory = exact.memory(view)
