@@ -93,6 +93,12 @@ def whole_file(
                 temporary.unlink(missing_ok=True)
 
 
+def write_whole(path: str | os.PathLike[str], text: str, endings: Sequence[str] = ()) -> None:
+    """Writes a text in UTF-8, its lines ended as on every system, by `whole_file`, whose arguments and errors these are."""
+    with whole_file(path, endings) as temporary:
+        temporary.write_text(text, encoding="utf-8", newline="\n")
+
+
 @contextlib.contextmanager
 def working_folder(texts: Mapping[str, str] | None = None) -> Iterator[Path]:
     """A temporary folder, for compilers and the like, which is gone behind the block.

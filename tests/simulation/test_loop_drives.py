@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import armwright as aw
+from armwright import scalar
 from armwright.actuators.coupling import from_joints, shares_of
 from armwright.errors import ABSENT, ScenarioError
 from armwright.simulation.plant.plant import Plant
@@ -14,6 +15,7 @@ from raises_at import raises_at
 from simulation.energies import stored_energy
 from simulation.fields import scenario_of
 from simulation.plants import BRAKE, ELASTIC, MOTOR, chain, pendulum
+from simulation.test_servo import pendulum as servo
 
 G, WEIGHT, LINK = 9.81, 3.0 * 9.81 * 0.3, 0.1 + 3.0 * 0.09  # of `pendulum`, at q = 0 [N m], [kg m²]
 ROTOR = 50.0**2 * 2e-4  # [kg m²]
@@ -280,3 +282,24 @@ def test_a_supply_over_time_is_a_limit_of_the_drive(winding):
     assert 0.1 < runs[0].saturation.values < 0.9
     assert runs[1].saturation.values == runs[0].saturation.values
     np.testing.assert_allclose(runs[1].q.values, runs[0].q.values, atol=1e-9)
+
+
+@pytest.mark.parametrize("tick", [0, 5])
+@pytest.mark.parametrize("is_servo", [False, True])
+def test_measured_currents_are_those_of_the_supply_and_of_servos_that_are_on(is_servo, tick):
+    """From the first measurement on."""
+    if is_servo:
+        model, inputs = servo(), aw.Inputs(enabled=aw.Schedule([0.0, 3 * PERIOD], [[1.0], [0.0]], ["q"]))
+    else:
+        model, inputs = pendulum("voltage", motor=MOTOR), aw.Inputs(supply=1.5)
+
+    def run(law):
+        loop = aw.Loop(law, period=PERIOD, initial_command=[6.0])
+        return aw.simulate(aw.Scenario(model, 8 * PERIOD, loop=loop, inputs=inputs))
+
+    def shown(t, r, y):
+        return scalar.where(scalar.less(t, (tick - 0.5) * PERIOD), 6.0 + 0.0 * y.q, y.current)
+
+    expected = run(lambda t, r, y: 6.0 + 0.0 * y.q).current.values
+    assert run(shown).u.values[tick] == pytest.approx(expected[tick], rel=1e-12)
+    assert np.ptp(expected) > 0.1

@@ -202,6 +202,15 @@ def test_a_slower_run_has_its_bodies_and_forces_where_the_full_one_has_them(scen
     assert reduced(replace(scenario, inputs=constant), 0.5).inputs.wrench == rows[1]
 
 
+def test_a_slower_or_weaker_run_has_the_supply_of_the_full_one(scenario):
+    falling = aw.Schedule([0.0, 0.4], [[24.0], [20.0]], ["supply"])
+    full = replace(scenario, inputs=aw.Inputs(supply=falling))
+    slow, weak = reduced(full, 0.25).input_schedules["supply"][0], reduced(full, 1.0, 0.5).input_schedules["supply"][0]
+    assert (list(slow.times), list(weak.times)) == ([0.0, 1.6], [0.0, 0.4])
+    assert slow.commands.tolist() == weak.commands.tolist() == [[24.0], [20.0]]
+    assert reduced(replace(full, inputs=aw.Inputs(supply=22.0)), 0.5).inputs.supply == 22.0
+
+
 @pytest.mark.parametrize(("speed", "torque"), [(0.5, 1.0), (1.0, 0.5)])
 def test_a_slower_or_weaker_run_grips_what_its_motion_grips(scenario, speed, torque):
     def motion(t):

@@ -5,18 +5,16 @@ from __future__ import annotations
 from pathlib import Path
 
 import armwright as aw
-from armwright.cli.arguments import argument, complete_robot, only, option, output_option
+from armwright.cli.arguments import argument, only, option, output_option, robot_argument
 from armwright.cli.outcome import check_file
 from armwright.terminal import say
 
 
 def animate(
-    robots: list[str] | None = argument(
-        "ROBOT",
+    robots: list[str] | None = robot_argument(
         "The arm that moved: a built-in one, or path of its file; by default the built-in one that the run names, or "
         "the one that the run of a scenario file keeps, drawn as a figure of its joints.",
         None,
-        autocompletion=complete_robot,
     ),
     run: Path = argument("RUN", "Run saved as .nc."),
     output: Path = output_option("FILE", "Where to: .html (a page that plays it) or .glb (animated glTF 2.0).", ...),

@@ -62,18 +62,16 @@ def complete_robot(incomplete: str) -> list[str]:
     return [word for word in (*builtin_names(), *paths) if word.startswith(incomplete)]
 
 
-Robot = Annotated[
-    str,
-    argument(
-        "ROBOT", "Name of a built-in arm, or path of a robot's TOML, URDF or MJCF file.", autocompletion=complete_robot
-    ),
-]
+def robot_argument(text: str, default: Any = ..., metavar: str = "ROBOT") -> Any:
+    """An argument that names an arm, required by default; shells complete names and files."""
+    return argument(metavar, text, default, autocompletion=complete_robot)
+
+
+Robot = Annotated[str, robot_argument("Name of a built-in arm, or path of a robot's TOML, URDF or MJCF file.")]
 RobotOrScenario = Annotated[
     str,
-    argument(
-        "ROBOT|SCENARIO",
-        "Name of a built-in arm, or path of a robot's file or of a .scenario.toml.",
-        autocompletion=complete_robot,
+    robot_argument(
+        "Name of a built-in arm, or path of a robot's file or of a .scenario.toml.", metavar="ROBOT|SCENARIO"
     ),
 ]
 AnyScenario = Annotated[Path, argument("SCENARIO", "A .scenario.toml with a controller.")]

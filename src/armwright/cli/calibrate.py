@@ -5,16 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 import armwright as aw
-from armwright.cli.arguments import argument, as_options, complete_robot, only, option, output_option, words
+from armwright.cli.arguments import argument, as_options, only, option, output_option, robot_argument, words
 from armwright.cli.outcome import PAGE, PICTURE, TOML, check_file, exit_unless, write
 from armwright.cli.tables import show
 from armwright.errors import IdentificationError
 
 
 def calibrate(
-    robots: list[str] | None = argument(
-        "ROBOT", "The arm; by default the file's.", None, autocompletion=complete_robot
-    ),
+    robots: list[str] | None = robot_argument("The arm; by default the file's.", None),
     file: Path = argument("FILE.calibration.toml", "What was measured, and the table that holds it."),
     terms: str = option(
         "T1,T2,…",

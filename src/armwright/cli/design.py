@@ -11,12 +11,11 @@ from armwright.cli.arguments import (
     Allow,
     PhaseMargin,
     angle,
-    argument,
-    complete_robot,
     option,
     output_option,
     refuse,
     refuse_without_file,
+    robot_argument,
     vector,
 )
 from armwright.cli.outcome import TOML, check_file, exit_unless, say_each
@@ -28,10 +27,8 @@ CONTROLLERS = ("cascade", "joint_pid", "computed_torque")
 
 
 def design(
-    scenario: str = argument(
-        "ROBOT|SCENARIO",
-        "A .scenario.toml with a controller; or an arm, with --period.",
-        autocompletion=complete_robot,
+    scenario: str = robot_argument(
+        "A .scenario.toml with a controller; or an arm, with --period.", metavar="ROBOT|SCENARIO"
     ),
     out: Path = output_option("SCENARIO", "The scenario with the designed gains.", ...),
     method: str | None = option(

@@ -15,12 +15,12 @@ from armwright.cli.arguments import (
     Robot,
     argument,
     as_options,
-    complete_robot,
     flag,
     numbers,
     only,
     option,
     output_option,
+    robot_argument,
     vector,
 )
 from armwright.cli.outcome import PICTURE, check_file, exit_if, until_stopped, write
@@ -131,11 +131,8 @@ def arm(
 
 @excite.command()
 def motor(
-    robots: list[str] | None = argument(
-        "ROBOT",
-        "Robot whose record gives the first guess; without it, options give it.",
-        None,
-        autocompletion=complete_robot,
+    robots: list[str] | None = robot_argument(
+        "Robot whose record gives the first guess; without it, options give it.", None
     ),
     kind: str = argument("KIND", "step, staircase, prbs, multisine or chirp."),
     output: Path = output_option("COMMAND.csv", "The command to write.", ...),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import armwright as aw
-from armwright.cli.arguments import argument, complete_robot, flag, only, option, output_option, words
+from armwright.cli.arguments import argument, flag, only, option, output_option, robot_argument, words
 from armwright.cli.outcome import PAGE, TOML, check_file, exit_if, exit_unless, until_stopped, write
 from armwright.cli.tables import show
 from armwright.errors import IdentificationError
@@ -13,9 +13,7 @@ from armwright.progress import progress
 
 
 def arm(
-    robots: list[str] | None = argument(
-        "ROBOT", "The arm; by default the one that the log names.", None, autocompletion=complete_robot
-    ),
+    robots: list[str] | None = robot_argument("The arm; by default the one that the log names.", None),
     file: Path = argument("LOG.log.toml", "Log with positions and torques of the joints."),
     kinematics_only: bool = flag("--kinematics-only", "Links of the robot file may lack masses."),
     method: str = option(

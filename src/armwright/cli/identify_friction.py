@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import armwright as aw
-from armwright.cli.arguments import argument, complete_robot, flag, named_numbers, option, output_option, words
+from armwright.cli.arguments import argument, flag, named_numbers, option, output_option, robot_argument, words
 from armwright.cli.outcome import PAGE, TOML, check_file, exit_if, exit_unless, until_stopped, write
 from armwright.cli.tables import show
 from armwright.errors import IdentificationError
@@ -15,7 +15,7 @@ HEADS = ("joint", "velocity [rad/s | m/s]", "friction [N m | N]", "± std", "row
 
 
 def friction(
-    robot: str = argument("ROBOT", "The arm; the friction in its file is not used.", autocompletion=complete_robot),
+    robot: str = robot_argument("The arm; the friction in its file is not used."),
     file: Path = argument("LOG.log.toml", "Log of the arm in motion, each joint in both directions."),
     cutoff: float | None = option("HZ", "Cut-off of the low-pass for the log; by default chosen from the log."),
     warming: str = option(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import armwright as aw
-from armwright.cli.arguments import argument, complete_robot, flag, numbers, option, output_option
+from armwright.cli.arguments import argument, flag, numbers, option, output_option, robot_argument
 from armwright.cli.outcome import PAGE, TOML, check_file, exit_unless, until_stopped, write
 from armwright.cli.tables import show
 from armwright.errors import IdentificationError
@@ -15,9 +15,7 @@ TENSOR = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 
 
 def gains(
-    robot: str = argument(
-        "ROBOT", "The arm; its masses and torque constants are not used.", autocompletion=complete_robot
-    ),
+    robot: str = robot_argument("The arm; its masses and torque constants are not used."),
     file: Path = argument("LOG.log.toml", "Log of the arm without the payload in motion."),
     loaded: Path = option("LOG", "Log of the arm with the payload in motion.", ..., names="--loaded-log"),
     mass: float = option("KG", "Weighed mass of the payload.", ..., names="--payload-mass"),

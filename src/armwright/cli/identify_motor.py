@@ -5,20 +5,21 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Literal
+from typing import Any
 
 import typer
 
 import armwright as aw
 from armwright.cli.arguments import (
     argument,
-    complete_robot,
+    as_options,
     flag,
     named_numbers,
     only,
     option,
     output_option,
     refuse,
+    robot_argument,
 )
 from armwright.cli.identify_linear import show_linear
 from armwright.cli.outcome import PAGE, TOML, check_file, end_with_nothing, exit_unless, write
@@ -31,11 +32,8 @@ HEADS = ("number", "value")
 
 
 def motor(
-    robots: list[str] | None = argument(
-        "ROBOT",
-        "The arm; by default the one that the log names, else one motor on a bench.",
-        None,
-        autocompletion=complete_robot,
+    robots: list[str] | None = robot_argument(
+        "The arm; by default the one that the log names, else one motor on a bench.", None
     ),
     file: Path = argument("LOG.log.toml", "Log with voltage or current, and motion."),
     model: str = option(
@@ -108,6 +106,11 @@ def motor(
     refuse(black_box, "belongs to a black box, not to --model dc", error=LogError, expected="one of the two")
     check_file(output, TOML, (file, robot, static))
     check_file(report, PAGE, (file, robot, static))
+    mode: Any = pwm
+    with as_options("pwm"):
+        search = aw.identification.MotorSearch(
+            per_run=_names(per_run) or (), pwm=mode, priors=priors, starts=16 if starts is None else starts
+        )
     with progress("fitting") as tell, _numbers_if_stopped():
         found = aw.identification.identify_motor(
             file,
@@ -118,9 +121,7 @@ def motor(
             free=_names(free),
             fixed=_values(fix),
             reading=aw.identification.MotorReading(runs=_names(runs), static=static),
-            search=aw.identification.MotorSearch(
-                per_run=_names(per_run) or (), pwm=_pwm(pwm), priors=priors, starts=16 if starts is None else starts
-            ),
+            search=search,
             progress=tell,
         )
     show(found)
@@ -163,9 +164,3 @@ def _load(words: list[str] | None) -> float | dict[str, float] | None:
         return float(words[-1])
     except ValueError:
         raise ModelError(place="--load", value=words[-1], expected="an inertia, or JOINT=INERTIA,…") from None
-
-
-def _pwm(word: str | None) -> Literal["brake", "coast", "compare"] | None:
-    if word in (None, "brake", "coast", "compare"):
-        return word  # type: ignore[return-value]
-    raise ModelError(place="--pwm", value=word, choices=("brake", "coast", "compare"))

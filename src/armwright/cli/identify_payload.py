@@ -5,14 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 import armwright as aw
-from armwright.cli.arguments import argument, complete_robot, option, output_option
+from armwright.cli.arguments import argument, option, output_option, robot_argument
 from armwright.cli.outcome import PAGE, TOML, check_file, exit_if, exit_unless, until_stopped, write
 from armwright.cli.tables import show
 from armwright.progress import progress
 
 
 def payload(
-    robot: str = argument("ROBOT", "The arm without the payload.", autocompletion=complete_robot),
+    robot: str = robot_argument("The arm without the payload."),
     file: Path = argument("LOG.log.toml", "Log of the arm moving its payload."),
     loaded: Path | None = option(
         "LOG",

@@ -165,18 +165,8 @@ def _drives(arm: Model, record: RobotDescription) -> Table | None:
         gear = (drive.gear_ratio, drive.rotor_inertia, drive.reflected)
         motor = (drive.torque_constant, drive.back_emf_constant, drive.resistance, drive.inductance)
         rows.append([body.joint, drive.command, *map(number, gear), efficiency, *map(number, motor)])
-    heads = (
-        "joint",
-        "command",
-        "gear n",
-        "rotor [kg m²]",
-        "at the joint",
-        "η",
-        "Kt [N m/A]",
-        "Ke [V s/rad]",
-        "R [Ω]",
-        "L [H]",
-    )
+    heads = ("joint", "command", "gear n", "rotor [kg m²]", "at the joint", "η")
+    heads = (*heads, "Kt [N m/A]", "Ke [V s/rad]", "R [Ω]", "L [H]")
     return table("Drives (DC-equivalent constants)", heads, rows, left=("command",))
 
 
@@ -273,14 +263,8 @@ def _cylinders(record: RobotDescription) -> Table | None:
         ends = ((c.link_a, c.anchor_a_m), (c.link_b, c.anchor_b_m))
         places = [f"{link} ({_one_or_many(anchor)[1:-1]})" for link, anchor in ends]
         rows.append([c.name, *places, *map(number, (c.force_n, c.length_m, c.stiffness_n_per_m))])
-    heads = (
-        "cylinder",
-        "from link (x, y, z [m])",
-        "to link (x, y, z [m])",
-        "push [N]",
-        "at length [m]",
-        "stiffness [N/m]",
-    )
+    heads = ("cylinder", "from link (x, y, z [m])", "to link (x, y, z [m])")
+    heads = (*heads, "push [N]", "at length [m]", "stiffness [N/m]")
     return table("Cylinders between links; a push below 0 is a pull", heads, rows, left=heads[1:3])
 
 

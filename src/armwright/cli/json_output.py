@@ -29,10 +29,7 @@ if TYPE_CHECKING:
 
 MOST = 10_000  # numbers of an array that is written; a longer one belongs into a file
 DEEPEST = 6  # objects in objects
-JSON = Annotated[
-    bool,
-    typer.Option("--json", help="Print one JSON document in place of tables, with all digits."),
-]
+JSON = Annotated[bool, typer.Option("--json", help="Print one JSON document in place of tables, with all digits.")]
 
 
 def with_json(command: Callable[..., None], name: str) -> Callable[..., None]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 import armwright as aw
-from armwright.cli.arguments import argument, as_options, complete_robot, numbers, option, output_option
+from armwright.cli.arguments import as_options, numbers, option, output_option, robot_argument
 from armwright.cli.outcome import TOML, check_file, write
 from armwright.cli.tables import show
 from armwright.errors import IdentificationError
@@ -21,10 +21,7 @@ measure = typer.Typer(
     help="Measure a link: mass by scale, centre by two supports, inertia by pendulum.",
 )
 FORM = "a number, or VALUE,STD"
-Robot = Annotated[
-    str | None,
-    argument("ROBOT", "Arm for whose robot file the number is meant.", ..., autocompletion=complete_robot),
-]
+Robot = Annotated[str | None, robot_argument("Arm for whose robot file the number is meant.")]
 LinkName = Annotated[str | None, option("NAME", "Link that was measured.", ..., names="--link")]
 Output = Annotated[Path | None, output_option("ARM.toml", "Write the arm with the number and its deviation.", ...)]
 Gravity = Annotated[float, option("G", "Free fall in m/s²; default 9.80665.", ..., names="--gravity")]

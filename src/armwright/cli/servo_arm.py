@@ -48,17 +48,8 @@ def serve_servos(robot: str, path: Path, duration: float | None, options: Mappin
     if options["period"] is None:
         refuse({"tick": options["tick"]}, "is of lock-step", error=BusError, expected="--period beside it")
     arm = aw.load(robot)
-    with as_options(
-        "servo",
-        "ids",
-        "baud",
-        "serial",
-        "period",
-        "tick",
-        zeros="--zero",
-        reversed="--reverse",
-        schedule="--write-schedule",
-    ):
+    others = {"zeros": "--zero", "reversed": "--reverse", "schedule": "--write-schedule"}
+    with as_options("servo", "ids", "baud", "serial", "period", "tick", **others):
         line = line_of(options)
         start = start_of(arm, options["start"], None).q
         goals = servo_model(line.model).by_name["goal_position"].address

@@ -9,7 +9,6 @@ import armwright as aw
 from armwright.cli.arguments import (
     argument,
     as_options,
-    complete_robot,
     flag,
     node_numbers,
     numbers,
@@ -17,6 +16,7 @@ from armwright.cli.arguments import (
     option,
     output_option,
     refuse,
+    robot_argument,
 )
 from armwright.cli.outcome import PAGE, check_file, exit_unless, write
 from armwright.cli.tables import show
@@ -27,11 +27,8 @@ INTERFACES = ("virtual", "socketcan", "udp_multicast")  # before the colon of a 
 
 
 def shadow(
-    robots: list[str] | None = argument(
-        "ROBOT",
-        "Path of the arm's record, or name of a built-in arm; by default the robot that the log names.",
-        None,
-        autocompletion=complete_robot,
+    robots: list[str] | None = robot_argument(
+        "Path of the arm's record, or name of a built-in arm; by default the robot that the log names.", None
     ),
     source: str = argument(
         "LOG|BUS", "The arm's log, FILE.log.toml; or the bus of its drives, such as socketcan:can0."

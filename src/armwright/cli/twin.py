@@ -16,12 +16,12 @@ from armwright.cli.arguments import (
     Position,
     argument,
     as_options,
-    complete_robot,
     flag,
     node_numbers,
     option,
     output_option,
     refuse,
+    robot_argument,
 )
 from armwright.cli.outcome import exit_unless
 from armwright.cli.servo_arm import run_servos, serve_servos
@@ -66,10 +66,9 @@ Seconds = Annotated[
 def twin(
     arm: Annotated[
         str,
-        argument(
-            "ROBOT|SCENARIO",
+        robot_argument(
             "A .scenario.toml with a controller; with --serial, a built-in arm or a robot's file.",
-            autocompletion=complete_robot,
+            metavar="ROBOT|SCENARIO",
         ),
     ],
     bus: str | None = option("BUS", CAN_BUS),
@@ -116,25 +115,10 @@ def twin(
       armwright twin arm.toml --serial /tmp/arm --ids 1-6
       armwright twin arm.toml --serial /tmp/arm --period 0.02 --tick sync-write:42 --write-schedule run.scenario.toml
     """
-    on_can = {
-        "bus": bus,
-        "nodes": nodes,
-        "bitrate": bitrate,
-        "serial-number": serial_number,
-        "fault": fault,
-        "write-eds": write_eds,
-    }
-    on_can |= {"reference": reference, "speed": speed, "allow": allow}
-    on_line = {
-        "servo": servo,
-        "ids": ids,
-        "baud": baud,
-        "zero": zero,
-        "reverse": reverse,
-        "start": q0,
-        "period": period,
-    }
-    on_line |= {"tick": tick, "patience": patience, "write-schedule": write_schedule}
+    on_can = {"bus": bus, "nodes": nodes, "bitrate": bitrate, "serial-number": serial_number, "fault": fault}
+    on_can |= {"write-eds": write_eds, "reference": reference, "speed": speed, "allow": allow}
+    on_line = {"servo": servo, "ids": ids, "baud": baud, "zero": zero, "reverse": reverse, "start": q0}
+    on_line |= {"period": period, "tick": tick, "patience": patience, "write-schedule": write_schedule}
     if serial is not None:
         refuse(on_can, "is of a CAN bus, beside --serial", error=BusError, with_value=True)
         serve_servos(arm, Path(serial), duration, on_line)
@@ -257,13 +241,8 @@ def run_controller(
         on_can |= {"bitrate": bitrate, "serial-number": arm, "fault": fault}
         refuse(on_can, "is of a CAN bus, beside --serial", error=BusError, with_value=True)
         _, found = _scenarios(scenario, allow, reference, duration)
-        run_servos(
-            found,
-            serial,
-            {**on_line, "speed": speed, "torque": torque, "following_error": following_error},
-            go,
-            release,
-        )
+        limits = {"speed": speed, "torque": torque, "following_error": following_error}
+        run_servos(found, serial, on_line | limits, go, release)
         return
     refuse(on_line, "is of servos", error=BusError, with_value=True, expected="--serial PORT beside it")
     bus, bitrate, missing = bus or "virtual", 500_000 if bitrate is None else bitrate, 2 if missing is None else missing
@@ -374,13 +353,12 @@ def _faults(scenario: Scenario, texts: Sequence[str] | None) -> list[Fault]:
 
 def _write_sheets(made: Twin, folder: Path) -> None:
     from armwright.export.c import folder_to_write
-    from armwright.output import file_stem, whole_file
+    from armwright.output import file_stem, write_whole
 
     with folder_to_write(folder):
         for node in made.nodes:
             path = folder / f"{file_stem(made.arm.name)}-{node.number}.eds"
-            with whole_file(path) as temporary:
-                temporary.write_text(node.eds, encoding="ascii", newline="\n")
+            write_whole(path, node.eds)
             say(f"wrote {path}")
 
 

@@ -20,7 +20,7 @@ from armwright.errors import ModelError, ScheduleError
 from armwright.export.mjcf import MujocoActuators, mjcf_text, write_mjcf
 from armwright.export.servo_actuators import DELAYS, FITTED, KINDS, ServoActuator, servo_actuators, spreads, whole_steps
 from armwright.model import build_model
-from armwright.output import check_destination, whole_file
+from armwright.output import check_destination, write_whole
 from armwright.progress import Shown, automatic
 from armwright.results.result import Result
 from armwright.results.svg import ink_axes
@@ -96,8 +96,7 @@ class ActuatorFit(Result):
         target = check_destination(path, (".xml", ".mjcf"))
         beside = check_destination(target.with_name(target.stem + ENDING))
         losses = write_mjcf(self.robot, target, self.in_mujoco)
-        with whole_file(beside) as temporary:
-            temporary.write_text(json.dumps(self.document(), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+        write_whole(beside, json.dumps(self.document(), indent=1, ensure_ascii=False) + "\n")
         return [target, beside], losses
 
     def document(self) -> dict[str, Any]:

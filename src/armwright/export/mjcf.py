@@ -29,7 +29,7 @@ from armwright.features import Support
 from armwright.lint.feasibility import is_possible
 from armwright.model.build import STANDARD_GRAVITY
 from armwright.model.variants.edits import tip_of
-from armwright.output import whole_file
+from armwright.output import write_whole
 from armwright.solids.shapes import Box, Cylinder, Ellipsoid, Sphere
 from armwright.spatial import Placement, pseudo_inertia, rotation_quaternion
 
@@ -83,8 +83,7 @@ def write_mjcf(
     """
     description, path = record_of(arm), Path(path)
     text, losses = mjcf_text(description, actuators)
-    with whole_file(path, (".xml", ".mjcf")) as temporary:
-        temporary.write_text(text, encoding="utf-8", newline="\n")
+    write_whole(path, text, (".xml", ".mjcf"))
     return losses
 
 

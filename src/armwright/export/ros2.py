@@ -42,6 +42,7 @@ from armwright.export.controller.write import (
 from armwright.export.joints import Limit, plain_limits
 from armwright.export.ros2_controller.package import (
     command_interfaces,
+    controller_parameters,
     controller_table,
     package_name,
     package_texts,
@@ -142,10 +143,7 @@ def _description(source: Arm | RobotDescription, folder: Path, command: str, rat
         raise ModelError(place="rate", value=rate, expected="a whole number of 1 Hz or more")
     robot, moving = _moving(source)
     driven = [joint.name for joint in moving if joint.mimic is None]
-    texts = {
-        "joint_limits.yaml": _limits_text(moving),
-        "controllers.yaml": _yaml(_controllers(driven, command, rate)),
-    }
+    texts = {"joint_limits.yaml": _limits_text(moving), "controllers.yaml": _yaml(_controllers(driven, command, rate))}
     commands = {joint.name: _ranges(joint) for joint in moving if joint.mimic is None}
     with files_to_write(folder, texts):
         element = _ros2_control(robot, moving, hardware, commands, COMMANDS)
@@ -267,22 +265,7 @@ def _limit(name: str, limit: Limit) -> dict[str, Any]:
 
 def _controllers(joints: list[str], command: str, rate: int) -> dict[str, Any]:
     """Parameters of the controller manager and its controllers."""
-    return {
-        "controller_manager": {
-            "ros__parameters": {
-                "update_rate": rate,
-                "joint_state_broadcaster": {"type": "joint_state_broadcaster/JointStateBroadcaster"},
-                "arm_controller": {"type": "joint_trajectory_controller/JointTrajectoryController"},
-            }
-        },
-        "arm_controller": {
-            "ros__parameters": {
-                "joints": joints,
-                "command_interfaces": [command],
-                "state_interfaces": ["position", "velocity"],
-            }
-        },
-    }
+    return controller_parameters(rate, {}, {"joints": joints, "command_interfaces": [command]})
 
 
 def _yaml(value: Any, indent: int = 0) -> str:

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 from html import escape
 from pathlib import Path
 
-from armwright.output import check_destination, whole_file
+from armwright.output import check_destination, write_whole
 from armwright.results.plot_page import PAGES, page
 from armwright.results.table import Table
 
@@ -28,8 +28,7 @@ def write_page(path: str | os.PathLike[str], title: str, body: Iterable[str], su
     """
     path = check_destination(path, ENDINGS)
     html = report_html(title, body, subtitle)
-    with whole_file(path, ENDINGS) as temporary:
-        temporary.write_text(html, encoding="utf-8", newline="\n")
+    write_whole(path, html, ENDINGS)
     return path
 
 

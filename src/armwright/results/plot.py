@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
 from armwright.entry import AnyRun
-from armwright.output import check_destination, whole_file
+from armwright.output import check_destination, whole_file, write_whole
 from armwright.results.plot_curves import BAND_OPACITY, Curve, Panel, Plot, Style, describe
 from armwright.results.plot_page import plot_page
 
@@ -91,8 +91,7 @@ def write_plot(described: Plot, path: Path) -> None:
     """
     if path.suffix.lower() != ".html":
         return write_figure(draw(described), path)
-    with whole_file(path, ENDINGS) as temporary:
-        temporary.write_text(plot_page(described), encoding="utf-8")
+    write_whole(path, plot_page(described), ENDINGS)
 
 
 def write_figure(figure: Figure, path: Path) -> None:

@@ -25,6 +25,11 @@ from armwright.joint_kinds import KINDS
 from armwright.model import Model
 from armwright.model.joint_signals import LONG_NAMES, UNITS, command_unit, joint_units
 from armwright.output import check_destination, whole_file
+from armwright.results.csv_tables import joint_columns, write_table
+from armwright.results.mat_file import write_mat
+from armwright.results.mcap_file import write_mcap
+from armwright.results.run_file import write_netcdf
+from armwright.results.run_reader import first_line
 from armwright.results.run_schema import A_RUN, check_run
 
 if TYPE_CHECKING:
@@ -151,8 +156,6 @@ def wide(run: xr.Dataset) -> dict[str, np.ndarray]:
     Raises:
         RunError: no run.
     """
-    from armwright.results.csv_tables import joint_columns
-
     check_run(run)
     if "joint" in run.dims and not {"time", *LONG_NAMES} & {*run.dims, *run.variables}:
         return _wide_reduced(run)
@@ -171,8 +174,6 @@ def wide(run: xr.Dataset) -> dict[str, np.ndarray]:
 
 def _wide_reduced(run: xr.Dataset) -> dict[str, np.ndarray]:
     """A run without recorded motion as one table: a row a lane, the results of each joint's reducers."""
-    from armwright.results.csv_tables import joint_columns
-
     joints = [str(joint) for joint in run["joint"].values]
     columns = {"lane": run["lane"].values} if "lane" in run.dims else {}
     for name, variable in run.data_vars.items():
@@ -228,44 +229,24 @@ def save(run: AnyRun, path: str | os.PathLike[str]) -> None:
     run = as_run(run)
     check_run(run)
     path = check_recording(path)
-    writers = {
-        ".nc": _write_netcdf,
-        ".csv": _write_csv,
-        ".parquet": _write_parquet,
-        ".mcap": _write_mcap,
-        ".mat": _write_mat,
-    }
     with whole_file(path, ENDINGS) as temporary:
         try:
-            writers[path.suffix.lower()](run, temporary)
+            _WRITERS[path.suffix.lower()](run, temporary)
         except (RuntimeError, ValueError, TypeError) as error:  # an attribute that the format cannot hold
-            reason = (str(error).splitlines() or [type(error).__name__])[0]
-            raise OutputError(f"cannot be written: {reason}", file=path) from error
-
-
-def _write_netcdf(run: xr.Dataset, path: Path) -> None:
-    from armwright.results.run_file import write_netcdf
-
-    write_netcdf(run, path)
+            raise OutputError(f"cannot be written: {first_line(error)}", file=path) from error
 
 
 def _write_csv(run: xr.Dataset, path: Path) -> None:
-    from armwright.results.csv_tables import write_table
-
     with open(path, "w", encoding="utf-8", newline="") as file:
         write_table(None, wide(run), file)
 
 
 def _write_mcap(run: xr.Dataset, path: Path) -> None:
-    from armwright.results.mcap_file import write_mcap
-
     run = in_order(run)
     write_mcap(run, path, _all_units(run))
 
 
 def _write_mat(run: xr.Dataset, path: Path) -> None:
-    from armwright.results.mat_file import write_mat
-
     run = in_order(run) if "time" in run.coords and "joint" in run.coords else run
     write_mat(run, path, _all_units(run))
 
@@ -290,3 +271,12 @@ def _write_parquet(run: xr.Dataset, path: Path) -> None:
     remembered = {"armwright": json.dumps({str(key): value for key, value in run.attrs.items()}, default=str)}
     table = pyarrow.table(list(columns.values()), schema=pyarrow.schema(fields, metadata=remembered))
     pyarrow.parquet.write_table(table, path)
+
+
+_WRITERS = {
+    ".nc": write_netcdf,
+    ".csv": _write_csv,
+    ".parquet": _write_parquet,
+    ".mcap": _write_mcap,
+    ".mat": _write_mat,
+}

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, overload
 import numpy as np
 
 from armwright.errors import ArmwrightError
-from armwright.output import check_destination, whole_file
+from armwright.output import check_destination, write_whole
 from armwright.results.csv_tables import write_table
 from armwright.results.page_parts import plotted, said, section, shown_table, write_page
 from armwright.results.plot import PICTURES, write_figure
@@ -161,9 +161,8 @@ class Result:
             return target
         found = [{"title": each.title, "units": each.units, "rows": each.rows()} for each in tables]
         document = {"kind": type(self).__name__, "tables": found, "sentences": self.sentences()}
-        with whole_file(target, ENDINGS) as temporary:
-            text = json.dumps(document, indent=1, ensure_ascii=False, default=str)
-            temporary.write_text(re.sub(r"\b-?(?:NaN|Infinity)\b", "null", text) + "\n", encoding="utf-8", newline="\n")
+        text = json.dumps(document, indent=1, ensure_ascii=False, default=str)
+        write_whole(target, re.sub(r"\b-?(?:NaN|Infinity)\b", "null", text) + "\n", ENDINGS)
         return target
 
     def __str__(self) -> str:

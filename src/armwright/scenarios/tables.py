@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from armwright.errors import ArmwrightError, ScenarioError
+from armwright.interfaces import called
 from armwright.kernels.compiled import CPU
 from armwright.model import Model
 from armwright.model.changes import TERMS
@@ -266,8 +267,7 @@ def _controller(place: str, control: Any, arm: Model, lanes: dict[str, np.ndarra
     """A controller's table, with those that it holds; gains of the outermost may differ by lane."""
     kind = kind_of("controller", control)
     if kind is None:
-        called = getattr(control, "__name__", type(control).__name__)
-        what, expected = f"{called!r} of Python {TABLED}", "a controller of Armwright, such as aw.Cascade"
+        what, expected = f"{called(control)!r} of Python {TABLED}", "a controller of Armwright, such as aw.Cascade"
         raise ScenarioError(what, place=place, expected=expected)
     table: Tables = {"kind": kind}
     for each in dataclasses.fields(control):
@@ -310,18 +310,12 @@ def _reference(place: str, reference: Any, arm: Model) -> Tables:
     if kind is not None:
         return {"kind": kind, **_motion_fields(place, reference, arm)}
     if isinstance(reference, Motion):
-        called = type(reference).__name__
-        what, expected = (
-            f"an aw.{called} that is not from a file {TABLED}",
-            "reference.save(arm, 'NAME.csv') and aw.trajectories.load_motion",
-        )
+        what = f"an aw.{type(reference).__name__} that is not from a file {TABLED}"
+        expected = "reference.save(arm, 'NAME.csv') and aw.trajectories.load_motion"
         raise ScenarioError(what, place=place, expected=expected)
     if callable(reference):
-        called = getattr(reference, "__name__", type(reference).__name__)
-        what, expected = (
-            f"{called!r} of Python {TABLED}",
-            "a pose, formulas of t, an aw.Schedule or a motion of Armwright",
-        )
+        what = f"{called(reference)!r} of Python {TABLED}"
+        expected = "a pose, formulas of t, an aw.Schedule or a motion of Armwright"
         raise ScenarioError(what, place=place, expected=expected)
     numbers = plain(place, reference)
     if np.ndim(numbers) > 1:
@@ -369,12 +363,9 @@ def _inputs(scenario: Scenario, lanes: dict[str, np.ndarray]) -> Tables:
     if inputs.wrench is not None:
         whole = inputs.wrench
         table["wrench"] = whole if isinstance(whole, Schedule) else _row("inputs.wrench", whole, lanes)
-    if inputs.brake is not None:
-        table["brake"] = _schedule_or_numbers("inputs.brake", inputs.brake)
-    if inputs.supply is not None:
-        table["supply_v"] = _schedule_or_numbers("inputs.supply", inputs.supply)
-    if inputs.enabled is not None:
-        table["enabled"] = _schedule_or_numbers("inputs.enabled", inputs.enabled)
+    for name, key in (("brake", "brake"), ("supply", "supply_v"), ("enabled", "enabled")):
+        if (value := getattr(inputs, name)) is not None:
+            table[key] = _schedule_or_numbers(f"inputs.{name}", value)
     bodies = [inputs.payload] if isinstance(inputs.payload, Payload) else inputs.payload or ()
     rows = [_payload(f"inputs.payload[{k}]", each, lanes) for k, each in enumerate(bodies)]
     return table | ({"payload": rows} if rows else {})

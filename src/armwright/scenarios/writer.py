@@ -25,7 +25,7 @@ from armwright.entry import AnyScenario, as_scenario
 from armwright.errors import ArmwrightError, OutputError, ScenarioError
 from armwright.model import Model
 from armwright.model.joint_signals import joint_units
-from armwright.output import check_destination, whole_file
+from armwright.output import check_destination, write_whole
 from armwright.results.csv_tables import write_table
 from armwright.scenarios.file import parse_scenario
 from armwright.scenarios.files import Document, FolderFiles, KeptFiles
@@ -92,8 +92,7 @@ def write_scenario(
     with _written(names.beside, replacing=path.exists()):
         again = parse_scenario(text, str(path), FolderFiles(path.parent, allow))
         _check_same(again, tables, lanes, path)
-    with whole_file(path, (".toml",)) as temporary:
-        temporary.write_text(text, encoding="utf-8", newline="\n")
+    write_whole(path, text, (".toml",))
     return (path, *names.beside)
 
 
@@ -169,7 +168,7 @@ class _Names:
                 raise ScenarioError("was not made from a record", place="arm", value=arm.name, expected="a loaded arm")
             companion = self._companion("robot.toml")
             text = to_toml(arm.description, companion.parent)
-            self.beside[companion] = lambda path: _write_text(path, text)
+            self.beside[companion] = lambda path: write_whole(path, text)
             return companion.name
         return name if name in builtin_names() else self.of_file(name)
 
@@ -191,11 +190,6 @@ class _Names:
         name = self.path.name
         stem = name.removesuffix(ENDING) if name.endswith(ENDING) else self.path.stem
         return self.path.with_name(f"{stem}.{ending}")
-
-
-def _write_text(path: Path, text: str) -> None:
-    with whole_file(path) as temporary:
-        temporary.write_text(text, encoding="utf-8", newline="\n")
 
 
 @dataclass(frozen=True)

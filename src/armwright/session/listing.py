@@ -13,7 +13,7 @@ import numpy as np
 
 from armwright import terminal
 from armwright.errors import SessionError
-from armwright.output import whole_file
+from armwright.output import write_whole
 from armwright.printable import printable
 from armwright.results.csv_tables import write_rows
 
@@ -102,8 +102,7 @@ class OutputFile:
             text = self.text + stream.getvalue()
         else:
             text = self.text + "".join(plain(sheet) + "\n" for sheet in listing.sheets)
-        with whole_file(self.path) as temporary:
-            temporary.write_bytes(text.encode("utf-8"))
+        write_whole(self.path, text)
         return OutputFile(self.path, text, head)
 
 

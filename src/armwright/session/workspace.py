@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from armwright.errors import SessionError
-from armwright.output import whole_file
+from armwright.output import write_whole
 from armwright.session.arguments import YES_NO, Argument, quoted
 from armwright.session.listing import Listing, Output, TextLine
 from armwright.session.state import SessionState, initial_state, load_arm
@@ -138,8 +138,7 @@ class Workspace(ABC):
         """Writes all lines so far into the file that `record` named, whole or not at all."""
         if self.recording is not None:
             text = "".join(f"{line}\n" for line in self.state.lines)
-            with whole_file(self.recording) as temporary:
-                temporary.write_bytes(text.encode("utf-8"))
+            write_whole(self.recording, text)
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from armwright.fitting.directions import listed
 from armwright.identification.validation.prediction import units_of
 from armwright.model import Model
 from armwright.shadow.observer import Residuals
@@ -81,7 +82,7 @@ def verdict(arm: Model, judged: Judged, alarms: int) -> Verdict:
         )
     elif lost.any():
         lines.append(
-            f"no verdict on {_and([arm.names[k] for k in np.flatnonzero(lost)])}; nothing raised by the others"
+            f"no verdict on {listed([arm.names[k] for k in np.flatnonzero(lost)])}; nothing raised by the others"
         )
     elif away.any():
         lines.append("no torque residual beyond its limit, but position residuals are far:")
@@ -107,7 +108,3 @@ def _shares(names: Sequence[str], share: np.ndarray) -> str:
 
 def _percent(share: float) -> str:
     return f"{100.0 * share:.3g} %"
-
-
-def _and(names: Sequence[str]) -> str:
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import inspect
 import numbers
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -97,3 +98,21 @@ def one_each(place: str, value: Any, arm: Model) -> np.ndarray:
     if values.ndim and len(values) != arm.n:
         raise ScenarioError(place=place, value=value, expected=f"one number, or {arm.n}: {', '.join(arm.names)}")
     return np.broadcast_to(values, arm.n)
+
+
+def check_arguments(function: Callable[..., Any], names: Sequence[str], place: str) -> None:
+    """Refuses a function that does not take arguments of that number, in their order.
+
+    Args:
+        function: of a user.   names: of the arguments.   place: of the function, for errors.
+    Raises:
+        ScenarioError: names it, and what it takes.
+    """
+    try:
+        taken = inspect.signature(function)
+    except ValueError:  # a built-in function without a signature
+        return
+    try:
+        taken.bind(*names)
+    except TypeError:
+        raise ScenarioError(f"takes {taken}", place=place, expected=f"({', '.join(names)})") from None

@@ -20,6 +20,7 @@ from armwright.simulation.inputs.input_schedule import values_at_ticks
 from armwright.simulation.integrate.lane_status import LaneStatus
 from armwright.simulation.loop.plant_programs import USUAL
 from armwright.simulation.loop_runner import LoopRunner
+from armwright.simulation.plant.state import BUS_VOLTAGE, SHOWN
 
 if TYPE_CHECKING:
     import xarray
@@ -30,16 +31,8 @@ FURTHER = {  # what the plant tells beside the usual: whose unit it has, and wha
     "heat": ("W", "heat in the motor's winding"),
     "friction_loss": ("W", "power that rubs and damps away"),
     "electrical_power": ("W", "electrical power into the drive"),
-    "motor_q": ("rad", "position of the motor behind its elastic gear"),
-    "motor_qd": ("rad/s", "velocity of the motor behind its elastic gear"),
-    "bristle": ("q", "deflection of the bristles"),
-    "brake": ("q", "how far the brake gave way"),
-    "winding_temperature": ("°C", "temperature of the motor's winding"),
-    "housing_temperature": ("°C", "temperature of the motor's housing"),
-    "goal": ("q", "goal that the servo follows"),
-    "duty": ("1", "duty of the servo's bridge"),
-    "goal_current": ("A", "current that the servo asks for"),
-    "bus_voltage": ("V", "voltage of the supply's bus"),
+    **SHOWN,
+    "bus_voltage": BUS_VOLTAGE,
 }
 UNSTORED = ("applied", "current", "qdd")  # measured or followed signals that other variables hold already
 PART = 1 << 15  # states whose outputs are computed at once

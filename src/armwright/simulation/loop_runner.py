@@ -253,13 +253,10 @@ class LoopRunner:
         if self._in_python is not None:
             self._in_python.begin(lanes, values["y"])
 
-    def acting(self, lanes: LaneGroup) -> tuple[np.ndarray, np.ndarray]:
-        """Payload and wrench (count or 1, entries) that act on a group of lanes in the tick that comes next."""
-        payload, wrench = (
-            self._in_force(name, lanes) if name in self.config.inputs else np.zeros((1, 0))
-            for name in ("payload", "wrench")
-        )
-        return payload, wrench
+    def acting(self, lanes: LaneGroup) -> dict[str, np.ndarray]:
+        """Inputs (count or 1, entries) that act on a group of lanes in the next tick; without payload and wrench, empty ones."""
+        none = dict.fromkeys(("payload", "wrench"), np.zeros((1, 0)))
+        return none | {name: self._in_force(name, lanes) for name in self.config.inputs}
 
     def _in_force(self, name: str, lanes: LaneGroup) -> np.ndarray:
         """Values (count or 1, entries) of an input's schedule that act on a group of lanes in the tick that comes next."""
@@ -268,9 +265,10 @@ class LoopRunner:
 
     def initial_blocks(self, lanes: LaneGroup) -> dict[str, np.ndarray]:
         """Initial values of blocks for a group of lanes, (count, …) each, or (1, …) where they are the same for all."""
-        values = self.initialisation.blocks(lanes, *self.acting(lanes), sampling=self.config.sampling)
+        acting = self.acting(lanes)
+        values = self.initialisation.blocks(lanes, acting, sampling=self.config.sampling)
         values |= {"p": lanes.own(self.scenario.parameters), "q_first": self.plant.part(values["x"], "q")}
-        values |= {name + SEEN: self._in_force(name, lanes) for name in self.config.inputs}
+        values |= {name + SEEN: acting[name] for name in self.config.inputs}
         if self.reference is not None and self.reference.final is not None:
             values["r_final"] = lanes.own(self.reference.final)
         if self.reference is not None and self.reference.values is not None:

@@ -45,6 +45,12 @@ from armwright.simulation.loop.state import LoopState, state_to_continue
 from armwright.simulation.loop.timing import Delays
 from armwright.simulation.scenario_parts import Inputs, Loop, Recording, Solver, Start
 
+SCHEDULES = {  # of the inputs, by name
+    "wrench": wrench_schedule,
+    "brake": brake_schedule,
+    "supply": supply_schedule,
+    "enabled": enabled_schedule,
+}
 MOST_STEPS = 2**53
 WITH_LANES = ("command", "loop", "inputs", "start", "recording", "vary")  # fields that may hold batches and draws
 STEP = 1e-3  # [s] of an integrator, if nothing else is said
@@ -285,14 +291,9 @@ class Scenario:
         schedules: dict[str, InputSchedule] = {}
         frames: tuple[str, ...] = ()
         try:
-            if self.inputs.wrench is not None:
-                schedules["wrench"] = wrench_schedule(self.arm, self.inputs.wrench)
-            if self.inputs.brake is not None:
-                schedules["brake"] = brake_schedule(self.arm, self.inputs.brake)
-            if self.inputs.supply is not None:
-                schedules["supply"] = supply_schedule(self.arm, self.inputs.supply)
-            if self.inputs.enabled is not None:
-                schedules["enabled"] = enabled_schedule(self.arm, self.inputs.enabled)
+            for name, schedule_of in SCHEDULES.items():
+                if (value := getattr(self.inputs, name)) is not None:
+                    schedules[name] = schedule_of(self.arm, value)
             if self.carried is not None:
                 frames, schedules["payload"] = payload_of(self.arm, self.carried)
         except ArmwrightError as error:

@@ -28,6 +28,7 @@ from armwright.program.derivative import with_tangents, without_tangents
 from armwright.signals import Signal
 from armwright.simulation.fixed_steps import COARSE, OR_NONE, accuracy_of, with_fixed_steps
 from armwright.simulation.integrate.integrators import INTEGRATORS
+from armwright.simulation.loop.initialisation import BEGUN
 from armwright.simulation.plant.joint_drive import contact_names
 from armwright.simulation.scenario import Scenario
 from armwright.simulation.scenario_parts import Recording
@@ -346,22 +347,11 @@ def _begin(
         tangents["x"] = np.broadcast_to(seeds["start"], (lanes.count, *seeds["start"].shape))
     else:
         kernel = Kernel(with_tangents(program, (), seeds, count), select_target(simulation.scenario.solver.target))
-        results = kernel(*own.arguments(lanes, *simulation.acting(lanes)))
+        results = kernel(*own.arguments(lanes, simulation.acting(lanes)))
         results = results if isinstance(results, tuple) else (results,)
         for port, result in zip(program.outputs, results, strict=True):
             tangents[port.name[0]] = np.asarray(result)[:, port.size :].reshape(lanes.count, port.size, count)
-    of = {
-        "x": "x",
-        "x_seen": "x",
-        "m_sensors": "m",
-        "y": "y",
-        "s": "s",
-        "u": "u",
-        "u_issued": "u",
-        "u_kept": "u",
-        "u_base": "u",
-    }
-    tangent_of = {name: tangents[key] for name, key in of.items() if key in tangents}
+    tangent_of = {name: tangents[result[0]] for name, result in BEGUN.items() if result[0] in tangents}
     if "y" in tangents:
         assert simulation.config.sampling is not None
         tangent_of["y_kept"] = tangents["y"][:, : simulation.config.sampling.sensors.layout.size]

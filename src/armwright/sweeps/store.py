@@ -263,16 +263,17 @@ class SweepStore:
             self.table[chunk, 1:-1] = [number for file in files for number in self._checks(file[0], chunk, file[1])]
             self._mark(chunk, DONE)
             if self.failures.pop(chunk, None) is not None:
-                self.group.attrs[ABOUT] = _as_text(
-                    self.about, self.failures, _small_files(self.path, _sizes(self.path))
-                )
+                self._write_about()
 
     def fail(self, chunk: int, reason: str) -> None:
         """Marks a chunk as failed, with the reason."""
         self.failures[chunk] = reason
         with as_output_error(self.path):
             self._mark(chunk, FAILED)
-            self.group.attrs[ABOUT] = _as_text(self.about, self.failures, _small_files(self.path, _sizes(self.path)))
+            self._write_about()
+
+    def _write_about(self) -> None:
+        self.group.attrs[ABOUT] = _as_text(self.about, self.failures, _small_files(self.path, _sizes(self.path)))
 
     def _mark(self, chunk: int, mark: int) -> None:
         self.table[chunk, 0] = mark

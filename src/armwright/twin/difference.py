@@ -50,11 +50,7 @@ def first_difference(rehearsal: Rehearsal, q: np.ndarray, u: np.ndarray, applied
     recording, units, (ticks, n) = rehearsal.recording, rehearsal.units, q.shape
     did = units.command(units.thousandths(recording.y[:ticks, -n:]))
     # In the order of a tick: what came with SYNC, then what the controller made of it.
-    signals = {
-        "position": (q, rehearsal.q[:ticks]),
-        "applied": (applied, did),
-        "command": (u, recording.u[:ticks]),
-    }
+    signals = {"position": (q, rehearsal.q[:ticks]), "applied": (applied, did), "command": (u, recording.u[:ticks])}
     found = [
         (int(tick), k, int(joint))
         for k, (ours, simulated) in enumerate(signals.values())

@@ -16,7 +16,7 @@ import functools
 import os
 import threading
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -59,6 +59,7 @@ OPERATIONAL = 5  # state of network management that a heartbeat shows
 STRANGER, STRANGERS = "another master is on the bus", 2  # its SYNCs that are no proof yet
 ECHOING = "udp_multicast"  # the interface that brings back what this process sends
 ROUNDING = 1.5  # counts between where the scenario starts and where the arm stands
+DRIVE = "a drive by CiA 402"
 STAYS, DISABLES = 6, 2  # object 605A: after the ramp of a quick stop hold the joint, or disable the drive
 
 
@@ -288,11 +289,9 @@ class Master:
     def _check(self, node: canopen.RemoteNode, name: str) -> None:
         device = self.get(node, (0x1000, 0))
         if device & 0xFFFF != od.DEVICE_TYPE & 0xFFFF:
-            what = f"node {node.id} of {name} has device type 0x{device:08X}"
-            raise BusError(what, place="nodes", value=node.id, expected="a drive by CiA 402, type 0x…0192")
+            raise _refused(node, f"of {name} has device type 0x{device:08X}", f"{DRIVE}, type 0x…0192")
         if not self.get(node, od.SUPPORTED_MODES) >> (TORQUE_MODE - 1) & 1:
-            what = f"node {node.id} of {name} has no cyclic synchronous torque mode"
-            raise BusError(what, place="nodes", value=node.id, expected="mode 10 in object 6502")
+            raise _refused(node, f"of {name} has no cyclic synchronous torque mode", "mode 10 in object 6502")
         for first, keys in ((0x1600, od.RECEIVED), (0x1A00, od.SENT)):
             count = self.get(node, (first, 0))
             found = [self.get(node, (first, sub)) for sub in range(1, count + 1)]
@@ -302,8 +301,8 @@ class Master:
                 what = f"node {node.id} of {name} maps {names or 'nothing'}"
                 raise BusError(what, place=f"object {first:04X}", expected=wanted)
         if _state(self.get(node, od.STATUSWORD)) is State.ENABLED:
-            what = f"node {node.id} of {name} is in operation enabled: another master drives it"
-            raise BusError(what, place="nodes", value=node.id, expected="drives that nobody has enabled")
+            what = f"of {name} is in operation enabled: another master drives it"
+            raise _refused(node, what, "drives that nobody has enabled")
 
     def get(self, node: canopen.RemoteNode, key: od.Key) -> int:
         """Value of an object of a node.
@@ -311,51 +310,41 @@ class Master:
         Raises:
             BusError: the node does not answer, or does not have it.
         """
-        import canopen
-
-        index, sub = key
-        self._asked(node, key)
-        try:
-            return int.from_bytes(node.sdo.upload(index, sub), "little")
-        except canopen.SdoCommunicationError:
-            self._check_replies()
-            raise self._no_answer(node) from None
-        except canopen.SdoAbortedError as error:
-            what = f"node {node.id} refuses to read object {index:04X}:{sub}: {error}"
-            raise BusError(what, place="nodes", value=node.id, expected="a drive by CiA 402") from None
+        with self._asking(node, key, "to read"):
+            return int.from_bytes(node.sdo.upload(*key), "little")
 
     def _put(self, node: canopen.RemoteNode, key: od.Key, value: int, *, kept: bool = True) -> None:
+        data, expected = value.to_bytes(od.ENTRIES[key].kind.bits // 8, "little", signed=value < 0), DRIVE
+        if key == od.QUICK_STOP_OPTION and self.lifted:
+            lifted = ", ".join(self.lifted)
+            expected = f"a drive that holds its joint after a quick stop, or a brake in the record at {lifted}"
+        with self._asking(node, key, f"{value} for", expected):
+            node.sdo.download(*key, data)
+        if kept and self.get(node, key) != int.from_bytes(data, "little"):
+            raise _refused(node, f"does not keep {value} in object {key[0]:04X}:{key[1]}", DRIVE)
+
+    @contextlib.contextmanager
+    def _asking(self, node: canopen.RemoteNode, key: od.Key, what: str, expected: str = DRIVE) -> Iterator[None]:
+        """A request for an object of a node, to which one reply is expected.
+
+        Args:
+            node, key: of the object.   what: is asked, where the node refuses it.   expected: where it refuses it.
+        Raises:
+            BusError: no answer, two answers, or a refusal.
+        """
         import canopen
 
-        index, sub = key
-        data = value.to_bytes(od.ENTRIES[key].kind.bits // 8, "little", signed=value < 0)
-        self._asked(node, key)
-        try:
-            node.sdo.download(index, sub, data)
-        except canopen.SdoCommunicationError:
-            self._check_replies()
-            raise self._no_answer(node) from None
-        except canopen.SdoAbortedError as error:
-            what = f"node {node.id} refuses {value} for object {index:04X}:{sub}: {error}"
-            expected = "a drive by CiA 402"
-            if key == od.QUICK_STOP_OPTION and self.lifted:
-                lifted = ", ".join(self.lifted)
-                expected = f"a drive that holds its joint after a quick stop, or a brake in the record at {lifted}"
-            raise BusError(what, place="nodes", value=node.id, expected=expected) from None
-        if kept and self.get(node, key) != int.from_bytes(data, "little"):
-            what = f"node {node.id} does not keep {value} in object {index:04X}:{sub}"
-            raise BusError(what, place="nodes", value=node.id, expected="a drive by CiA 402")
-
-    def _no_answer(self, node: canopen.RemoteNode) -> BusError:
-        expected = f"the joints' nodes, {', '.join(map(str, self.numbers))} by --nodes, on a bus that is up"
-        what = f"node {node.id} does not answer on {self.bus}"
-        return BusError(what, place="nodes", value=node.id, expected=expected)
-
-    def _asked(self, node: canopen.RemoteNode, key: od.Key) -> None:
-        """Expects one reply of a node to a request for an object."""
         assert node.id is not None
         asked = (node.id, *key)
         self._replies[asked] = self._replies.get(asked, 0) - 1
+        try:
+            yield
+        except canopen.SdoCommunicationError:
+            self._check_replies()
+            nodes = f"the joints' nodes, {', '.join(map(str, self.numbers))} by --nodes, on a bus that is up"
+            raise _refused(node, f"does not answer on {self.bus}", nodes) from None
+        except canopen.SdoAbortedError as error:
+            raise _refused(node, f"refuses {what} object {key[0]:04X}:{key[1]}: {error}", expected) from None
 
     def _reply(self, number: int, data: Any) -> None:
         """Counts a reply that names its object; the segments of a long value do not."""
@@ -602,6 +591,10 @@ class Master:
         which = {"still": still & ~lost, "moving": ~still & ~lost, "unknown": lost, "limp": held & unpowered & ~lost}
         joints = {name: tuple(np.array(self.names)[chosen].tolist()) for name, chosen in which.items()}
         return Ending(**joints, held=held, lifted=self.lifted, seconds=seconds)
+
+
+def _refused(node: canopen.RemoteNode, what: str, expected: str) -> BusError:
+    return BusError(f"node {node.id} {what}", place="nodes", value=node.id, expected=expected)
 
 
 def _two_devices(number: int) -> BusError:

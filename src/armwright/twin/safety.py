@@ -12,7 +12,7 @@ import datetime
 import hashlib
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,7 +27,7 @@ from armwright.identification.validation.verdict import StoredVerdict, stored_ve
 from armwright.interfaces import JointReference
 from armwright.model import Model
 from armwright.model.payload import Payload
-from armwright.output import whole_file
+from armwright.output import write_whole
 from armwright.parameters import Batch
 from armwright.program import interpret, trace
 from armwright.scalar import Array, Scalar, real_number
@@ -116,8 +116,7 @@ class Permission:
         values = {**self._bound(bound), "speed": self.speed, "torque": self.torque}
         for name, value in {**values, "date": datetime.date.today().isoformat()}.items():
             document[name] = value
-        with whole_file(path) as temporary:
-            temporary.write_text(tomlkit.dumps(document), encoding="utf-8", newline="\n")
+        write_whole(path, tomlkit.dumps(document))
         return path
 
     def _bound(self, bound: Mapping[str, Any]) -> dict[str, Any]:
@@ -271,10 +270,10 @@ def reduced(scenario: Scenario, speed: float = 1.0, torque: float = 1.0) -> Scen
     duration = scenario.duration
     if duration is not None and speed < 1.0:
         duration = float(np.ceil(duration / speed / scenario.tick - 1e-9) * scenario.tick)
-    # Bodies and forces come where the full run has them, as the slower motion gets there later; those of a motion become
-    # the scenario's own, since another reference may take its place.
-    each = {"payload": scenario.carried, "wrench": scenario.inputs.wrench, "brake": scenario.inputs.brake}
-    inputs = Inputs(**{name: _later(value, speed) for name, value in each.items()})
+    # Inputs come where the full run has them, as the slower motion gets there later; bodies of a motion become the
+    # scenario's own, since another reference may take its place.
+    acting = replace(scenario.inputs, payload=scenario.carried)
+    inputs = Inputs(**{each.name: _later(getattr(acting, each.name), speed) for each in fields(Inputs)})
     return replace(scenario, loop=loop, inputs=inputs, duration=duration)
 
 

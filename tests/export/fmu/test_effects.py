@@ -9,6 +9,7 @@ from export.fmu.test_co_simulation import commanded, states
 from features.cases import SCENARIOS, base
 from simulation.plants import BRAKE, COULOMB, MANY, MOTOR, pendulum
 from simulation.sticking import block, dry
+from simulation.test_servo import PLAIN, pendulum as servo
 from simulation.test_switching import PLAY, STOPS
 
 TICKS = 60
@@ -80,6 +81,20 @@ def test_brakes_wrenches_and_payloads_are_inputs(tmp_path):
     x = states(exported(scenario, tmp_path / "plant.fmu"), run, TICKS, 1e-3, brake=brake, payload=load)
     np.testing.assert_allclose(x[:, 0], run.q.values[:, 0], atol=1e-13)
     assert np.abs(run.q.values[30:] - aw.simulate(commanded(arm, TICKS)).q.values[30:]).max() > 1e-4
+
+
+def test_the_supply_and_what_switches_servos_off_are_inputs(tmp_path):
+    supply = aw.Schedule([0.0, 0.02], [[7.4], [5.7]], ["supply"])
+    enabled = aw.Schedule([0.0, 0.03, 0.04], [[1.0], [0.0], [1.0]], ["q"])
+    scenario = commanded(servo(PLAIN), TICKS, inputs=aw.Inputs(supply=supply, enabled=enabled))
+    run = aw.simulate(scenario)
+    made = aw.export.export_fmu(scenario, tmp_path / "plant.fmu", platforms=this_platform())
+    assert made.inputs[1:] == ("supply.voltage", "enabled.q")
+    assert "changes supply.… and enabled.…" in made.notes[0]
+    at = np.arange(TICKS)[:, None] * 1e-3
+    volts, on = np.where(at > 0.0195, 5.7, 7.4), np.where((at > 0.0295) & (at < 0.0395), 0.0, 1.0)
+    np.testing.assert_array_equal(states(made.path, run, TICKS, 1e-3, supply=volts, enabled=on)[:, :1], run.q.values)
+    assert np.abs(states(made.path, run, TICKS, 1e-3)[:, :1] - run.q.values).max() > 1e-6
 
 
 def test_what_a_motion_grips_is_an_input_of_the_plant(tmp_path):

@@ -58,41 +58,34 @@ def software_in_the_loop(
     recording: ControllerRecording,
     folder: str | Path,
     real: str = "double",
-    *,
-    compiler: str | None = None,
-    flags: tuple[str, ...] | None = None,
-    repeats: int = 1,
 ) -> SoftwareInTheLoop:
     """Compiles the controller in a folder and compares its commands with recorded ones.
 
     Args:
         stages, recording: the controller, and what it saw and commanded in its simulation.   folder: with its C file.
-        real: "double" or "float", as it was exported.   compiler: path; default: the first of `COMPILERS`.
-        flags: for it; default: `flags_of_host`.
-        repeats: how often all ticks are run, for the time that a step takes.
+        real: "double" or "float", as it was exported.
     Raises:
         ModelError: no compiler; it, or the program, ends with an error, which the message has.
     """
-    compiler = compiler or find_compiler()
+    compiler = find_compiler()
     if compiler is None:
         raise ModelError("there is none", place="compiler", expected=" or ".join(COMPILERS))
     dtype = REALS[real].format.dtype
     with working_folder({"reader.c": reader(stages, recording, real)}) as work:
         input_rows(stages, recording).astype(dtype).tofile(work / "inputs")
-        options = [*(flags_of_host() if flags is None else flags), f"-I{Path(folder)}"]
+        options = [*flags_of_host(), f"-I{Path(folder)}"]
         files = [work / "reader.c", Path(folder) / f"{stages.name}.c"]
         run_program([compiler, *options, *map(str, files), "-o", str(work / "reader"), "-lm"])
         paths = [str(work / each) for each in ("reader", "inputs", "commands", "status")]
-        seconds = float(run_program([*paths, str(repeats)]))
+        seconds = float(run_program([*paths, "1"]))
         found = np.fromfile(work / "commands", dtype=dtype).reshape(recording.u.shape)
         status = np.fromfile(work / "status", dtype=np.uint32)
     expected = recording.u.astype(dtype)
     differs = (found.view(f"u{dtype.itemsize}") != expected.view(f"u{dtype.itemsize}")).any(axis=1)
     first = int(np.argmax(differs)) if differs.any() else None
-    per_step = seconds / (repeats * recording.ticks)
     error = relative_error(found.astype(float), recording.u)
     counts = (recording.ticks, int(differs.sum()), first)
-    return SoftwareInTheLoop(compiler, *counts, error, found.astype(float), status, per_step)
+    return SoftwareInTheLoop(compiler, *counts, error, found.astype(float), status, seconds / recording.ticks)
 
 
 def relative_error(found: np.ndarray, expected: np.ndarray) -> float:

@@ -270,10 +270,7 @@ def _time(stages: ControllerStages, real: str) -> dict[str, str]:
     last, macro = stages.ticks_of_time(real), stages.name.upper()
     if last is None:
         return {"time": literal(0.0, REALS[real]), "status": "0u"}
-    return {
-        "time": f"({real})state->tick",
-        "status": f"(state->tick > {macro}_TIME_TICKS) ? {macro}_TIME : 0u",
-    }
+    return {"time": f"({real})state->tick", "status": f"(state->tick > {macro}_TIME_TICKS) ? {macro}_TIME : 0u"}
 
 
 def _step(stages: ControllerStages, real: str) -> dict[str, str]:

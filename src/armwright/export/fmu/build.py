@@ -107,17 +107,8 @@ def _build_one(folder: Path, sources: Sequence[str], name: str, asked: str) -> P
         march = ["-march=x86-64-v3"] if target.level == X86 else []
         command = [compiler, *FLAGS, *march]
     else:
-        command = [
-            sys.executable,
-            "-m",
-            "ziglang",
-            "cc",
-            *FLAGS,
-            "-target",
-            target.triple,
-            f"-mcpu={target.level}",
-            "-s",
-        ]
+        command = [sys.executable, "-m", "ziglang", "cc", *FLAGS]
+        command += ["-target", target.triple, f"-mcpu={target.level}", "-s"]
         environment["ZIG_LOCAL_CACHE_DIR"] = str(folder / "zig")  # its global one keeps the systems' C libraries
     if target.ending == ".so":
         command.append("-fPIC")

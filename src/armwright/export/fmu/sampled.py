@@ -10,8 +10,9 @@ are what it has at its end. A plant measures at the end of a step, so that its o
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from armwright.export.controller.stages import check_one_arm, traced_beginning
 from armwright.export.fmu.variables import FmuVariable, quoted, variables_of
 from armwright.kernels.c_loop import LoopClock
 from armwright.kernels.stages import SEEN, Call, DelayStage, RecordStage, RowsStage, Stage, TableStage
-from armwright.model import Model
+from armwright.model import Body, Model
 from armwright.model.joint_signals import joint_signal
 from armwright.program import Program
 from armwright.signals import Layout, Signal
@@ -36,6 +37,10 @@ from armwright.simulation.scenario_parts import Loop, Recording
 PARTS = ("plant", "controller", "both")
 INERTIA = ("m", "mcx", "mcy", "mcz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")  # of a payload about its frame's origin
 INERTIA_UNITS = ("kg", *["kg m"] * 3, *["kg m²"] * 6)
+SWITCHES: Mapping[str, tuple[Callable[[Body], Any], str]] = {  # input → what of a joint it switches, where it has that
+    "brake": (lambda body: body.brake, "1: the holding brake is applied, 0: released"),
+    "enabled": (lambda body: body.drive.firmware, "1: the servo is on, 0: off"),
+}
 
 
 class UnrecordedLoop(LoopRunner):
@@ -174,7 +179,7 @@ def _borders(loop: UnrecordedLoop, part: str, first: Mapping[str, np.ndarray], *
     sampling, reference, command = loop.config.sampling, loop.reference, loop.scenario.command_layout
     assert sampling is not None
     assert reference is not None
-    arguments = {"c": "c", "p": "p", "c_sensors": "c_sensors", "payload": "in_payload", "wrench": "in_wrench"}
+    arguments = {"c": "c", "p": "p", "c_sensors": "c_sensors", **{name: f"in_{name}" for name in loop.config.inputs}}
     borders, y = _Borders(loop.arm.names, arguments=arguments), sampling.sensors.y
     if part == "plant":
         borders.add(command, "in_u", first["u"], "input", "discrete")
@@ -266,14 +271,17 @@ def _name(stage: Stage) -> str:
 
 
 def acting_layout(loop: UnrecordedLoop, name: str) -> Layout:
-    """Layout of an optional input of the plant: "wrench", "brake" or "payload"."""
+    """Layout of an optional input of the plant: "wrench", "supply", "brake", "enabled" or "payload"."""
     arm = loop.arm
     if name == "wrench":
         units = ("N",) * 3 + ("N m",) * 3
         return Layout((Signal(name, units, (6,), labels=WRENCH, about="of the environment on the tip, base axes"),))
-    if name == "brake":
-        braked = tuple(i for i, body in enumerate(arm.coordinates) if body.brake is not None)
-        return Layout((joint_signal(arm, name, "1", "1: the holding brake is applied, 0: released", braked),))
+    if name == "supply":
+        return Layout((Signal(name, ("V",), (1,), labels=("voltage",), about="of the supply of all drives"),))
+    if name in SWITCHES:
+        switched, about = SWITCHES[name]
+        joints = tuple(i for i, body in enumerate(arm.coordinates) if switched(body) is not None)
+        return Layout((joint_signal(arm, name, "1", about, joints),))
     frames = loop.config.payload_frames
     labels = tuple(f"{frame} {part}" for frame in frames for part in INERTIA)
     units = INERTIA_UNITS * len(frames)

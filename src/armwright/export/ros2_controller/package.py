@@ -135,25 +135,27 @@ def controller_table(stages: ControllerStages) -> dict[str, Any]:
     for key, row in _parameters(stages).items():
         table, _, field = key.partition(".")
         parameters.setdefault(table, {})[field] = np.ravel(row.values).astype(float).tolist()
-    return {
-        "controller_manager": {
-            "ros__parameters": {
-                "update_rate": rate,
-                "joint_state_broadcaster": {"type": "joint_state_broadcaster/JointStateBroadcaster"},
-                name: {"type": f"{name}/Controller"},
-                "arm_controller": {"type": "joint_trajectory_controller/JointTrajectoryController"},
-            }
-        },
-        name: {"ros__parameters": parameters},
-        "arm_controller": {
-            "ros__parameters": {
-                "joints": joints,
-                "command_joints": [f"{name}/{joint}" for joint in joints],
-                "command_interfaces": list(reference_interfaces(stages).values()),
-                "state_interfaces": ["position", "velocity"],
-            }
-        },
-    }
+    commanded = {"joints": joints, "command_joints": [f"{name}/{joint}" for joint in joints]}
+    commanded["command_interfaces"] = list(reference_interfaces(stages).values())
+    return controller_parameters(rate, {name: (f"{name}/Controller", parameters)}, commanded)
+
+
+def controller_parameters(
+    rate: int, own: Mapping[str, tuple[str, dict[str, Any]]], commanded: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Parameters of the controller manager and its controllers.
+
+    Args:
+        rate: [Hz] of updates.   own: type and parameters of further controllers, by name.
+        commanded: parameters of the joint_trajectory_controller: its joints, and what it commands.
+    """
+    types = {"joint_state_broadcaster": "joint_state_broadcaster/JointStateBroadcaster"}
+    types |= {name: kind for name, (kind, _) in own.items()}
+    types["arm_controller"] = "joint_trajectory_controller/JointTrajectoryController"
+    manager = {"update_rate": rate, **{name: {"type": kind} for name, kind in types.items()}}
+    tables = {"controller_manager": manager, **{name: parameters for name, (_, parameters) in own.items()}}
+    tables["arm_controller"] = {**commanded, "state_interfaces": ["position", "velocity"]}
+    return {name: {"ros__parameters": table} for name, table in tables.items()}
 
 
 def _signals_read(layout: Layout, entries: set[int]) -> set[str]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any
 
@@ -17,6 +16,7 @@ from armwright.parameters import LaneFields
 from armwright.program import Program, trace
 from armwright.scalar import Array
 from armwright.signals import Layout, SignalValues
+from armwright.simulation.checks import check_arguments
 from armwright.simulation.loop.sensor_set import measurement_of
 
 ControlLaw = Any  # a Controller, or a plain function (t, r, y) → u
@@ -155,17 +155,8 @@ def check_controller(control: Any) -> None:
         raise ScenarioError(place="loop.controller", value=control, expected=LAW)
     for part, names in TAKEN.items():
         function = getattr(control, part, None) if part else None if hasattr(control, "step") else control
-        if function is None:
-            continue
-        try:
-            taken = inspect.signature(function)
-        except ValueError:  # a built-in function without a signature
-            continue
-        try:
-            taken.bind(*names)
-        except TypeError:
-            place = place_of(f"{called(control)}.{part}" if part else called(control))
-            raise ScenarioError(f"takes {taken}", place=place, expected=f"({', '.join(names)})") from None
+        if function is not None:
+            check_arguments(function, names, place_of(f"{called(control)}.{part}" if part else called(control)))
 
 
 def traced_controller(adapter: ControllerAdapter, arm: Model, period: float, states: int) -> Program:

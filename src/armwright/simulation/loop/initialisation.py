@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from armwright import scalar
@@ -20,7 +22,7 @@ from armwright.signals import Layout
 from armwright.simulation.loop.config import LoopConfig, Sampling
 from armwright.simulation.loop.controller import ControllerAdapter, hidden_state
 from armwright.simulation.loop.sensor_set import SensorSet
-from armwright.simulation.plant.inputs import PlantInputs
+from armwright.simulation.plant.inputs import OF_DRIVES, PlantInputs
 from armwright.simulation.plant.view import PlantView
 
 OF_PLANT, OF_LOOP = ("x_0",), ("u_0", "y_0", "m_0", "s_0")
@@ -42,8 +44,9 @@ class Initialisation:
     They are computed by one compiled program however many lanes there are, so that a lane's bits do not depend on their number.
 
     Attributes:
-        program: (start, c, p, payload, wrench, c_sensors, u?) → initial state of the plant and, of a sampled loop, the command
-            in force, the measurement, what sensors remember and the controller's state. None where the state is the start itself.
+        program: (start, c, p, payload, wrench, c_sensors, u?, supply?, enabled?) → initial state of the plant and, of a sampled
+            loop, the command in force, the measurement, what sensors remember and the controller's state. None where the state
+            is the start itself.
         untraced: why the controller's own beginning is not traced; None where it is.
     """
 
@@ -96,21 +99,24 @@ class Initialisation:
         shapes["c_sensors"] = (0,) if sensors is None else sensors.values.shape[1:]
         if sensors is not None and self._command is not None:
             shapes["u"] = (config.arm.n,)
+        if sensors is not None:
+            shapes |= {name: (size,) for name, size in config.inputs.items() if name in OF_DRIVES}
 
         def begin(controller: ControllerAdapter, *arguments: Array) -> tuple[Array, ...]:
-            start, c, p, payload, wrench, c_sensors, *command = arguments
-            plant, n = config.plant({"p": p, "payload": payload}), config.arm.n
+            given = dict(zip(shapes, arguments, strict=True))
+            plant, n, start = config.plant(given), config.arm.n, given["start"]
             arm, x = plant.model, start if self._whole else plant.initial(start[:n], start[n:])
             if sensors is None:
                 return (scalar.array(x),)
             q = plant.part(x, "q")
-            u = command[0] if command else holding_command(arm, holding_torques(arm, q), q)
-            view = PlantView(plant, x, PlantInputs(u, wrench if len(wrench) else None), self._period)
-            exact = sensors.of_lane(c_sensors).without_noise()
+            u = given["u"] if "u" in given else holding_command(arm, holding_torques(arm, q), q)
+            inputs = PlantInputs.named(u, {name: given[name] for name in config.inputs if name in given})
+            view = PlantView(plant, x, inputs, self._period)
+            exact = sensors.of_lane(given["c_sensors"]).without_noise()
             memory = exact.memory(view)
             seen, _ = exact.measure(view, memory, np.full(sum(exact.draws), 0.5))
-            y = scalar.array(np.concatenate([seen, plant.applied(x, u)]))
-            s = np.zeros(0) if controller.control is None else controller.initial(arm, y, c)
+            y = scalar.array(np.concatenate([seen, plant.applied(x, inputs)]))
+            s = np.zeros(0) if controller.control is None else controller.initial(arm, y, given["c"])
             return scalar.array(x), scalar.array(u), y, scalar.array(memory), s
 
         def alone() -> Program:
@@ -146,16 +152,16 @@ class Initialisation:
         return trace("begin", begin, {**shapes, "payload": (10 * len(config.payload_frames),)}, ("s_0",))
 
     def blocks(
-        self, lanes: LaneGroup, payload: np.ndarray, wrench: np.ndarray, sampling: Sampling | None
+        self, lanes: LaneGroup, acting: Mapping[str, np.ndarray], sampling: Sampling | None
     ) -> dict[str, np.ndarray]:
         """Initial values of blocks for a group of lanes, (count, …) each, or (1, …) where they are the same for all.
 
         Args:
-            lanes: the group.   payload, wrench: (count or 1, entries) then acting.   sampling: of a sampled loop.
+            lanes: the group.   acting: (count or 1, entries) inputs then acting, by name.   sampling: of a sampled loop.
         """
         if self._kernel is None:
             return {"x": lanes.own(self._start)}
-        arguments = self.arguments(lanes, payload, wrench)
+        arguments = self.arguments(lanes, acting)
         values = self._kernel(*arguments)
         if sampling is None:
             return {"x": np.asarray(values)}
@@ -176,12 +182,12 @@ class Initialisation:
             "c_sensors": arguments[5],
         }
 
-    def arguments(self, lanes: LaneGroup, payload: np.ndarray, wrench: np.ndarray) -> list[np.ndarray]:
-        """Arguments of the program for a group of lanes, (count, entries) each; payload, wrench: as `blocks`."""
+    def arguments(self, lanes: LaneGroup, acting: Mapping[str, np.ndarray]) -> list[np.ndarray]:
+        """Arguments of the program for a group of lanes, (count, entries) each; acting: as `blocks`."""
+        assert self.program is not None
         sensors = np.zeros((1, 0)) if self._sensors is None else self._sensors.values
-        varying = (self._start, self._controller.values, self._parameters, None, None, sensors)
-        acting = iter((payload, wrench))
-        rows = [next(acting) if each is None else lanes.own(each) for each in varying]
-        if self._sensors is not None and self._command is not None:
-            rows.append(lanes.own(self._command))
+        own = {"start": self._start, "c": self._controller.values, "p": self._parameters, "c_sensors": sensors}
+        own |= {} if self._command is None else {"u": self._command}
+        names = [port.name for port in self.program.inputs]
+        rows = [lanes.own(own[name]) if name in own else acting[name] for name in names]
         return [np.ascontiguousarray(np.broadcast_to(row, (lanes.count, row.shape[1]))) for row in rows]

@@ -17,8 +17,11 @@ from armwright.simulation.integrate.integrators import INTEGRATORS, ORDER_OF_ERR
 from armwright.simulation.integrate.rosenbrock import rodas3_trial
 from armwright.simulation.integrate.stepping import adaptive_stage, dormand_prince_trial, speed_pairs
 from armwright.simulation.loop.config import LoopConfig
+from armwright.simulation.plant.inputs import PlantInputs
+from armwright.simulation.plant.plant import Plant
 from armwright.simulation.plant.saltation import landing_programs
 from armwright.simulation.plant.slopes import plant_slopes
+from armwright.simulation.plant.sticking import Sticking
 from armwright.simulation.plant.switching import Switching, Watched, switching_programs
 
 USUAL = ("qdd", "tau", "voltage", "current")  # stored of every arm
@@ -74,17 +77,22 @@ def plant_turn(config: LoopConfig) -> Turn | None:
     return Turn(program, config.bare.turn)
 
 
-def plant_derivative(config: LoopConfig) -> Callable[..., Array]:
-    """(x, u, …) → dx/dt of the arm with the lane's inputs and parameters.
+def of_plant(config: LoopConfig, method: Callable[[Plant, Array, PlantInputs], Any]) -> Callable[..., Any]:
+    """(x, u, …) → what a function of a plant, its state and its inputs gives for the lane's.
 
-    Behind these it takes the contacts that count as closed, where they do not follow from x.
+    Behind its inputs and parameters it takes the contacts that count as closed, where they do not follow from x.
     """
 
-    def derivative(x: Array, u: Array, *rest: Array) -> Array:
+    def function(x: Array, u: Array, *rest: Array) -> Any:
         plant, inputs = config.plant_call(u, rest)
-        return plant.derivative(x, inputs)
+        return method(plant, x, inputs)
 
-    return derivative
+    return function
+
+
+def plant_derivative(config: LoopConfig) -> Callable[..., Array]:
+    """(x, u, …) → dx/dt of the arm with the lane's inputs and parameters."""
+    return of_plant(config, Plant.derivative)
 
 
 def plant_step(config: LoopConfig, contacts: Mapping[str, tuple[int, ...]] = NOTHING) -> Program:
@@ -128,13 +136,8 @@ def _smooth_trial(config: LoopConfig, shapes: Mapping[str, tuple[int, ...]]) -> 
     if config.integrator == "rk45":
         return dormand_prince_trial(derivative, shapes)
     if config.integrator == "rodas3":
-
-        def slopes(x: Array, u: Array, *rest: Array) -> tuple[Array, Array, Array]:
-            plant, inputs = config.plant_call(u, rest)
-            return plant_slopes(plant, x, inputs)
-
         lands = config.adaptivity is not None and bool(config.adaptivity.events)
-        return rodas3_trial(derivative, slopes, shapes, config.bare.settled, lands)
+        return rodas3_trial(derivative, of_plant(config, plant_slopes), shapes, config.bare.settled, lands)
 
     def pair(x: Array, u: Array, *rest: Array) -> tuple[Array, ...]:
         *inputs, h = rest
@@ -150,25 +153,19 @@ def plant_watched(config: LoopConfig) -> Watched | None:
     Steps that go on beyond their ticks end where something begins to stick or breaks loose, too.
     """
 
-    def depths(x: Array, u: Array, *rest: Array) -> Array:
-        return config.plant_call(u, rest)[0].contact_depths(x)
-
-    def functions(x: Array, u: Array, *rest: Array) -> tuple[Array, Array]:
-        plant, inputs = config.plant_call(u, rest)
-        return plant.switching_functions(x, inputs)
-
-    def of_sticking(name: str) -> Callable[..., Array]:
-        def function(x: Array, u: Array, *rest: Array) -> Array:
-            plant, inputs = config.plant_call(u, rest)
+    def of_sticking(law: Callable[[Sticking, Array, PlantInputs], Array]) -> Callable[..., Array]:
+        def function(plant: Plant, x: Array, inputs: PlantInputs) -> Array:
             assert plant.sticking is not None
-            return getattr(plant.sticking, name)(x, inputs)
+            return law(plant.sticking, x, inputs)
 
-        return function
+        return of_plant(config, function)
 
+    depths = of_plant(config, lambda plant, x, inputs: plant.contact_depths(x))
+    functions = of_plant(config, Plant.switching_functions)
     contacts, sticking = sum(config.bare.contacts), config.bare.sticking
     if sticking is not None and (config.is_ahead or config.lands):
-        names = ("present", "sliding", "keeping", "settled")
-        return Watched(depths, functions, contacts, len(sticking.places), *(of_sticking(name) for name in names))
+        laws = (Sticking.present, Sticking.sliding, Sticking.keeping, Sticking.settled)
+        return Watched(depths, functions, contacts, len(sticking.places), *map(of_sticking, laws))
     return Watched(depths, functions, contacts) if contacts else None
 
 

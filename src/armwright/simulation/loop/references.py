@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -19,6 +18,7 @@ from armwright.parameters import Batch, LaneFields
 from armwright.program import Program, interpret, trace
 from armwright.scalar import Array, Scalar
 from armwright.signals import Layout
+from armwright.simulation.checks import check_arguments
 from armwright.simulation.inputs.input_schedule import InputSchedule, in_order, input_schedule, values_at_ticks
 from armwright.simulation.inputs.schedule import Schedule
 
@@ -200,7 +200,7 @@ def _of_function(
     arm: Model, layout: Layout, function: Callable[[Any], Any], t: np.ndarray, notes: list[str]
 ) -> np.ndarray:
     """Rows of a trajectory: traced and differentiated where it can be; else called time by time."""
-    _check_arguments(function)
+    check_arguments(function, ("t",), f"reference {called(function)!r}")
     try:
         program = trace("reference", lambda time: _values(arm, layout, function, time[0]), {"t": (1,)}, ("r",))
         return np.asarray(interpret(program, t.reshape(-1, 1))).reshape(len(t), layout.size)
@@ -222,22 +222,6 @@ def _of_function(
         )
     notes.append(f"reference {called(function)!r} cannot be traced ({reason}): called tick by tick, {speeds}")
     return rows
-
-
-def _check_arguments(function: Callable[[Any], Any]) -> None:
-    """Refuses a function of other things than time.
-
-    Raises:
-        ScenarioError: names it, and what it takes.
-    """
-    try:
-        taken = inspect.signature(function)
-    except ValueError:  # a built-in function without a signature
-        return
-    try:
-        taken.bind("t")
-    except TypeError:
-        raise ScenarioError(f"takes {taken}", place=f"reference {called(function)!r}", expected="(t)") from None
 
 
 def _values(arm: Model, layout: Layout, function: Callable[[Any], Any], t: Scalar) -> np.ndarray:

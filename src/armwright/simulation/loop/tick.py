@@ -10,7 +10,7 @@ Blocks between the stages, one lane's numbers each:
     s                  the controller's state
     u_asked, u_kept, u_issued    what it commands, what of that is within rate and limit, and what leaves, rounded
     u_queued, u        what comes out of the queue, and what is in force at the drives
-    wrench, brake, payload    on the tip, which are applied, and in the hands, in force
+    wrench, brake, payload    on the tip, which are applied, and in the hands, in force;   supply, enabled: of the drives
     p, c, c_reference  parameters of the robot, the controller and the reference that vary by lane;   d: delays
 """
 
@@ -30,7 +30,7 @@ from armwright.simulation.loop.command_filter import command_stages
 from armwright.simulation.loop.config import LoopConfig, Sampling
 from armwright.simulation.loop.controller import traced_controller
 from armwright.simulation.loop.plant_programs import plant_stages
-from armwright.simulation.plant.inputs import PlantInputs
+from armwright.simulation.plant.inputs import OF_DRIVES, PlantInputs
 from armwright.simulation.plant.view import PlantView
 
 SENSING, TIMING = 0, 1  # channels of random numbers
@@ -62,9 +62,7 @@ def make_tick(config: LoopConfig) -> Tick:
     inputs: list[Stage] = [RowsStage(name, entries) for name, entries in config.inputs.items()]
     if sampling is None:
         before += [RowsStage("u", config.arm.n)]
-    elif (
-        len(sampling.sensors.sensors) > 1 or "supply" in config.inputs
-    ):  # sensors and limits depend on what acts on the plant
+    elif _measured_inputs(config, sampling):  # sensors and limits depend on what acts on the plant
         before, inputs = inputs, []
     if sampling is not None:
         stages, seen = measuring_stages(config, sampling)
@@ -119,7 +117,7 @@ def measuring_stages(config: LoopConfig, sampling: Sampling) -> tuple[list[Stage
         values = dict(zip(more, p, strict=True))
         return scalar.array(np.concatenate([y, config.plant(values).applied(x, config.plant_inputs(u, values))]))
 
-    more = {name: shape for name, shape in config.plant_blocks.items() if name in ("p", "supply")}
+    more = {name: shape for name, shape in config.plant_blocks.items() if name in ("p", *OF_DRIVES)}
     shapes = {queue: (size,), "x": (config.bare.size,), "u": (n,)} | more
     stages.append(Call(trace("tell", tell, shapes, ("y",))))
     return stages, seen
@@ -130,14 +128,20 @@ def _seen(config: LoopConfig, sampling: Sampling) -> tuple[str, ...]:
     if not np.any(sampling.delays.earlier):
         return ()
     commands = ("u",) if sampling.delays.fractional else ()
-    inputs = tuple(config.inputs) if len(sampling.sensors.sensors) > 1 else ()
-    return ("x", *commands, *inputs)
+    return ("x", *commands, *_measured_inputs(config, sampling))
+
+
+def _measured_inputs(config: LoopConfig, sampling: Sampling) -> tuple[str, ...]:
+    """Inputs of the plant that what is measured depends on: of a user's sensor all, else those of the drives' currents."""
+    further = len(sampling.sensors.sensors) > 1
+    return tuple(name for name in config.inputs if further or name in OF_DRIVES)
 
 
 def _sensing(config: LoopConfig, sampling: Sampling, seen: tuple[str, ...], outputs: tuple[str, str]) -> Program:
     """One measurement of all sensors, from blocks of one instant."""
     sensors, draws = sampling.sensors, sum(sampling.sensors.draws)
-    of_view = config.plant_blocks if len(sensors.sensors) > 1 else _parameters(config)
+    of_view = _measured_inputs(config, sampling)
+    of_view = {name: shape for name, shape in config.plant_blocks.items() if name == "p" or name in of_view}
     shapes = {"x": (config.bare.size,), "u": (config.arm.n,)} | of_view
     schedules = [name for name in config.inputs if name in seen]  # their rows at a tick are in force when it measures
     blocks = {name + SEEN * (name in seen): shape for name, shape in shapes.items()}
@@ -156,8 +160,3 @@ def _sensing(config: LoopConfig, sampling: Sampling, seen: tuple[str, ...], outp
         return sensors.of_lane(given["c_sensors"]).measure(view, given["m_sensors"], w)
 
     return trace("sense", sense, blocks, outputs)
-
-
-def _parameters(config: LoopConfig) -> dict[str, tuple[int, ...]]:
-    """Shape of the block of varied parameters, if the arm has any."""
-    return {name: shape for name, shape in config.plant_blocks.items() if name == "p"}

@@ -284,18 +284,23 @@ class PlantDrives:
                 rates += [joints[i].rates[part.name] for i in joints_of if part.name in STIFF]
         return change, rates, fed
 
-    def measured(self, x: Array, u: Array, side: str = "link") -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def measured(
+        self, x: Array, inputs: PlantInputs | Array, side: str = "link"
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Values of exact sensors.
 
         Args:
-            x: (size,).   u: (n,) commands, which decide the currents of motors without inductance.
+            x: (size,).   inputs: commands, supply and enabled servos, which decide the currents of motors without inductance; or
+                commands alone.
             side: "link", or "motor": positions and speeds of the motors, θ_motor / n, referred to their joints.
         Returns:
             q: (n,) [rad | m].   qd: (n,) [rad/s | m/s].   current: (n,) [A], NaN where the record cannot say it.
         """
         n = self.model.n
         q, qd = (x[:n], x[n : 2 * n]) if side == "link" else self._motors(x)
-        return scalar.array(list(q)), scalar.array(list(qd)), self._done(x, u).current
+        inputs = PlantInputs.of(inputs)
+        of_drives = PlantInputs(inputs.command, supply=inputs.supply, enabled=inputs.enabled)
+        return scalar.array(list(q)), scalar.array(list(qd)), self._done(x, of_drives).current
 
     def of_joints(self, q: Array, qd: Array, side: str) -> tuple[Array, Array]:
         """Joint values from sensors of that side: encoders of coupled motors measure several joints together.

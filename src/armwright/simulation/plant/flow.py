@@ -18,11 +18,7 @@ from armwright.model import Model
 from armwright.scalar import Array, Scalar
 from armwright.simulation.plant.drives import PlantDrives
 from armwright.simulation.plant.inputs import PlantInputs
-from armwright.simulation.plant.joint_drive import (
-    DrivenJoint,
-    SwitchingFunction,
-    standing,
-)
+from armwright.simulation.plant.joint_drive import DrivenJoint, SwitchingFunction, standing
 from armwright.simulation.plant.sticking import Sticking, sticking_places
 
 

@@ -10,6 +10,7 @@ from armwright.scalar import Array
 
 # those that the plant's derivative takes beside commands; a payload changes the arm itself
 HELD = ("wrench", "brake", "contacts", "directions", "supply", "enabled")
+OF_DRIVES = ("supply", "enabled")  # those that the currents of motors depend on beside their commands
 
 
 @dataclass(frozen=True, eq=False)

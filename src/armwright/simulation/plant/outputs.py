@@ -13,12 +13,7 @@ from armwright.actuators.coupling import to_joints, to_motors
 from armwright.scalar import Array, Scalar
 from armwright.simulation.plant.flow import Flow, PlantFlow
 from armwright.simulation.plant.inputs import PlantInputs
-from armwright.simulation.plant.state import has_effect
-
-STATES = (  # outputs that are states of the plant
-    *("motor_q", "motor_qd", "bristle", "brake", "winding_temperature", "housing_temperature"),
-    *("goal", "duty", "goal_current"),
-)
+from armwright.simulation.plant.state import SHOWN, has_effect
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +52,7 @@ class PlantOutputs(PlantFlow):
             "friction_loss": [joint.loss + loss for joint, loss in zip(joints, self._followers_loss(x), strict=True)],
             "electrical_power": [joint.power for joint in joints],
         }
-        for name in STATES:
+        for name in SHOWN:
             if name in self.layout:
                 values = dict(zip(self.layout[name].joints or (), self.part(x, name), strict=True))
                 rows[name] = [values.get(i, np.nan) for i in range(model.n)]

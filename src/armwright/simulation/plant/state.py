@@ -8,6 +8,25 @@ from armwright.model import Body, Firmware, Model
 from armwright.model.joint_signals import joint_signal
 from armwright.signals import Layout, Signal
 
+# Parts of the state behind q and q̇, with the quantity whose unit each has and what it is; outputs of the plant, too.
+SHOWN = {
+    "motor_q": ("rad", "position of the motor behind its elastic gear"),  # θ_motor, in the motor's own radians
+    "motor_qd": ("rad/s", "velocity of the motor behind its elastic gear"),
+    "bristle": ("q", "deflection of the bristles"),
+    "brake": ("q", "how far the brake gave way"),
+    "winding_temperature": ("°C", "temperature of the motor's winding"),
+    "housing_temperature": ("°C", "temperature of the motor's housing"),
+    "goal": ("q", "goal that the servo follows"),
+    "duty": ("1", "duty of the servo's bridge"),
+    "goal_current": ("A", "current that the servo asks for"),
+}
+ABOUT = {
+    **SHOWN,
+    "goal_speed": ("qd", "speed of that goal"),
+    "goal_error": ("q", "error when its loop last turned"),
+    "goal_integral": ("rad s", "integral of the errors"),
+}
+BUS_VOLTAGE = ("V", "voltage of the supply's bus")
 OUTPUTS = ("duty", "goal_current")  # of a servo's loop, in force
 WAITING = "output_in_"  # how the names of its outputs begin that come into force so many periods later
 KEPT = ("goal", "goal_speed", "goal_error", "goal_integral", *OUTPUTS)  # what changes when it turns, and not between
@@ -24,48 +43,40 @@ def state_layout(model: Model, brakes: bool) -> Layout:
     def which(has: Callable[[Body], bool]) -> tuple[int, ...]:
         return tuple(i for i, body in enumerate(model.coordinates) if has(body))
 
-    every, elastic = which(lambda body: True), which(lambda body: body.elasticity is not None)
-    wound = which(lambda body: body.drive.inductance is not None)
-    bristle = which(lambda body: body.friction is not None and body.friction.has_bristles)
-    braked = which(lambda body: brakes and body.brake is not None and not body.brake.is_rigid)
-    warm = which(lambda body: body.drive.thermal is not None)
-    housed = which(lambda body: body.drive.thermal is not None and body.drive.thermal.housing is not None)
     served = [(i, body.drive.firmware) for i, body in enumerate(model.coordinates) if body.drive.firmware is not None]
 
     def servos(has: Callable[[Firmware], bool]) -> tuple[int, ...]:
         return tuple(i for i, firmware in served if has(firmware))
 
     latency = max((firmware.latency for _, firmware in served), default=0)
-    rows = (
-        ("q", "q", every, ""),
-        ("qd", "qd", every, ""),
-        # θ_motor, in the motor's own radians.
-        ("motor_q", "rad", elastic, "position of the motor behind its elastic gear"),
-        ("motor_qd", "rad/s", elastic, "velocity of the motor behind its elastic gear"),
-        ("current", "current", wound, ""),
-        ("bristle", "q", bristle, "deflection of the bristles"),
-        ("brake", "q", braked, "how far the brake gave way"),
-        ("winding_temperature", "°C", warm, "temperature of the motor's winding"),
-        ("housing_temperature", "°C", housed, "temperature of the motor's housing"),
-        ("goal", "q", servos(lambda firmware: True), "goal that the servo follows"),
-        ("goal_speed", "qd", servos(lambda firmware: firmware.acceleration is not None), "speed of that goal"),
-        (
-            "goal_error",
-            "q",
-            servos(lambda firmware: firmware.derivative is not None),
-            "error when its loop last turned",
+    elastic = which(lambda body: body.elasticity is not None)
+    joints = {
+        "q": which(lambda body: True),
+        "qd": which(lambda body: True),
+        "motor_q": elastic,
+        "motor_qd": elastic,
+        "current": which(lambda body: body.drive.inductance is not None),
+        "bristle": which(lambda body: body.friction is not None and body.friction.has_bristles),
+        "brake": which(lambda body: brakes and body.brake is not None and not body.brake.is_rigid),
+        "winding_temperature": which(lambda body: body.drive.thermal is not None),
+        "housing_temperature": which(
+            lambda body: body.drive.thermal is not None and body.drive.thermal.housing is not None
         ),
-        ("goal_integral", "rad s", servos(lambda firmware: firmware.integral is not None), "integral of the errors"),
-        ("duty", "1", servos(lambda firmware: firmware.output == "duty"), "duty of the servo's bridge"),
-        ("goal_current", "A", servos(lambda firmware: firmware.output == "current"), "current that the servo asks for"),
-        *(
-            (f"{WAITING}{k}", "1", servos(lambda firmware, k=k: firmware.latency >= k), "output of the loop to come")
-            for k in range(1, latency + 1)
-        ),
-    )
-    signals = [joint_signal(model, name, quantity, about, joints) for name, quantity, joints, about in rows if joints]
+        "goal": servos(lambda firmware: True),
+        "goal_speed": servos(lambda firmware: firmware.acceleration is not None),
+        "goal_error": servos(lambda firmware: firmware.derivative is not None),
+        "goal_integral": servos(lambda firmware: firmware.integral is not None),
+        "duty": servos(lambda firmware: firmware.output == "duty"),
+        "goal_current": servos(lambda firmware: firmware.output == "current"),
+    }
+    about = ABOUT | {f"{WAITING}{k}": ("1", "output of the loop to come") for k in range(1, latency + 1)}
+    joints |= {f"{WAITING}{k}": servos(lambda firmware, k=k: firmware.latency >= k) for k in range(1, latency + 1)}
+    signals = [
+        joint_signal(model, name, *about.get(name, (name, "")), which) for name, which in joints.items() if which
+    ]
     if model.supply is not None:
-        signals.append(Signal("bus_voltage", "V", (1,), about="voltage of the supply's bus"))
+        unit, what = BUS_VOLTAGE
+        signals.append(Signal("bus_voltage", unit, (1,), about=what))
     return Layout.of(signals)
 
 

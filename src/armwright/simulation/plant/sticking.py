@@ -185,14 +185,10 @@ class Sticking:
         ratios = [body.drive.gear_ratio for body in self.plant.model.coordinates]
         jumps = []
         for place in self.places:
-            i = place[0]
             if place in self._together:
-                forward, backward = (
-                    self._side(place, side[i], self._resisting(x, i, side[i], way)).standing
-                    for side, way in zip(sides, (1.0, -1.0), strict=True)
-                )
+                forward, backward = (way.standing for way in self._ways(x, place, sides))
             else:
-                forward, backward = (side[i].acceleration / ratios[i] for side in sides)
+                forward, backward = (side[place[0]].acceleration / ratios[place[0]] for side in sides)
             jumps.append(scalar.less(forward, backward))
         return jumps
 
@@ -308,10 +304,7 @@ class Sticking:
         for place, torque in zip(self._together, holding, strict=True):
             i = place[0]
             there = torque + self._side(place, joints[i], self._resisting(x, i, joints[i], 0.0)).standing
-            low, high = (
-                self._side(place, side[i], self._resisting(x, i, side[i], way)).standing
-                for side, way in zip(sides, (1.0, -1.0), strict=True)
-            )
+            low, high = (way.standing for way in self._ways(x, place, sides))
             excess = scalar.maximum(low - there, there - high) / mass[i, i]
             found[place] = (
                 excess,
@@ -434,13 +427,14 @@ class Sticking:
         elements = []
         for i, on_motor in self._together:
             lossy = sides[0][i].gear_loss is not None and (on_motor or not _is_separate(coordinates[i]))
-            ways = [
-                self._side((i, on_motor), side[i], self._resisting(x, i, side[i], way))
-                for side, way in zip(sides, (1.0, -1.0), strict=True)
-            ]
             inertia = coordinates[i].drive.reflected if lossy else 0.0
-            elements.append(DryElement(self._row((i, on_motor)), inertia, *ways))
+            elements.append(DryElement(self._row((i, on_motor)), inertia, *self._ways(x, (i, on_motor), sides)))
         return mass, bias, gears, elements
+
+    def _ways(self, x: Array, place: Place, sides: Sequence[Sequence[DrivenJoint]]) -> list[Side]:
+        """An element that moves forward, and one that moves backward."""
+        i, ways = place[0], zip(sides, (1.0, -1.0), strict=True)
+        return [self._side(place, side[i], self._resisting(x, i, side[i], way)) for side, way in ways]
 
     def _side(self, place: Place, joint: DrivenJoint, resisting: Scalar) -> Side:
         i, on_motor = place

@@ -54,26 +54,21 @@ class VariedStepLimit:
         """
         lanes = self._examined_lanes()
         asked = (name, step, checksum(commands), substeps, tuple(whole))
-        kept(  # of what was refused nothing is kept
-            ("steps", *self._key, self.values[lanes].tobytes(), *asked),
-            lambda: self._check(lanes, name, integrator, step, commands, substeps, whole),
-        )
+
+        def check() -> None:
+            slopes = kept(("linearised", *self._key), lambda: linearised(self.varied.arm, self.varied))
+            for lane in self._fastest(slopes, lanes, loads(self.varied.arm, commands)):
+                values = ", ".join(f"{p} = {v:g}" for p, v in zip(self.varied.names, self.values[lane], strict=True))
+                where = f" (in lane {lane}, with {values})" if self.laned else f" (with {values})"
+                limit = StepLimit(self.varied.model(self.values[lane]), slopes, self.values[lane])
+                limit.check_step(name, integrator, step, commands, substeps, where, whole)
+
+        kept(("steps", *self._key, self.values[lanes].tobytes(), *asked), check)  # of what was refused nothing is kept
 
     @cached_property
     def _key(self) -> tuple[str, tuple[str, ...]]:
         """The arm by its content, and what varies."""
         return self.varied.arm.sha256, self.varied.names
-
-    def _check(self, lanes: np.ndarray, name: str, integrator: Integrator, step: float, commands: np.ndarray,
-        substeps: int | None, whole: Sequence[float],
-    ) -> None:  # fmt: skip
-        """`check_step` of the fastest of some lanes."""
-        slopes = kept(("linearised", *self._key), lambda: linearised(self.varied.arm, self.varied))
-        for lane in self._fastest(slopes, lanes, loads(self.varied.arm, commands)):
-            values = ", ".join(f"{p} = {v:g}" for p, v in zip(self.varied.names, self.values[lane], strict=True))
-            where = f" (in lane {lane}, with {values})" if self.laned else f" (with {values})"
-            limit = StepLimit(self.varied.model(self.values[lane]), slopes, self.values[lane])
-            limit.check_step(name, integrator, step, commands, substeps, where, whole)
 
     def _examined_lanes(self) -> np.ndarray:
         """Numbers of lanes with unlike values: those with the least and the most of each, and others evenly among all."""

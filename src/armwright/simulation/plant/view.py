@@ -53,7 +53,7 @@ class PlantView:
     @cached_property
     def current(self) -> Array:
         """(n,) [A], NaN where the record cannot say it."""
-        return self._plant.measured(self._x, self._inputs.command, "link")[2]
+        return self._plant.measured(self._x, self._inputs, "link")[2]
 
     @cached_property
     def wrench(self) -> Array:
@@ -79,4 +79,4 @@ class PlantView:
 
     @cached_property
     def _motors(self) -> tuple[Array, Array]:
-        return self._plant.measured(self._x, self._inputs.command, "motor")[:2]
+        return self._plant.measured(self._x, self._inputs, "motor")[:2]

@@ -19,7 +19,7 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from armwright.errors import BusError, Problem
-from armwright.output import whole_file
+from armwright.output import write_whole
 from armwright.quantity import Record
 from armwright.reading import read_file
 from armwright.twin.serial.registers import ServoModel
@@ -90,8 +90,7 @@ class Calibration:
             OutputError: it cannot be written.
         """
         table = {name: servo.model_dump(exclude_none=True) for name, servo in self.joints.items()}
-        with whole_file(path, (".json",)) as temporary:
-            temporary.write_text(json.dumps(table, indent=2) + "\n", encoding="utf-8", newline="\n")
+        write_whole(path, json.dumps(table, indent=2) + "\n", (".json",))
 
 
 def read_calibration(path: str | os.PathLike[str]) -> Calibration:

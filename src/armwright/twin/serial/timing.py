@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Protocol
 
 from armwright.errors import BusError
-from armwright.output import whole_file
+from armwright.output import write_whole
 from armwright.twin import clock
 from armwright.twin.serial.bus import ServoBus, wire_time
 from armwright.twin.serial.frames import Frame, Framing
@@ -206,5 +206,4 @@ class GoalSchedule:
         """
         head = ",".join(["t [s]", *self.names])
         lines = [head, *(",".join(map(repr, [time, *goals])) for time, goals in self.rows)]
-        with whole_file(path, (".csv",)) as temporary:
-            temporary.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
+        write_whole(path, "\n".join(lines) + "\n", (".csv",))
