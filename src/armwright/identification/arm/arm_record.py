@@ -75,10 +75,8 @@ def record_parameters(fit: ArmFit, rows: Callable[[TorqueModel], SampleSource]) 
     equations = fit.weighted or fit.equations
     model = equations.model
     kept = _columns_of_record(equations, fit.weights, fit.base.independent)
-    matrix, target = (
-        fit.information @ fit.base.matrix,
-        fit.information @ fit.values,
-    )  # |R (A π − β)|² is what π costs beyond β
+    # |R (A π − β)|² is what π costs beyond β
+    matrix, target = fit.information @ fit.base.matrix, fit.information @ fit.values
     links = np.arange(PER_LINK * len(model.arm.bodies)).reshape(-1, PER_LINK)
     columns = [model.columns[k] for k in kept]
     bounds = PhysicalBounds(

@@ -204,13 +204,8 @@ def fitted(
 
     if isinstance(model, LossyModel):
         problem = GearProblem(lambda each: read(each)[1], told_parameters, method)
-        gears_fit = fit_gears(problem, model, _useless_springs, lambda each: stream.kept(each, memory)(), strict=strict)
-        model, equations, dropped, unfitted = (
-            gears_fit.model,
-            gears_fit.equations,
-            gears_fit.dropped,
-            gears_fit.unfitted,
-        )
+        found = fit_gears(problem, model, _useless_springs, lambda each: stream.kept(each, memory)(), strict=strict)
+        model, equations, dropped, unfitted = found.model, found.equations, found.dropped, found.unfitted
         rows = stream.kept(model, memory)
     else:
         rows, equations = read(model)

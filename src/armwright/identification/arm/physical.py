@@ -27,9 +27,8 @@ from scipy.optimize import least_squares
 from armwright.errors import IdentificationError
 
 PER_LINK = 10  # [m, m c_x, m c_y, m c_z, Ixx, Ixy, Ixz, Iyy, Iyz, Izz], about the link frame's origin
-AT_BOUND = (
-    1e-5  # smallest eigenvalue of a pseudo-inertia in its units, by the largest: no more than the solver's rounding
-)
+# smallest eigenvalue of a pseudo-inertia in its units, by the largest: no more than the solver's rounding
+AT_BOUND = 1e-5
 FLAT = 1e-8  # eigenvalue of a prior, as AT_BOUND: below, its divergence says nothing
 ACTIVE = 1e-6  # a number above its bound by no more, in units of its column
 STEEPEST = 15.0  # of the exponents of the diagonal: a body 3e6 times thinner than the prior is flat
@@ -130,12 +129,7 @@ class PhysicalEstimate:
 
 
 def physical_by_sdp(
-    R: np.ndarray,
-    z: np.ndarray,
-    bounds: PhysicalBounds,
-    *,
-    prior: np.ndarray | None = None,
-    weight: float = 1.0,
+    R: np.ndarray, z: np.ndarray, bounds: PhysicalBounds, *, prior: np.ndarray | None = None, weight: float = 1.0
 ) -> PhysicalEstimate:
     """Physically possible parameters by semidefinite programming: the global minimum. [Wensing2018] [SousaCortesao2014]
 
@@ -184,12 +178,7 @@ def physical_by_sdp(
 
 
 def physical_by_log_cholesky(
-    R: np.ndarray,
-    z: np.ndarray,
-    bounds: PhysicalBounds,
-    *,
-    prior: np.ndarray | None = None,
-    weight: float = 1.0,
+    R: np.ndarray, z: np.ndarray, bounds: PhysicalBounds, *, prior: np.ndarray | None = None, weight: float = 1.0
 ) -> PhysicalEstimate:
     """Physically possible parameters as a least-squares problem without constraints on the links. [RuckerWensing2022]
 

@@ -97,9 +97,8 @@ def score_tests(fit: ArmFit, samples: Iterable[Samples]) -> list[Score]:
     torque, moved = (
         np.nan_to_num(np.concatenate(each)).std(axis=0) for each in zip(*((b.tau, b.q) for b in blocks), strict=True)
     )
-    stiffness = np.divide(
-        torque, moved, out=np.zeros_like(moved), where=moved > 0.0
-    )  # of springs with the torques' spread
+    # of springs with the torques' spread
+    stiffness = np.divide(torque, moved, out=np.zeros_like(moved), where=moved > 0.0)
     columns, effects, errors = [], [], []
     for block in blocks:
         Y = block.regressor(model)[:, :, base.independent]

@@ -28,11 +28,7 @@ from scipy.linalg import block_diag, null_space
 from armwright.entry import AnyArm, as_arm
 from armwright.errors import Interrupted, ScenarioError
 from armwright.identification.experiments.columns import DRIVES, BaseRegressor
-from armwright.identification.experiments.information import (
-    Criterion,
-    condition_number,
-    criterion_function,
-)
+from armwright.identification.experiments.information import Criterion, condition_number, criterion_function
 from armwright.identification.experiments.limits import ExcitationLimits, excitation_limits
 from armwright.kernels.compiled import KERNELS
 from armwright.kernels.signatures import SIGNATURES, trace_kernel

@@ -85,14 +85,8 @@ def fitted(
     fit, stages = begun, STAGES[loss][-1:]
     if fit is None:
         count, first = len(setting.grouped), setting.rows(np.zeros(len(setting.grouped)))
-        fit = GeometryFit(
-            setting,
-            np.zeros(count),
-            np.ones(len(setting.q)),
-            0.0,
-            prior_sizes(setting, first),
-            np.ones(len(first.pose)),
-        )
+        by_pose, sizes = np.ones(len(setting.q)), prior_sizes(setting, first)
+        fit = GeometryFit(setting, np.zeros(count), by_pose, 0.0, sizes, np.ones(len(first.pose)))
         stages = STAGES[loss]
     fit = replace(fit, strength=strength)
     for weigh in stages:

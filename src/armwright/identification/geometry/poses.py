@@ -79,11 +79,8 @@ class CalibrationPoses(Result):
 
     def sentences(self) -> list[str]:
         """A remark if collisions were not checked."""
-        return (
-            ["no link has a shape, so collisions were not looked at: radius gives them one"]
-            if self.least is None
-            else []
-        )
+        said = "no link has a shape, so collisions were not looked at: radius gives them one"
+        return [said] if self.least is None else []
 
     def draw(self, figure: Any, ink: str, quiet: str) -> None:
         """Draws the deviation of every correction, by that of random poses."""

@@ -51,13 +51,7 @@ def corners(log: Log, run: LogRun) -> tuple[float, ...]:
 
 
 def merged(
-    log: Log,
-    q: np.ndarray,
-    qd: np.ndarray,
-    rate: float,
-    limits: np.ndarray,
-    slope: Derivative,
-    curvature: Derivative,
+    log: Log, q: np.ndarray, qd: np.ndarray, rate: float, limits: np.ndarray, slope: Derivative, curvature: Derivative
 ) -> tuple[np.ndarray, np.ndarray]:
     """Speeds and accelerations (rows, joints of the log) of filtered positions and speeds (rows, their joints).
 

@@ -76,11 +76,7 @@ class Preparation:
     @property
     def settings(self) -> dict[str, Any]:
         """Settings that repeat this preparation on another log, as `[fits]` of a record keeps them."""
-        return {
-            "cutoff_hz": self.cutoff,
-            "order": self.order,
-            "differentiation": self.differentiation,
-        }
+        return {"cutoff_hz": self.cutoff, "order": self.order, "differentiation": self.differentiation}
 
     def at(self, cutoff: float, decimate: int | None = None, reason: str = "as asked for") -> Preparation:
         """The preparation with another cut-off in Hz, and as many rows as it needs, or every `decimate`-th."""
@@ -316,10 +312,8 @@ def _cutoff(log: Log, run: LogRun, rate: float) -> tuple[float, str]:
     assert run.census is not None
     name = next((name for name in ("q", "qd") if name in log.layout), log.layout.names[0])
     signal, raw, rows = log.layout[name], run.census.excerpt.values[name], run.census.longest
-    best, reason = (
-        LOWEST * rate,
-        f"cut-off {LOWEST * rate:.4g} Hz: no motion stands above the noise; the lowest that the rate allows",
-    )
+    best = LOWEST * rate
+    reason = f"cut-off {best:.4g} Hz: no motion stands above the noise; the lowest that the rate allows"
     for k, joint in enumerate(signal.joints or ()):
         if rows is None or len(rows.t) < SHORTEST or rows.values[name][:, k].std() == 0:
             continue

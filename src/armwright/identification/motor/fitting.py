@@ -199,10 +199,8 @@ def _note_ends(done: Fitted) -> None:
     """Notes numbers above 0 that ran into a bound of their search, before they are held for telling nothing there."""
     low, high = done.problem.bounds
     for k in done.kept:
-        each, is_end = (
-            done.problem.unknowns[k],
-            min(done.z[k] - low[k], high[k] - done.z[k]) < AT_BOUND * (high[k] - low[k]),
-        )
+        each = done.problem.unknowns[k]
+        is_end = min(done.z[k] - low[k], high[k] - done.z[k]) < AT_BOUND * (high[k] - low[k])
         if is_end and each.logarithmic and not each.nuisance and k not in done.ends:
             done.ends.append(k)
 

@@ -14,13 +14,7 @@ from armwright.entry import expect_names
 from armwright.errors import ModelError
 from armwright.identification.motor.drive_record import paths_of, value_at
 from armwright.identification.motor.guess import Guess
-from armwright.identification.motor.measured import (
-    Driven,
-    Measured,
-    largest_command,
-    largest_speed,
-    rows_of_count,
-)
+from armwright.identification.motor.measured import Driven, Measured, largest_command, largest_speed, rows_of_count
 from armwright.identification.motor.output_error import DriveProblem, UnknownPlaces
 from armwright.identification.motor.response import Response, response_of
 from armwright.identification.motor.unknowns import RANGE, Unknown, values_of

@@ -98,10 +98,8 @@ def loop_of(logs: Sequence[BenchLog], loop: ServoLoop | None) -> ServoLoop:
         return loop
     name, known = next((each.servo for each in logs if each.servo), ""), known_loops()
     if name not in known:
-        what, expected = (
-            "a servo whose loop is not known",
-            "loop=aw.identification.ServoLoop(…) (--duty-gain, --max-duty)",
-        )
+        what = "a servo whose loop is not known"
+        expected = "loop=aw.identification.ServoLoop(…) (--duty-gain, --max-duty)"
         raise LogError(what, place="motor", value=name, expected=expected, choices=known, file=logs[0].name)
     return known[name]
 

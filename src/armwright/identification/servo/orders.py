@@ -30,14 +30,8 @@ ORDERS = {
         *("square_motor", "square_external"),
     ),
 }
-BEFORE = {
-    "M1": (),
-    "M2": ("M1",),
-    "M3": ("M1",),
-    "M4": ("M2", "M3"),
-    "M5": ("M4",),
-    "M6": ("M5",),
-}  # whose fits it starts from
+# whose fits it starts from
+BEFORE = {"M1": (), "M2": ("M1",), "M3": ("M1",), "M4": ("M2", "M3"), "M5": ("M4",), "M6": ("M5",)}
 # Names that stand for several numbers of the record, by which they are the sum.
 PARTS = {
     "coulomb": ("coulomb", "coulomb_back", "still"),
