@@ -34,17 +34,8 @@ FRICTION_STEMS = {
 }
 SHORT = (*MOTOR_KEYS, *FRICTION_STEMS, "stribeck", "delay", "offset")
 HOLD_FIRST = (
-    "L",
-    "R",
-    "viscous",
-    "Ke",
-    "stribeck_speed",
-    "stribeck_torque",
-    "friction_offset",
-    "dead_zone",
-    "efficiency",
-    "Kt",
-    "J",
+    *("L", "R", "viscous", "Ke", "stribeck_speed", "stribeck_torque", "friction_offset", "dead_zone", "efficiency"),
+    *("Kt", "J"),
 )
 
 
