@@ -116,11 +116,8 @@ def minimised(fit: GeometryFit, weights: np.ndarray) -> np.ndarray:
         errors = np.concatenate([rows.errors * by, prior * points[0]])
         return errors[None], np.concatenate([rows.jacobian * by[:, None], np.diag(prior)])[None]
 
-    def ends(gained: np.ndarray, cost: np.ndarray, moved: np.ndarray) -> np.ndarray:
-        del moved
-        return gained <= GAIN * cost
-
-    found = descended(evaluate, Descent.begin(evaluate, fit.values[None]), ends=ends)
+    begun = Descent.begin(evaluate, fit.values[None])
+    found = descended(evaluate, begun, ends=lambda gained, cost, _: gained <= GAIN * cost)
     if not np.isfinite(found.cost[0]):
         raise IdentificationError("diverges", place="measurements", expected="poses and points of this arm")
     return found.x[0]
@@ -159,11 +156,6 @@ def deviations(fit: GeometryFit) -> tuple[np.ndarray, int]:
     return np.sqrt(squares / max(middle, np.finfo(float).tiny)), freedom
 
 
-def _alike(deviation: np.ndarray, freedom: int) -> np.ndarray:
-    del freedom
-    return np.ones(len(deviation))
-
-
 def _huber(deviation: np.ndarray, freedom: int) -> np.ndarray:
     limit = HUBER * np.sqrt(CHI2_95[freedom] / CHI2_95[1])
     return np.minimum(1.0, limit / np.maximum(deviation, limit))
@@ -175,7 +167,9 @@ def _tukey(deviation: np.ndarray, freedom: int) -> np.ndarray:
 
 
 Weigh = Callable[[np.ndarray, int], np.ndarray]
-STAGES: dict[str, tuple[Weigh, ...]] = {"squares": (_alike,), "huber": (_huber,), "tukey": (_huber, _tukey)}
+STAGES: dict[str, tuple[Weigh, ...]] = {
+    "squares": (lambda deviation, _: np.ones(len(deviation)),), "huber": (_huber,), "tukey": (_huber, _tukey),
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -265,8 +259,7 @@ def folds_of(fit: GeometryFit, count: int) -> list[np.ndarray]:
     """Parts of the measured poses (poses,) bool, which take turns in being held out."""
     measured = np.unique(fit.rows.pose)
     count = min(count, len(measured))
-    parts = [np.isin(np.arange(len(fit.weights)), measured[k::count]) for k in range(count)]
-    return parts
+    return [np.isin(np.arange(len(fit.weights)), measured[k::count]) for k in range(count)]
 
 
 def held_out(fit: GeometryFit, folds: Sequence[np.ndarray]) -> Rows:
