@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -173,7 +172,7 @@ class ArmChains:
         for word, wave in (("cos", np.cos), ("sin", np.sin)):
             name = f"{path_name(joint.name)} eccentricity {word}"
             number = self.columns.add(name, "eccentricity", "rad", joint.name)
-            yield Correction(number, 2, True, partial(_wave, wave, column))
+            yield Correction(number, 2, True, lambda q, wave=wave: wave(q[:, column]))
 
     def _sag(self, joint: Any) -> Iterator[Correction]:
         """Turns by gravity: about the axis what joint and gear give, about x and y what the link does."""
@@ -198,10 +197,6 @@ class ArmChains:
 
     def _asked(self, kind: str) -> bool:
         return any(kind in OF_TERM[term] for term in self.terms)
-
-
-def _wave(wave: Any, column: int, q: np.ndarray) -> np.ndarray:
-    return wave(q[:, column])
 
 
 def gravity_loads(arm: Model, q: np.ndarray) -> np.ndarray:
