@@ -72,7 +72,7 @@ def prepare_log(log: AnyLog, run: str | None = None, preparation: Preparation | 
     variables = {}
     for name in parts[0][1].values:
         source = _source(log, name)
-        unit = log.layout[name].unit if source == name else _rate_unit(log.layout[source].unit, source, name)
+        unit = log.layout[name].unit if source == name else _rate_unit(log.layout[source].unit, name)
         values = np.concatenate([block.values[name] for _, block in parts])
         variables[name] = (("time", "joint"), values, {"units": unit})
     about = {
@@ -82,14 +82,10 @@ def prepare_log(log: AnyLog, run: str | None = None, preparation: Preparation | 
     return xr.Dataset(variables, {"time": time, "joint": ("joint", list(log.joints)), "stretch": number}, about)
 
 
-def _rate_unit(unit: str, source: str, name: str) -> str:
-    """Unit of a derivative: of q in rad, qdd has rad/s²."""
+def _rate_unit(unit: str, name: str) -> str:
+    """Unit of a derivative: of q in rad, or of qd in rad/s, qdd has rad/s²."""
     ending = "/s²" if name == "qdd" else "/s"
-    return (
-        " | ".join(each.removesuffix("/s") + ending for each in unit.split(" | "))
-        if source == "qd"
-        else " | ".join(each + ending for each in unit.split(" | "))
-    )
+    return " | ".join(each.removesuffix("/s") + ending for each in unit.split(" | "))
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,13 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from armwright.actuators.coupling import motor_shares
-from armwright.description.drive import Command
 from armwright.errors import LogError, ScenarioError
 from armwright.fitting.residuals import parts_of
 from armwright.identification.logs.log import Log, LogRun
 from armwright.identification.logs.preparation import shared_preparations
 from armwright.identification.logs.prepared import prepare_log
-from armwright.identification.logs.torques import with_command
+from armwright.identification.logs.torques import COMMANDS, with_command
 from armwright.identification.validation.match import Match, check_pose_free, match
 from armwright.identification.validation.prediction import SIGNALS, Prediction, Quantity
 from armwright.identification.validation.torque import as_logged, check_constants
@@ -32,11 +31,6 @@ if TYPE_CHECKING:
 
 WINDOW = 0.5  # [s] after which an arm that drifts starts again from the log
 LEAST = 8  # steps of a window
-INPUTS: dict[str, Command] = {
-    "voltage": "voltage",
-    "current": "current",
-    "tau": "torque",
-}  # signal of a log → command of a drive
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,10 +59,10 @@ def driving_signal(arm: Model, matched: Match) -> str | None:
 
     Behind the loops of servos, whose commands are positions, it is a voltage, current or torque.
     """
-    own = {command: signal for signal, command in INPUTS.items()}
+    own = {command: signal for signal, command in COMMANDS.items()}
     kinds = {body.drive.command for body in arm.coordinates}
     first = [own[kind] for kind in kinds if kind in own] if len(kinds) == 1 else []
-    return next((signal for signal in (*first, *INPUTS) if signal in matched.logged), None)
+    return next((signal for signal in (*first, *COMMANDS) if signal in matched.logged), None)
 
 
 def simulate_log(
@@ -101,17 +95,17 @@ def simulate_log(
     if "q" not in matched.logged:
         check_pose_free(arm, dyn or compile_arm(arm), log)
     driven = [_driven(arm, log, matched, log.run(name), signal, window) for name in runs]
-    moved = _simulated(with_command(arm, INPUTS[signal]), driven)
-    kept = f"{INPUTS[signal]}s of the log held from row to row"
+    moved = _simulated(with_command(arm, COMMANDS[signal]), driven)
+    kept = f"{COMMANDS[signal]}s of the log held from row to row"
     length = "whole stretches" if window is None else f"windows of {window:g} s, each started from the log"
     how = f"free simulation, {kept}; {length}"
     if left_out := sum(run.left_out for run in driven):
         count = left_out + sum(len(run.windows) for run in driven)
-        how += f", of which {left_out} of {count} are left out: a {INPUTS[signal]} is missing there"
+        how += f", of which {left_out} of {count} are left out: a {COMMANDS[signal]} is missing there"
     return [
         prediction
         for run, windows in zip(driven, moved, strict=True)
-        for prediction in _predictions(arm, run, windows, how, INPUTS[signal])
+        for prediction in _predictions(arm, run, windows, how, COMMANDS[signal])
     ]
 
 
@@ -140,7 +134,7 @@ def _driven(arm: Model, log: Log, matched: Match, run: LogRun, signal: str, wind
     if not whole:
         expected = f"a window of {len(windows[0]) - 1} rows in which none is missing"
         raise LogError(
-            f"a {INPUTS[signal]} is missing in every window", place="signals", expected=expected, file=log.path
+            f"a {COMMANDS[signal]} is missing in every window", place="signals", expected=expected, file=log.path
         )
     logged = {name: raw[name].values[at][:, order] if name in matched.logged else None for name in ("q", "qd")}
     start_q = smooth["q"].values[:, order] if "q" in smooth else np.zeros((len(t), arm.n))
