@@ -79,7 +79,7 @@ class ColumnKind:
 
 
 def _sign(speed: np.ndarray, smoothing: float) -> np.ndarray:
-    return np.sign(speed) if smoothing == 0 else speed / np.sqrt(speed * speed + smoothing * smoothing)
+    return smooth_sign(speed, smoothing or None)
 
 
 KINDS = {
