@@ -40,8 +40,6 @@ def check_log(log: Log) -> list[LogFinding]:
     """All findings of the checks of a log with a census of its runs."""
     findings = []
     for run in log.runs:
-        if run.census is None:
-            continue
         found = [
             (name, each)
             for name, functions in OF_ROWS.items()
@@ -66,8 +64,7 @@ def of_robot(log: Log, arm: Model) -> Log:
         return log
     known, found = replace(log, arm=arm), []
     for run in log.runs:
-        if run.census is not None:
-            found += [LogFinding(level, "units", run.name, each) for level, each in limits(known, run, run.census)]
+        found += [LogFinding(level, "units", run.name, each) for level, each in limits(known, run, run.census)]
     fresh = [each for each in _once(found, log) if each not in log.findings]
     errors = [each.problem.within(each.run and f"run {each.run!r}") for each in fresh if each.level == "error"]
     if errors:

@@ -146,9 +146,7 @@ def choose_preparation(
     """
     log = as_log(log)
     chosen = log.run(run)
-    if chosen.census is None:
-        raise LogError("was not checked", place="log", expected="what read_log returns")
-    rate = 1.0 / chosen.census.period
+    rate = 1.0 / chosen.period
     reasons: list[str] = []
     if cutoff is None:
         cutoff, reason = _cutoff(log, chosen, rate)
@@ -252,7 +250,7 @@ def resting_speeds(log: Log, run: str) -> np.ndarray:
     0 for joints without positions; infinite for those at rest in the whole run.
     """
     chosen, speeds = log.run(run), np.zeros(len(log.joints))
-    if "q" in log.layout and chosen.census is not None and chosen.duration > 0:
+    if "q" in log.layout and chosen.duration > 0:
         counted, joints = chosen.census.signals["q"], list(log.layout["q"].joints or ())
         speeds[joints] = REST * np.subtract(counted.high, counted.low) / chosen.duration
         for joint in joints:
@@ -293,7 +291,7 @@ def filters_of(
 def measured_limits(log: Log, run: str, source: str) -> np.ndarray:
     """Limits (2, joints) that measured torques or currents of a run reach; commands and voltages act as they are cut off."""
     census, found = log.run(run).census, np.array([[-np.inf], [np.inf]]).repeat(len(log.joints), axis=1)
-    if census is not None and source not in log.held and source in ("tau", "tau_link", "current"):
+    if source not in log.held and source in ("tau", "tau_link", "current"):
         for k, joint in enumerate(log.layout[source].joints or ()):
             column = longest_finite(census.excerpt.values[source][:, k])
             found[:, joint] = limits_reached(census.signals[source], k, column)
@@ -309,7 +307,6 @@ def beyond_limits(efforts: np.ndarray, limits: np.ndarray) -> np.ndarray:
 
 def _cutoff(log: Log, run: LogRun, rate: float) -> tuple[float, str]:
     """The cut-off in Hz that the joint with the fastest motion needs, and the reason for it."""
-    assert run.census is not None
     name = next((name for name in ("q", "qd") if name in log.layout), log.layout.names[0])
     signal, raw, rows = log.layout[name], run.census.excerpt.values[name], run.census.longest
     best = LOWEST * rate

@@ -167,8 +167,7 @@ def prepared_excerpt(
     Args:
         changed: what to do with the even rows first, such as adding noise; None: nothing.
     """
-    census = log.run(run).census
-    for number, even in enumerate(() if census is None else census.even):
+    for number, even in enumerate(log.run(run).census.even):
         rows = even if changed is None else changed(even)
         kept = slice(preparation.edge, max(len(rows.t) - preparation.edge, 0), preparation.decimate)
         if len(rows.t[kept]):
