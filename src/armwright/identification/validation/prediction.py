@@ -54,6 +54,11 @@ class Prediction:
         predicted: np.ndarray, *, rate: float | None = None, every: int = 1, **more: Any,
     ) -> Prediction:  # fmt: skip
         """A prediction at every row of a run, or at every so many; `rate` of the rows in Hz, None: that of the run."""
-        names, units = tuple(arm.names), tuple(getattr(body.kind.units, quantity) for body in arm.coordinates)
+        names, units = tuple(arm.names), units_of(arm, quantity)
         head = (quantity, how, run.name, run.use, names, units, rate or 1.0 / run.period, every)
         return cls(*head, t, part, measured, predicted, **more)
+
+
+def units_of(arm: Model, quantity: Quantity) -> tuple[str, ...]:
+    """(n,) units of a quantity, one for each joint."""
+    return tuple(getattr(body.kind.units, quantity) for body in arm.coordinates)
