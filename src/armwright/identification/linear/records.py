@@ -11,6 +11,7 @@ import numpy as np
 
 from armwright.entry import as_log, expect
 from armwright.errors import LogError
+from armwright.fitting.measures import runs_of_true
 from armwright.fitting.stretch import LogStretch
 from armwright.identification.logs.blocks import LARGEST
 from armwright.identification.logs.log import Log, LogRun
@@ -267,8 +268,7 @@ def _stretches(log: Log, run: LogRun, inputs: Any, outputs: Any) -> list[Recorde
             what = f"rows are not evenly spaced: {off.max():.3g} s off a clock of {run.period:.4g} s"
             raise LogError(what, place=f"run {run.name!r}", expected="one clock", file=log.path)
         finite = np.isfinite(u[rows]).all(axis=1) & np.isfinite(y[rows]).all(axis=1)
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], finite, [False]]).astype(np.int8)))
-        for begin, end in zip(edges[::2] + part.begin, edges[1::2] + part.begin, strict=True):
+        for begin, end in part.begin + runs_of_true(finite):
             found.append(RecordedStretch(run.name, u[begin:end], y[begin:end]))
     return found
 
