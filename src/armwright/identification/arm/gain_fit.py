@@ -197,12 +197,9 @@ def _total_least_squares(problem: GainProblem) -> np.ndarray:
 
 def _smallest(problem: GainProblem, weights: np.ndarray) -> np.ndarray:
     """g of the least  gᵀ A g / gᵀ D g,  A of u less what [Y c] explains, D of the noise; the shortest of equally good ones."""
-    blocks, k = [], len(problem.joints)
-    for number, (w, (Y, c, u)) in enumerate(zip(weights, problem.parts, strict=True)):
-        of_gains = np.zeros((len(u), k))
-        of_gains[:, number] = u
-        blocks.append(w * np.column_stack([Y, c, of_gains]))
-    matrix = np.concatenate(blocks)
+    k, weighted = len(problem.joints), list(zip(weights, problem.parts, strict=True))
+    of_gains = scipy.linalg.block_diag(*(w * u[:, None] for w, (_, _, u) in weighted))
+    matrix = np.column_stack([np.concatenate([w * np.column_stack([Y, c]) for w, (Y, c, _) in weighted]), of_gains])
     size = np.linalg.norm(matrix, axis=0)
     size[size == 0] = 1.0
     R = np.asarray(np.linalg.qr(matrix / size, mode="r"))
@@ -237,12 +234,10 @@ def _residuals(problem: GainProblem, parameters: np.ndarray, inverse: np.ndarray
 
 
 def _jacobian(problem: GainProblem, parameters: np.ndarray, inverse: np.ndarray) -> np.ndarray:
-    blocks = []
-    for number, ((Y, c, _), h, variance) in enumerate(zip(problem.parts, inverse, problem.variances, strict=True)):
-        of_gains = np.zeros((len(c), len(inverse)))
-        of_gains[:, number] = Y @ parameters + c
-        blocks.append(np.column_stack([h * Y, of_gains]) / np.sqrt(variance))
-    return np.concatenate(blocks)
+    parts = list(zip(problem.parts, inverse, np.sqrt(problem.variances), strict=True))
+    of_parameters = np.concatenate([h * Y / std for (Y, _, _), h, std in parts])
+    of_gains = scipy.linalg.block_diag(*((Y @ parameters + c)[:, None] / std for (Y, c, _), _, std in parts))
+    return np.column_stack([of_parameters, of_gains])
 
 
 def _relative(jacobian: np.ndarray, inverse: np.ndarray) -> np.ndarray:

@@ -92,8 +92,8 @@ def _essential(problem: FitProblem) -> ArmFit:
     white, base = whole.std, problem.base
     whole = with_correlation(problem.source, whole)
     matrix, size = stacked(problem.equations.factors, len(problem.equations.model), whole.weights)
-    z = matrix[:, -1] @ np.linalg.qr(matrix[:, base.independent])[0]
-    R = np.linalg.qr(matrix[:, base.independent])[1]
+    Q, R = np.linalg.qr(matrix[:, base.independent])
+    z = matrix[:, -1] @ Q
     residual = float(np.sqrt(max(size - z @ z, 0.0)))
     rows = int(problem.equations.rows.sum())
     found = essential_parameters(R, z, residual, rows, inflation=whole.std / np.maximum(white, np.finfo(float).tiny))

@@ -154,13 +154,13 @@ def physical_by_sdp(
     x = cp.Variable(len(unit))  # π in `unit`
     A, b = _reduced(R * (unit / size), z / size)
     others = np.setdiff1d(np.arange(len(unit)), bounds.links)
-    cost, constraints = cp.sum_squares(A @ x - b) + LEAST * cp.sum_squares(x[others]), []
+    cost = cp.sum_squares(A @ x - b) + LEAST * cp.sum_squares(x[others])
     D = np.outer(bounds.congruence, bounds.congruence)  # makes P of order 1
     for link in bounds.links:
         P = cp.sum([x[j] * (unit[j] * BASIS[i] * D) for i, j in enumerate(link)])
         toward = np.linalg.inv(pseudo_inertias(prior[link]) * D)
         cost = cost + (2 * weight / size**2) * (cp.trace(toward @ P) - cp.log_det(P))  # log det asks for P > 0
-    constraints.append(x[np.asarray(bounds.nonnegative, dtype=int)] >= 0)
+    constraints = [x[np.asarray(bounds.nonnegative, dtype=int)] >= 0]
     masses = cp.multiply(x[bounds.links[:, 0]], unit[bounds.links[:, 0]])
     limits = [(masses[k], limit) for k, limit in bounds.mass.items()]
     for value, (low, high) in [*limits, *([(cp.sum(masses), bounds.total_mass)] if bounds.total_mass else [])]:

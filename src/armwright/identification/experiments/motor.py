@@ -264,12 +264,8 @@ def _steps(levels: np.ndarray, guess: MotorGuess, sample: float, reason: str) ->
 
 def step_shape(guess: MotorGuess, sample: float, _seed: int) -> Shaped:
     """Shape of a step experiment: 0, up, 0, down, 0."""
-    return _steps(
-        np.array([0.0, 1.0, 0.0, -1.0, 0.0]),
-        guess,
-        sample,
-        f"each level for {SETTLED:g} time constants: it settles to 0.7 %",
-    )
+    reason = f"each level for {SETTLED:g} time constants: it settles to 0.7 %"
+    return _steps(np.array([0.0, 1.0, 0.0, -1.0, 0.0]), guess, sample, reason)
 
 
 def staircase_shape(guess: MotorGuess, sample: float, _seed: int) -> Shaped:

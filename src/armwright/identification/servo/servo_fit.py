@@ -83,14 +83,8 @@ class ServoFit(Result):
         """Numbers with standard deviations; friction models; logs."""
         numbers = self.estimate.tables()[0]
         orders = [
-            [
-                each.order,
-                each.unknowns,
-                number(each.fitted, ".4f"),
-                number(each.held_out, ".4f"),
-                "chosen" * each.chosen,
-            ]
-            for each in self.orders
+            [x.order, x.unknowns, number(x.fitted, ".4f"), number(x.held_out, ".4f"), "chosen" * x.chosen]
+            for x in self.orders
         ]
         heads = ("model", "numbers", "fitted logs [rad]", "logs held out [rad]", "")
         logs = [
