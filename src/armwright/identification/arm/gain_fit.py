@@ -93,15 +93,11 @@ class GainProblem:
     @cached_property
     def variances(self) -> np.ndarray:
         """σ_j² of each joint by itself."""
-        return np.array(
-            [
-                max(
-                    squares / (self.factors[j].rows - rank),
-                    EXACT * self.factors[j].sum_of_squares / self.factors[j].rows,
-                )
-                for j, (squares, rank) in zip(self.joints, self.alone, strict=True)
-            ]
-        )
+        found = []
+        for j, (squares, rank) in zip(self.joints, self.alone, strict=True):
+            factor = self.factors[j]
+            found.append(max(squares / (factor.rows - rank), EXACT * factor.sum_of_squares / factor.rows))
+        return np.array(found)
 
 
 @dataclass(frozen=True, eq=False)

@@ -120,9 +120,7 @@ def _mistakes(model: TorqueModel) -> Iterator[tuple[Sequence[int], str, np.ndarr
             motors[model.arm.names.index(column.joint), j] = share
     coupled = np.flatnonzero((motors != one).any(axis=0) | (motors != one).any(axis=1)).tolist()
     if coupled:
-        what, asked = (
-            "taken as those of the motors, each by its own ratio",
-            'is side = "motor" right in the log\'s file?',
-        )
+        what = "taken as those of the motors, each by its own ratio"
+        asked = 'is side = "motor" right in the log\'s file?'
         yield coupled, f"positions {what}: {asked}", np.linalg.inv(motors), one
         yield coupled, f"torques {what}: {asked}", one, motors.T

@@ -23,11 +23,8 @@ from armwright.identification.geometry.setting import Setting
 
 Loss = Literal["tukey", "huber", "squares"]
 STRENGTHS = (0.0, 0.1, 0.2, 0.4, 0.6, 1.0, 2.0, 4.0)  # σ/τ that are tried
-FREEDOM = {
-    POSITION: 3,
-    ROTATION: 6,
-    DISTANCE: 1,
-}  # of a pose's error, by its richest group: markers of a tool move together
+# of a pose's error, by its richest group: markers of a tool move together
+FREEDOM = {POSITION: 3, ROTATION: 6, DISTANCE: 1}
 CHI2_MEDIAN = {1: 0.4549, 3: 2.366, 6: 5.348}  # of so many degrees of freedom
 CHI2_95 = {1: 3.841, 3: 7.815, 6: 12.59}
 TUKEY, HUBER = 4.685, 1.345  # of an error in deviations, for 95 % efficiency in one dimension

@@ -80,15 +80,8 @@ class LinearModel(Result):
     @classmethod
     def of(cls, records: Records, **fitted: Any) -> LinearModel:
         """The model of some records: their names, units, period and checksum, beside the fields that a fit gives."""
-        return cls(
-            period=records.period,
-            inputs=records.inputs,
-            outputs=records.outputs,
-            input_units=records.input_units,
-            output_units=records.output_units,
-            sha256=records.sha256,
-            **fitted,
-        )
+        shared = ("period", "inputs", "outputs", "input_units", "output_units", "sha256")
+        return cls(**{name: getattr(records, name) for name in shared}, **fitted)
 
     @property
     def std(self) -> np.ndarray:

@@ -278,10 +278,8 @@ def _instrumental(orders: Orders, stretches: Sequence[RecordedStretch], skip: in
     model = orders.polynomials(theta)
     for _ in range(2):
         a = stabilised(model.a)
-        clean = [
-            RecordedStretch(s.run, s.u, filtered(model.b, a, s.u) + model.constant / max(a.sum(), 1e-3))
-            for s in stretches
-        ]
+        level = model.constant / max(a.sum(), 1e-3)
+        clean = [RecordedStretch(s.run, s.u, filtered(model.b, a, s.u) + level) for s in stretches]
         e, regressors = errors_of(arx, np.zeros(arx.count), stretches, skip, initial=False)
         _, instruments = errors_of(arx, np.zeros(arx.count), clean, skip, initial=False)
         solution = np.linalg.lstsq(instruments.T @ regressors, -instruments.T @ e, rcond=None)[0]

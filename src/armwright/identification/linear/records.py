@@ -183,18 +183,12 @@ def _of_log(log: Log, signals: LogSignals) -> Records:
         if name not in log.joints:
             raise LogError("no joint of the log", place="joint", value=name, choices=log.joints)
     if not joints:
-        joints = [
-            name
-            for k, name in enumerate(log.joints)
-            if all(k in (log.layout[s].joints or ()) for s in (*inputs, *outputs))
-        ]
+        of_signals = [log.layout[signal].joints or () for signal in (*inputs, *outputs)]
+        joints = [name for k, name in enumerate(log.joints) if all(k in own for own in of_signals)]
         if len(joints) != 1:
             choices = joints or log.joints
-            raise LogError(
-                "missing",
-                place="joint",
-                expected=f"one of {', '.join(choices)}" if joints else "a joint with both signals",
-            )
+            expected = f"one of {', '.join(choices)}" if joints else "a joint with both signals"
+            raise LogError("missing", place="joint", expected=expected)
     pick_u, pick_y = ([(s, _column(log, s, name)) for s in signals for name in joints] for signals in (inputs, outputs))
     fit, hold_out, periods = [], [], {}
     notes = [str(each) for each in log.warnings]

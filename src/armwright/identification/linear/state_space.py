@@ -132,11 +132,8 @@ class FilteredSensor:
     def __post_init__(self) -> None:
         expect(self.model, StateSpace, "model", "a StateSpace, as LinearModel.state_space gives", ScenarioError)
         if self.model.d.shape != (1, 1):
-            raise ScenarioError(
-                f"{self.model.d.shape[1]} inputs, {self.model.d.shape[0]} outputs",
-                place="model",
-                expected="one of each",
-            )
+            what = f"{self.model.d.shape[1]} inputs, {self.model.d.shape[0]} outputs"
+            raise ScenarioError(what, place="model", expected="one of each")
 
     def signals(self, arm: Any) -> Sequence[Signal]:
         """The signal (n,), one for each joint."""

@@ -280,12 +280,11 @@ def filters_of(
         source: the signal that torques are taken from.
     """
     joints = list(order)
-    return {
-        name: RunFilters(
-            each, each.of_motion, resting_speeds(log, name)[joints], measured_limits(log, name, source)[:, joints]
-        )
-        for name, each in prepared.items()
-    }
+    found = {}
+    for name, each in prepared.items():
+        rests, limits = resting_speeds(log, name)[joints], measured_limits(log, name, source)[:, joints]
+        found[name] = RunFilters(each, each.of_motion, rests, limits)
+    return found
 
 
 def measured_limits(log: Log, run: str, source: str) -> np.ndarray:

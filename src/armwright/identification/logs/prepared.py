@@ -64,11 +64,8 @@ def prepare_log(log: AnyLog, run: str | None = None, preparation: Preparation | 
     if not parts:
         raise too_short(log, chosen, preparation)
     time = ("time", np.concatenate([block.t for _, block in parts]), {"units": "s", "long_name": "time"})
-    number = (
-        "time",
-        np.concatenate([np.full(len(block.t), k) for k, block in parts]),
-        {"long_name": "stretch without gaps"},
-    )
+    stretches = np.concatenate([np.full(len(block.t), k) for k, block in parts])
+    number = ("time", stretches, {"long_name": "stretch without gaps"})
     variables = {}
     for name in parts[0][1].values:
         source = _source(log, name)

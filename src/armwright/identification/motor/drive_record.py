@@ -61,14 +61,8 @@ def paths_of(record: RobotDescription, joint: str, name: str) -> tuple[str, ...]
 
 def value_at(record: RobotDescription, path: str) -> float | None:
     """Number at a path; None if the record has none."""
-    return next(
-        (
-            float(each.value)
-            for place, each, _ in quantities(record)
-            if place == path and not isinstance(each.value, tuple)
-        ),
-        None,
-    )
+    values = (each.value for place, each, _ in quantities(record) if place == path)
+    return next((float(value) for value in values if not isinstance(value, tuple)), None)
 
 
 def _joint(record: RobotDescription, name: str) -> Any:

@@ -102,12 +102,7 @@ def _of_record(problem: DriveProblem, first: np.ndarray) -> np.ndarray:
     others = [k for k, each in enumerate(problem.unknowns) if each.nuisance]
     if not numbers or not others:
         return np.zeros((0, len(first)))
-    prompt = np.array(
-        [
-            low if each.name == "delay" else z
-            for each, low, z in zip(problem.unknowns, problem.bounds[0], first, strict=True)
-        ]
-    )
+    prompt = np.where([each.name == "delay" for each in problem.unknowns], problem.bounds[0], first)
     z, cost = many_starts(without(problem.part(ROWS_OF_STARTS), numbers, first), np.stack([first, prompt])[:, others])
     found = first.copy()
     found[others] = z[int(np.argmin(cost))]

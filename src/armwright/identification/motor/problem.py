@@ -57,12 +57,8 @@ class MotorSearch:
 
     def __post_init__(self) -> None:
         expect_names(self.per_run, "per_run", ModelError)
-        numbers = (
-            ("starts", self.starts, 1, 1000),
-            ("most_delay", self.most_delay, 0, 1000),
-            ("seed", self.seed, 0, 2**32 - 1),
-        )
-        for place, value, least, most in numbers:
+        for place, least, most in (("starts", 1, 1000), ("most_delay", 0, 1000), ("seed", 0, 2**32 - 1)):
+            value = getattr(self, place)
             if not isinstance(value, (int, np.integer)) or isinstance(value, bool) or not least <= value <= most:
                 raise ModelError(place=place, value=value, expected=f"a whole number from {least} to {most}")
         if self.pwm not in PWM:

@@ -169,13 +169,8 @@ def _simulated(arm: Model, driven: Sequence[_Driven]) -> list[list[tuple[np.ndar
             Batch(np.array([driven[k].start_q[rows[0]] for k, rows in members])),
             Batch(np.array([driven[k].start_qd[rows[0]] for k, rows in members])),
         )
-        scenario = Scenario(
-            arm,
-            (count - 1) * period,
-            command=Batch(commands),
-            start=start,
-            recording=Recording(period=period, what="state"),
-        )
+        recording = Recording(period=period, what="state")
+        scenario = Scenario(arm, (count - 1) * period, command=Batch(commands), start=start, recording=recording)
         simulation = Simulation(scenario, loop=loop)
         loop = simulation.loop
         run = simulation.run(keep_state=False)

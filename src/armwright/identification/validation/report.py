@@ -158,18 +158,8 @@ def _limits(validation: Validation) -> str:
 def _measures(validation: Validation) -> str:
     """Table of all measures, a row for each joint and quantity."""
     heads = (
-        "joint",
-        "quantity",
-        "R²",
-        "fit [%]",
-        "VAF [%]",
-        "RMS",
-        "unit",
-        "RMS of runs",
-        "delay [rows]",
-        "white",
-        "limits",
-    )
+        "joint", "quantity", "R²", "fit [%]", "VAF [%]", "RMS", "unit", "RMS of runs", "delay [rows]", "white", "limits",
+    )  # fmt: skip
     several = any(len(each.runs) > 1 for each in validation.measures)
     rows = []
     for each in validation.measures:
