@@ -59,13 +59,7 @@ class Invalid(ValueError):
     """
 
     def __init__(
-        self,
-        what: str = "",
-        *,
-        place: str = "",
-        value: Any = ABSENT,
-        expected: str = "",
-        choices: Iterable[str] = (),
+        self, what: str = "", *, place: str = "", value: Any = ABSENT, expected: str = "", choices: Iterable[str] = ()
     ):
         self.problems: tuple[Problem, ...] = (Problem(what, place, value, expected, tuple(choices)),)
         super().__init__(str(self.problems[0]))

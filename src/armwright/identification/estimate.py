@@ -184,6 +184,21 @@ class Estimate(Result):
         return write_report(path, title or self.heading, self)
 
 
+class EstimateResult(Result):
+    """Base of results around an `estimate`, which has the verdict."""
+
+    estimate: Estimate
+
+    @property
+    def good(self) -> bool:
+        """True if the log determines the parameters."""
+        return self.estimate.good
+
+    def sentences(self) -> list[str]:
+        """The verdict, then remarks."""
+        return self.estimate.sentences()
+
+
 def _words(measure: str) -> str:
     return {"fit_percent": "fit [%]", "r2": "R²", "rms": "RMS"}.get(measure, measure.replace("_", " "))
 

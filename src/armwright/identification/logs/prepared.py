@@ -26,7 +26,6 @@ from armwright.identification.logs.preparation import (
     Preparation,
     choose_preparation,
     settling,
-    shared_preparations,
 )
 from armwright.identification.logs.spikes import without_spikes
 from armwright.identification.logs.stretches import EvenRows
@@ -101,17 +100,15 @@ class LoggedMotion:
     kept: np.ndarray
 
 
-def logged_motion(log: Log, run: str | None = None, preparation: Preparation | None = None) -> LoggedMotion:
+def logged_motion(log: Log, run: str | None, preparation: Preparation) -> LoggedMotion:
     """The motion of a run behind the wide low-pass of a preparation.
 
     Args:
-        log: what `read_log` returned.   run: its name; None: the first.
-        preparation: None: that with the highest cut-off that any run needs.
+        log: what `read_log` returned.   run: its name; None: the first.   preparation: of it.
     Raises:
         LogError: neither position nor speed, or no stretch is long enough.
     """
     chosen = log.run(run)
-    preparation = preparation or shared_preparations(log, [chosen.name])[chosen.name]
     first = preparation.of_motion
     data = prepare_log(log, chosen.name, replace(first, decimate=1))
     if "qdd" not in data:

@@ -18,7 +18,7 @@ from armwright.identification.logs.torques import COMMANDS, with_command
 from armwright.identification.validation.match import Match, check_pose_free, match
 from armwright.identification.validation.prediction import SIGNALS, Prediction, Quantity
 from armwright.identification.validation.torque import as_logged, check_constants
-from armwright.kernels.compiled import CompiledArm, compile_arm
+from armwright.kernels.compiled import compile_arm
 from armwright.model import Model
 from armwright.parameters import Batch
 from armwright.simulation.inputs.schedule import Schedule
@@ -65,9 +65,7 @@ def driving_signal(arm: Model, matched: Match) -> str | None:
     return next((signal for signal in (*first, *COMMANDS) if signal in matched.logged), None)
 
 
-def simulate_log(
-    arm: Model, log: Log, runs: Sequence[str], window: float | None = WINDOW, dyn: CompiledArm | None = None
-) -> list[Prediction]:
+def simulate_log(arm: Model, log: Log, runs: Sequence[str], window: float | None = WINDOW) -> list[Prediction]:
     """Motion of an arm under the logged commands, held from row to row, in windows that each start from the log.
 
     A window begins with the position and speed of the filtered log; within it nothing is corrected. Robots drift in open
@@ -76,7 +74,7 @@ def simulate_log(
 
     Args:
         arm: a full record.   log: what `read_log` returned.   runs: names.
-        window: [s]; None: whole stretches.   dyn: the arm's kernels; None: they are compiled where they are needed.
+        window: [s]; None: whole stretches.
     Returns:
         predictions: of the position and of the speed of each run, where they are logged.
     Raises:
@@ -93,7 +91,7 @@ def simulate_log(
     if window is not None and not (isinstance(window, (int, float)) and window > 0):
         raise LogError(place="window", value=window, expected="a time above 0 [s]")
     if "q" not in matched.logged:
-        check_pose_free(arm, dyn or compile_arm(arm), log)
+        check_pose_free(arm, compile_arm(arm), log)
     driven = [_driven(arm, log, matched, log.run(name), signal, window) for name in runs]
     moved = _simulated(with_command(arm, COMMANDS[signal]), driven)
     kept = f"{COMMANDS[signal]}s of the log held from row to row"
