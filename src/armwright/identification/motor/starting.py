@@ -195,13 +195,10 @@ def names_to_fit(
         return names, record
     names = {}
     missing: dict[str, float] = {}
-    wanted = [
-        part for name in free for part in (("stribeck_torque", "stribeck_speed") if name == "stribeck" else (name,))
-    ]
+    both = {"stribeck": ("stribeck_torque", "stribeck_speed")}
+    wanted = [part for name in free for part in both.get(name, (name,)) if part not in ("delay", "offset")]
     for joint, first in zip(joints, guesses, strict=True):
         for name in wanted:
-            if name in ("delay", "offset"):
-                continue
             names[f"{joint}:{name}"] = paths = paths_of(record, joint, name)
             for path in paths:
                 if value_at(record, path) is None:
@@ -219,9 +216,7 @@ def _first_value(record: RobotDescription, joint: str, name: str, first: Guess, 
         "L": resistance * data.period,
         "Ke": torque,
         "viscous": 0.0,
-        "coulomb": size,
-        "coulomb_positive": size,
-        "coulomb_negative": size,
+        **dict.fromkeys(("coulomb", "coulomb_positive", "coulomb_negative"), size),
         "stribeck_torque": 1.2 * (coulomb or size),
         "stribeck_speed": 0.1 * first.gain * largest_command(data.stretches),
         "friction_offset": 0.0,
