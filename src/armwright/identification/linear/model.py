@@ -282,11 +282,6 @@ def _filtered(model: Polynomials, u: np.ndarray, measured: np.ndarray | None) ->
 def _rows(values: Any, place: str, count: int, rows: int | None = None) -> np.ndarray:
     array = np.asarray(values, dtype=float)
     array = array[:, None] if array.ndim == 1 else array
-    if (
-        array.ndim != 2
-        or array.shape[1] != count
-        or len(array) != (len(array) if rows is None else rows)
-        or not len(array)
-    ):
+    if array.ndim != 2 or array.shape[1] != count or rows not in (None, len(array)) or not len(array):
         raise ShapeError(f"shape {np.shape(values)}", place=place, expected=f"({rows or 'rows'}, {count})")
     return array

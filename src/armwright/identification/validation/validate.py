@@ -219,10 +219,9 @@ def validate(
         matched = match(model, data)
         notes += map(str, data.warnings)
         tell(0, 3)
-        prepared = {} if preparation is None else dict.fromkeys(chosen, preparation)
-        predictions, remarks = _torques(
-            model, data, matched, chosen, prepared or _preparations(model, data, chosen, cutoff)
-        )
+        given = None if preparation is None else dict.fromkeys(chosen, preparation)
+        prepared = given or _preparations(model, data, chosen, cutoff)
+        predictions, remarks = _torques(model, data, matched, chosen, prepared)
         notes += remarks
         tell(1, 3)
         if simulation or scenario is not None:
