@@ -51,13 +51,7 @@ class GainProblem:
     @cached_property
     def full(self) -> list[np.ndarray]:
         """R (k, p + 1) of [Y_j u_j] in the places of the model's columns, each joint that takes part."""
-        blocks = []
-        for j in self.joints:
-            factor = self.factors[j]
-            block = np.zeros((len(factor.matrix), len(self.columns) + 1))
-            block[:, factor.columns], block[:, -1] = factor.matrix[:, :-1], factor.matrix[:, -1]
-            blocks.append(block)
-        return blocks
+        return [self.factors[j].over_all(len(self.columns)) for j in self.joints]
 
     @cached_property
     def unknown(self) -> np.ndarray:

@@ -97,14 +97,7 @@ def _essential(problem: FitProblem) -> ArmFit:
     residual = float(np.sqrt(max(size - z @ z, 0.0)))
     rows = int(problem.equations.rows.sum())
     found = essential_parameters(R, z, residual, rows, inflation=whole.std / np.maximum(white, np.finfo(float).tiny))
-    dropped = np.delete(base.independent, found.kept)
-    essential = BaseParameters(
-        base.columns,
-        base.independent[found.kept],
-        base.dependent,
-        np.sort(np.r_[base.absent, dropped]),
-        base.regroup[found.kept],
-    )
+    essential = base.without(np.delete(base.independent, found.kept))
     return with_correlation(problem.source, fit_arm(problem.equations, essential, "wls", whole.weights))
 
 

@@ -81,9 +81,9 @@ def setting_of(arm: Model, measurements: Measurements, terms: tuple[str, ...]) -
     at_random = sensitivities(targets, drawn, zero).jacobian
     every: Any = tuple(columns)  # of which names, kinds and units are read
     structural = regrouped(every, np.asarray(np.linalg.qr(at_random, mode="r")), NEARLY)
-    structural = _without(structural, _base_corrections(measurements, targets))
+    structural = structural.without(_base_corrections(measurements, targets))
     lengths = _held_length(arm, measurements, structural)
-    structural = _without(structural, lengths)
+    structural = structural.without(lengths)
     here = errors_at(targets, q, zero).jacobian
     if len(here) <= len(structural):
         what = f"{len(here)} measured numbers for {len(structural)} identifiable parameters"
@@ -237,10 +237,3 @@ def _length(arm: Model, column: Any) -> float:
     joint = next(each for each in arm.record.joints if each.name == column.joint)
     before, _ = joint_placement(joint)
     return float((before.rotation.T @ before.position)[AXES.index(column.name[-1])])
-
-
-def _without(base: BaseParameters, held: Sequence[int]) -> BaseParameters:
-    """The identifiable parameters without those of some columns, which keep the record's value with all that is regrouped."""
-    kept = ~np.isin(base.independent, held)
-    absent = np.sort(np.concatenate([base.absent, base.independent[~kept]]))
-    return BaseParameters(base.columns, base.independent[kept], base.dependent, absent, base.regroup[kept])
