@@ -164,10 +164,10 @@ def fitted_law(rows: FrictionRows, names: Sequence[str], start: Mapping[str, flo
     return FittedFriction(tuple(names), dict(zip(stems, map(float, found.x), strict=True)))
 
 
-def held_out_error(rows: FrictionRows, names: Sequence[str], folds: int = FOLDS) -> float:
+def held_out_error(rows: FrictionRows, names: Sequence[str]) -> float:
     """Root mean square error [N m | N] of a cross-validation: each part held out once."""
     rows = rows.part(np.arange(0, len(rows.speed), max(len(rows.speed) // ENOUGH, 1)))
-    parts, square = np.array_split(np.arange(len(rows.speed)), folds), 0.0
+    parts, square = np.array_split(np.arange(len(rows.speed)), FOLDS), 0.0
     start = fitted_law(rows, names).values
     for part in parts:
         others = np.setdiff1d(np.arange(len(rows.speed)), part)
