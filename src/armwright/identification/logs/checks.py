@@ -99,11 +99,8 @@ def _once(findings: list[LogFinding], log: Log) -> list[LogFinding]:
     kept = []
     for first, *others in alike.values():
         if others:
-            more = (
-                "all other runs"
-                if len(others) + 1 == len(log.runs)
-                else f"{len(others)} of {len(log.runs) - 1} other runs"
-            )
+            rest = len(log.runs) - 1
+            more = "all other runs" if len(others) == rest else f"{len(others)} of {rest} other runs"
             first = replace(first, problem=replace(first.problem, what=f"{first.problem.what} (alike in {more})"))
         kept.append(first)
     return kept

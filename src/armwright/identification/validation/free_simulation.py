@@ -154,7 +154,6 @@ def _windows(stretch: np.ndarray, steps: int | None) -> list[np.ndarray]:
 
 def _simulated(arm: Model, driven: Sequence[_Driven]) -> list[list[tuple[np.ndarray, np.ndarray]]]:
     """q and q̇ (k, n) at the rows of every window of every run after its first; windows of the same length run side by side."""
-    results: list[list[tuple[np.ndarray, np.ndarray]]] = [[] for _ in driven]
     groups: dict[tuple[int, float], list[tuple[int, np.ndarray]]] = {}
     for number, each in enumerate(driven):
         for rows in each.windows:
@@ -176,9 +175,7 @@ def _simulated(arm: Model, driven: Sequence[_Driven]) -> list[list[tuple[np.ndar
         for lane, (number, rows) in enumerate(members):
             q, qd = (run[name].values[lane, 1:] * (np.nan if stopped[lane] else 1.0) for name in ("q", "qd"))
             found[number, int(rows[0])] = (q, qd)
-    for number, each in enumerate(driven):
-        results[number] = [found[number, int(rows[0])] for rows in each.windows]
-    return results
+    return [[found[number, int(rows[0])] for rows in each.windows] for number, each in enumerate(driven)]
 
 
 def _stopped(run: xr.Dataset) -> np.ndarray:

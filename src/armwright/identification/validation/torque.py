@@ -29,6 +29,7 @@ FRICTION: dict[str, dict[str, float | None]] = {  # fields of a term that torque
     "coulomb": {"coulomb_positive": 0.0, "coulomb_negative": 0.0, "stribeck": None},
     "offset": {"offset": 0.0},
 }
+NEEDED = {"current": ("torque_constant",), "voltage": ("torque_constant", "resistance")}  # constants of drives
 
 
 def predict_torque(
@@ -105,18 +106,13 @@ def check_constants(arm: Model, source: str, log: Log) -> None:
     Raises:
         LogError: names joint and key.
     """
-    needed = {"tau": (), "tau_link": (), "current": ("torque_constant",), "voltage": ("torque_constant", "resistance")}[
-        source
-    ]
     keys = {"torque_constant": "torque_constant_n_m_per_a", "resistance": "resistance_ohm"}
     for body in arm.coordinates:
-        for name in needed:
+        for name in NEEDED.get(source, ()):
             if getattr(body.drive, name) is None:
                 what = f"the log has {source}s, and the record of {arm.name} states no {keys[name]}"
-                place = f"joint {body.joint!r} motor"
-                raise LogError(
-                    what, place=place, expected="a record with motor constants, or logged torques", file=log.path
-                )
+                place, expected = f"joint {body.joint!r} motor", "a record with motor constants, or logged torques"
+                raise LogError(what, place=place, expected=expected, file=log.path)
 
 
 def as_logged(arm: Model, lacks: Collection[str]) -> Model:
