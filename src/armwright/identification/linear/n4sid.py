@@ -284,7 +284,6 @@ class SubspaceFit:
         if len(poles) < 3:
             return np.full((order, 1), np.nan), np.full((*whole.d.shape, 1), np.nan)
         factor = np.sqrt((len(poles) - 1) / len(poles))
-        spread, gain = np.array(poles).T, np.moveaxis(np.array(gains), 0, -1)
-        return factor * (spread - spread.mean(axis=1, keepdims=True)), factor * (
-            gain - gain.mean(axis=-1, keepdims=True)
-        )
+        both = np.array(poles).T, np.moveaxis(np.array(gains), 0, -1)
+        by_pole, by_gain = (factor * (each - each.mean(axis=-1, keepdims=True)) for each in both)
+        return by_pole, by_gain

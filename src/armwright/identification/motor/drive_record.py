@@ -81,14 +81,12 @@ def with_numbers(record: RobotDescription, values: Mapping[str, Any], command: s
         *inner, last = rest.split(".")
         table = next((each for each in document["joints"] if each["name"] == first), None)
         if table is None:
-            names = [each["name"] for each in document["joints"]]
-            raise ModelError("no joint", place="name", value=path, choices=names)
+            raise ModelError(
+                "no joint", place="name", value=path, choices=[each["name"] for each in document["joints"]]
+            )
         for part in inner:
             table = table.setdefault(part, {})
-        if isinstance(value, str):
-            table[last] = value
-        else:
-            table[last] = {"value": value, "source": BENCH}
+        table[last] = value if isinstance(value, str) else {"value": value, "source": BENCH}
     if command is not None:
         document["command"] = command
         for joint in document["joints"]:

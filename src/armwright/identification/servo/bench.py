@@ -130,19 +130,12 @@ def bench_record(log: BenchLog, loop: ServoLoop, numbers: Mapping[str, float], o
         "firmware": firmware,
     }  # fmt: skip
     link = {"name": ROD, "mass_kg": float(rod["mass"]), "com_m": [float(rod["x"]), 0.0, float(rod["z"])]}
-    about = "identify servo: a guess, or not determined by its logs"
-    return parse(
-        {
-            "name": "bench",
-            "sources": {"bench": {"kind": "estimate", "text": about}},
-            "source": "bench",
-            "gravity_m_s2": [0.0, 0.0, -GRAVITY],
-            "tip": ROD,
-            "joints": [joint],
-            "links": [link | {"inertia_kg_m2": tensor}],
-        },
-        "bench",
-    )
+    about = {"kind": "estimate", "text": "identify servo: a guess, or not determined by its logs"}
+    document = {
+        "name": "bench", "sources": {"bench": about}, "source": "bench", "gravity_m_s2": [0.0, 0.0, -GRAVITY], "tip": ROD,
+        "joints": [joint], "links": [link | {"inertia_kg_m2": tensor}],
+    }  # fmt: skip
+    return parse(document, "bench")
 
 
 def link_numbers(log: BenchLog, offset: np.ndarray | float = 0.0) -> dict[str, Any]:
