@@ -47,6 +47,6 @@ def warning(what: str, place: str, expected: str = "") -> tuple[Level, Problem]:
     return "warning", Problem(what, place, expected=expected)
 
 
-def note(what: str, place: str) -> tuple[Level, Problem]:
+def note(what: str, place: str, expected: str = "") -> tuple[Level, Problem]:
     """A finding that a user should know."""
-    return "note", Problem(what, place)
+    return "note", Problem(what, place, expected=expected)
