@@ -188,7 +188,7 @@ def _total_least_squares(problem: GainProblem) -> np.ndarray:
 def _smallest(problem: GainProblem, weights: np.ndarray) -> np.ndarray:
     """g of the least  gᵀ A g / gᵀ D g,  A of u less what [Y c] explains, D of the noise; the shortest of equally good ones."""
     k, weighted = len(problem.joints), list(zip(weights, problem.parts, strict=True))
-    of_gains = scipy.linalg.block_diag(*(w * u[:, None] for w, (_, _, u) in weighted))
+    of_gains = np.asarray(scipy.linalg.block_diag(*(w * u[:, None] for w, (_, _, u) in weighted)))
     matrix = np.column_stack([np.concatenate([w * np.column_stack([Y, c]) for w, (Y, c, _) in weighted]), of_gains])
     size = np.linalg.norm(matrix, axis=0)
     size[size == 0] = 1.0
@@ -226,7 +226,9 @@ def _residuals(problem: GainProblem, parameters: np.ndarray, inverse: np.ndarray
 def _jacobian(problem: GainProblem, parameters: np.ndarray, inverse: np.ndarray) -> np.ndarray:
     parts = list(zip(problem.parts, inverse, np.sqrt(problem.variances), strict=True))
     of_parameters = np.concatenate([h * Y / std for (Y, _, _), h, std in parts])
-    of_gains = scipy.linalg.block_diag(*((Y @ parameters + c)[:, None] / std for (Y, c, _), _, std in parts))
+    of_gains = np.asarray(
+        scipy.linalg.block_diag(*((Y @ parameters + c)[:, None] / std for (Y, c, _), _, std in parts))
+    )
     return np.column_stack([of_parameters, of_gains])
 
 

@@ -194,9 +194,10 @@ def _of_log(log: Log, signals: LogSignals) -> Records:
     notes = [str(each) for each in log.warnings]
     for run in log.runs:
         stretches = _stretches(log, run, pick_u, pick_y)
-        notes += [f"run {run.name!r} has gaps: {len(stretches)} stretches, each with an initial state of its own"] * (
-            len(stretches) > 1
-        )
+        if len(stretches) > 1:
+            notes.append(
+                f"run {run.name!r} has gaps: {len(stretches)} stretches, each with an initial state of its own"
+            )
         (fit if run.use == "fit" else hold_out).extend(stretches)
         periods[run.name] = run.period
     first = log.runs[0].name
@@ -262,7 +263,7 @@ def _stretches(log: Log, run: LogRun, inputs: Any, outputs: Any) -> list[Recorde
             what = f"rows are not evenly spaced: {off.max():.3g} s off a clock of {run.period:.4g} s"
             raise LogError(what, place=f"run {run.name!r}", expected="one clock", file=log.path)
         finite = np.isfinite(u[rows]).all(axis=1) & np.isfinite(y[rows]).all(axis=1)
-        for begin, end in part.begin + runs_of_true(finite):
+        for begin, end in part.begin + runs_of_true(np.asarray(finite)):
             found.append(RecordedStretch(run.name, u[begin:end], y[begin:end]))
     return found
 
@@ -273,19 +274,16 @@ def check_variation(records: Records) -> None:
     Raises:
         LogError: names the signal.
     """
-    for place, names in (("u", records.inputs), ("y", records.outputs)):
+    for place, names, what, expected in (
+        ("u", records.inputs, "nothing answers to it", "an input that moves: steps, PRBS, multisine, chirp"),
+        ("y", records.outputs, "there is nothing to explain", "an output that moves"),
+    ):
         if len({getattr(each, place).shape[1] for each in records.fit}) > 1:
             raise LogError("runs with different numbers of signals", place=place)
         for k, name in enumerate(names):
             values = np.concatenate([getattr(each, place)[:, k] for each in records.fit])
             if np.ptp(values) <= CONSTANT * max(float(np.abs(values).max()), 1e-300):
-                what = (
-                    "is constant: nothing answers to it" if place == "u" else "is constant: there is nothing to explain"
-                )
-                expected = (
-                    "an input that moves: steps, PRBS, multisine, chirp" if place == "u" else "an output that moves"
-                )
-                raise LogError(what, place=name, value=float(values[0]), expected=expected)
+                raise LogError(f"is constant: {what}", place=name, value=float(values[0]), expected=expected)
 
 
 def check_rows(records: Records, parameters: int, lost: int) -> None:

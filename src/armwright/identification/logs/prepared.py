@@ -14,7 +14,7 @@ from armwright.entry import AnyLog, as_log, expect
 from armwright.errors import LogError
 from armwright.fitting.residuals import parts_of
 from armwright.identification.logs.blocks import ROWS, Block
-from armwright.identification.logs.even_rows import EvenStretch, SampledRows, sampled_rows
+from armwright.identification.logs.even_rows import EvenStretch, sampled_rows
 from armwright.identification.logs.findings import number_of
 from armwright.identification.logs.log import Log, LogRun
 from armwright.identification.logs.merged_speeds import LOWEST, merged
@@ -28,7 +28,6 @@ from armwright.identification.logs.preparation import (
     settling,
 )
 from armwright.identification.logs.spikes import without_spikes
-from armwright.identification.logs.stretches import EvenRows
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -149,7 +148,10 @@ def prepared_blocks(log: Log, run: str, preparation: Preparation, rows: int = RO
             continue
         for begin in range(low, high, window):
             end = min(begin + window, high)
-            yield number, _window(log, reader, stretch, preparation, begin, end, seam, first)
+            before, behind = max(begin - seam, 0), min(end + seam, stretch.rows)  # the filter settles beyond the window
+            even, period, values = reader.even(stretch, before, behind)
+            kept = slice(begin - before, end - before, preparation.decimate)
+            yield number, _block(log, first, even, filtered(log, values, period, preparation), kept)
             first += len(range(begin, end, preparation.decimate))
 
 
@@ -166,30 +168,13 @@ def prepared_excerpt(
         kept = slice(preparation.edge, max(len(rows.t) - preparation.edge, 0), preparation.decimate)
         if len(rows.t[kept]):
             measured = without_spikes(rows.values, preparation.spikes)
-            both = filtered(log, measured, rows.period, preparation), measured
-            first, second = (
-                Block(0, rows.t[kept], {name: of_all_joints(log, name, v[kept]) for name, v in each.items()})
-                for each in both
-            )
-            yield number, first, second
+            prepared = filtered(log, measured, rows.period, preparation)
+            yield number, _block(log, 0, rows.t, prepared, kept), _block(log, 0, rows.t, measured, kept)
 
 
-def _window(
-    log: Log,
-    reader: SampledRows,
-    stretch: EvenRows,
-    preparation: Preparation,
-    begin: int,
-    end: int,
-    seam: int,
-    first: int,
-) -> Block:
-    """Prepared rows `begin` to `end` of a stretch, from rows beyond them either way."""
-    low, high = max(begin - seam, 0), min(end + seam, stretch.rows)
-    even, period, values = reader.even(stretch, low, high)
-    kept = slice(begin - low, end - low, preparation.decimate)
-    prepared = filtered(log, values, period, preparation)
-    return Block(first, even[kept], {name: of_all_joints(log, name, each[kept]) for name, each in prepared.items()})
+def _block(log: Log, row: int, t: np.ndarray, values: Mapping[str, np.ndarray], kept: slice) -> Block:
+    """The kept ones of some rows as a block that begins at a row, signals for all joints of the log."""
+    return Block(row, t[kept], {name: of_all_joints(log, name, each[kept]) for name, each in values.items()})
 
 
 def filtered(
