@@ -27,9 +27,8 @@ LISTS = {  # whose tables are called by their names, not by their numbers
     "parts": "part",
     "sections": "section",
 }
-UNSEEN = (
-    r"\p{Cc}\p{Cf}\p{Zl}\p{Zp}"  # controls, line separators, invisible letters and those that turn the text's direction
-)
+# controls, line separators, invisible letters and those that turn the text's direction
+UNSEEN = r"\p{Cc}\p{Cf}\p{Zl}\p{Zp}"
 NAME = rf"^[^\s.\[\]{UNSEEN}]+$"  # of modules and parts
 CONNECTOR = rf"^[^\s.\[\]{UNSEEN}]+\.[^\s.\[\]{UNSEEN}]+$"
 NAMEABLE = rf'^[^\s"\[\]{UNSEEN}]([^"\[\]{UNSEEN}]*[^\s"\[\]{UNSEEN}])?$'  # of joints, links and frames
@@ -60,13 +59,7 @@ class Invalid(ValueError):
     """
 
     def __init__(
-        self,
-        what: str = "",
-        *,
-        place: str = "",
-        value: Any = ABSENT,
-        expected: str = "",
-        choices: Iterable[str] = (),
+        self, what: str = "", *, place: str = "", value: Any = ABSENT, expected: str = "", choices: Iterable[str] = ()
     ):
         self.problems: tuple[Problem, ...] = (Problem(what, place, value, expected, tuple(choices)),)
         super().__init__(str(self.problems[0]))
@@ -105,15 +98,15 @@ def validated(
         raise error.of(*found).within(place, file) from None
 
 
-def readable(record: type[AnyRecord], data: Mapping[str, Any], folder: Path | None = None) -> AnyRecord | None:
+def readable(record: type[AnyRecord], data: Mapping[str, Any]) -> AnyRecord | None:
     """The record without its wrong keys, so that further mistakes can be found; None if those keys are needed.
 
     Args:
-        record: its type.   data: what `validated` refuses.   folder: as there.
+        record: its type.   data: what `validated` refuses.
     """
     for _ in range(MOST_ROUNDS):
         try:
-            return record.model_validate(data, context={"folder": folder})
+            return record.model_validate(data, context={"folder": None})
         except pydantic.ValidationError as invalid:
             errors = invalid.errors()
             tables = [each["loc"][:-1] for each in errors if each["type"] in ("missing", "union_tag_invalid")]

@@ -9,9 +9,8 @@ from armwright.cli.arguments import argument, flag, numbers, option, output_opti
 from armwright.cli.outcome import PAGE, TOML, check_file, exit_unless, until_stopped, write
 from armwright.cli.tables import show
 from armwright.errors import IdentificationError
+from armwright.model.tree import TENSOR
 from armwright.progress import progress
-
-TENSOR = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 
 
 def gains(

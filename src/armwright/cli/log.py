@@ -69,7 +69,6 @@ def _runs(found: Log) -> object:
     rows = []
     for each in found.runs:
         census = each.census
-        assert census is not None
         gaps = str(census.gaps.count) if census.gaps.count else ""
         stretches = str(len(each.stretches)) if len(each.stretches) > 1 else ""
         jitter = f"{census.jitter / census.period:.1%}"
@@ -83,7 +82,7 @@ def _signals(found: Log) -> object:
     rows = []
     for signal in found.layout:
         for k, joint in enumerate(signal.joints or ()):
-            columns = [each.census.signals[signal.name] for each in found.runs if each.census is not None]
+            columns = [each.census.signals[signal.name] for each in found.runs]
             low, high = min(c.low[k] for c in columns), max(c.high[k] for c in columns)
             rows.append([signal.name, found.joints[joint], signal.units[k], number(low), number(high)])
     heads = ("signal", "joint", "unit", "lowest", "highest")

@@ -117,8 +117,12 @@ def periods_of_rest(slow: np.ndarray, rate: float) -> np.ndarray:
     Args:
         slow: bool, of one joint in one run.   rate: rows in a second.
     """
-    edges = np.flatnonzero(np.diff(slow, prepend=False, append=False))
     mask = np.zeros(len(slow), dtype=bool)
-    for begin, end in zip(edges[::2], edges[1::2], strict=True):
+    for begin, end in runs_of_true(slow):
         mask[begin:end] = end - begin >= max(LEAST, REST * rate)
     return mask
+
+
+def runs_of_true(happens: np.ndarray) -> np.ndarray:
+    """(runs, 2) first row of each run of true entries of a column, and the row after its last."""
+    return np.flatnonzero(np.diff(happens, prepend=False, append=False)).reshape(-1, 2)

@@ -41,10 +41,7 @@ def dry_level(
     plus, minus = friction.coulomb_positive, friction.coulomb_negative
     backward = scalar.less(speed if direction is None else direction, 0.0)
     level = plus if same(plus, minus) else scalar.where(backward, minus, plus)
-    level, most = (
-        None if part is None else warmed(part, friction.coulomb_temperature_coefficient, warming)
-        for part in (level, friction.stribeck)
-    )
+    level, most = warmed_levels(friction, level, warming)
     if load is not None and friction.load_coefficient is not None:
         added = friction.load_coefficient * scalar.abs(load)
         level, most = level + added, None if most is None else most + added
@@ -59,6 +56,14 @@ def warmed(value: Scalar, coefficient: Scalar | None, warming: Scalar | None) ->
     if coefficient is None or warming is None:
         return value
     return value * scalar.maximum(1.0 + coefficient * warming, 0.0)
+
+
+def warmed_levels(friction: Any, coulomb: Scalar, warming: Scalar | None) -> tuple[Scalar, Scalar | None]:
+    """A level of Coulomb's and Stribeck's, None without it, when they are warm."""
+    coulomb = warmed(coulomb, friction.coulomb_temperature_coefficient, warming)
+    if friction.stribeck is None:
+        return coulomb, None
+    return coulomb, warmed(friction.stribeck, friction.coulomb_temperature_coefficient, warming)
 
 
 def same(a: Scalar, b: Scalar) -> bool:

@@ -11,7 +11,7 @@ import numpy as np
 from armwright import scalar
 from armwright.friction_laws.coulomb import Coulomb
 from armwright.friction_laws.law import Loads, OwnKey
-from armwright.friction_laws.levels import smooth_sign, warmed
+from armwright.friction_laws.levels import smooth_sign, warmed_levels
 from armwright.scalar import Scalar
 
 
@@ -57,13 +57,8 @@ class LoadDependent(Coulomb):
         """g at a speed, by the torques (τ_m, τ_e) [N m | N]; without them those are 0."""
         _, motor, external, *_ = friction.parameters
         backward = scalar.less(speed if direction is None else direction, 0.0)
-        coulomb, most = (
-            None if part is None else warmed(part, friction.coulomb_temperature_coefficient, warming)
-            for part in (
-                scalar.where(backward, friction.coulomb_negative, friction.coulomb_positive),
-                friction.stribeck,
-            )
-        )
+        coulomb = scalar.where(backward, friction.coulomb_negative, friction.coulomb_positive)
+        coulomb, most = warmed_levels(friction, coulomb, warming)
         stribeck = _stribeck_share(friction, speed)
         level = coulomb if most is None else coulomb + stribeck * (most - coulomb)
         if not isinstance(load, tuple):

@@ -184,6 +184,21 @@ class Estimate(Result):
         return write_report(path, title or self.heading, self)
 
 
+class EstimateResult(Result):
+    """Base of results around an `estimate`, which has the verdict."""
+
+    estimate: Estimate
+
+    @property
+    def good(self) -> bool:
+        """True if the log determines the parameters."""
+        return self.estimate.good
+
+    def sentences(self) -> list[str]:
+        """The verdict, then remarks."""
+        return self.estimate.sentences()
+
+
 def _words(measure: str) -> str:
     return {"fit_percent": "fit [%]", "r2": "R²", "rms": "RMS"}.get(measure, measure.replace("_", " "))
 
@@ -343,12 +358,7 @@ def _set_number(parts: list[Any], record: RobotDescription, name: str, value: fl
     deviation: Any = float(f"{std:.4g}") if np.isfinite(std) else None
     if index:
         number, deviation = _with_element(table.get(last), record, path, int(index.rstrip("]")), number, deviation)
-    entry = tomlkit.inline_table()
-    entry["value"] = number
-    if deviation is not None:
-        entry["std"] = deviation
-    entry["source"] = source
-    table[last] = entry
+    table[last] = _inline({"value": number, **({} if deviation is None else {"std": deviation}), "source": source})
 
 
 def _table_of(parts: list[Any], record: RobotDescription, name: str, key: str) -> Any:
@@ -397,21 +407,20 @@ def _add_tables(parts: list[Any], estimate: Estimate, key: str, written: list[in
     fit["unidentified"] = [name for name, known in zip(estimate.names, kept, strict=True) if not known]
     if np.isfinite(estimate.condition):
         fit["condition"] = max(1.0, float(f"{estimate.condition:.6g}"))
-    others = tomlkit.inline_table()
-    for k, name in enumerate(estimate.names):
-        if not own[k] and kept[k]:
-            entry = tomlkit.inline_table()
-            entry["value"] = float(f"{estimate.values[k]:.12g}")
-            if np.isfinite(estimate.std[k]):
-                entry["std"] = float(f"{estimate.std[k]:.4g}")
-            others[name] = entry
+    others = {
+        name: {"value": float(f"{estimate.values[k]:.12g}")}
+        | ({"std": float(f"{estimate.std[k]:.4g}")} if np.isfinite(estimate.std[k]) else {})
+        for k, name in enumerate(estimate.names)
+        if not own[k] and kept[k]
+    }
     measures = {
         signal: {name: float(f"{v:.6g}") for name, v in each.items() if np.isfinite(v)}
         for signal, each in estimate.fit.items()
     }
-    tables = (("others", others), ("measures", _inline(measures)), ("preparation", _inline(estimate.preparation)))
-    for name, value in {**{name: each for name, each in tables if each}, "remarks": list(estimate.remarks)}.items():
-        fit[name] = value
+    for name, each in (("others", others), ("measures", measures), ("preparation", estimate.preparation)):
+        if each:
+            fit[name] = _inline(each)
+    fit["remarks"] = list(estimate.remarks)
     for name in ("at_bound", "unidentified", "remarks"):
         if not fit[name]:
             del fit[name]

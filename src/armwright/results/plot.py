@@ -155,6 +155,15 @@ def draw(plot: Plot) -> Figure:
     return figure
 
 
+def blank_figure(width: float, height: float, title: str, **style: Any) -> Figure:
+    """A white figure of a width and a height [inch], with nothing but its title on the left; `style` of the title."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height), dpi=110, layout="constrained", facecolor="white")
+    figure.suptitle(title, x=0.012, ha="left", color=TEXT, **style)
+    return figure
+
+
 def open_axes(axis: Axes) -> None:
     """Draws a grid, and no lines above and to the right."""
     axis.grid(color=GRID, linewidth=0.6)

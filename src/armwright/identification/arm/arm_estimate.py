@@ -13,18 +13,17 @@ from armwright.identification.arm.arm_record import RecordParameters, write_reco
 from armwright.identification.arm.bootstrap import Bootstrap
 from armwright.identification.arm.cutoff import CutoffCurve
 from armwright.identification.arm.fit import ArmFit, HeldOut
-from armwright.identification.estimate import Estimate
+from armwright.identification.estimate import Estimate, EstimateResult
 from armwright.identification.validation.comparison import RecordComparison
 from armwright.identification.validation.validate import Validation
 from armwright.results.page_parts import definitions, sentence
-from armwright.results.result import Result
 from armwright.results.table import Table, number
 
 JOINTS = ("joint", "R²", "RMS", "of the torque [%]", "cross-validated [%]", "unit")
 
 
 @dataclass(frozen=True, eq=False)
-class ArmEstimate(Result):
+class ArmEstimate(EstimateResult):
     """Result of `identify_arm`.
 
     Attributes:
@@ -54,11 +53,6 @@ class ArmEstimate(Result):
     def verdict(self) -> str:
         """ "identified" or "not identified"."""
         return self.estimate.verdict
-
-    @property
-    def good(self) -> bool:
-        """True if the log determines the parameters."""
-        return self.estimate.good
 
     def sentences(self) -> list[str]:
         """The verdict, then remarks."""

@@ -75,26 +75,20 @@ def record_parameters(fit: ArmFit, rows: Callable[[TorqueModel], SampleSource]) 
     equations = fit.weighted or fit.equations
     model = equations.model
     kept = _columns_of_record(equations, fit.weights, fit.base.independent)
-    matrix, target = (
-        fit.information @ fit.base.matrix,
-        fit.information @ fit.values,
-    )  # |R (A π − β)|² is what π costs beyond β
+    # |R (A π − β)|² is what π costs beyond β
+    matrix, target = fit.information @ fit.base.matrix, fit.information @ fit.values
     links = np.arange(PER_LINK * len(model.arm.bodies)).reshape(-1, PER_LINK)
     columns = [model.columns[k] for k in kept]
-    bounds = PhysicalBounds(
-        [column.name for column in columns], links, [k for k, c in enumerate(columns) if c.kind in NOT_NEGATIVE]
-    )
+    positive = [k for k, column in enumerate(columns) if column.kind in NOT_NEGATIVE]
+    bounds = PhysicalBounds([column.name for column in columns], links, positive)
     prior = model.prior[kept]
     known = {} if np.isnan(prior[links]).any() else {"prior": np.nan_to_num(prior), "weight": NEAR}
-    found = None
-    for options in (known, {}):
-        try:
-            found = _physical(matrix[:, kept], target, bounds, options)
-            break
-        except IdentificationError as error:
-            if not options or error.place != "prior":
-                raise
-    assert found is not None
+    try:
+        found = _physical(matrix[:, kept], target, bounds, known)
+    except IdentificationError as error:
+        if not known or error.place != "prior":
+            raise
+        found = _physical(matrix[:, kept], target, bounds, {})
     values = np.zeros(len(model))
     values[kept] = found.values
     factors = fit.equations.factors

@@ -6,7 +6,7 @@ Columns of the regressor that depend on earlier ones are regrouped:  Y π = Y_b 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -52,6 +52,12 @@ class BaseParameters:
         matrix[np.arange(len(self)), self.independent] = 1.0
         matrix[:, self.dependent] = self.regroup
         return matrix
+
+    def without(self, columns: Sequence[int] | np.ndarray) -> BaseParameters:
+        """The base parameters but for those of some columns, which count as without effect, with all that is regrouped."""
+        kept = ~np.isin(self.independent, columns)
+        absent = np.sort(np.concatenate([self.absent, self.independent[~kept]]))
+        return replace(self, independent=self.independent[kept], absent=absent, regroup=self.regroup[kept])
 
     @property
     def names(self) -> list[str]:

@@ -129,10 +129,8 @@ def simulated_loop(
     q_r, qd_r, qdd_r = feedback.reference(times)
     ahead = np.zeros((len(times), len(lanes), n))
     if feedback.feedforward:
-        ahead = (
-            np.einsum("tnp,lp->tln", model.rows(q_r, qd_r, qdd_r), lanes)
-            + model.known_torques(q_r, qd_r, qdd_r)[:, None]
-        )
+        ahead = np.einsum("tnp,lp->tln", model.rows(q_r, qd_r, qdd_r), lanes)
+        ahead = ahead + model.known_torques(q_r, qd_r, qdd_r)[:, None]
     q, qd = (np.tile(each[0], (len(lanes), 1)) for each in (q_r, qd_r))
     kept = np.zeros((4, len(times), len(lanes), n))
     for k in range(len(times)):
@@ -279,11 +277,9 @@ def _at_rows(feedback: Feedback, times: np.ndarray, values: np.ndarray, t: np.nd
 
 def _known(model: TorqueModel, samples: Samples, feedback: Feedback, method: str) -> np.ndarray:
     """Torques of the record's springs at the measured positions, or at the reference where these are not used."""
-    return (
-        samples.tau - samples.unknown_torque(model)
-        if method == "idim-iv"
-        else model.known_torques(*feedback.reference(samples.t))
-    )
+    if method == "idim-iv":
+        return samples.tau - samples.unknown_torque(model)
+    return model.known_torques(*feedback.reference(samples.t))
 
 
 def _solved(Z: np.ndarray, Y: np.ndarray, tau: np.ndarray, weights: np.ndarray) -> np.ndarray:

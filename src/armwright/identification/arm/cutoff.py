@@ -80,12 +80,12 @@ def cutoff_curve(stream: Stream, model: TorqueModel, progress: Progress, after: 
     grid = _grid(stream)
     if len(grid) < 2:
         return None
-    rows = sum(len(each.t) for run in stream.filters for each in stream.log.run(run).census.even)  # type: ignore[union-attr]
+    rows = sum(len(each.t) for run in stream.filters for each in stream.log.run(run).census.even)
     decimate = max(next(iter(stream.at(grid[0]).filters.values())).narrow.decimate, ceil(rows / ROWS))
     lowest = stream.at(grid[-1]).filters
     structural, found = base_parameters(model), []
-    excerpts = [stream.log.run(run).census for run in stream.filters]
-    seconds = part_seconds(list(stream.filters), sum(each.excerpt_seconds for each in excerpts if each is not None))
+    excerpts = sum(stream.log.run(run).census.excerpt_seconds for run in stream.filters)
+    seconds = part_seconds(list(stream.filters), excerpts)
     for number, cutoff in enumerate(grid):
         progress(number, len(grid) + after)
         filters = {}
@@ -120,13 +120,13 @@ def _grid(stream: Stream) -> list[float]:
     """Falling cut-offs in Hz that leave at least half of the rows that the highest one leaves."""
     highest = max(each.narrow.cutoff for each in stream.filters.values())
     slowest = min(each.narrow.rate for each in stream.filters.values())
-    rows = sum(len(each.t) for run in stream.filters for each in stream.log.run(run).census.even)  # type: ignore[union-attr]
+    rows = sum(len(each.t) for run in stream.filters for each in stream.log.run(run).census.even)
     highest = max(WIDEST * highest, MANY * slowest / (ROOM * max(rows, 1)))
     cutoff, found, most = _three_digits(min(highest, HIGHEST * slowest)), [], 0
     while len(found) < MOST_CUTOFFS and cutoff > LOWEST * slowest:
         left = 0
         for run, each in stream.at(cutoff).filters.items():
-            lengths = [len(rows.t) for rows in stream.log.run(run).census.even]  # type: ignore[union-attr]
+            lengths = [len(rows.t) for rows in stream.log.run(run).census.even]
             left += sum(max(length - 2 * each.narrow.edge, 0) for length in lengths)
         most = most or left
         if left < LEFT * most or left * ROOM * cutoff < FEWEST * slowest:

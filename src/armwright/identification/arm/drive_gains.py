@@ -24,7 +24,6 @@ from armwright.identification.arm.equations import Equations, SampleSource, equa
 from armwright.identification.arm.gain_fit import GainFit, GainProblem, fit_gains
 from armwright.identification.arm.payload import (
     HIGHEST,
-    TENSOR,
     PayloadModel,
     both_logs,
     checksum_of_both,
@@ -38,6 +37,7 @@ from armwright.identification.estimate import HALF_95, Estimate
 from armwright.identification.logs.log import Log
 from armwright.identification.logs.preparation import Preparation, choose_preparation
 from armwright.model import Model
+from armwright.model.tree import TENSOR
 
 # of columns by rows that stay in memory: 128 MB; with more, the logs are prepared anew at each pass
 KEPT_VALUES = 2**24

@@ -83,6 +83,12 @@ class Factor:
         """τᵀ τ."""
         return float(self.matrix[:, -1] @ self.matrix[:, -1])
 
+    def over_all(self, columns: int) -> np.ndarray:
+        """R (k, p + 1) of [Y τ] over all p columns of the model, 0 in those that the joint does not have."""
+        block = np.zeros((len(self.matrix), columns + 1))
+        block[:, self.columns], block[:, -1] = self.matrix[:, :-1], self.matrix[:, -1]
+        return block
+
     def residual(self, parameters: np.ndarray) -> float:
         """|τ - Y π|² for parameters (p,) of the model."""
         difference = self.matrix[:, -1] - self.matrix[:, :-1] @ parameters[self.columns]
@@ -178,10 +184,7 @@ def stacked(factors: Sequence[Factor], columns: int, weights: np.ndarray | None 
     blocks, size = [], 0.0
     for j, factor in enumerate(factors):
         weight = 1.0 if weights is None else float(weights[j])
-        block = np.zeros((len(factor.matrix), columns + 1))
-        block[:, factor.columns] = factor.matrix[:, :-1]
-        block[:, -1] = factor.matrix[:, -1]
-        blocks.append(np.sqrt(weight) * block)
+        blocks.append(np.sqrt(weight) * factor.over_all(columns))
         size += weight * factor.sum_of_squares
     return triangle(np.concatenate(blocks)), size
 

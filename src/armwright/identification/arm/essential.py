@@ -85,18 +85,12 @@ def essential_parameters(
 def _solved(R: np.ndarray, z: np.ndarray, kept: list[int]) -> tuple[np.ndarray, np.ndarray, float]:
     """Values of some parameters, all others 0, their covariance for a variance of 1, and the norm of what is left of z."""
     size = np.linalg.norm(R[:, kept], axis=0)
+    expected = "base parameters, which the rows distinguish"
     if not (size > 0).all():
-        raise IdentificationError(
-            "a column of zeros", place="R", expected="base parameters, which the rows distinguish"
-        )
+        raise IdentificationError("a column of zeros", place="R", expected=expected)
     Q, T = np.linalg.qr(R[:, kept] / size)
     if (np.abs(np.diag(T)) < 1e-13).any():
-        raise IdentificationError(
-            "dependent columns", place="R", expected="base parameters, which the rows distinguish"
-        )
+        raise IdentificationError("dependent columns", place="R", expected=expected)
     inverse = scipy.linalg.solve_triangular(T, np.eye(len(kept))) / size[:, None]
-    return (
-        scipy.linalg.solve_triangular(T, Q.T @ z) / size,
-        inverse @ inverse.T,
-        float(np.linalg.norm(z - Q @ (Q.T @ z))),
-    )
+    rest = float(np.linalg.norm(z - Q @ (Q.T @ z)))
+    return scipy.linalg.solve_triangular(T, Q.T @ z) / size, inverse @ inverse.T, rest

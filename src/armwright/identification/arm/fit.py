@@ -156,9 +156,7 @@ def measures_of(factors: Sequence[Factor], parameters: np.ndarray) -> tuple[np.n
 
 def gram(factor: Factor, base: BaseParameters) -> np.ndarray:
     """Y_jᵀ Y_j (b, b) of a joint."""
-    values = np.zeros((len(factor.matrix), len(base.columns)))
-    values[:, factor.columns] = factor.matrix[:, :-1]
-    values = values[:, base.independent]
+    values = factor.over_all(len(base.columns))[:, base.independent]
     return values.T @ values
 
 
@@ -178,11 +176,8 @@ def _solved(
     b = len(base)
     diagonal = np.abs(np.diag(factor)[:b])
     if (diagonal < 1e-13).any():
-        raise IdentificationError(
-            "parameters that these rows cannot distinguish",
-            place="log",
-            expected="the base parameters of the log itself",
-        )
+        what, expected = "parameters that these rows cannot distinguish", "the base parameters of the log itself"
+        raise IdentificationError(what, place="log", expected=expected)
     R, z = factor[:b, :b], factor[:b, -1]
     if errors is not None:
         rows = np.array([each.rows for each in factors])
@@ -392,9 +387,7 @@ def score(part: LogPart, fit: ArmFit) -> np.ndarray:
     """Σ XᵀWe (b,) over a part of the log."""
     total = np.zeros(len(fit.base))
     for weight, factor in zip(fit.weights, part.factors, strict=True):
-        own = np.zeros((len(factor.matrix), len(fit.base.columns)))
-        own[:, factor.columns] = factor.matrix[:, :-1]
-        own = own[:, fit.base.independent]
+        own = factor.over_all(len(fit.base.columns))[:, fit.base.independent]
         total += weight * own.T @ (factor.matrix[:, -1] - own @ fit.values)
     return total
 

@@ -332,12 +332,8 @@ def _spread(law: FittedFriction, covariance: np.ndarray) -> np.ndarray:
 
 
 SPRING = " of a spring or counterbalance"
-OF_SPRING = {
-    "stiffness": "spring",
-    "rest": "constant",
-    "sine": "sine",
-    "cosine": "cosine",
-}  # stem → value of `spring_keys`
+# stem → value of `spring_keys`
+OF_SPRING = {"stiffness": "spring", "rest": "constant", "sine": "sine", "cosine": "cosine"}
 
 
 def _name(body: Body, term: FrictionTerm) -> str:

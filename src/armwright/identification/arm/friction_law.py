@@ -101,24 +101,15 @@ TERMS: dict[str, tuple[FrictionTerm, ...]] = {
     "coulomb by temperature": (FrictionTerm("coulomb_temperature_coefficient_per_k", None, lambda _: -1e-3, -np.inf),),
     "viscous by temperature": (FrictionTerm("viscous_temperature_coefficient_per_k", None, lambda _: -1e-3, -np.inf),),
     **{name: _of_law(law) for name, law in LAWS.items() if law.is_candidate},
-    "spring": (
-        FrictionTerm("stiffness", "spring", level_of),
-    ),  # its torque at 0 is in the levels of Coulomb, or the sigmoid's offset
+    # its torque at 0 is in the levels of Coulomb, or the sigmoid's offset
+    "spring": (FrictionTerm("stiffness", "spring", level_of),),
     "counterbalance": (
         FrictionTerm("sine", "spring", level_of, -np.inf),
         FrictionTerm("cosine", "spring", level_of, -np.inf),
     ),
 }
-USUAL = ("viscous", "coulomb")
-CANDIDATES = (
-    "stribeck",
-    "load",
-    "coulomb by temperature",
-    "viscous by temperature",
-    *(name for name, law in LAWS.items() if law.is_candidate),
-    "spring",
-    "counterbalance",
-)
+USUAL, SPRINGS = ("viscous", "coulomb"), ("spring", "counterbalance")
+CANDIDATES = tuple(name for name in TERMS if name not in USUAL)
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,10 +164,10 @@ def fitted_law(rows: FrictionRows, names: Sequence[str], start: Mapping[str, flo
     return FittedFriction(tuple(names), dict(zip(stems, map(float, found.x), strict=True)))
 
 
-def held_out_error(rows: FrictionRows, names: Sequence[str], folds: int = FOLDS) -> float:
+def held_out_error(rows: FrictionRows, names: Sequence[str]) -> float:
     """Root mean square error [N m | N] of a cross-validation: each part held out once."""
     rows = rows.part(np.arange(0, len(rows.speed), max(len(rows.speed) // ENOUGH, 1)))
-    parts, square = np.array_split(np.arange(len(rows.speed)), folds), 0.0
+    parts, square = np.array_split(np.arange(len(rows.speed)), FOLDS), 0.0
     start = fitted_law(rows, names).values
     for part in parts:
         others = np.setdiff1d(np.arange(len(rows.speed)), part)
@@ -211,14 +202,12 @@ def choose_terms(rows: FrictionRows, candidates: Sequence[str] = CANDIDATES, wor
         if tried[best] < worth:
             break
         terms, error = _with(terms, best), errors[best]
-        left = [
-            each for each in left if each != best and (own_law(terms) is None or each in ("spring", "counterbalance"))
-        ]
+        left = [each for each in left if each != best and (own_law(terms) is None or each in SPRINGS)]
     return Choice(terms, error, tried)
 
 
 def _with(terms: Sequence[str], candidate: str) -> tuple[str, ...]:
     """Terms with one more; a law of its own keys has no other dry friction, nor what depends on it."""
     if own_law((candidate,)) is not None:
-        return (*(each for each in terms if each in ("viscous", "spring", "counterbalance")), candidate)
+        return (*(each for each in terms if each in ("viscous", *SPRINGS)), candidate)
     return (*terms, candidate)

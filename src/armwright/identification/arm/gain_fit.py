@@ -51,13 +51,7 @@ class GainProblem:
     @cached_property
     def full(self) -> list[np.ndarray]:
         """R (k, p + 1) of [Y_j u_j] in the places of the model's columns, each joint that takes part."""
-        blocks = []
-        for j in self.joints:
-            factor = self.factors[j]
-            block = np.zeros((len(factor.matrix), len(self.columns) + 1))
-            block[:, factor.columns], block[:, -1] = factor.matrix[:, :-1], factor.matrix[:, -1]
-            blocks.append(block)
-        return blocks
+        return [self.factors[j].over_all(len(self.columns)) for j in self.joints]
 
     @cached_property
     def unknown(self) -> np.ndarray:
@@ -93,15 +87,11 @@ class GainProblem:
     @cached_property
     def variances(self) -> np.ndarray:
         """σ_j² of each joint by itself."""
-        return np.array(
-            [
-                max(
-                    squares / (self.factors[j].rows - rank),
-                    EXACT * self.factors[j].sum_of_squares / self.factors[j].rows,
-                )
-                for j, (squares, rank) in zip(self.joints, self.alone, strict=True)
-            ]
-        )
+        found = []
+        for j, (squares, rank) in zip(self.joints, self.alone, strict=True):
+            factor = self.factors[j]
+            found.append(max(squares / (factor.rows - rank), EXACT * factor.sum_of_squares / factor.rows))
+        return np.array(found)
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,12 +187,9 @@ def _total_least_squares(problem: GainProblem) -> np.ndarray:
 
 def _smallest(problem: GainProblem, weights: np.ndarray) -> np.ndarray:
     """g of the least  gᵀ A g / gᵀ D g,  A of u less what [Y c] explains, D of the noise; the shortest of equally good ones."""
-    blocks, k = [], len(problem.joints)
-    for number, (w, (Y, c, u)) in enumerate(zip(weights, problem.parts, strict=True)):
-        of_gains = np.zeros((len(u), k))
-        of_gains[:, number] = u
-        blocks.append(w * np.column_stack([Y, c, of_gains]))
-    matrix = np.concatenate(blocks)
+    k, weighted = len(problem.joints), list(zip(weights, problem.parts, strict=True))
+    of_gains = np.asarray(scipy.linalg.block_diag(*(w * u[:, None] for w, (_, _, u) in weighted)))
+    matrix = np.column_stack([np.concatenate([w * np.column_stack([Y, c]) for w, (Y, c, _) in weighted]), of_gains])
     size = np.linalg.norm(matrix, axis=0)
     size[size == 0] = 1.0
     R = np.asarray(np.linalg.qr(matrix / size, mode="r"))
@@ -237,12 +224,12 @@ def _residuals(problem: GainProblem, parameters: np.ndarray, inverse: np.ndarray
 
 
 def _jacobian(problem: GainProblem, parameters: np.ndarray, inverse: np.ndarray) -> np.ndarray:
-    blocks = []
-    for number, ((Y, c, _), h, variance) in enumerate(zip(problem.parts, inverse, problem.variances, strict=True)):
-        of_gains = np.zeros((len(c), len(inverse)))
-        of_gains[:, number] = Y @ parameters + c
-        blocks.append(np.column_stack([h * Y, of_gains]) / np.sqrt(variance))
-    return np.concatenate(blocks)
+    parts = list(zip(problem.parts, inverse, np.sqrt(problem.variances), strict=True))
+    of_parameters = np.concatenate([h * Y / std for (Y, _, _), h, std in parts])
+    of_gains = np.asarray(
+        scipy.linalg.block_diag(*((Y @ parameters + c)[:, None] / std for (Y, c, _), _, std in parts))
+    )
+    return np.column_stack([of_parameters, of_gains])
 
 
 def _relative(jacobian: np.ndarray, inverse: np.ndarray) -> np.ndarray:

@@ -44,13 +44,7 @@ def judged_record(
             path = write_record(fit, values, stream.gears, estimate, Path(folder) / "arm.toml")
             written = load(path, on_impossible="warn")  # of links that came in so
         found = compare_records(
-            written,
-            arm,
-            stream.log,
-            list(stream.fresh),
-            simulation=False,
-            noise=noise,
-            cutoff=stream.cutoff,
+            written, arm, stream.log, list(stream.fresh), simulation=False, noise=noise, cutoff=stream.cutoff
         )
     except ArmwrightError as error:
         return None, [f"{NO_VERDICT}: {error}"]

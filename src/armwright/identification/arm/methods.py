@@ -92,19 +92,12 @@ def _essential(problem: FitProblem) -> ArmFit:
     white, base = whole.std, problem.base
     whole = with_correlation(problem.source, whole)
     matrix, size = stacked(problem.equations.factors, len(problem.equations.model), whole.weights)
-    z = matrix[:, -1] @ np.linalg.qr(matrix[:, base.independent])[0]
-    R = np.linalg.qr(matrix[:, base.independent])[1]
+    Q, R = np.linalg.qr(matrix[:, base.independent])
+    z = matrix[:, -1] @ Q
     residual = float(np.sqrt(max(size - z @ z, 0.0)))
     rows = int(problem.equations.rows.sum())
     found = essential_parameters(R, z, residual, rows, inflation=whole.std / np.maximum(white, np.finfo(float).tiny))
-    dropped = np.delete(base.independent, found.kept)
-    essential = BaseParameters(
-        base.columns,
-        base.independent[found.kept],
-        base.dependent,
-        np.sort(np.r_[base.absent, dropped]),
-        base.regroup[found.kept],
-    )
+    essential = base.without(np.delete(base.independent, found.kept))
     return with_correlation(problem.source, fit_arm(problem.equations, essential, "wls", whole.weights))
 
 
@@ -204,13 +197,8 @@ def fitted(
 
     if isinstance(model, LossyModel):
         problem = GearProblem(lambda each: read(each)[1], told_parameters, method)
-        gears_fit = fit_gears(problem, model, _useless_springs, lambda each: stream.kept(each, memory)(), strict=strict)
-        model, equations, dropped, unfitted = (
-            gears_fit.model,
-            gears_fit.equations,
-            gears_fit.dropped,
-            gears_fit.unfitted,
-        )
+        found = fit_gears(problem, model, _useless_springs, lambda each: stream.kept(each, memory)(), strict=strict)
+        model, equations, dropped, unfitted = found.model, found.equations, found.dropped, found.unfitted
         rows = stream.kept(model, memory)
     else:
         rows, equations = read(model)

@@ -94,10 +94,9 @@ def late_torques(fit: ArmFit, samples: Samples) -> list[str]:
     without, with_it = R[-2, -1] ** 2 + R[-1, -1] ** 2, R[-1, -1] ** 2
     if with_it > LATE * without or without < EXACT * float((rows[:, -1] ** 2).sum()):
         return []
-    delay, later = -R[-2, -1] / R[-2, -2], "after"
-    if delay < 0:
-        delay, later = -delay, "before"
-    return [f"torques come {1e3 * delay:.3g} ms {later} the motion that they belong to: are both logged by one clock?"]
+    delay = -R[-2, -1] / R[-2, -2]
+    late = f"{1e3 * abs(delay):.3g} ms {'before' if delay < 0 else 'after'}"
+    return [f"torques come {late} the motion that they belong to: are both logged by one clock?"]
 
 
 def _mistakes(model: TorqueModel) -> Iterator[tuple[Sequence[int], str, np.ndarray, np.ndarray]]:
@@ -120,9 +119,7 @@ def _mistakes(model: TorqueModel) -> Iterator[tuple[Sequence[int], str, np.ndarr
             motors[model.arm.names.index(column.joint), j] = share
     coupled = np.flatnonzero((motors != one).any(axis=0) | (motors != one).any(axis=1)).tolist()
     if coupled:
-        what, asked = (
-            "taken as those of the motors, each by its own ratio",
-            'is side = "motor" right in the log\'s file?',
-        )
+        what = "taken as those of the motors, each by its own ratio"
+        asked = 'is side = "motor" right in the log\'s file?'
         yield coupled, f"positions {what}: {asked}", np.linalg.inv(motors), one
         yield coupled, f"torques {what}: {asked}", one, motors.T

@@ -51,6 +51,7 @@ from armwright.identification.logs.log import Log
 from armwright.identification.logs.preparation import Preparation, choose_preparation
 from armwright.identification.validation.comparison import NO_VERDICT, judged_on_torques
 from armwright.model import BASE, Model
+from armwright.model.tree import TENSOR
 from armwright.progress import Shown, automatic
 
 SUPPORT = replace(
@@ -68,7 +69,6 @@ WELL_TOLD = 0.1  # half of the mass's 95 % interval, by the mass: a wider one is
 # The low-pass that suits the positions rounds off dry friction, which the model has sharp; a higher one lets in more noise.
 CUTOFFS = (1.0, 2.0, 4.0, 8.0, 16.0)  # times the one that suits the positions
 HIGHEST = 0.2  # cut-off as a share of the rate
-TENSOR = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 
 
 @dataclass(frozen=True, eq=False)

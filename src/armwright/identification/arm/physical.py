@@ -25,11 +25,11 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from armwright.errors import IdentificationError
+from armwright.model.tree import TENSOR
 
 PER_LINK = 10  # [m, m c_x, m c_y, m c_z, Ixx, Ixy, Ixz, Iyy, Iyz, Izz], about the link frame's origin
-AT_BOUND = (
-    1e-5  # smallest eigenvalue of a pseudo-inertia in its units, by the largest: no more than the solver's rounding
-)
+# smallest eigenvalue of a pseudo-inertia in its units, by the largest: no more than the solver's rounding
+AT_BOUND = 1e-5
 FLAT = 1e-8  # eigenvalue of a prior, as AT_BOUND: below, its divergence says nothing
 ACTIVE = 1e-6  # a number above its bound by no more, in units of its column
 STEEPEST = 15.0  # of the exponents of the diagonal: a body 3e6 times thinner than the prior is flat
@@ -46,7 +46,7 @@ def _pseudo_inertia_basis() -> np.ndarray:
     basis[0, 3, 3] = 1.0
     for i in range(3):
         basis[1 + i, i, 3] = basis[1 + i, 3, i] = 1.0
-    for k, (i, j) in enumerate(((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)), start=4):
+    for k, (i, j) in enumerate(TENSOR, start=4):
         basis[k, i, j] = basis[k, j, i] = -1.0
         if i == j:
             basis[k, :3, :3] += 0.5 * np.eye(3)
@@ -130,12 +130,7 @@ class PhysicalEstimate:
 
 
 def physical_by_sdp(
-    R: np.ndarray,
-    z: np.ndarray,
-    bounds: PhysicalBounds,
-    *,
-    prior: np.ndarray | None = None,
-    weight: float = 1.0,
+    R: np.ndarray, z: np.ndarray, bounds: PhysicalBounds, *, prior: np.ndarray | None = None, weight: float = 1.0
 ) -> PhysicalEstimate:
     """Physically possible parameters by semidefinite programming: the global minimum. [Wensing2018] [SousaCortesao2014]
 
@@ -160,13 +155,13 @@ def physical_by_sdp(
     x = cp.Variable(len(unit))  # π in `unit`
     A, b = _reduced(R * (unit / size), z / size)
     others = np.setdiff1d(np.arange(len(unit)), bounds.links)
-    cost, constraints = cp.sum_squares(A @ x - b) + LEAST * cp.sum_squares(x[others]), []
+    cost = cp.sum_squares(A @ x - b) + LEAST * cp.sum_squares(x[others])
     D = np.outer(bounds.congruence, bounds.congruence)  # makes P of order 1
     for link in bounds.links:
         P = cp.sum([x[j] * (unit[j] * BASIS[i] * D) for i, j in enumerate(link)])
         toward = np.linalg.inv(pseudo_inertias(prior[link]) * D)
         cost = cost + (2 * weight / size**2) * (cp.trace(toward @ P) - cp.log_det(P))  # log det asks for P > 0
-    constraints.append(x[np.asarray(bounds.nonnegative, dtype=int)] >= 0)
+    constraints = [x[np.asarray(bounds.nonnegative, dtype=int)] >= 0]
     masses = cp.multiply(x[bounds.links[:, 0]], unit[bounds.links[:, 0]])
     limits = [(masses[k], limit) for k, limit in bounds.mass.items()]
     for value, (low, high) in [*limits, *([(cp.sum(masses), bounds.total_mass)] if bounds.total_mass else [])]:
@@ -184,12 +179,7 @@ def physical_by_sdp(
 
 
 def physical_by_log_cholesky(
-    R: np.ndarray,
-    z: np.ndarray,
-    bounds: PhysicalBounds,
-    *,
-    prior: np.ndarray | None = None,
-    weight: float = 1.0,
+    R: np.ndarray, z: np.ndarray, bounds: PhysicalBounds, *, prior: np.ndarray | None = None, weight: float = 1.0
 ) -> PhysicalEstimate:
     """Physically possible parameters as a least-squares problem without constraints on the links. [RuckerWensing2022]
 

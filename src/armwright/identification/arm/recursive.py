@@ -36,11 +36,7 @@ class RecursiveEstimate:
 
     @classmethod
     def begin(
-        cls,
-        parameters: int,
-        forgetting: float = 1.0,
-        start: np.ndarray | None = None,
-        std: np.ndarray | None = None,
+        cls, parameters: int, forgetting: float = 1.0, start: np.ndarray | None = None, std: np.ndarray | None = None
     ) -> RecursiveEstimate:
         """The estimate before any row.
 

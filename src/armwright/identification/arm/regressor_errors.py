@@ -63,11 +63,11 @@ def regressor_errors(stream: Stream, model: TorqueModel) -> np.ndarray:
     """E[δᵀδ] (n, p, p) of a row's errors δ in the columns of each joint, from the excerpts of the stream's runs."""
     total, rows = np.zeros((model.arm.n, len(model), len(model))), 0
     smooth = np.array([column.kind == "inertial" or KINDS[column.kind].lack != "coulomb" for column in model.columns])
-    count = sum(len(run.census.even) for run in map(stream.log.run, stream.filters) if run.census is not None)
+    count = sum(len(run.census.even) for run in map(stream.log.run, stream.filters))
     settles = max(each.narrow.edge for each in stream.filters.values())
     most = max(ROWS // max(count, 1), 4 * settles)
     clean = [each.regressor(model) for each in stream.of_excerpts(model, lambda _, rows: rows.middle(most))]
-    noise = {run: MotionNoise.of(census) for run in stream.filters if (census := stream.log.run(run).census)}
+    noise = {run: MotionNoise.of(stream.log.run(run).census) for run in stream.filters}
     for draw in range(DRAWS):
         rng = np.random.default_rng(draw)
         disturbed = stream.of_excerpts(model, lambda run, rows, rng=rng: noise[run].disturbed(rows.middle(most), rng))

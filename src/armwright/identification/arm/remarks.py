@@ -307,9 +307,7 @@ def _about_record(result: ArmEstimate) -> list[str]:
     if result.record is None:
         return []
     worst = max(float(np.nanmax(result.fit.r2 - result.record.r2)), 0.0)
-    return [
-        f"physically possible values for the record: R² at most {worst:.3f} lower", *result.record.physical.remarks,
-    ]  # fmt: skip
+    return [f"physically possible values for the record: R² at most {worst:.3f} lower", *result.record.physical.remarks]
 
 
 def _listed(names: Sequence[str]) -> str:

@@ -329,7 +329,7 @@ def checked(log: Log, arm: Model, runs: Sequence[str] | None = None) -> Log:
     """
     source, order = needed_source(log), joints_of(log, arm.names)
     log = of_robot(log, arm)
-    censuses = [census for name in runs or log.fit if (census := log.run(name).census) is not None]
+    censuses = [log.run(name).census for name in runs or log.fit]
     for name, joint in zip(arm.names, order, strict=True):
         moves = []
         for signal in ("q", source):

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from scipy import stats
@@ -97,9 +98,8 @@ def score_tests(fit: ArmFit, samples: Iterable[Samples]) -> list[Score]:
     torque, moved = (
         np.nan_to_num(np.concatenate(each)).std(axis=0) for each in zip(*((b.tau, b.q) for b in blocks), strict=True)
     )
-    stiffness = np.divide(
-        torque, moved, out=np.zeros_like(moved), where=moved > 0.0
-    )  # of springs with the torques' spread
+    # of springs with the torques' spread
+    stiffness = np.divide(torque, moved, out=np.zeros_like(moved), where=moved > 0.0)
     columns, effects, errors = [], [], []
     for block in blocks:
         Y = block.regressor(model)[:, :, base.independent]
@@ -124,33 +124,26 @@ def score_tests(fit: ArmFit, samples: Iterable[Samples]) -> list[Score]:
     clean = [each.reshape(*e.shape, -1)[:, :, visible] / size for each, e in zip(parts, errors, strict=True)]
     bread = np.diag(1.0 / left[visible])
     found = correlated(lambda: zip(clean, errors, strict=True), fit.weights, bread, alone=True)
-    scores = sum(
+    slopes = sum(
         np.einsum("tjk,tj->k", d * fit.weights[:, None], np.nan_to_num(e)) for d, e in zip(clean, errors, strict=True)
     )
     size, std = np.zeros(len(visible)), np.full(len(visible), np.inf)
     squares = fit.weights * np.sum([np.nansum(e * e, axis=0) for e in errors], axis=0)
-    size[visible], std[visible] = scores / left[visible], np.sqrt(np.diag(found.covariance))
+    size[visible], std[visible] = slopes / left[visible], np.sqrt(np.diag(found.covariance))
     least = np.array([each.least for each in MISTAKES.values()] * model.arm.n)
     for at, k in enumerate(np.flatnonzero(visible)):
         if abs(size[k]) > max(LIKELY * std[k], least[k]):
             own = [(d[:, :, [at]], e - size[k] * d[:, :, at]) for d, e in zip(clean, errors, strict=True)]
             alone = correlated(lambda own=own: own, fit.weights, bread[[at]][:, [at]])
             std[k] = float(np.sqrt(alone.covariance[0, 0]))
-    return [
-        Score(
-            joint.joint,
-            joint.kind.units.position,
-            mistake,
-            float(size[k]),
-            float(std[k]),
-            float(size[k] / std[k]) if std[k] > 0.0 else 0.0,
-            float(size[k] ** 2 * left[k] / max(squares[k // len(MISTAKES)], np.finfo(float).tiny)),
-        )
-        for k, (joint, mistake) in enumerate(
-            (joint, mistake) for joint in model.arm.coordinates for mistake in MISTAKES
-        )
-        if mistake != LOAD or by_loads(joint)
-    ]
+    scores = []
+    for k, (joint, mistake) in enumerate(product(model.arm.coordinates, MISTAKES)):
+        if mistake != LOAD or by_loads(joint):
+            z = float(size[k] / std[k]) if std[k] > 0.0 else 0.0
+            share = float(size[k] ** 2 * left[k] / max(squares[k // len(MISTAKES)], np.finfo(float).tiny))
+            unit = joint.kind.units.position
+            scores.append(Score(joint.joint, unit, mistake, float(size[k]), float(std[k]), z, share))
+    return scores
 
 
 def _seen(scores: list[Score]) -> list[Score]:

@@ -79,7 +79,11 @@ class ColumnKind:
 
 
 def _sign(speed: np.ndarray, smoothing: float) -> np.ndarray:
-    return np.sign(speed) if smoothing == 0 else speed / np.sqrt(speed * speed + smoothing * smoothing)
+    return smooth_sign(speed, smoothing or None)
+
+
+def _fall(speed: np.ndarray, over: float) -> np.ndarray:
+    return np.sign(speed) * np.exp(-((speed / over) ** 2))
 
 
 KINDS = {
@@ -92,15 +96,7 @@ KINDS = {
     "coulomb-": ColumnKind(
         "fc-", "Coulomb friction backward", "qd", lambda x, s: np.minimum(_sign(x, s), 0), "N m", "N", "coulomb"
     ),
-    "stribeck": ColumnKind(
-        "fs",
-        "friction at standstill above Coulomb's",
-        "qd",
-        lambda x, v: np.sign(x) * np.exp(-((x / v) ** 2)),
-        "N m",
-        "N",
-        "coulomb",
-    ),
+    "stribeck": ColumnKind("fs", "friction at standstill above Coulomb's", "qd", _fall, "N m", "N", "coulomb"),
     "offset": ColumnKind("off", "constant torque", "qd", lambda x, _: np.ones_like(x), "N m", "N", "offset"),
     "zero": ColumnKind("zero", "zero of the torque sensor", "qd", lambda x, _: np.ones_like(x), "N m", "N"),
     "spring": ColumnKind("k", "spring stiffness", "q", lambda x, _: x, "N m/rad", "N/m", "springs"),
@@ -295,11 +291,8 @@ def torque_model(
 def _check(
     arm: Model, friction: Collection[str], springs: Collection[str], lacks: Collection[str], speed: float | None
 ):
-    for place, given, known in (
-        ("friction", friction, FRICTION),
-        ("lacks", lacks, LACKS),
-        ("springs", springs, arm.names),
-    ):
+    terms = (("friction", friction, FRICTION), ("lacks", lacks, LACKS), ("springs", springs, arm.names))
+    for place, given, known in terms:
         for each in given:
             if each not in known:
                 raise IdentificationError("unknown", place=place, value=each, choices=known)

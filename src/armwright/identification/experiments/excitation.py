@@ -28,11 +28,7 @@ from scipy.linalg import block_diag, null_space
 from armwright.entry import AnyArm, as_arm
 from armwright.errors import Interrupted, ScenarioError
 from armwright.identification.experiments.columns import DRIVES, BaseRegressor
-from armwright.identification.experiments.information import (
-    Criterion,
-    condition_number,
-    criterion_function,
-)
+from armwright.identification.experiments.information import Criterion, condition_number, criterion_function
 from armwright.identification.experiments.limits import ExcitationLimits, excitation_limits
 from armwright.kernels.compiled import KERNELS
 from armwright.kernels.signatures import SIGNATURES, trace_kernel
@@ -262,11 +258,8 @@ def _kept(used: dict[str, np.ndarray], outside: float) -> bool:
 def _check(cycle: Any, harmonics: Any, starts: Any, criterion: Any, seed: Any) -> None:
     if not 1e-6 < (real_number(cycle) or 0.0) < 1e6:
         raise ScenarioError(place="cycle", value=cycle, expected="a time from 1e-6 to 1e6 s")
-    for name, value, least, most in (
-        ("harmonics", harmonics, 2, 50),
-        ("starts", starts, 1, 1000),
-        ("seed", seed, 0, 2**63),
-    ):
+    numbers = (("harmonics", harmonics, 2, 50), ("starts", starts, 1, 1000), ("seed", seed, 0, 2**63))
+    for name, value, least, most in numbers:
         if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not least <= value <= most:
             raise ScenarioError(place=name, value=value, expected=f"a whole number, {least} … {most}")
     if criterion not in MINIMISED:

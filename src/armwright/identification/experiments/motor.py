@@ -227,8 +227,9 @@ def _size(kind: str, guess: MotorGuess, shape: np.ndarray, period: float) -> tup
     def over(size: float) -> dict[str, float]:
         speed, angle = guess.response(size * shape, period)
         return {
-            "the speed": np.abs(speed).max() / (USED * guess.speed), "the travel": np.abs(angle).max() / (USED * guess.travel),
-        }  # fmt: skip
+            "speed": np.abs(speed).max() / (USED * guess.speed),
+            "travel": np.abs(angle).max() / (USED * guess.travel),
+        }
 
     most = USED * guess.most
     if max(over(most).values()) <= 1.0:
@@ -240,14 +241,11 @@ def _size(kind: str, guess: MotorGuess, shape: np.ndarray, period: float) -> tup
     bound = max(over(high).items(), key=lambda item: item[1])[0]
     least = max(OUT_OF_ZONE * guess.dead_zone, 0.05 * guess.most)
     if low < least:
-        needed = {"the speed": guess.speed, "the travel": guess.travel}[bound] * over(least)[bound]
-        unit = {"the speed": "rad/s", "the travel": "rad"}[bound]
-        raise ScenarioError(
-            f"{bound[4:]} leaves no room for a {kind}", place=f"MotorGuess.{bound[4:]}",
-            value=guess.speed if bound == "the speed" else guess.travel,
-            expected=f"{needed:.4g} {unit} or more for {least:.4g} {guess.unit}",
-        )  # fmt: skip
-    return low, bound
+        limit, unit = (guess.speed, "rad/s") if bound == "speed" else (guess.travel, "rad")
+        expected = f"{limit * over(least)[bound]:.4g} {unit} or more for {least:.4g} {guess.unit}"
+        what = f"{bound} leaves no room for a {kind}"
+        raise ScenarioError(what, place=f"MotorGuess.{bound}", value=limit, expected=expected)
+    return low, f"the {bound}"
 
 
 Shaped = tuple[np.ndarray, float, tuple[str, ...]]
@@ -264,12 +262,8 @@ def _steps(levels: np.ndarray, guess: MotorGuess, sample: float, reason: str) ->
 
 def step_shape(guess: MotorGuess, sample: float, _seed: int) -> Shaped:
     """Shape of a step experiment: 0, up, 0, down, 0."""
-    return _steps(
-        np.array([0.0, 1.0, 0.0, -1.0, 0.0]),
-        guess,
-        sample,
-        f"each level for {SETTLED:g} time constants: it settles to 0.7 %",
-    )
+    reason = f"each level for {SETTLED:g} time constants: it settles to 0.7 %"
+    return _steps(np.array([0.0, 1.0, 0.0, -1.0, 0.0]), guess, sample, reason)
 
 
 def staircase_shape(guess: MotorGuess, sample: float, _seed: int) -> Shaped:

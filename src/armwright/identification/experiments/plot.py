@@ -10,7 +10,7 @@ import numpy as np
 from armwright.identification.experiments.excitation import Excitation
 from armwright.identification.experiments.motor import MotorExperiment
 from armwright.output import check_destination
-from armwright.results.plot import PICTURES, TEXT, open_axes, write_figure
+from armwright.results.plot import PICTURES, TEXT, blank_figure, open_axes, write_figure
 from armwright.results.plot_curves import COLOURS
 
 if TYPE_CHECKING:
@@ -36,7 +36,6 @@ def plot_experiment(experiment: Excitation | MotorExperiment, path: str | os.Pat
 
 def draw_motion(excitation: Excitation) -> Figure:
     """Positions, then speeds, accelerations, torques and voltages, relative to their limits if they have any."""
-    from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
     arm, limits = excitation.arm, excitation.limits
@@ -48,7 +47,7 @@ def draw_motion(excitation: Excitation) -> Figure:
         values["voltage"] = limits.dyn.motor_voltage(qd, values["torque"])
     rows: dict[str, np.ndarray] = {"position": (q - limits.middle) / (0.5 * (limits.high - limits.low))}
     rows |= {name: each / limits.most[name] for name, each in values.items() if limits.bounded(name).any()}
-    figure = Figure(figsize=(9.0, 1.9 * len(rows) + 1.2), dpi=110, layout="constrained", facecolor="white")
+    figure = blank_figure(9.0, 1.9 * len(rows) + 1.2, f"{arm.name}: condition number {excitation.condition:.3g}")
     axes = figure.subplots(len(rows), 1, sharex=True, squeeze=False)[:, 0]
     for axis, (name, parts) in zip(axes, rows.items(), strict=True):
         for k in range(arm.n):
@@ -62,15 +61,12 @@ def draw_motion(excitation: Excitation) -> Figure:
     axes[-1].set_xlabel("time [s]", color=TEXT)
     lines = [Line2D([], [], color=COLOURS[k % len(COLOURS)]) for k in range(arm.n)]
     figure.legend(lines, arm.names, loc="outside right upper", frameon=False, labelcolor=TEXT)
-    figure.suptitle(f"{arm.name}: condition number {excitation.condition:.3g}", x=0.012, ha="left", color=TEXT)
     return figure
 
 
 def draw_command(experiment: MotorExperiment) -> Figure:
     """The command over time, and its amplitude spectrum with the motor's corner frequency."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(9.0, 5.0), dpi=110, layout="constrained", facecolor="white")
+    figure = blank_figure(9.0, 5.0, f"{experiment.kind}: crest {experiment.crest:.3g}")
     over_time, spectrum = figure.subplots(2, 1)
     ends = np.append(experiment.times, experiment.duration)
     over_time.stairs(experiment.values, ends, baseline=None, color=COLOURS[0], linewidth=1.0)
@@ -89,5 +85,4 @@ def draw_command(experiment: MotorExperiment) -> Figure:
     spectrum.set_xlabel("frequency [Hz]", color=TEXT)
     for axis in (over_time, spectrum):
         open_axes(axis)
-    figure.suptitle(f"{experiment.kind}: crest {experiment.crest:.3g}", x=0.012, ha="left", color=TEXT)
     return figure

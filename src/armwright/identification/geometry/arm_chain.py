@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -30,10 +29,8 @@ STORED = TERMS[:2]  # what a record has numbers for that all rooms read
 OF_TERM = {
     "zeros": ("zero",),
     "frames": ("length", "angle"),
-    "eccentricity": ("eccentricity",),
-    "joint compliance": ("joint compliance",),
-    "link compliance": ("link compliance",),
-}
+    **{term: (term,) for term in TERMS[2:]},
+}  # kinds of columns
 ORDER = ("frame", "point", "zero", "length", "angle", *TERMS[2:])  # who stays where columns depend on each other
 AXES = "xyz"
 
@@ -139,17 +136,13 @@ class ArmChains:
     def _row(self, joint: Any, key: str) -> tuple[list[Correction], list[Correction]]:
         """Corrections of a Denavit-Hartenberg row: along z, and along x."""
         zero, other = ("offset_rad", "r_m") if joint.kind.turns else ("offset_m", "theta_rad")
-        places = (("zero", zero, 2), ("frame", other, 2), ("frame", "a_m", 0), ("frame", "alpha_rad", 0))
-        found = []
-        for term, name, axis in places:
+        place, found = path_name(joint.name), []
+        for name, axis in ((zero, 2), (other, 2), ("a_m", 0), ("alpha_rad", 0)):
             turns = name.endswith("_rad")
-            kind = "zero" if term == "zero" else "angle" if turns else "length"
+            kind = "zero" if name == zero else "angle" if turns else "length"
             if self._asked(kind):
-                word = "zero" if term == "zero" else name.partition("_")[0]
-                path = f"{path_name(joint.name)}.{key}.{name}"
-                number = self.columns.add(
-                    f"{path_name(joint.name)} {word}", kind, "rad" if turns else "m", joint.name, path
-                )
+                word, unit = "zero" if name == zero else name.partition("_")[0], "rad" if turns else "m"
+                number = self.columns.add(f"{place} {word}", kind, unit, joint.name, f"{place}.{key}.{name}")
                 found.append(Correction(number, axis, turns))
         return [each for each in found if each.axis == 2], [each for each in found if each.axis == 0]
 
@@ -173,7 +166,7 @@ class ArmChains:
         for word, wave in (("cos", np.cos), ("sin", np.sin)):
             name = f"{path_name(joint.name)} eccentricity {word}"
             number = self.columns.add(name, "eccentricity", "rad", joint.name)
-            yield Correction(number, 2, True, partial(_wave, wave, column))
+            yield Correction(number, 2, True, lambda q, wave=wave: wave(q[:, column]))
 
     def _sag(self, joint: Any) -> Iterator[Correction]:
         """Turns by gravity: about the axis what joint and gear give, about x and y what the link does."""
@@ -198,10 +191,6 @@ class ArmChains:
 
     def _asked(self, kind: str) -> bool:
         return any(kind in OF_TERM[term] for term in self.terms)
-
-
-def _wave(wave: Any, column: int, q: np.ndarray) -> np.ndarray:
-    return wave(q[:, column])
 
 
 def gravity_loads(arm: Model, q: np.ndarray) -> np.ndarray:

@@ -32,11 +32,10 @@ from armwright.identification.geometry.fitting import (
 from armwright.identification.geometry.measurement_file import read_measurements
 from armwright.identification.geometry.measurements import Measurements
 from armwright.identification.geometry.problem import DISTANCE, Rows
-from armwright.identification.geometry.setting import Setting, setting_of
+from armwright.identification.geometry.setting import Setting, setting_of, two_or_more
 from armwright.kinematics.forward_kinematics import body_placements
 from armwright.model import Model
 from armwright.model.load import load
-from armwright.scalar import real_number
 
 AnyMeasurements: TypeAlias = Measurements | str | os.PathLike[str]
 FOLDS = 10
@@ -91,12 +90,10 @@ def calibrate(
     terms = checked_terms(terms, model)
     if loss not in STAGES:
         raise IdentificationError(place="loss", value=loss, choices=tuple(STAGES))
-    count = real_number(folds)
-    if count is None or count != int(count) or count < 2:
-        raise IdentificationError(place="folds", value=folds, expected="a whole number of 2 or more")
+    count = two_or_more("folds", folds)
     setting = setting_of(model, measurements, terms)
-    fit, plain, tried = chosen_fit(setting, loss, int(count))
-    parts = folds_of(plain, int(count))
+    fit, plain, tried = chosen_fit(setting, loss, count)
+    parts = folds_of(plain, count)
     bare = fitted(setting_of(model, measurements, ()), loss)
     before, after = held_out(bare, parts), held_out(fit, parts)
     errors = tuple(_errors(group, before, fit, after) for group in lengths(fit.rows))

@@ -130,23 +130,15 @@ class Calibration(Result):
         ]
         words = ("rms, poses held out", *ERRORS.values(), "unit")
         found.append(Table("errors", words, errors, ("unit",)))
-        terms = [
-            [
-                each.term,
-                "found" if each.found else "not found",
-                *(number(1e3 * v, ".4g") for v in (each.without, each.held_out)),
-            ]
-            for each in self.tried_terms
-        ]
+        terms = []
+        for each in self.tried_terms:
+            both = (number(1e3 * rms, ".4g") for rms in (each.without, each.held_out))
+            terms.append([each.term, "found" if each.found else "not found", *both])
         if terms:
             heads = ("further term", "", "rms of a coordinate, held out: without [mm]", "with it [mm]")
             found.append(Table("terms that were tried", heads, terms, ("",)))
-        seen = [
-            [name, number(v, ".4g"), number(s, ".2g"), unit]
-            for t in self.tried_terms
-            if t.found
-            for name, v, s, unit in t.values
-        ]
+        values = [each for term in self.tried_terms if term.found for each in term.values]
+        seen = [[name, number(value, ".4g"), number(std, ".2g"), unit] for name, value, std, unit in values]
         if seen:
             found.append(Table("of the terms that were found", ("number", "value", "± std", "unit"), seen, ("unit",)))
         return found

@@ -23,11 +23,8 @@ from armwright.identification.geometry.setting import Setting
 
 Loss = Literal["tukey", "huber", "squares"]
 STRENGTHS = (0.0, 0.1, 0.2, 0.4, 0.6, 1.0, 2.0, 4.0)  # σ/τ that are tried
-FREEDOM = {
-    POSITION: 3,
-    ROTATION: 6,
-    DISTANCE: 1,
-}  # of a pose's error, by its richest group: markers of a tool move together
+# of a pose's error, by its richest group: markers of a tool move together
+FREEDOM = {POSITION: 3, ROTATION: 6, DISTANCE: 1}
 CHI2_MEDIAN = {1: 0.4549, 3: 2.366, 6: 5.348}  # of so many degrees of freedom
 CHI2_95 = {1: 3.841, 3: 7.815, 6: 12.59}
 TUKEY, HUBER = 4.685, 1.345  # of an error in deviations, for 95 % efficiency in one dimension
@@ -85,14 +82,8 @@ def fitted(
     fit, stages = begun, STAGES[loss][-1:]
     if fit is None:
         count, first = len(setting.grouped), setting.rows(np.zeros(len(setting.grouped)))
-        fit = GeometryFit(
-            setting,
-            np.zeros(count),
-            np.ones(len(setting.q)),
-            0.0,
-            prior_sizes(setting, first),
-            np.ones(len(first.pose)),
-        )
+        by_pose, sizes = np.ones(len(setting.q)), prior_sizes(setting, first)
+        fit = GeometryFit(setting, np.zeros(count), by_pose, 0.0, sizes, np.ones(len(first.pose)))
         stages = STAGES[loss]
     fit = replace(fit, strength=strength)
     for weigh in stages:
@@ -122,11 +113,8 @@ def minimised(fit: GeometryFit, weights: np.ndarray) -> np.ndarray:
         errors = np.concatenate([rows.errors * by, prior * points[0]])
         return errors[None], np.concatenate([rows.jacobian * by[:, None], np.diag(prior)])[None]
 
-    def ends(gained: np.ndarray, cost: np.ndarray, moved: np.ndarray) -> np.ndarray:
-        del moved
-        return gained <= GAIN * cost
-
-    found = descended(evaluate, Descent.begin(evaluate, fit.values[None]), ends=ends)
+    begun = Descent.begin(evaluate, fit.values[None])
+    found = descended(evaluate, begun, ends=lambda gained, cost, _: gained <= GAIN * cost)
     if not np.isfinite(found.cost[0]):
         raise IdentificationError("diverges", place="measurements", expected="poses and points of this arm")
     return found.x[0]
@@ -165,11 +153,6 @@ def deviations(fit: GeometryFit) -> tuple[np.ndarray, int]:
     return np.sqrt(squares / max(middle, np.finfo(float).tiny)), freedom
 
 
-def _alike(deviation: np.ndarray, freedom: int) -> np.ndarray:
-    del freedom
-    return np.ones(len(deviation))
-
-
 def _huber(deviation: np.ndarray, freedom: int) -> np.ndarray:
     limit = HUBER * np.sqrt(CHI2_95[freedom] / CHI2_95[1])
     return np.minimum(1.0, limit / np.maximum(deviation, limit))
@@ -181,7 +164,9 @@ def _tukey(deviation: np.ndarray, freedom: int) -> np.ndarray:
 
 
 Weigh = Callable[[np.ndarray, int], np.ndarray]
-STAGES: dict[str, tuple[Weigh, ...]] = {"squares": (_alike,), "huber": (_huber,), "tukey": (_huber, _tukey)}
+STAGES: dict[str, tuple[Weigh, ...]] = {
+    "squares": (lambda deviation, _: np.ones(len(deviation)),), "huber": (_huber,), "tukey": (_huber, _tukey),
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -271,8 +256,7 @@ def folds_of(fit: GeometryFit, count: int) -> list[np.ndarray]:
     """Parts of the measured poses (poses,) bool, which take turns in being held out."""
     measured = np.unique(fit.rows.pose)
     count = min(count, len(measured))
-    parts = [np.isin(np.arange(len(fit.weights)), measured[k::count]) for k in range(count)]
-    return parts
+    return [np.isin(np.arange(len(fit.weights)), measured[k::count]) for k in range(count)]
 
 
 def held_out(fit: GeometryFit, folds: Sequence[np.ndarray]) -> Rows:

@@ -22,13 +22,13 @@ from armwright.identification.geometry.arm_chain import STORED, ArmChains, Colum
 from armwright.identification.geometry.chain import Constant, Correction, moved
 from armwright.identification.geometry.measurements import Measured
 from armwright.identification.geometry.problem import Target, sensitivities
-from armwright.identification.geometry.setting import random_positions, shifted
+from armwright.identification.geometry.setting import random_positions, shifted, two_or_more
 from armwright.model import Model
 from armwright.model.joint_signals import joint_units
 from armwright.results.result import BLUE, Result
 from armwright.results.svg import ink_axes
 from armwright.results.table import Table, number
-from armwright.scalar import numbers_or_nan, real_number
+from armwright.scalar import numbers_or_nan
 
 CANDIDATES = 400  # poses that are chosen from
 DRAWN = 40  # times as many are drawn before the free ones are given up
@@ -79,11 +79,8 @@ class CalibrationPoses(Result):
 
     def sentences(self) -> list[str]:
         """A remark if collisions were not checked."""
-        return (
-            ["no link has a shape, so collisions were not looked at: radius gives them one"]
-            if self.least is None
-            else []
-        )
+        said = "no link has a shape, so collisions were not looked at: radius gives them one"
+        return [said] if self.least is None else []
 
     def draw(self, figure: Any, ink: str, quiet: str) -> None:
         """Draws the deviation of every correction, by that of random poses."""
@@ -130,7 +127,7 @@ def design_poses(
         (12, 6)
     """
     model = as_arm(arm)
-    wanted, many = (_whole(name, value) for name, value in (("count", count), ("candidates", candidates)))
+    wanted, many = (two_or_more(name, value) for name, value in (("count", count), ("candidates", candidates)))
     if many <= wanted:
         raise IdentificationError(place="candidates", value=candidates, expected=f"more than count, {wanted}")
     places = np.atleast_2d(numbers_or_nan(points))
@@ -289,10 +286,3 @@ def _corners(box: Any) -> np.ndarray | None:
     if corners.shape != (2, 3) or np.isnan(corners).any() or not (corners[0] < corners[1]).all():
         raise IdentificationError(place="box", value=box, expected="(2, 3) [m]: lowest and highest corner")
     return corners
-
-
-def _whole(name: str, value: Any) -> int:
-    found = real_number(value)
-    if found is None or found != int(found) or found < 2:
-        raise IdentificationError(place=name, value=value, expected="a whole number of 2 or more")
-    return int(found)

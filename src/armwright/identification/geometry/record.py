@@ -115,14 +115,15 @@ class GeometryRecord:
     def _joint_frame(self, joint: Any, values: np.ndarray) -> np.ndarray:
         """(4, 4) frame of a joint in its parent's, with its corrections."""
         setting = self.fit.setting
-        target = next(each for each in setting.targets if self._passes(each, joint.name))
-        own = [each for each in target.factors if isinstance(each, Correction) and self._is_of(each, joint.name)]
+        own = next(filter(None, (self._of_joint(each, joint.name) for each in setting.targets)))
         before, after = (matrix_of(each) for each in joint_placement(joint))
-        return moved([Constant(before), *own, Constant(after)], np.zeros((1, 0)), self._all(values)).placement[0]
+        return moved(
+            [Constant(before), *own, Constant(after)], np.zeros((1, 0)), setting.all_parameters(values)
+        ).placement[0]
 
     def frames(self, values: np.ndarray) -> dict[str, tuple[str, np.ndarray]]:
         """Named frames as link and (4, 4) in it: the measuring frame, points and frames of the tool, points that do not move."""
-        setting, every = self.fit.setting, self._all(values)
+        setting, every = self.fit.setting, self.fit.setting.all_parameters(values)
         record, none, found = setting.arm.record, np.zeros((1, 0)), {}
         if setting.base is not None and any(column.kind == "frame" for column in setting.kept):
             front = [
@@ -161,18 +162,10 @@ class GeometryRecord:
         for parameters in target.ends:
             yield columns[int(parameters[0])].name.removesuffix(" x")
 
-    def _all(self, values: np.ndarray) -> np.ndarray:
-        """(p,) of all parameters."""
-        setting = self.fit.setting
-        every = np.zeros(len(setting.columns))
-        every[setting.grouped.independent] = values
-        return every
-
-    def _is_of(self, correction: Correction, joint: str) -> bool:
-        return correction.weight is None and self.fit.setting.columns[correction.parameter].joint == joint
-
-    def _passes(self, target: Target, joint: str) -> bool:
-        return any(isinstance(each, Correction) and self._is_of(each, joint) for each in target.factors)
+    def _of_joint(self, target: Target, joint: str) -> list[Correction]:
+        """Corrections of a joint's frame on the way to a target."""
+        own = [each for each in target.factors if isinstance(each, Correction) and each.weight is None]
+        return [each for each in own if self.fit.setting.columns[each.parameter].joint == joint]
 
     def _without_deviation(self, numbers: dict[str, float]) -> list[int]:
         """Numbers of roll and yaw of frames that stand upright on end: only their sum or difference is determined."""

@@ -19,6 +19,7 @@ from armwright.identification.geometry.measurements import Measured, Measurement
 from armwright.identification.geometry.problem import Rows, Target, errors_at, sensitivities
 from armwright.model import Model
 from armwright.model.build import joint_placement
+from armwright.scalar import real_number
 from armwright.spatial import Placement, rotation_rpy
 
 RANDOM = 30  # poses at least that show the structure
@@ -47,13 +48,16 @@ class Setting:
     grouped: BaseParameters
     remarks: tuple[str, ...] = ()
 
+    def all_parameters(self, values: np.ndarray) -> np.ndarray:
+        """(p,) values of all columns from those (b,) of the identifiable parameters, others 0."""
+        full = np.zeros(len(self.columns))
+        full[self.grouped.independent] = values
+        return full
+
     def rows(self, values: np.ndarray) -> Rows:
         """Errors and derivatives by the identifiable parameters, at their values (b,)."""
-        kept = self.grouped.independent
-        full = np.zeros(len(self.columns))
-        full[kept] = values
-        found = errors_at(self.targets, self.q, full)
-        return replace(found, jacobian=found.jacobian[:, kept])
+        found = errors_at(self.targets, self.q, self.all_parameters(values))
+        return replace(found, jacobian=found.jacobian[:, self.grouped.independent])
 
     @property
     def kept(self) -> list[GeometryColumn]:
@@ -73,13 +77,13 @@ def setting_of(arm: Model, measurements: Measurements, terms: tuple[str, ...]) -
     columns = sorted(first.columns.found, key=lambda column: ORDER.index(column.kind))  # who stays stands first
     targets, base = _targets(replace(first, columns=Columns(columns)), measurements, q)
     zero = np.zeros(len(columns))
-    several = random_positions(arm, max(RANDOM, ROWS * len(columns) // len(targets)))
-    at_random = sensitivities(targets, several, zero).jacobian
+    drawn = random_positions(arm, max(RANDOM, ROWS * len(columns) // len(targets)))
+    at_random = sensitivities(targets, drawn, zero).jacobian
     every: Any = tuple(columns)  # of which names, kinds and units are read
     structural = regrouped(every, np.asarray(np.linalg.qr(at_random, mode="r")), NEARLY)
-    structural = _without(structural, _base_corrections(measurements, targets))
+    structural = structural.without(_base_corrections(measurements, targets))
     lengths = _held_length(arm, measurements, structural)
-    structural = _without(structural, lengths)
+    structural = structural.without(lengths)
     here = errors_at(targets, q, zero).jacobian
     if len(here) <= len(structural):
         what = f"{len(here)} measured numbers for {len(structural)} identifiable parameters"
@@ -104,6 +108,18 @@ def positions(arm: Model, measurements: Measurements) -> np.ndarray:
         q[:, arm.names.index(name)] = value
     q[:, [arm.names.index(name) for name in measurements.joints]] = measurements.q
     return q
+
+
+def two_or_more(place: str, value: Any) -> int:
+    """A whole number of 2 or more.
+
+    Raises:
+        IdentificationError: something else.
+    """
+    found = real_number(value)
+    if found is None or found != int(found) or found < 2:
+        raise IdentificationError(place=place, value=value, expected="a whole number of 2 or more")
+    return int(found)
 
 
 def random_positions(arm: Model, count: int, seed: int = 0) -> np.ndarray:
@@ -221,10 +237,3 @@ def _length(arm: Model, column: Any) -> float:
     joint = next(each for each in arm.record.joints if each.name == column.joint)
     before, _ = joint_placement(joint)
     return float((before.rotation.T @ before.position)[AXES.index(column.name[-1])])
-
-
-def _without(base: BaseParameters, held: Sequence[int]) -> BaseParameters:
-    """The identifiable parameters without those of some columns, which keep the record's value with all that is regrouped."""
-    kept = ~np.isin(base.independent, held)
-    absent = np.sort(np.concatenate([base.absent, base.independent[~kept]]))
-    return BaseParameters(base.columns, base.independent[kept], base.dependent, absent, base.regroup[kept])

@@ -11,7 +11,7 @@ import numpy as np
 from armwright import scalar
 from armwright.control.wrapper import Wrapper
 from armwright.errors import ScenarioError
-from armwright.identification.linear.state_space import StateSpace
+from armwright.identification.linear.state_space import StateSpace, check_single
 from armwright.interfaces import JointReference, Measurement
 from armwright.model import Model
 from armwright.scalar import Array
@@ -42,9 +42,7 @@ class IdentifiedActuator(Wrapper):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.model.d.shape != (1, 1):
-            what = f"{self.model.d.shape[1]} inputs, {self.model.d.shape[0]} outputs"
-            raise ScenarioError(what, place="model", expected="one of each")
+        check_single(self.model)
 
     def configure(self, arm: Model, period: float) -> Self:
         """The law for an arm and a sample period [s].

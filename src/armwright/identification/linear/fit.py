@@ -280,10 +280,8 @@ def _of_delays(delays: tuple[int, int] | None, chosen: int | None = None) -> lis
 
 
 def _row(candidate: OrderCandidate) -> Mapping[str, float]:
-    orders = candidate.orders
-    return {"na": orders.na, "nb": orders.nb, "nc": orders.nc, "delay": orders.delay} | {
-        name: candidate[name] for name in CRITERIA
-    }
+    numbers = {name: getattr(candidate.orders, name) for name in ("na", "nb", "nc", "delay")}
+    return numbers | {name: candidate[name] for name in CRITERIA}
 
 
 def _significant(fit: PredictionFit) -> bool:

@@ -80,14 +80,8 @@ class FrequencyResponse(Result):
         """Draws magnitude and phase over frequency, with the standard deviation as a band."""
         above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
         size = np.abs(self.response)
-        above.fill_between(
-            self.frequency,
-            np.maximum(size - self.std, 1e-3 * size),
-            size + self.std,
-            color=BLUE,
-            alpha=0.3,
-            linewidth=0,
-        )
+        low, high = np.maximum(size - self.std, 1e-3 * size), size + self.std
+        above.fill_between(self.frequency, low, high, color=BLUE, alpha=0.3, linewidth=0)
         above.plot(self.frequency, size, color=BLUE)
         below.plot(self.frequency, np.degrees(np.unwrap(np.angle(self.response))), color=BLUE)
         above.set(xscale="log", yscale="log", ylabel="magnitude")
@@ -156,12 +150,8 @@ def frequency_response(
     longest = max(records.fit, key=lambda each: len(each.y))
     rows = _repetition(longest.u[:, 0]) if repeats is None else repeats
     if rows and len(longest.y) < 3 * rows:
-        raise LogError(
-            f"{len(longest.y)} rows",
-            place="repeats",
-            value=rows,
-            expected="three periods: one to settle, two to compare",
-        )
+        expected = "three periods: one to settle, two to compare"
+        raise LogError(f"{len(longest.y)} rows", place="repeats", value=rows, expected=expected)
     found = _periodic(records, rows) if rows else _welch(records, segment)
     test = feedback(records.fit, 1)
     if test.p < CERTAIN:
@@ -221,12 +211,8 @@ def _welch(records: Records, segment: int | None) -> FrequencyResponse:
     rows = segment or int(min(4096, 2 ** np.floor(np.log2(max(2 * longest // (SEGMENTS + 1), 1)))))
     usable = [each for each in records.fit if len(each.y) >= rows]
     if rows < 8 or not usable:
-        raise LogError(
-            f"the longest stretch has {number_of(longest, 'row')}",
-            place="segment",
-            value=rows,
-            expected="at most as many, and 8 at least",
-        )
+        what = f"the longest stretch has {number_of(longest, 'row')}"
+        raise LogError(what, place="segment", value=rows, expected="at most as many, and 8 at least")
     window = np.hanning(rows + 1)[:-1]
     s_uu, s_yy, s_yu, count = 0.0, 0.0, 0.0 + 0.0j, 0
     for each in usable:

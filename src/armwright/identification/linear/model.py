@@ -80,15 +80,8 @@ class LinearModel(Result):
     @classmethod
     def of(cls, records: Records, **fitted: Any) -> LinearModel:
         """The model of some records: their names, units, period and checksum, beside the fields that a fit gives."""
-        return cls(
-            period=records.period,
-            inputs=records.inputs,
-            outputs=records.outputs,
-            input_units=records.input_units,
-            output_units=records.output_units,
-            sha256=records.sha256,
-            **fitted,
-        )
+        shared = ("period", "inputs", "outputs", "input_units", "output_units", "sha256")
+        return cls(**{name: getattr(records, name) for name in shared}, **fitted)
 
     @property
     def std(self) -> np.ndarray:
@@ -289,11 +282,6 @@ def _filtered(model: Polynomials, u: np.ndarray, measured: np.ndarray | None) ->
 def _rows(values: Any, place: str, count: int, rows: int | None = None) -> np.ndarray:
     array = np.asarray(values, dtype=float)
     array = array[:, None] if array.ndim == 1 else array
-    if (
-        array.ndim != 2
-        or array.shape[1] != count
-        or len(array) != (len(array) if rows is None else rows)
-        or not len(array)
-    ):
+    if array.ndim != 2 or array.shape[1] != count or rows not in (None, len(array)) or not len(array):
         raise ShapeError(f"shape {np.shape(values)}", place=place, expected=f"({rows or 'rows'}, {count})")
     return array

@@ -16,6 +16,7 @@ from armwright.identification.linear.frequency import closed_loop
 from armwright.identification.linear.measures import gain_units, simulation_measures
 from armwright.identification.linear.model import LinearModel
 from armwright.identification.linear.modes import ModelQuantity, magnitude_std, matched, modes
+from armwright.identification.linear.prediction_error import largest_radius
 from armwright.identification.linear.records import (
     LIKELIEST,
     LogSignals,
@@ -228,8 +229,7 @@ class SubspaceFit:
             projection: of the stretches.   order: number of states.   stretches: to fit; None: all.
         """
         stretches = self.data.fit if stretches is None else stretches
-        limit = 1.0 + 1.0 / max(len(each.y) for each in stretches)
-        a, c, moved = subspace.dynamics(projection, order, limit)
+        a, c, moved = subspace.dynamics(projection, order, largest_radius(stretches))
         model, errors = subspace.inputs_of(
             a, c, stretches, self.data.period, direct=self.method.direct, constant=self.offset, initial=self.initial
         )
@@ -284,7 +284,7 @@ class SubspaceFit:
         if len(poles) < 3:
             return np.full((order, 1), np.nan), np.full((*whole.d.shape, 1), np.nan)
         factor = np.sqrt((len(poles) - 1) / len(poles))
-        spread, gain = np.array(poles).T, np.moveaxis(np.array(gains), 0, -1)
+        both = np.array(poles).T, np.moveaxis(np.array(gains), 0, -1)
         with np.errstate(invalid="ignore"):  # an integrator's gain is infinite, and has no deviation
-            around = gain - gain.mean(axis=-1, keepdims=True)
-        return factor * (spread - spread.mean(axis=1, keepdims=True)), factor * around
+            by_pole, by_gain = (factor * (each - each.mean(axis=-1, keepdims=True)) for each in both)
+        return by_pole, by_gain

@@ -14,7 +14,7 @@ from armwright.identification.linear.model import LinearModel
 from armwright.identification.linear.records import LogSignals, Records, records_of
 from armwright.identification.logs.log import Log
 from armwright.output import check_destination
-from armwright.results.plot import PICTURES, TEXT, open_axes, write_figure
+from armwright.results.plot import PICTURES, TEXT, blank_figure, open_axes, write_figure
 from armwright.results.plot_curves import COLOURS
 
 if TYPE_CHECKING:
@@ -47,12 +47,10 @@ def plot_linear(
 
 def draw_linear(log: Log, found: LinearModel | FrequencyResponse, joint: str | Sequence[str] | None = None) -> Figure:
     """The picture as a matplotlib figure; see `plot_linear`."""
-    from matplotlib.figure import Figure
-
+    title = f"{log.title}: {found.method}"
     if isinstance(found, FrequencyResponse):
-        figure = Figure(figsize=(9.0, 7.0), dpi=110, layout="constrained", facecolor="white")
+        figure = blank_figure(9.0, 7.0, title, fontsize=10)
         _bode(list(figure.subplots(3, 1, sharex=True)), found, None)
-        figure.suptitle(f"{log.title}: {found.method}", x=0.012, ha="left", color=TEXT, fontsize=10)
         return figure
     inputs, outputs = (
         list(dict.fromkeys(name.partition("/")[0] for name in names)) for names in (found.inputs, found.outputs)
@@ -62,7 +60,7 @@ def draw_linear(log: Log, found: LinearModel | FrequencyResponse, joint: str | S
     single = len(found.inputs) == len(found.outputs) == 1
     stretches = [*records.fit, *records.hold_out][:MOST_RUNS]
     rows = len(stretches) * len(found.outputs)
-    figure = Figure(figsize=(13.0, 2.2 * max(rows, 3) + 1.0), dpi=110, layout="constrained", facecolor="white")
+    figure = blank_figure(13.0, 2.2 * max(rows, 3) + 1.0, title, fontsize=10)
     parts: Any = figure.subfigures(1, 2, width_ratios=(1.6, 1.0)) if single else [figure]
     left, right = parts[0], parts[1] if single else None
     axes = left.subplots(rows, 1, squeeze=False)[:, 0]
@@ -73,7 +71,6 @@ def draw_linear(log: Log, found: LinearModel | FrequencyResponse, joint: str | S
         except LogError:  # stretches too short for a spectrum
             welch = None
         _bode(list(right.subplots(3, 1, sharex=True)), welch, found)
-    figure.suptitle(f"{log.title}: {found.method}", x=0.012, ha="left", color=TEXT, fontsize=10)
     return figure
 
 

@@ -160,13 +160,17 @@ def prediction_errors(model: Polynomials, each: RecordedStretch, skip: int, init
         each: u and y (rows, 1).   skip: rows that serve as past only, at least `model.past`.
         initial: True: initial states are estimated; False: errors before the first row are 0, the first rows taken as measured.
     """
-    e = filtered(ONE, model.c, _equation_errors(model, each, skip))
+    return _projected_errors(model, each, skip, initial)[0]
+
+
+def _projected_errors(
+    model: Polynomials, each: RecordedStretch, skip: int, initial: bool
+) -> tuple[np.ndarray, np.ndarray | None]:
+    """`prediction_errors`, and the basis that is projected out of them; None: none is."""
+    driven = filtered(model.a, ONE, each.y[:, 0])[skip:] - filtered(model.b, ONE, each.u[:, 0])[skip:]
+    e = filtered(ONE, model.c, driven - model.constant)
     base = _initial_basis(model.c, len(e)) if initial else None
-    return e if base is None else e - base @ (base.T @ e)
-
-
-def _equation_errors(model: Polynomials, each: RecordedStretch, skip: int) -> np.ndarray:
-    return filtered(model.a, ONE, each.y[:, 0])[skip:] - filtered(model.b, ONE, each.u[:, 0])[skip:] - model.constant
+    return (e if base is None else e - base @ (base.T @ e)), base
 
 
 def _initial_basis(c: np.ndarray, rows: int) -> np.ndarray | None:
@@ -190,11 +194,7 @@ def _shifts(column: np.ndarray, by: Sequence[int]) -> np.ndarray:
 def _with_gradient(orders: Orders, theta: np.ndarray, each: RecordedStretch, skip: int, initial: bool):
     """Errors (rows,) and their derivatives (rows, k) of one stretch, initial states projected out. [Ljung1999], eq. (10.61)."""
     model = orders.polynomials(theta)
-    rows = len(each.y) - skip
-    e = filtered(ONE, model.c, _equation_errors(model, each, skip))
-    base = _initial_basis(model.c, rows) if initial else None
-    if base is not None:
-        e = e - base @ (base.T @ e)
+    e, base = _projected_errors(model, each, skip, initial)
     last = len(each.y)
     past = [each.y[skip - k : last - k, 0] for k in range(1, orders.na + 1)]
     columns = [filtered(ONE, model.c, column) for column in past]
@@ -204,7 +204,7 @@ def _with_gradient(orders: Orders, theta: np.ndarray, each: RecordedStretch, ski
     moved = range(orders.delay, orders.delay + orders.nb)
     columns += [-filtered(ONE, model.c, each.u[skip - k : last - k, 0]) for k in moved]
     columns += list(of_noise.T) if orders.structure == "armax" else []
-    columns += [-filtered(ONE, model.c, np.ones(rows))] if orders.constant else []
+    columns += [-filtered(ONE, model.c, np.ones(len(e)))] if orders.constant else []
     jacobian = np.stack(columns, axis=1)
     if base is not None:
         jacobian = jacobian - base @ (base.T @ jacobian)
@@ -278,10 +278,8 @@ def _instrumental(orders: Orders, stretches: Sequence[RecordedStretch], skip: in
     model = orders.polynomials(theta)
     for _ in range(2):
         a = stabilised(model.a)
-        clean = [
-            RecordedStretch(s.run, s.u, filtered(model.b, a, s.u) + model.constant / max(a.sum(), 1e-3))
-            for s in stretches
-        ]
+        level = model.constant / max(a.sum(), 1e-3)
+        clean = [RecordedStretch(s.run, s.u, filtered(model.b, a, s.u) + level) for s in stretches]
         e, regressors = errors_of(arx, np.zeros(arx.count), stretches, skip, initial=False)
         _, instruments = errors_of(arx, np.zeros(arx.count), clean, skip, initial=False)
         solution = np.linalg.lstsq(instruments.T @ regressors, -instruments.T @ e, rcond=None)[0]
@@ -331,11 +329,11 @@ def least_errors(
         e, jacobian = errors(x[0]) or refused
         return e[None], jacobian[None]
 
-    def ends(gained: np.ndarray, cost: np.ndarray, moved: np.ndarray) -> np.ndarray:
-        return (gained <= ROUNDING * cost) | (moved <= steady**2 * cost / len(first[0]))
-
     begun = Descent(theta[None], first[0][None], first[1][None], np.full(1, USUAL.first), np.zeros(1, dtype=bool))
-    found = descended(evaluate, begun, ends=ends, rounds=rounds)
+    found = descended(
+        evaluate, begun, rounds=rounds,
+        ends=lambda gained, cost, moved: (gained <= ROUNDING * cost) | (moved <= steady**2 * cost / len(first[0])),
+    )  # fmt: skip
     return found.x[0], found.errors[0], found.jacobian[0], bool(found.ended[0])
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from armwright.entry import as_log, expect
 from armwright.errors import LogError
+from armwright.fitting.measures import runs_of_true
 from armwright.fitting.stretch import LogStretch
 from armwright.identification.logs.blocks import LARGEST
 from armwright.identification.logs.log import Log, LogRun
@@ -182,26 +183,21 @@ def _of_log(log: Log, signals: LogSignals) -> Records:
         if name not in log.joints:
             raise LogError("no joint of the log", place="joint", value=name, choices=log.joints)
     if not joints:
-        joints = [
-            name
-            for k, name in enumerate(log.joints)
-            if all(k in (log.layout[s].joints or ()) for s in (*inputs, *outputs))
-        ]
+        of_signals = [log.layout[signal].joints or () for signal in (*inputs, *outputs)]
+        joints = [name for k, name in enumerate(log.joints) if all(k in own for own in of_signals)]
         if len(joints) != 1:
             choices = joints or log.joints
-            raise LogError(
-                "missing",
-                place="joint",
-                expected=f"one of {', '.join(choices)}" if joints else "a joint with both signals",
-            )
+            expected = f"one of {', '.join(choices)}" if joints else "a joint with both signals"
+            raise LogError("missing", place="joint", expected=expected)
     pick_u, pick_y = ([(s, _column(log, s, name)) for s in signals for name in joints] for signals in (inputs, outputs))
     fit, hold_out, periods = [], [], {}
     notes = [str(each) for each in log.warnings]
     for run in log.runs:
         stretches = _stretches(log, run, pick_u, pick_y)
-        notes += [f"run {run.name!r} has gaps: {len(stretches)} stretches, each with an initial state of its own"] * (
-            len(stretches) > 1
-        )
+        if len(stretches) > 1:
+            notes.append(
+                f"run {run.name!r} has gaps: {len(stretches)} stretches, each with an initial state of its own"
+            )
         (fit if run.use == "fit" else hold_out).extend(stretches)
         periods[run.name] = run.period
     first = log.runs[0].name
@@ -267,8 +263,7 @@ def _stretches(log: Log, run: LogRun, inputs: Any, outputs: Any) -> list[Recorde
             what = f"rows are not evenly spaced: {off.max():.3g} s off a clock of {run.period:.4g} s"
             raise LogError(what, place=f"run {run.name!r}", expected="one clock", file=log.path)
         finite = np.isfinite(u[rows]).all(axis=1) & np.isfinite(y[rows]).all(axis=1)
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], finite, [False]]).astype(np.int8)))
-        for begin, end in zip(edges[::2] + part.begin, edges[1::2] + part.begin, strict=True):
+        for begin, end in part.begin + runs_of_true(np.asarray(finite)):
             found.append(RecordedStretch(run.name, u[begin:end], y[begin:end]))
     return found
 
@@ -279,19 +274,16 @@ def check_variation(records: Records) -> None:
     Raises:
         LogError: names the signal.
     """
-    for place, names in (("u", records.inputs), ("y", records.outputs)):
+    for place, names, what, expected in (
+        ("u", records.inputs, "nothing answers to it", "an input that moves: steps, PRBS, multisine, chirp"),
+        ("y", records.outputs, "there is nothing to explain", "an output that moves"),
+    ):
         if len({getattr(each, place).shape[1] for each in records.fit}) > 1:
             raise LogError("runs with different numbers of signals", place=place)
         for k, name in enumerate(names):
             values = np.concatenate([getattr(each, place)[:, k] for each in records.fit])
             if np.ptp(values) <= CONSTANT * max(float(np.abs(values).max()), 1e-300):
-                what = (
-                    "is constant: nothing answers to it" if place == "u" else "is constant: there is nothing to explain"
-                )
-                expected = (
-                    "an input that moves: steps, PRBS, multisine, chirp" if place == "u" else "an output that moves"
-                )
-                raise LogError(what, place=name, value=float(values[0]), expected=expected)
+                raise LogError(f"is constant: {what}", place=name, value=float(values[0]), expected=expected)
 
 
 def check_rows(records: Records, parameters: int, lost: int) -> None:

@@ -315,14 +315,14 @@ def checked_order(order: Any, numbers: int) -> int | tuple[int, ...] | None:
     if order == "auto":
         return None
     parts = order if isinstance(order, (tuple, list)) else (order,)
-    whole = all(
-        isinstance(each, (int, np.integer)) and not isinstance(each, bool) and 1 <= each <= LARGEST_ORDER
-        for each in parts
-    )
-    if not whole or len(parts) not in (1, numbers):
+    if not all(_is_whole(each, 1, LARGEST_ORDER) for each in parts) or len(parts) not in (1, numbers):
         expected = f'"auto", a whole number from 1 to {LARGEST_ORDER}, or {numbers} of them'
         raise LogError(place="order", value=order, expected=expected)
     return int(parts[0]) if len(parts) == 1 else tuple(int(each) for each in parts)
+
+
+def _is_whole(value: Any, least: int, most: int) -> bool:
+    return isinstance(value, (int, np.integer)) and not isinstance(value, bool) and bool(least <= value <= most)
 
 
 def checked_delay(delay: Any) -> int | None:
@@ -333,7 +333,6 @@ def checked_delay(delay: Any) -> int | None:
     """
     if delay == "auto":
         return None
-    whole = isinstance(delay, (int, np.integer)) and not isinstance(delay, bool)
-    if not whole or not 0 <= delay <= LARGEST_DELAY:
+    if not _is_whole(delay, 0, LARGEST_DELAY):
         raise LogError(place="delay", value=delay, expected='"auto" or a whole number of samples from 0 on')
     return int(delay)

@@ -131,12 +131,7 @@ class FilteredSensor:
 
     def __post_init__(self) -> None:
         expect(self.model, StateSpace, "model", "a StateSpace, as LinearModel.state_space gives", ScenarioError)
-        if self.model.d.shape != (1, 1):
-            raise ScenarioError(
-                f"{self.model.d.shape[1]} inputs, {self.model.d.shape[0]} outputs",
-                place="model",
-                expected="one of each",
-            )
+        check_single(self.model)
 
     def signals(self, arm: Any) -> Sequence[Signal]:
         """The signal (n,), one for each joint."""
@@ -156,6 +151,17 @@ class FilteredSensor:
         x = s.reshape(len(self.model.a), len(u))
         y = self.model.c[0] @ x + self.model.d[0, 0] * u + self.model.offset[0]
         return {self.name: y}, (self.model.a @ x + self.model.b * u).ravel()
+
+
+def check_single(model: StateSpace) -> None:
+    """Refuses a model with several inputs or outputs.
+
+    Raises:
+        ScenarioError: says how many.
+    """
+    if model.d.shape != (1, 1):
+        what = f"{model.d.shape[1]} inputs, {model.d.shape[0]} outputs"
+        raise ScenarioError(what, place="model", expected="one of each")
 
 
 def _signal(plant: Any, name: str) -> Array:

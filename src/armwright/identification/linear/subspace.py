@@ -134,9 +134,7 @@ def inputs_of(
             columns += [np.kron(np.ones(rows), np.eye(p)[k]) for k in range(p)]
         matrix, target = np.stack(columns, axis=1), each.y.ravel()
         if initial:
-            zero = np.zeros((rows, 1))
-            free = np.stack([(states(a, np.zeros((n, 1)), zero, np.eye(n)[i]) @ c.T).ravel() for i in range(n)], axis=1)
-            base = np.linalg.qr(free)[0]
+            base = np.linalg.qr(_free(a, c, rows))[0]
             matrix, target = matrix - base @ (base.T @ matrix), target - base @ (base.T @ target)
         blocks.append(matrix)
         targets.append(target)
@@ -152,7 +150,11 @@ def inputs_of(
 
 def initial_state(model: StateSpace, each: RecordedStretch) -> np.ndarray:
     """State (n,) at a stretch's first row with which its free simulation is nearest to the outputs."""
-    n, rows = len(model.a), len(each.y)
-    zero = np.zeros((rows, 1))
-    free = [(states(model.a, np.zeros((n, 1)), zero, np.eye(n)[i]) @ model.c.T).ravel() for i in range(n)]
-    return np.linalg.lstsq(np.stack(free, axis=1), (each.y - model.simulate(each.u)).ravel(), rcond=None)[0]
+    free = _free(model.a, model.c, len(each.y))
+    return np.linalg.lstsq(free, (each.y - model.simulate(each.u)).ravel(), rcond=None)[0]
+
+
+def _free(a: np.ndarray, c: np.ndarray, rows: int) -> np.ndarray:
+    """Outputs (rows × outputs, n) without input from each unit state."""
+    n, zero = len(a), np.zeros((rows, 1))
+    return np.stack([(states(a, np.zeros((n, 1)), zero, np.eye(n)[i]) @ c.T).ravel() for i in range(n)], axis=1)

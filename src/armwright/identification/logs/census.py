@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from armwright.errors import LogError
+from armwright.fitting.measures import runs_of_true
 from armwright.identification.logs.blocks import ROWS, Block
 from armwright.identification.logs.even_rows import EvenStretch, excerpt_rows
 from armwright.identification.logs.findings import number_of
@@ -285,5 +286,4 @@ def _add_excerpt(state: Census, block: Block, t: np.ndarray) -> None:
 
 def longest(happens: np.ndarray) -> int:
     """Length of the longest run of true entries."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], happens, [False]]).astype(np.int8)))
-    return int((edges[1::2] - edges[::2]).max()) if len(edges) else 0
+    return int(np.diff(runs_of_true(happens)).max(initial=0))

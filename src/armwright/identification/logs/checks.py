@@ -40,8 +40,6 @@ def check_log(log: Log) -> list[LogFinding]:
     """All findings of the checks of a log with a census of its runs."""
     findings = []
     for run in log.runs:
-        if run.census is None:
-            continue
         found = [
             (name, each)
             for name, functions in OF_ROWS.items()
@@ -66,8 +64,7 @@ def of_robot(log: Log, arm: Model) -> Log:
         return log
     known, found = replace(log, arm=arm), []
     for run in log.runs:
-        if run.census is not None:
-            found += [LogFinding(level, "units", run.name, each) for level, each in limits(known, run, run.census)]
+        found += [LogFinding(level, "units", run.name, each) for level, each in limits(known, run, run.census)]
     fresh = [each for each in _once(found, log) if each not in log.findings]
     errors = [each.problem.within(each.run and f"run {each.run!r}") for each in fresh if each.level == "error"]
     if errors:
@@ -102,11 +99,8 @@ def _once(findings: list[LogFinding], log: Log) -> list[LogFinding]:
     kept = []
     for first, *others in alike.values():
         if others:
-            more = (
-                "all other runs"
-                if len(others) + 1 == len(log.runs)
-                else f"{len(others)} of {len(log.runs) - 1} other runs"
-            )
+            rest = len(log.runs) - 1
+            more = "all other runs" if len(others) == rest else f"{len(others)} of {rest} other runs"
             first = replace(first, problem=replace(first.problem, what=f"{first.problem.what} (alike in {more})"))
         kept.append(first)
     return kept

@@ -93,12 +93,9 @@ class Interpolated:
         timed = np.isfinite(t)
         t, part = t[timed], [column[timed] for column in part]
         if not (np.diff(t) >= 0).all():
-            row = int(np.flatnonzero(timed)[np.argmin(np.diff(t) >= 0) + 1])
-            raise LogError(
-                "time goes backwards",
-                value=float(t[np.argmin(np.diff(t) >= 0) + 1]),
-                file=f"{self._path} row {self._row + row + 1}",
-            )
+            k = np.argmin(np.diff(t) >= 0) + 1
+            row = int(np.flatnonzero(timed)[k])
+            raise LogError("time goes backwards", value=float(t[k]), file=f"{self._path} row {self._row + row + 1}")
         if not self._period and len(t) > 1:
             self._period = float(np.median(np.diff(t)))
         self._row += count

@@ -54,7 +54,6 @@ def excerpt_rows(excerpt: Block, stretches: Sequence[Span], sampling: Sampling) 
 
 def sampled_rows(log: Log, run: LogRun) -> SampledRows:
     """Rows of a checked run, from its files."""
-    assert run.census is not None
     return SampledRows(sampled(run_blocks(log, run, ROWS), run.census.sampling), run.census.resolution)
 
 

@@ -17,6 +17,7 @@ import numpy as np
 
 from armwright.errors import LogError
 from armwright.identification.logs.blocks import ROWS, Block, run_blocks
+from armwright.identification.logs.census import Census
 from armwright.identification.logs.columns import joint_numbers
 from armwright.identification.logs.findings import LogFinding
 from armwright.identification.logs.log_file import LogTable
@@ -29,8 +30,6 @@ from armwright.signals import Layout
 if TYPE_CHECKING:
     import xarray as xr
 
-    from armwright.identification.logs.census import Census
-
 MOST_VALUES = 200_000_000  # of a run in memory: 1.6 GB
 
 
@@ -40,7 +39,7 @@ class LogRun:
 
     Attributes:
         name, use: "fit" or "hold-out".   paths: of its files, by key.   sha256: of each file, by key.
-        census: numbers about all of its rows; None before the log was checked.
+        census: numbers about all of its rows; of none before the log was read.
         begin, end: of its part of the files [s], from their first row.
     """
 
@@ -48,19 +47,19 @@ class LogRun:
     use: Literal["fit", "hold-out"]
     paths: Mapping[str, Path]
     sha256: Mapping[str, str] = field(default_factory=dict)
-    census: Census | None = None
+    census: Census = field(default_factory=lambda: Census({}))
     begin: float = 0.0
     end: float = inf
 
     @property
     def rows(self) -> int:
         """Number of rows."""
-        return 0 if self.census is None else self.census.rows
+        return self.census.rows
 
     @property
     def stretches(self) -> tuple[Span, ...]:
         """Rows without gaps but those that are bridged."""
-        return () if self.census is None else tuple(self.census.stretches)
+        return tuple(self.census.stretches)
 
     @property
     def even(self) -> tuple[EvenRows, ...]:
@@ -70,12 +69,12 @@ class LogRun:
     @property
     def duration(self) -> float:
         """From the first row to the last [s]."""
-        return 0.0 if self.census is None else self.census.last - self.census.first
+        return self.census.last - self.census.first
 
     @property
     def period(self) -> float:
         """Usual time from row to row [s]."""
-        return 0.0 if self.census is None else self.census.period
+        return self.census.period
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,8 +162,8 @@ class Log:
         if self.table.time.column is None:
             return f"row {row + 1}"
         key = self.table.only(self.table.time.file)
-        before = 0 if run.census is None else run.census.excerpt.before
-        return f"{open_table(run.paths[key], self.table.files[key]).place(before + row)}, column {self.table.time.column!r}"
+        table = open_table(run.paths[key], self.table.files[key])
+        return f"{table.place(run.census.excerpt.before + row)}, column {self.table.time.column!r}"
 
     def missing_cell(self, run: LogRun, signal: str, joint: int, row: int) -> str:
         """The cell that leaves a signal without a number: `file.csv:12, column 'q1'`, with its value where that is infinite.
@@ -183,7 +182,7 @@ class Log:
         mixes = each.side == "motor" and self.gears is not None and np.count_nonzero(self.gears) > len(self.gears)
         columns = each.columns if mixes else (each.columns[numbers.index(joint)],)
         table, own = open_table(run.paths[key], self.table.files[key]), self.table.files[key].time is not None
-        first = 0 if own or run.census is None else run.census.excerpt.before + row
+        first = 0 if own else run.census.excerpt.before + row
         at = 0
         for block in table.blocks(columns, ROWS):
             cells = np.stack(block, axis=1).astype(float)[max(first - at, 0) :]

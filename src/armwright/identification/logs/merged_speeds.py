@@ -28,8 +28,7 @@ Derivative = Callable[[np.ndarray], np.ndarray]
 
 def corners(log: Log, run: LogRun) -> tuple[float, ...]:
     """Corner in Hz of each joint of the log; infinite where the logged speed tells nothing, or one of them is missing."""
-    found, census = np.full(len(log.joints), np.inf), run.census
-    rows = None if census is None else census.longest
+    found, rows = np.full(len(log.joints), np.inf), run.census.longest
     if not {"q", "qd"} <= set(log.layout.names) or rows is None or len(rows.t) < FEWEST:
         return tuple(found)
     rate = 1.0 / rows.period
@@ -51,13 +50,7 @@ def corners(log: Log, run: LogRun) -> tuple[float, ...]:
 
 
 def merged(
-    log: Log,
-    q: np.ndarray,
-    qd: np.ndarray,
-    rate: float,
-    limits: np.ndarray,
-    slope: Derivative,
-    curvature: Derivative,
+    log: Log, q: np.ndarray, qd: np.ndarray, rate: float, limits: np.ndarray, slope: Derivative, curvature: Derivative
 ) -> tuple[np.ndarray, np.ndarray]:
     """Speeds and accelerations (rows, joints of the log) of filtered positions and speeds (rows, their joints).
 

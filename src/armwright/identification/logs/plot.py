@@ -13,7 +13,7 @@ from armwright.identification.logs.preparation import Preparation, choose_prepar
 from armwright.identification.logs.prepared import prepare_log
 from armwright.identification.logs.spectrum import longest_finite, spectrum
 from armwright.output import check_destination
-from armwright.results.plot import PICTURES, TEXT, open_axes, write_figure
+from armwright.results.plot import PICTURES, TEXT, blank_figure, open_axes, write_figure
 from armwright.results.plot_curves import COLOURS
 
 if TYPE_CHECKING:
@@ -49,14 +49,14 @@ def plot_log(
 
 def draw_log(log: Log, run: str | None = None, preparation: Preparation | None = None) -> Figure:
     """The picture as a matplotlib figure; see `plot_log`."""
-    from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
     chosen = log.run(run)
     preparation = preparation or choose_preparation(log, chosen.name)
     raw, prepared = log.dataset(chosen.name), prepare_log(log, chosen.name, preparation)
     names = [str(name) for name in prepared.data_vars]
-    figure = Figure(figsize=(12.0, 2.6 * len(names) + 1.2), dpi=110, layout="constrained", facecolor="white")
+    title = f"{log.title}, run {chosen.name}: faint as logged, full as prepared"
+    figure = blank_figure(12.0, 2.6 * len(names) + 1.2, title)
     axes = figure.subplots(len(names), 2, squeeze=False)
     for name, (left, right) in zip(names, axes, strict=True):
         for k in range(len(log.joints)):
@@ -83,9 +83,6 @@ def draw_log(log: Log, run: str | None = None, preparation: Preparation | None =
         [Line2D([], [], color=COLOURS[k % len(COLOURS)]) for k in range(len(log.joints))],
         log.joints, loc="outside right upper", frameon=False, labelcolor=TEXT,
     )  # fmt: skip
-    figure.suptitle(
-        f"{log.title}, run {chosen.name}: faint as logged, full as prepared", x=0.012, ha="left", color=TEXT
-    )
     return figure
 
 

@@ -76,11 +76,7 @@ class Preparation:
     @property
     def settings(self) -> dict[str, Any]:
         """Settings that repeat this preparation on another log, as `[fits]` of a record keeps them."""
-        return {
-            "cutoff_hz": self.cutoff,
-            "order": self.order,
-            "differentiation": self.differentiation,
-        }
+        return {"cutoff_hz": self.cutoff, "order": self.order, "differentiation": self.differentiation}
 
     def at(self, cutoff: float, decimate: int | None = None, reason: str = "as asked for") -> Preparation:
         """The preparation with another cut-off in Hz, and as many rows as it needs, or every `decimate`-th."""
@@ -150,9 +146,7 @@ def choose_preparation(
     """
     log = as_log(log)
     chosen = log.run(run)
-    if chosen.census is None:
-        raise LogError("was not checked", place="log", expected="what read_log returns")
-    rate = 1.0 / chosen.census.period
+    rate = 1.0 / chosen.period
     reasons: list[str] = []
     if cutoff is None:
         cutoff, reason = _cutoff(log, chosen, rate)
@@ -256,7 +250,7 @@ def resting_speeds(log: Log, run: str) -> np.ndarray:
     0 for joints without positions; infinite for those at rest in the whole run.
     """
     chosen, speeds = log.run(run), np.zeros(len(log.joints))
-    if "q" in log.layout and chosen.census is not None and chosen.duration > 0:
+    if "q" in log.layout and chosen.duration > 0:
         counted, joints = chosen.census.signals["q"], list(log.layout["q"].joints or ())
         speeds[joints] = REST * np.subtract(counted.high, counted.low) / chosen.duration
         for joint in joints:
@@ -286,18 +280,17 @@ def filters_of(
         source: the signal that torques are taken from.
     """
     joints = list(order)
-    return {
-        name: RunFilters(
-            each, each.of_motion, resting_speeds(log, name)[joints], measured_limits(log, name, source)[:, joints]
-        )
-        for name, each in prepared.items()
-    }
+    found = {}
+    for name, each in prepared.items():
+        rests, limits = resting_speeds(log, name)[joints], measured_limits(log, name, source)[:, joints]
+        found[name] = RunFilters(each, each.of_motion, rests, limits)
+    return found
 
 
 def measured_limits(log: Log, run: str, source: str) -> np.ndarray:
     """Limits (2, joints) that measured torques or currents of a run reach; commands and voltages act as they are cut off."""
     census, found = log.run(run).census, np.array([[-np.inf], [np.inf]]).repeat(len(log.joints), axis=1)
-    if census is not None and source not in log.held and source in ("tau", "tau_link", "current"):
+    if source not in log.held and source in ("tau", "tau_link", "current"):
         for k, joint in enumerate(log.layout[source].joints or ()):
             column = longest_finite(census.excerpt.values[source][:, k])
             found[:, joint] = limits_reached(census.signals[source], k, column)
@@ -313,13 +306,10 @@ def beyond_limits(efforts: np.ndarray, limits: np.ndarray) -> np.ndarray:
 
 def _cutoff(log: Log, run: LogRun, rate: float) -> tuple[float, str]:
     """The cut-off in Hz that the joint with the fastest motion needs, and the reason for it."""
-    assert run.census is not None
     name = next((name for name in ("q", "qd") if name in log.layout), log.layout.names[0])
     signal, raw, rows = log.layout[name], run.census.excerpt.values[name], run.census.longest
-    best, reason = (
-        LOWEST * rate,
-        f"cut-off {LOWEST * rate:.4g} Hz: no motion stands above the noise; the lowest that the rate allows",
-    )
+    best = LOWEST * rate
+    reason = f"cut-off {best:.4g} Hz: no motion stands above the noise; the lowest that the rate allows"
     for k, joint in enumerate(signal.joints or ()):
         if rows is None or len(rows.t) < SHORTEST or rows.values[name][:, k].std() == 0:
             continue

@@ -14,7 +14,7 @@ from armwright.entry import AnyLog, as_log, expect
 from armwright.errors import LogError
 from armwright.fitting.residuals import parts_of
 from armwright.identification.logs.blocks import ROWS, Block
-from armwright.identification.logs.even_rows import EvenStretch, SampledRows, sampled_rows
+from armwright.identification.logs.even_rows import EvenStretch, sampled_rows
 from armwright.identification.logs.findings import number_of
 from armwright.identification.logs.log import Log, LogRun
 from armwright.identification.logs.merged_speeds import LOWEST, merged
@@ -26,10 +26,8 @@ from armwright.identification.logs.preparation import (
     Preparation,
     choose_preparation,
     settling,
-    shared_preparations,
 )
 from armwright.identification.logs.spikes import without_spikes
-from armwright.identification.logs.stretches import EvenRows
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -64,15 +62,12 @@ def prepare_log(log: AnyLog, run: str | None = None, preparation: Preparation | 
     if not parts:
         raise too_short(log, chosen, preparation)
     time = ("time", np.concatenate([block.t for _, block in parts]), {"units": "s", "long_name": "time"})
-    number = (
-        "time",
-        np.concatenate([np.full(len(block.t), k) for k, block in parts]),
-        {"long_name": "stretch without gaps"},
-    )
+    stretches = np.concatenate([np.full(len(block.t), k) for k, block in parts])
+    number = ("time", stretches, {"long_name": "stretch without gaps"})
     variables = {}
     for name in parts[0][1].values:
         source = _source(log, name)
-        unit = log.layout[name].unit if source == name else _rate_unit(log.layout[source].unit, source, name)
+        unit = log.layout[name].unit if source == name else _rate_unit(log.layout[source].unit, name)
         values = np.concatenate([block.values[name] for _, block in parts])
         variables[name] = (("time", "joint"), values, {"units": unit})
     about = {
@@ -82,14 +77,10 @@ def prepare_log(log: AnyLog, run: str | None = None, preparation: Preparation | 
     return xr.Dataset(variables, {"time": time, "joint": ("joint", list(log.joints)), "stretch": number}, about)
 
 
-def _rate_unit(unit: str, source: str, name: str) -> str:
-    """Unit of a derivative: of q in rad, qdd has rad/s²."""
+def _rate_unit(unit: str, name: str) -> str:
+    """Unit of a derivative: of q in rad, or of qd in rad/s, qdd has rad/s²."""
     ending = "/s²" if name == "qdd" else "/s"
-    return (
-        " | ".join(each.removesuffix("/s") + ending for each in unit.split(" | "))
-        if source == "qd"
-        else " | ".join(each + ending for each in unit.split(" | "))
-    )
+    return " | ".join(each.removesuffix("/s") + ending for each in unit.split(" | "))
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,17 +99,15 @@ class LoggedMotion:
     kept: np.ndarray
 
 
-def logged_motion(log: Log, run: str | None = None, preparation: Preparation | None = None) -> LoggedMotion:
+def logged_motion(log: Log, run: str | None, preparation: Preparation) -> LoggedMotion:
     """The motion of a run behind the wide low-pass of a preparation.
 
     Args:
-        log: what `read_log` returned.   run: its name; None: the first.
-        preparation: None: that with the highest cut-off that any run needs.
+        log: what `read_log` returned.   run: its name; None: the first.   preparation: of it.
     Raises:
         LogError: neither position nor speed, or no stretch is long enough.
     """
     chosen = log.run(run)
-    preparation = preparation or shared_preparations(log, [chosen.name])[chosen.name]
     first = preparation.of_motion
     data = prepare_log(log, chosen.name, replace(first, decimate=1))
     if "qdd" not in data:
@@ -159,7 +148,10 @@ def prepared_blocks(log: Log, run: str, preparation: Preparation, rows: int = RO
             continue
         for begin in range(low, high, window):
             end = min(begin + window, high)
-            yield number, _window(log, reader, stretch, preparation, begin, end, seam, first)
+            before, behind = max(begin - seam, 0), min(end + seam, stretch.rows)  # the filter settles beyond the window
+            even, period, values = reader.even(stretch, before, behind)
+            kept = slice(begin - before, end - before, preparation.decimate)
+            yield number, _block(log, first, even, filtered(log, values, period, preparation), kept)
             first += len(range(begin, end, preparation.decimate))
 
 
@@ -171,36 +163,18 @@ def prepared_excerpt(
     Args:
         changed: what to do with the even rows first, such as adding noise; None: nothing.
     """
-    census = log.run(run).census
-    for number, even in enumerate(() if census is None else census.even):
+    for number, even in enumerate(log.run(run).census.even):
         rows = even if changed is None else changed(even)
         kept = slice(preparation.edge, max(len(rows.t) - preparation.edge, 0), preparation.decimate)
         if len(rows.t[kept]):
             measured = without_spikes(rows.values, preparation.spikes)
-            both = filtered(log, measured, rows.period, preparation), measured
-            first, second = (
-                Block(0, rows.t[kept], {name: of_all_joints(log, name, v[kept]) for name, v in each.items()})
-                for each in both
-            )
-            yield number, first, second
+            prepared = filtered(log, measured, rows.period, preparation)
+            yield number, _block(log, 0, rows.t, prepared, kept), _block(log, 0, rows.t, measured, kept)
 
 
-def _window(
-    log: Log,
-    reader: SampledRows,
-    stretch: EvenRows,
-    preparation: Preparation,
-    begin: int,
-    end: int,
-    seam: int,
-    first: int,
-) -> Block:
-    """Prepared rows `begin` to `end` of a stretch, from rows beyond them either way."""
-    low, high = max(begin - seam, 0), min(end + seam, stretch.rows)
-    even, period, values = reader.even(stretch, low, high)
-    kept = slice(begin - low, end - low, preparation.decimate)
-    prepared = filtered(log, values, period, preparation)
-    return Block(first, even[kept], {name: of_all_joints(log, name, each[kept]) for name, each in prepared.items()})
+def _block(log: Log, row: int, t: np.ndarray, values: Mapping[str, np.ndarray], kept: slice) -> Block:
+    """The kept ones of some rows as a block that begins at a row, signals for all joints of the log."""
+    return Block(row, t[kept], {name: of_all_joints(log, name, each[kept]) for name, each in values.items()})
 
 
 def filtered(

@@ -42,10 +42,7 @@ LEAST = {"joints": ["a"], "files": {"a": {"path": "a"}}, "time": STAND_INS["time
 
 
 def read_log(
-    path: str | os.PathLike[str],
-    *,
-    on_error: Literal["raise", "keep"] = "raise",
-    progress: Shown = None,
+    path: str | os.PathLike[str], *, on_error: Literal["raise", "keep"] = "raise", progress: Shown = None
 ) -> Log:
     """A log of measurements, read once completely and checked.
 

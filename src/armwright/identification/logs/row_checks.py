@@ -76,7 +76,7 @@ def clock(log: Log, run: LogRun, census: Census) -> Found:
 
 def _stretches(run: LogRun) -> str:
     """`3 stretches`, and how many are left for the fit of an arm."""
-    count, joined = (0, 0) if run.census is None else (run.census.pieces, len(run.census.stretches))
+    count, joined = run.census.pieces, len(run.census.stretches)
     cut = f"{count} stretch{'es' * (count != 1)}"
     bridged = bridged_rows(run.period)
     return cut if joined == count else f"{cut}, of which preparation makes {joined}: it bridges up to {bridged} rows"
@@ -103,12 +103,9 @@ def runs_at_rest(log: Log, joint: str, runs: Sequence[str]) -> set[str]:
     if log.joints.index(joint) not in places:
         return set()
     column, order, still = places.index(log.joints.index(joint)), 2 if name == "q" else 1, set()
-    ends = [
-        (run.census.signals[name].low[column], run.census.signals[name].high[column]) for run in log.runs if run.census
-    ]
+    ends = [(run.census.signals[name].low[column], run.census.signals[name].high[column]) for run in log.runs]
     largest = max(high for _, high in ends) - min(low for low, _ in ends)
     for run in (log.run(each) for each in runs):
-        assert run.census is not None
         extent = float(run.census.signals[name].high[column] - run.census.signals[name].low[column])
         values = longest_finite(run.census.excerpt.values[name][:, column])
         step = quantisation_step(values) or 0.0

@@ -85,12 +85,9 @@ def sampling_of(block: Block, mends: bool) -> Sampling:
         times = _clock(block.t[fresh])
         found = replace(found, period=times.period, resolution=times.resolution)
     q, qd = _motion(block)
-    known = (
-        fresh
-        & np.isfinite(block.t)
-        & np.isfinite(q).all(axis=1)
-        & (True if qd is None else np.isfinite(qd).all(axis=1))
-    )
+    known = fresh & np.isfinite(block.t) & np.isfinite(q).all(axis=1)
+    if qd is not None:
+        known &= np.isfinite(qd).all(axis=1)
     t, q, qd = block.t[known], q[known], None if qd is None else qd[known]
     steps = np.diff(t)
     usual = steps[(steps > 0) & (steps <= found.longest_step)]
@@ -343,10 +340,8 @@ class SampleClock:
         times = np.where(np.diff(part.t, prepend=part.t[0]) < 0, part.t, times)
         even = t.copy()
         even[known] = times[-len(known) :]
-        self._time, self._sample = (
-            float(times[-1]),
-            Block(0, part.t[-1:], {n: each[-1:] for n, each in part.values.items()}),
-        )
+        self._time = float(times[-1])
+        self._sample = Block(0, part.t[-1:], {name: each[-1:] for name, each in part.values.items()})
         return even
 
 

@@ -48,7 +48,7 @@ class Smoothed:
 
 def smoothed(log: Log, run: LogRun) -> Smoothed | None:
     """The excerpt's longest part without gaps, all signals through one zero-phase low-pass; None if too short."""
-    rows = None if run.census is None else run.census.longest
+    rows = run.census.longest
     if rows is None or len(rows.t) < FEWEST or rows.period <= 0.0:
         return None
     try:

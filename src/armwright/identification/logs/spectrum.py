@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import signal as sp
 
+from armwright.fitting.measures import runs_of_true
 from armwright.identification.logs.quantisation import quantisation_step
 
 ABOVE = 4.0  # times the noise floor: below it noise is a quarter of the power and more
@@ -107,8 +108,6 @@ def _smooth(f: np.ndarray, power: np.ndarray) -> np.ndarray:
 
 def longest_finite(column: np.ndarray) -> np.ndarray:
     """The longest part of a column without NaN."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], np.isfinite(column), [False]]).astype(np.int8)))
-    if not len(edges):
-        return column[:0]
-    k = int(np.argmax(edges[1::2] - edges[::2]))
-    return column[edges[2 * k] : edges[2 * k + 1]]
+    runs = runs_of_true(np.isfinite(column))
+    begin, end = runs[np.diff(runs).argmax()] if len(runs) else (0, 0)
+    return column[begin:end]

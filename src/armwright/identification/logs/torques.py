@@ -17,6 +17,9 @@ from armwright.signals import Layout
 
 Source = Literal["tau", "current", "voltage", "tau_link"]
 SOURCES: tuple[Source, ...] = ("tau", "current", "voltage", "tau_link")
+LoggedCommand = Literal["voltage", "current", "torque"]
+# by signal, in the order in which they drive an arm
+COMMANDS: dict[str, LoggedCommand] = {"voltage": "voltage", "current": "current", "tau": "torque"}
 BEHIND_GEARS = ("rotors", "viscous", "coulomb", "offset")  # what a torque sensor behind the gear does not feel
 
 

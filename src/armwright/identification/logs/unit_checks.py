@@ -19,16 +19,10 @@ OFF, CERTAIN = 0.9, 0.99  # correlation above which a gain says something, and a
 DELAYED = 0.1  # of a sample
 TURNS = 8 * pi  # [rad]: few joints turn further
 COLDEST, HOTTEST = -60.0, 220.0  # [°C] of motors: insulation of class H stands 180 °C
-LARGEST = {
-    "current": 1e3,
-    "voltage": 1.5e3,
-    "tau": 1e5,
-    "tau_link": 1e5,
-}  # [A], [V] of low voltage, [N m]: of no arm's drive
+LARGEST = {"current": 1e3, "voltage": 1.5e3, "tau": 1e5, "tau_link": 1e5}  # [A], [V] of low voltage, [N m]: of no arm
 SLOWEST = 1.0  # [s] between rows: from here on an arm or a motor is not seen to move
-SURELY = (
-    2.0  # times what its limits allow a joint moves where its unit is wrong; less may be limits that are not the arm's
-)
+# times what its limits allow a joint moves where its unit is wrong; less may be limits that are not the arm's
+SURELY = 2.0
 BEYOND = 0.02  # [rad | m] beyond its limits a joint may be, by overshoot and calibration
 FACTORS = {  # speed / derivative of position → the mistake that makes it
     180 / pi: "the speed is in degrees where radians are meant, or the position in radians where degrees are",

@@ -79,14 +79,10 @@ def write_measured(
     """
     arm = as_arm(arm)
     path = check_destination(path, (".toml",), read=(rows,))
-    signals = [
-        {
-            "quantity": quantity,
-            "columns": [f"{column}_{name}" for name in arm.names],
-            **({"side": "joint"} if quantity == "position" else {}),
-        }
-        for quantity, column in quantities.items()
-    ]
+    signals = []
+    for quantity, column in quantities.items():
+        side = {"side": "joint"} if quantity == "position" else {}
+        signals.append({"quantity": quantity, "columns": [f"{column}_{name}" for name in arm.names], **side})
     table = {"files": {FILE: {}}, "time": {"column": "t"}, "signals": signals}
     with contextlib.suppress(LogError):  # the command's ROBOT names it then
         table = {"robot": _robot(path, arm), **table}

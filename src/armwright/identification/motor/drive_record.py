@@ -34,17 +34,8 @@ FRICTION_STEMS = {
 }
 SHORT = (*MOTOR_KEYS, *FRICTION_STEMS, "stribeck", "delay", "offset")
 HOLD_FIRST = (
-    "L",
-    "R",
-    "viscous",
-    "Ke",
-    "stribeck_speed",
-    "stribeck_torque",
-    "friction_offset",
-    "dead_zone",
-    "efficiency",
-    "Kt",
-    "J",
+    *("L", "R", "viscous", "Ke", "stribeck_speed", "stribeck_torque", "friction_offset", "dead_zone", "efficiency"),
+    *("Kt", "J"),
 )
 
 
@@ -70,14 +61,8 @@ def paths_of(record: RobotDescription, joint: str, name: str) -> tuple[str, ...]
 
 def value_at(record: RobotDescription, path: str) -> float | None:
     """Number at a path; None if the record has none."""
-    return next(
-        (
-            float(each.value)
-            for place, each, _ in quantities(record)
-            if place == path and not isinstance(each.value, tuple)
-        ),
-        None,
-    )
+    values = (each.value for place, each, _ in quantities(record) if place == path)
+    return next((float(value) for value in values if not isinstance(value, tuple)), None)
 
 
 def _joint(record: RobotDescription, name: str) -> Any:
@@ -96,14 +81,12 @@ def with_numbers(record: RobotDescription, values: Mapping[str, Any], command: s
         *inner, last = rest.split(".")
         table = next((each for each in document["joints"] if each["name"] == first), None)
         if table is None:
-            names = [each["name"] for each in document["joints"]]
-            raise ModelError("no joint", place="name", value=path, choices=names)
+            raise ModelError(
+                "no joint", place="name", value=path, choices=[each["name"] for each in document["joints"]]
+            )
         for part in inner:
             table = table.setdefault(part, {})
-        if isinstance(value, str):
-            table[last] = value
-        else:
-            table[last] = {"value": value, "source": BENCH}
+        table[last] = value if isinstance(value, str) else {"value": value, "source": BENCH}
     if command is not None:
         document["command"] = command
         for joint in document["joints"]:

@@ -102,12 +102,7 @@ def _of_record(problem: DriveProblem, first: np.ndarray) -> np.ndarray:
     others = [k for k, each in enumerate(problem.unknowns) if each.nuisance]
     if not numbers or not others:
         return np.zeros((0, len(first)))
-    prompt = np.array(
-        [
-            low if each.name == "delay" else z
-            for each, low, z in zip(problem.unknowns, problem.bounds[0], first, strict=True)
-        ]
-    )
+    prompt = np.where([each.name == "delay" for each in problem.unknowns], problem.bounds[0], first)
     z, cost = many_starts(without(problem.part(ROWS_OF_STARTS), numbers, first), np.stack([first, prompt])[:, others])
     found = first.copy()
     found[others] = z[int(np.argmin(cost))]
@@ -199,10 +194,8 @@ def _note_ends(done: Fitted) -> None:
     """Notes numbers above 0 that ran into a bound of their search, before they are held for telling nothing there."""
     low, high = done.problem.bounds
     for k in done.kept:
-        each, is_end = (
-            done.problem.unknowns[k],
-            min(done.z[k] - low[k], high[k] - done.z[k]) < AT_BOUND * (high[k] - low[k]),
-        )
+        each = done.problem.unknowns[k]
+        is_end = min(done.z[k] - low[k], high[k] - done.z[k]) < AT_BOUND * (high[k] - low[k])
         if is_end and each.logarithmic and not each.nuisance and k not in done.ends:
             done.ends.append(k)
 

@@ -68,14 +68,15 @@ def _fresh(record: RobotDescription, data: Measured, done: Fitted) -> tuple[Driv
         delays.append(float(values[at.delay]) if at.delay >= 0 else old.delay)
     for column, each in columns.items():
         nominal[column] = np.mean(each)
+    offset_of = {int(k): joint for at in old.places for joint, k in enumerate(at.offsets) if k >= 0}  # unknown → joint
     unknowns: list[Unknown] = []
     speed = largest_speed(data.stretches)
     arm, places = build_model(record), []
     for number, stretch in enumerate(data.stretches):
         start, fixed = starts_of(stretch, number, old.response, arm, unknowns, speed, data)
         offsets = np.full(n, -1)
-        for k in {int(k) for at in old.places for k in at.offsets if k >= 0}:
-            offsets[_joint_of(old, k)] = len(unknowns)
+        for k, joint in sorted(offset_of.items()):
+            offsets[joint] = len(unknowns)
             unknowns.append(replace(old.unknowns[k], guess=float(values[k]), run=stretch.run))
         none = np.full(len(nominal), -1)
         places.append(UnknownPlaces(none, offsets, -1, start, fixed))
@@ -128,8 +129,3 @@ def with_remarks(fit: MotorFit, remarks: Sequence[str], doubts: Sequence[str] = 
         verdict="not identified" if doubts else fit.estimate.verdict,
     )
     return replace(fit, estimate=estimate)
-
-
-def _joint_of(problem: DriveProblem, unknown: int) -> int:
-    """Number of the joint whose command has that offset."""
-    return next(int(np.flatnonzero(at.offsets == unknown)[0]) for at in problem.places if unknown in at.offsets)

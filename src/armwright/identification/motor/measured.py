@@ -14,11 +14,10 @@ from armwright.errors import LogError
 from armwright.fitting.stretch import LogStretch
 from armwright.identification.logs.log import Log
 from armwright.identification.logs.quantisation import quantisation_step
+from armwright.identification.logs.torques import COMMANDS, LoggedCommand
 from armwright.identification.motor.response import DriveInputs
 
-Command = Literal["voltage", "current", "torque"]
 LOGGED = {"qd_mean": "qd"}  # signal of the log with which one of `Response` is compared, where it has another name
-COMMANDS: dict[str, Command] = {"voltage": "voltage", "current": "current", "tau": "torque"}  # by signal, in this order
 SHORTEST = 20  # rows of a stretch that is fitted
 SAME = 0.02  # of a speed's standard deviation: how far it may be from the difference of positions to be that
 
@@ -102,7 +101,7 @@ class Measured:
     """
 
     joints: tuple[str, ...]
-    command: Command
+    command: LoggedCommand
     signals: tuple[str, ...]
     steps: dict[str, np.ndarray]
     stretches: tuple[Driven, ...]

@@ -14,13 +14,7 @@ from armwright.entry import expect_names
 from armwright.errors import ModelError
 from armwright.identification.motor.drive_record import paths_of, value_at
 from armwright.identification.motor.guess import Guess
-from armwright.identification.motor.measured import (
-    Driven,
-    Measured,
-    largest_command,
-    largest_speed,
-    rows_of_count,
-)
+from armwright.identification.motor.measured import Driven, Measured, largest_command, largest_speed, rows_of_count
 from armwright.identification.motor.output_error import DriveProblem, UnknownPlaces
 from armwright.identification.motor.response import Response, response_of
 from armwright.identification.motor.unknowns import RANGE, Unknown, values_of
@@ -63,12 +57,8 @@ class MotorSearch:
 
     def __post_init__(self) -> None:
         expect_names(self.per_run, "per_run", ModelError)
-        numbers = (
-            ("starts", self.starts, 1, 1000),
-            ("most_delay", self.most_delay, 0, 1000),
-            ("seed", self.seed, 0, 2**32 - 1),
-        )
-        for place, value, least, most in numbers:
+        for place, least, most in (("starts", 1, 1000), ("most_delay", 0, 1000), ("seed", 0, 2**32 - 1)):
+            value = getattr(self, place)
             if not isinstance(value, (int, np.integer)) or isinstance(value, bool) or not least <= value <= most:
                 raise ModelError(place=place, value=value, expected=f"a whole number from {least} to {most}")
         if self.pwm not in PWM:

@@ -12,10 +12,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from armwright.description.robot import RobotDescription
-from armwright.identification.estimate import Estimate, write_into
+from armwright.identification.estimate import Estimate, EstimateResult, write_into
 from armwright.identification.motor.predictions import MARK
 from armwright.identification.validation.prediction import Prediction
-from armwright.results.result import Result
 from armwright.results.table import Table
 
 if TYPE_CHECKING:
@@ -29,7 +28,7 @@ GAP = 1.5  # usual steps of time behind which a curve begins anew
 
 
 @dataclass(frozen=True, eq=False)
-class MotorFit(Result):
+class MotorFit(EstimateResult):
     """A fit of drives: `estimate` with its uncertainty, the `robot` with first guesses and given numbers, `predictions` by run.
 
     Attributes:
@@ -51,15 +50,6 @@ class MotorFit(Result):
     def heading(self) -> str:
         """Name above its table and on its page."""
         return f"{self.estimate.log}: motor"
-
-    @property
-    def good(self) -> bool:
-        """True if the log determines the parameters."""
-        return self.estimate.good
-
-    def sentences(self) -> list[str]:
-        """The verdict, then remarks."""
-        return self.estimate.sentences()
 
     def tables(self) -> list[Table]:
         """Numbers with standard deviations; then measures of the fit."""

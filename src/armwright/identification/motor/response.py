@@ -175,12 +175,8 @@ class Response:
         measure = with_tangents(measure, {"x", "q_before"}, seeds, self.directions)
         held = self._by_segments(seeds) if self._affine else self._by_substeps(seeds)
         sampled = trace("sample", sample(held), {"x": (self.size * size,), **row}, ("x_next",))
-        return (
-            TableStage("row", 2 + n * (lags + 1)),
-            Call(measure),
-            RecordStage("run", ("y",), (count * size,)),
-            Call(sampled),
-        )
+        compared = RecordStage("run", ("y",), (count * size,))
+        return TableStage("row", 2 + n * (lags + 1)), Call(measure), compared, Call(sampled)
 
     def _by_substeps(self, seeds: dict[str, np.ndarray]) -> Callable[..., Any]:
         """(x with tangents, command, p, part) → x with tangents behind a part of a sample, in equal substeps."""

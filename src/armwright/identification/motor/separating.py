@@ -69,11 +69,9 @@ def _clause(free: Sequence[int], information: np.ndarray, candidates: Mapping[st
     before = deviations(information[part])[0]
     after = {name: deviations(information[part] + each)[0] for name, each in others.items()}
     name = min(after, key=lambda each: after[each])
-    return (
-        f"{name} would determine it {before / after[name]:.3g} times as precisely"
-        if before > BETTER * after[name]
-        else ""
-    )
+    if before > BETTER * after[name]:
+        return f"{name} would determine it {before / after[name]:.3g} times as precisely"
+    return ""
 
 
 def _information(jacobian: np.ndarray, own: Sequence[int], size: np.ndarray) -> np.ndarray:

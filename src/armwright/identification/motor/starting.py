@@ -22,6 +22,8 @@ from armwright.scalar import real_number
 
 Loads = Mapping[str, float]
 OF_LOCKED = ("R", "L")  # what the current of a locked rotor follows
+AMPLIFIED = ("R", "L", "Ke", "dead_zone")  # numbers that a motor does not feel behind a loop of its current
+NEEDLESS = {"voltage": (), "current": AMPLIFIED, "torque": (*AMPLIFIED, "Kt")}  # by the command
 
 
 def robot_of(
@@ -161,13 +163,12 @@ def guesses_that_stay(
     Args:
         command: quantity that drives the motor.   fitted: paths.   known: names that were given.
     """
-    needless = {"voltage": (), "current": ("R",), "torque": ("R", "Kt")}[command]
     stay = {}
     for name in ("R", "Kt", "J", "viscous", "coulomb"):
         paths = paths_of(record, joint, name)
         given = {path for each in known if each != "delay" for path in paths_of(record, joint, each)}
         value = value_at(record, paths[0])
-        if name not in needless and value and not {*fitted, *given} & {*paths}:  # 0: a term that is left out
+        if name not in NEEDLESS[command] and value and not {*fitted, *given} & {*paths}:  # 0: a term that is left out
             stay[name] = paths
     return stay
 
@@ -186,23 +187,18 @@ def names_to_fit(
     if locked and free is None:
         free = [name for name in OF_LOCKED if name not in fixed]
     if free is None:
-        names = complete(record, joints)
-        if data.command != "voltage":
-            names = {
-                name: paths for name, paths in names.items() if name.split(":")[1] not in ("R", "L", "Ke", "dead_zone")
-            }
-        if data.command == "torque":
-            names = {name: paths for name, paths in names.items() if name.split(":")[1] != "Kt"}
-        return {name: paths for name, paths in names.items() if not known & set(paths)}, record
+        names = {
+            name: paths
+            for name, paths in complete(record, joints).items()
+            if name.split(":")[1] not in NEEDLESS[data.command] and not known & set(paths)
+        }
+        return names, record
     names = {}
     missing: dict[str, float] = {}
-    wanted = [
-        part for name in free for part in (("stribeck_torque", "stribeck_speed") if name == "stribeck" else (name,))
-    ]
+    both = {"stribeck": ("stribeck_torque", "stribeck_speed")}
+    wanted = [part for name in free for part in both.get(name, (name,)) if part not in ("delay", "offset")]
     for joint, first in zip(joints, guesses, strict=True):
         for name in wanted:
-            if name in ("delay", "offset"):
-                continue
             names[f"{joint}:{name}"] = paths = paths_of(record, joint, name)
             for path in paths:
                 if value_at(record, path) is None:
@@ -220,9 +216,7 @@ def _first_value(record: RobotDescription, joint: str, name: str, first: Guess, 
         "L": resistance * data.period,
         "Ke": torque,
         "viscous": 0.0,
-        "coulomb": size,
-        "coulomb_positive": size,
-        "coulomb_negative": size,
+        **dict.fromkeys(("coulomb", "coulomb_positive", "coulomb_negative"), size),
         "stribeck_torque": 1.2 * (coulomb or size),
         "stribeck_speed": 0.1 * first.gain * largest_command(data.stretches),
         "friction_offset": 0.0,

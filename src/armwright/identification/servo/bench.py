@@ -98,10 +98,8 @@ def loop_of(logs: Sequence[BenchLog], loop: ServoLoop | None) -> ServoLoop:
         return loop
     name, known = next((each.servo for each in logs if each.servo), ""), known_loops()
     if name not in known:
-        what, expected = (
-            "a servo whose loop is not known",
-            "loop=aw.identification.ServoLoop(…) (--duty-gain, --max-duty)",
-        )
+        what = "a servo whose loop is not known"
+        expected = "loop=aw.identification.ServoLoop(…) (--duty-gain, --max-duty)"
         raise LogError(what, place="motor", value=name, expected=expected, choices=known, file=logs[0].name)
     return known[name]
 
@@ -132,19 +130,12 @@ def bench_record(log: BenchLog, loop: ServoLoop, numbers: Mapping[str, float], o
         "firmware": firmware,
     }  # fmt: skip
     link = {"name": ROD, "mass_kg": float(rod["mass"]), "com_m": [float(rod["x"]), 0.0, float(rod["z"])]}
-    about = "identify servo: a guess, or not determined by its logs"
-    return parse(
-        {
-            "name": "bench",
-            "sources": {"bench": {"kind": "estimate", "text": about}},
-            "source": "bench",
-            "gravity_m_s2": [0.0, 0.0, -GRAVITY],
-            "tip": ROD,
-            "joints": [joint],
-            "links": [link | {"inertia_kg_m2": tensor}],
-        },
-        "bench",
-    )
+    about = {"kind": "estimate", "text": "identify servo: a guess, or not determined by its logs"}
+    document = {
+        "name": "bench", "sources": {"bench": about}, "source": "bench", "gravity_m_s2": [0.0, 0.0, -GRAVITY], "tip": ROD,
+        "joints": [joint], "links": [link | {"inertia_kg_m2": tensor}],
+    }  # fmt: skip
+    return parse(document, "bench")
 
 
 def link_numbers(log: BenchLog, offset: np.ndarray | float = 0.0) -> dict[str, Any]:

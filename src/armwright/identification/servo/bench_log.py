@@ -52,11 +52,7 @@ class BenchLog:
             if values.ndim != 1 or values.shape != np.shape(self.t):
                 expected = f"{(np.size(self.t),)}, as there are so many times"
                 raise LogError(f"shape {values.shape}", place=name, expected=expected, file=self.name)
-            if not np.isfinite(values).all():
-                row = int(np.flatnonzero(~np.isfinite(values))[0])
-                raise LogError(
-                    place=f"{name}[{row}]", value=float(values[row]), expected="a finite number", file=self.name
-                )
+            self._check_rows(name, np.isfinite(values), "a finite number")
         if len(self.t) < LEAST:
             raise LogError(f"{len(self.t)} rows", place="entries", expected=f"{LEAST} or more", file=self.name)
         late = np.flatnonzero(np.diff(self.t) <= 0.0)
@@ -72,13 +68,15 @@ class BenchLog:
                 raise LogError(place=name, value=value, expected="a number above 0", file=self.name)
         if self.arm_mass is not None and not self.arm_mass >= 0.0:
             raise LogError(place="arm_mass", value=self.arm_mass, expected="a number of 0 or more", file=self.name)
-        for name, values, wrong, expected in (
-            ("supply", self.supply, self.supply <= 0.0, "voltages above 0"),
-            ("on", self.on, (self.on != 0.0) & (self.on != 1.0), "1, torque on, or 0, off"),
-        ):
-            if wrong.any():
-                row = int(np.flatnonzero(wrong)[0])
-                raise LogError(place=f"{name}[{row}]", value=float(values[row]), expected=expected, file=self.name)
+        self._check_rows("supply", self.supply > 0.0, "voltages above 0")
+        self._check_rows("on", (self.on == 0.0) | (self.on == 1.0), "1, torque on, or 0, off")
+
+    def _check_rows(self, name: str, right: np.ndarray, expected: str) -> None:
+        """Refuses the first value of a column that is not right."""
+        if not right.all():
+            row = int(np.argmin(right))
+            value = float(getattr(self, name)[row])
+            raise LogError(place=f"{name}[{row}]", value=value, expected=expected, file=self.name)
 
 
 def read_bench_log(path: str | os.PathLike[str]) -> BenchLog:

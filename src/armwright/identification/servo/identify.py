@@ -208,14 +208,14 @@ def _concluded(
         wrong.append(f"R² is {measures.r2:.2g}: the model does not describe these logs")
     every = spread @ covariance @ spread.T + _of_larger(shifts, len(numbers))
     deviations = dict(zip(order.columns, np.sqrt(np.diag(every)).tolist(), strict=True))
-    vague = {name: deviations[name] / by_name[name] for name in ("kt", "R") if name in by_name}
-    vague = {name: share for name, share in vague.items() if share > VAGUE}
+    shares = {name: deviations[name] / by_name[name] for name in ("kt", "R") if name in by_name}
+    vague = [
+        f"{name} ± {min(share, MOST_SHARE):.0%}" + " or more" * (share > MOST_SHARE)
+        for name, share in shares.items()
+        if share > VAGUE
+    ]
     if vague:
-        each = ", ".join(
-            f"{name} ± {min(share, MOST_SHARE):.0%}" + " or more" * (share > MOST_SHARE)
-            for name, share in vague.items()
-        )
-        wrong.append(f"{each} (std): other gains, loads and motions are needed to determine them")
+        wrong.append(f"{', '.join(vague)} (std): other gains, loads and motions are needed to determine them")
     record = bench_record(logs[0], loop, by_name, by_name[OFFSET])
     in_parts = f" in parts of {problem.restart:g} s" if problem.restart < np.inf else ""
     estimate = Estimate(
@@ -286,11 +286,9 @@ def _in_words(unknowns: Sequence[Any], at_bound: np.ndarray, undetermined: np.nd
     zero = [n for n, each, bound in zip(names, unknowns, at_bound, strict=True) if bound and not each.logarithmic]
     ends = [n for n, each, bound in zip(names, unknowns, at_bound, strict=True) if bound and each.logarithmic]
     lost = [n for n, no in zip(names, undetermined, strict=True) if no]
-    words = []
-    if zero:
-        words.append(f"{', '.join(zero)}: at a bound of what is possible")
-    if ends:
-        words.append(f"{', '.join(ends)}: at a bound of the search; the logs, or the model, do not determine it")
-    if lost:
-        words.append(f"{', '.join(lost)}: not determined by these logs")
-    return words
+    found = (
+        (zero, "at a bound of what is possible"),
+        (ends, "at a bound of the search; the logs, or the model, do not determine it"),
+        (lost, "not determined by these logs"),
+    )
+    return [f"{', '.join(names)}: {what}" for names, what in found if names]

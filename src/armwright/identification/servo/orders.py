@@ -15,29 +15,19 @@ from armwright.identification.motor.unknowns import Unknown
 from armwright.identification.servo.bench import GRAVITY, PATHS, ServoLoop
 from armwright.identification.servo.bench_log import BenchLog
 
+SLIDING = ("viscous", "coulomb")
+FALLING = (*SLIDING, "fall", "stribeck_speed", "exponent")
+LOADED = (*FALLING, "load_motor", "load_external", "load_motor_still", "load_external_still")
 ORDERS = {
-    "M1": ("viscous", "coulomb"),
-    "M2": ("viscous", "coulomb", "fall", "stribeck_speed", "exponent"),
-    "M3": ("viscous", "coulomb", "load"),
-    "M4": ("viscous", "coulomb", "fall", "stribeck_speed", "exponent", "load", "load_still"),
-    "M5": (
-        *("viscous", "coulomb", "fall", "stribeck_speed", "exponent"),
-        *("load_motor", "load_external", "load_motor_still", "load_external_still"),
-    ),
-    "M6": (
-        *("viscous", "coulomb", "fall", "stribeck_speed", "exponent"),
-        *("load_motor", "load_external", "load_motor_still", "load_external_still"),
-        *("square_motor", "square_external"),
-    ),
+    "M1": SLIDING,
+    "M2": FALLING,
+    "M3": (*SLIDING, "load"),
+    "M4": (*FALLING, "load", "load_still"),
+    "M5": LOADED,
+    "M6": (*LOADED, "square_motor", "square_external"),
 }
-BEFORE = {
-    "M1": (),
-    "M2": ("M1",),
-    "M3": ("M1",),
-    "M4": ("M2", "M3"),
-    "M5": ("M4",),
-    "M6": ("M5",),
-}  # whose fits it starts from
+# whose fits it starts from
+BEFORE = {"M1": (), "M2": ("M1",), "M3": ("M1",), "M4": ("M2", "M3"), "M5": ("M4",), "M6": ("M5",)}
 # Names that stand for several numbers of the record, by which they are the sum.
 PARTS = {
     "coulomb": ("coulomb", "coulomb_back", "still"),
@@ -127,11 +117,10 @@ def order_of(name: str, loop: ServoLoop, scales: Scales, extra: Sequence[str] = 
         name: "M1" … "M6".   loop: of the servo.   scales: of the bench.
         extra: further unknowns: "gain", "goal_speed", "offset", "delay".
     """
-    searched = [each for each in ("kt", "R", "J") if not (each == "R" and loop.output == "current")]
+    needless = {"R": loop.output == "current", "goal_speed": loop.goal_speed_rad_per_s is None}
+    searched = [each for each in ("kt", "R", "J") if not needless.get(each)]
     searched += [*ORDERS[name], *({"offset": OFFSET, "delay": DELAY}.get(each, each) for each in extra)]
-    columns = [*(each for each in PATHS if not (each == "R" and loop.output == "current")), OFFSET, DELAY]
-    if loop.goal_speed_rad_per_s is None:
-        columns.remove("goal_speed")
+    columns = [*(each for each in PATHS if not needless.get(each)), OFFSET, DELAY]
     unknowns = tuple(_unknown(each, loop, scales) for each in searched)
     matrix, fixed = np.zeros((len(columns), len(unknowns))), np.zeros(len(columns))
     for k, each in enumerate(searched):
@@ -146,17 +135,17 @@ def order_of(name: str, loop: ServoLoop, scales: Scales, extra: Sequence[str] = 
 
 def _unknown(name: str, loop: ServoLoop, scales: Scales) -> Unknown:
     """Guess, range and scale of an unknown by the bench's sizes."""
-    torque, speed = scales.torque, scales.speed
+    torque, speed, slow = scales.torque, scales.speed, min(scales.speed, 5.0)
     kt = scales.supply / (2.0 * speed) if loop.output == "duty" else 2.0 * torque / loop.output_limit
     positive = {"kt": kt, "R": kt * scales.supply / (2.0 * torque), "J": 0.3 * scales.inertia}
     if name in positive:
         value = positive[name]
         return Unknown(name, value, value / RANGES[name], value * RANGES[name], value, logarithmic=True, label=name)
-    if name in ("stribeck_speed", "exponent"):
-        low, high = RANGES_OF_SPEED if name == "stribeck_speed" else RANGES_OF_EXPONENT
-        low, high = (low * min(speed, 5.0), high * min(speed, 5.0)) if name == "stribeck_speed" else (low, high)
-        guess = 0.3 * min(speed, 5.0) if name == "stribeck_speed" else 1.5
-        return Unknown(name, guess, low, high, guess, logarithmic=True, label=name)
+    if name == "stribeck_speed":
+        low, high = (times * slow for times in RANGES_OF_SPEED)
+        return Unknown(name, 0.3 * slow, low, high, 0.3 * slow, logarithmic=True, label=name)
+    if name == "exponent":
+        return Unknown(name, 1.5, *RANGES_OF_EXPONENT, 1.5, logarithmic=True, label=name)
     if name in ("gain", "goal_speed"):
         value = loop.p_scale_per_rad if name == "gain" else loop.goal_speed_rad_per_s or 1.0
         return Unknown(name, value, value / 10.0, value * 10.0, value, logarithmic=True, label=name)

@@ -239,21 +239,13 @@ class BenchProblem:
             steps.append(self.steps_by(x, *found))
             return found
 
-        def ends(gained: np.ndarray, cost: np.ndarray, moved: np.ndarray) -> np.ndarray:
-            return gained < settled * cost
-
-        def box(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            return np.maximum(low - x, -LONGEST), np.minimum(high - x, LONGEST)
-
-        def move(x: np.ndarray, step: np.ndarray) -> np.ndarray:
-            return np.clip(x + step, low, high)
-
-        begun = Descent.begin(evaluate, np.clip(z, low, high), DAMPING.first)
-        errors = None if weights is None else lambda x: self.errors(x, used) * weights
-        trials = rounds + rounds // 2
         return descended(
-            evaluate, begun, damping=DAMPING, move=move, ends=ends, rounds=rounds, trials=trials, box=box, errors=errors
-        )
+            evaluate, Descent.begin(evaluate, np.clip(z, low, high), DAMPING.first), damping=DAMPING,
+            move=lambda x, step: np.clip(x + step, low, high),
+            box=lambda x: (np.maximum(low - x, -LONGEST), np.minimum(high - x, LONGEST)),
+            ends=lambda gained, cost, _: gained < settled * cost, rounds=rounds, trials=rounds + rounds // 2,
+            errors=None if weights is None else lambda x: self.errors(x, used) * weights,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from armwright.description.robot import RobotDescription
-from armwright.identification.estimate import Estimate, write_into
+from armwright.identification.estimate import Estimate, EstimateResult, write_into
 from armwright.identification.servo.bench_log import BenchLog
-from armwright.results.result import Result
 from armwright.results.table import Table, number
 
 if TYPE_CHECKING:
@@ -38,7 +37,7 @@ class OrderErrors:
 
 
 @dataclass(frozen=True, eq=False)
-class ServoFit(Result):
+class ServoFit(EstimateResult):
     """Numbers of a servo from logs of its bench.
 
     Attributes:
@@ -62,11 +61,6 @@ class ServoFit(Result):
         )
 
     @property
-    def good(self) -> bool:
-        """True if the logs determine the numbers."""
-        return self.estimate.good
-
-    @property
     def error(self) -> float:
         """Mean over the logs of the mean absolute error of the position [rad]."""
         return float(np.mean(self._errors))
@@ -75,22 +69,12 @@ class ServoFit(Result):
     def _errors(self) -> list[float]:
         return [mean_error(log, own) for log, own in zip(self.logs, self.simulated, strict=True)]
 
-    def sentences(self) -> list[str]:
-        """The verdict, then remarks."""
-        return self.estimate.sentences()
-
     def tables(self) -> list[Table]:
         """Numbers with standard deviations; friction models; logs."""
         numbers = self.estimate.tables()[0]
         orders = [
-            [
-                each.order,
-                each.unknowns,
-                number(each.fitted, ".4f"),
-                number(each.held_out, ".4f"),
-                "chosen" * each.chosen,
-            ]
-            for each in self.orders
+            [x.order, x.unknowns, number(x.fitted, ".4f"), number(x.held_out, ".4f"), "chosen" * x.chosen]
+            for x in self.orders
         ]
         heads = ("model", "numbers", "fitted logs [rad]", "logs held out [rad]", "")
         logs = [

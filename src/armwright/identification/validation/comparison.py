@@ -102,20 +102,11 @@ class RecordComparison:
 
     def table(self) -> Table:
         """A row for each quantity of each joint: R² and RMS of both records."""
-        rows = [
-            [
-                each.joint,
-                each.quantity,
-                *(
-                    number(value)
-                    for a in (each.written, each.before)
-                    for value in ((a.r2, a.rms) if a else (None, None))
-                ),
-                each.unit,
-                "worse" if each.is_worse else "",
-            ]
-            for each in self.rows
-        ]
+        rows = []
+        for each in self.rows:
+            both = ((a.r2, a.rms) if a else (None, None) for a in (each.written, each.before))
+            measures = (number(value) for pair in both for value in pair)
+            rows.append([each.joint, each.quantity, *measures, each.unit, "worse" if each.is_worse else ""])
         return Table("the record on the runs held out", HEADS, rows, ("quantity", "unit", ""))
 
     @property

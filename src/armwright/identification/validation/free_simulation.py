@@ -9,17 +9,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from armwright.actuators.coupling import motor_shares
-from armwright.description.drive import Command
 from armwright.errors import LogError, ScenarioError
 from armwright.fitting.residuals import parts_of
 from armwright.identification.logs.log import Log, LogRun
 from armwright.identification.logs.preparation import shared_preparations
 from armwright.identification.logs.prepared import prepare_log
-from armwright.identification.logs.torques import with_command
+from armwright.identification.logs.torques import COMMANDS, with_command
 from armwright.identification.validation.match import Match, check_pose_free, match
 from armwright.identification.validation.prediction import SIGNALS, Prediction, Quantity
 from armwright.identification.validation.torque import as_logged, check_constants
-from armwright.kernels.compiled import CompiledArm, compile_arm
+from armwright.kernels.compiled import compile_arm
 from armwright.model import Model
 from armwright.parameters import Batch
 from armwright.simulation.inputs.schedule import Schedule
@@ -32,11 +31,6 @@ if TYPE_CHECKING:
 
 WINDOW = 0.5  # [s] after which an arm that drifts starts again from the log
 LEAST = 8  # steps of a window
-INPUTS: dict[str, Command] = {
-    "voltage": "voltage",
-    "current": "current",
-    "tau": "torque",
-}  # signal of a log → command of a drive
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,15 +59,13 @@ def driving_signal(arm: Model, matched: Match) -> str | None:
 
     Behind the loops of servos, whose commands are positions, it is a voltage, current or torque.
     """
-    own = {command: signal for signal, command in INPUTS.items()}
+    own = {command: signal for signal, command in COMMANDS.items()}
     kinds = {body.drive.command for body in arm.coordinates}
     first = [own[kind] for kind in kinds if kind in own] if len(kinds) == 1 else []
-    return next((signal for signal in (*first, *INPUTS) if signal in matched.logged), None)
+    return next((signal for signal in (*first, *COMMANDS) if signal in matched.logged), None)
 
 
-def simulate_log(
-    arm: Model, log: Log, runs: Sequence[str], window: float | None = WINDOW, dyn: CompiledArm | None = None
-) -> list[Prediction]:
+def simulate_log(arm: Model, log: Log, runs: Sequence[str], window: float | None = WINDOW) -> list[Prediction]:
     """Motion of an arm under the logged commands, held from row to row, in windows that each start from the log.
 
     A window begins with the position and speed of the filtered log; within it nothing is corrected. Robots drift in open
@@ -82,7 +74,7 @@ def simulate_log(
 
     Args:
         arm: a full record.   log: what `read_log` returned.   runs: names.
-        window: [s]; None: whole stretches.   dyn: the arm's kernels; None: they are compiled where they are needed.
+        window: [s]; None: whole stretches.
     Returns:
         predictions: of the position and of the speed of each run, where they are logged.
     Raises:
@@ -99,19 +91,19 @@ def simulate_log(
     if window is not None and not (isinstance(window, (int, float)) and window > 0):
         raise LogError(place="window", value=window, expected="a time above 0 [s]")
     if "q" not in matched.logged:
-        check_pose_free(arm, dyn or compile_arm(arm), log)
+        check_pose_free(arm, compile_arm(arm), log)
     driven = [_driven(arm, log, matched, log.run(name), signal, window) for name in runs]
-    moved = _simulated(with_command(arm, INPUTS[signal]), driven)
-    kept = f"{INPUTS[signal]}s of the log held from row to row"
+    moved = _simulated(with_command(arm, COMMANDS[signal]), driven)
+    kept = f"{COMMANDS[signal]}s of the log held from row to row"
     length = "whole stretches" if window is None else f"windows of {window:g} s, each started from the log"
     how = f"free simulation, {kept}; {length}"
     if left_out := sum(run.left_out for run in driven):
         count = left_out + sum(len(run.windows) for run in driven)
-        how += f", of which {left_out} of {count} are left out: a {INPUTS[signal]} is missing there"
+        how += f", of which {left_out} of {count} are left out: a {COMMANDS[signal]} is missing there"
     return [
         prediction
         for run, windows in zip(driven, moved, strict=True)
-        for prediction in _predictions(arm, run, windows, how, INPUTS[signal])
+        for prediction in _predictions(arm, run, windows, how, COMMANDS[signal])
     ]
 
 
@@ -140,7 +132,7 @@ def _driven(arm: Model, log: Log, matched: Match, run: LogRun, signal: str, wind
     if not whole:
         expected = f"a window of {len(windows[0]) - 1} rows in which none is missing"
         raise LogError(
-            f"a {INPUTS[signal]} is missing in every window", place="signals", expected=expected, file=log.path
+            f"a {COMMANDS[signal]} is missing in every window", place="signals", expected=expected, file=log.path
         )
     logged = {name: raw[name].values[at][:, order] if name in matched.logged else None for name in ("q", "qd")}
     start_q = smooth["q"].values[:, order] if "q" in smooth else np.zeros((len(t), arm.n))
@@ -162,7 +154,6 @@ def _windows(stretch: np.ndarray, steps: int | None) -> list[np.ndarray]:
 
 def _simulated(arm: Model, driven: Sequence[_Driven]) -> list[list[tuple[np.ndarray, np.ndarray]]]:
     """q and q̇ (k, n) at the rows of every window of every run after its first; windows of the same length run side by side."""
-    results: list[list[tuple[np.ndarray, np.ndarray]]] = [[] for _ in driven]
     groups: dict[tuple[int, float], list[tuple[int, np.ndarray]]] = {}
     for number, each in enumerate(driven):
         for rows in each.windows:
@@ -175,13 +166,8 @@ def _simulated(arm: Model, driven: Sequence[_Driven]) -> list[list[tuple[np.ndar
             Batch(np.array([driven[k].start_q[rows[0]] for k, rows in members])),
             Batch(np.array([driven[k].start_qd[rows[0]] for k, rows in members])),
         )
-        scenario = Scenario(
-            arm,
-            (count - 1) * period,
-            command=Batch(commands),
-            start=start,
-            recording=Recording(period=period, what="state"),
-        )
+        recording = Recording(period=period, what="state")
+        scenario = Scenario(arm, (count - 1) * period, command=Batch(commands), start=start, recording=recording)
         simulation = Simulation(scenario, loop=loop)
         loop = simulation.loop
         run = simulation.run(keep_state=False)
@@ -189,9 +175,7 @@ def _simulated(arm: Model, driven: Sequence[_Driven]) -> list[list[tuple[np.ndar
         for lane, (number, rows) in enumerate(members):
             q, qd = (run[name].values[lane, 1:] * (np.nan if stopped[lane] else 1.0) for name in ("q", "qd"))
             found[number, int(rows[0])] = (q, qd)
-    for number, each in enumerate(driven):
-        results[number] = [found[number, int(rows[0])] for rows in each.windows]
-    return results
+    return [[found[number, int(rows[0])] for rows in each.windows] for number, each in enumerate(driven)]
 
 
 def _stopped(run: xr.Dataset) -> np.ndarray:

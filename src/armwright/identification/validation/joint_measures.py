@@ -152,10 +152,8 @@ def _rests(moving: Sequence[Prediction], column: int) -> list[np.ndarray]:
 
     Dry friction at rest is whatever holds the joint; its law, which goes by the sign of a speed of mere noise, predicts nothing.
     """
-    top = max(
-        (float(np.abs(each.speed[:, column]).max(initial=0.0)) for each in moving if each.speed is not None),
-        default=0.0,
-    )
+    speeds = [each.speed[:, column] for each in moving if each.speed is not None]
+    top = max((float(np.abs(speed).max(initial=0.0)) for speed in speeds), default=0.0)
     masks = []
     for each in moving:
         if each.quantity == "torque" and each.speed is not None:

@@ -21,9 +21,7 @@ from armwright.validation import validated
 Share = Annotated[float, Field(le=1)]
 Percent = Annotated[float, Field(le=100)]
 Above0 = Annotated[float, Field(gt=0)]
-UNIT_KEYS = {
-    "n_m": "N m", "n": "N", "rad": "rad", "m": "m", "rad_per_s": "rad/s", "m_per_s": "m/s",
-}  # fmt: skip
+UNIT_KEYS = {"n_m": "N m", "n": "N", "rad": "rad", "m": "m", "rad_per_s": "rad/s", "m_per_s": "m/s"}
 
 
 class SignalLimits(Record):

@@ -51,11 +51,11 @@ class Prediction:
     @classmethod
     def of(
         cls, arm: Model, run: LogRun, quantity: Quantity, how: str, t: np.ndarray, part: np.ndarray, measured: np.ndarray,
-        predicted: np.ndarray, **more: Any,
+        predicted: np.ndarray, *, rate: float | None = None, every: int = 1, **more: Any,
     ) -> Prediction:  # fmt: skip
-        """A prediction at every row of a run."""
+        """A prediction at every row of a run, or at every so many; `rate` of the rows in Hz, None: that of the run."""
         names, units = tuple(arm.names), units_of(arm, quantity)
-        head = (quantity, how, run.name, run.use, names, units, 1.0 / run.period, 1)
+        head = (quantity, how, run.name, run.use, names, units, rate or 1.0 / run.period, every)
         return cls(*head, t, part, measured, predicted, **more)
 
 

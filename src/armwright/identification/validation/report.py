@@ -112,8 +112,9 @@ def steps(estimate: Estimate | None, validation: Validation | None) -> list[str]
 
 def _summary(estimate: Estimate | None, validation: Validation | None) -> str:
     """The verdict, and facts about it: that of a fit judges the record too, limits kept or missed are facts beside it."""
-    lines = []
+    lines, facts = [], {}
     if estimate is not None:
+        facts = {"Log": f"{estimate.log} {_short(estimate.sha256)}"}
         good = " good" if estimate.verdict == "identified" else ""
         lines.append(
             f'<p class="verdict{good}">{escape(estimate.verdict.capitalize())}</p><p>{escape(estimate.method)}</p>'
@@ -132,10 +133,7 @@ def _summary(estimate: Estimate | None, validation: Validation | None) -> str:
             "Kept": f"{sum(check.passed for check in validation.checks)} of {len(validation.checks)} limits",
             "Date": validation.date,
         }
-        lines.append("<dl>" + "".join(f"<dt>{k}</dt><dd>{escape(v)}</dd>" for k, v in facts.items()) + "</dl>")
-    elif estimate is not None:
-        facts = {"Log": f"{estimate.log} {_short(estimate.sha256)}"}
-        lines.append("<dl>" + "".join(f"<dt>{k}</dt><dd>{escape(v)}</dd>" for k, v in facts.items()) + "</dl>")
+    lines.append("<dl>" + "".join(f"<dt>{k}</dt><dd>{escape(v)}</dd>" for k, v in facts.items()) + "</dl>")
     return f"<section>{''.join(lines)}</section>"
 
 
@@ -158,18 +156,8 @@ def _limits(validation: Validation) -> str:
 def _measures(validation: Validation) -> str:
     """Table of all measures, a row for each joint and quantity."""
     heads = (
-        "joint",
-        "quantity",
-        "R²",
-        "fit [%]",
-        "VAF [%]",
-        "RMS",
-        "unit",
-        "RMS of runs",
-        "delay [rows]",
-        "white",
-        "limits",
-    )
+        "joint", "quantity", "R²", "fit [%]", "VAF [%]", "RMS", "unit", "RMS of runs", "delay [rows]", "white", "limits",
+    )  # fmt: skip
     several = any(len(each.runs) > 1 for each in validation.measures)
     rows = []
     for each in validation.measures:
@@ -196,8 +184,7 @@ def _rounded(value: float, std: float, digits: int) -> tuple[str, str]:
     places = digits - 1 - int(np.floor(np.log10(std)))
     if places > MOST_PLACES:  # of small units: powers of ten
         return f"{value:.4g}".replace("-", "−"), f"{std:.{digits}g}".replace("-", "−")
-    shown = (f"{round(each, places):.{max(places, 0)}f}" for each in (value, std))
-    first, second = shown
+    first, second = (f"{round(each, places):.{max(places, 0)}f}" for each in (value, std))
     return first.replace("-", "−"), second
 
 
@@ -209,9 +196,8 @@ def _judged(check: Check) -> str:
 def _at_rest(found: JointMeasures) -> str:
     """Means of the first runs in which a joint stands still."""
     few = list(found.at_rest.items())[:3]
-    return escape(
-        "; ".join(f"{k}: measured {v.measured:.3g}, predicted {v.predicted:.3g} {found.unit}" for k, v in few)
-    )
+    texts = (f"{k}: measured {v.measured:.3g}, predicted {v.predicted:.3g} {found.unit}" for k, v in few)
+    return escape("; ".join(texts))
 
 
 def _parameters(estimate: Estimate, fits: Sequence[Table] | None) -> str:

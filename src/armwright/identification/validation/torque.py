@@ -20,7 +20,7 @@ from armwright.identification.logs.preparation import (
 from armwright.identification.logs.prepared import LoggedMotion, zero_phase
 from armwright.identification.logs.torques import torques_on_joints
 from armwright.identification.validation.match import Match, check_pose_free, match
-from armwright.identification.validation.prediction import Prediction, units_of
+from armwright.identification.validation.prediction import Prediction
 from armwright.kernels.compiled import CompiledArm, compile_arm
 from armwright.model import Model
 
@@ -29,6 +29,7 @@ FRICTION: dict[str, dict[str, float | None]] = {  # fields of a term that torque
     "coulomb": {"coulomb_positive": 0.0, "coulomb_negative": 0.0, "stribeck": None},
     "offset": {"offset": 0.0},
 }
+NEEDED = {"current": ("torque_constant",), "voltage": ("torque_constant", "resistance")}  # constants of drives
 
 
 def predict_torque(
@@ -76,25 +77,13 @@ def predict_torque(
         predicted = predicted + sensor_zeros(arm)
     direction, qd, qdd = (_filtered(motion, each) for each in (np.sign(qd), qd, qdd))
     how = {"tau": "", "tau_link": " behind the gears", "current": " from currents", "voltage": " from voltages"}[source]
-    return Prediction(
-        "torque",
-        f"inverse dynamics along the log, torques measured{how}{', held from row to row' * (source in log.held)}",
-        run.name,
-        run.use,
-        tuple(arm.names),
-        units_of(arm, "torque"),
-        motion.preparation.rate / motion.preparation.decimate,
-        motion.preparation.decimate,
-        data["time"].values[motion.kept],
-        data["stretch"].values[motion.kept],
-        measured,
-        predicted,
-        qd,
-        qdd,
-        qdd,
-        "acceleration",
-        direction=direction,
-    )
+    how = f"inverse dynamics along the log, torques measured{how}{', held from row to row' * (source in log.held)}"
+    t, part = (data[name].values[motion.kept] for name in ("time", "stretch"))
+    every = motion.preparation.decimate
+    return Prediction.of(
+        arm, run, "torque", how, t, part, measured, predicted, rate=motion.preparation.rate / every, every=every, speed=qd,
+        acceleration=qdd, inputs=qdd, input_name="acceleration", direction=direction,
+    )  # fmt: skip
 
 
 def sensor_zeros(arm: Model) -> np.ndarray:
@@ -117,18 +106,13 @@ def check_constants(arm: Model, source: str, log: Log) -> None:
     Raises:
         LogError: names joint and key.
     """
-    needed = {"tau": (), "tau_link": (), "current": ("torque_constant",), "voltage": ("torque_constant", "resistance")}[
-        source
-    ]
     keys = {"torque_constant": "torque_constant_n_m_per_a", "resistance": "resistance_ohm"}
     for body in arm.coordinates:
-        for name in needed:
+        for name in NEEDED.get(source, ()):
             if getattr(body.drive, name) is None:
                 what = f"the log has {source}s, and the record of {arm.name} states no {keys[name]}"
-                place = f"joint {body.joint!r} motor"
-                raise LogError(
-                    what, place=place, expected="a record with motor constants, or logged torques", file=log.path
-                )
+                place, expected = f"joint {body.joint!r} motor", "a record with motor constants, or logged torques"
+                raise LogError(what, place=place, expected=expected, file=log.path)
 
 
 def as_logged(arm: Model, lacks: Collection[str]) -> Model:

@@ -28,12 +28,7 @@ from armwright.identification.logs.preparation import (
 from armwright.identification.logs.prepared import logged_motion
 from armwright.identification.logs.row_checks import runs_at_rest
 from armwright.identification.logs.torques import Source
-from armwright.identification.validation.free_simulation import (
-    WINDOW,
-    driving_signal,
-    simulate_log,
-    simulate_scenario,
-)
+from armwright.identification.validation.free_simulation import WINDOW, driving_signal, simulate_log, simulate_scenario
 from armwright.identification.validation.joint_measures import JointMeasures, joint_measures
 from armwright.identification.validation.limits import DEFAULT, Check, Limits, check_limits, checks_of, read_limits
 from armwright.identification.validation.match import Match, match
@@ -224,10 +219,9 @@ def validate(
         matched = match(model, data)
         notes += map(str, data.warnings)
         tell(0, 3)
-        prepared = {} if preparation is None else dict.fromkeys(chosen, preparation)
-        predictions, remarks = _torques(
-            model, data, matched, chosen, prepared or _preparations(model, data, chosen, cutoff)
-        )
+        given = None if preparation is None else dict.fromkeys(chosen, preparation)
+        prepared = given or _preparations(model, data, chosen, cutoff)
+        predictions, remarks = _torques(model, data, matched, chosen, prepared)
         notes += remarks
         tell(1, 3)
         if simulation or scenario is not None:
@@ -334,15 +328,10 @@ def _runs(log: Log, names: Sequence[str] | None) -> tuple[list[str], bool, list[
         raise LogError(place="runs", value=list(names), expected="one at least", choices=[run.name for run in log.runs])
     if chosen and all(log.run(name).use == "hold-out" for name in chosen):
         return chosen, True, []
+    flatter = "the measures flatter a record that was fitted to them"
     if chosen:
-        return (
-            chosen,
-            False,
-            ["some judged runs are marked for fitting: the measures flatter a record that was fitted to them"],
-        )
-    note = (
-        'no run is marked use = "hold-out": all are judged, and the measures flatter a record that was fitted to them'
-    )
+        return chosen, False, [f"some judged runs are marked for fitting: {flatter}"]
+    note = f'no run is marked use = "hold-out": all are judged, and {flatter}'
     return [run.name for run in log.runs], False, [note]
 
 
@@ -391,10 +380,8 @@ def _logged(predictions: Sequence[Prediction], quantity: Quantity) -> list[Predi
 
 def _torque_notes(arm: Model, lacks: Sequence[str], rate: float) -> list[str]:
     """Notes on predicted torques: terms that the log lacks, the filter, and effects that inverse dynamics leaves out."""
-    said = (
-        [f"the logged torques lack {', '.join(lacks)}, as the log says: the record is compared without"]
-        if lacks
-        else []
+    said = [f"the logged torques lack {', '.join(lacks)}, as the log says: the record is compared without"] * bool(
+        lacks
     )
     rows = f"a row every {1e3 / rate:.3g} ms"
     return [*said, f"torque prediction: signals filtered without delay, {rows}", *SUPPORT.notes(arm)]

@@ -106,11 +106,8 @@ def write_verdict(validation: Validation) -> Path:
         )  # fmt: skip
     path = verdict_path(validation.record)
     document = tomlkit.document()
-    document.add(
-        tomlkit.comment(
-            "Written by `armwright validate`. It belongs to the record with the checksum below and to no other."
-        )
-    )
+    about = "Written by `armwright validate`. It belongs to the record with the checksum below and to no other."
+    document.add(tomlkit.comment(about))
     for name, value in _head(validation).items():
         document[name] = value
     document["limits"] = validation.limits.model_dump(exclude_none=True, exclude_defaults=True)

@@ -53,11 +53,7 @@ def write_measured(
         }
         text = measured.method
         wrong = [name for name in numbers if name not in KEYS]
-    elif (
-        isinstance(measured, Mapping)
-        and measured
-        and all(isinstance(each, MeasuredNumber) for each in measured.values())
-    ):
+    elif isinstance(measured, Mapping) and measured and all(isinstance(x, MeasuredNumber) for x in measured.values()):
         numbers = {name: (each.value, each.std) for name, each in measured.items()}
         text = "; ".join(f"{name}: {each.how}" for name, each in measured.items())
         wrong = [name for name, each in measured.items() if name not in KEYS or KIND[name[0]] != each.quantity]

@@ -219,11 +219,8 @@ def measured_tensor(axes: Any, moments: Sequence[ValueWithStd | MeasuredNumber])
         tensor[i, j] = tensor[j, i] = value
     least = np.linalg.eigvalsh(tensor)
     if least[0] <= 0.0 or least[2] > least[0] + least[1]:
-        raise IdentificationError(
-            f"principal moments {', '.join(f'{each:.4g}' for each in least)} kg m²",
-            place="tensor",
-            expected="those of a body",
-        )
+        what = f"principal moments {', '.join(f'{each:.4g}' for each in least)} kg m²"
+        raise IdentificationError(what, place="tensor", expected="those of a body")
     return Estimate(
         tuple(name for name, _ in ENTRIES),
         found,
