@@ -15,7 +15,7 @@ from armwright.model import Model
 from armwright.trajectory.cartesian.motion import CartesianMotion, SlowStretch
 from armwright.trajectory.cartesian.path import CartesianPath
 from armwright.trajectory.cartesian.slowing import Pace, locally_slowed
-from armwright.trajectory.cartesian.solve import BEYOND, ToolPathSolution, checked_limits, past_limit, place, solve_path
+from armwright.trajectory.cartesian.solve import ToolPathSolution, checked_limits, past_limits, place, solve_path
 from armwright.trajectory.cartesian.tool import Tool
 from armwright.trajectory.cartesian.uses import MARGIN, uses_of
 from armwright.trajectory.limits import LARGEST, SMALLEST, MotionLimits
@@ -150,12 +150,9 @@ def _solved(arm: Model, path: Any, near: Any, limits: MotionLimits) -> ToolPathS
     if near is not None:
         expected = "none beside a solved path, which begins where solve_path(…, near=…) began it"
         raise ScenarioError(place="near", value=near, expected=expected)
-    low, high = limits.position.T
-    beyond = np.maximum(low - q, q - high)
-    if (beyond > BEYOND).any():
-        row, joint = np.argwhere(beyond > BEYOND)[0]
-        worst = int(beyond[:, joint].argmax())
-        raise past_limit(path.path, limits, int(joint), float(s[row]), q[worst, joint], s[worst])
+    outside = past_limits(path.path, limits, s, q)
+    if outside is not None:
+        raise outside.error
     return path
 
 
