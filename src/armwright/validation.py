@@ -27,9 +27,8 @@ LISTS = {  # whose tables are called by their names, not by their numbers
     "parts": "part",
     "sections": "section",
 }
-UNSEEN = (
-    r"\p{Cc}\p{Cf}\p{Zl}\p{Zp}"  # controls, line separators, invisible letters and those that turn the text's direction
-)
+# controls, line separators, invisible letters and those that turn the text's direction
+UNSEEN = r"\p{Cc}\p{Cf}\p{Zl}\p{Zp}"
 NAME = rf"^[^\s.\[\]{UNSEEN}]+$"  # of modules and parts
 CONNECTOR = rf"^[^\s.\[\]{UNSEEN}]+\.[^\s.\[\]{UNSEEN}]+$"
 NAMEABLE = rf'^[^\s"\[\]{UNSEEN}]([^"\[\]{UNSEEN}]*[^\s"\[\]{UNSEEN}])?$'  # of joints, links and frames
@@ -60,13 +59,7 @@ class Invalid(ValueError):
     """
 
     def __init__(
-        self,
-        what: str = "",
-        *,
-        place: str = "",
-        value: Any = ABSENT,
-        expected: str = "",
-        choices: Iterable[str] = (),
+        self, what: str = "", *, place: str = "", value: Any = ABSENT, expected: str = "", choices: Iterable[str] = ()
     ):
         self.problems: tuple[Problem, ...] = (Problem(what, place, value, expected, tuple(choices)),)
         super().__init__(str(self.problems[0]))

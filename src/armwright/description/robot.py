@@ -10,14 +10,7 @@ import numpy as np
 from pydantic import Discriminator, Field, PrivateAttr, Tag, create_model, model_validator
 
 from armwright.description.consistency import check_robot
-from armwright.description.drive import (
-    Command,
-    LinearFriction,
-    LinearLimits,
-    Motor,
-    RotaryFriction,
-    RotaryLimits,
-)
+from armwright.description.drive import Command, LinearFriction, LinearLimits, Motor, RotaryFriction, RotaryLimits
 from armwright.description.paths import quantities
 from armwright.description.twins import twin_of
 from armwright.errors import DescriptionError
@@ -309,8 +302,7 @@ class RobotDescription(Record):
         default=(), description="What was left out or doubtful when read from another format; reported on loading."
     )
     without_masses: tuple[FileName, ...] = Field(
-        default=(),
-        description="Links whose mass properties are not known and stand as 0: dynamics are refused.",
+        default=(), description="Links whose mass properties are not known and stand as 0: dynamics are refused."
     )
     joints: tuple[Joint, ...] = Field(
         description="One table a joint, in the order of q, in which those that mimic others have no entry."

@@ -27,9 +27,8 @@ from armwright.scalar import Array, Scalar
 STEEP = 1e9  # of what inertia asks for: a joint that sticks would give way by that part of what the load would move it
 # Of the inertia: added where one speed sticks, or a sum of speeds, whose digits it costs.
 HELD, HELD_TOGETHER = 1e20, 1e8
-MOST = (
-    24  # solves: of 7·10⁵ adversarial states five end after 12, by 14, and six stand at the limit, one of them marked
-)
+# solves: of 7·10⁵ adversarial states five end after 12, by 14, and six stand at the limit, one of them marked
+MOST = 24
 NEVER = 1e30  # [rad/s | m/s] of a jump that is not reached
 MULTIPLIERS = 3
 REST = 1e-14  # of the speeds in a sum of speeds: rounding of one that sticks

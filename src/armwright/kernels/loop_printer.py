@@ -11,16 +11,7 @@ from armwright.kernels.loop_arguments import NUMBERS, POINTERS, REALS, argument_
 from armwright.kernels.loop_exchange import BLOCKS, exchange
 from armwright.kernels.loop_steps import StepPrinter
 from armwright.kernels.machine import Value
-from armwright.kernels.stages import (
-    SINCE,
-    Call,
-    DelayStage,
-    DrawStage,
-    Exchange,
-    RecordStage,
-    Stage,
-    TableStage,
-)
+from armwright.kernels.stages import SINCE, Call, DelayStage, DrawStage, Exchange, RecordStage, Stage, TableStage
 from armwright.kernels.tiles import store_tile
 
 

@@ -90,10 +90,7 @@ class Body(Frozen):
         m, rotation, p = parameters[0], self.link_frame.rotation, self.link_frame.position
         h = rotation @ parameters[1:4]
         return dataclasses.replace(
-            self,
-            mass=m,
-            first_moment=h + m * p,
-            inertia=rotation @ tensor @ rotation.T + displaced_inertia(m, h, p),
+            self, mass=m, first_moment=h + m * p, inertia=rotation @ tensor @ rotation.T + displaced_inertia(m, h, p)
         )
 
 
