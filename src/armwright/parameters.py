@@ -160,10 +160,7 @@ class Draw:
     def _numbers(self, name: str) -> np.ndarray:
         """A field as numbers; a bound is one number."""
         value = getattr(self, name)
-        try:
-            numbers = scalar.real_numbers(value)
-        except ValueError:
-            numbers = np.full((), np.nan)
+        numbers = scalar.numbers_or_nan(value)
         if np.isnan(numbers).any() or (name in ("low", "high") and numbers.ndim):
             raise ScenarioError(place=f"Draw.{name}", value=value, expected="a number" if numbers.ndim else "numbers")
         return numbers

@@ -64,10 +64,7 @@ def with_payload(
 
 def _tensor(place: str, inertia: Any) -> np.ndarray:
     """(3, 3), symmetric."""
-    try:
-        tensor = scalar.real_numbers(inertia)
-    except ValueError:  # rows of unequal length, or no numbers
-        tensor = np.zeros(0)
+    tensor = scalar.numbers_or_nan(inertia)
     tensor = np.diag(tensor) if tensor.shape == (3,) else tensor
     if tensor.shape != (3, 3) or not np.isfinite(tensor).all() or not np.allclose(tensor, tensor.T, rtol=1e-9, atol=0):
         expected = "a symmetric (3, 3) tensor or three moments [kg m²]; zeros for a point mass"
