@@ -57,11 +57,8 @@ class JointPID:
         array([ 0.5 , -0.49])
     """
 
-    gain_units: ClassVar[dict[str, str]] = {
-        "kp": "U/Q",
-        "ki": "U/(Q s)",
-        "kd": "U s/Q",
-    }  # U: the unit of the command, Q: rad or m
+    # U: the unit of the command, Q: rad or m
+    gain_units: ClassVar[dict[str, str]] = {"kp": "U/Q", "ki": "U/(Q s)", "kd": "U s/Q"}
     kp: Numbers
     ki: Numbers = ZERO
     kd: Numbers = ZERO

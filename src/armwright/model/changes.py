@@ -15,10 +15,8 @@ from armwright.printable import is_seen
 from armwright.scalar import Array
 
 TERMS = ("friction", "springs", "rotors", "efficiency", "firmware")  # that None takes away
-OF_DRIVES = {
-    "rotors": ("rotor_inertia", 0.0),
-    "efficiency": ("efficiency", None),
-}  # field, and its value without the term
+# field, and its value without the term
+OF_DRIVES = {"rotors": ("rotor_inertia", 0.0), "efficiency": ("efficiency", None)}
 OF_JOINTS = {"friction": "friction", "springs": "spring"}
 CHANGES = (*TERMS, "gravity", "tip", "name")
 AnyTree = TypeVar("AnyTree", bound=Tree)
