@@ -160,6 +160,7 @@ def test_gains_may_be_a_batch():
         ({"kp": 1.0, "derivative": "both"}, "derivative = 'both': unknown"),
         ({"kp": 1.0, "cutoff_hz": 0.0}, "cutoff_hz = 0.0: expected a number above 0"),
         ({"kp": 1.0, "delay_ticks": -1}, "delay_ticks = -1: expected a whole number"),
+        ({"kp": 1.0, "model": arm("two-link")}, "JointPID.model: the model has 2 joints; expected the 6 of cmu-dd: joint1"),
     ],
 )  # fmt: skip
 def test_gains_that_do_not_fit_are_refused(fields, said):
