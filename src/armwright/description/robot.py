@@ -28,6 +28,7 @@ from armwright.quantity import (
     Vector3,
     optional,
 )
+from armwright.spatial import TENSOR
 from armwright.validation import NAME, NAMEABLE, Invalid
 
 if TYPE_CHECKING:
@@ -266,6 +267,9 @@ class Link(Record):
         default=None, min_length=1, description="Why an impossible inertia is accepted."
     )
     visuals: tuple[Visual, ...] = Field(default=(), description="What it looks like; the dynamics do not read it.")
+
+
+MASSLESS: Any = {"mass_kg": 0.0, "com_m": (0.0, 0.0, 0.0), "inertia_kg_m2": dict.fromkeys(TENSOR, 0.0)}  # of a link
 
 
 class NamedFrame(Record):

@@ -16,9 +16,8 @@ from armwright.model.drive import Brake, Drive, DriveLimits, Elasticity, Frictio
 from armwright.model.mimics import Mimics
 from armwright.model.springs import Spring, SpringCylinder
 from armwright.scalar import Array, Scalar
-from armwright.spatial import Frozen, Placement, displaced_inertia, parallel_axes, rotated
+from armwright.spatial import TENSOR, Frozen, Placement, displaced_inertia, parallel_axes, rotated
 
-TENSOR = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))  # entries of a symmetric tensor, in the regressor's order
 BASE = -1  # the parent of bodies that stand on the base
 
 
@@ -80,12 +79,12 @@ class Body(Frozen):
         back, p = self.link_frame.rotation.T, self.link_frame.position
         first = rotated(back, self.first_moment - self.mass * p)
         tensor = back @ (self.inertia + displaced_inertia(self.mass, self.first_moment, -p)) @ back.T
-        return scalar.array([self.mass, *first, *(tensor[i, j] for i, j in TENSOR)])
+        return scalar.array([self.mass, *first, *(tensor[place] for place in TENSOR.values())])
 
     def with_inertial_parameters(self, parameters: Array) -> Body:
         """The body with other `inertial_parameters` (10,), numbers or symbols."""
         tensor = scalar.zeros(3, 3)
-        for (i, j), entry in zip(TENSOR, parameters[4:], strict=True):
+        for (i, j), entry in zip(TENSOR.values(), parameters[4:], strict=True):
             tensor[i, j] = tensor[j, i] = entry
         m, rotation, p = parameters[0], self.link_frame.rotation, self.link_frame.position
         h = rotation @ parameters[1:4]

@@ -21,7 +21,7 @@ from armwright.description.paths import UNNAMEABLE
 from armwright.description.robot import RobotDescription
 from armwright.errors import DescriptionError, Findings, Problem
 from armwright.joint_kinds import JointKind, Prismatic, Revolute
-from armwright.spatial import Placement, roll_pitch_yaw
+from armwright.spatial import TENSOR, Placement, roll_pitch_yaw
 from armwright.validation import validated
 
 SOURCE = "mjcf_file"
@@ -253,5 +253,4 @@ def _placement(position: np.ndarray, quaternion: np.ndarray) -> Placement:
 
 def _tensor(tensor: np.ndarray) -> dict[str, float]:
     both = 0.5 * (tensor + tensor.T)
-    pairs = {"xx": (0, 0), "xy": (0, 1), "xz": (0, 2), "yy": (1, 1), "yz": (1, 2), "zz": (2, 2)}
-    return {name: max(float(both[i, j]), 0.0) if i == j else float(both[i, j]) for name, (i, j) in pairs.items()}
+    return {name: max(float(both[i, j]), 0.0) if i == j else float(both[i, j]) for name, (i, j) in TENSOR.items()}
