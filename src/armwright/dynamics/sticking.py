@@ -84,9 +84,7 @@ class Side:
 
     def lines(self, inertia: Scalar, speed: Scalar, h: Scalar) -> tuple[list[Scalar], list[tuple[Scalar, Scalar]]]:
         """Knots of y in t = -s⁺, and slopes and offsets of its lines, for a rotor that had `speed` h seconds before."""
-        if self.loss is None:
-            return [], [(0.0, self.standing)]
-        if not scalar.is_symbolic(inertia) and inertia == 0.0:
+        if self.loss is None or (not scalar.is_symbolic(inertia) and inertia == 0.0):
             return [], [(0.0, self.standing)]
         rate = inertia / h
         standing = self.entering + rate * speed

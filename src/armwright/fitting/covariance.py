@@ -25,9 +25,8 @@ from armwright.fitting.autoregression import autoregression, lagged_products
 from armwright.fitting.triangular import triangle
 
 ORDER = 12  # of the autoregressions, at most
-TAKEN = (
-    1e-3  # share of the residuals' variance that a fit takes: below, its autocovariance is not worth two more passes
-)
+# share of the residuals' variance that a fit takes: below, its autocovariance is not worth two more passes
+TAKEN = 1e-3
 MOST_LEVERAGE = 0.9  # h of a row that alone determines a parameter is 1
 LARGEST = 0.97  # correlation from row to row that a width is made for
 

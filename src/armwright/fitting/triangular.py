@@ -6,9 +6,8 @@ import numpy as np
 from scipy.linalg import get_lapack_funcs
 
 ROWS = 256  # of a block: it stays in the processor's cache
-REFLECTIONS = (
-    8  # at once: with more, LAPACK's products are large enough for threads, which cost more here than they bring
-)
+# At once: with more, LAPACK's products are large enough for threads, which cost more here than they bring.
+REFLECTIONS = 8
 
 (_tpqrt,) = get_lapack_funcs(("tpqrt",), dtype=np.float64)
 
