@@ -13,7 +13,7 @@ from armwright.description.readable import readable_robot
 from armwright.description.robot import MASSLESS, RobotDescription
 from armwright.description.todo import todo_problems
 from armwright.description.toml_file import toml_tables
-from armwright.errors import UNKNOWN_KEY, DescriptionError
+from armwright.errors import UNKNOWN_KEY, DescriptionError, check_known
 from armwright.validation import validated
 
 XML_ENDINGS = (".urdf", ".xml", ".mjcf", ".xacro")
@@ -54,8 +54,7 @@ def read_description(
     robot = _read(name_or_path, reading)
     if tip is not None:
         names = [robot.base, *(each.name for each in (*robot.links, *robot.frames))]
-        if tip not in names:
-            raise DescriptionError("no frame or link", place="tip", value=tip, choices=names, file=name_or_path)
+        check_known(DescriptionError, tip, names, "no frame or link", place="tip", file=name_or_path)
         return robot.model_copy(update={"tip": tip})
     end = robot.end_of_chain if robot.tip is None and Path(name_or_path).suffix.lower() in XML_ENDINGS else None
     if end is None:

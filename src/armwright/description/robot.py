@@ -13,7 +13,7 @@ from armwright.description.consistency import check_robot
 from armwright.description.drive import Command, LinearFriction, LinearLimits, Motor, RotaryFriction, RotaryLimits
 from armwright.description.paths import quantities
 from armwright.description.twins import twin_of
-from armwright.errors import DescriptionError
+from armwright.errors import DescriptionError, check_known
 from armwright.joint_kinds import KINDS, LINEAR, ROTARY, JointKind, JointUnits, moving_kinds
 from armwright.lazy_schema import imported_later
 from armwright.quantity import (
@@ -373,8 +373,7 @@ class RobotDescription(Record):
             DescriptionError: there is no number at that path.
         """
         known = {where: source for where, _, source in quantities(self)}
-        if path not in known:
-            raise DescriptionError("no number has this path", place="path", value=path, choices=known, file=self.name)
+        check_known(DescriptionError, path, known, "no number has this path", place="path", file=self.name)
         return self.source_of(known[path] or "")
 
     def source_of(self, key: str) -> Source:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Self
 
 from armwright import scalar
-from armwright.errors import ModelError
+from armwright.errors import ModelError, check_known
 from armwright.friction_laws import linear_parameters
 from armwright.joint_kinds import JointKind
 from armwright.model.drive import Brake, Drive, DriveLimits, Elasticity, Friction, Stops, Supply
@@ -198,6 +198,5 @@ class Tree(Frozen):
                     "the arm names no tip", place="tip", expected=f"replace(tip=…), one of {', '.join(self.frames)}"
                 )
             name = self.tip
-        if not isinstance(name, str) or name not in self.frames:
-            raise ModelError(f"{self.name} has no such frame", place="frame", value=name, choices=self.frames)
+        check_known(ModelError, name, self.frames, f"{self.name} has no such frame", place="frame")
         return self.frames[name]

@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 
 from armwright.description.consistency import carrier
 from armwright.description.robot import Joint, RobotDescription
-from armwright.errors import DescriptionError
+from armwright.errors import DescriptionError, check_known
 from armwright.model.build import tree_of
 from armwright.model.cylinder_lengths import is_stretched
 from armwright.quantity import Quantity, Record
@@ -70,8 +70,7 @@ def check_name(robot: RobotDescription, place: str, name: str, known: Iterable[s
         DescriptionError: with the known names.
     """
     known = list(known)
-    if name not in known:
-        raise DescriptionError("unknown", place=place, value=name, choices=known, file=robot.name)
+    check_known(DescriptionError, name, known, "unknown", place=place, file=robot.name)
 
 
 def tip_of(robot: RobotDescription) -> str | None:

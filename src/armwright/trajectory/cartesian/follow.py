@@ -9,7 +9,7 @@ import numpy as np
 
 from armwright import scalar
 from armwright.entry import AnyArm, as_arm, expect
-from armwright.errors import ScenarioError
+from armwright.errors import ScenarioError, check_known
 from armwright.kinematics.forward_kinematics import forward_kinematics
 from armwright.model import Model
 from armwright.trajectory.cartesian.motion import CartesianMotion, SlowStretch
@@ -106,8 +106,7 @@ def follow_path(
     begin = scalar.real_number(time)
     if begin is None or not np.isfinite(begin):
         raise ScenarioError(place="time", value=time, expected="a finite number [s]")
-    if slow not in SLOW:
-        raise ScenarioError(place="slow", value=slow, choices=SLOW)
+    check_known(ScenarioError, slow, SLOW, place="slow")
     limits = checked_limits(arm, limits)
     solution = _solved(arm, path, near, limits)
     path = solution.path
