@@ -10,7 +10,7 @@ from typing import TypeAlias
 import numpy as np
 
 from armwright.entry import AnyArm, as_arm, expect
-from armwright.errors import IdentificationError, LogError
+from armwright.errors import IdentificationError, LogError, check_known
 from armwright.fitting.directions import MEANINGLESS, directions, in_words, scaled
 from armwright.identification.estimate import Estimate, Verdict
 from armwright.identification.geometry.arm_chain import STORED, TERMS, checked_terms, has_masses
@@ -89,8 +89,7 @@ def calibrate(
         measurements = read_measurements(measurements)
     model = given if isinstance(given, Model) else _loaded(measurements, given)
     terms = checked_terms(terms, model)
-    if loss not in STAGES:
-        raise IdentificationError(place="loss", value=loss, choices=tuple(STAGES))
+    check_known(IdentificationError, loss, STAGES, place="loss")
     count = real_number(folds)
     if count is None or count != int(count) or count < 2:
         raise IdentificationError(place="folds", value=folds, expected="a whole number of 2 or more")
